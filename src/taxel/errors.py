@@ -1,0 +1,77 @@
+"""Every error that taxel raises on purpose, in one tree.
+
+    TaxelError
+    ├── BadInput (ValueError)          what was given cannot be used as it is
+    │   ├── BadTable                   an import manifest or a table of values
+    │   ├── BadRecording               a recording that cannot be read
+    │   ├── BadDataset                 recordings that do not make a data set for this job
+    │   ├── BadSplit                   a split that these trials cannot give
+    │   ├── BadSource                  a source's address or what it delivers
+    │   └── BadBundle                  a bundle that is damaged or does not fit
+    ├── RecordingFailed (OSError)      the disk refused; latched by the writer
+    └── MissingExtra (ImportError)     an optional package is not installed
+
+Each message is one plain line that says what was needed, what was got and how
+to mend it. The command line prints that line and ends with exit code 2.
+Knows nothing about any stage.
+"""
+
+from __future__ import annotations
+
+
+class TaxelError(Exception):
+    """Base of all errors that taxel raises on purpose."""
+
+
+class BadInput(TaxelError, ValueError):
+    """What was given cannot be used; says needed, got and how to mend it.
+
+    Args:
+        needed: What would have been right, without a full stop.
+        got: What was found instead, without a full stop.
+        mend: What the reader can do about it, without a full stop.
+    """
+
+    def __init__(self, needed: str, got: str, mend: str) -> None:
+        self.needed = needed
+        self.got = got
+        self.mend = mend
+        super().__init__(f"needed {needed}; got {got}; {mend}.")
+
+
+class BadTable(BadInput):
+    """An import manifest or a table of values cannot be read."""
+
+
+class BadRecording(BadInput):
+    """A recording is missing, damaged or of another kind."""
+
+
+class BadDataset(BadInput):
+    """The recordings do not make a data set for this job."""
+
+
+class BadSplit(BadInput):
+    """The trials cannot be split in the way that was asked for."""
+
+
+class BadSource(BadInput):
+    """A source's address is wrong, or it delivers what it should not."""
+
+
+class BadBundle(BadInput):
+    """A bundle is damaged, unsafe or does not fit its source."""
+
+
+class RecordingFailed(TaxelError, OSError):
+    """The disk refused a write; the recorder keeps raising this until it is closed."""
+
+
+class MissingExtra(TaxelError, ImportError):
+    """An optional package is missing; the message names the extra to install."""
+
+    def __init__(self, package: str, extra: str, purpose: str) -> None:
+        super().__init__(
+            f"needed the package {package} for {purpose}; it is not installed; "
+            f"run: pip install 'taxel[{extra}]'."
+        )

@@ -1,0 +1,185 @@
+"""The values that pass between stages: samples, what a sensor is, validity, marks.
+
+Knows nothing about files, models or where samples come from.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
+from enum import IntFlag
+
+import numpy as np
+from numpy.typing import NDArray
+
+
+class Validity(IntFlag):
+    """Why a value may not be trusted; 0 is a good value. Flags add up."""
+
+    GOOD = 0
+    MISSING = 1
+    """No value was received for this scan."""
+    STALE = 2
+    """The value is older than the time grid allows."""
+    SATURATED = 4
+    """The value stands at an end of the converter's range."""
+    RECONNECTING = 8
+    """The device was being reconnected."""
+    NOT_FINITE = 16
+    """The value is NaN or infinite."""
+
+
+UNUSABLE = (
+    Validity.MISSING | Validity.STALE | Validity.RECONNECTING | Validity.NOT_FINITE
+)
+"""Flags under which a value says nothing at all. A saturated value still says "at least so much"."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SensorInfo:
+    """What a sensor array is, as its driver or its recording's manifest says."""
+
+    name: str
+    """Short name, used as the topic in recordings, such as "teng"."""
+    channels: tuple[str, ...]
+    """One name a column of `Samples.values`, in order."""
+    units: tuple[str, ...]
+    """One unit a channel, such as "V", "deg" or "count"."""
+    rate_hz: float
+    """Nominal scans a second, hertz; the measured rate is in the recording's statistics."""
+    full_scale: float | None = None
+    """The value at which the converter saturates, in the channels' unit; None where unknown."""
+    serial: str = ""
+    """The device's serial number, or the simulator's name and version."""
+    details: Mapping[str, str] = field(default_factory=dict)
+    """Anything else worth keeping, such as wiring and simulator parameters."""
+
+    def __post_init__(self) -> None:
+        if len(self.channels) != len(self.units):
+            raise ValueError(
+                f"needed one unit a channel; got {len(self.channels)} channels "
+                f"and {len(self.units)} units"
+            )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Samples:
+    """A run of scans from one sensor array, oldest first.
+
+    A scan is one reading of all channels. All arrays share their first axis.
+    """
+
+    values: NDArray[np.float32]
+    """Shape (n, channels), in the unit that `SensorInfo` gives for each channel."""
+    counter: NDArray[np.int64]
+    """Shape (n,): the device's own scan counter; -1 where the device has none."""
+    device_s: NDArray[np.float64]
+    """Shape (n,): the device's clock, seconds since its boot; NaN where it has none."""
+    arrival_s: NDArray[np.float64]
+    """Shape (n,): the host's monotonic clock when the scan arrived, seconds."""
+    fitted_s: NDArray[np.float64]
+    """Shape (n,): best estimate of when the scan was taken, host monotonic, seconds."""
+    validity: NDArray[np.uint8]
+    """Shape (n, channels): `Validity` flags."""
+
+    def __post_init__(self) -> None:
+        n, channels = self.values.shape
+        for name in ("counter", "device_s", "arrival_s", "fitted_s"):
+            if getattr(self, name).shape != (n,):
+                raise ValueError(f"needed {name} of shape ({n},); got {getattr(self, name).shape}")
+        if self.validity.shape != (n, channels):
+            raise ValueError(f"needed validity of shape {(n, channels)}; got {self.validity.shape}")
+
+    def __len__(self) -> int:
+        return int(self.values.shape[0])
+
+    def __getitem__(self, part: slice | NDArray[np.bool_] | NDArray[np.intp]) -> Samples:
+        """Return the scans that a slice, a mask or an index array selects."""
+        return Samples(
+            values=self.values[part],
+            counter=self.counter[part],
+            device_s=self.device_s[part],
+            arrival_s=self.arrival_s[part],
+            fitted_s=self.fitted_s[part],
+            validity=self.validity[part],
+        )
+
+    @property
+    def usable(self) -> NDArray[np.bool_]:
+        """Shape (n, channels): True where the value may be used."""
+        flags: NDArray[np.bool_] = (self.validity & np.uint8(UNUSABLE)) == 0
+        return flags
+
+    @staticmethod
+    def empty(channels: int) -> Samples:
+        """Return no scans of a given number of channels."""
+        return Samples.from_values(np.zeros((0, channels), np.float32), np.zeros(0))
+
+    @staticmethod
+    def from_values(
+        values: NDArray[np.floating], time_s: NDArray[np.float64], full_scale: float | None = None
+    ) -> Samples:
+        """Wrap plain values taken at known times, as imports and tests have them.
+
+        Values that are not finite are flagged NOT_FINITE; values at or beyond
+        `full_scale` are flagged SATURATED. The counter is the row number.
+
+        Args:
+            values: Shape (n, channels).
+            time_s: Shape (n,), seconds; becomes device, arrival and fitted time.
+            full_scale: Where the converter saturates, in the values' unit.
+        """
+        values32 = np.ascontiguousarray(values, dtype=np.float32)
+        time = np.ascontiguousarray(time_s, dtype=np.float64)
+        return Samples(
+            values=values32,
+            counter=np.arange(len(values32), dtype=np.int64),
+            device_s=time,
+            arrival_s=time,
+            fitted_s=time,
+            validity=flag_values(values32, full_scale),
+        )
+
+    @staticmethod
+    def join(parts: Iterable[Samples]) -> Samples:
+        """Return the scans of several runs one after another.
+
+        Raises:
+            ValueError: There are no parts, or their channel counts differ.
+        """
+        runs = list(parts)
+        return Samples(
+            values=np.concatenate([run.values for run in runs]),
+            counter=np.concatenate([run.counter for run in runs]),
+            device_s=np.concatenate([run.device_s for run in runs]),
+            arrival_s=np.concatenate([run.arrival_s for run in runs]),
+            fitted_s=np.concatenate([run.fitted_s for run in runs]),
+            validity=np.concatenate([run.validity for run in runs]),
+        )
+
+
+def flag_values(values: NDArray[np.float32], full_scale: float | None) -> NDArray[np.uint8]:
+    """Return the flags that can be read off the values alone, shape (n, channels)."""
+    flags = np.zeros(values.shape, np.uint8)
+    flags[~np.isfinite(values)] |= np.uint8(Validity.NOT_FINITE)
+    if full_scale is not None:
+        with np.errstate(invalid="ignore"):
+            flags[values >= np.float32(full_scale)] |= np.uint8(Validity.SATURATED)
+    return flags
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Mark:
+    """A labelled stretch of time: one grasp, one sign, one trial.
+
+    Written by simulators and people, never by a model.
+    """
+
+    start_s: float
+    """First moment that belongs to the trial, on the samples' fitted clock, seconds."""
+    end_s: float
+    """Last moment that belongs to the trial, same clock, seconds."""
+    labels: Mapping[str, str]
+    """What may be learned: shape, material, sign, object …"""
+    groups: Mapping[str, str] = field(default_factory=dict)
+    """What must not be split: session, grasp, file … and nuisances such as force_n."""

@@ -1,0 +1,47 @@
+"""What every source gives: samples as they come, and the marks that belong to them.
+
+Knows nothing about any one sensor.
+"""
+
+from __future__ import annotations
+
+from types import TracebackType
+from typing import Protocol, Self
+
+from taxel.signals import Mark, Samples, SensorInfo
+
+
+class Source(Protocol):
+    """A sensor array that is open. Use it in a `with` block.
+
+    `read` states its freshness: it returns all scans that came since the last
+    call, each exactly once and oldest first, and waits at most `timeout_s` for
+    the first of them.
+    """
+
+    @property
+    def info(self) -> SensorInfo:
+        """What the array is."""
+        ...
+
+    @property
+    def ended(self) -> bool:
+        """True when no scan will ever come again, as at the end of a replay."""
+        ...
+
+    def read(self, timeout_s: float = 0.1) -> Samples:
+        """Return the scans since the last call; none after `timeout_s` seconds of silence."""
+        ...
+
+    def marks(self) -> list[Mark]:
+        """Return the marks that were completed since the last call (simulators and replays)."""
+        ...
+
+    def __enter__(self) -> Self: ...
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None: ...
