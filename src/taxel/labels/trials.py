@@ -1,0 +1,70 @@
+"""Trials: the labelled stretches of recordings, and the groups that must stay together.
+
+A trial is the smallest thing that a split may move: one grasp, one sign, one
+imported file. Knows nothing about windows, models or splits.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+from taxel.recordings.manifest import Manifest
+from taxel.signals import Mark
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Trial:
+    """One labelled stretch of one recording."""
+
+    recording: str
+    """The recording's file name, without its folder."""
+    start_s: float
+    """First moment of the trial on the recording's fitted clock, seconds."""
+    end_s: float
+    """Last moment of the trial, same clock, seconds."""
+    labels: Mapping[str, str]
+    """What may be learned."""
+    groups: Mapping[str, str]
+    """What it belongs to; always holds "recording" and "trial"."""
+
+    @property
+    def duration_s(self) -> float:
+        """Length of the trial, seconds."""
+        return self.end_s - self.start_s
+
+
+def trials_of(
+    path: Path, manifest: Manifest, marks: list[Mark], start_s: float, end_s: float
+) -> list[Trial]:
+    """Return the trials of one recording, oldest first.
+
+    Each mark is a trial; a recording without marks is one trial as a whole.
+    A mark's own labels and groups win over the recording's.
+
+    Args:
+        path: The recording's file.
+        manifest: Labels and groups of the whole recording.
+        marks: Its marks, in any order.
+        start_s: Time of its first scan, seconds.
+        end_s: Time of its last scan, seconds.
+    """
+    stretches = sorted(marks, key=lambda mark: mark.start_s) or [
+        Mark(start_s=start_s, end_s=end_s, labels={}, groups={})
+    ]
+    return [
+        Trial(
+            recording=path.name,
+            start_s=mark.start_s,
+            end_s=mark.end_s,
+            labels={**manifest.labels, **mark.labels},
+            groups={
+                "recording": path.stem,
+                "trial": f"{path.stem}#{index}",
+                **manifest.groups,
+                **mark.groups,
+            },
+        )
+        for index, mark in enumerate(stretches)
+    ]

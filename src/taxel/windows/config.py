@@ -1,0 +1,60 @@
+"""How samples become windows: the time grid, the gate, the length and the layout.
+
+This is the one place where the common time grid is defined. Knows nothing
+about samples' values, files or models.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+SCAN_RATE_HZ = 1000.0
+"""Scans a second of a sensor board. Source: our choice, docs/decisions/0003."""
+GRID_RATE_HZ = 100.0
+"""Rows a second of an array window; 12 rows span 120 ms. Source: our choice
+(the thesis does not say), docs/decisions/0003."""
+LARGEST_AGE_S = 0.030
+"""A value older than this is stale, seconds. Source: our choice, docs/decisions/0003."""
+GATE_V = 1.55
+"""Contact threshold, volts. Source: TENG thesis, section 3.5.1."""
+FULL_SCALE_V = 3.3
+"""Largest voltage, for scaling to 0…1. Source: TENG thesis, section 3.6.1."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class WindowConfig:
+    """What a window is. Saved with every run and inside every bundle."""
+
+    steps: int = 12
+    """Rows in a window."""
+    stride: int = 12
+    """Rows from one window's start to the next; equal to `steps` means no overlap."""
+    grid_hz: float | None = GRID_RATE_HZ
+    """Rate of the common time grid, hertz; None takes the sensor's own scans as rows.
+    A sensor whose nominal rate is the grid's gives its scans as rows too."""
+    max_age_s: float = LARGEST_AGE_S
+    """A value older than this at a row's time is not used, seconds."""
+    gate: float | None = None
+    """Only rows with a channel above this count, in the channels' unit; None takes all."""
+    max_gap_s: float = 0.5
+    """Rows further apart than this never share a window, seconds."""
+    layout: Literal["A", "B"] = "B"
+    """B: a window is `steps` whole scans. A: `steps` × channels single values in a row
+    that are each above the gate, whatever channel they came from (kept for comparison)."""
+    pad: bool = False
+    """True: a stretch shorter than a window gives one window, padded and masked."""
+    tare: bool = False
+    """True: the window's first row is taken from all its rows."""
+
+    def __post_init__(self) -> None:
+        if self.steps < 1 or self.stride < 1:
+            raise ValueError(
+                f"needed steps and stride of at least 1; got {self.steps} and {self.stride}"
+            )
+        if self.layout == "A" and self.gate is None:
+            raise ValueError("needed a gate for layout A; got None")
+
+
+TENG_WINDOW = WindowConfig(gate=GATE_V)
+"""The thesis's window: 12 scans × 12 sensors above 1.55 V (sections 3.5.1 and 3.6.1)."""

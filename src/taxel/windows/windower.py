@@ -1,0 +1,271 @@
+"""Cut samples into windows: the same code for whole recordings and for live streams.
+
+Knows nothing about files, labels, splits or models.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import TypeVar
+
+import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
+from numpy.typing import NDArray
+
+from taxel.signals import Samples, SensorInfo
+from taxel.windows.config import WindowConfig
+from taxel.windows.gate import gate_rows
+from taxel.windows.grid import Grid, Rows
+
+_Kind = TypeVar("_Kind", bound=np.generic)
+
+
+@dataclass(frozen=True, slots=True)
+class Windows:
+    """Windows of touch, oldest first."""
+
+    values: NDArray[np.float32]
+    """Shape (n, steps, channels), rows oldest first, in the channels' units; 0 where
+    a row is padding or a value not usable."""
+    mask: NDArray[np.bool_]
+    """Shape (n, steps): True where the row was measured, False where it is padding."""
+    usable: NDArray[np.float32]
+    """Shape (n,): share of the measured rows' values that may be used, 0…1."""
+    saturated: NDArray[np.float32]
+    """Shape (n,): largest share of saturated rows in any one channel, 0…1."""
+    start_s: NDArray[np.float64]
+    """Shape (n,): time of the first row, fitted clock, seconds."""
+    end_s: NDArray[np.float64]
+    """Shape (n,): time of the last measured row, fitted clock, seconds."""
+
+    def __len__(self) -> int:
+        return len(self.values)
+
+    def __getitem__(self, part: slice | NDArray[np.bool_] | NDArray[np.intp]) -> Windows:
+        """Return the windows that a slice, a mask or an index array selects."""
+        return Windows(
+            self.values[part],
+            self.mask[part],
+            self.usable[part],
+            self.saturated[part],
+            self.start_s[part],
+            self.end_s[part],
+        )
+
+    @property
+    def padded(self) -> int:
+        """How many windows are shorter than their length and were padded."""
+        return int((~self.mask.all(axis=1)).sum())
+
+    @staticmethod
+    def join(parts: Iterable[Windows]) -> Windows:
+        """Return the windows of several parts one after another.
+
+        Raises:
+            ValueError: There are no parts, or their shapes differ.
+        """
+        runs = list(parts)
+        return Windows(
+            np.concatenate([run.values for run in runs]),
+            np.concatenate([run.mask for run in runs]),
+            np.concatenate([run.usable for run in runs]),
+            np.concatenate([run.saturated for run in runs]),
+            np.concatenate([run.start_s for run in runs]),
+            np.concatenate([run.end_s for run in runs]),
+        )
+
+
+class Windower:
+    """Turn samples into windows, call by call.
+
+    However a stream is cut into calls, the windows are the same; a whole
+    recording is the stream given in one call, followed by `flush`.
+
+    Args:
+        config: What a window is.
+        sensor: The array that the samples come from.
+    """
+
+    def __init__(self, config: WindowConfig, sensor: SensorInfo) -> None:
+        self._config = config
+        self._channels = len(sensor.channels)
+        self._grid = Grid(config.grid_hz, sensor.rate_hz, config.max_age_s)
+        self._single = config.layout == "A"
+        factor = self._channels if self._single else 1
+        self._length, self._stride = config.steps * factor, config.stride * factor
+        width = 1 if self._single else self._channels
+        self._none = _no_rows(width)
+        self._pending = self._none
+        self._last_s: float | None = None
+        self._skip = 0
+        self._whole = False
+
+    def push(self, samples: Samples) -> Windows:
+        """Return the windows that these scans complete, shape (n, steps, channels); n may be 0."""
+        rows = self._gate(self._grid.push(samples))
+        if not len(rows):
+            return self._shape([])
+        done: list[Windows] = []
+        if self._last_s is not None and rows.time_s[0] - self._last_s > self._config.max_gap_s:
+            done += self._stretch(self._pending, ended=True)
+        self._last_s = float(rows.time_s[-1])
+        known = _join_rows(self._pending, rows) if len(self._pending) else rows
+        breaks = np.flatnonzero(np.diff(known.time_s) > self._config.max_gap_s) + 1
+        start = 0
+        for end in breaks:
+            done += self._stretch(_cut_rows(known, start, int(end)), ended=True)
+            start = int(end)
+        done += self._stretch(_cut_rows(known, start, len(known)), ended=False)
+        return self._shape(done)
+
+    def flush(self) -> Windows:
+        """End the stretch, as at a recording's end; return its padded window if there is one."""
+        self._last_s = None
+        return self._shape(self._stretch(self._pending, ended=True))
+
+    def _gate(self, rows: Rows) -> Rows:
+        gate = self._config.gate
+        if gate is None:
+            return rows
+        if not self._single:
+            return _pick_rows(rows, np.flatnonzero(gate_rows(rows.values, rows.usable, gate)))
+        above = (rows.values > np.float32(gate)) & rows.usable
+        row, _ = np.nonzero(above)
+        return Rows(
+            rows.time_s[row],
+            rows.values[above][:, None],
+            rows.usable[above][:, None],
+            rows.saturated[above][:, None],
+        )
+
+    def _stretch(self, rows: Rows, *, ended: bool) -> list[Windows]:
+        """Cut one unbroken stretch; keep what a later row may still complete."""
+        done: list[Windows] = []
+        length, stride = self._length, self._stride
+        skipped = min(self._skip, len(rows))
+        rows, self._skip = _cut_rows(rows, skipped, len(rows)), self._skip - skipped
+        count = (len(rows) - length) // stride + 1 if len(rows) >= length else 0
+        if count:
+            done.append(_windows_of(rows, length, stride, count))
+            self._whole = True
+            used = min(count * stride, len(rows))
+            self._skip = count * stride - used
+            rows = _cut_rows(rows, used, len(rows))
+        if not ended:
+            self._pending = rows
+            return done
+        if self._config.pad and not self._whole and len(rows):
+            done.append(_padded_window(rows, length))
+        self._pending, self._skip, self._whole = self._none, 0, False
+        return done
+
+    def _shape(self, parts: list[Windows]) -> Windows:
+        steps, channels = self._config.steps, self._channels
+        if not parts:
+            return _no_windows(steps, channels)
+        cut = parts[0] if len(parts) == 1 else Windows.join(parts)
+        values, mask = cut.values, cut.mask
+        if self._single:
+            values = values.reshape(len(cut), steps, channels)
+            mask = np.asarray(mask.reshape(len(cut), steps, channels).all(axis=2))
+        if self._config.tare:
+            values = (values - values[:, :1]) * mask[:, :, None]
+        return Windows(values, mask, cut.usable, cut.saturated, cut.start_s, cut.end_s)
+
+
+def cut_windows(samples: Samples, config: WindowConfig, sensor: SensorInfo) -> Windows:
+    """Return all windows of a whole recording.
+
+    Args:
+        samples: The recording's scans.
+        config: What a window is.
+        sensor: The array that the samples come from.
+    """
+    windower = Windower(config, sensor)
+    return Windows.join([windower.push(samples), windower.flush()])
+
+
+def _windows_of(rows: Rows, length: int, stride: int, count: int) -> Windows:
+    if count == 1:
+        values = rows.values[None, :length].copy()
+        usable = rows.usable[None, :length]
+        saturated = rows.saturated[None, :length]
+    else:
+        values = np.ascontiguousarray(_slide(rows.values, length, stride, count))
+        usable = _slide(rows.usable, length, stride, count)
+        saturated = _slide(rows.saturated, length, stride, count)
+    first = np.arange(count) * stride
+    return Windows(
+        values,
+        np.ones((count, length), bool),
+        usable.mean(axis=(1, 2), dtype=np.float32),
+        saturated.mean(axis=1, dtype=np.float32).max(axis=1),
+        rows.time_s[first],
+        rows.time_s[first + length - 1],
+    )
+
+
+def _slide(values: NDArray[_Kind], length: int, stride: int, count: int) -> NDArray[_Kind]:
+    """Return overlapping stretches as a view, shape (count, length, channels)."""
+    view = sliding_window_view(values, length, axis=0)[::stride][:count]
+    return np.moveaxis(view, 2, 1)
+
+
+def _padded_window(rows: Rows, length: int) -> Windows:
+    n, channels = rows.values.shape
+    values = np.zeros((1, length, channels), np.float32)
+    values[0, :n] = rows.values
+    mask = np.zeros((1, length), bool)
+    mask[0, :n] = True
+    return Windows(
+        values,
+        mask,
+        np.array([rows.usable.mean()], np.float32),
+        np.array([rows.saturated.mean(axis=0).max()], np.float32),
+        rows.time_s[:1],
+        rows.time_s[-1:],
+    )
+
+
+def _no_windows(steps: int, channels: int) -> Windows:
+    none32, none64 = np.zeros(0, np.float32), np.zeros(0)
+    return Windows(
+        np.zeros((0, steps, channels), np.float32),
+        np.zeros((0, steps), bool),
+        none32,
+        none32,
+        none64,
+        none64,
+    )
+
+
+def _no_rows(channels: int) -> Rows:
+    none = np.zeros((0, channels), bool)
+    return Rows(np.zeros(0), np.zeros((0, channels), np.float32), none, none)
+
+
+def _cut_rows(rows: Rows, start: int, end: int) -> Rows:
+    if start == 0 and end == len(rows):
+        return rows
+    return Rows(
+        rows.time_s[start:end],
+        rows.values[start:end],
+        rows.usable[start:end],
+        rows.saturated[start:end],
+    )
+
+
+def _pick_rows(rows: Rows, index: NDArray[np.intp]) -> Rows:
+    if len(index) == len(rows):
+        return rows
+    return Rows(rows.time_s[index], rows.values[index], rows.usable[index], rows.saturated[index])
+
+
+def _join_rows(first: Rows, second: Rows) -> Rows:
+    return Rows(
+        np.concatenate([first.time_s, second.time_s]),
+        np.concatenate([first.values, second.values]),
+        np.concatenate([first.usable, second.usable]),
+        np.concatenate([first.saturated, second.saturated]),
+    )
