@@ -6,7 +6,7 @@ Knows nothing about files, models or where samples come from.
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from enum import IntFlag
 
 import numpy as np
@@ -29,9 +29,7 @@ class Validity(IntFlag):
     """The value is NaN or infinite."""
 
 
-UNUSABLE = (
-    Validity.MISSING | Validity.STALE | Validity.RECONNECTING | Validity.NOT_FINITE
-)
+UNUSABLE = Validity.MISSING | Validity.STALE | Validity.RECONNECTING | Validity.NOT_FINITE
 """Flags under which a value says nothing at all. A saturated value still says "at least so much"."""
 
 
@@ -60,6 +58,28 @@ class SensorInfo:
                 f"needed one unit a channel; got {len(self.channels)} channels "
                 f"and {len(self.units)} units"
             )
+
+    def only(self, channels: tuple[str, ...] | None) -> SensorInfo:
+        """Return the same array with some of its channels, in the order given.
+
+        Raises:
+            ValueError: There is no such channel.
+        """
+        if channels is None:
+            return self
+        index = self.indices(channels)
+        return replace(self, channels=channels, units=tuple(self.units[i] for i in index))
+
+    def indices(self, channels: tuple[str, ...]) -> list[int]:
+        """Return the columns of channels named.
+
+        Raises:
+            ValueError: There is no such channel.
+        """
+        for name in channels:
+            if name not in self.channels:
+                raise ValueError(f"needed channels among {', '.join(self.channels)}; got {name!r}")
+        return [self.channels.index(name) for name in channels]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -92,6 +112,10 @@ class Samples:
 
     def __len__(self) -> int:
         return int(self.values.shape[0])
+
+    def only(self, columns: list[int]) -> Samples:
+        """Return the same scans with some of their channels."""
+        return replace(self, values=self.values[:, columns], validity=self.validity[:, columns])
 
     def __getitem__(self, part: slice | NDArray[np.bool_] | NDArray[np.intp]) -> Samples:
         """Return the scans that a slice, a mask or an index array selects."""

@@ -46,6 +46,8 @@ class WindowConfig:
     """True: a stretch shorter than a window gives one window, padded and masked."""
     tare: bool = False
     """True: the window's first row is taken from all its rows."""
+    channels: tuple[str, ...] | None = None
+    """Names of the channels to take, in this order; None takes all."""
 
     def __post_init__(self) -> None:
         if self.steps < 1 or self.stride < 1:

@@ -85,11 +85,15 @@ class Windower:
     Args:
         config: What a window is.
         sensor: The array that the samples come from.
+
+    Raises:
+        ValueError: The array lacks a channel that the configuration names.
     """
 
     def __init__(self, config: WindowConfig, sensor: SensorInfo) -> None:
         self._config = config
-        self._channels = len(sensor.channels)
+        self._columns = sensor.indices(config.channels) if config.channels else None
+        self._channels = len(sensor.only(config.channels).channels)
         self._grid = Grid(config.grid_hz, sensor.rate_hz, config.max_age_s)
         self._single = config.layout == "A"
         factor = self._channels if self._single else 1
@@ -103,6 +107,8 @@ class Windower:
 
     def push(self, samples: Samples) -> Windows:
         """Return the windows that these scans complete, shape (n, steps, channels); n may be 0."""
+        if self._columns is not None:
+            samples = samples.only(self._columns)
         rows = self._gate(self._grid.push(samples))
         if not len(rows):
             return self._shape([])

@@ -1,0 +1,117 @@
+"""What a bundle says about itself, and the file's layout.
+
+A bundle is one file: a first line `TAXEL BUNDLE 1 <sha256 of the rest>`, then a
+zip of `bundle.json` (this contract), `model.onnx` and three `check_*.npy` arrays
+with a few windows and the probabilities that they must give. Nothing in it is
+unpickled. Knows nothing about training frameworks.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, fields
+from typing import Any
+
+import numpy as np
+
+from taxel.errors import BadBundle
+from taxel.signals import SensorInfo
+from taxel.windows.config import WindowConfig
+from taxel.windows.scaling import Scaling
+
+FORMAT = 1
+"""Version of the layout above."""
+FIRST_WORDS = b"TAXEL BUNDLE 1 "
+LARGEST_DIFFERENCE = 1e-4
+"""A probability may differ by this much between training framework, export and load.
+Source: our choice, docs/decisions/0009."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Contract:
+    """What a bundle needs and gives."""
+
+    target: str
+    """What it tells, such as "shape"."""
+    classes: tuple[str, ...]
+    """Its answers, in the order of its probabilities."""
+    window: WindowConfig
+    scaling: Scaling
+    channels: tuple[str, ...]
+    """Names of the channels that it was trained on, in order."""
+    units: tuple[str, ...]
+    """Their units, which a source must share."""
+    rate_hz: float
+    """Nominal rate of the recordings that it was trained on, hertz."""
+    model: str
+    parameters: int
+    data_digest: str
+    """SHA-256 over the training recordings, hexadecimal."""
+    accuracy: Mapping[str, float]
+    """Split → accuracy 0…1, as measured when it was trained; may be empty."""
+    software: str
+    """Version of taxel that wrote it."""
+    parity: float
+    """Largest difference of a probability between the training framework and ONNX Runtime."""
+
+    def check_sensor(self, sensor: SensorInfo) -> None:
+        """Refuse a sensor that this bundle was not made for.
+
+        Raises:
+            BadBundle: Number of channels or units differ, or a named channel is missing.
+        """
+        named = self.window.channels
+        if named is not None and set(named) <= set(sensor.channels):
+            sensor = sensor.only(named)
+        if len(sensor.channels) != len(self.channels) or sensor.units != self.units:
+            raise BadBundle(
+                f"{len(self.channels)} channels in {', '.join(sorted(set(self.units)))}",
+                f"{len(sensor.channels)} in {', '.join(sorted(set(sensor.units)))} "
+                f"from {sensor.name!r}",
+                "train a bundle on recordings of this sensor",
+            )
+
+
+def contract_to_json(contract: Contract) -> str:
+    """Return the contract as JSON text."""
+    data = asdict(contract)
+    data["format"] = FORMAT
+    data["scaling"] = {
+        "kind": contract.scaling.kind,
+        "offset": [float(value) for value in contract.scaling.offset],
+        "factor": [float(value) for value in contract.scaling.factor],
+    }
+    return json.dumps(data, indent=1, sort_keys=True)
+
+
+def contract_from_json(text: str) -> Contract:
+    """Return the contract that a JSON text holds.
+
+    Raises:
+        BadBundle: A field is missing, unknown or of the wrong kind.
+    """
+    try:
+        data: dict[str, Any] = json.loads(text)
+        if data.pop("format") != FORMAT:
+            raise ValueError("another format")
+        known = {field.name for field in fields(Contract)}
+        if set(data) != known:
+            raise ValueError(f"the fields {sorted(set(data) ^ known)} differ")
+        scaling = data["scaling"]
+        data["scaling"] = Scaling(
+            kind=scaling["kind"],
+            offset=np.array(scaling["offset"], np.float32),
+            factor=np.array(scaling["factor"], np.float32),
+        )
+        window = data["window"]
+        if window["channels"] is not None:
+            window["channels"] = tuple(window["channels"])
+        data["window"] = WindowConfig(**window)
+        for key in ("classes", "channels", "units"):
+            data[key] = tuple(data[key])
+        return Contract(**data)
+    except (ValueError, KeyError, TypeError, AttributeError) as error:
+        raise BadBundle(
+            f"a bundle of format {FORMAT}", f"another ({error})", "write it again with taxel bundle"
+        ) from error

@@ -1,0 +1,130 @@
+"""Open a bundle and predict with it: NumPy and ONNX Runtime only.
+
+Knows nothing about training frameworks, sources or decisions.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import io
+import zipfile
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import onnxruntime
+from numpy.typing import NDArray
+
+from taxel.bundles.contract import (
+    FIRST_WORDS,
+    LARGEST_DIFFERENCE,
+    Contract,
+    contract_from_json,
+)
+from taxel.errors import BadBundle
+
+_LARGEST_BYTES = 512 * 2**20
+"""A bundle larger than this is refused. Source: our choice."""
+_MEMBERS = (
+    "bundle.json",
+    "model.onnx",
+    "check_values.npy",
+    "check_mask.npy",
+    "check_probabilities.npy",
+)
+
+
+class Bundle:
+    """A recogniser that is ready to run.
+
+    Args:
+        contract: What it needs and gives.
+        model: The ONNX model's bytes.
+        threads: Threads of ONNX Runtime; one is fastest for small networks and
+            leaves the machine to others.
+    """
+
+    def __init__(self, contract: Contract, model: bytes, threads: int = 1) -> None:
+        self.contract = contract
+        options = onnxruntime.SessionOptions()
+        options.intra_op_num_threads = threads
+        options.inter_op_num_threads = 1
+        options.log_severity_level = 3
+        try:
+            self._session = onnxruntime.InferenceSession(
+                model, options, providers=["CPUExecutionProvider"]
+            )
+        except Exception as error:  # onnxruntime's own errors share no public base
+            raise BadBundle(
+                "a model that ONNX Runtime can run", f"one that it refuses ({error})",
+                "write the bundle again with this version of taxel",
+            ) from error  # fmt: skip
+        self._inputs = {entry.name for entry in self._session.get_inputs()}
+
+    def probabilities(
+        self, values: NDArray[np.float32], mask: NDArray[np.bool_]
+    ) -> NDArray[np.float32]:
+        """Return class probabilities, shape (n, classes).
+
+        Args:
+            values: Unscaled windows, shape (n, steps, channels), in the channels' units.
+            mask: Shape (n, steps).
+        """
+        feed: dict[str, NDArray[Any]] = {"values": self.contract.scaling.apply(values, mask)}
+        if "mask" in self._inputs:
+            feed["mask"] = mask
+        found: NDArray[np.float32] = self._session.run(None, feed)[0]
+        return found
+
+
+def read_bundle(path: Path, threads: int = 1) -> Bundle:
+    """Open a bundle, after checking that it is whole and gives what it gave when written.
+
+    Raises:
+        BadBundle: It is missing, damaged, of another format, or its check
+            windows give other probabilities.
+    """
+    members = _members(path)
+    contract = contract_from_json(members["bundle.json"].decode())
+    bundle = Bundle(contract, members["model.onnx"], threads)
+    values, mask, expected = (
+        np.load(io.BytesIO(members[f"check_{name}.npy"]), allow_pickle=False)
+        for name in ("values", "mask", "probabilities")
+    )
+    difference = float(np.abs(bundle.probabilities(values, mask) - expected).max())
+    if not difference <= LARGEST_DIFFERENCE:
+        raise BadBundle(
+            f"its check windows to give the stored probabilities within {LARGEST_DIFFERENCE:g}",
+            f"a difference of {difference:.2g} on this machine",
+            "write the bundle again here, or report this machine's processor",
+        )
+    return bundle
+
+
+def _members(path: Path) -> dict[str, bytes]:
+    """Return the files inside, once their checksum was found right."""
+    try:
+        if path.stat().st_size > _LARGEST_BYTES:
+            raise _damaged(path, "larger than 512 MiB")
+        head, _, body = path.read_bytes().partition(b"\n")
+    except OSError as error:
+        raise BadBundle(
+            "a bundle that can be read",
+            f"{error.strerror or error} ({path})",
+            "write one with: taxel bundle RUN --output FILE",
+        ) from error
+    if not head.startswith(FIRST_WORDS):
+        raise _damaged(path, "another kind of file, or a damaged first line")
+    if hashlib.sha256(body).hexdigest().encode() != head.removeprefix(FIRST_WORDS):
+        raise _damaged(path, "a checksum that does not fit the contents")
+    try:
+        with zipfile.ZipFile(io.BytesIO(body)) as archive:
+            return {name: archive.read(name) for name in _MEMBERS}
+    except (zipfile.BadZipFile, KeyError) as error:
+        raise _damaged(path, str(error)) from error
+
+
+def _damaged(path: Path, what: str) -> BadBundle:
+    return BadBundle(
+        f"a whole taxel bundle in {path.name}", what, "copy it again, or write it again"
+    )

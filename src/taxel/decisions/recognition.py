@@ -1,0 +1,124 @@
+"""From a window's probabilities to an answer, or to UNKNOWN with its reason.
+
+Knows nothing about models, sources or screens.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+UNKNOWN = "UNKNOWN"
+"""The answer when the input or the confidence does not allow one."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RecogniseConfig:
+    """When an answer may be given. Source: our choice, docs/decisions/0010."""
+
+    least_confidence: float = 0.5
+    """Below this probability the answer is UNKNOWN, 0…1."""
+    least_usable: float = 1.0
+    """Below this share of usable values the answer is UNKNOWN, 0…1."""
+    most_saturated: float = 0.999
+    """Above this share of saturated rows in one channel the answer is UNKNOWN, 0…1:
+    a channel that stands at the rail for a whole window measures nothing."""
+
+
+@dataclass(frozen=True, slots=True)
+class Decision:
+    """One answer."""
+
+    label: str
+    """A class, or UNKNOWN."""
+    confidence: float
+    """Probability of the likeliest class, 0…1; NaN where the input cannot be used."""
+    probabilities: NDArray[np.float32]
+    """Shape (classes,)."""
+    reason: str
+    """Why the answer is UNKNOWN; empty otherwise."""
+    start_s: float
+    """First row of the window, fitted clock, seconds."""
+    end_s: float
+    """Last row of the window, fitted clock, seconds."""
+
+
+def decide(
+    probabilities: NDArray[np.float32],
+    usable: float,
+    saturated: float,
+    span_s: tuple[float, float],
+    classes: tuple[str, ...],
+    config: RecogniseConfig,
+) -> Decision:
+    """Return the answer for one window.
+
+    Args:
+        probabilities: Shape (classes,).
+        usable: Share of the window's values that may be used, 0…1.
+        saturated: Largest share of saturated rows in any one channel, 0…1.
+        span_s: Times of the window's first and last row, seconds.
+        classes: The answers' names.
+        config: When an answer may be given.
+    """
+    best = int(probabilities.argmax())
+    confidence = float(probabilities[best])
+    reason = _doubt(probabilities, confidence, usable, saturated, config)
+    label = UNKNOWN if reason else classes[best]
+    return Decision(label, confidence, probabilities, reason, *span_s)
+
+
+def _doubt(
+    probabilities: NDArray[np.float32],
+    confidence: float,
+    usable: float,
+    saturated: float,
+    config: RecogniseConfig,
+) -> str:
+    if not np.isfinite(probabilities).all():
+        return "the model gave NaN"
+    if usable < config.least_usable:
+        return f"{1 - usable:.0%} of the values are missing, stale or NaN"
+    if saturated > config.most_saturated:
+        return "a channel stands at the converter's limit"
+    if confidence < config.least_confidence:
+        return f"confidence {confidence:.2f} is below {config.least_confidence:.2f}"
+    return ""
+
+
+class GraspVote:
+    """Join the windows of one contact: the mean of their log-probabilities decides.
+
+    Windows further apart than `gap_s` belong to different contacts. UNKNOWN
+    windows do not vote, unless all are.
+    """
+
+    def __init__(self, classes: tuple[str, ...], gap_s: float) -> None:
+        self._classes = classes
+        self._gap_s = gap_s
+        self._sum = np.zeros(len(classes))
+        self._count = 0
+        self._end_s: float | None = None
+
+    @property
+    def windows(self) -> int:
+        """How many windows have voted in this contact."""
+        return self._count
+
+    def add(self, decision: Decision) -> tuple[str, float]:
+        """Take in one decision; return the contact's answer so far and its confidence, 0…1."""
+        if self._end_s is not None and decision.start_s - self._end_s > self._gap_s:
+            self._sum[:], self._count = 0.0, 0
+        self._end_s = decision.end_s
+        if decision.label != UNKNOWN:
+            self._sum += np.log(np.maximum(decision.probabilities, 1e-7))
+            self._count += 1
+        if not self._count:
+            return UNKNOWN, float("nan")
+        mean = self._sum / self._count
+        weights = np.exp(mean - mean.max())
+        weights /= weights.sum()
+        best = int(weights.argmax())
+        return self._classes[best], float(weights[best])

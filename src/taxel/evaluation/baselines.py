@@ -1,0 +1,114 @@
+"""Trivial baselines: what can be told without touch, printed beside every result.
+
+If one of them comes near a network, the network's accuracy says little about
+touch. Knows nothing about networks.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import NDArray
+from sklearn.ensemble import ExtraTreesClassifier
+from sklearn.preprocessing import OneHotEncoder
+
+from taxel.evaluation.splits import Fold
+from taxel.windows.dataset import Dataset
+
+_TREES = 60
+_LEAF = 5
+"""Windows a leaf at the least, so that the trees find a rule and not the single window."""
+
+Features = Callable[[Dataset], NDArray[np.float32]]
+
+
+def _place_in_trial(dataset: Dataset) -> NDArray[np.float32]:
+    """Return how many windows of its trial came before, and the time since the trial's start."""
+    start = np.array([t.start_s for t in dataset.trials])[dataset.trial]
+    since = dataset.windows.start_s - start
+    order = np.zeros(len(dataset))
+    for trial in np.unique(dataset.trial):
+        own = np.flatnonzero(dataset.trial == trial)
+        order[own] = np.arange(len(own))
+    return np.stack([order, since], axis=1).astype(np.float32)
+
+
+def _trial_length(dataset: Dataset) -> NDArray[np.float32]:
+    """Return the trial's duration and its number of windows."""
+    duration = np.array([t.duration_s for t in dataset.trials])
+    count = np.bincount(dataset.trial, minlength=len(dataset.trials))
+    return np.stack([duration, count], axis=1)[dataset.trial].astype(np.float32)
+
+
+def _session(dataset: Dataset) -> NDArray[np.float32]:
+    """Return the session as one column a session; the recording where there is none."""
+    key = "session" if all("session" in t.groups for t in dataset.trials) else "recording"
+    names = dataset.group(key)[dataset.trial][:, None]
+    return np.asarray(OneHotEncoder(sparse_output=False).fit_transform(names), np.float32)
+
+
+def _channel_means(dataset: Dataset) -> NDArray[np.float32]:
+    """Return each channel's mean over the window."""
+    count = np.maximum(dataset.windows.mask.sum(axis=1), 1)[:, None]
+    return np.asarray(dataset.windows.values.sum(axis=1) / count, np.float32)
+
+
+def _first_row(dataset: Dataset) -> NDArray[np.float32]:
+    """Return the first row of the trial's first window: touch before anything happened."""
+    first = np.zeros(len(dataset), np.intp)
+    for trial in np.unique(dataset.trial):
+        own = np.flatnonzero(dataset.trial == trial)
+        first[own] = own[0]
+    return np.asarray(dataset.windows.values[first, 0])
+
+
+TRIVIAL: dict[str, Features] = {
+    "place in the trial": _place_in_trial,
+    "length of the trial": _trial_length,
+    "session": _session,
+    "channel means": _channel_means,
+    "first row of the trial": _first_row,
+}
+"""Name → what the baseline sees of each window, shape (n, features)."""
+
+
+def trivial_accuracies(dataset: Dataset, target: str, folds: tuple[Fold, ...]) -> dict[str, float]:
+    """Return each trivial baseline's accuracy over all test windows of the folds, 0…1.
+
+    "majority" always names the training part's commonest class.
+    """
+    y = dataset.class_numbers(target)
+    found = {"majority": _pooled(_majority, np.zeros((len(y), 1), np.float32), y, dataset, folds)}
+    for name, features in TRIVIAL.items():
+        found[name] = _pooled(_trees, features(dataset), y, dataset, folds)
+    return found
+
+
+def _pooled(
+    predict: Callable[..., NDArray[np.intp]],
+    features: NDArray[np.float32],
+    y: NDArray[np.intp],
+    dataset: Dataset,
+    folds: tuple[Fold, ...],
+) -> float:
+    right = total = 0
+    for fold in folds:
+        train, test = fold.windows(dataset)
+        guessed = predict(features[train], y[train], features[test])
+        right += int((guessed == y[test]).sum())
+        total += len(test)
+    return right / total
+
+
+def _majority(
+    _: NDArray[np.float32], y: NDArray[np.intp], test: NDArray[np.float32]
+) -> NDArray[np.intp]:
+    return np.full(len(test), np.bincount(y).argmax())
+
+
+def _trees(
+    train: NDArray[np.float32], y: NDArray[np.intp], test: NDArray[np.float32]
+) -> NDArray[np.intp]:
+    trees = ExtraTreesClassifier(_TREES, min_samples_leaf=_LEAF, random_state=0, n_jobs=1)
+    return np.asarray(trees.fit(train, y).predict(test), np.intp)

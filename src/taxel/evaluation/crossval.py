@@ -1,0 +1,204 @@
+"""Fit a model on one side of a fold and score it on the other.
+
+Scaling is fitted on the training windows of the fold only. Knows nothing about
+tables or pages.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from torch import nn
+
+from taxel.evaluation.metrics import Scores, accuracy_interval, by_trial, score
+from taxel.evaluation.splits import Fold, Split, TrialFold
+from taxel.models.catalogue import Baseline, find_model
+from taxel.models.library import Estimator
+from taxel.training.loop import Epoch, Labelled, TrainConfig, fit, new_network, predict
+from taxel.windows.dataset import Dataset
+from taxel.windows.scaling import Scaling, ScalingKind, fit_scaling
+from taxel.windows.windower import Windows
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Job:
+    """What to fit: a model by name, its target, and how."""
+
+    model: str
+    target: str
+    train: TrainConfig = field(default_factory=TrainConfig)
+    scaling: ScalingKind | None = None
+    """None takes the model's own."""
+    members: int = 1
+    """Networks trained with different seeds whose probabilities are averaged."""
+
+
+@dataclass(frozen=True, slots=True)
+class Fitted:
+    """A model with the scaling that was fitted beside it."""
+
+    model: tuple[nn.Module, ...] | Estimator
+    scaling: Scaling
+    history: list[Epoch]
+
+    def probabilities(
+        self, values: NDArray[np.float32], mask: NDArray[np.bool_]
+    ) -> NDArray[np.float64]:
+        """Return class probabilities, shape (n, classes), of unscaled windows."""
+        scaled = self.scaling.apply(values, mask)
+        if isinstance(self.model, tuple):
+            members = [predict(member, scaled, mask) for member in self.model]
+            return np.asarray(np.mean(members, axis=0))
+        return self.model.predict_proba(scaled, mask)
+
+
+@dataclass(frozen=True, slots=True)
+class FoldResult:
+    """One fold's test predictions."""
+
+    name: str
+    test: NDArray[np.intp]
+    """Shape (m,): test windows' indices."""
+    y: NDArray[np.intp]
+    """Shape (m,)."""
+    probabilities: NDArray[np.float64]
+    """Shape (m, classes)."""
+    scores: Scores
+    fitted: Fitted
+
+
+def fit_model(
+    windows: Windows,
+    y: NDArray[np.intp],
+    classes: int,
+    full_scale: float | None,
+    job: Job,
+    *,
+    validation: tuple[Windows, NDArray[np.intp]] | None = None,
+    on_epoch: Callable[[Epoch], None] | None = None,
+) -> Fitted:
+    """Fit a model on training windows.
+
+    Args:
+        windows: Training windows only.
+        y: Their class numbers, shape (n,).
+        classes: How many classes there are.
+        full_scale: The sensor's largest value, None where unknown.
+        job: What to fit.
+        validation: Windows to watch while training.
+        on_epoch: Called after each epoch.
+    """
+    model = find_model(job.model)
+    kind = job.scaling or model.scaling
+    if kind == "full-scale" and full_scale is None:
+        kind = "standard"
+    scaling = fit_scaling(kind, windows.values, windows.mask, full_scale)
+    scaled = scaling.apply(windows.values, windows.mask)
+    if isinstance(model, Baseline):
+        estimator = model.build(job.train.seed)
+        estimator.fit(scaled, windows.mask, y)
+        return Fitted(estimator, scaling, [])
+    _, steps, channels = scaled.shape
+    watched = None
+    if validation is not None:
+        own, own_y = validation
+        watched = Labelled(scaling.apply(own.values, own.mask), own.mask, own_y)
+    networks: list[nn.Module] = []
+    history: list[Epoch] = []
+    for member in range(job.members):
+        config = replace(job.train, seed=job.train.seed + member)
+        network = new_network(lambda: model.build(steps, channels, classes), config.seed)
+        history += fit(
+            network,
+            Labelled(scaled, windows.mask, y),
+            config,
+            validation=watched,
+            on_epoch=on_epoch,
+        )
+        networks.append(network)
+    return Fitted(tuple(networks), scaling, history)
+
+
+def run_fold(
+    dataset: Dataset,
+    fold: Fold,
+    job: Job,
+    *,
+    training: Dataset | None = None,
+    on_epoch: Callable[[Epoch], None] | None = None,
+) -> FoldResult:
+    """Fit on a fold's training part and predict its test part.
+
+    Args:
+        dataset: Windows to test on, and to train on unless `training` is given.
+        fold: Which trials or windows are on which side.
+        job: What to fit.
+        training: The same trials cut with a shorter stride; needs a `TrialFold`.
+        on_epoch: Called after each epoch.
+    """
+    y = dataset.class_numbers(job.target)
+    train, test = fold.windows(dataset)
+    source, source_y = dataset, y
+    if training is not None:
+        if not isinstance(fold, TrialFold):
+            raise ValueError("needed a fold of whole trials for overlapping windows; got windows")
+        train, _ = fold.windows(training)
+        source, source_y = training, training.class_numbers(job.target)
+    fitted = fit_model(
+        source.windows[train],
+        source_y[train],
+        len(dataset.classes(job.target)),
+        dataset.sensor.full_scale,
+        job,
+        on_epoch=on_epoch,
+    )
+    probabilities = fitted.probabilities(dataset.windows.values[test], dataset.windows.mask[test])
+    return FoldResult(
+        fold.name, test, y[test], probabilities, score(y[test], probabilities), fitted
+    )
+
+
+@dataclass(frozen=True, slots=True)
+class Pooled:
+    """The test predictions of all folds together."""
+
+    split: str
+    scores: Scores
+    interval: tuple[float, float]
+    """95 % interval of the accuracy by resampling groups; NaN where there is one only."""
+    interval_group: str
+    """The group that was resampled."""
+    trial_accuracy: float
+    """Share of trials told right when a trial's windows are joined, 0…1."""
+    fold_accuracies: tuple[float, ...]
+
+
+def pool(dataset: Dataset, split: Split, results: Sequence[FoldResult]) -> Pooled:
+    """Join the folds' test predictions."""
+    y = np.concatenate([result.y for result in results])
+    probabilities = np.concatenate([result.probabilities for result in results])
+    test = np.concatenate([result.test for result in results])
+    trial = dataset.trial[test]
+    key = interval_group(dataset)
+    correct = probabilities.argmax(axis=1) == y
+    _, trial_y, joined = by_trial(trial, y, probabilities)
+    return Pooled(
+        split=split.name,
+        scores=score(y, probabilities),
+        interval=accuracy_interval(correct, dataset.group(key)[trial]),
+        interval_group=key,
+        trial_accuracy=float((joined.argmax(axis=1) == trial_y).mean()),
+        fold_accuracies=tuple(result.scores.accuracy for result in results),
+    )
+
+
+def interval_group(dataset: Dataset) -> str:
+    """Return the coarsest group that every trial has and that has two values: session first."""
+    for key in ("session", "file", "recording"):
+        everywhere = all(key in trial.groups for trial in dataset.trials)
+        if everywhere and len(set(dataset.group(key))) > 1:
+            return key
+    return "trial"

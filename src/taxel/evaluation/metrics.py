@@ -1,0 +1,122 @@
+"""What is said of predictions: accuracy, loss, ROC-AUC, confusion, intervals by group.
+
+Knows nothing about models, splits or files.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from sklearn.metrics import confusion_matrix, precision_recall_fscore_support, roc_auc_score
+
+LEAST_PROBABILITY = 1e-7
+"""Probabilities are clipped to this before the logarithm. Source: Keras' epsilon, as the
+thesis's losses are Keras'."""
+RESAMPLES = 2000
+"""Bootstrap resamples. Source: our choice, docs/decisions/0008."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Scores:
+    """Scores of one set of predictions; all but loss and confusion are 0…1."""
+
+    accuracy: float
+    loss: float
+    """Mean cross-entropy, nats."""
+    roc_auc: float
+    """One class against the rest, mean over classes; NaN where a class is absent."""
+    precision: float
+    """Mean over classes."""
+    recall: float
+    """Mean over classes."""
+    f1: float
+    """Mean over classes."""
+    confusion: list[list[int]]
+    """Rows: true class; columns: predicted class."""
+
+
+def score(y: NDArray[np.intp], probabilities: NDArray[np.float64]) -> Scores:
+    """Return the scores of predictions.
+
+    Args:
+        y: True class numbers, shape (n,).
+        probabilities: Shape (n, classes).
+    """
+    classes = probabilities.shape[1]
+    predicted = probabilities.argmax(axis=1)
+    precision, recall, f1, _ = precision_recall_fscore_support(
+        y, predicted, labels=range(classes), average="macro", zero_division=0.0
+    )
+    return Scores(
+        accuracy=float((predicted == y).mean()),
+        loss=cross_entropy(y, probabilities),
+        roc_auc=_roc_auc(y, probabilities),
+        precision=float(precision),
+        recall=float(recall),
+        f1=float(f1),
+        confusion=confusion_matrix(y, predicted, labels=range(classes)).tolist(),
+    )
+
+
+def cross_entropy(y: NDArray[np.intp], probabilities: NDArray[np.float64]) -> float:
+    """Return the mean cross-entropy in nats."""
+    likely = np.maximum(probabilities[np.arange(len(y)), y], LEAST_PROBABILITY)
+    return float(-np.log(likely).mean())
+
+
+def accuracy_interval(
+    correct: NDArray[np.bool_], groups: NDArray[np.str_], seed: int = 0
+) -> tuple[float, float]:
+    """Return a 95 % interval of the accuracy by resampling whole groups.
+
+    Windows of one session are alike, so that resampling windows would promise
+    too much. One group alone gives no interval: (NaN, NaN).
+
+    Args:
+        correct: Shape (n,).
+        groups: Shape (n,): the session, or other group, of each prediction.
+        seed: Seed of the resampling.
+    """
+    names, index = np.unique(groups, return_inverse=True)
+    if len(names) < 2:
+        return float("nan"), float("nan")
+    right = np.bincount(index, weights=correct)
+    count = np.bincount(index).astype(float)
+    drawn = np.random.default_rng(seed).integers(0, len(names), (RESAMPLES, len(names)))
+    shares = right[drawn].sum(axis=1) / count[drawn].sum(axis=1)
+    low, high = np.percentile(shares, [2.5, 97.5])
+    return float(low), float(high)
+
+
+def by_trial(
+    trial: NDArray[np.intp], y: NDArray[np.intp], probabilities: NDArray[np.float64]
+) -> tuple[NDArray[np.intp], NDArray[np.intp], NDArray[np.float64]]:
+    """Join the windows of each trial: mean of the log-probabilities, normalised.
+
+    Args:
+        trial: Shape (n,).
+        y: Shape (n,).
+        probabilities: Shape (n, classes).
+
+    Returns:
+        Trial numbers (m,), their classes (m,) and probabilities (m, classes).
+    """
+    numbers, first, index = np.unique(trial, return_index=True, return_inverse=True)
+    log = np.log(np.maximum(probabilities, LEAST_PROBABILITY))
+    mean = np.zeros((len(numbers), probabilities.shape[1]))
+    np.add.at(mean, index, log)
+    mean /= np.bincount(index)[:, None]
+    joined = np.exp(mean - mean.max(axis=1, keepdims=True))
+    return numbers, y[first], joined / joined.sum(axis=1, keepdims=True)
+
+
+def _roc_auc(y: NDArray[np.intp], probabilities: NDArray[np.float64]) -> float:
+    present = np.unique(y)
+    if len(present) < probabilities.shape[1]:
+        return float("nan")
+    if probabilities.shape[1] == 2:
+        return float(roc_auc_score(y, probabilities[:, 1]))
+    total = probabilities.sum(axis=1, keepdims=True)
+    return float(roc_auc_score(y, probabilities / total, multi_class="ovr", average="macro"))

@@ -1,0 +1,252 @@
+"""Splits as types: which trials, or which windows, a model may see.
+
+A `TrialFold` moves whole trials, so no window of a trial can stand on both
+sides. A `WindowFold` moves single windows, as the TENG thesis does; its name
+says that it leaks, and every table that uses it prints that name. Knows
+nothing about models or metrics.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from sklearn.model_selection import StratifiedGroupKFold, StratifiedKFold
+
+from taxel.errors import BadSplit
+from taxel.windows.dataset import Dataset
+
+_TRIES = 50
+"""Seeds tried until every training part holds every class."""
+
+
+@dataclass(frozen=True, slots=True)
+class TrialFold:
+    """Whole trials on either side."""
+
+    name: str
+    train: frozenset[int]
+    """Indices into `Dataset.trials`."""
+    test: frozenset[int]
+    """Indices into `Dataset.trials`."""
+
+    def __post_init__(self) -> None:
+        both = self.train & self.test
+        if both:
+            raise BadSplit(
+                "trials on one side only",
+                f"{len(both)} on both sides of {self.name}",
+                "assign each trial once",
+            )
+
+    def windows(self, dataset: Dataset) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+        """Return the training and the test windows' indices."""
+        train = np.isin(dataset.trial, sorted(self.train))
+        test = np.isin(dataset.trial, sorted(self.test))
+        return np.flatnonzero(train), np.flatnonzero(test)
+
+
+@dataclass(frozen=True, slots=True)
+class WindowFold:
+    """Single windows on either side: neighbours of one grasp land on both (leaks)."""
+
+    name: str
+    train: NDArray[np.intp]
+    """Indices into the data set's windows."""
+    test: NDArray[np.intp]
+    """Indices into the data set's windows."""
+
+    def windows(self, dataset: Dataset) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+        """Return the training and the test windows' indices.
+
+        Raises:
+            BadSplit: The windows overlap, so that one value would stand on both sides.
+        """
+        if dataset.config.stride < dataset.config.steps:
+            raise BadSplit(
+                "windows without overlap for a split by random windows",
+                f"a stride of {dataset.config.stride} for {dataset.config.steps} rows",
+                "choose a stride as long as the window, or split by group",
+            )
+        return self.train, self.test
+
+
+Fold = TrialFold | WindowFold
+
+
+@dataclass(frozen=True, slots=True)
+class Split:
+    """Folds for cross-validation, and a last fold whose test part no fold has seen."""
+
+    name: str
+    """Printed beside every accuracy, such as "session held out"."""
+    folds: tuple[Fold, ...]
+    final: Fold | None
+    """Development part against the test part; None where all data is in the folds."""
+
+
+def random_windows(dataset: Dataset, target: str, folds: int, seed: int, test: float) -> Split:
+    """Split single windows at random, as the TENG thesis does. It leaks.
+
+    Args:
+        dataset: Windows to split.
+        target: The label that each part holds in equal shares.
+        folds: How many folds.
+        seed: Seed of the order.
+        test: Share of windows kept out of all folds for the last test; 0 keeps none.
+    """
+    y = dataset.class_numbers(target)
+    rest, held = np.arange(len(y)), np.zeros(0, np.intp)
+    if test:
+        splitter = StratifiedKFold(round(1 / test), shuffle=True, random_state=seed)
+        rest, held = next(iter(splitter.split(y, y)))
+    _check_count(y[rest], dataset.classes(target), folds)
+    inner = StratifiedKFold(folds, shuffle=True, random_state=seed + 1)
+    parts = tuple(
+        WindowFold(f"fold {i}", rest[train], rest[out])
+        for i, (train, out) in enumerate(inner.split(rest, y[rest]), 1)
+    )
+    final = WindowFold("test", rest, held) if test else None
+    return Split("random windows (leaks)", parts, final)
+
+
+def by_group(
+    dataset: Dataset, target: str, key: str, folds: int, seed: int, *, final: bool = False
+) -> Split:
+    """Hold out whole groups, such as sessions: the honest split.
+
+    With no more groups than folds, each group is held out once.
+
+    Args:
+        dataset: Windows to split.
+        target: The label; every class needs at least two groups.
+        key: The group that must not stand on both sides.
+        folds: How many folds.
+        seed: Seed of the assignment.
+        final: True keeps the last group (by name) out of all folds for a last test.
+
+    Raises:
+        BadSplit: A class has one group only, or a training part would lack a class.
+    """
+    groups = dataset.group(key)
+    classes = [trial.labels[target] for trial in dataset.trials]
+    for name in sorted(set(classes)):
+        own = sorted({g for g, c in zip(groups, classes, strict=True) if c == name})
+        if len(own) < 2:
+            raise BadSplit(
+                f"at least two groups {key!r} for every class of {target!r}",
+                f"one ({own[0]}) for {name!r}",
+                f"record {name!r} in another {key} too, or split by random windows",
+            )
+    everyone = np.arange(len(groups))
+    last = sorted(set(groups))[-1] if final else None
+    rest = everyone[groups != last] if final else everyone
+    parts = _group_folds(dataset, target, groups, rest, folds, seed)
+    final_fold = _fold("test", rest, everyone[groups == last]) if final else None
+    return Split(f"{key} held out", parts, final_fold)
+
+
+def by_order(dataset: Dataset, key: str, last: float) -> Split:
+    """Train on groups numbered up to `last`, test on those above.
+
+    Raises:
+        BadSplit: The group is not a number, or one side is empty.
+    """
+    try:
+        numbers = dataset.group(key).astype(float)
+    except ValueError as error:
+        raise BadSplit(f"numbers in the group {key!r}", f"text ({error})", "choose another group") \
+            from error  # fmt: skip
+    everyone = np.arange(len(numbers))
+    before, after = everyone[numbers <= last], everyone[numbers > last]
+    if not len(before) or not len(after):
+        raise BadSplit(
+            f"trials on both sides of {key} = {last:g}",
+            f"{len(before)} and {len(after)}",
+            f"choose a number between {numbers.min():g} and {numbers.max():g}",
+        )
+    name = f"{key} up to {last:g} → above"
+    return Split(name, (_fold(name, before, after),), None)
+
+
+def parse_split(text: str, dataset: Dataset, target: str, folds: int, seed: int) -> Split:
+    """Return the split that a text names: "random", "group:KEY" or "order:KEY:LAST".
+
+    Raises:
+        BadSplit: The text names none, or the data cannot be split so.
+    """
+    words = text.split(":")
+    if words == ["random"]:
+        return random_windows(dataset, target, folds, seed, test=0.0)
+    if words[0] == "group" and len(words) == 2:
+        return by_group(dataset, target, words[1], folds, seed)
+    if words[0] == "order" and len(words) == 3:
+        try:
+            last = float(words[2])
+        except ValueError:
+            last = np.nan
+        if np.isfinite(last):
+            return by_order(dataset, words[1], last)
+    raise BadSplit(
+        "a split: random, group:KEY or order:KEY:LAST", repr(text), "for example group:session"
+    )
+
+
+def _group_folds(
+    dataset: Dataset,
+    target: str,
+    groups: NDArray[np.str_],
+    rest: NDArray[np.intp],
+    folds: int,
+    seed: int,
+) -> tuple[TrialFold, ...]:
+    names = sorted(set(groups[rest]))
+    if len(names) < 2:
+        raise BadSplit("at least two groups to hold out", f"{len(names)}", "record more of them")
+    if len(names) <= folds:
+        parts = [_fold(f"without {n}", rest[groups[rest] != n], rest[groups[rest] == n])
+                 for n in names]  # fmt: skip
+        if _all_classes(dataset, target, parts):
+            return tuple(parts)
+    windows = np.flatnonzero(np.isin(dataset.trial, rest))
+    y = dataset.class_numbers(target)[windows]
+    owners = groups[dataset.trial[windows]]
+    for attempt in range(_TRIES):
+        splitter = StratifiedGroupKFold(
+            min(folds, len(names)), shuffle=True, random_state=seed + 1000 * attempt
+        )
+        held = [set(owners[out]) for _, out in splitter.split(y, y, owners)]
+        parts = [
+            _fold(f"fold {i}", rest[~np.isin(groups[rest], list(out))],
+                  rest[np.isin(groups[rest], list(out))])
+            for i, out in enumerate(held, 1)
+        ]  # fmt: skip
+        if all(held) and _all_classes(dataset, target, parts):
+            return tuple(parts)
+    raise BadSplit(
+        "every class in every training part",
+        f"none of {_TRIES} ways to make {folds} folds gives that",
+        "choose fewer folds, or record more groups of each class",
+    )
+
+
+def _fold(name: str, train: NDArray[np.intp], test: NDArray[np.intp]) -> TrialFold:
+    return TrialFold(name, frozenset(map(int, train)), frozenset(map(int, test)))
+
+
+def _all_classes(dataset: Dataset, target: str, parts: list[TrialFold]) -> bool:
+    every = set(dataset.classes(target))
+    labels = [trial.labels[target] for trial in dataset.trials]
+    return all({labels[i] for i in part.train} == every for part in parts)
+
+
+def _check_count(y: NDArray[np.intp], classes: list[str], folds: int) -> None:
+    counts = np.bincount(y, minlength=len(classes))
+    if counts.min() < folds:
+        rare = classes[int(counts.argmin())]
+        raise BadSplit(
+            f"at least {folds} windows of each class for {folds} folds",
+            f"{counts.min()} of {rare!r}",
+            "record more, or choose fewer folds",
+        )

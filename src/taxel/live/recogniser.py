@@ -1,0 +1,74 @@
+"""The live path: samples in, decisions out, by the stages that training used.
+
+Adds no maths of its own. Knows nothing about screens or training frameworks.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from time import perf_counter
+
+from taxel.bundles.reader import Bundle
+from taxel.decisions.recognition import Decision, RecogniseConfig, decide
+from taxel.signals import Samples, SensorInfo
+from taxel.windows.windower import Windower, Windows
+
+
+@dataclass(frozen=True, slots=True)
+class Answer:
+    """One window with its decision."""
+
+    decision: Decision
+    window: Windows
+    """The one window, shape (1, steps, channels)."""
+    latency_s: float
+    """From the samples in hand to the decision, seconds; windows of one call share the cutting."""
+
+
+class Recogniser:
+    """Turn samples of one source into answers.
+
+    Args:
+        bundle: The model with its contract.
+        sensor: The source's array.
+        config: When an answer may be given.
+
+    Raises:
+        BadBundle: The bundle was not made for such an array.
+    """
+
+    def __init__(
+        self, bundle: Bundle, sensor: SensorInfo, config: RecogniseConfig | None = None
+    ) -> None:
+        bundle.contract.check_sensor(sensor)
+        self.bundle = bundle
+        self._config = config or RecogniseConfig()
+        self._windower = Windower(bundle.contract.window, sensor)
+
+    def push(self, samples: Samples) -> list[Answer]:
+        """Return the answers that these scans complete, oldest first."""
+        started = perf_counter()
+        return self._answers(self._windower.push(samples), started)
+
+    def flush(self) -> list[Answer]:
+        """End the stream; return the answer of its last, padded window if there is one."""
+        started = perf_counter()
+        return self._answers(self._windower.flush(), started)
+
+    def _answers(self, windows: Windows, started: float) -> list[Answer]:
+        cutting_s = perf_counter() - started
+        answers = []
+        for index in range(len(windows)):
+            began = perf_counter()
+            one = windows[index : index + 1]
+            found = self.bundle.probabilities(one.values, one.mask)[0]
+            decision = decide(
+                found,
+                float(one.usable[0]),
+                float(one.saturated[0]),
+                (float(one.start_s[0]), float(one.end_s[0])),
+                self.bundle.contract.classes,
+                self._config,
+            )
+            answers.append(Answer(decision, one, cutting_s + perf_counter() - began))
+        return answers

@@ -1,0 +1,109 @@
+"""All models by name, in one visible dict.
+
+To add a network: write its module, add one line to `MODELS`, and the tests in
+`tests/contracts/test_every_model.py` cover it. Knows nothing about training or
+files.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from torch import nn
+
+from taxel.errors import BadInput
+from taxel.models.cnn1d import Cnn1d
+from taxel.models.cnn2d import Cnn2d
+from taxel.models.library import Estimator, ExtraTrees, MiniRocketRidge
+from taxel.windows.scaling import ScalingKind
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Network:
+    """A model that the training loop trains and a bundle carries."""
+
+    summary: str
+    """What it is, one line."""
+    source: str
+    """Where it comes from."""
+    build: Callable[[int, int, int], nn.Module]
+    """(steps, channels, classes) → module; forward(values, mask) → logits."""
+    scaling: ScalingKind
+    """The scaling that it expects unless another is asked for."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Baseline:
+    """A library's model, to compare with."""
+
+    summary: str
+    """What it is, one line."""
+    source: str
+    """Where it comes from."""
+    build: Callable[[int], Estimator]
+    """seed → estimator."""
+    scaling: ScalingKind = "none"
+    """The scaling that it expects."""
+
+
+MODELS: dict[str, Network | Baseline] = {
+    "cnn1d": Network(
+        summary="1D CNN over the flat sequence of all values (signal-based)",
+        source="TENG thesis, section 3.5; sizes: docs/decisions/0007",
+        build=Cnn1d,
+        scaling="full-scale",
+    ),
+    "cnn2d": Network(
+        summary="2D CNN over the image of steps × channels (image-based)",
+        source="TENG thesis, section 3.6; sizes: docs/decisions/0007",
+        build=Cnn2d,
+        scaling="full-scale",
+    ),
+    "minirocket": Baseline(
+        summary="MiniRocket features and a ridge classifier",
+        source="Dempster et al., KDD 2021; aeon",
+        build=MiniRocketRidge,
+    ),
+    "extra-trees": Baseline(
+        summary="extremely randomised trees over each channel's statistics",
+        source="Geurts et al., Machine Learning 2006; scikit-learn",
+        build=ExtraTrees,
+    ),
+}
+"""Name → model."""
+
+
+def find_model(name: str) -> Network | Baseline:
+    """Return a model by name.
+
+    Raises:
+        BadInput: There is no model of this name.
+    """
+    if name not in MODELS:
+        raise BadInput(
+            f"one of the models {', '.join(MODELS)}", repr(name), "see them with: taxel models"
+        )
+    return MODELS[name]
+
+
+def find_network(name: str) -> Network:
+    """Return a network by name.
+
+    Raises:
+        BadInput: There is no model of this name, or it is a baseline.
+    """
+    model = find_model(name)
+    if isinstance(model, Network):
+        return model
+    networks = [key for key, value in MODELS.items() if isinstance(value, Network)]
+    raise BadInput(
+        f"one of the networks {', '.join(networks)}",
+        f"{name!r}, a baseline to compare with",
+        "name a network",
+    )
+
+
+def count_parameters(module: nn.Module) -> int:
+    """Return how many trainable numbers a network has."""
+    return sum(p.numel() for p in module.parameters() if p.requires_grad)

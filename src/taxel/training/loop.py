@@ -1,0 +1,187 @@
+"""The training loop: plain PyTorch, Adam, cross-entropy, seeded, resumable.
+
+Knows nothing about files of recordings, splits or tables.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from torch import Tensor, nn
+from torch.nn import functional
+
+from taxel.training.augment import Augment
+from taxel.training.checkpoints import load_checkpoint, save_checkpoint
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TrainConfig:
+    """How a network is trained. Saved with every run."""
+
+    epochs: int = 10
+    """Passes over the training windows."""
+    batch: int = 128
+    """Windows in a step."""
+    learning_rate: float = 3e-3
+    """Adam's largest step size; it falls to zero along half a cosine."""
+    weight_decay: float = 0.0
+    """Decoupled weight decay (AdamW); 0 is the thesis's plain Adam."""
+    label_smoothing: float = 0.0
+    """Share of each label spread over all classes."""
+    augment: Augment = field(default_factory=Augment)
+    """Random changes to training windows; none by default, as in the thesis."""
+    seed: int = 0
+    """Seed of weights, order and augmentation."""
+
+
+@dataclass(frozen=True, slots=True)
+class Labelled:
+    """Scaled windows with their classes."""
+
+    values: NDArray[np.float32]
+    """Shape (n, steps, channels), scaled."""
+    mask: NDArray[np.bool_]
+    """Shape (n, steps)."""
+    y: NDArray[np.intp]
+    """Shape (n,): class numbers."""
+
+    def __len__(self) -> int:
+        return len(self.y)
+
+    def tensors(self) -> tuple[Tensor, Tensor, Tensor]:
+        """Return values, mask and classes as tensors that share memory."""
+        return (
+            torch.from_numpy(self.values),
+            torch.from_numpy(self.mask),
+            torch.from_numpy(self.y.astype(np.int64)),
+        )
+
+
+@dataclass(frozen=True, slots=True)
+class Epoch:
+    """What one epoch gave."""
+
+    number: int
+    """1 for the first."""
+    loss: float
+    """Mean cross-entropy over the training windows, nats."""
+    validation_loss: float | None
+    """The same over the validation windows; None where there are none."""
+    validation_accuracy: float | None
+    """0…1."""
+
+
+def new_network(build: Callable[[], nn.Module], seed: int) -> nn.Module:
+    """Return a network whose first weights depend on the seed alone."""
+    with torch.random.fork_rng(devices=[]):
+        torch.manual_seed(seed)
+        return build()
+
+
+def fit(
+    network: nn.Module,
+    train: Labelled,
+    config: TrainConfig,
+    *,
+    validation: Labelled | None = None,
+    checkpoint: Path | None = None,
+    on_epoch: Callable[[Epoch], None] | None = None,
+) -> list[Epoch]:
+    """Train a network in place and return its history.
+
+    The last epoch's weights are kept: nothing is chosen by the validation
+    windows, which are only watched.
+
+    Args:
+        network: forward(values, mask) → logits.
+        train: Windows to learn from.
+        config: How to train.
+        validation: Windows to watch.
+        checkpoint: A file written after each epoch; if it exists, training
+            goes on from it and gives the weights that an unbroken run gives.
+        on_epoch: Called after each epoch, as by a progress bar.
+
+    Raises:
+        BadInput: The checkpoint is damaged or belongs to another configuration.
+    """
+    optimiser = torch.optim.AdamW(
+        network.parameters(), lr=config.learning_rate, weight_decay=config.weight_decay
+    )
+    history: list[Epoch] = []
+    if checkpoint is not None and checkpoint.exists():
+        history = load_checkpoint(checkpoint, network, optimiser, config, Epoch)
+    for number in range(len(history) + 1, config.epochs + 1):
+        loss = _one_epoch(network, optimiser, train, config, number)
+        watched = evaluate(network, validation) if validation is not None else (None, None)
+        history.append(Epoch(number, loss, *watched))
+        if checkpoint is not None:
+            save_checkpoint(checkpoint, network, optimiser, config, history)
+        if on_epoch is not None:
+            on_epoch(history[-1])
+    network.eval()
+    return history
+
+
+def _one_epoch(
+    network: nn.Module,
+    optimiser: torch.optim.Optimizer,
+    train: Labelled,
+    config: TrainConfig,
+    number: int,
+) -> float:
+    """Train over all windows once; order and augmentation depend on seed and epoch alone."""
+    values, mask, y = train.tensors()
+    generator = torch.Generator().manual_seed(config.seed * 100_003 + number)
+    order = torch.randperm(len(y), generator=generator)
+    steps = -(-len(y) // config.batch)
+    total = 0.0
+    network.train()
+    with torch.random.fork_rng(devices=[]):
+        torch.manual_seed(config.seed * 100_019 + number)
+        for step in range(steps):
+            part = order[step * config.batch : (step + 1) * config.batch]
+            done = (number - 1 + step / steps) / config.epochs
+            for group in optimiser.param_groups:
+                group["lr"] = config.learning_rate * 0.5 * (1.0 + np.cos(np.pi * done))
+            inputs = config.augment.apply(values[part], mask[part], generator)
+            logits = network(inputs, mask[part])
+            loss = functional.cross_entropy(logits, y[part], label_smoothing=config.label_smoothing)
+            optimiser.zero_grad(set_to_none=True)
+            loss.backward()  # type: ignore[no-untyped-call]
+            optimiser.step()
+            total += float(loss.detach()) * len(part)
+    return total / len(y)
+
+
+def predict(
+    network: nn.Module, values: NDArray[np.float32], mask: NDArray[np.bool_], batch: int = 1024
+) -> NDArray[np.float64]:
+    """Return class probabilities, shape (n, classes).
+
+    Args:
+        network: forward(values, mask) → logits.
+        values: Shape (n, steps, channels), scaled.
+        mask: Shape (n, steps).
+        batch: Windows at a time.
+    """
+    network.eval()
+    parts = []
+    with torch.inference_mode():
+        for start in range(0, len(values), batch):
+            part = slice(start, start + batch)
+            logits = network(torch.from_numpy(values[part]), torch.from_numpy(mask[part]))
+            parts.append(torch.softmax(logits.double(), dim=1).numpy())
+    return np.concatenate(parts)
+
+
+def evaluate(network: nn.Module, data: Labelled) -> tuple[float, float]:
+    """Return (mean cross-entropy in nats, accuracy 0…1)."""
+    probabilities = predict(network, data.values, data.mask)
+    likelihood = probabilities[np.arange(len(data)), data.y]
+    loss = float(-np.log(np.maximum(likelihood, 1e-15)).mean())
+    return loss, float((probabilities.argmax(axis=1) == data.y).mean())

@@ -1,0 +1,242 @@
+"""Data sets: recordings of one kind, cut into windows that know their trials.
+
+Knows nothing about splits, scaling or models.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from taxel.errors import BadDataset
+from taxel.labels.trials import Trial, trials_of
+from taxel.recordings.reader import list_recordings, read_recording
+from taxel.signals import SensorInfo
+from taxel.windows.config import WindowConfig
+from taxel.windows.windower import Windows, cut_windows
+
+_TIME_SLACK_S = 1e-6
+"""A window this little outside its trial still belongs to it, seconds: hides float rounding."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Dataset:
+    """Windows, each inside one trial."""
+
+    windows: Windows
+    """All windows that lie in a trial and hold usable values only; n of them."""
+    trial: NDArray[np.intp]
+    """Shape (n,): each window's index into `trials`."""
+    trials: tuple[Trial, ...]
+    """All trials that gave at least one window."""
+    sensor: SensorInfo
+    """The array that all recordings share."""
+    config: WindowConfig
+    """How the windows were cut."""
+    digest: str
+    """SHA-256 over the recordings' contents, hexadecimal."""
+    notes: tuple[str, ...]
+    """What a reader must know: windows left out and why, windows padded."""
+
+    def __len__(self) -> int:
+        return len(self.windows)
+
+    def classes(self, target: str) -> list[str]:
+        """Return the values of a label, sorted."""
+        return sorted({trial.labels[target] for trial in self.trials})
+
+    def class_numbers(self, target: str) -> NDArray[np.intp]:
+        """Return each window's class as an index into `classes(target)`, shape (n,)."""
+        index = {name: number for number, name in enumerate(self.classes(target))}
+        by_trial = np.array([index[trial.labels[target]] for trial in self.trials], np.intp)
+        return by_trial[self.trial]
+
+    def group(self, key: str) -> NDArray[np.str_]:
+        """Return each trial's group, shape (trials,).
+
+        Raises:
+            BadDataset: A trial has no such group.
+        """
+        known = sorted({name for trial in self.trials for name in trial.groups})
+        if any(key not in trial.groups for trial in self.trials):
+            raise BadDataset(
+                f"the group {key!r} on every trial",
+                f"trials with the groups {', '.join(known)}",
+                "name one of those, or import again with a group column for it",
+            )
+        return np.array([trial.groups[key] for trial in self.trials])
+
+
+def load_dataset(
+    path: Path,
+    config: WindowConfig,
+    *,
+    target: str | None = None,
+    where: Mapping[str, str] | None = None,
+) -> Dataset:
+    """Cut all recordings of a folder, or one recording, into windows.
+
+    Args:
+        path: A folder of recordings, or one.
+        config: What a window is.
+        target: The label that every trial must have; None asks for none.
+        where: Only trials whose label or group has this value, such as {"task": "shape"}.
+
+    Raises:
+        BadRecording: A recording is damaged.
+        BadDataset: There is no recording, no window, the sensors differ, or a
+            trial lacks the target.
+    """
+    paths = list_recordings(path)
+    sensor: SensorInfo | None = None
+    trials: list[Trial] = []
+    parts: list[Windows] = []
+    owners: list[NDArray[np.intp]] = []
+    outside = 0
+    digest = hashlib.sha256()
+    for file in paths:
+        recording = read_recording(file)
+        digest.update(hashlib.sha256(file.read_bytes()).digest())
+        sensor = _same_sensor(sensor, recording.manifest.sensor, file)
+        _check_channels(sensor, config)
+        if not len(recording.samples):
+            continue
+        own = trials_of(
+            file,
+            recording.manifest,
+            recording.marks,
+            float(recording.samples.fitted_s[0]),
+            float(recording.samples.fitted_s[-1]),
+        )
+        windows = cut_windows(recording.samples, config, recording.manifest.sensor)
+        owner = _owners(windows, own)
+        wanted = np.array([_matches(trial, where or {}) for trial in own], bool)
+        outside += int((owner < 0).sum())
+        kept = (owner >= 0) & wanted[owner]
+        parts.append(windows[kept])
+        owners.append(owner[kept] + len(trials))
+        trials += own
+    if sensor is None or not sum(map(len, parts)):
+        raise _nothing(path, config, where)
+    return _assemble(Windows.join(parts), np.concatenate(owners), trials, sensor, config,
+                     digest.hexdigest(), outside, target)  # fmt: skip
+
+
+def _assemble(
+    windows: Windows,
+    trial: NDArray[np.intp],
+    trials: list[Trial],
+    sensor: SensorInfo,
+    config: WindowConfig,
+    digest: str,
+    outside: int,
+    target: str | None,
+) -> Dataset:
+    whole = windows.usable >= 1.0
+    notes = []
+    if outside:
+        notes.append(f"{outside} windows lie across a trial's border or outside: left out")
+    if not whole.all():
+        notes.append(f"{int((~whole).sum())} windows hold values that are not usable: left out")
+    windows, trial = windows[whole], trial[whole]
+    if windows.padded:
+        notes.append(
+            f"{windows.padded} of {len(windows)} sequences are shorter than "
+            f"{config.steps} rows: padded and masked"
+        )
+    if not len(windows):
+        raise BadDataset(
+            "at least one window of usable values",
+            "none: each window holds missing, stale or NaN values",
+            "look at the recordings with: taxel info",
+        )
+    used, trial = np.unique(trial, return_inverse=True)
+    kept = tuple(trials[index] for index in used)
+    if target is not None:
+        _check_target(kept, target)
+    return Dataset(
+        windows=windows,
+        trial=trial.astype(np.intp),
+        trials=kept,
+        sensor=sensor.only(config.channels),
+        config=config,
+        digest=digest,
+        notes=tuple(notes),
+    )
+
+
+def with_stride(dataset_path: Path, dataset: Dataset, stride: int) -> Dataset:
+    """Return the same trials cut again with another stride, as for overlapping training windows."""
+    again = load_dataset(dataset_path, replace(dataset.config, stride=stride))
+    order = {(t.recording, t.start_s): i for i, t in enumerate(dataset.trials)}
+    index = np.array([order.get((t.recording, t.start_s), -1) for t in again.trials], np.intp)
+    owner = index[again.trial]
+    kept = owner >= 0
+    return replace(dataset, windows=again.windows[kept], trial=owner[kept], config=again.config)
+
+
+def _same_sensor(first: SensorInfo | None, own: SensorInfo, file: Path) -> SensorInfo:
+    if first is not None and (own.channels, own.units) != (first.channels, first.units):
+        raise BadDataset(
+            f"the channels {', '.join(first.channels)} in every recording",
+            f"{', '.join(own.channels)} in {file.name}",
+            "put recordings of different sensors into different folders",
+        )
+    return first or own
+
+
+def _check_channels(sensor: SensorInfo, config: WindowConfig) -> None:
+    missing = [name for name in config.channels or () if name not in sensor.channels]
+    if missing:
+        raise BadDataset(
+            f"the channels {', '.join(config.channels or ())}",
+            f"recordings without {', '.join(missing)}; they have {', '.join(sensor.channels)}",
+            "name channels that the recordings have",
+        )
+
+
+def _owners(windows: Windows, trials: list[Trial]) -> NDArray[np.intp]:
+    """Return the trial that each window lies in as a whole, or -1, shape (n,)."""
+    starts = np.array([trial.start_s for trial in trials]) - _TIME_SLACK_S
+    ends = np.array([trial.end_s for trial in trials]) + _TIME_SLACK_S
+    owner = np.searchsorted(starts, windows.start_s, side="right") - 1
+    inside = (owner >= 0) & (windows.end_s <= ends[np.maximum(owner, 0)])
+    return np.where(inside, owner, -1).astype(np.intp)
+
+
+def _matches(trial: Trial, where: Mapping[str, str]) -> bool:
+    known = {**trial.groups, **trial.labels}
+    return all(known.get(key) == value for key, value in where.items())
+
+
+def _nothing(path: Path, config: WindowConfig, where: Mapping[str, str] | None) -> BadDataset:
+    gate = f" above the gate of {config.gate:g}" if config.gate is not None else ""
+    chosen = f" where {', '.join(f'{k}={v}' for k, v in where.items())}" if where else ""
+    return BadDataset(
+        f"at least one window of {config.steps} rows{gate} inside a trial{chosen}",
+        f"none in {path}",
+        "look at the recordings with taxel info, or choose fewer steps or a lower gate",
+    )
+
+
+def _check_target(trials: tuple[Trial, ...], target: str) -> None:
+    for trial in trials:
+        if target not in trial.labels:
+            known = ", ".join(trial.labels) or "none"
+            raise BadDataset(
+                f"the label {target!r} on every trial",
+                f"{trial.groups['trial']} with the labels {known}",
+                "name one of those, or label the recording",
+            )
+    classes = {trial.labels[target] for trial in trials}
+    if len(classes) < 2:
+        raise BadDataset(
+            f"at least two classes of {target!r}",
+            f"one class only ({', '.join(classes)})",
+            "record or import the other classes too",
+        )
