@@ -30,7 +30,7 @@ class Validity(IntFlag):
 
 
 UNUSABLE = Validity.MISSING | Validity.STALE | Validity.RECONNECTING | Validity.NOT_FINITE
-"""Flags under which a value says nothing at all. A saturated value still says "at least so much"."""
+"""Flags under which a value says nothing at all; a saturated one still says "at least"."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

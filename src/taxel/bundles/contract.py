@@ -52,8 +52,9 @@ class Contract:
     """Split → accuracy 0…1, as measured when it was trained; may be empty."""
     software: str
     """Version of taxel that wrote it."""
-    parity: float
-    """Largest difference of a probability between the training framework and ONNX Runtime."""
+    parity: float | None
+    """Largest difference of a probability between the training framework and ONNX Runtime;
+    None for a run that was not exported yet."""
 
     def check_sensor(self, sensor: SensorInfo) -> None:
         """Refuse a sensor that this bundle was not made for.

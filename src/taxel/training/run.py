@@ -15,16 +15,14 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 from torch import nn
 
 from taxel import __version__
-from taxel.bundles.contract import Contract
+from taxel.bundles.contract import Contract, contract_from_json, contract_to_json
 from taxel.errors import BadInput
 from taxel.models.catalogue import count_parameters, find_network
 from taxel.training.checkpoints import load_weights, save_weights
 from taxel.training.loop import Epoch, TrainConfig
-from taxel.windows.config import WindowConfig
 from taxel.windows.dataset import Dataset
 from taxel.windows.scaling import Scaling
 
@@ -35,7 +33,7 @@ class Run:
 
     networks: tuple[nn.Module, ...]
     contract: Contract
-    """What it needs and gives; its parity is NaN until it is exported."""
+    """What it needs and gives; its parity is None until it is exported."""
     train: TrainConfig
     history: tuple[Epoch, ...]
     data: str
@@ -64,7 +62,7 @@ def contract_of(
         data_digest=dataset.digest,
         accuracy=dict(accuracy),
         software=f"taxel {__version__}",
-        parity=float("nan"),
+        parity=None,
     )
 
 
@@ -75,15 +73,8 @@ def save_run(folder: Path, run: Run) -> None:
     temporary.mkdir(parents=True)
     for index, network in enumerate(run.networks):
         save_weights(temporary / f"weights-{index}.safetensors", network, {})
-    contract = asdict(run.contract)
-    del contract["parity"]
-    contract["scaling"] = {
-        "kind": run.contract.scaling.kind,
-        "offset": run.contract.scaling.offset.tolist(),
-        "factor": run.contract.scaling.factor.tolist(),
-    }
     about = {
-        "contract": contract,
+        "contract": json.loads(contract_to_json(run.contract)),
         "train": asdict(run.train),
         "history": [asdict(epoch) for epoch in run.history],
         "data": run.data,
@@ -103,25 +94,9 @@ def load_run(folder: Path) -> Run:
     """
     try:
         about: dict[str, Any] = json.loads((folder / "run.json").read_text())
-        raw = about["contract"]
-        scaling = raw.pop("scaling")
-        window = raw.pop("window")
-        if window["channels"] is not None:
-            window["channels"] = tuple(window["channels"])
-        for key in ("classes", "channels", "units"):
-            raw[key] = tuple(raw[key])
-        contract = Contract(
-            **raw,
-            scaling=Scaling(
-                kind=scaling["kind"],
-                offset=np.array(scaling["offset"], np.float32),
-                factor=np.array(scaling["factor"], np.float32),
-            ),
-            window=WindowConfig(**window),
-            parity=float("nan"),
-        )
+        contract = contract_from_json(json.dumps(about["contract"]))
         members = int(about["members"])
-    except (OSError, ValueError, KeyError, TypeError) as error:
+    except (OSError, ValueError, KeyError, TypeError) as error:  # BadBundle is a ValueError
         raise BadInput(
             f"a run in {folder}", f"none that can be read ({error})", "train one with: taxel train"
         ) from error

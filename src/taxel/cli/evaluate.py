@@ -1,0 +1,121 @@
+"""`taxel evaluate`: a published table, or a recipe on one's own data set."""
+
+from __future__ import annotations
+
+import tempfile
+from dataclasses import asdict, dataclass, field, replace
+from pathlib import Path
+from typing import Annotated, Any
+
+import tyro
+
+from taxel.cli.options import RecipeOptions
+from taxel.cli.printing import console, print_json, progress
+from taxel.errors import BadInput
+
+
+@dataclass(frozen=True, kw_only=True)
+class Evaluate:
+    """Print a published table with ours beside it, or cross-validate a recipe on recordings."""
+
+    what: tyro.conf.Positional[str]
+    """"teng-table" for Table 4.1 of the TENG thesis, or a folder of recordings."""
+    preset: Annotated[str, tyro.conf.arg(metavar="{honest,paper,both}")] = "both"
+    """teng-table: which simulated data sets to use."""
+    data: Path | None = None
+    """teng-table: a folder that holds honest/ and paper/, as taxel simulate writes them;
+    simulated into a temporary folder unless given."""
+    scans_per_class: int = 160_000
+    """teng-table: scans a class to simulate (the thesis: about 160,000)."""
+    folds: int = 5
+    """Folders: how many folds."""
+    html: Path | None = None
+    """Write a self-contained page with figures to this file."""
+    json: bool = False
+    """Print JSON."""
+    recipe: Annotated[RecipeOptions, tyro.conf.arg(name="")] = field(default_factory=RecipeOptions)
+
+    def run(self) -> None:
+        """Measure and print."""
+        if self.what == "teng-table":
+            self._teng_table()
+        else:
+            self._folder(Path(self.what))
+
+    def _teng_table(self) -> None:
+        from taxel.cli.simulate import simulate_presets
+        from taxel.evaluation.teng_table import TengTableConfig, count_steps, teng_table
+        from taxel.training.loop import TrainConfig
+
+        presets = {"both": ("honest", "paper")}.get(self.preset, (self.preset,))
+        if not set(presets) <= {"honest", "paper"}:
+            raise BadInput("--preset honest, paper or both", repr(self.preset), "name one of them")
+        train = TrainConfig(seed=self.recipe.seed)
+        if self.recipe.epochs is not None:
+            train = replace(train, epochs=self.recipe.epochs)
+        config = TengTableConfig(train=train, seed=self.recipe.seed)
+        with tempfile.TemporaryDirectory(prefix="taxel-") as scratch, progress() as bar:
+            folder = self.data or Path(scratch)
+            if self.data is None:
+                simulate_presets(folder, presets, self.scans_per_class, self.recipe.seed)
+            folders = {preset: folder / preset for preset in presets}
+            task = bar.add_task("starting", total=count_steps(presets, config))
+
+            def on_step(line: str) -> None:
+                bar.update(task, description=line, advance=1)
+
+            sections = teng_table(folders, config, on_step)
+            if self.html is not None:
+                from taxel.views.report import write_teng_report
+
+                write_teng_report(self.html, sections, folders)
+        if self.json:
+            print_json([asdict(section) for section in sections])
+            return
+        from taxel.views.results import teng_sections
+
+        console.print(teng_sections(sections))
+        training_s = sum(c.training_s for s in sections for c in s.columns.values()
+                         if c.model != "minirocket")  # fmt: skip
+        console.print(
+            f"training of both networks, all of the above: {training_s:.0f} s. "
+            "Intervals: 95 %, whole sessions resampled."
+        )
+        if self.html is not None:
+            console.print(f"page with figures: {self.html}")
+
+    def _folder(self, path: Path) -> None:
+        from taxel.evaluation.checked import check_recipe
+
+        recipe = self.recipe.resolve()
+        with progress() as bar:
+            task = bar.add_task("starting", total=None)
+            checked = check_recipe(
+                path,
+                recipe,
+                folds=self.folds,
+                on_step=lambda line: bar.update(task, description=line, advance=1),
+            )
+        if self.html is not None:
+            from taxel.views.report import write_checked_report
+
+            write_checked_report(self.html, checked)
+        if self.json:
+            result: dict[str, Any] = {
+                "target": recipe.target,
+                "model": recipe.model,
+                "classes": checked.dataset.classes(recipe.target),
+                "windows": len(checked.dataset),
+                "trials": len(checked.dataset.trials),
+                "notes": checked.dataset.notes,
+                "result": asdict(checked.pooled),
+                "bars": {name: asdict(bar_) for name, bar_ in checked.bars.items()},
+                "trivial": checked.trivial,
+            }
+            print_json(result)
+            return
+        from taxel.views.results import checked_table, confusion_table
+
+        console.print(checked_table(checked))
+        classes = checked.dataset.classes(recipe.target)
+        console.print(confusion_table(classes, checked.pooled.scores.confusion))

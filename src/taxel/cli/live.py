@@ -1,0 +1,71 @@
+"""`taxel live`: predict from a source in the terminal, without a training framework."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import tyro
+
+from taxel.cli.printing import console, print_json
+from taxel.errors import BadInput
+
+
+@dataclass(frozen=True, kw_only=True)
+class Live:
+    """Tell what is in the hand, window by window, with confidence, latency and the map."""
+
+    bundle: tyro.conf.Positional[Path]
+    """A bundle, as taxel bundle writes it."""
+    source: tyro.conf.Positional[str]
+    """A source: sim://teng, replay://FILE, or a recording's file."""
+    seconds: float | None = None
+    """Stop after this many seconds of the source's time; else at its end or at Ctrl-C."""
+    also: tuple[Path, ...] = ()
+    """More bundles to run on the same samples, such as one for shape and one for material."""
+    least_confidence: float = 0.5
+    """Below this probability the answer is UNKNOWN, 0…1."""
+    quiet: bool = False
+    """Print the summary only."""
+    json: bool = False
+    """Print JSON: one summary at the end."""
+
+    def run(self) -> None:
+        """Run until the time is over, the source ends or the user stops it."""
+        from taxel.bundles.reader import read_bundle
+        from taxel.decisions.recognition import RecogniseConfig
+        from taxel.live.recogniser import Recogniser
+        from taxel.live.session import run_session
+        from taxel.sources.opening import open_source
+
+        if self.seconds is not None and not self.seconds > 0:
+            raise BadInput("--seconds above 0", str(self.seconds), "give a longer time")
+        bundles = [read_bundle(path) for path in (self.bundle, *self.also)]
+        config = RecogniseConfig(least_confidence=self.least_confidence)
+        with open_source(self.source) as source:
+            recognisers = [Recogniser(bundle, source.info, config) for bundle in bundles]
+            if self.quiet or self.json or not console.is_terminal:
+                shown = run_session(source, recognisers, self.seconds)
+            else:
+                from taxel.views.live import LiveView
+
+                with LiveView(console, source.info, recognisers) as view:
+                    shown = run_session(source, recognisers, self.seconds, view.show)
+        results = [tally.summary() for tally in shown]
+        if self.json:
+            print_json(results)
+            return
+        for result in results:
+            line = ", ".join(f"{name} {count}" for name, count in result["answers"].items())
+            console.print(f"{result['target']}: {result['windows']} windows: {line or 'none'}")
+            if result["marked"]:
+                console.print(
+                    f"  right by the source's own labels: {result['right']} of "
+                    f"{result['marked']} windows, {result['grasps_right']} of "
+                    f"{result['grasps']} whole grasps"
+                )
+            if result["windows"]:
+                console.print(
+                    f"  a window to a decision: median {result['latency_us_median']:.0f} µs, "
+                    f"99 % below {result['latency_us_p99']:.0f} µs"
+                )

@@ -1,0 +1,104 @@
+"""Options that several verbs share: the recipe, and what to change in it.
+
+Knows nothing about what is done with them.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any, Literal
+
+from taxel.errors import BadInput
+
+if TYPE_CHECKING:
+    from taxel.training.recipes import Recipe
+
+
+@dataclass(frozen=True, kw_only=True)
+class RecipeOptions:
+    """A recipe by name, and changes to it; what is not given stays as the recipe has it."""
+
+    recipe: str = "teng"
+    """A named set of window, model and training; see them with: taxel models."""
+    model: str | None = None
+    """Model's name; see them with: taxel models."""
+    target: str | None = None
+    """The label to tell, such as shape, material, sign or object."""
+    split: str | None = None
+    """How accuracy is measured: random (leaks), group:KEY or order:KEY:LAST."""
+    steps: int | None = None
+    """Rows in a window."""
+    stride: int | None = None
+    """Rows from one window's start to the next."""
+    grid: str | None = None
+    """Rows a second of the common time grid, Hz, or "own" for the sensor's own scans."""
+    gate: str | None = None
+    """Contact threshold in the channels' unit (V for the TENG hand), or "none"."""
+    layout: Literal["A", "B"] | None = None
+    """B: whole scans; A: single values above the gate."""
+    channels: tuple[str, ...] | None = None
+    """Names of the channels to use; all unless given."""
+    pad: bool | None = None
+    """Pad and mask sequences that are shorter than a window."""
+    tare: bool | None = None
+    """Take the window's first row from all its rows."""
+    epochs: int | None = None
+    """Passes over the training windows."""
+    members: int | None = None
+    """Networks whose probabilities are averaged."""
+    seed: int = 0
+    """Seed of weights, order and folds."""
+
+    def resolve(self) -> Recipe:
+        """Return the recipe with all changes made.
+
+        Raises:
+            BadInput: There is no such recipe, or a change does not fit.
+        """
+        from taxel.training.recipes import find_recipe
+
+        recipe = find_recipe(self.recipe)
+        window = replace(recipe.window, **self._window_changes())
+        if self.steps is not None and self.stride is None:
+            window = replace(window, stride=self.steps)
+        train = replace(recipe.train, seed=self.seed)
+        if self.epochs is not None:
+            train = replace(train, epochs=self.epochs)
+        return replace(
+            recipe,
+            window=window,
+            train=train,
+            model=self.model or recipe.model,
+            target=self.target or recipe.target,
+            split=self.split or recipe.split,
+            members=self.members or recipe.members,
+            train_stride=None if self.split == "random" else recipe.train_stride,
+        )
+
+    def _window_changes(self) -> dict[str, Any]:
+        given = {
+            "steps": self.steps,
+            "stride": self.stride,
+            "layout": self.layout,
+            "channels": self.channels,
+            "pad": self.pad,
+            "tare": self.tare,
+        }
+        changes: dict[str, Any] = {k: v for k, v in given.items() if v is not None}
+        if self.gate is not None:
+            changes["gate"] = None if self.gate == "none" else _number("--gate", self.gate)
+        if self.grid is not None:
+            changes["grid_hz"] = None if self.grid == "own" else _number("--grid", self.grid)
+        for name in ("steps", "stride"):
+            if isinstance(value := changes.get(name), int) and value < 1:
+                raise BadInput(f"--{name} of at least 1", str(value), "give a larger number")
+        return changes
+
+
+def _number(option: str, text: str) -> float:
+    try:
+        return float(text)
+    except ValueError as error:
+        raise BadInput(
+            f"a number for {option}", repr(text), f"for example {option} 1.55"
+        ) from error

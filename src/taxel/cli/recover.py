@@ -1,0 +1,52 @@
+"""`taxel recover`: save what is sound in a damaged or unfinished recording."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass
+from pathlib import Path
+
+import tyro
+from rich.console import Console
+from rich.progress import Progress
+
+from taxel.recordings.recovery import recover
+
+
+@dataclass(frozen=True)
+class Recover:
+    """Save what is sound in a recording that was cut short or damaged.
+
+    Every chunk whose check sum holds is kept (the recorder makes one every
+    0.05 s); nothing is guessed. The damaged file is left as it is.
+    """
+
+    file: tyro.conf.Positional[Path]
+    """The damaged recording, or the .mcap.part of one that was not finished."""
+    output: Path
+    """The new recording, ending in .mcap."""
+    overwrite: bool = False
+    """Replace an existing output."""
+    json: bool = False
+    """Print the report as JSON."""
+
+    def run(self) -> None:
+        """Recover, then print what was saved and what was lost."""
+        with Progress(console=Console(stderr=True), transient=True) as progress:
+            bar = progress.add_task(f"recovering {self.file.name}", total=1.0)
+            report = recover(
+                self.file,
+                self.output,
+                overwrite=self.overwrite,
+                progress=lambda share: progress.update(bar, completed=share),
+            )
+        if self.json:
+            print(json.dumps({"recording": str(self.output), **report.as_dict()}))
+            return
+        print(
+            f"{self.output}: {report.scans} scans and {report.marks} marks saved; "
+            f"{report.damaged_stretches} damaged stretches, {report.bytes_skipped} bytes skipped, "
+            f"{report.time_lost_s:.3f} s lost between sound scans"
+        )
+        for note in report.notes:
+            print(note)

@@ -1,0 +1,90 @@
+"""`taxel train`: cross-validate a recipe, then train it on all recordings."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Annotated
+
+import tyro
+
+from taxel.cli.options import RecipeOptions
+from taxel.cli.printing import console, print_json, progress
+from taxel.errors import BadInput
+
+
+@dataclass(frozen=True, kw_only=True)
+class Train:
+    """Train a recogniser on a folder of recordings; its accuracy is measured first."""
+
+    data: tyro.conf.Positional[Path]
+    """A folder of recordings, as taxel simulate, record and import write them."""
+    output: Path
+    """Folder to write the run to: weights, configuration, accuracy."""
+    check: bool = True
+    """Cross-validate first, so that the run knows its accuracy."""
+    folds: int = 5
+    """Folds of the cross-validation."""
+    resume: bool = False
+    """Go on from the checkpoint of a run that was broken off."""
+    json: bool = False
+    """Print JSON."""
+    recipe: Annotated[RecipeOptions, tyro.conf.arg(name="")] = field(default_factory=RecipeOptions)
+
+    def run(self) -> None:
+        """Check, train and save."""
+        from taxel.evaluation.checked import check_recipe
+        from taxel.evaluation.final import train_on_all
+        from taxel.models.catalogue import find_network
+        from taxel.training.run import save_run
+
+        recipe = self.recipe.resolve()
+        find_network(recipe.model)
+        if self.output.exists() and not (self.output / "run.json").exists():
+            raise BadInput(
+                "a folder that does not exist yet, or an older run, for --output",
+                f"{self.output}, which holds something else",
+                "choose another folder",
+            )
+        accuracy = {}
+        with progress() as bar:
+            task = bar.add_task("starting", total=None)
+
+            def on_step(line: str) -> None:
+                bar.update(task, description=line, advance=1)
+
+            if self.check:
+                checked = check_recipe(
+                    self.data, recipe, folds=self.folds, bars=(), on_step=on_step
+                )
+                accuracy[checked.pooled.split] = checked.pooled.scores.accuracy
+            run = train_on_all(
+                self.data,
+                recipe,
+                accuracy,
+                checkpoints=self.output.with_name(self.output.name + ".checkpoints"),
+                resume=self.resume,
+                on_epoch=lambda e: on_step(f"all data · epoch {e.number} · loss {e.loss:.4f}"),
+            )
+            save_run(self.output, run)
+        if self.json:
+            print_json(
+                {
+                    "run": str(self.output),
+                    "target": recipe.target,
+                    "classes": run.contract.classes,
+                    "parameters": run.contract.parameters,
+                    "accuracy": accuracy,
+                    "loss": run.history[-1].loss,
+                }
+            )
+            return
+        if self.check:
+            from taxel.views.results import checked_table
+
+            console.print(checked_table(checked))
+        console.print(
+            f"{self.output}: {recipe.model}, {run.contract.parameters:,} parameters, "
+            f"tells {recipe.target}: {', '.join(run.contract.classes)}"
+        )
+        console.print(f"next: taxel bundle {self.output} --output {self.output}.taxel")

@@ -1,0 +1,97 @@
+"""Cross-validate a recipe on a data set, with everything that must stand beside an accuracy.
+
+Knows nothing about screens or pages.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+from taxel.evaluation.baselines import trivial_accuracies
+from taxel.evaluation.crossval import Job, Pooled, pool, run_fold
+from taxel.evaluation.splits import Split, WindowFold, parse_split
+from taxel.training.recipes import Recipe
+from taxel.windows.dataset import Dataset, load_dataset, with_stride
+
+BARS = ("minirocket", "extra-trees")
+"""Library models that every result is printed against."""
+
+
+@dataclass(frozen=True, slots=True)
+class Checked:
+    """An accuracy with its company."""
+
+    dataset: Dataset
+    recipe: Recipe
+    pooled: Pooled
+    bars: dict[str, Pooled]
+    """Library model → its result on the same windows and folds."""
+    trivial: dict[str, float]
+    """Trivial baseline → accuracy, 0…1."""
+
+
+def check_recipe(
+    path: Path,
+    recipe: Recipe,
+    *,
+    folds: int = 5,
+    bars: tuple[str, ...] = BARS,
+    on_step: Callable[[str], None] = lambda _: None,
+) -> Checked:
+    """Cross-validate a recipe.
+
+    Args:
+        path: A folder of recordings.
+        recipe: Window, model, target, split and training.
+        folds: How many folds.
+        bars: Library models to print beside.
+        on_step: Called with a line before each fit.
+
+    Raises:
+        BadDataset: The recordings do not make such a data set.
+        BadSplit: They cannot be split so.
+    """
+    dataset = load_dataset(path, recipe.window, target=recipe.target)
+    split = parse_split(recipe.split, dataset, recipe.target, folds, recipe.train.seed)
+    training = _overlapping(path, dataset, split, recipe)
+    pooled = _pooled(dataset, split, _job(recipe, recipe.model), training, on_step)
+    beside = {
+        name: _pooled(dataset, split, _job(recipe, name), None, on_step)
+        for name in bars
+        if name != recipe.model
+    }
+    on_step("trivial baselines")
+    return Checked(
+        dataset=dataset,
+        recipe=recipe,
+        pooled=pooled,
+        bars=beside,
+        trivial=trivial_accuracies(dataset, recipe.target, split.folds),
+    )
+
+
+def _job(recipe: Recipe, model: str) -> Job:
+    return Job(model=model, target=recipe.target, train=recipe.train, members=recipe.members)
+
+
+def _overlapping(path: Path, dataset: Dataset, split: Split, recipe: Recipe) -> Dataset | None:
+    """Return the training windows with their own stride, where the split allows overlap."""
+    if recipe.train_stride is None or isinstance(split.folds[0], WindowFold):
+        return None
+    return with_stride(path, dataset, recipe.train_stride)
+
+
+def _pooled(
+    dataset: Dataset,
+    split: Split,
+    job: Job,
+    training: Dataset | None,
+    on_step: Callable[[str], None],
+) -> Pooled:
+    results = []
+    for fold in split.folds:
+        on_step(f"{job.model} · {split.name} · {fold.name}")
+        results.append(run_fold(dataset, fold, job, training=training))
+    return pool(dataset, split, results)

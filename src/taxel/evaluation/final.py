@@ -1,0 +1,79 @@
+"""Train a recipe on all recordings, for use.
+
+Knows nothing about screens.
+"""
+
+from __future__ import annotations
+
+import shutil
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+from pathlib import Path
+
+from torch import nn
+
+from taxel.models.catalogue import find_network
+from taxel.training.loop import Epoch, Labelled, fit, new_network
+from taxel.training.recipes import Recipe
+from taxel.training.run import Run, contract_of
+from taxel.windows.dataset import load_dataset, with_stride
+from taxel.windows.scaling import fit_scaling
+
+
+def train_on_all(
+    path: Path,
+    recipe: Recipe,
+    accuracy: Mapping[str, float],
+    *,
+    checkpoints: Path,
+    resume: bool = False,
+    on_epoch: Callable[[Epoch], None] | None = None,
+) -> Run:
+    """Train a recipe's networks on all windows.
+
+    Args:
+        path: A folder of recordings.
+        recipe: Window, model, target and training.
+        accuracy: What the run says of itself: split → accuracy, 0…1.
+        checkpoints: A folder for checkpoints; deleted when all is trained.
+        resume: True goes on from checkpoints found there.
+        on_epoch: Called after each epoch.
+
+    Raises:
+        BadDataset: The recordings do not make such a data set.
+        BadInput: A checkpoint is damaged or of another configuration.
+    """
+    model = find_network(recipe.model)
+    dataset = load_dataset(path, recipe.window, target=recipe.target)
+    source = dataset
+    if recipe.train_stride is not None:
+        source = with_stride(path, dataset, recipe.train_stride)
+    windows, y = source.windows, source.class_numbers(recipe.target)
+    full_scale = dataset.sensor.full_scale
+    kind = model.scaling
+    if kind == "full-scale" and full_scale is None:
+        kind = "standard"
+    scaling = fit_scaling(kind, windows.values, windows.mask, full_scale)
+    data = Labelled(scaling.apply(windows.values, windows.mask), windows.mask, y)
+    classes = len(dataset.classes(recipe.target))
+    if not resume:
+        shutil.rmtree(checkpoints, ignore_errors=True)
+    checkpoints.mkdir(parents=True, exist_ok=True)
+    networks: list[nn.Module] = []
+    history: list[Epoch] = []
+    for member in range(recipe.members):
+        config = replace(recipe.train, seed=recipe.train.seed + member)
+        steps, channels = data.values.shape[1:]
+        network = new_network(lambda: model.build(steps, channels, classes), config.seed)  # noqa: B023
+        checkpoint = checkpoints / f"member-{member}.safetensors"
+        history = fit(network, data, config, checkpoint=checkpoint, on_epoch=on_epoch)
+        networks.append(network)
+    shutil.rmtree(checkpoints)
+    contract = contract_of(dataset, recipe.target, recipe.model, tuple(networks), scaling, accuracy)
+    return Run(
+        networks=tuple(networks),
+        contract=contract,
+        train=recipe.train,
+        history=tuple(history),
+        data=str(path),
+    )

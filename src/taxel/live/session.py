@@ -1,0 +1,141 @@
+"""Run recognisers on a source and keep count of what they told.
+
+Knows nothing about screens.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from taxel.decisions.recognition import UNKNOWN, GraspVote
+from taxel.live.recogniser import Answer, Recogniser
+from taxel.signals import Mark, Samples
+from taxel.sources.contract import Source
+
+_KEPT_LATENCIES = 10_000
+"""Latest latencies kept, so that memory stays constant."""
+_KEPT_ANSWERS = 2_000
+"""Answers kept until their mark comes, so that memory stays constant."""
+
+
+@dataclass(slots=True)
+class Tally:
+    """What one recogniser told, and whether it was right where the source knows."""
+
+    target: str
+    vote: GraspVote
+    answers: Counter[str] = field(default_factory=Counter)
+    windows: int = 0
+    marked: int = 0
+    right: int = 0
+    grasps: int = 0
+    grasps_right: int = 0
+    grasp_answer: tuple[str, float] = (UNKNOWN, float("nan"))
+    latest: Answer | None = None
+    latencies_s: list[float] = field(default_factory=list)
+    _waiting: list[tuple[float, float, str, str]] = field(default_factory=list)
+
+    def add(self, answer: Answer) -> None:
+        """Take in one answer."""
+        decision = answer.decision
+        self.latest = answer
+        self.windows += 1
+        self.answers[decision.label] += 1
+        self.grasp_answer = self.vote.add(decision)
+        self.latencies_s.append(answer.latency_s)
+        del self.latencies_s[:-_KEPT_LATENCIES]
+        self._waiting.append(
+            (decision.start_s, decision.end_s, decision.label, self.grasp_answer[0])
+        )
+        del self._waiting[:-_KEPT_ANSWERS]
+
+    def compare(self, mark: Mark) -> None:
+        """Count the windows inside a mark as right or wrong; its last vote is the grasp's."""
+        if self.target not in mark.labels:
+            return
+        inside = [w for w in self._waiting if w[0] >= mark.start_s and w[1] <= mark.end_s]
+        self._waiting = [w for w in self._waiting if w[1] > mark.end_s]
+        if not inside:
+            return
+        truth = mark.labels[self.target]
+        self.marked += len(inside)
+        self.right += sum(label == truth for _, _, label, _ in inside)
+        self.grasps += 1
+        self.grasps_right += inside[-1][3] == truth
+
+    def summary(self) -> dict[str, Any]:
+        """Return the counts and latencies, for printing."""
+        latencies = np.array(self.latencies_s or [np.nan]) * 1e6
+        return {
+            "target": self.target,
+            "windows": self.windows,
+            "answers": dict(self.answers.most_common()),
+            "marked": self.marked,
+            "right": self.right,
+            "grasps": self.grasps,
+            "grasps_right": self.grasps_right,
+            "latency_us_median": float(np.median(latencies)),
+            "latency_us_p99": float(np.percentile(latencies, 99)),
+        }
+
+
+Show = Callable[[Samples, list[Tally]], None]
+"""Called after each read with the new samples and all tallies."""
+
+
+def run_session(
+    source: Source,
+    recognisers: list[Recogniser],
+    seconds: float | None = None,
+    show: Show | None = None,
+) -> list[Tally]:
+    """Read a source until it ends, or for some of its seconds; return what was told.
+
+    Args:
+        source: An open source.
+        recognisers: Each gets all samples.
+        seconds: Length on the samples' fitted clock, seconds; None has no end.
+        show: Draws the screen.
+    """
+    tallies = [
+        Tally(
+            recogniser.bundle.contract.target,
+            GraspVote(
+                recogniser.bundle.contract.classes, recogniser.bundle.contract.window.max_gap_s
+            ),
+        )
+        for recogniser in recognisers
+    ]
+    started_s: float | None = None
+    while not source.ended:
+        samples = source.read()
+        for recogniser, tally in zip(recognisers, tallies, strict=True):
+            for answer in recogniser.push(samples):
+                tally.add(answer)
+        for mark in source.marks():
+            for tally in tallies:
+                tally.compare(mark)
+        if show is not None:
+            show(samples, tallies)
+        if len(samples) and started_s is None:
+            started_s = float(samples.fitted_s[0])
+        if _over(samples, started_s, seconds):
+            break
+    for recogniser, tally in zip(recognisers, tallies, strict=True):
+        for answer in recogniser.flush():
+            tally.add(answer)
+    for mark in source.marks():
+        for tally in tallies:
+            tally.compare(mark)
+    return tallies
+
+
+def _over(samples: Samples, started_s: float | None, seconds: float | None) -> bool:
+    if seconds is None or started_s is None or not len(samples):
+        return False
+    return bool(samples.fitted_s[-1] - started_s >= seconds)

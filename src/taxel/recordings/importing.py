@@ -1,0 +1,295 @@
+"""Turn tables of values into recordings, by a table that says what each file is.
+
+FORMAT.md describes the import table's columns. All files are read and
+written before the output folder appears: it is complete or not there. Knows
+nothing about particular data sets (known.py).
+"""
+
+from __future__ import annotations
+
+import csv
+import os
+import tempfile
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+
+from taxel.errors import BadTable
+from taxel.recordings import tables
+from taxel.recordings.layouts import find_layout
+from taxel.recordings.manifest import Manifest
+from taxel.recordings.tables import Missing, Table
+from taxel.recordings.writer import Recorder
+from taxel.signals import Samples, SensorInfo
+
+PLAIN_COLUMNS = ("file", "channels", "time", "layout", "sensor", "full_scale")
+"""Columns of an import table beside label:NAME and group:NAME."""
+SUFFIXES = (".csv.gz", ".csv", ".npy", ".txt")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ImportRow:
+    """What one file is."""
+
+    file: Path
+    labels: Mapping[str, str] = field(default_factory=dict)
+    groups: Mapping[str, str] = field(default_factory=dict)
+    channels: str = ""
+    """Such as "Data0[count] Data1[count] 7[deg]"; may be empty where the layout names them."""
+    time: str = ""
+    """Such as "Timestamp[ms]" or "rate:100Hz"; empty where the layout gives times."""
+    layout: str = "csv"
+    sensor: str = "array"
+    """Short name of the sensor, the topic in the recording."""
+    full_scale: float | None = None
+    """Value from which a channel counts as saturated, in the channels' unit."""
+    details: Mapping[str, str] = field(default_factory=dict)
+    """Kept with the sensor in the manifest."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ImportOptions:
+    """How strictly files are read."""
+
+    missing: Missing = "refuse"
+    """Empty cells, NaN and infinity: refuse the file, or keep them flagged as not finite."""
+    allow_code: bool = False
+    """Run layouts of the form module.py:function."""
+    overwrite: bool = False
+    """Replace an existing output folder."""
+
+
+def import_table(
+    manifest_csv: Path,
+    output_dir: Path,
+    *,
+    data_dir: Path | None = None,
+    options: ImportOptions = ImportOptions(),
+    progress: Callable[[int, int], None] | None = None,
+) -> list[Path]:
+    """Write one recording for each row of an import table.
+
+    Args:
+        manifest_csv: The import table.
+        output_dir: Folder to be made.
+        data_dir: What the column `file` is relative to; the table's own folder by default.
+        options: How strictly files are read.
+        progress: Called with files done and files in all.
+
+    Raises:
+        BadTable: The table or any file is not as it should be; then nothing is written.
+        RecordingFailed: The disk refused.
+    """
+    rows = read_rows(manifest_csv, data_dir or manifest_csv.parent)
+    return import_rows(
+        rows, output_dir, code_dir=manifest_csv.parent, options=options, progress=progress
+    )
+
+
+def import_rows(
+    rows: Sequence[ImportRow],
+    output_dir: Path,
+    *,
+    code_dir: Path = Path(),
+    options: ImportOptions = ImportOptions(),
+    progress: Callable[[int, int], None] | None = None,
+) -> list[Path]:
+    """Write one recording for each row; see `import_table`."""
+    names = _output_names(rows)
+    if output_dir.exists() and not options.overwrite and _occupied(output_dir):
+        raise BadTable(
+            "a new folder for the recordings", f"{output_dir}, which is not empty",
+            "choose another --output, or add --overwrite",
+        )  # fmt: skip
+    output_dir.parent.mkdir(parents=True, exist_ok=True)
+    with tempfile.TemporaryDirectory(prefix=".taxel-import-", dir=output_dir.parent) as scratch:
+        made = Path(scratch) / "made"
+        made.mkdir()
+        for done, (row, name) in enumerate(zip(rows, names, strict=True)):
+            _import_file(row, made / name, code_dir, options)
+            if progress is not None:
+                progress(done + 1, len(rows))
+        if output_dir.exists():
+            os.replace(output_dir, Path(scratch) / "replaced")
+        os.replace(made, output_dir)
+    return [output_dir / name for name in names]
+
+
+def read_rows(manifest_csv: Path, data_dir: Path) -> list[ImportRow]:
+    """Return the rows of an import table.
+
+    Raises:
+        BadTable: A column is unknown or missing, or a row is not complete.
+    """
+    lines = _read_csv(manifest_csv)
+    header = [name.strip() for name in lines[0]] if lines else []
+    _check_header(manifest_csv, header)
+    if len(lines) < 2:
+        raise BadTable("a row for each file", f"none in {manifest_csv}", "add rows")
+    return [
+        _row(manifest_csv, number, header, cells, data_dir)
+        for number, cells in enumerate(lines[1:], start=2)
+        if cells
+    ]
+
+
+def _read_csv(path: Path) -> list[list[str]]:
+    try:
+        with path.open(newline="", encoding="utf-8-sig") as file:
+            return list(csv.reader(file))
+    except (OSError, UnicodeDecodeError, csv.Error) as error:
+        raise BadTable(
+            "an import table (CSV) that can be read", f"{path}: {error}", "check the path"
+        ) from error
+
+
+def _check_header(path: Path, header: Sequence[str]) -> None:
+    for name in header:
+        if name not in PLAIN_COLUMNS and not name.startswith(("label:", "group:")):
+            raise BadTable(
+                f"the columns {', '.join(PLAIN_COLUMNS)}, label:NAME and group:NAME",
+                f"{name!r} in {path}, line 1",
+                "rename or remove it",
+            )
+    if "file" not in header or len(set(header)) < len(header):
+        raise BadTable(
+            "a column 'file', and each column once", f"{', '.join(header)} in {path}", "mend line 1"
+        )
+
+
+def _row(
+    path: Path, number: int, header: Sequence[str], cells: Sequence[str], data_dir: Path
+) -> ImportRow:
+    where = f"{path}, line {number}"
+    if len(cells) != len(header):
+        raise BadTable(f"{len(header)} cells", f"{len(cells)} in {where}", "mend the line")
+    named = {name: cell.strip() for name, cell in zip(header, cells, strict=True)}
+    empty = [name for name, cell in named.items() if not cell and (":" in name or name == "file")]
+    if empty:
+        raise BadTable(f"something in the column {empty[0]!r}", f"nothing in {where}", "fill it in")
+    return ImportRow(
+        file=data_dir / named["file"],
+        labels={n.removeprefix("label:"): c for n, c in named.items() if n.startswith("label:")},
+        groups={"file": named["file"]}
+        | {n.removeprefix("group:"): c for n, c in named.items() if n.startswith("group:")},
+        channels=named.get("channels", ""),
+        time=named.get("time", ""),
+        layout=named.get("layout", "") or "csv",
+        sensor=named.get("sensor", "") or "array",
+        full_scale=_full_scale(named.get("full_scale", ""), where),
+    )
+
+
+def _full_scale(text: str, where: str) -> float | None:
+    try:
+        return float(text) if text else None
+    except ValueError as error:
+        raise BadTable("a number in 'full_scale'", f"{text!r} in {where}", "mend it") from error
+
+
+def _output_names(rows: Sequence[ImportRow]) -> list[str]:
+    names: dict[str, Path] = {}
+    for row in rows:
+        stem = row.file.name
+        for suffix in SUFFIXES:
+            stem = stem.removesuffix(suffix)
+        name = f"{stem}.mcap"
+        if name in names:
+            raise BadTable(
+                "files whose names differ", f"{names[name]} and {row.file}", "rename one of them"
+            )
+        names[name] = row.file
+    return list(names)
+
+
+def _occupied(folder: Path) -> bool:
+    return not folder.is_dir() or any(folder.iterdir())
+
+
+def _import_file(row: ImportRow, path: Path, code_dir: Path, options: ImportOptions) -> None:
+    if not row.file.is_file():
+        raise BadTable("a file to import", f"{row.file}, which is not there", "check the path")
+    table = _read(row, code_dir, options)
+    samples = Samples.from_values(table.values, table.time_s, row.full_scale)
+    steps = np.diff(table.time_s)
+    info = SensorInfo(
+        name=row.sensor,
+        channels=table.names,
+        units=table.units,
+        rate_hz=round(float(1.0 / np.median(steps)), 6) if len(steps) else 0.0,
+        full_scale=row.full_scale,
+        details={"imported_from": row.file.name, "layout": row.layout} | dict(row.details),
+    )
+    recorder = Recorder(path, Manifest(sensor=info, labels=row.labels, groups=row.groups))
+    try:
+        recorder.write(samples)
+        recorder.close("imported")
+    except BaseException:
+        recorder.discard()
+        raise
+
+
+def _read(row: ImportRow, code_dir: Path, options: ImportOptions) -> Table:
+    where = f"the row of {row.file.name}"
+    if row.layout == "csv":
+        return tables.read_table(
+            row.file,
+            tables.parse_columns(row.channels, where),
+            tables.parse_time(row.time, where),
+            options.missing,
+        )
+    reader = find_layout(row.layout, code_dir, options.allow_code)
+    try:
+        values, time_s, names, units = reader(row.file)
+        table = Table(
+            values=np.asarray(values, np.float64),
+            time_s=np.asarray(time_s, np.float64),
+            names=tuple(names),
+            units=tuple(units),
+        )
+    except BadTable:
+        raise
+    except Exception as error:  # a layout of the user's own may raise anything
+        raise BadTable(
+            f"a file in the layout {row.layout}",
+            f"{row.file}: {type(error).__name__}: {error}",
+            "mend the file or the layout",
+        ) from error
+    _check_shapes(row, table)
+    tables.check_values(row.file, table.values, table.names, options.missing)
+    tables.check_time(row.file, table.time_s)
+    return _select(table, row, where) if row.channels else table
+
+
+def _check_shapes(row: ImportRow, table: Table) -> None:
+    rows = table.values.shape[0] if table.values.ndim else 0
+    wanted = (rows, len(table.names))
+    if (
+        table.values.shape != wanted
+        or table.time_s.shape != (rows,)
+        or len(table.units) != len(table.names)
+    ):
+        raise BadTable(
+            "values (n, channels), time_s (n,), one name and one unit a channel",
+            f"{table.values.shape}, {table.time_s.shape}, {len(table.names)} names, "
+            f"{len(table.units)} units for {row.file}",
+            f"mend the layout {row.layout}",
+        )
+
+
+def _select(table: Table, row: ImportRow, where: str) -> Table:
+    columns = tables.parse_columns(row.channels, where)
+    unknown = [column.name for column in columns if column.name not in table.names]
+    if unknown:
+        raise BadTable(
+            f"channels out of {', '.join(table.names)}", f"{unknown[0]!r} in {where}", "correct it"
+        )
+    places = [table.names.index(column.name) for column in columns]
+    return Table(
+        values=table.values[:, places],
+        time_s=table.time_s,
+        names=tuple(column.name for column in columns),
+        units=tuple(column.unit for column in columns),
+    )

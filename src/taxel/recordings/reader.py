@@ -1,0 +1,191 @@
+"""Read recordings: whole, in blocks of constant memory, or only the manifest.
+
+Every check sum is verified; a file that is cut short or damaged is refused
+with the command that saves it. Knows nothing about labels, windows or models.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from mcap.opcode import Opcode
+from numpy.typing import NDArray
+
+from taxel.errors import BadRecording
+from taxel.recordings import scan_layout as layout
+from taxel.recordings.manifest import Manifest, from_record
+from taxel.recordings.walk import Damaged, damaged, open_chunk, parse_metadata, walk
+from taxel.recordings.writer import PART_SUFFIX, part_path
+from taxel.signals import Mark, Samples
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Recording:
+    """A recording in memory."""
+
+    path: Path
+    manifest: Manifest
+    samples: Samples
+    """All scans, in the order in which they were recorded."""
+    marks: list[Mark]
+    """All marks, in the order in which they were recorded."""
+    statistics: dict[str, Any]
+    """The recorder's ledger: scans, measured rate, lost scans, how it ended (tally.py)."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Block:
+    """What one chunk holds."""
+
+    samples: Samples
+    marks: list[Mark]
+
+
+def read_recording(path: Path) -> Recording:
+    """Return a recording as a whole.
+
+    Raises:
+        BadRecording: It is missing, no recording of taxel's, cut short, or damaged.
+    """
+    manifest: Manifest | None = None
+    statistics: dict[str, Any] = {}
+    runs: list[NDArray[np.void]] = []
+    marks: list[Mark] = []
+    for item in _items(path):
+        if isinstance(item, Manifest):
+            manifest = item
+        elif isinstance(item, dict):
+            statistics = item
+        else:
+            runs += item[0]
+            marks += item[1]
+    if manifest is None:
+        raise _no_manifest(path)
+    dtype = layout.record_dtype(len(manifest.sensor.channels))
+    records = np.concatenate(runs) if runs else np.zeros(0, dtype)
+    return Recording(
+        path=path,
+        manifest=manifest,
+        samples=layout.decode_scans(records),
+        marks=marks,
+        statistics=statistics,
+    )
+
+
+def iterate_blocks(path: Path) -> Iterator[Block]:
+    """Yield a recording chunk by chunk, scans and marks, in constant memory.
+
+    A finished file whose last check sum fails raises at the end, after its
+    chunks, each of which was checked by itself.
+
+    Raises:
+        BadRecording: It is missing, no recording of taxel's, cut short, or damaged.
+    """
+    channels = 0
+    for item in _items(path):
+        if isinstance(item, Manifest):
+            channels = len(item.sensor.channels)
+        elif isinstance(item, tuple):
+            runs, marks = item
+            records = np.concatenate(runs) if runs else np.zeros(0, layout.record_dtype(channels))
+            yield Block(samples=layout.decode_scans(records), marks=marks)
+
+
+def iterate_samples(path: Path, block_scans: int = 4096) -> Iterator[Samples]:
+    """Yield a recording's scans in blocks of `block_scans` (the last may be shorter).
+
+    Raises:
+        BadRecording: It is missing, no recording of taxel's, cut short, or damaged.
+    """
+    kept: list[Samples] = []
+    count = 0
+    for block in iterate_blocks(path):
+        if len(block.samples) == 0:
+            continue
+        kept.append(block.samples)
+        count += len(block.samples)
+        if count >= block_scans:
+            joined = Samples.join(kept)
+            whole = count - count % block_scans
+            for first in range(0, whole, block_scans):
+                yield joined[first : first + block_scans]
+            kept, count = [joined[whole:]], count - whole
+    if count:
+        yield Samples.join(kept)
+
+
+def read_manifest(path: Path) -> Manifest:
+    """Return what a recording is, from its head alone; also of an unfinished one.
+
+    Raises:
+        BadRecording: It is missing, no recording of taxel's, or its head is damaged.
+    """
+    for item in _items(path):
+        if isinstance(item, Manifest):
+            return item
+    raise _no_manifest(path)
+
+
+def list_recordings(path: Path) -> list[Path]:
+    """Return the recordings of a data set: a folder's *.mcap by name, or the one file.
+
+    Raises:
+        BadRecording: There is none, or an unfinished one lies among them.
+    """
+    if path.is_file():
+        return [path]
+    if not path.exists():
+        raise BadRecording("a recording or a folder of them", f"{path}, which is not there",
+                           "check the path")  # fmt: skip
+    unfinished = sorted(path.glob(f"*.mcap{PART_SUFFIX}"))
+    if unfinished:
+        raise damaged(unfinished[0], "a recording that was not finished")
+    found = sorted(path.glob("*.mcap"))
+    if not found:
+        raise BadRecording(
+            "a folder with recordings (*.mcap)",
+            f"none in {path}",
+            "make some with: taxel simulate, taxel record or taxel import",
+        )
+    return found
+
+
+Item = Manifest | dict[str, Any] | tuple[list[NDArray[np.void]], list[Mark]]
+
+
+def _items(path: Path) -> Iterator[Item]:
+    """Yield the manifest, then each chunk's runs of scans and marks, then the statistics."""
+    if not path.exists() and part_path(path).exists():
+        raise damaged(part_path(path), "a recording that was not finished")
+    manifest: Manifest | None = None
+    try:
+        for record in walk(path):
+            if record.opcode == Opcode.METADATA:
+                name, pairs = parse_metadata(record.payload)
+                if name == "taxel":
+                    manifest = from_record(pairs)
+                    yield manifest
+                elif name == "taxel.statistics":
+                    yield {key: json.loads(value) for key, value in pairs.items()}
+            elif record.opcode == Opcode.CHUNK:
+                if manifest is None:
+                    raise _no_manifest(path)
+                content = open_chunk(record.payload)
+                yield layout.decode_chunk(content, len(manifest.sensor.channels))
+    except BadRecording:
+        raise
+    except (Damaged, ValueError, KeyError, TypeError) as error:
+        raise damaged(path, str(error)) from error
+
+
+def _no_manifest(path: Path) -> BadRecording:
+    return BadRecording(
+        "a recording that taxel wrote",
+        f"{path}, an MCAP file without taxel's manifest",
+        "import its values as a table with: taxel import",
+    )

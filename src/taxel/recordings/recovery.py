@@ -1,0 +1,316 @@
+"""Save what is sound in a recording that was cut short or damaged.
+
+A chunk is taken when its lengths agree and its CRC holds, and not otherwise:
+nothing is guessed. After a damaged stretch the walk goes on at the next
+place where such a chunk begins, so damage costs the chunk it lies in. The
+end of a chunk that was cut short is left out, because its CRC covers only
+the whole (the recorder closes a chunk every 0.05 s, so this is all that is
+lost). Knows nothing about sensors or labels.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import mmap
+from collections.abc import Callable, Iterator
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from mcap.opcode import Opcode
+
+from taxel.errors import BadInput, BadRecording
+from taxel.recordings import scan_layout as layout
+from taxel.recordings.manifest import Manifest, from_record
+from taxel.recordings.mcap_file import COMPRESSION, MAGIC, RECORD_HEAD
+from taxel.recordings.walk import (
+    LARGEST_CHUNK,
+    Damaged,
+    open_chunk,
+    parse_channel,
+    parse_metadata,
+)
+from taxel.recordings.writer import Recorder
+from taxel.signals import Samples
+
+_CHUNK_SIGN = len(COMPRESSION).to_bytes(4, "little") + COMPRESSION.encode()
+"""Stands in the head of every chunk that taxel writes …"""
+_SIGN_AT = RECORD_HEAD.size + 28
+"""… this many bytes after its beginning: opcode, length, two times, size and CRC come first."""
+_LARGEST_HEAD = 16 * 1024 * 1024
+"""Bytes; no manifest comes near."""
+
+
+@dataclass(slots=True, kw_only=True)
+class RecoveryReport:
+    """What was saved and what was lost."""
+
+    scans: int = 0
+    """Scans in the recovered recording."""
+    marks: int = 0
+    chunks: int = 0
+    """Sound chunks."""
+    damaged_stretches: int = 0
+    """Places that held something else than sound records, a cut end included."""
+    bytes_skipped: int = 0
+    """Bytes in them."""
+    time_lost_s: float = 0.0
+    """Fitted time missing between the scans on both sides of a damaged stretch, seconds; what
+    followed the last sound chunk cannot be known and is at most the recorder's flush time."""
+    was_complete: bool = False
+    """True where the recording ended as a finished one does."""
+    notes: list[str] = field(default_factory=list)
+    """Lines for a person."""
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return the report as plain values."""
+        return asdict(self)
+
+
+@dataclass(slots=True)
+class _Piece:
+    """A record that is sound, or bytes that are not."""
+
+    start: int
+    end: int
+    opcode: int | None
+    content: bytes = b""
+    """A chunk's uncompressed bytes, or another record's payload."""
+
+
+def recover(
+    path: Path,
+    output: Path,
+    *,
+    overwrite: bool = False,
+    progress: Callable[[float], None] | None = None,
+) -> RecoveryReport:
+    """Write a sound recording of all that is sound in a damaged one.
+
+    Args:
+        path: The damaged recording, or the .part of one that was not finished.
+        output: The new recording; nothing is left there when this raises.
+        overwrite: Replace an existing output.
+        progress: Called with the share done, 0 to 1.
+
+    Raises:
+        BadRecording: It is missing, empty, or both copies of its manifest are damaged.
+        BadInput: The output exists, or is the damaged file itself.
+        RecordingFailed: The disk refused the output.
+    """
+    if output.exists() and path.exists() and output.samefile(path):
+        raise BadInput("another name for the recovered recording", str(output), "change --output")
+    with _mapped(path) as content:
+        manifest = _find_manifest(content, path)
+        return _copy(content, manifest, output, overwrite, progress or (lambda share: None))
+
+
+def _mapped(path: Path) -> mmap.mmap:
+    """Return the file's bytes, of which only those that are looked at are read."""
+    try:
+        with path.open("rb") as file:
+            return mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ)
+    except OSError as error:
+        raise BadRecording(
+            "a recording that can be opened", f"{path}: {error.strerror}", "check the path"
+        ) from error
+    except ValueError as error:
+        raise BadRecording(
+            "a damaged recording", f"the empty file {path}", "nothing can be saved from it"
+        ) from error
+
+
+def _copy(
+    content: mmap.mmap,
+    manifest: Manifest,
+    output: Path,
+    overwrite: bool,
+    progress: Callable[[float], None],
+) -> RecoveryReport:
+    report = RecoveryReport()
+    gaps = _Gaps(manifest.sensor.rate_hz)
+    recorder = Recorder(output, manifest, overwrite=overwrite)
+    try:
+        for piece in _pieces(content):
+            progress(piece.end / len(content))
+            if piece.opcode is None:
+                report.damaged_stretches += 1
+                report.bytes_skipped += piece.end - piece.start
+                gaps.opened()
+            elif piece.opcode == Opcode.CHUNK:
+                _copy_chunk(piece.content, manifest, recorder, report, gaps)
+            elif piece.opcode == Opcode.FOOTER:
+                report.was_complete = content[-len(MAGIC) :] == MAGIC
+        report.time_lost_s = gaps.lost_s
+        recorder.close("recovered")
+    except BaseException:
+        recorder.discard()
+        raise
+    return report
+
+
+def _copy_chunk(
+    content: bytes,
+    manifest: Manifest,
+    recorder: Recorder,
+    report: RecoveryReport,
+    gaps: _Gaps,
+) -> None:
+    """Copy what a sound chunk holds; one of another layout counts as damaged."""
+    try:
+        runs, marks = layout.decode_chunk(content, len(manifest.sensor.channels))
+    except (ValueError, KeyError, TypeError) as error:
+        report.damaged_stretches += 1
+        report.bytes_skipped += len(content)
+        report.notes.append(f"a chunk is sound but not taxel's: {error}")
+        gaps.opened()
+        return
+    report.chunks += 1
+    if runs:
+        samples = layout.decode_scans(np.concatenate(runs))
+        samples = samples[np.isfinite(samples.fitted_s)]
+        recorder.write(samples)
+        gaps.continued(samples)
+        report.scans += len(samples)
+    for mark in marks:
+        recorder.mark(mark)
+    report.marks += len(marks)
+
+
+class _Gaps:
+    """Adds up the time that damaged stretches took."""
+
+    def __init__(self, rate_hz: float) -> None:
+        self._step_s = 1.0 / rate_hz if rate_hz > 0 else 0.0
+        self._last_s: float | None = None
+        self._open = False
+        self.lost_s = 0.0
+
+    def opened(self) -> None:
+        """Note that something is missing here."""
+        self._open = True
+
+    def continued(self, samples: Samples) -> None:
+        """Take in the scans that follow."""
+        if len(samples) == 0:
+            return
+        if self._open and self._last_s is not None:
+            self.lost_s += max(0.0, float(samples.fitted_s[0]) - self._last_s - self._step_s)
+        self._open, self._last_s = False, float(samples.fitted_s[-1])
+
+
+def _find_manifest(content: mmap.mmap, path: Path) -> Manifest:
+    """Return the first of the manifest's copies whose check sum holds.
+
+    The copies stand in the metadata "taxel" and in the scans' channel record,
+    at the head and, in a finished file, again in the summary.
+    """
+    for sign, before, parse in (
+        (b"\5\0\0\0taxel", 0, _metadata_pairs),
+        (layout.scan_topic("").encode(), 8, _channel_pairs),
+    ):
+        at = content.find(sign)
+        while at >= 0:
+            payload = _plausible(content, at - before - RECORD_HEAD.size, _LARGEST_HEAD)
+            with contextlib.suppress(Damaged, BadRecording):
+                return from_record(parse(payload or b""))
+            at = content.find(sign, at + 1)
+    raise BadRecording(
+        "a recording that taxel wrote",
+        f"{path}, in which no copy of taxel's manifest is sound",
+        "nothing can be saved from it",
+    )
+
+
+def _metadata_pairs(payload: bytes) -> dict[str, str]:
+    name, pairs = parse_metadata(payload)
+    if name != "taxel":
+        raise Damaged("another metadata record")
+    return pairs
+
+
+def _channel_pairs(payload: bytes) -> dict[str, str]:
+    pairs: dict[str, str] = parse_channel(payload).metadata
+    return pairs
+
+
+def _plausible(content: mmap.mmap, at: int, largest: int) -> bytes | None:
+    """Return the payload of the record at `at`, if its length can be right."""
+    if at < 0 or at + RECORD_HEAD.size > len(content):
+        return None
+    _, length = RECORD_HEAD.unpack_from(content, at)
+    start = at + RECORD_HEAD.size
+    if length > largest or start + length > len(content):
+        return None
+    return content[start : start + length]
+
+
+def _pieces(content: mmap.mmap) -> Iterator[_Piece]:
+    """Yield sound records and, between them, the stretches that are not."""
+    at = len(MAGIC)
+    end = len(content)
+    if content[:at] != MAGIC:
+        yield _Piece(0, at, None)
+    while at < end:
+        piece = _record_at(content, at)
+        if piece is None:
+            following = _next_chunk(content, at + 1)
+            yield _Piece(at, end if following is None else following.start, None)
+            if following is None:
+                return
+            piece = following
+        yield piece
+        at = piece.end
+        if piece.opcode == Opcode.FOOTER and content[at:] == MAGIC:
+            return
+
+
+def _record_at(content: mmap.mmap, at: int) -> _Piece | None:
+    """Return the record at `at` if it is sound."""
+    opcode = content[at]
+    if opcode == Opcode.CHUNK:
+        return _chunk_at(content, at)
+    payload = _plausible(content, at, _LARGEST_HEAD)
+    if payload is None or not _sound(opcode, payload):
+        return None
+    return _Piece(at, at + RECORD_HEAD.size + len(payload), opcode, payload)
+
+
+def _sound(opcode: int, payload: bytes) -> bool:
+    """True where a record without a CRC has lengths that agree with one another.
+
+    A wrong length would make the walk step over sound chunks.
+    """
+    if opcode == Opcode.MESSAGE_INDEX:
+        return len(payload) >= 6 and int.from_bytes(payload[2:6], "little") == len(payload) - 6
+    if _CHUNK_SIGN in payload and opcode != Opcode.CHUNK_INDEX:
+        return False
+    fixed = {Opcode.DATA_END: 4, Opcode.FOOTER: 20, Opcode.SUMMARY_OFFSET: 17}
+    if opcode in fixed:
+        return len(payload) == fixed[Opcode(opcode)]
+    return opcode in set(Opcode) - {Opcode.MESSAGE}
+
+
+def _chunk_at(content: mmap.mmap, at: int) -> _Piece | None:
+    payload = _plausible(content, at, LARGEST_CHUNK)
+    if payload is None:
+        return None
+    try:
+        opened = open_chunk(payload)
+    except Damaged:
+        return None
+    return _Piece(at, at + RECORD_HEAD.size + len(payload), Opcode.CHUNK, opened)
+
+
+def _next_chunk(content: mmap.mmap, after: int) -> _Piece | None:
+    """Return the first sound chunk that begins at `after` or later."""
+    sign = content.find(_CHUNK_SIGN, after + _SIGN_AT)
+    while sign >= 0:
+        start = sign - _SIGN_AT
+        if content[start] == Opcode.CHUNK:
+            piece = _chunk_at(content, start)
+            if piece is not None:
+                return piece
+        sign = content.find(_CHUNK_SIGN, sign + 1)
+    return None

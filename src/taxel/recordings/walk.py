@@ -1,0 +1,170 @@
+"""Walk through the records of a recording, believing no length and no byte unchecked.
+
+A clean file is walked from head to foot with every check sum it has: one a
+chunk, one over all data, one over the summary. Recovery walks the same
+records by itself (recovery.py). Knows nothing about scans or sensors.
+"""
+
+from __future__ import annotations
+
+import io
+import struct
+import zlib
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import BinaryIO
+
+import lz4.frame
+from mcap.data_stream import ReadDataStream
+from mcap.opcode import Opcode
+from mcap.records import Channel, Metadata
+
+from taxel.errors import BadRecording
+from taxel.recordings.mcap_file import MAGIC, RECORD_HEAD
+
+LARGEST_CHUNK = 64 * 1024 * 1024
+"""Bytes; no chunk that taxel writes comes near, and no damaged length may cost more memory."""
+_CHUNK_HEAD = struct.Struct("<QQQII")
+"""Start and end (ns), uncompressed size, CRC, length of the compression's name."""
+
+
+class Damaged(ValueError):
+    """A record whose bytes cannot be right."""
+
+
+@dataclass(frozen=True, slots=True)
+class Record:
+    """One MCAP record."""
+
+    opcode: int
+    payload: bytes
+
+
+def walk(path: Path) -> Iterator[Record]:
+    """Yield the records of a finished recording in the order of the file.
+
+    Chunks are yielded as they are; `open_chunk` checks and opens them. The
+    check sums over the whole are verified when the walk arrives there.
+
+    Raises:
+        BadRecording: It is missing, no recording, cut short, or damaged.
+    """
+    try:
+        with path.open("rb") as file:
+            yield from _records(file, path)
+    except Damaged as error:
+        raise damaged(path, str(error)) from error
+    except OSError as error:
+        raise BadRecording(
+            "a recording that can be opened",
+            f"{path}: {error.strerror or error}",
+            "check the path",
+        ) from error
+
+
+def damaged(path: Path, what: str) -> BadRecording:
+    """Return the error for a recording that only `taxel recover` can still read."""
+    mended = path.with_name(f"{path.name.split('.')[0]}-recovered.mcap")
+    return BadRecording(
+        "a complete, undamaged recording",
+        f"{path}: {what}",
+        f"run: taxel recover {path} --output {mended}",
+    )
+
+
+def open_chunk(payload: bytes) -> bytes:
+    """Return a chunk's content, whose CRC holds.
+
+    Raises:
+        Damaged: Any length or the CRC is wrong, or it is compressed in another way.
+    """
+    if len(payload) < _CHUNK_HEAD.size:
+        raise Damaged("a chunk is cut short")
+    _, _, size, crc, name_length = _CHUNK_HEAD.unpack_from(payload)
+    at = _CHUNK_HEAD.size + name_length
+    if at + 8 > len(payload) or size > LARGEST_CHUNK:
+        raise Damaged("a chunk's head is wrong")
+    name = payload[_CHUNK_HEAD.size : at]
+    if int.from_bytes(payload[at : at + 8], "little") != len(payload) - at - 8:
+        raise Damaged("a chunk's length is wrong")
+    content = _decompress(name, payload[at + 8 :], size)
+    if len(content) != size or zlib.crc32(content) != crc:
+        raise Damaged("a chunk's check sum fails")
+    return content
+
+
+def parse_metadata(payload: bytes) -> tuple[str, dict[str, str]]:
+    """Return a metadata record's name and pairs.
+
+    Raises:
+        Damaged: Its lengths or its text cannot be right.
+    """
+    try:
+        record = Metadata.read(ReadDataStream(io.BytesIO(payload)))
+    except Exception as error:  # mcap raises many kinds on damaged bytes
+        raise Damaged("a metadata record is damaged") from error
+    return record.name, record.metadata
+
+
+def parse_channel(payload: bytes) -> Channel:
+    """Return a channel record.
+
+    Raises:
+        Damaged: Its lengths or its text cannot be right.
+    """
+    try:
+        channel: Channel = Channel.read(ReadDataStream(io.BytesIO(payload)))
+    except Exception as error:  # mcap raises many kinds on damaged bytes
+        raise Damaged("a channel record is damaged") from error
+    return channel
+
+
+def _records(file: BinaryIO, path: Path) -> Iterator[Record]:
+    size = file.seek(0, io.SEEK_END)
+    file.seek(0)
+    if file.read(len(MAGIC)) != MAGIC:
+        raise BadRecording(
+            "a recording (MCAP)", f"{path}, which is none", "import tables with: taxel import"
+        )
+    crc, summary_crc, in_summary = zlib.crc32(MAGIC), 0, False
+    while True:
+        head = file.read(RECORD_HEAD.size)
+        if len(head) < RECORD_HEAD.size:
+            raise Damaged("it ends before its end")
+        opcode, length = RECORD_HEAD.unpack(head)
+        if length > size - file.tell():
+            raise Damaged("it is cut short or a length is wrong")
+        payload = file.read(length)
+        if opcode == Opcode.FOOTER:
+            _check_foot(file, summary_crc, head, payload)
+            return
+        if opcode == Opcode.DATA_END and not in_summary:
+            in_summary = True
+            if length != 4 or int.from_bytes(payload, "little") not in (0, crc):
+                raise Damaged("the check sum of its data fails")
+        elif in_summary:
+            summary_crc = zlib.crc32(payload, zlib.crc32(head, summary_crc))
+        else:
+            crc = zlib.crc32(payload, zlib.crc32(head, crc))
+            yield Record(opcode, payload)
+
+
+def _check_foot(file: BinaryIO, summary_crc: int, head: bytes, payload: bytes) -> None:
+    if len(payload) != 20 or file.read() != MAGIC:
+        raise Damaged("it does not end as a recording ends")
+    crc = zlib.crc32(payload[:16], zlib.crc32(head, summary_crc))
+    if int.from_bytes(payload[16:], "little") not in (0, crc):
+        raise Damaged("the check sum of its summary fails")
+
+
+def _decompress(name: bytes, content: bytes, size: int) -> bytes:
+    if name == b"":
+        return content
+    if name != b"lz4":
+        raise Damaged(f"a chunk is compressed by {name!r}, which taxel does not write")
+    try:
+        opened: bytes = lz4.frame.LZ4FrameDecompressor().decompress(content, max_length=size + 1)
+    except (RuntimeError, EOFError, ValueError) as error:
+        raise Damaged("a chunk cannot be decompressed") from error
+    return opened

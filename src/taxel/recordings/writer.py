@@ -1,0 +1,378 @@
+"""Record scans and marks to a file, on a thread of its own, loudly.
+
+While it runs, the file is called NAME.mcap.part; a clean close gives it its
+name. Whatever was handed over more than `flush_s` ago has reached the
+operating system, so a kill -9 takes at most that much. The first refusal of
+the disk is latched: every later call raises it again. Knows nothing about
+sources, windows or models.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import errno
+import json
+import os
+import threading
+import time
+from collections import deque
+from collections.abc import Callable
+from pathlib import Path
+from types import TracebackType
+from typing import BinaryIO, Self
+
+import numpy as np
+from mcap.records import Schema
+
+from taxel.errors import BadInput, RecordingFailed
+from taxel.recordings import scan_layout as layout
+from taxel.recordings.manifest import Manifest, to_record
+from taxel.recordings.mcap_file import McapFile, Messages
+from taxel.recordings.tally import Tally
+from taxel.signals import Mark, Samples
+
+PART_SUFFIX = ".part"
+"""Added to the name of a recording that is not finished."""
+FLUSH_S = 0.05
+"""Half of the 0.1 s that a kill -9 may take (docs/decisions/0004)."""
+CHUNK_BYTES = 256 * 1024
+"""Largest content of a chunk: what one damaged byte may take. At 1 kHz the flush comes first."""
+QUEUE_SCANS = 60_000
+"""Scans that may wait for the disk: a minute at 1 kHz."""
+STALL_S = 10.0
+"""How long the disk may stand still with a full queue before the recorder gives up."""
+
+
+class Recorder:
+    """Write one recording. Use it in a `with` block.
+
+    An error inside the block still closes the file properly, so that what was
+    measured is kept; call `discard` where a half is worth nothing.
+
+    Args:
+        path: The recording to be, ending in .mcap; its folder is made.
+        manifest: What is being recorded.
+        flush_s: Longest time between a scan's arrival here and its being in the file, seconds.
+        queue_scans: How many scans may wait for the disk.
+        stall_s: How long `write` waits for room and `close` for the disk, seconds.
+        overwrite: Replace an existing recording, and an unfinished one.
+        opener: Opens the file for unbuffered writing; tests pass a full disk.
+
+    Raises:
+        BadInput: The file exists, or its unfinished part does.
+        RecordingFailed: The file cannot be created.
+    """
+
+    def __init__(
+        self,
+        path: Path,
+        manifest: Manifest,
+        *,
+        flush_s: float = FLUSH_S,
+        queue_scans: int = QUEUE_SCANS,
+        stall_s: float = STALL_S,
+        overwrite: bool = False,
+        opener: Callable[[Path], BinaryIO] | None = None,
+    ) -> None:
+        self._path = path
+        self._part = part_path(path)
+        self._manifest = manifest
+        self._flush_s = flush_s
+        self._queue_scans = queue_scans
+        self._stall_s = stall_s
+        self._tally = Tally()
+        self._waiting: deque[Samples | Mark] = deque()
+        self._scans_waiting = 0
+        self._flush_asked = False
+        self._closing = False
+        self._closed = False
+        self._error: RecordingFailed | None = None
+        self._change = threading.Condition()
+        _refuse_existing(path, overwrite)
+        try:
+            path.parent.mkdir(parents=True, exist_ok=True)
+            self._raw = (opener or _open_unbuffered)(self._part)
+            self._file = self._begin()
+        except OSError as error:
+            self._clear_away()
+            raise self._failed(error) from error
+        self._thread = threading.Thread(target=self._run, name="taxel-recorder", daemon=True)
+        self._thread.start()
+
+    @property
+    def failed(self) -> bool:
+        """True once the disk has refused; nothing is recorded after that."""
+        return self._error is not None
+
+    @property
+    def path(self) -> Path:
+        """The recording's name once it is closed."""
+        return self._path
+
+    @property
+    def size(self) -> int:
+        """Bytes in the file so far."""
+        return self._file.size
+
+    def write(self, samples: Samples) -> None:
+        """Hand over scans, oldest first; returns before they are on disk.
+
+        The arrays are not copied: do not change them afterwards.
+
+        Raises:
+            RecordingFailed: The disk refused, now or earlier, or has stood still too long.
+            BadInput: The scans do not fit the manifest, or a fitted time is not finite.
+        """
+        if samples.values.shape[1] != len(self._manifest.sensor.channels):
+            raise BadInput(
+                f"scans of {len(self._manifest.sensor.channels)} channels",
+                f"{samples.values.shape[1]}",
+                "let the manifest describe the source that is recorded",
+            )
+        if not np.isfinite(samples.fitted_s).all():
+            raise BadInput(
+                "a finite fitted time for every scan", "NaN or infinity", "check the source's clock"
+            )
+        self._put(samples, len(samples))
+
+    def mark(self, mark: Mark) -> None:
+        """Hand over a labelled stretch of time; it may lie anywhere, also in the past.
+
+        Raises:
+            RecordingFailed: The disk refused, now or earlier, or has stood still too long.
+        """
+        self._put(mark, 1)
+
+    def flush(self) -> None:
+        """Wait until everything handed over is in the file, in a chunk of its own.
+
+        Raises:
+            RecordingFailed: The disk refused, now or earlier, or has stood still too long.
+        """
+        with self._change:
+            self._flush_asked = True
+            self._change.notify_all()
+            self._change.wait_for(lambda: self.failed or self._scans_waiting == 0, self._stall_s)
+            if self._error is None and self._scans_waiting:
+                self._error = RecordingFailed(self._line("the disk has stood still"))
+            if self._error is not None:
+                raise self._error
+
+    def close(self, ended: str = "cleanly") -> None:
+        """Write what waits, complete the file and give it its name. Once is enough.
+
+        Args:
+            ended: Kept in the recording's statistics.
+
+        Raises:
+            RecordingFailed: The disk refused, now or earlier; the part is kept for `taxel recover`.
+        """
+        if not self._closed:
+            self._closed = True
+            self._stop_thread()
+            if not self.failed:
+                self._finish(ended)
+            with contextlib.suppress(OSError):
+                self._raw.close()
+        if self._error is not None:
+            raise self._error
+
+    def discard(self) -> None:
+        """Stop and remove the unfinished file."""
+        if not self._closed:
+            self._closed = True
+            with contextlib.suppress(RecordingFailed):
+                self._stop_thread()
+            self._clear_away()
+
+    def statistics(self) -> dict[str, float | int | None]:
+        """Return the ledger of what is in the file so far."""
+        return self._tally.as_dict()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        if error is None:
+            self.close()
+            return
+        with contextlib.suppress(RecordingFailed):
+            nothing = self._tally.scans + self._tally.marks + len(self._waiting) == 0
+            if nothing and not self.failed:
+                self.discard()
+            else:
+                self.close(f"cut short: {type(error).__name__}")
+
+    def _put(self, item: Samples | Mark, scans: int) -> None:
+        with self._change:
+            if self._closed:
+                raise self._error or RecordingFailed(f"{self._path} is closed; nothing was written")
+            self._change.wait_for(lambda: self.failed or self._has_room(scans), self._stall_s)
+            if self._error is None and not self._has_room(scans):
+                self._error = RecordingFailed(self._line("the disk has stood still"))
+            if self._error is not None:
+                raise self._error
+            self._waiting.append(item)
+            self._scans_waiting += scans
+            if self._scans_waiting >= self._queue_scans // 4:
+                self._change.notify_all()
+
+    def _has_room(self, scans: int) -> bool:
+        """True where the queue takes the scans; an empty one takes any number."""
+        return self._scans_waiting == 0 or self._scans_waiting + scans <= self._queue_scans
+
+    def _run(self) -> None:
+        """Empty the queue into the file, every `flush_s` seconds, until closed."""
+        due = time.monotonic() + self._flush_s
+        while True:
+            with self._change:
+                self._change.wait_for(self._hurry, max(0.0, due - time.monotonic()))
+                batch, closing = list(self._waiting), self._closing
+                self._flush_asked = False
+                self._waiting.clear()
+            due = time.monotonic() + self._flush_s
+            try:
+                self._write_batch(batch)
+            except OSError as error:
+                self._error = self._failed(error)
+            with self._change:
+                self._scans_waiting = sum(
+                    len(item) if isinstance(item, Samples) else 1 for item in self._waiting
+                )
+                self._change.notify_all()
+            if closing or self.failed:
+                return
+
+    def _hurry(self) -> bool:
+        crowded = self._scans_waiting >= self._queue_scans // 4
+        return self._closing or self._flush_asked or crowded
+
+    def _write_batch(self, batch: list[Samples | Mark]) -> None:
+        runs = [item for item in batch if isinstance(item, Samples) and len(item)]
+        marks = [item for item in batch if isinstance(item, Mark)]
+        if runs:
+            self._write_scans(Samples.join(runs))
+        if marks:
+            self._write_marks(marks)
+
+    def _write_scans(self, samples: Samples) -> None:
+        channels = samples.values.shape[1]
+        step = max(1, CHUNK_BYTES // layout.record_dtype(channels).itemsize)
+        for first in range(0, len(samples), step):
+            part = samples[first : first + step]
+            anchor_ns = self._manifest.wall_anchor_ns
+            records = layout.encode_scans(part, self._tally.scans, anchor_ns)
+            size = records.dtype.itemsize
+            self._file.add_chunk(
+                [
+                    Messages(
+                        channel=layout.SCAN_CHANNEL,
+                        content=records.tobytes(),
+                        log_ns=records["log_ns"],
+                        offsets=np.arange(len(records), dtype=np.uint64) * np.uint64(size),
+                    )
+                ]
+            )
+            self._tally.add(part)
+
+    def _write_marks(self, marks: list[Mark]) -> None:
+        """Write marks as a chunk of their own: a damaged one costs no scan."""
+        log_ns: list[int] = []
+        contents: list[bytes] = []
+        for mark in marks:
+            sequence = self._tally.marks + len(contents)
+            stamp, content = layout.encode_mark(mark, sequence, self._manifest.wall_anchor_ns)
+            log_ns.append(stamp)
+            contents.append(content)
+        lengths = np.array([0, *map(len, contents)], np.uint64)
+        self._file.add_chunk(
+            [
+                Messages(
+                    channel=layout.MARK_CHANNEL,
+                    content=b"".join(contents),
+                    log_ns=np.array(log_ns, np.uint64),
+                    offsets=np.cumsum(lengths)[:-1],
+                )
+            ]
+        )
+        self._tally.marks += len(marks)
+
+    def _begin(self) -> McapFile:
+        """Write everything that says what the recording is, before any scan."""
+        pairs = to_record(self._manifest)
+        file = McapFile(self._raw, self._manifest.software)
+        file.add_metadata("taxel", pairs)
+        scan = Schema(
+            id=1, name=layout.SCAN_SCHEMA_NAME, encoding="ros2msg", data=layout.SCAN_SCHEMA
+        )
+        file.add_channel(layout.scan_topic(self._manifest.sensor.name), "cdr", scan, pairs)
+        mark = Schema(
+            id=2, name=layout.MARK_SCHEMA_NAME, encoding="jsonschema", data=layout.MARK_SCHEMA
+        )
+        file.add_channel(layout.MARK_TOPIC, "json", mark)
+        return file
+
+    def _finish(self, ended: str) -> None:
+        try:
+            ledger = self.statistics() | {"ended": ended}
+            pairs = {key: json.dumps(value) for key, value in ledger.items()}
+            self._file.add_metadata("taxel.statistics", pairs)
+            self._file.finish()
+            os.fsync(self._raw.fileno())
+            os.replace(self._part, self._path)
+        except OSError as error:
+            self._error = self._failed(error)
+
+    def _clear_away(self) -> None:
+        """Close and remove the part, where there is one."""
+        with contextlib.suppress(OSError, AttributeError):
+            self._raw.close()
+        with contextlib.suppress(OSError):
+            self._part.unlink(missing_ok=True)
+
+    def _stop_thread(self) -> None:
+        with self._change:
+            self._closing = True
+            self._change.notify_all()
+        self._thread.join(self._stall_s)
+        if self._thread.is_alive() and self._error is None:
+            self._error = RecordingFailed(self._line("the disk has stood still"))
+
+    def _failed(self, error: OSError) -> RecordingFailed:
+        full = error.errno in (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
+        reason = "the disk is full" if full else f"the disk refused ({error.strerror or error})"
+        return RecordingFailed(self._line(reason))
+
+    def _line(self, reason: str) -> str:
+        mend = f"free space, then run: taxel recover {self._part} --output {self._path}"
+        if not self._part.is_file():
+            mend = "free space or choose another folder, then record again"
+        return f"needed room to record {self._path}; {reason}; {mend}."
+
+
+def part_path(path: Path) -> Path:
+    """Return the name under which a recording is written until it is complete."""
+    return path.with_name(path.name + PART_SUFFIX)
+
+
+def _open_unbuffered(path: Path) -> BinaryIO:
+    return path.open("wb", buffering=0)
+
+
+def _refuse_existing(path: Path, overwrite: bool) -> None:
+    part = part_path(path)
+    if overwrite:
+        return
+    if path.exists():
+        raise BadInput("a new file to record to", f"{path}, which exists", "add --overwrite")
+    if part.exists():
+        raise BadInput(
+            "a new file to record to",
+            f"the unfinished {part}",
+            f"run: taxel recover {part} --output {path}, or add --overwrite",
+        )

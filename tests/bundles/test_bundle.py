@@ -1,0 +1,124 @@
+"""A bundle gives what was trained, and a damaged one is refused."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from taxel.bundles.contract import Contract
+from taxel.bundles.reader import read_bundle
+from taxel.bundles.writer import Classifier, write_bundle
+from taxel.errors import BadBundle
+from taxel.models.cnn2d import Cnn2d
+from taxel.signals import SensorInfo
+from taxel.training.loop import new_network, predict
+from taxel.windows.config import TENG_WINDOW
+from taxel.windows.scaling import fit_scaling
+
+RNG = np.random.default_rng(0)
+VALUES = (RNG.random((40, 12, 12)) * 3.3).astype(np.float32)
+MASK = np.ones((40, 12), bool)
+
+
+def contract() -> Contract:
+    return Contract(
+        target="shape",
+        classes=("cylinder", "rectangle", "sphere"),
+        window=TENG_WINDOW,
+        scaling=fit_scaling("full-scale", VALUES, MASK, 3.3),
+        channels=tuple(f"s{i}" for i in range(12)),
+        units=("V",) * 12,
+        rate_hz=1000.0,
+        model="cnn2d",
+        parameters=5987,
+        data_digest="0" * 64,
+        accuracy={"session held out": 0.77},
+        software="taxel test",
+        parity=None,
+    )
+
+
+@pytest.fixture
+def path(tmp_path: Path) -> Path:
+    networks = tuple(new_network(lambda: Cnn2d(12, 12, 3), seed) for seed in (0, 1))
+    path = tmp_path / "a.taxel"
+    write_bundle(path, networks, contract(), VALUES, MASK)
+    return path
+
+
+def test_a_bundle_predicts_what_the_networks_predict(path: Path) -> None:
+    bundle = read_bundle(path)
+    networks = [new_network(lambda: Cnn2d(12, 12, 3), seed) for seed in (0, 1)]
+    scaled = contract().scaling.apply(VALUES, MASK)
+    expected = np.mean([predict(network, scaled, MASK) for network in networks], axis=0)
+
+    np.testing.assert_allclose(bundle.probabilities(VALUES, MASK), expected, atol=1e-5)
+    assert bundle.contract.parity is not None
+    assert bundle.contract.parity < 1e-5
+    assert bundle.contract.window == TENG_WINDOW
+    assert bundle.contract.classes == contract().classes
+
+
+def test_writing_twice_gives_the_same_bytes(path: Path, tmp_path: Path) -> None:
+    networks = tuple(new_network(lambda: Cnn2d(12, 12, 3), seed) for seed in (0, 1))
+    write_bundle(tmp_path / "b.taxel", networks, contract(), VALUES, MASK)
+
+    assert (tmp_path / "b.taxel").read_bytes() == path.read_bytes()
+
+
+def test_any_flipped_byte_is_found(path: Path) -> None:
+    whole = path.read_bytes()
+    places = [*range(90), *range(90, len(whole), max(1, len(whole) // 150)), len(whole) - 1]
+    for place in places:
+        damaged = bytearray(whole)
+        damaged[place] ^= 0x10
+        path.write_bytes(bytes(damaged))
+        with pytest.raises(BadBundle) as caught:
+            read_bundle(path)
+        assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize("size", [0, 10, 80, 500])
+def test_a_file_cut_short_is_refused(path: Path, size: int) -> None:
+    path.write_bytes(path.read_bytes()[:size])
+
+    with pytest.raises(BadBundle):
+        read_bundle(path)
+
+
+def test_a_missing_bundle_says_how_to_write_one(tmp_path: Path) -> None:
+    with pytest.raises(BadBundle, match="taxel bundle"):
+        read_bundle(tmp_path / "none.taxel")
+
+
+def test_an_export_that_differs_is_not_written(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(
+        Classifier, "forward", lambda self, values, mask: self.networks[0](values, mask).softmax(1)
+    )
+    real = Classifier.forward
+    calls = []
+
+    def drifting(self: Classifier, values, mask):  # type: ignore[no-untyped-def]
+        calls.append(1)
+        found = real(self, values, mask)
+        return found if len(calls) == 1 else found + 0.01
+
+    monkeypatch.setattr(Classifier, "forward", drifting)
+    with pytest.raises(BadBundle, match="difference"):
+        write_bundle(
+            tmp_path / "a.taxel",
+            (new_network(lambda: Cnn2d(12, 12, 3), 0),),
+            contract(),
+            VALUES,
+            MASK,
+        )
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_sensor_with_other_channels_is_refused(path: Path) -> None:
+    other = SensorInfo(name="x", channels=("a", "b"), units=("V", "V"), rate_hz=1000.0)
+
+    with pytest.raises(BadBundle, match="12 channels"):
+        read_bundle(path).contract.check_sensor(other)

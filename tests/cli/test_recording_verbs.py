@@ -1,0 +1,148 @@
+"""Claims about the verbs record, recover, import and info."""
+
+import json
+import signal
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from taxel.cli.import_ import Import
+from taxel.cli.info import Info
+from taxel.cli.pairs import parse_pairs
+from taxel.cli.record import record_source, stop_signals
+from taxel.cli.recover import Recover
+from taxel.errors import BadInput, BadSource
+from taxel.recordings.reader import read_recording
+from taxel.signals import Mark, Samples, SensorInfo
+
+
+class Numbered:
+    """A source of 1 kHz whose channel 0 is the scan's number, ten scans a read."""
+
+    info = SensorInfo(name="t", channels=("n", "x"), units=("1", "V"), rate_hz=1000.0)
+
+    def __init__(self, scans: int) -> None:
+        self.left = scans
+        self.given = 0
+
+    @property
+    def ended(self) -> bool:
+        return self.given >= self.left
+
+    def read(self, timeout_s: float = 0.1) -> Samples:
+        number = np.arange(self.given, min(self.given + 10, self.left))
+        self.given += len(number)
+        return Samples.from_values(np.stack([number, number * 0], axis=1), 7.0 + number / 1000.0)
+
+    def marks(self) -> list[Mark]:
+        ended = self.given % 100 == 0
+        return [Mark(start_s=7.0, end_s=7.05, labels={"k": "v"})] if ended else []
+
+    def __enter__(self):
+        return self
+
+    def __exit__(self, *_) -> None: ...
+
+
+def record(source: Numbered, output: Path, seconds: float, **kwargs):
+    return record_source(source, output, seconds, labels={"a": "b"}, groups={"s": "1"}, **kwargs)
+
+
+def test_exactly_the_wanted_time_is_recorded(tmp_path):
+    """255 ms at 1 kHz are the scans 0 to 254, with marks, labels and groups."""
+    ledger = record(Numbered(10_000), tmp_path / "a.mcap", 0.255)
+    recording = read_recording(tmp_path / "a.mcap")
+    np.testing.assert_array_equal(recording.samples.values[:, 0], np.arange(255))
+    assert len(recording.marks) == 2
+    assert (recording.manifest.labels, recording.manifest.groups) == ({"a": "b"}, {"s": "1"})
+    assert (ledger["scans"], ledger["ended"]) == (255, "cleanly")
+
+
+def test_a_source_that_ends_ends_the_recording(tmp_path):
+    """A short replay gives a short, complete recording."""
+    assert record(Numbered(33), tmp_path / "a.mcap", 10.0)["scans"] == 33
+
+
+def test_a_stop_completes_the_file(tmp_path):
+    """When asked to stop, what was measured is kept and the file says why it ended."""
+    questions = iter([False] * 4 + [True] * 99)
+    record(Numbered(10_000), tmp_path / "a.mcap", 5.0, stopped=lambda: next(questions))
+    recording = read_recording(tmp_path / "a.mcap")
+    assert 0 < len(recording.samples) < 100
+    assert recording.statistics["ended"] == "stopped"
+
+
+def test_a_source_without_scans_leaves_no_file(tmp_path):
+    """One plain line instead of an empty recording."""
+    with pytest.raises(BadSource, match="none before it ended"):
+        record(Numbered(0), tmp_path / "a.mcap", 1.0)
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize("name", ["SIGINT", "SIGTERM", "SIGHUP"])
+def test_signals_become_a_question_and_are_given_back(name, capsys):
+    """A signal ends nothing by itself; the handlers from before are restored."""
+    number = getattr(signal, name)
+    before = signal.getsignal(number)
+    with stop_signals() as stopped:
+        assert not stopped()
+        signal.raise_signal(number)
+        assert stopped()
+    assert signal.getsignal(number) is before
+    assert "stopping" in capsys.readouterr().err
+
+
+def test_pairs_are_names_and_values():
+    """In one option or several; anything else is one plain line."""
+    assert parse_pairs((("a=1", "b=x=y"), ("c=3",)), "--label") == {"a": "1", "b": "x=y", "c": "3"}
+    for wrong in ("a", "=1", "a="):
+        with pytest.raises(BadInput, match="--label NAME=VALUE"):
+            parse_pairs(((wrong,),), "--label")
+    with pytest.raises(BadInput, match="twice"):
+        parse_pairs((("a=1",), ("a=2",)), "--label")
+
+
+def test_recover_prints_what_was_saved(tmp_path, capsys):
+    """As JSON and as one line for a person."""
+    record(Numbered(500), tmp_path / "a.mcap", 5.0)
+    content = (tmp_path / "a.mcap").read_bytes()
+    (tmp_path / "cut.mcap").write_bytes(content[: len(content) - 200])
+    Recover(file=tmp_path / "cut.mcap", output=tmp_path / "b.mcap", json=True).run()
+    report = json.loads(capsys.readouterr().out)
+    assert (report["scans"], report["was_complete"]) == (500, False)
+    Recover(file=tmp_path / "cut.mcap", output=tmp_path / "c.mcap").run()
+    assert "500 scans" in capsys.readouterr().out
+
+
+def test_import_then_info_tells_what_there_is(tmp_path, capsys):
+    """From a table to figures, for a file and for a folder, as text and as JSON."""
+    (tmp_path / "a.csv").write_text("t,x\n1,5\n2,7\n")
+    table = tmp_path / "table.csv"
+    table.write_text("file,label:sign,channels,time\na.csv,B,x[N],t[s]\n")
+    out = tmp_path / "out"
+    Import(table=str(table), output=out, json=True).run()
+    assert json.loads(capsys.readouterr().out) == {"recordings": [str(out / "a.mcap")]}
+    Info(path=out / "a.mcap", json=True).run()
+    summary = json.loads(capsys.readouterr().out)
+    assert summary["channels"][0] | {"mean": 0} == {
+        "name": "x",
+        "unit": "N",
+        "min": 5.0,
+        "mean": 0,
+        "max": 7.0,
+        "saturated_share": 0.0,
+        "unusable_share": 0.0,
+    }
+    Info(path=out, json=True).run()
+    assert len(json.loads(capsys.readouterr().out)) == 1
+    Info(path=out).run()
+    assert "sign: B=1" in capsys.readouterr().out
+    Info(path=out / "a.mcap").run()
+    assert "check sums hold" in capsys.readouterr().out
+
+
+def test_a_known_data_set_needs_its_folder(tmp_path):
+    """The data are not part of taxel."""
+    with pytest.raises(BadInput, match="--data FOLDER"):
+        Import(table="teng-glove", output=tmp_path / "out").run()

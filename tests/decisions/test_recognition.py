@@ -1,0 +1,69 @@
+"""Input that cannot be trusted gives UNKNOWN with a reason, never an answer."""
+
+import numpy as np
+import pytest
+
+from taxel.decisions.recognition import UNKNOWN, Decision, GraspVote, RecogniseConfig, decide
+
+CLASSES = ("a", "b")
+
+
+def answer(p: list[float], usable: float = 1.0, saturated: float = 0.0) -> Decision:
+    return decide(
+        np.array(p, np.float32), usable, saturated, (0.0, 0.1), CLASSES, RecogniseConfig()
+    )
+
+
+def test_a_clear_window_is_told() -> None:
+    found = answer([0.2, 0.8])
+
+    assert (found.label, found.reason) == ("b", "")
+    assert found.confidence == pytest.approx(0.8)
+
+
+@pytest.mark.parametrize(
+    ("p", "usable", "saturated", "reason"),
+    [
+        ([np.nan, np.nan], 1.0, 0.0, "NaN"),
+        ([0.1, 0.9], 0.9, 0.0, "missing"),
+        ([0.1, 0.9], 1.0, 1.0, "limit"),
+        ([0.49, 0.48], 1.0, 0.0, "confidence"),
+    ],
+)
+def test_doubt_gives_unknown(p: list[float], usable: float, saturated: float, reason: str) -> None:
+    found = answer(p, usable, saturated)
+
+    assert found.label == UNKNOWN
+    assert reason in found.reason
+
+
+def at(label: str, p: list[float], start: float) -> Decision:
+    return Decision(label, max(p), np.array(p, np.float32), "", start, start + 0.1)
+
+
+def test_a_contact_is_told_by_all_its_windows() -> None:
+    vote = GraspVote(CLASSES, gap_s=0.5)
+    vote.add(at("a", [0.6, 0.4], 0.0))
+    vote.add(at("b", [0.1, 0.9], 0.2))
+    label, confidence = vote.add(at("a", [0.6, 0.4], 0.4))
+
+    odds = (0.4 * 0.9 * 0.4 / (0.6 * 0.1 * 0.6)) ** (1 / 3)
+    assert label == "b"
+    assert confidence == pytest.approx(odds / (1 + odds))
+
+
+def test_a_new_contact_starts_anew() -> None:
+    vote = GraspVote(CLASSES, gap_s=0.5)
+    vote.add(at("b", [0.01, 0.99], 0.0))
+    label, _ = vote.add(at("a", [0.6, 0.4], 5.0))
+
+    assert label == "a"
+    assert vote.windows == 1
+
+
+def test_unknown_windows_do_not_vote() -> None:
+    vote = GraspVote(CLASSES, gap_s=0.5)
+    label, _ = vote.add(at(UNKNOWN, [0.0, 1.0], 0.0))
+
+    assert label == UNKNOWN
+    assert vote.add(at("a", [0.6, 0.4], 0.1))[0] == "a"

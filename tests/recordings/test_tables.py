@@ -1,0 +1,144 @@
+"""Claims about reading tables: right values from right files, one plain line for wrong ones."""
+
+import gzip
+
+import numpy as np
+import pytest
+
+from taxel.errors import BadTable
+from taxel.recordings.tables import Column, TimeColumn, parse_columns, parse_time, read_table
+
+VOLTS = (Column(name="a", unit="V"), Column(name="b", unit="V"))
+MILLISECONDS = TimeColumn(column=Column(name="t", unit="ms"))
+GOOD = "t,a,b,spare\n10,1.5,-2,x\n20,2.5,3e2,\n35,3.5,0,y\n"
+
+
+def refusal(path, **kwargs) -> str:
+    """Read a file that must be refused; return the one line."""
+    with pytest.raises(BadTable) as caught:
+        read_table(path, VOLTS, MILLISECONDS, **kwargs)
+    assert "\n" not in str(caught.value)
+    return str(caught.value)
+
+
+@pytest.mark.parametrize("separator", [",", ";", "\t"])
+@pytest.mark.parametrize("packed", [False, True])
+def test_a_csv_gives_the_wanted_columns(tmp_path, separator, packed):
+    """Plain or gzipped, whatever the separator, text in other columns is no matter."""
+    path = tmp_path / ("a.csv.gz" if packed else "a.csv")
+    content = ("\ufeff" + GOOD.replace(",", separator)).encode()
+    path.write_bytes(gzip.compress(content) if packed else content)
+    table = read_table(path, VOLTS, MILLISECONDS)
+    np.testing.assert_array_equal(table.values, [[1.5, -2], [2.5, 300], [3.5, 0]])
+    np.testing.assert_allclose(table.time_s, [0.010, 0.020, 0.035], rtol=1e-12)
+    assert (table.names, table.units) == (("a", "b"), ("V", "V"))
+
+
+def test_columns_go_by_number_where_there_is_no_header(tmp_path):
+    """Numbers count from 1; a header's names win over numbers."""
+    (tmp_path / "a.csv").write_text("10,1,2\n20,3,4\n")
+    columns = parse_columns("3[V] 2[V]", "here")
+    table = read_table(tmp_path / "a.csv", columns, parse_time("1[ms]", "here"))
+    np.testing.assert_array_equal(table.values, [[2, 1], [4, 3]])
+
+
+def test_a_rate_stands_in_for_a_time_column(tmp_path):
+    """Row n is taken at n divided by the rate."""
+    (tmp_path / "a.csv").write_text(GOOD)
+    table = read_table(tmp_path / "a.csv", VOLTS, parse_time("rate:100Hz", "here"))
+    np.testing.assert_allclose(table.time_s, [0.0, 0.01, 0.02])
+
+
+def test_npy_goes_by_number(tmp_path):
+    """A 2-D array of any real type is a table without a header."""
+    np.save(tmp_path / "a.npy", np.array([[1, 2, 3], [4, 5, 6]], np.int16))
+    columns = parse_columns("2[V] 3[V]", "here")
+    table = read_table(tmp_path / "a.npy", columns, parse_time("1[s]", "here"))
+    np.testing.assert_array_equal(table.values, [[2, 3], [5, 6]])
+    np.testing.assert_array_equal(table.time_s, [1, 4])
+
+
+@pytest.mark.parametrize(
+    ("content", "words"),
+    [
+        ("", "empty file"),
+        ("t,a,b\n", "rows of numbers"),
+        ("t,a,b\n1,2,3\n2,3\n", "line 3"),
+        ("t,a,b\n1,2,3\n2,3,4,5\n", "line 3"),
+        ("t,a,b\n1,2,3\n2,oops,4\n", "'oops' in .*, line 3, column 'a'"),
+        ("t,a,b\n1,2,3\n2,1_000,4\n", "'1_000' in .*, line 3, column 'a'"),
+        ("t,a,b\n1,2,3\n2,nan,4\n", "line 3, column 'a'.*--missing keep"),
+        ("t,a,b\n1,2,3\n2,4,inf\n", "line 3, column 'b'.*--missing keep"),
+        ("t,a,b\n1,2,3\n2,,4\n", "line 3, column 'a'.*--missing keep"),
+        ("t,a,b\n1,2,3\n1,3,4\n", "increase.*line 3"),
+        ("t,a,b\n2,2,3\n1,3,4\n", "increase.*line 3"),
+        ("t,a,b\n1,2,3\n,3,4\n", "a time in every row.*line 3"),
+        ("t,a,c\n1,2,3\n", "column 'b'.*t, a, c"),
+        ("t,a,b,a\n1,2,3,4\n", "2 columns of that name"),
+    ],
+)
+def test_a_wrong_csv_is_refused_by_file_line_and_column(tmp_path, content, words):
+    """The message says where; nothing is guessed."""
+    import re
+
+    (tmp_path / "wrong.csv").write_text(content)
+    line = refusal(tmp_path / "wrong.csv")
+    assert re.search(words, line), line
+    assert "wrong.csv" in line
+
+
+def test_cells_without_a_value_can_be_kept(tmp_path):
+    """With missing="keep" they come as NaN; text is refused all the same."""
+    (tmp_path / "a.csv").write_text("t,a,b\n1,,3\n2,nan,4\n")
+    table = read_table(tmp_path / "a.csv", VOLTS, MILLISECONDS, "keep")
+    assert np.isnan(table.values[:, 0]).all()
+    (tmp_path / "a.csv").write_text("t,a,b\n1,n/a,3\n")
+    assert "'n/a'" in refusal(tmp_path / "a.csv", missing="keep")
+
+
+def test_a_gzip_that_was_cut_is_refused(tmp_path):
+    """Not a row of a half file is used, wherever the cut is."""
+    content = gzip.compress(GOOD.encode())
+    for cut in (0, 5, len(content) // 2, len(content) - 3):
+        (tmp_path / "a.csv.gz").write_bytes(content[:cut])
+        refusal(tmp_path / "a.csv.gz")
+    (tmp_path / "a.csv.gz").write_bytes(b"not gzip at all")
+    assert "gzip" in refusal(tmp_path / "a.csv.gz")
+
+
+def test_other_files_are_refused(tmp_path):
+    """Unknown endings, missing files, odd encodings and odd arrays."""
+    (tmp_path / "a.xls").write_text("")
+    assert "layout" in refusal(tmp_path / "a.xls")
+    assert "check the path" in refusal(tmp_path / "gone.csv")
+    (tmp_path / "a.csv").write_bytes("t,a,b\n1,2,µ\n".encode("latin-1"))
+    assert "UTF-8" in refusal(tmp_path / "a.csv")
+    for name, array in (("one", np.zeros(3)), ("text", np.array([["x"]])), ("z", np.array([[1j]]))):
+        np.save(tmp_path / f"{name}.npy", array)
+        assert "(rows, columns)" in refusal(tmp_path / f"{name}.npy")
+    np.save(tmp_path / "object.npy", np.array([[{}]], dtype=object), allow_pickle=True)
+    assert "numbers" in refusal(tmp_path / "object.npy")
+    (tmp_path / "cut.npy").write_bytes((tmp_path / "one.npy").read_bytes()[:20])
+    assert "numbers" in refusal(tmp_path / "cut.npy")
+
+
+def test_column_texts_allow_spaces_in_names():
+    """Names may hold blanks; units stand in brackets."""
+    assert parse_columns("Data 0[count] b[deg]", "here") == (
+        Column(name="Data 0", unit="count"),
+        Column(name="b", unit="deg"),
+    )
+
+
+@pytest.mark.parametrize("text", ["", "a", "a[V] a[V]", "a[]", "a[V] b", "[V]"])
+def test_wrong_column_texts_are_refused(text):
+    """A channel without a unit, or twice, is an error."""
+    with pytest.raises(BadTable):
+        parse_columns(text, "here")
+
+
+@pytest.mark.parametrize("text", ["", "t", "t[hours]", "rate:0Hz", "rate:1.2.3Hz", "rate:fastHz"])
+def test_wrong_time_texts_are_refused(text):
+    """Time needs a known unit or a rate above 0."""
+    with pytest.raises(BadTable):
+        parse_time(text, "here")
