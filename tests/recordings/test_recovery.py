@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from mcap.reader import make_reader
 
 from taxel.errors import BadInput, BadRecording
-from taxel.recordings.reader import read_recording
+from taxel.recordings.reader import list_recordings, read_recording
 from taxel.recordings.recovery import RecoveryReport, recover
 from taxel.recordings.writer import Recorder, part_path
 
@@ -148,6 +148,18 @@ def test_what_the_recorder_has_flushed_survives_without_a_close(tmp_path, manife
     left_behind = part_path(tmp_path / "a.mcap").read_bytes()
     recorder.discard()
     assert saved(left_behind, tmp_path)[1] == list(range(30))
+
+
+def test_the_command_that_is_suggested_for_a_part_works(finished):
+    """NAME.mcap.part recovers to NAME.mcap itself; the part is left as it was."""
+    part = part_path(finished)
+    finished.rename(part)
+    before = part.read_bytes()
+    with pytest.raises(BadRecording, match=f"taxel recover {part} --output {finished}"):
+        read_recording(finished)
+    assert recover(part, finished).scans == SCANS
+    assert part.read_bytes() == before
+    assert list_recordings(finished.parent) == [finished]
 
 
 def test_the_output_is_never_the_input_and_never_replaced_unasked(finished, tmp_path):

@@ -150,6 +150,18 @@ def test_scans_that_do_not_fit_are_refused(tmp_path, manifest, numbered):
             recorder.write(timeless)
 
 
+def test_a_mark_that_cannot_be_written_is_as_loud_as_a_full_disk(tmp_path, manifest):
+    """Nothing that goes wrong in the writer's thread goes unnoticed."""
+    recorder = Recorder(tmp_path / "a.mcap", manifest)
+    with pytest.raises(BadInput, match="finite"):
+        recorder.mark(Mark(start_s=np.nan, end_s=1.0, labels={}))
+    recorder.mark(Mark(start_s=0.0, end_s=1.0, labels={"a": object()}))  # type: ignore[dict-item]
+    with pytest.raises(RecordingFailed, match="TypeError"):
+        recorder.flush()
+    with pytest.raises(RecordingFailed, match="TypeError"):
+        recorder.close()
+
+
 def test_a_closed_recorder_takes_nothing(tmp_path, manifest, numbered):
     """Scans handed over after the end are an error, not silence; closing twice is none."""
     recorder = Recorder(tmp_path / "a.mcap", manifest)

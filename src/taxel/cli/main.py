@@ -24,14 +24,98 @@ class Verb(Protocol):
         ...
 
 
+def _demo() -> type[Verb]:
+    from taxel.cli.demo import Demo
+
+    return Demo
+
+
 def _simulate() -> type[Verb]:
     from taxel.cli.simulate import Simulate
 
     return Simulate
 
 
+def _record() -> type[Verb]:
+    from taxel.cli.record import Record
+
+    return Record
+
+
+def _recover() -> type[Verb]:
+    from taxel.cli.recover import Recover
+
+    return Recover
+
+
+def _import() -> type[Verb]:
+    from taxel.cli.import_ import Import
+
+    return Import
+
+
+def _info() -> type[Verb]:
+    from taxel.cli.info import Info
+
+    return Info
+
+
+def _view() -> type[Verb]:
+    from taxel.cli.view import View
+
+    return View
+
+
+def _models() -> type[Verb]:
+    from taxel.cli.models import Models
+
+    return Models
+
+
+def _train() -> type[Verb]:
+    from taxel.cli.train import Train
+
+    return Train
+
+
+def _evaluate() -> type[Verb]:
+    from taxel.cli.evaluate import Evaluate
+
+    return Evaluate
+
+
+def _bundle() -> type[Verb]:
+    from taxel.cli.bundle import Bundle
+
+    return Bundle
+
+
+def _live() -> type[Verb]:
+    from taxel.cli.live import Live
+
+    return Live
+
+
+def _bench() -> type[Verb]:
+    from taxel.cli.bench import Bench
+
+    return Bench
+
+
 VERBS: dict[str, tuple[str, Callable[[], type[Verb]]]] = {
+    "demo": ("see the TENG hand work end to end, without hardware", _demo),
     "simulate": ("write recordings of a simulated sensor", _simulate),
+    "record": ("record a source to an MCAP file", _record),
+    "recover": ("save what is sound in a damaged or unfinished recording", _recover),
+    "import": ("turn tables of values, or a public data set, into recordings", _import),
+    "info": ("say what a recording or a folder of them holds", _info),
+    "view": ("look at raw touch, without any model", _view),
+    "models": ("list models and recipes, with their parameter counts", _models),
+    "train": ("train a recogniser on recordings", _train),
+    "evaluate": ("print a published table, or cross-validate on recordings", _evaluate),
+    "bundle": ("turn a trained run into the one file that runs live", _bundle),
+    "live": ("tell what is in the hand, live", _live),
+    "bench": ("measure taxel's figures beside their goals", _bench),
 }
 """Verb → (one line of help, how to get its dataclass)."""
 

@@ -60,10 +60,10 @@ def trials_of(
             end_s=mark.end_s,
             labels={**manifest.labels, **mark.labels},
             groups={
-                "recording": path.stem,
-                "trial": f"{path.stem}#{index}",
                 **manifest.groups,
                 **mark.groups,
+                "recording": path.stem,
+                "trial": f"{path.stem}#{index}",
             },
         )
         for index, mark in enumerate(stretches)

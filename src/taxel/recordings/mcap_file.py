@@ -2,8 +2,8 @@
 
 Every record is the `mcap` package's own; only the content of a chunk and its
 message index come ready-made as numpy bytes. `mcap.writer.Writer` is not
-used: it takes one call a message, keeps a dictionary a chunk until the end,
-and after a full disk it accepts messages silently (docs/decisions/0004).
+used: it takes one call a message, keeps an object a chunk until the end, and
+after a refusal of the disk it drops the chunk and goes on (docs/decisions/0004).
 Knows nothing about sensors, scans or threads.
 """
 

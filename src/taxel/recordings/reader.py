@@ -135,14 +135,15 @@ def list_recordings(path: Path) -> list[Path]:
     """Return the recordings of a data set: a folder's *.mcap by name, or the one file.
 
     Raises:
-        BadRecording: There is none, or an unfinished one lies among them.
+        BadRecording: There is none, or one is unfinished and was not recovered.
     """
     if path.is_file():
         return [path]
     if not path.exists():
         raise BadRecording("a recording or a folder of them", f"{path}, which is not there",
                            "check the path")  # fmt: skip
-    unfinished = sorted(path.glob(f"*.mcap{PART_SUFFIX}"))
+    parts = sorted(path.glob(f"*.mcap{PART_SUFFIX}"))
+    unfinished = [part for part in parts if not part.with_suffix("").exists()]
     if unfinished:
         raise damaged(unfinished[0], "a recording that was not finished")
     found = sorted(path.glob("*.mcap"))

@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import contextlib
 import mmap
+import os
 from collections.abc import Callable, Iterator
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
@@ -101,9 +102,13 @@ def recover(
     """
     if output.exists() and path.exists() and output.samefile(path):
         raise BadInput("another name for the recovered recording", str(output), "change --output")
+    if output.exists() and not overwrite:
+        raise BadInput(
+            "a new file for what is recovered", f"{output}, which exists", "add --overwrite"
+        )
     with _mapped(path) as content:
         manifest = _find_manifest(content, path)
-        return _copy(content, manifest, output, overwrite, progress or (lambda share: None))
+        return _copy(content, manifest, output, progress or (lambda share: None))
 
 
 def _mapped(path: Path) -> mmap.mmap:
@@ -125,12 +130,13 @@ def _copy(
     content: mmap.mmap,
     manifest: Manifest,
     output: Path,
-    overwrite: bool,
     progress: Callable[[float], None],
 ) -> RecoveryReport:
     report = RecoveryReport()
     gaps = _Gaps(manifest.sensor.rate_hz)
-    recorder = Recorder(output, manifest, overwrite=overwrite)
+    # Not `output` itself: its .part is the very file that is most often recovered.
+    scratch = output.with_name(f"{output.stem}.recovering")
+    recorder = Recorder(scratch, manifest, overwrite=True)
     try:
         for piece in _pieces(content):
             progress(piece.end / len(content))
@@ -144,8 +150,10 @@ def _copy(
                 report.was_complete = content[-len(MAGIC) :] == MAGIC
         report.time_lost_s = gaps.lost_s
         recorder.close("recovered")
+        os.replace(scratch, output)
     except BaseException:
         recorder.discard()
+        scratch.unlink(missing_ok=True)
         raise
     return report
 

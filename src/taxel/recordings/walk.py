@@ -65,7 +65,8 @@ def walk(path: Path) -> Iterator[Record]:
 
 def damaged(path: Path, what: str) -> BadRecording:
     """Return the error for a recording that only `taxel recover` can still read."""
-    mended = path.with_name(f"{path.name.split('.')[0]}-recovered.mcap")
+    unfinished = path.name.endswith(".mcap.part") and not path.with_suffix("").exists()
+    mended = path.with_suffix("") if unfinished else path.with_name(f"{path.stem}-recovered.mcap")
     return BadRecording(
         "a complete, undamaged recording",
         f"{path}: {what}",

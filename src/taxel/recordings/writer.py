@@ -12,6 +12,7 @@ from __future__ import annotations
 import contextlib
 import errno
 import json
+import math
 import os
 import threading
 import time
@@ -91,7 +92,10 @@ class Recorder:
         _refuse_existing(path, overwrite)
         try:
             path.parent.mkdir(parents=True, exist_ok=True)
-            self._raw = (opener or _open_unbuffered)(self._part)
+            self._raw = opener(self._part) if opener else _open_unbuffered(self._part, overwrite)
+        except OSError as error:
+            raise self._failed(error) from error
+        try:
             self._file = self._begin()
         except OSError as error:
             self._clear_away()
@@ -140,7 +144,10 @@ class Recorder:
 
         Raises:
             RecordingFailed: The disk refused, now or earlier, or has stood still too long.
+            BadInput: Its times are not finite.
         """
+        if not (math.isfinite(mark.start_s) and math.isfinite(mark.end_s)):
+            raise BadInput("a mark with finite times", f"{mark.start_s}, {mark.end_s}", "mend it")
         self._put(mark, 1)
 
     def flush(self) -> None:
@@ -240,6 +247,8 @@ class Recorder:
                 self._write_batch(batch)
             except OSError as error:
                 self._error = self._failed(error)
+            except Exception as error:  # anything else must be as loud: nobody sees this thread
+                self._error = RecordingFailed(self._line(f"{type(error).__name__}: {error}"))
             with self._change:
                 self._scans_waiting = sum(
                     len(item) if isinstance(item, Samples) else 1 for item in self._waiting
@@ -330,7 +339,7 @@ class Recorder:
 
     def _clear_away(self) -> None:
         """Close and remove the part, where there is one."""
-        with contextlib.suppress(OSError, AttributeError):
+        with contextlib.suppress(OSError):
             self._raw.close()
         with contextlib.suppress(OSError):
             self._part.unlink(missing_ok=True)
@@ -360,8 +369,8 @@ def part_path(path: Path) -> Path:
     return path.with_name(path.name + PART_SUFFIX)
 
 
-def _open_unbuffered(path: Path) -> BinaryIO:
-    return path.open("wb", buffering=0)
+def _open_unbuffered(path: Path, overwrite: bool) -> BinaryIO:
+    return path.open("wb" if overwrite else "xb", buffering=0)
 
 
 def _refuse_existing(path: Path, overwrite: bool) -> None:

@@ -37,7 +37,7 @@ class WindowConfig:
     """A value older than this at a row's time is not used, seconds."""
     gate: float | None = None
     """Only rows with a channel above this count, in the channels' unit; None takes all."""
-    max_gap_s: float = 0.5
+    max_gap_s: float = 0.8
     """Rows further apart than this never share a window, seconds."""
     layout: Literal["A", "B"] = "B"
     """B: a window is `steps` whole scans. A: `steps` × channels single values in a row

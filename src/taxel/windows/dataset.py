@@ -39,7 +39,7 @@ class Dataset:
     config: WindowConfig
     """How the windows were cut."""
     digest: str
-    """SHA-256 over the recordings' contents, hexadecimal."""
+    """SHA-256 over the recordings' values, hexadecimal."""
     notes: tuple[str, ...]
     """What a reader must know: windows left out and why, windows padded."""
 
@@ -101,7 +101,7 @@ def load_dataset(
     digest = hashlib.sha256()
     for file in paths:
         recording = read_recording(file)
-        digest.update(hashlib.sha256(file.read_bytes()).digest())
+        digest.update(recording.samples.values.tobytes())
         sensor = _same_sensor(sensor, recording.manifest.sensor, file)
         _check_channels(sensor, config)
         if not len(recording.samples):

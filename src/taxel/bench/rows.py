@@ -1,0 +1,128 @@
+"""Rows of a bench: a measured value beside its goal, and a store for the slow ones.
+
+Knows nothing about what is measured.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+from collections.abc import Callable, Iterable
+from dataclasses import asdict, dataclass, replace
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Literal
+
+from rich.table import Table
+
+STORE = Path(__file__).with_name("stored")
+"""Where `--full` keeps what takes longer than a few minutes."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Row:
+    """One measured figure."""
+
+    name: str
+    """What was measured; an accuracy's name says its split."""
+    value: float | None
+    """None where it could not be measured; the note says why."""
+    unit: str
+    goal: str
+    """Such as "<= 90", ">= 0.96" or "0.72 … 0.82"; empty where there is none."""
+    ok: bool | None
+    """None where there is no goal, or no value."""
+    note: str = ""
+    """What a reader must know."""
+    stamp: str = ""
+    """Commit, data and command of a stored row; empty for one measured now."""
+
+
+Side = Literal["<=", ">="]
+
+
+def row(name: str, value: float, unit: str, side: Side, limit: float, note: str = "") -> Row:
+    """Return a row with a goal on one side."""
+    ok = value <= limit if side == "<=" else value >= limit
+    return Row(name=name, value=value, unit=unit, goal=f"{side} {limit:g}", ok=ok, note=note)
+
+
+def row_within(
+    name: str, value: float, unit: str, middle: float, off: float, note: str = ""
+) -> Row:
+    """Return a row whose goal is an interval."""
+    low, high = middle - off, middle + off
+    ok = low - 1e-9 <= value <= high + 1e-9
+    return Row(name=name, value=value, unit=unit, goal=f"{low:.2f} … {high:.2f}", ok=ok, note=note)
+
+
+def missing(name: str, unit: str, goal: str, why: str) -> Row:
+    """Return a row that could not be measured here."""
+    return Row(name=name, value=None, unit=unit, goal=goal, ok=None, note=why)
+
+
+def store(bench: str, rows: Iterable[Row], data: str) -> list[Row]:
+    """Keep slow rows with commit, data hash, time and command; return them stamped.
+
+    Args:
+        bench: The bench's name.
+        rows: What was measured.
+        data: Digest of the recordings that were used.
+    """
+    when = datetime.now(UTC).strftime("%Y-%m-%d")
+    stamp = f"commit {_commit()}, data {data[:12]}, {when}, taxel bench {bench} --full"
+    stamped = [replace(one, stamp=stamp) for one in rows]
+    STORE.mkdir(exist_ok=True)
+    path = STORE / f"{bench}.json"
+    temporary = path.with_name(path.name + ".part")
+    temporary.write_text(json.dumps([asdict(one) for one in stamped], indent=1) + "\n")
+    os.replace(temporary, path)
+    return stamped
+
+
+def stored(bench: str) -> list[Row]:
+    """Return the rows that `--full` kept; none where it never ran."""
+    path = STORE / f"{bench}.json"
+    if not path.exists():
+        return []
+    return [Row(**one) for one in json.loads(path.read_text())]
+
+
+def measure(
+    steps: Iterable[tuple[str, Callable[[], list[Row]]]], on_step: Callable[[str], None]
+) -> list[Row]:
+    """Run measurements one after another; each gives one or more rows."""
+    rows: list[Row] = []
+    for name, step in steps:
+        on_step(name)
+        rows += step()
+    return rows
+
+
+def rows_table(rows: list[Row]) -> Table:
+    """Return the rows for the terminal."""
+    table = Table(pad_edge=False)
+    for column in ("figure", "value", "unit", "goal", "", "note"):
+        table.add_column(column, justify="right" if column == "value" else "left")
+    for one in rows:
+        mark = {True: "[green]met[/]", False: "[red]missed[/]", None: "–"}[one.ok]
+        value = "–" if one.value is None else _short(one.value)
+        note = " · ".join(part for part in (one.note, one.stamp) if part)
+        table.add_row(one.name, value, one.unit, one.goal, mark, note)
+    return table
+
+
+def _short(value: float) -> str:
+    return f"{value:,.0f}" if abs(value) >= 1000 else f"{value:.4g}"
+
+
+def _commit() -> str:
+    found = subprocess.run(
+        ["git", "rev-parse", "--short", "HEAD"],
+        capture_output=True,
+        text=True,
+        check=False,
+        cwd=Path(__file__).parent,
+    )
+    return found.stdout.strip() or "unknown"

@@ -1,0 +1,1 @@
+"""What runs live: one checked file."""

@@ -1,0 +1,121 @@
+"""`taxel demo`: the TENG hand end to end on the simulator, and what to look at."""
+
+from __future__ import annotations
+
+import shutil
+import time
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from taxel.cli.printing import console, progress
+from taxel.errors import BadInput
+
+_MARK = "made-by-taxel-demo"
+"""A file of this name marks a folder that the demo may replace."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Demo:
+    """Simulate, train, compare with the thesis, and predict live: about a minute, offline."""
+
+    output: Path = Path("demo")
+    """Folder to write to; an earlier demo's is replaced."""
+    scans_per_class: int = 160_000
+    """Scans of each shape and of each material (the thesis: about 160,000)."""
+    live_seconds: float = 20.0
+    """Seconds of live prediction, on the simulator's own clock."""
+    seed: int = 0
+    """Seed of everything random."""
+
+    def run(self) -> None:
+        """Run all steps."""
+        started = time.monotonic()
+        self._clear()
+        self._say(1, "simulate", "sim://teng: six sessions of grasps, recorded as MCAP")
+        from taxel.cli.simulate import simulate_presets
+
+        simulate_presets(self.output, ("honest",), self.scans_per_class, self.seed)
+        self._say(2, "train and compare", "Table 4.1 of the thesis, on both splits")
+        self._table()
+        self._say(3, "bundle", "one file a recogniser, checked against PyTorch")
+        bundles = [self._bundle(task) for task in ("shape", "material")]
+        self._say(4, "live", f"{self.live_seconds:g} s of grasps it has never seen")
+        self._live(bundles)
+        self._what_to_look_at(time.monotonic() - started)
+
+    def _clear(self) -> None:
+        if self.output.exists():
+            if not (self.output / _MARK).exists():
+                raise BadInput(
+                    "a folder that does not exist yet, or an earlier demo's, for --output",
+                    f"{self.output}, which holds something else",
+                    "choose another with --output",
+                )
+            shutil.rmtree(self.output)
+        self.output.mkdir(parents=True)
+        (self.output / _MARK).touch()
+
+    def _table(self) -> None:
+        from taxel.evaluation.teng_table import TengTableConfig, count_steps, teng_table
+        from taxel.views.report import write_teng_report
+        from taxel.views.results import teng_sections
+
+        config = TengTableConfig(models=("cnn1d", "cnn2d"), seed=self.seed)
+        folders = {"honest": self.output / "honest"}
+        with progress() as bar:
+            task = bar.add_task("starting", total=count_steps(("honest",), config))
+            sections = teng_table(
+                folders, config, lambda line: bar.update(task, description=line, advance=1)
+            )
+        write_teng_report(self.output / "report.html", sections, folders)
+        console.print(teng_sections(sections))
+
+    def _bundle(self, target: str) -> Path:
+        from taxel.bundles.writer import write_bundle
+        from taxel.evaluation.final import train_on_all
+        from taxel.training.recipes import find_recipe
+        from taxel.training.run import save_run
+        from taxel.windows.dataset import load_dataset
+
+        data = self.output / "honest"
+        recipe = replace(find_recipe("teng"), target=target)
+        run = train_on_all(data, recipe, {}, checkpoints=self.output / "checkpoints")
+        save_run(self.output / target, run)
+        windows = load_dataset(data, recipe.window).windows[:1000]
+        path = self.output / f"{target}.taxel"
+        contract = write_bundle(path, run.networks, run.contract, windows.values, windows.mask)
+        console.print(
+            f"  {path}: {path.stat().st_size:,} bytes, {contract.parameters:,} parameters, "
+            f"differs from PyTorch by at most {contract.parity:.0e}"
+        )
+        return path
+
+    def _live(self, bundles: list[Path]) -> None:
+        from taxel.cli.live import Live
+
+        speed = "2" if console.is_terminal else "max"
+        source = f"sim://teng?seed={self.seed + 1}&speed={speed}"
+        Live(
+            bundle=bundles[0], also=tuple(bundles[1:]), source=source, seconds=self.live_seconds
+        ).run()
+
+    def _what_to_look_at(self, seconds: float) -> None:
+        out = self.output
+        console.print(f"\n[bold]done in {seconds:.0f} s.[/] What to look at:")
+        for what, command in (
+            ("the report, in a browser", f"{out}/report.html"),
+            ("raw touch, no model", "taxel view sim://teng --seconds 20"),
+            ("one session's recording", f"taxel info {out}/honest/session-1.mcap"),
+            ("the same live, in your time",
+             f"taxel live {bundles_of(out)} sim://teng --seconds 60"),
+            ("your own sensor", "docs/how-to/own-array.md"),
+        ):  # fmt: skip
+            console.print(f"  {what:<30} {command}", soft_wrap=True)
+
+    def _say(self, number: int, title: str, text: str) -> None:
+        console.print(f"\n[bold]{number}. {title}[/] · {text}")
+
+
+def bundles_of(folder: Path) -> str:
+    """Return the words that name the demo's bundles to `taxel live`."""
+    return f"{folder}/shape.taxel --also {folder}/material.taxel"

@@ -1,0 +1,1 @@
+"""Splits that cannot leak, metrics, baselines, published tables."""

@@ -1,0 +1,1 @@
+"""What may be learned from a recording, and what must stay together."""

@@ -1,0 +1,1 @@
+"""The live path: the stages joined."""

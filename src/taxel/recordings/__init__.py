@@ -1,0 +1,1 @@
+"""Recordings in MCAP: write, read, recover, import (FORMAT.md)."""

@@ -1,0 +1,1 @@
+"""Simulated sensors: pure physics, no files."""

@@ -1,0 +1,153 @@
+"""How four fingers press an object: pressure on each pad, and contact over time.
+
+The hand closes on an object whose size and pose differ from grasp to grasp; the
+object's geometry spreads the pressure over fingers and phalanges. Knows nothing
+about charge, volts or converters.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from taxel.sim import teng_constants as constants
+
+_FINGER_MM = np.array([-33.0, -11.0, 11.0, 33.0])
+"""The fingers' places across the hand, millimetres. Our choice: 22 mm apart."""
+_PHALANX_RAD = np.array([-0.75, 0.0, 0.75])
+"""Where the phalanges meet a round object, angle around it. Our choice."""
+_GIVE_MM = 9.0
+"""How far soft pads and linked fingers follow a surface that falls away. Our choice."""
+
+
+@dataclass(frozen=True, slots=True)
+class Grasp:
+    """What happens in one grasp."""
+
+    shape: str
+    material: str
+    size_mm: float
+    """Half of the object's width."""
+    force_n: float
+    pressure: NDArray[np.float64]
+    """Shape (12,): share of full contact on each pad, about 1 on average."""
+    delay_s: NDArray[np.float64]
+    """Shape (12,): first touch of each pad after the grasp's start."""
+    rise_s: float
+    period_s: float
+    hold_share: float
+    presses: int
+    rest_s: float
+    """Open hand before the grasp."""
+    moving_hz: float
+    """Rate at which a moving object modulates the contact; 0 for a still one."""
+    moving_phase: float
+
+    @property
+    def duration_s(self) -> float:
+        """Rest and presses together, seconds."""
+        return self.rest_s + self.presses * self.period_s
+
+
+def draw_grasp(
+    rng: np.random.Generator,
+    shape: str,
+    material: str,
+    force_n: tuple[float, float],
+    moving: float,
+) -> Grasp:
+    """Draw a grasp; its nuisances do not depend on shape or material.
+
+    Args:
+        rng: The grasp's own generator.
+        shape: One of `SHAPES`.
+        material: One of `MATERIALS`.
+        force_n: Range of the grip force, newtons.
+        moving: Share of grasps whose object moves, 0…1.
+    """
+    size_mm = rng.uniform(28.0, 40.0)
+    across_mm = rng.normal(0.0, 3.0)
+    turned_rad = rng.normal(0.0, 0.06)
+    scatter = np.exp(rng.normal(0.0, constants.GRASP_DEVIATION, 12))
+    pressure = pad_pressure(shape, size_mm, across_mm, turned_rad) * scatter
+    finger_delay = rng.uniform(0.0, constants.FINGER_DELAY_S, 4)
+    low, high = np.log(force_n[0]), np.log(force_n[1])
+    return Grasp(
+        shape=shape,
+        material=material,
+        size_mm=size_mm,
+        force_n=float(np.exp(rng.uniform(low, high))),
+        pressure=pressure,
+        delay_s=np.repeat(finger_delay, 3) + rng.uniform(0.0, 0.01, 12),
+        rise_s=rng.uniform(*constants.RISE_S),
+        period_s=rng.uniform(*constants.PERIOD_S),
+        hold_share=rng.uniform(*constants.HOLD_SHARE),
+        presses=int(rng.integers(constants.PRESSES[0], constants.PRESSES[1] + 1)),
+        rest_s=rng.uniform(*constants.REST_S),
+        moving_hz=rng.uniform(*constants.MOVING_HZ) if rng.random() < moving else 0.0,
+        moving_phase=rng.uniform(0.0, 2 * np.pi),
+    )
+
+
+def pad_pressure(
+    shape: str, size_mm: float, across_mm: float = 0.0, turned_rad: float = 0.0
+) -> NDArray[np.float64]:
+    """Return the pressure on each pad, shape (12,), fingers × phalanges, mean 1.
+
+    Sphere: its surface falls away from the middle fingers, r − √(r² − y²).
+    Cylinder: its axis runs across the fingers, all of which wrap it alike.
+    Rectangle: proximal and distal pads meet an edge, the middle one bridges a
+    flat face.
+
+    Args:
+        shape: One of `SHAPES`.
+        size_mm: Half of the object's width, millimetres.
+        across_mm: How far off the hand's middle the object lies, millimetres.
+        turned_rad: How far it is turned in the hand, radians.
+    """
+    y = _FINGER_MM - across_mm
+    angle = _PHALANX_RAD + turned_rad
+    if shape == "sphere":
+        inside = np.sqrt(np.maximum(size_mm**2 - y**2, 0.0))
+        finger = np.exp(-(size_mm - inside) / _GIVE_MM)
+        phalanx = np.cos(angle) ** 0.5
+    elif shape == "cylinder":
+        finger = np.exp(-np.abs(y * np.sin(turned_rad)) / _GIVE_MM)
+        phalanx = np.cos(0.8 * angle)
+    else:
+        finger = np.exp(-np.abs(y * np.sin(turned_rad)) / _GIVE_MM)
+        edge = size_mm * (np.abs(np.cos(angle)) + np.abs(np.sin(angle)) - 1.0)
+        phalanx = 0.35 + 0.65 * (1.0 - np.exp(-edge / _GIVE_MM))
+    pattern = np.outer(finger, phalanx).ravel()
+    pattern /= pattern.mean()
+    return np.asarray(1.0 + constants.CONTRAST * (pattern - 1.0))
+
+
+def contact_over_time(grasp: Grasp, time_s: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return each pad's contact, shape (n, 12), 0 open … pressure when held.
+
+    Each press rises and falls along a smooth step; the release takes as long as
+    the touch.
+
+    Args:
+        grasp: What happens.
+        time_s: Shape (n,), seconds since the grasp's start (the rest comes first).
+    """
+    since = time_s[:, None] - grasp.rest_s - grasp.delay_s
+    press = np.floor(since / grasp.period_s)
+    phase_s = since - press * grasp.period_s
+    held = _smooth_step(phase_s / grasp.rise_s) - _smooth_step(
+        (phase_s - grasp.hold_share * grasp.period_s) / grasp.rise_s
+    )
+    held *= (press >= 0) & (press < grasp.presses)
+    if grasp.moving_hz:
+        turn = 2 * np.pi * grasp.moving_hz * time_s + grasp.moving_phase
+        held *= (1.0 + constants.MOVING_DEPTH * np.sin(turn))[:, None]
+    return np.asarray(held * grasp.pressure)
+
+
+def _smooth_step(x: NDArray[np.float64]) -> NDArray[np.float64]:
+    clipped = np.clip(x, 0.0, 1.0)
+    return np.asarray(clipped * clipped * (3.0 - 2.0 * clipped))

@@ -1,0 +1,267 @@
+"""The simulated TENG hand: sessions of grasps, as data sets and as an endless stream.
+
+Pure physics: knows nothing about files, sources or models.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from taxel.signals import Mark, Samples, SensorInfo, flag_values
+from taxel.sim import teng_constants as constants
+from taxel.sim.teng_constants import MATERIALS, SENSORS, SHAPES, SIM_VERSION
+from taxel.sim.teng_contact import Grasp, contact_over_time, draw_grasp
+from taxel.sim.teng_electrics import Sensors, Session, draw_session, full_voltage, quantise
+
+Preset = Literal["honest", "paper"]
+Wiring = Literal["three-boards", "one-board"]
+Range = tuple[float, float]
+
+_FULL_SCALE_V = 3.3
+"""Source: TENG thesis, section 3.6.1."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TengHandConfig:
+    """What is simulated."""
+
+    preset: Preset = "honest"
+    """honest: sessions shared by all classes; paper: one session a class, as in the thesis,
+    whose nuisances are then a fingerprint of the class (leaky)."""
+    seed: int = 0
+    wiring: Wiring = "three-boards"
+    """one-board: all 12 channels on one converter, with hum and ghosts."""
+    rate_hz: float = 1000.0
+    """Scans a second."""
+    scans_per_class: int = 160_000
+    """Scans of each shape, and of each material. Source: TENG thesis, section 3.5.1."""
+    sessions: int = 6
+    """Sessions of the honest preset."""
+    force_n: Range = (0.5, 5.0)
+    """Grip force, newtons. Source: thesis, section 3.4."""
+    temperature_c: Range = (20.0, 35.0)
+    """Source: thesis, section 4.4."""
+    humidity_pct: Range = (30.0, 65.0)
+    """Relative humidity, percent."""
+    dust: Range = (0.0, 0.3)
+    """Share of the pads covered, 0…1."""
+    moisture: Range = (0.0, 0.1)
+    """Share of the pads wet, 0…1."""
+    moving: float = 0.1
+    """Share of grasps whose object moves, 0…1."""
+    reference_v: float = 3.3
+    """The converter's reference, volts: 3.3 or 5."""
+
+    def __post_init__(self) -> None:
+        ranges = (self.force_n, self.temperature_c, self.humidity_pct, self.dust, self.moisture)
+        if any(low > high for low, high in ranges):
+            raise ValueError("needed ranges as (low, high); got one whose low is above its high")
+        if self.rate_hz <= 0 or self.scans_per_class < 1 or self.sessions < 1:
+            raise ValueError("needed a rate, scans a class and sessions above 0")
+        if self.force_n[0] <= 0:
+            raise ValueError(f"needed a force above 0 N; got {self.force_n[0]} N")
+
+
+@dataclass(frozen=True, slots=True)
+class SimulatedSession:
+    """One session, finished."""
+
+    name: str
+    samples: Samples
+    marks: list[Mark]
+    """One a grasp, from first touch until the voltage has died away."""
+    details: dict[str, str]
+    """The session's nuisances, for the manifest."""
+
+
+def sensor_info(config: TengHandConfig) -> SensorInfo:
+    """Return what the simulated array is."""
+    return SensorInfo(
+        name="teng",
+        channels=SENSORS,
+        units=("V",) * len(SENSORS),
+        rate_hz=config.rate_hz,
+        # The largest reading: one count below the reference, or 3.3 V as a 5 V reference has it.
+        full_scale=float(quantise(np.array([_FULL_SCALE_V]), config.reference_v)[0]),
+        serial=f"sim-teng-{SIM_VERSION}",
+        details={
+            "wiring": config.wiring,
+            "reference_v": str(config.reference_v),
+            "seed": str(config.seed),
+            "simulator": f"taxel sim teng {SIM_VERSION}",
+        },
+    )
+
+
+def simulate_sessions(config: TengHandConfig) -> Iterator[SimulatedSession]:
+    """Yield the data set, session after session.
+
+    honest: every session holds all nine combinations in a shuffled order; a third
+    of the scans belongs to each shape and to each material. paper: three
+    sessions of one shape each (plastic) and three of one material each (cylinders),
+    marked with the group "task".
+    """
+    if config.preset == "paper":
+        plan = [("shape", shape, "plastic") for shape in SHAPES]
+        plan += [("material", "cylinder", material) for material in MATERIALS]
+        for index, (task, shape, material) in enumerate(plan):
+            name = f"{task}-{shape if task == 'shape' else material}"
+            groups = {"session": name, "task": task}
+            yield _session(config, index, name, [(shape, material)], config.scans_per_class, groups)
+        return
+    every = [(shape, material) for shape in SHAPES for material in MATERIALS]
+    scans = len(SHAPES) * config.scans_per_class
+    edges = np.linspace(0, scans, config.sessions + 1).round().astype(int)
+    for index in range(config.sessions):
+        name = f"session-{index + 1}"
+        count = int(edges[index + 1] - edges[index])
+        yield _session(config, index, name, every, count, {"session": name})
+
+
+class GraspStream:
+    """An endless session, grasp by grasp, for live sources.
+
+    Args:
+        config: What is simulated.
+        shape: Only this shape; all in a shuffled order unless given.
+        material: Only this material; all unless given.
+
+    Raises:
+        ValueError: There is no such shape or material.
+    """
+
+    def __init__(
+        self, config: TengHandConfig, *, shape: str | None = None, material: str | None = None
+    ) -> None:
+        for name, known in ((shape, SHAPES), (material, MATERIALS)):
+            if name is not None and name not in known:
+                raise ValueError(f"needed one of {', '.join(known)}; got {name!r}")
+        shapes, materials = (shape,) if shape else SHAPES, (material,) if material else MATERIALS
+        self.info = sensor_info(config)
+        self._maker = _Maker(
+            config, 0, [(s, m) for s in shapes for m in materials], {"session": "live"}
+        )
+
+    def next_block(self) -> tuple[Samples, list[Mark]]:
+        """Return the scans and the mark of the next grasp; time goes on from 0."""
+        return self._maker.grasp()
+
+
+class _Maker:
+    """Make one session's grasps; each has a generator of its own."""
+
+    def __init__(
+        self,
+        config: TengHandConfig,
+        index: int,
+        combinations: list[tuple[str, str]],
+        groups: dict[str, str],
+    ) -> None:
+        own = np.random.SeedSequence([config.seed, index, 0 if config.preset == "honest" else 1])
+        first, noise, order, self._grasps = own.spawn(4)
+        self.session = draw_session(
+            np.random.default_rng(first),
+            config.temperature_c,
+            config.humidity_pct,
+            config.dust,
+            config.moisture,
+        )
+        self._config = config
+        self._groups = groups
+        self._combinations = combinations
+        self._order_rng = np.random.default_rng(order)
+        self._order: list[int] = []
+        self._noise = np.random.default_rng(noise)
+        self._sensors = Sensors(
+            self.session, config.rate_hz, config.wiring, config.reference_v, self._noise
+        )
+        self._scan = 0
+        self._count = 0
+
+    def grasp(self) -> tuple[Samples, list[Mark]]:
+        """Return the next grasp's scans and its mark."""
+        if not self._order:
+            self._order = list(self._order_rng.permutation(len(self._combinations)))
+        shape, material = self._combinations[self._order.pop()]
+        rng = np.random.default_rng(self._grasps.spawn(1)[0])
+        grasp = draw_grasp(rng, shape, material, self._config.force_n, self._config.moving)
+        rate_hz = self._config.rate_hz
+        n = round(grasp.duration_s * rate_hz)
+        contact = contact_over_time(grasp, np.arange(n) / rate_hz)
+        volts = full_voltage(self.session, material, grasp.force_n)
+        values = self._sensors.read(contact * volts * self.session.gain)
+        samples = self._samples(values)
+        self._count += 1
+        return samples, [self._mark(grasp, samples)]
+
+    def _samples(self, values: NDArray[np.float32]) -> Samples:
+        n, config = len(values), self._config
+        counter = self._scan + np.arange(n)
+        true_s = counter / config.rate_hz
+        delay_s = self._noise.exponential(constants.USB_DELAY_S, n)
+        self._scan += n
+        return Samples(
+            values=values,
+            counter=counter.astype(np.int64),
+            device_s=true_s * (1 + self.session.clock_ppm * 1e-6),
+            arrival_s=np.maximum.accumulate(true_s + delay_s),
+            fitted_s=true_s,
+            validity=flag_values(values, sensor_info(config).full_scale),
+        )
+
+    def _mark(self, grasp: Grasp, samples: Samples) -> Mark:
+        start_s = float(samples.fitted_s[0]) + grasp.rest_s + float(grasp.delay_s.min())
+        return Mark(
+            start_s=start_s,
+            end_s=float(samples.fitted_s[-1]),
+            labels={"shape": grasp.shape, "material": grasp.material},
+            groups={
+                **self._groups,
+                "grasp": f"{self._groups['session']}/{self._count}",
+                "object": f"{grasp.shape}-{grasp.material}",
+                "force_n": f"{grasp.force_n:.2f}",
+                "size_mm": f"{grasp.size_mm:.1f}",
+                "moving": "yes" if grasp.moving_hz else "no",
+            },
+        )
+
+
+def _session(
+    config: TengHandConfig,
+    index: int,
+    name: str,
+    combinations: list[tuple[str, str]],
+    scans: int,
+    groups: dict[str, str],
+) -> SimulatedSession:
+    maker = _Maker(config, index, combinations, groups)
+    parts: list[Samples] = []
+    marks: list[Mark] = []
+    count = 0
+    while count < scans:
+        samples, own = maker.grasp()
+        parts.append(samples)
+        marks += own
+        count += len(samples)
+    samples = Samples.join(parts)[:scans]
+    end_s = float(samples.fitted_s[-1])
+    marks = [mark for mark in marks if mark.end_s <= end_s]
+    return SimulatedSession(name, samples, marks, _details(maker.session))
+
+
+def _details(session: Session) -> dict[str, str]:
+    return {
+        "temperature_c": f"{session.temperature_c:.1f}",
+        "humidity_pct": f"{session.humidity_pct:.1f}",
+        "dust": f"{session.dust:.3f}",
+        "moisture": f"{session.moisture:.3f}",
+        "time_constant_s": f"{session.time_constant_s:.3f}",
+        "capacitance_pf": f"{session.capacitance_pf:.0f}",
+        "hum_v": f"{session.hum_v:.3f}",
+        "clock_ppm": f"{session.clock_ppm:.1f}",
+    }

@@ -1,0 +1,1 @@
+"""Where samples come from: simulators, replays and, later, boards and cameras."""

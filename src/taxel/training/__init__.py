@@ -1,0 +1,1 @@
+"""One training loop, recipes, checkpoints, runs."""

@@ -1,0 +1,1 @@
+"""From samples to windows: grid, gate, cutting, scaling."""
