@@ -95,7 +95,7 @@ def test_augmentation_leaves_padding_zero() -> None:
     mask = torch.tensor([[True, True, False], [True, True, True]])
     values[0, 2] = 0
     changed = Augment(noise=1.0, gain=0.5, channel_gain=0.5, offset=1.0).apply(
-        values, mask, torch.Generator().manual_seed(0)
+        values, mask, torch.ones(2), 3, torch.Generator().manual_seed(0)
     )
 
     assert (changed[0, 2] == 0).all()
@@ -105,4 +105,20 @@ def test_augmentation_leaves_padding_zero() -> None:
 def test_no_augmentation_changes_nothing() -> None:
     values = torch.rand(2, 3, 2)
 
-    assert Augment().apply(values, torch.ones(2, 3, dtype=torch.bool), torch.Generator()) is values
+    mask = torch.ones(2, 3, dtype=torch.bool)
+
+    assert Augment().apply(values, mask, torch.ones(2), 3, torch.Generator()) is values
+
+
+def test_a_stretch_keeps_a_straight_line_straight() -> None:
+    """Time-warp of a ramp is a ramp, at most 20 % steeper or flatter."""
+    ramp = torch.arange(30.0)[None, :, None].repeat(50, 1, 1)
+    mask = torch.ones(50, 30, dtype=torch.bool)
+
+    out = Augment(warp=0.2).apply(ramp, mask, torch.ones(1), 24, torch.Generator().manual_seed(0))
+
+    steps = out.diff(dim=1)
+    assert out.shape == (50, 24, 1)
+    assert torch.allclose(steps, steps[:, :1], atol=1e-4)
+    assert 1 / 1.2 - 1e-3 <= float(steps.min()) < 0.95
+    assert 1.05 < float(steps.max()) <= 1.2 + 1e-3

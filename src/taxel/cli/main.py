@@ -9,6 +9,12 @@ from __future__ import annotations
 
 import os
 import sys
+
+# One thread for each engine, before any is imported: small networks gain nothing from a
+# second, and two waiting OpenMP threads collapse on a busy machine (docs/decisions/0002).
+os.environ.setdefault("OMP_NUM_THREADS", "1")
+os.environ.setdefault("OMP_WAIT_POLICY", "PASSIVE")
+
 from collections.abc import Callable, Sequence
 from typing import Protocol
 

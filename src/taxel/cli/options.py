@@ -25,7 +25,8 @@ class RecipeOptions:
     target: str | None = None
     """The label to tell, such as shape, material, sign or object."""
     split: str | None = None
-    """How accuracy is measured: random (leaks), group:KEY or order:KEY:LAST."""
+    """How accuracy is measured: random (leaks), group:KEY or
+    order:KEY:LAST[:END] (train up to LAST, test above it, up to END)."""
     steps: int | None = None
     """Rows in a window."""
     stride: int | None = None

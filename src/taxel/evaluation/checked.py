@@ -13,7 +13,7 @@ from taxel.evaluation.baselines import trivial_accuracies
 from taxel.evaluation.crossval import Job, Pooled, pool, run_fold
 from taxel.evaluation.splits import Split, WindowFold, parse_split
 from taxel.training.recipes import Recipe
-from taxel.windows.dataset import Dataset, load_dataset, with_stride
+from taxel.windows.dataset import Dataset, load_dataset, recut
 
 BARS = ("minirocket", "extra-trees")
 """Library models that every result is printed against."""
@@ -80,7 +80,7 @@ def _overlapping(path: Path, dataset: Dataset, split: Split, recipe: Recipe) -> 
     """Return the training windows with their own stride, where the split allows overlap."""
     if recipe.train_stride is None or isinstance(split.folds[0], WindowFold):
         return None
-    return with_stride(path, dataset, recipe.train_stride)
+    return recut(path, dataset, recipe.train_stride, recipe.train_steps or recipe.window.steps)
 
 
 def _pooled(

@@ -77,6 +77,7 @@ def fit_model(
     full_scale: float | None,
     job: Job,
     *,
+    steps: int | None = None,
     validation: tuple[Windows, NDArray[np.intp]] | None = None,
     on_epoch: Callable[[Epoch], None] | None = None,
 ) -> Fitted:
@@ -88,6 +89,7 @@ def fit_model(
         classes: How many classes there are.
         full_scale: The sensor's largest value, None where unknown.
         job: What to fit.
+        steps: Rows that the network takes, where the training windows are longer.
         validation: Windows to watch while training.
         on_epoch: Called after each epoch.
     """
@@ -101,7 +103,7 @@ def fit_model(
         estimator = model.build(job.train.seed)
         estimator.fit(scaled, windows.mask, y)
         return Fitted(estimator, scaling, [])
-    _, steps, channels = scaled.shape
+    rows, channels = steps or scaled.shape[1], scaled.shape[2]
     watched = None
     if validation is not None:
         own, own_y = validation
@@ -110,11 +112,12 @@ def fit_model(
     history: list[Epoch] = []
     for member in range(job.members):
         config = replace(job.train, seed=job.train.seed + member)
-        network = new_network(lambda: model.build(steps, channels, classes), config.seed)
+        network = new_network(lambda: model.build(rows, channels, classes), config.seed)
         history += fit(
             network,
             Labelled(scaled, windows.mask, y),
             config,
+            steps=rows,
             validation=watched,
             on_epoch=on_epoch,
         )
@@ -153,6 +156,7 @@ def run_fold(
         len(dataset.classes(job.target)),
         dataset.sensor.full_scale,
         job,
+        steps=dataset.config.steps,
         on_epoch=on_epoch,
     )
     probabilities = fitted.probabilities(dataset.windows.values[test], dataset.windows.mask[test])

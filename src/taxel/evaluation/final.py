@@ -16,7 +16,7 @@ from taxel.models.catalogue import find_network
 from taxel.training.loop import Epoch, Labelled, fit, new_network
 from taxel.training.recipes import Recipe
 from taxel.training.run import Run, contract_of
-from taxel.windows.dataset import load_dataset, with_stride
+from taxel.windows.dataset import load_dataset, recut
 from taxel.windows.scaling import fit_scaling
 
 
@@ -47,7 +47,8 @@ def train_on_all(
     dataset = load_dataset(path, recipe.window, target=recipe.target)
     source = dataset
     if recipe.train_stride is not None:
-        source = with_stride(path, dataset, recipe.train_stride)
+        rows = recipe.train_steps or recipe.window.steps
+        source = recut(path, dataset, recipe.train_stride, rows)
     windows, y = source.windows, source.class_numbers(recipe.target)
     full_scale = dataset.sensor.full_scale
     kind = model.scaling
@@ -63,10 +64,10 @@ def train_on_all(
     history: list[Epoch] = []
     for member in range(recipe.members):
         config = replace(recipe.train, seed=recipe.train.seed + member)
-        steps, channels = data.values.shape[1:]
+        steps, channels = recipe.window.steps, data.values.shape[2]
         network = new_network(lambda: model.build(steps, channels, classes), config.seed)  # noqa: B023
         checkpoint = checkpoints / f"member-{member}.safetensors"
-        history = fit(network, data, config, checkpoint=checkpoint, on_epoch=on_epoch)
+        history = fit(network, data, config, steps=steps, checkpoint=checkpoint, on_epoch=on_epoch)
         networks.append(network)
     shutil.rmtree(checkpoints)
     contract = contract_of(dataset, recipe.target, recipe.model, tuple(networks), scaling, accuracy)

@@ -147,8 +147,8 @@ def by_group(
     return Split(f"{key} held out", parts, final_fold)
 
 
-def by_order(dataset: Dataset, key: str, last: float) -> Split:
-    """Train on groups numbered up to `last`, test on those above.
+def by_order(dataset: Dataset, key: str, last: float, end: float = np.inf) -> Split:
+    """Train on groups numbered up to `last`, test on those above it and up to `end`.
 
     Raises:
         BadSplit: The group is not a number, or one side is empty.
@@ -159,19 +159,20 @@ def by_order(dataset: Dataset, key: str, last: float) -> Split:
         raise BadSplit(f"numbers in the group {key!r}", f"text ({error})", "choose another group") \
             from error  # fmt: skip
     everyone = np.arange(len(numbers))
-    before, after = everyone[numbers <= last], everyone[numbers > last]
+    before = everyone[numbers <= last]
+    after = everyone[(numbers > last) & (numbers <= end)]
     if not len(before) or not len(after):
         raise BadSplit(
             f"trials on both sides of {key} = {last:g}",
             f"{len(before)} and {len(after)}",
             f"choose a number between {numbers.min():g} and {numbers.max():g}",
         )
-    name = f"{key} up to {last:g} → above"
+    name = f"{key} up to {last:g} → above" + (f", up to {end:g}" if np.isfinite(end) else "")
     return Split(name, (_fold(name, before, after),), None)
 
 
 def parse_split(text: str, dataset: Dataset, target: str, folds: int, seed: int) -> Split:
-    """Return the split that a text names: "random", "group:KEY" or "order:KEY:LAST".
+    """Return the split that a text names: "random", "group:KEY" or "order:KEY:LAST[:END]".
 
     Raises:
         BadSplit: The text names none, or the data cannot be split so.
@@ -181,15 +182,17 @@ def parse_split(text: str, dataset: Dataset, target: str, folds: int, seed: int)
         return random_windows(dataset, target, folds, seed, test=0.0)
     if words[0] == "group" and len(words) == 2:
         return by_group(dataset, target, words[1], folds, seed)
-    if words[0] == "order" and len(words) == 3:
+    if words[0] == "order" and len(words) in (3, 4):
         try:
-            last = float(words[2])
+            limits = [float(word) for word in words[2:]]
         except ValueError:
-            last = np.nan
-        if np.isfinite(last):
-            return by_order(dataset, words[1], last)
+            limits = []
+        if limits:
+            return by_order(dataset, words[1], *limits)
     raise BadSplit(
-        "a split: random, group:KEY or order:KEY:LAST", repr(text), "for example group:session"
+        "a split: random, group:KEY, order:KEY:LAST or order:KEY:LAST:END",
+        repr(text),
+        "for example group:session",
     )
 
 

@@ -15,7 +15,9 @@ from torch import nn
 from taxel.errors import BadInput
 from taxel.models.cnn1d import Cnn1d
 from taxel.models.cnn2d import Cnn2d
+from taxel.models.forest import CourseForest
 from taxel.models.library import Estimator, ExtraTrees, MiniRocketRidge
+from taxel.models.touchnet import TouchNet
 from taxel.windows.scaling import ScalingKind
 
 
@@ -59,6 +61,18 @@ MODELS: dict[str, Network | Baseline] = {
         source="TENG thesis, section 3.6; sizes: docs/decisions/0007",
         build=Cnn2d,
         scaling="full-scale",
+    ),
+    "touchnet": Network(
+        summary="residual 1D CNN over four views of each channel, for any array",
+        source="ours, docs/decisions/0011",
+        build=TouchNet,
+        scaling="none",
+    ),
+    "course-forest": Network(
+        summary="extremely randomised trees on each channel's course, for short sequences",
+        source="Geurts et al., Machine Learning 2006; docs/decisions/0011",
+        build=CourseForest,
+        scaling="none",
     ),
     "minirocket": Baseline(
         summary="MiniRocket features and a ridge classifier",

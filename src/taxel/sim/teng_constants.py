@@ -52,7 +52,7 @@ SECOND_SENSOR_GAIN = 0.06
 """The second sensor is nearly silent. Source: thesis, section 4.1."""
 GAIN_DEVIATION = 0.12
 """Spread of a session's sensor gains, logarithmic. Source: measured study, PHYSICS."""
-CHARGE_DEVIATION = 0.15
+CHARGE_DEVIATION = 0.0
 """Spread of a session's charge, logarithmic: wear and cleaning of all pads. Tuned, 0005."""
 FIRST_SECOND_CORRELATION = 0.9
 """The first and second sensor are alike. Source: thesis, section 4.1."""

@@ -42,8 +42,20 @@ def draw_session(
     humidity_pct: tuple[float, float],
     dust: tuple[float, float],
     moisture: tuple[float, float],
+    place: tuple[float, float, float] | None = None,
 ) -> Session:
-    """Draw a session's nuisances from ranges (low, high)."""
+    """Draw a session's nuisances from ranges (low, high).
+
+    Args:
+        rng: The session's own generator.
+        temperature_c: Range, °C.
+        humidity_pct: Range, percent.
+        dust: Range, 0…1.
+        moisture: Range, 0…1.
+        place: Where in their ranges temperature, humidity and time constant lie,
+            0…1 each; anywhere unless given. A data set spreads its sessions evenly.
+    """
+    warm, damp, slow = place if place is not None else rng.uniform(0.0, 1.0, 3)
     spread = rng.normal(0.0, constants.GAIN_DEVIATION, 12)
     rho = constants.FIRST_SECOND_CORRELATION
     spread[1] = rho * spread[0] + np.sqrt(1 - rho**2) * spread[1]
@@ -51,16 +63,20 @@ def draw_session(
     gain[1] *= constants.SECOND_SENSOR_GAIN
     return Session(
         gain=gain,
-        time_constant_s=rng.uniform(*constants.TIME_CONSTANT_S),
+        time_constant_s=_between(constants.TIME_CONSTANT_S, slow),
         capacitance_pf=rng.uniform(*constants.CAPACITANCE_PF),
-        temperature_c=rng.uniform(*temperature_c),
-        humidity_pct=rng.uniform(*humidity_pct),
+        temperature_c=_between(temperature_c, warm),
+        humidity_pct=_between(humidity_pct, damp),
         dust=rng.uniform(*dust),
         moisture=rng.uniform(*moisture),
         hum_v=rng.uniform(*constants.HUM_V),
         hum_phase=rng.uniform(0, 2 * np.pi, 12),
         clock_ppm=rng.uniform(-constants.CLOCK_PPM, constants.CLOCK_PPM),
     )
+
+
+def _between(limits: tuple[float, float], place: float) -> float:
+    return float(limits[0] + (limits[1] - limits[0]) * place)
 
 
 def full_voltage(session: Session, material: str, force_n: float) -> float:

@@ -109,18 +109,43 @@ def simulate_sessions(config: TengHandConfig) -> Iterator[SimulatedSession]:
     if config.preset == "paper":
         plan = [("shape", shape, "plastic") for shape in SHAPES]
         plan += [("material", "cylinder", material) for material in MATERIALS]
+        # One laboratory in one season: the middle fifth of each range.
+        places = [
+            (0.4 + 0.2 * a, 0.4 + 0.2 * b, 0.4 + 0.2 * c)
+            for a, b, c in _spread_evenly(len(plan), config.seed)
+        ]
         for index, (task, shape, material) in enumerate(plan):
             name = f"{task}-{shape if task == 'shape' else material}"
             groups = {"session": name, "task": task}
-            yield _session(config, index, name, [(shape, material)], config.scans_per_class, groups)
+            yield _session(
+                config,
+                index,
+                name,
+                [(shape, material)],
+                config.scans_per_class,
+                groups,
+                places[index],
+            )
         return
     every = [(shape, material) for shape in SHAPES for material in MATERIALS]
     scans = len(SHAPES) * config.scans_per_class
     edges = np.linspace(0, scans, config.sessions + 1).round().astype(int)
+    places = _spread_evenly(config.sessions, config.seed)
     for index in range(config.sessions):
         name = f"session-{index + 1}"
         count = int(edges[index + 1] - edges[index])
-        yield _session(config, index, name, every, count, {"session": name})
+        yield _session(config, index, name, every, count, {"session": name}, places[index])
+
+
+def _spread_evenly(sessions: int, seed: int) -> list[tuple[float, float, float]]:
+    """Return each session's place in three ranges: one in each equal part of each range.
+
+    Six sessions drawn freely can all be humid; a laboratory would spread them.
+    """
+    rng = np.random.default_rng([seed, sessions])
+    parts = np.stack([rng.permutation(sessions) for _ in range(3)], axis=1)
+    places = (parts + rng.uniform(0.0, 1.0, parts.shape)) / sessions
+    return [(float(a), float(b), float(c)) for a, b, c in places]
 
 
 class GraspStream:
@@ -161,6 +186,7 @@ class _Maker:
         index: int,
         combinations: list[tuple[str, str]],
         groups: dict[str, str],
+        place: tuple[float, float, float] | None = None,
     ) -> None:
         own = np.random.SeedSequence([config.seed, index, 0 if config.preset == "honest" else 1])
         first, noise, order, self._grasps = own.spawn(4)
@@ -170,6 +196,7 @@ class _Maker:
             config.humidity_pct,
             config.dust,
             config.moisture,
+            place,
         )
         self._config = config
         self._groups = groups
@@ -238,8 +265,9 @@ def _session(
     combinations: list[tuple[str, str]],
     scans: int,
     groups: dict[str, str],
+    place: tuple[float, float, float],
 ) -> SimulatedSession:
-    maker = _Maker(config, index, combinations, groups)
+    maker = _Maker(config, index, combinations, groups, place)
     parts: list[Samples] = []
     marks: list[Mark] = []
     count = 0

@@ -11,18 +11,21 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from pathlib import Path
-from urllib.parse import parse_qsl, urlsplit
+from urllib.parse import parse_qsl
 
 from taxel.clock import Clock, SystemClock
-from taxel.errors import BadSource
+from taxel.errors import BadSource, MissingExtra
 from taxel.sources.contract import Source
 
 
 def _open_sim(name: str, options: dict[str, str], clock: Clock) -> Source:
-    from taxel.sources.sim_teng import SimTeng
-
     if name != "teng":
-        raise BadSource("a simulator: sim://teng", f"sim://{name}", "see docs/reference/sources.md")
+        raise BadSource("a simulator that exists: sim://teng", f"sim://{name}", "mend the address")
+    try:
+        from taxel.sources.sim_teng import SimTeng
+    except ModuleNotFoundError as error:
+        raise MissingExtra(error.name or "scipy", "sim", "the simulators") from error
+
     return SimTeng(options, clock)
 
 
@@ -38,55 +41,67 @@ SCHEMES: dict[str, Callable[[str, dict[str, str], Clock], Source]] = {
 }
 """Scheme → how to open it: (what follows ://, options, clock) → source."""
 
+_HURRIED = ("sim", "replay")
+"""Schemes that can run faster than the world does."""
+
 
 def open_source(url: str, clock: Clock | None = None) -> Source:
     """Open a source; use it in a `with` block.
 
     Args:
-        url: An address as above, or the file of a recording.
+        url: An address as above, or the file of a recording. What follows :// is taken as it
+            stands, up to the first question mark.
         clock: The host's clock unless given.
 
     Raises:
         BadSource: The address is wrong, or an option of it.
         BadRecording: A recording to replay cannot be read.
+        MissingExtra: The source needs a package that is not installed.
     """
-    clock = clock or SystemClock()
-    if "://" not in url:
-        if url.endswith(".mcap") or Path(url).exists():
-            return _open_replay(url, {}, clock)
-        raise _unknown(url)
-    parts = urlsplit(url)
-    if parts.scheme not in SCHEMES:
-        raise _unknown(url)
-    try:
-        pairs = parse_qsl(parts.query, keep_blank_values=True, strict_parsing=bool(parts.query))
-    except ValueError as error:
-        raise BadSource(
-            "options as key=value&key=value", repr(parts.query), "mend the address"
-        ) from error
-    return SCHEMES[parts.scheme](parts.netloc + parts.path, dict(pairs), clock)
+    scheme, name, options = _split(url)
+    return SCHEMES[scheme](name, options, clock or SystemClock())
 
 
-def read_speed(options: dict[str, str]) -> float:
-    """Take "speed" out of the options: a factor of real time, infinity for "max".
+def at_full_speed(url: str) -> str:
+    """Return the address with speed=max, where it names no speed and is no real device's.
 
     Raises:
-        BadSource: It is no number above 0.
+        BadSource: The address is wrong.
     """
-    text = options.pop("speed", "1")
-    try:
-        speed = float("inf") if text == "max" else float(text)
-    except ValueError:
-        speed = 0.0
-    if not speed > 0:
-        raise BadSource("speed as a number above 0, or max", repr(text), "for example speed=2")
-    return speed
-
-
-def _unknown(url: str) -> BadSource:
-    known = ", ".join(f"{scheme}://" for scheme in SCHEMES)
-    return BadSource(
-        f"an address that starts with one of {known}, or a recording's file",
-        repr(url),
-        "for example sim://teng",
+    scheme, name, options = _split(url)
+    if scheme not in _HURRIED or "speed" in options:
+        return url
+    return f"{scheme}://{name}?" + "&".join(
+        f"{key}={value}" for key, value in {**options, "speed": "max"}.items()
     )
+
+
+def _split(url: str) -> tuple[str, str, dict[str, str]]:
+    """Return scheme, what follows it, and the options.
+
+    Raises:
+        BadSource: It is no address.
+    """
+    scheme, found, rest = url.partition("://")
+    if not found:
+        if url and Path(url).exists():
+            return "replay", url, {}
+        scheme, rest = "replay", url
+    name, _, query = rest.partition("?")
+    if scheme not in SCHEMES or not name or not (found or name.endswith(".mcap")):
+        known = ", ".join(f"{scheme}://" for scheme in SCHEMES)
+        raise BadSource(
+            f"an address that starts with one of {known}, or a recording's file",
+            repr(url),
+            "try sim://teng",
+        )
+    try:
+        pairs = parse_qsl(query, keep_blank_values=True, strict_parsing=bool(query))
+    except ValueError as error:
+        raise BadSource(
+            "options as key=value&key=value", repr(query), "mend the address"
+        ) from error
+    options = dict(pairs)
+    if len(options) < len(pairs):
+        raise BadSource("each option once", repr(query), "mend the address")
+    return scheme, name, options

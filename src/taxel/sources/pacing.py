@@ -5,98 +5,144 @@ Knows nothing about where samples come from.
 
 from __future__ import annotations
 
-from collections import deque
+from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from taxel.clock import Clock
+from taxel.errors import BadSource
 from taxel.signals import Mark, Samples
 
-_BLOCK_S = 0.005
-"""Shortest wait for the next scans, seconds: 5 scans at 1 kHz come together, as over USB."""
-_BURST = 4096
-"""Scans given at once when the source runs as fast as possible."""
+Stretch = tuple[Samples, list[Mark]]
+"""The next part of a stream, on the stream's own clock; either half may be empty."""
+
+_BUNDLE_S = 0.005
+"""Scans that come within this time are given together, as USB does: 5 at 1 kHz. Our choice."""
+_BURST_SCANS = 4096
+"""Scans given at once when the source runs as fast as possible. Our choice."""
+
+
+def read_speed(options: dict[str, str]) -> float:
+    """Take "speed" out of an address's options: a factor of real time, infinity for "max".
+
+    Raises:
+        BadSource: It is no number above 0.
+    """
+    text = options.pop("speed", "1")
+    try:
+        speed = float("inf") if text == "max" else float(text)
+    except ValueError:
+        speed = 0.0
+    if not speed > 0:
+        raise BadSource(
+            "speed as a number above 0, or max", repr(text), "write for example speed=2"
+        )
+    return speed
 
 
 class Pacer:
-    """A queue of samples and marks that lets out what is due.
+    """Lets out a stream's samples and marks as they fall due.
 
-    Times of the stream are moved so that its first scan falls on the moment of
-    opening; at a speed other than 1 they keep their spacing, and only their
-    release is hurried or slowed.
+    The stream's clock is moved so that its first scan lies at the moment of
+    opening. At a speed other than 1 all stamps keep their spacing; only the
+    release is hurried or slowed. A scan falls due at its arrival, so the
+    stream's own jitter is kept. Stretches are fetched one at a time, when the
+    one before is used up: memory is that of a stretch, or of what fell due
+    while nobody read.
 
     Args:
-        clock: The clock to wait on.
-        speed: A factor of real time; infinity gives all at once.
+        stretches: The stream, oldest first; it may be endless.
         channels: Number of channels.
+        clock: The clock to wait on.
+        speed: A factor of real time; infinity gives all that is there.
     """
 
-    def __init__(self, clock: Clock, speed: float, channels: int) -> None:
+    def __init__(
+        self, stretches: Iterator[Stretch], channels: int, clock: Clock, speed: float
+    ) -> None:
+        self._stretches = stretches
         self._clock = clock
         self._speed = speed
         self._opened_s = clock.now_s()
-        self._first_s: float | None = None
-        self._queue: deque[Samples] = deque()
-        self._marks: deque[Mark] = deque()
+        self._shift_s: float | None = None
+        self._none = Samples.empty(channels)
+        self._head = self._none
+        self._due_s: NDArray[np.float64] = np.zeros(0)
+        self._marks: list[Mark] = []
         self._given_s = -np.inf
-        self._channels = channels
+        self._over = False
+        self._fetch()
 
     @property
-    def empty(self) -> bool:
-        """True when no samples wait."""
-        return not self._queue
+    def ended(self) -> bool:
+        """True when no scan is left."""
+        return self._over and not len(self._head)
 
-    def put(self, samples: Samples, marks: list[Mark]) -> None:
-        """Take in the next stretch of the stream, on the stream's own clock."""
-        if self._first_s is None:
-            if not len(samples):
-                return
-            self._first_s = float(samples.fitted_s[0])
-        shift = self._opened_s - self._first_s
-        if len(samples):
-            self._queue.append(
-                replace(
-                    samples,
-                    fitted_s=samples.fitted_s + shift,
-                    arrival_s=samples.arrival_s + shift,
-                )
-            )
-        self._marks += [
-            replace(mark, start_s=mark.start_s + shift, end_s=mark.end_s + shift) for mark in marks
-        ]
+    def read(self, timeout_s: float) -> Samples:
+        """Return what is due, waiting at most `timeout_s` seconds for the first scan.
 
-    def take(self, timeout_s: float) -> Samples:
-        """Return what is due, waiting at most `timeout_s` for the first scan."""
-        if not self._queue:
-            return Samples.empty(self._channels)
+        At the end of the stream it returns at once.
+        """
+        if self.ended:
+            return self._none
         if self._speed == np.inf:
-            return self._pop(np.inf)
-        due_s = self._release_s(float(self._queue[0].arrival_s[0]))
-        end_s = self._clock.now_s() + timeout_s
-        self._clock.sleep(min(max(due_s - self._clock.now_s(), _BLOCK_S), timeout_s))
-        now_s = min(self._clock.now_s(), max(end_s, due_s))
-        return self._pop(self._opened_s + (now_s - self._opened_s) * self._speed)
+            return self._take(min(len(self._head), _BURST_SCANS))
+        wait_s = float(self._due_s[0]) - self._clock.now_s()
+        if wait_s > 0:
+            self._clock.sleep(min(wait_s + _BUNDLE_S, timeout_s))
+        return self._take_due(self._clock.now_s())
 
     def marks(self) -> list[Mark]:
-        """Return the marks whose last scan was given."""
-        done = []
-        while self._marks and self._marks[0].end_s <= self._given_s:
-            done.append(self._marks.popleft())
+        """Return, once each, the marks whose last scan was given; at the end, all others."""
+        until_s = np.inf if self.ended else self._given_s
+        done = [mark for mark in self._marks if mark.end_s <= until_s]
+        self._marks = [mark for mark in self._marks if mark.end_s > until_s]
         return done
 
-    def _release_s(self, stream_s: float) -> float:
-        return self._opened_s + (stream_s - self._opened_s) / self._speed
+    def close(self) -> None:
+        """Give nothing more, and let go of the stream."""
+        self._over = True
+        self._head, self._marks = self._none, []
+        self._stretches = iter(())
 
-    def _pop(self, until_s: float) -> Samples:
-        head = self._queue[0]
-        count = int(np.searchsorted(head.arrival_s, until_s, side="right"))
-        count = min(count, _BURST) if until_s == np.inf else count
-        given, rest = head[:count], head[count:]
-        if len(rest):
-            self._queue[0] = rest
-        else:
-            self._queue.popleft()
-        if len(given):
-            self._given_s = float(given.fitted_s[-1])
+    def _take_due(self, now_s: float) -> Samples:
+        parts: list[Samples] = []
+        while count := int(np.searchsorted(self._due_s, now_s, side="right")):
+            parts.append(self._take(count))
+        return Samples.join(parts) if parts else self._none
+
+    def _take(self, count: int) -> Samples:
+        given = self._head[:count]
+        self._head, self._due_s = self._head[count:], self._due_s[count:]
+        self._given_s = float(given.fitted_s[-1])
+        self._fetch()
         return given
+
+    def _fetch(self) -> None:
+        """Make the head hold a scan, unless the stream is over."""
+        waiting: list[Mark] = []
+        while not len(self._head) and not self._over:
+            stretch = next(self._stretches, None)
+            if stretch is None:
+                self._over = True
+                break
+            samples, marks = stretch
+            waiting += marks
+            if len(samples):
+                self._put(samples)
+        if self._shift_s is not None:
+            shift = self._shift_s
+            self._marks += [
+                replace(m, start_s=m.start_s + shift, end_s=m.end_s + shift) for m in waiting
+            ]
+
+    def _put(self, samples: Samples) -> None:
+        if self._shift_s is None:
+            self._shift_s = self._opened_s - float(samples.fitted_s[0])
+        fitted_s = samples.fitted_s + self._shift_s
+        arrival_s = samples.arrival_s + self._shift_s
+        self._head = replace(samples, fitted_s=fitted_s, arrival_s=arrival_s)
+        came_s = np.maximum.accumulate(np.where(np.isfinite(arrival_s), arrival_s, fitted_s))
+        self._due_s = self._opened_s + (came_s - self._opened_s) / self._speed

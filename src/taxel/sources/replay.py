@@ -6,20 +6,24 @@ Knows nothing about models.
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 from types import TracebackType
 from typing import Self
 
 from taxel.clock import Clock
 from taxel.errors import BadSource
-from taxel.recordings.reader import Block, iterate_blocks, read_manifest
+from taxel.recordings.manifest import Manifest
+from taxel.recordings.reader import iterate_blocks, read_manifest
 from taxel.signals import Mark, Samples, SensorInfo
-from taxel.sources.opening import read_speed
-from taxel.sources.pacing import Pacer
+from taxel.sources.pacing import Pacer, Stretch, read_speed
 
 
 class Replay:
-    """A recording, scan by scan, with its own spacing.
+    """A recording, scan by scan, with its own spacing, arrivals and marks.
+
+    As in training, the recording's labels hold for each of its marks, and one
+    without marks is a single mark, which comes at its end.
 
     Args:
         path: The recording.
@@ -27,20 +31,24 @@ class Replay:
         clock: The clock to wait on.
 
     Raises:
-        BadSource: An option is unknown.
-        BadRecording: The recording cannot be read.
+        BadSource: An option is unknown, or the path is a folder.
+        BadRecording: The recording cannot be read; of one that is damaged further on,
+            `read` raises this when it gets there.
     """
 
     def __init__(self, path: Path, options: dict[str, str], clock: Clock) -> None:
         options = dict(options)
         speed = read_speed(options)
         if options:
-            raise BadSource("no option but speed", ", ".join(options), "mend the address")
-        self._info = read_manifest(path).sensor
-        self._blocks: Iterator[Block] = iterate_blocks(path)
-        self._pacer = Pacer(clock, speed, len(self._info.channels))
-        self._over = False
-        self._refill()
+            raise BadSource(
+                "no option of replay:// but speed", ", ".join(sorted(options)), "mend the address"
+            )
+        if path.is_dir():
+            raise BadSource("one recording", f"the folder {path}", "name one of its files")
+        manifest = read_manifest(path)
+        self._info = manifest.sensor
+        stretches = _stretches(path, manifest)
+        self._pacer = Pacer(stretches, len(self._info.channels), clock, speed)
 
     @property
     def info(self) -> SensorInfo:
@@ -48,15 +56,10 @@ class Replay:
 
     @property
     def ended(self) -> bool:
-        return self._over and self._pacer.empty
+        return self._pacer.ended
 
     def read(self, timeout_s: float = 0.1) -> Samples:
-        if self._pacer.empty:
-            self._refill()
-        samples = self._pacer.take(timeout_s)
-        if self._pacer.empty:
-            self._refill()
-        return samples
+        return self._pacer.read(timeout_s)
 
     def marks(self) -> list[Mark]:
         return self._pacer.marks()
@@ -70,12 +73,26 @@ class Replay:
         error: BaseException | None,
         trace: TracebackType | None,
     ) -> None:
-        self._over = True
+        self._pacer.close()
 
-    def _refill(self) -> None:
-        while self._pacer.empty and not self._over:
-            block = next(self._blocks, None)
-            if block is None:
-                self._over = True
-                return
-            self._pacer.put(block.samples, block.marks)
+
+def _stretches(path: Path, manifest: Manifest) -> Iterator[Stretch]:
+    first_s = last_s = None
+    marked = not manifest.labels
+    for block in iterate_blocks(path):
+        if len(block.samples):
+            first_s = float(block.samples.fitted_s[0]) if first_s is None else first_s
+            last_s = float(block.samples.fitted_s[-1])
+        marked = marked or bool(block.marks)
+        yield block.samples, [_labelled(mark, manifest) for mark in block.marks]
+    if first_s is not None and last_s is not None and not marked:
+        whole = Mark(start_s=first_s, end_s=last_s, labels={})
+        yield Samples.empty(len(manifest.sensor.channels)), [_labelled(whole, manifest)]
+
+
+def _labelled(mark: Mark, manifest: Manifest) -> Mark:
+    return replace(
+        mark,
+        labels={**manifest.labels, **mark.labels},
+        groups={**manifest.groups, **mark.groups},
+    )

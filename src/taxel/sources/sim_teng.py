@@ -5,24 +5,19 @@ Knows nothing about files or models.
 
 from __future__ import annotations
 
-from dataclasses import fields, replace
+from collections.abc import Iterator
+from dataclasses import replace
 from types import TracebackType
-from typing import Any, Self
+from typing import Self
 
 import numpy as np
 
-from taxel.clock import Clock, ClockFit
-from taxel.errors import BadSource
+from taxel.clock import Clock
 from taxel.signals import Mark, Samples, SensorInfo
-from taxel.sim.teng_hand import GraspStream, TengHandConfig
-from taxel.sources.opening import read_speed
-from taxel.sources.pacing import Pacer
-
-_CHOICES = {
-    "preset": ("honest", "paper"),
-    "wiring": ("three-boards", "one-board"),
-}
-_RANGES = ("force_n", "temperature_c", "humidity_pct", "dust", "moisture")
+from taxel.sim.teng_hand import GraspStream
+from taxel.sources.fitted_time import FittedTime
+from taxel.sources.pacing import Pacer, Stretch, read_speed
+from taxel.sources.teng_options import parse_options
 
 
 class SimTeng:
@@ -30,8 +25,8 @@ class SimTeng:
 
     Options are the fields of `TengHandConfig` (ranges as 30..65, or one number),
     `shape` and `material` to grasp one kind only, `seconds` to end, and `speed`.
-    The fitted time is what `ClockFit` makes of the board's clock and the
-    arrivals, as for a real board.
+    The fitted time is what the clock fit makes of the board's clock and the
+    jittering arrivals, as for a real board; device time stays the board's own.
 
     Args:
         options: As in the address.
@@ -44,19 +39,11 @@ class SimTeng:
     def __init__(self, options: dict[str, str], clock: Clock) -> None:
         options = dict(options)
         speed = read_speed(options)
-        length = options.pop("seconds", None)
-        shape, material = options.pop("shape", None), options.pop("material", None)
-        try:
-            self._left_s = np.inf if length is None else float(length)
-            config = TengHandConfig(**{key: _parse(key, text) for key, text in options.items()})
-            self._stream = GraspStream(config, shape=shape, material=material)
-        except ValueError as error:
-            raise BadSource(
-                "options of sim://teng that fit", str(error), "mend the address"
-            ) from error
-        self._pacer = Pacer(clock, speed, len(self._stream.info.channels))
-        self._fit = ClockFit()
-        self._last_s = -np.inf
+        config, chosen = parse_options(options)
+        self._stream = GraspStream(config, shape=chosen.shape, material=chosen.material)
+        self._fitted = FittedTime()
+        stretches = self._stretches(chosen.seconds * config.rate_hz)
+        self._pacer = Pacer(stretches, len(self.info.channels), clock, speed)
 
     @property
     def info(self) -> SensorInfo:
@@ -64,12 +51,10 @@ class SimTeng:
 
     @property
     def ended(self) -> bool:
-        return self._left_s <= 0 and self._pacer.empty
+        return self._pacer.ended
 
     def read(self, timeout_s: float = 0.1) -> Samples:
-        if self._pacer.empty and self._left_s > 0:
-            self._refill()
-        return self._pacer.take(timeout_s)
+        return self._pacer.read(timeout_s)
 
     def marks(self) -> list[Mark]:
         return self._pacer.marks()
@@ -83,55 +68,27 @@ class SimTeng:
         error: BaseException | None,
         trace: TracebackType | None,
     ) -> None:
-        self._left_s = 0.0
+        self._pacer.close()
 
-    def _refill(self) -> None:
-        samples, marks = self._stream.next_block()
-        duration_s = len(samples) / self.info.rate_hz
-        if duration_s > self._left_s:
-            samples = samples[: max(1, round(self._left_s * self.info.rate_hz))]
-            marks = []
-        self._left_s -= duration_s
-        fitted = self._fitted(samples)
-        offset = fitted[0] - samples.fitted_s[0]
+    def _stretches(self, scans: float) -> Iterator[Stretch]:
+        """Yield grasp after grasp; the last is cut where the time is over, without its mark."""
+        while scans >= 1:
+            samples, marks = self._stream.next_block()
+            if len(samples) > scans:
+                samples, marks = samples[: int(scans)], []
+            scans -= len(samples)
+            yield self._stretch(samples, marks)
+
+    def _stretch(self, samples: Samples, marks: list[Mark]) -> Stretch:
+        """Put the fitted time in the place of the true one, which no real board would know."""
+        true_s = samples.fitted_s
+        fitted_s = self._fitted.of(samples.device_s, samples.arrival_s)
         moved = [
-            replace(m, start_s=m.start_s + offset, end_s=min(m.end_s + offset, fitted[-1]))
-            for m in marks
+            replace(
+                mark,
+                start_s=float(np.interp(mark.start_s, true_s, fitted_s)),
+                end_s=float(np.interp(mark.end_s, true_s, fitted_s)),
+            )
+            for mark in marks
         ]
-        self._pacer.put(replace(samples, fitted_s=fitted), moved)
-
-    def _fitted(self, samples: Samples) -> np.ndarray[Any, np.dtype[np.float64]]:
-        """Return each scan's time by the fit as it stood then; it never runs backwards.
-
-        The fit learns from the earliest arrival of each tenth of a second, which
-        is all that its envelope keeps.
-        """
-        fitted = np.empty(len(samples))
-        step = max(1, round(0.1 * self.info.rate_hz))
-        for start in range(0, len(samples), step):
-            part = slice(start, start + step)
-            device, arrival = samples.device_s[part], samples.arrival_s[part]
-            least = int(np.argmin(arrival - device))
-            self._fit.add(float(device[least]), float(arrival[least]))
-            fitted[part] = device * self._fit.rate + (self._fit.host_s(0.0))
-        fitted = np.maximum.accumulate(np.maximum(fitted, self._last_s))
-        self._last_s = float(fitted[-1])
-        return fitted
-
-
-def _parse(key: str, text: str) -> Any:
-    known = {field.name: field.type for field in fields(TengHandConfig)}
-    if key not in known:
-        raise ValueError(f"{key!r}, which is none of {', '.join(known)}, shape, material, "
-                         "seconds, speed")  # fmt: skip
-    if key in _CHOICES:
-        if text not in _CHOICES[key]:
-            raise ValueError(f"{key}={text}, which is none of {', '.join(_CHOICES[key])}")
-        return text
-    try:
-        if key in _RANGES:
-            low, _, high = text.partition("..")
-            return float(low), float(high or low)
-        return int(text) if known[key] == "int" else float(text)
-    except ValueError as error:
-        raise ValueError(f"{key}={text}, which is no number") from error
+        return replace(samples, fitted_s=fitted_s), moved

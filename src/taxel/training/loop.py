@@ -5,6 +5,7 @@ Knows nothing about files of recordings, splits or tables.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -15,6 +16,8 @@ from numpy.typing import NDArray
 from torch import Tensor, nn
 from torch.nn import functional
 
+from taxel.models.forest import CourseForest
+from taxel.models.touchnet import TouchNet
 from taxel.training.augment import Augment
 from taxel.training.checkpoints import load_checkpoint, save_checkpoint
 
@@ -29,6 +32,12 @@ class TrainConfig:
     """Windows in a step."""
     learning_rate: float = 3e-3
     """Adam's largest step size; it falls to zero along half a cosine."""
+    warmup: float = 0.0
+    """Share of the training over which the step size first rises, 0…1."""
+    steps: int | None = None
+    """Steps in an epoch, each of windows drawn at random; None takes each window once."""
+    clip: float | None = None
+    """Largest norm of the gradient; None does not clip."""
     weight_decay: float = 0.0
     """Decoupled weight decay (AdamW); 0 is the thesis's plain Adam."""
     label_smoothing: float = 0.0
@@ -88,6 +97,7 @@ def fit(
     train: Labelled,
     config: TrainConfig,
     *,
+    steps: int | None = None,
     validation: Labelled | None = None,
     checkpoint: Path | None = None,
     on_epoch: Callable[[Epoch], None] | None = None,
@@ -101,6 +111,8 @@ def fit(
         network: forward(values, mask) → logits.
         train: Windows to learn from.
         config: How to train.
+        steps: Rows that the network takes, where training windows are longer and
+            `Augment.warp` draws a stretch from each; their own length unless given.
         validation: Windows to watch.
         checkpoint: A file written after each epoch; if it exists, training
             goes on from it and gives the weights that an unbroken run gives.
@@ -109,6 +121,9 @@ def fit(
     Raises:
         BadInput: The checkpoint is damaged or belongs to another configuration.
     """
+    if isinstance(network, CourseForest):
+        return _grow(network, train, config, validation, on_epoch)
+    shape = _prepare(network, train, steps)
     optimiser = torch.optim.AdamW(
         network.parameters(), lr=config.learning_rate, weight_decay=config.weight_decay
     )
@@ -116,7 +131,7 @@ def fit(
     if checkpoint is not None and checkpoint.exists():
         history = load_checkpoint(checkpoint, network, optimiser, config, Epoch)
     for number in range(len(history) + 1, config.epochs + 1):
-        loss = _one_epoch(network, optimiser, train, config, number)
+        loss = _one_epoch(network, optimiser, train, config, shape, number)
         watched = evaluate(network, validation) if validation is not None else (None, None)
         history.append(Epoch(number, loss, *watched))
         if checkpoint is not None:
@@ -127,35 +142,90 @@ def fit(
     return history
 
 
+@dataclass(frozen=True, slots=True)
+class _Shape:
+    """What augmentation must know of the training windows."""
+
+    steps: int
+    spread: Tensor
+    """Median over windows of each channel's deviation, shape (channels,)."""
+
+
+def _prepare(network: nn.Module, train: Labelled, steps: int | None) -> _Shape:
+    """Let the network measure its inputs, if it does; measure the channels' spread."""
+    values, mask, _ = train.tensors()
+    if isinstance(network, TouchNet):
+        network.prepare(values, mask)
+    whole = values[mask.all(dim=1)] if bool(mask.all(dim=1).any()) else values
+    spread = whole.std(dim=1, correction=0).median(dim=0).values
+    return _Shape(steps or values.shape[1], spread)
+
+
+def _grow(
+    network: CourseForest,
+    train: Labelled,
+    config: TrainConfig,
+    validation: Labelled | None,
+    on_epoch: Callable[[Epoch], None] | None,
+) -> list[Epoch]:
+    """Fit a forest, which has no epochs: its history is one."""
+    network.grow(train.values, train.mask, train.y, config.seed)
+    network.eval()
+    loss, _ = evaluate(network, train)
+    watched = evaluate(network, validation) if validation is not None else (None, None)
+    history = [Epoch(1, loss, *watched)]
+    if on_epoch is not None:
+        on_epoch(history[0])
+    return history
+
+
 def _one_epoch(
     network: nn.Module,
     optimiser: torch.optim.Optimizer,
     train: Labelled,
     config: TrainConfig,
+    shape: _Shape,
     number: int,
 ) -> float:
     """Train over all windows once; order and augmentation depend on seed and epoch alone."""
     values, mask, y = train.tensors()
     generator = torch.Generator().manual_seed(config.seed * 100_003 + number)
-    order = torch.randperm(len(y), generator=generator)
-    steps = -(-len(y) // config.batch)
+    order = _order(len(y), config, generator)
+    count = -(-len(order) // config.batch)
     total = 0.0
     network.train()
     with torch.random.fork_rng(devices=[]):
         torch.manual_seed(config.seed * 100_019 + number)
-        for step in range(steps):
+        for step in range(count):
             part = order[step * config.batch : (step + 1) * config.batch]
-            done = (number - 1 + step / steps) / config.epochs
+            done = (number - 1 + step / count) / config.epochs
             for group in optimiser.param_groups:
-                group["lr"] = config.learning_rate * 0.5 * (1.0 + np.cos(np.pi * done))
-            inputs = config.augment.apply(values[part], mask[part], generator)
-            logits = network(inputs, mask[part])
+                group["lr"] = config.learning_rate * _share_of_step(done, config.warmup)
+            inputs = config.augment.apply(
+                values[part], mask[part], shape.spread, shape.steps, generator
+            )
+            logits = network(inputs, mask[part][:, : shape.steps])
             loss = functional.cross_entropy(logits, y[part], label_smoothing=config.label_smoothing)
             optimiser.zero_grad(set_to_none=True)
             loss.backward()  # type: ignore[no-untyped-call]
+            if config.clip is not None:
+                nn.utils.clip_grad_norm_(network.parameters(), config.clip)
             optimiser.step()
             total += float(loss.detach()) * len(part)
-    return total / len(y)
+    return total / len(order)
+
+
+def _order(windows: int, config: TrainConfig, generator: torch.Generator) -> Tensor:
+    if config.steps is None:
+        return torch.randperm(windows, generator=generator)
+    return torch.randint(windows, (config.steps * config.batch,), generator=generator)
+
+
+def _share_of_step(done: float, warmup: float) -> float:
+    """Return the step size over its largest, after a share `done` of the training."""
+    if done < warmup:
+        return 0.5 * (1.0 - math.cos(math.pi * (0.05 + 0.95 * done / warmup)))
+    return 0.5 * (1.0 + math.cos(math.pi * (done - warmup) / (1.0 - warmup)))
 
 
 def predict(

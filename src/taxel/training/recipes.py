@@ -6,9 +6,10 @@ Knows nothing about files.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 from taxel.errors import BadInput
+from taxel.training.augment import Augment
 from taxel.training.loop import TrainConfig
 from taxel.windows.config import TENG_WINDOW, WindowConfig
 
@@ -28,9 +29,27 @@ class Recipe:
     train: TrainConfig = field(default_factory=TrainConfig)
     train_stride: int | None = None
     """Stride of the training windows, rows; None is the window's own."""
+    train_steps: int | None = None
+    """Rows of the training windows, from which `Augment.warp` draws stretches; None is the
+    window's own."""
     members: int = 1
     """Networks whose probabilities are averaged."""
 
+
+_GLOVE_WINDOW = WindowConfig(steps=400, stride=400, grid_hz=None, max_gap_s=1.0)
+"""400 samples in a row, as in Yang et al., Advanced Science 2025."""
+_GLOVE_TRAIN = TrainConfig(
+    epochs=10,
+    steps=15,
+    batch=64,
+    learning_rate=4e-3,
+    warmup=0.2,
+    weight_decay=0.02,
+    label_smoothing=0.05,
+    clip=5.0,
+    augment=Augment(noise=0.02, gain=0.3, channel_gain=0.2, offset=0.3, drift=0.5, warp=0.2),
+)
+"""Chosen inside one training part, docs/decisions/0011."""
 
 RECIPES: dict[str, Recipe] = {
     "teng": Recipe(
@@ -46,6 +65,35 @@ RECIPES: dict[str, Recipe] = {
         model="cnn1d",
         target="shape",
         split="group:session",
+    ),
+    "teng-glove": Recipe(
+        summary="the TENG glove, five TENG channels and three angles",
+        window=_GLOVE_WINDOW,
+        model="touchnet",
+        target="sign",
+        split="group:file",
+        train=_GLOVE_TRAIN,
+        train_stride=20,
+        train_steps=480,
+        members=3,
+    ),
+    "teng-glove-touch": Recipe(
+        summary="the TENG glove, its five TENG channels alone",
+        window=replace(_GLOVE_WINDOW, channels=("Data0", "Data1", "Data2", "Data3", "Data4")),
+        model="touchnet",
+        target="sign",
+        split="group:file",
+        train=_GLOVE_TRAIN,
+        train_stride=20,
+        train_steps=480,
+        members=3,
+    ),
+    "icub-grasp": Recipe(
+        summary="iCub grasps, a whole grasp a window, tared by its first row",
+        window=WindowConfig(steps=22, stride=22, grid_hz=None, max_gap_s=10.0, pad=True, tare=True),
+        model="course-forest",
+        target="object",
+        split="order:trial_number:10:20",
     ),
 }
 """Name → recipe."""

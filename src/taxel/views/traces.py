@@ -11,13 +11,28 @@ from rich.console import Group, RenderableType
 from rich.table import Table
 from rich.text import Text
 
-from taxel.signals import UNUSABLE, Samples, SensorInfo, Validity
-from taxel.views.terminal import array_map, heat_map, sparkline
+from taxel.signals import Samples, SensorInfo, Validity
+from taxel.views.terminal import (
+    array_map,
+    hand_fingers,
+    heat_map,
+    short_number,
+    sparkline,
+)
+from taxel.views.trace_buffer import TraceBuffer, measured_rate_hz, usable_values
 
-_KEPT_S = 4.0
-"""Seconds of trace on the screen."""
 _IMAGE_ROWS = 12
-_MOST_TRACES = 24
+"""Rows of the image, as many as a window of the thesis has."""
+_ROW_HZ = 100.0
+"""Rows a second of the image, as in windows (docs/decisions/0003)."""
+_WIDE_CHANNELS = 16
+"""Up to this many channels the image has square pixels; above, narrow ones."""
+_SIDE = 34
+"""Most characters for the map and the image."""
+_NAME = 15
+"""Most characters of a channel's name."""
+_LEAST_SPARK, _MOST_SPARK = 10, 80
+"""Characters of a trace."""
 
 
 class TraceScreen:
@@ -25,114 +40,168 @@ class TraceScreen:
 
     Args:
         info: The array.
-        row_hz: Rows a second of the image on the right.
     """
 
-    def __init__(self, info: SensorInfo, row_hz: float = 100.0) -> None:
+    def __init__(self, info: SensorInfo) -> None:
         self._info = info
-        self._every = max(1, round(info.rate_hz / row_hz))
-        self._kept: Samples = Samples.empty(len(info.channels))
-        self._low = np.zeros(len(info.channels), np.float32)
-        self._high = np.full(len(info.channels), info.full_scale or 0.0, np.float32)
-        self.scans = 0
-        self.lost = 0
-        self._last_counter: int | None = None
-        self._flags = {flag: 0 for flag in Validity if flag}
+        self.buffer = TraceBuffer(info)
 
     def add(self, samples: Samples) -> None:
         """Take in new scans."""
-        if not len(samples):
-            return
-        counter = samples.counter
-        before = counter[0] if self._last_counter is None else self._last_counter + 1
-        steps = np.diff(counter, prepend=before - 1) - 1
-        self.lost += int(steps[steps > 0].sum()) if counter[0] >= 0 else 0
-        self._last_counter = int(counter[-1])
-        self.scans += len(samples)
-        for flag in self._flags:
-            self._flags[flag] += int(((samples.validity & np.uint8(flag)) != 0).any(axis=1).sum())
-        joined = Samples.join([self._kept, samples])
-        self._kept = joined[joined.fitted_s > joined.fitted_s[-1] - _KEPT_S]
-        shown = np.where(samples.usable, samples.values, np.nan)
-        if np.isfinite(shown).any():
-            self._low = np.fmin(self._low, np.nanmin(shown, axis=0, initial=np.inf))
-            self._high = np.fmax(self._high, np.nanmax(shown, axis=0, initial=-np.inf))
+        self.buffer.add(samples)
 
-    @property
-    def rate_hz(self) -> float:
-        """Measured rate of the scans on the screen, hertz; NaN for fewer than two."""
-        time_s = self._kept.fitted_s
-        span_s = float(time_s[-1] - time_s[0]) if len(time_s) > 1 else 0.0
-        return (len(time_s) - 1) / span_s if span_s > 0 else float("nan")
-
-    def render(self, width: int) -> RenderableType:
-        """Return the screen for a terminal of some width."""
-        if not len(self._kept):
-            return Text("no scans yet")
-        side = Group(
-            Text("now" + (": fingers across, distal on top" if self._twelve else "")),
-            array_map(self._now(), *self._range()),
-            Text(f"\nlast {_IMAGE_ROWS} rows at 100 Hz, oldest on top"),
-            heat_map(self._rows(), *self._range()),
-        )
+    def render(self, width: int, height: int = 24) -> RenderableType:
+        """Return the screen for a terminal of some size, in characters."""
+        kept = self.buffer.kept
+        if not len(kept):
+            return Text(f"{self._info.name}: no scans yet", style="dim")
+        low, high = self.buffer.scale()
         grid = Table.grid(padding=(0, 2))
-        grid.add_row(self._traces(width), side)
-        return Group(self._headline(), grid)
+        room = width - _SIDE - 2
+        traces = self._traces(kept, (low, high), room, height - 4)
+        grid.add_row(traces, self._side(kept, (low, high)))
+        return Group(self._headline(kept), self._health(), grid)
 
     def summary(self) -> list[str]:
         """Return plain lines for where there is no terminal."""
-        values = np.where(self._kept.usable, self._kept.values, np.nan)
-        lines = [self._headline().plain]
-        for column, name in enumerate(self._info.channels):
-            own = values[:, column]
-            if not np.isfinite(own).any():
-                lines.append(f"  {name:<18} no usable value")
+        lines = [self._headline(self.buffer.kept).plain, self._health().plain]
+        for channel in self.buffer.ranges():
+            name = f"  {channel.name:<18}"
+            if not np.isfinite(channel.most):
+                lines.append(f"{name} no usable value")
                 continue
             lines.append(
-                f"  {name:<18} {np.nanmin(own):10.3f} … {np.nanmax(own):10.3f} "
-                f"{self._info.units[column]}"
+                f"{name} {channel.least:10.3f} … {channel.most:10.3f} {channel.unit}, "
+                f"now {channel.latest:.3f}".replace("now nan", "now not usable")
             )
         return lines
 
-    @property
-    def _twelve(self) -> bool:
-        return len(self._info.channels) == 12
+    def _headline(self, kept: Samples) -> Text:
+        info, rate_hz = self._info, measured_rate_hz(kept)
+        text = Text(no_wrap=True, overflow="ellipsis")
+        text.append(info.name, "bold")
+        text.append(f" {info.serial}" if info.serial else "", "dim")
+        measured = f"{rate_hz:.1f}" if np.isfinite(rate_hz) else "–"
+        text.append(f"  {measured} scans/s")
+        text.append(f" (nominal {info.rate_hz:g})", "dim")
+        text.append(f"  {self.buffer.scans:,} scans")
+        return text
 
-    def _headline(self) -> Text:
-        info = self._info
-        flags = ", ".join(
-            f"{count} {str(flag.name).lower().replace('_', ' ')}"
-            for flag, count in self._flags.items()
-            if count
-        )
-        return Text(
-            f"{info.name} ({info.serial or 'no serial number'}): {self.scans:,} scans, "
-            f"{self.rate_hz:.1f} Hz measured ({info.rate_hz:g} nominal), {self.lost} lost"
-            + (f", scans with values {flags}" if flags else "")
-        )
+    def _health(self) -> Text:
+        lost, flags = self.buffer.lost, self.buffer.flags
+        text = Text(no_wrap=True, overflow="ellipsis")
+        text.append(f"{lost:,} lost", "bold red" if lost else "green")
+        text.append("  ")
+        if not flags:
+            text.append("all values good", "green")
+        words = ", ".join(f"{name} in {count:,}" for name, count in flags.items())
+        text.append(f"{words} scans" if flags else "", "yellow")
+        return text
 
-    def _traces(self, width: int) -> Table:
-        table = Table.grid(padding=(0, 1))
-        values = self._kept.values
-        room = max(16, width - 82)
-        for column, name in enumerate(self._info.channels[:_MOST_TRACES]):
-            low, high = float(self._low[column]), float(self._high[column])
-            usable = bool((self._kept.validity[-1, column] & np.uint8(UNUSABLE)) == 0)
-            now = f"{values[-1, column]:8.2f}" if usable else "       –"
-            line = sparkline(values[:, column], room, low, high)
-            table.add_row(name, Text(line, style="cyan"), f"{now} {self._info.units[column]}")
-        hidden = len(self._info.channels) - _MOST_TRACES
-        if hidden > 0:
-            table.add_row(f"and {hidden} more", "", "")
+    def _traces(
+        self,
+        kept: Samples,
+        scale: tuple[NDArray[np.float32], NDArray[np.float32]],
+        room: int,
+        rows: int,
+    ) -> Table:
+        """Return as many traces as fit, in columns side by side where one is too tall."""
+        count = len(self._info.channels)
+        name_width = min(_NAME, max(map(len, self._info.channels)))
+        unit_width = max(map(len, self._info.units))
+        fixed = name_width + unit_width + 11
+        most_columns = max(1, room // (fixed + _LEAST_SPARK))
+        columns = min(most_columns, -(-count // max(rows, 1)))
+        shown = min(count, columns * max(rows - 1, 1) if count > columns * rows else count)
+        tall = -(-shown // columns)
+        spark = int(np.clip(room // columns - fixed, _LEAST_SPARK, _MOST_SPARK))
+        cells = _cells(kept, spark, self.buffer.kept_s)
+        lines = [
+            self._trace(column, cells[:, column], kept, scale, (name_width, unit_width))
+            for column in range(shown)
+        ]
+        table = Table.grid(padding=(0, 2, 0, 0))
+        for row in range(tall):
+            table.add_row(*lines[row::tall])
+        if shown < count:
+            table.add_row(Text(f"and {count - shown} more", style="dim"))
         return table
 
-    def _now(self) -> NDArray[np.float32]:
-        usable = self._kept.usable[-1]
-        return np.where(usable, self._kept.values[-1], np.float32(np.nan))
+    def _trace(
+        self,
+        column: int,
+        cells: NDArray[np.float32],
+        kept: Samples,
+        scale: tuple[NDArray[np.float32], NDArray[np.float32]],
+        widths: tuple[int, int],
+    ) -> Text:
+        name = self._info.channels[column]
+        if len(name) > widths[0]:
+            name = name[: widths[0] - 1] + "…"
+        value = float(usable_values(kept[-1:])[0, column])
+        saturated = bool(kept.validity[-1, column] & np.uint8(Validity.SATURATED))
+        low, high = float(scale[0][column]), float(scale[1][column])
+        text = Text(no_wrap=True)
+        text.append(f"{name:<{widths[0]}} ")
+        text.append(sparkline(cells, len(cells), low, high), "cyan")
+        text.append(f" {short_number(value):>6}", "bold red" if saturated else "bold")
+        text.append(f" {self._info.units[column]:<{widths[1]}}", "dim")
+        return text
 
-    def _rows(self) -> NDArray[np.float32]:
-        rows = self._kept[:: self._every][-_IMAGE_ROWS:] if len(self._kept) else self._kept
-        return np.where(rows.usable, rows.values, np.float32(np.nan))
+    def _side(
+        self, kept: Samples, scale: tuple[NDArray[np.float32], NDArray[np.float32]]
+    ) -> RenderableType:
+        parts: list[RenderableType] = []
+        fingers = hand_fingers(self._info.channels)
+        parts.append(Text("now, distal on top" if fingers else "now", style="dim"))
+        if fingers:
+            heads = "".join(f"{finger[:6]:<7}" for finger in fingers)
+            parts.append(Text(heads.rstrip(), style="dim", no_wrap=True))
+        parts.append(array_map(usable_values(kept[-1:])[0], *scale))
+        image = _image(kept, self._info.rate_hz)
+        low, high = scale
+        if image.shape[1] > _SIDE:
+            image, low, high = _narrowed(image, scale)
+        across = "sensors across" if len(self._info.channels) <= _SIDE else "sensors in groups"
+        parts.append(Text())
+        parts.append(Text(f"{across}, last {_IMAGE_ROWS} rows{self._span()}", style="dim"))
+        parts.append(heat_map(image, low, high, 2 if image.shape[1] <= _WIDE_CHANNELS else 1))
+        return Group(*parts)
 
-    def _range(self) -> tuple[float, float]:
-        return float(self._low.min()), float(self._high.max())
+    def _span(self) -> str:
+        """Return how long the image's rows take, where the array's rate is known."""
+        rate_hz = min(_ROW_HZ, self._info.rate_hz)
+        return f" ({_IMAGE_ROWS / rate_hz:.2g} s)" if rate_hz > 0 else ""
+
+
+def _cells(kept: Samples, width: int, span_s: float) -> NDArray[np.float32]:
+    """Return the largest usable value of each cell of time, shape (width, channels).
+
+    Cells lie on fixed moments, so that a trace moves on without flickering.
+    """
+    cell_s = span_s / width
+    newest = int(kept.fitted_s[-1] // cell_s)
+    index = (kept.fitted_s // cell_s).astype(np.int64) - newest + width - 1
+    inside = index >= 0
+    cells = np.full((width, kept.values.shape[1]), np.nan, np.float32)
+    np.fmax.at(cells, index[inside], usable_values(kept)[inside])
+    return cells
+
+
+def _image(kept: Samples, rate_hz: float) -> NDArray[np.float32]:
+    """Return the latest rows at the windows' rate, oldest on top, shape (rows, channels)."""
+    every = max(1, round(rate_hz / _ROW_HZ))
+    rows = usable_values(kept)[::-1][::every][:_IMAGE_ROWS][::-1]
+    image = np.full((_IMAGE_ROWS, rows.shape[1]), np.nan, np.float32)
+    image[_IMAGE_ROWS - len(rows) :] = rows
+    return image
+
+
+def _narrowed(
+    image: NDArray[np.float32], scale: tuple[NDArray[np.float32], NDArray[np.float32]]
+) -> tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.float32]]:
+    """Merge neighbouring columns by their largest share, so that the image fits; scale 0…1."""
+    shares = (image - scale[0]) / np.maximum(scale[1] - scale[0], np.float32(1e-9))
+    groups = np.array_split(np.arange(shares.shape[1]), _SIDE)
+    merged = np.stack([np.fmax.reduce(shares[:, group], axis=1) for group in groups], axis=1)
+    return merged, np.zeros(_SIDE, np.float32), np.ones(_SIDE, np.float32)

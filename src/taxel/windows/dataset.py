@@ -170,9 +170,16 @@ def _assemble(
     )
 
 
-def with_stride(dataset_path: Path, dataset: Dataset, stride: int) -> Dataset:
-    """Return the same trials cut again with another stride, as for overlapping training windows."""
-    again = load_dataset(dataset_path, replace(dataset.config, stride=stride))
+def recut(path: Path, dataset: Dataset, stride: int, steps: int) -> Dataset:
+    """Return the same trials cut again, as for overlapping training windows.
+
+    Args:
+        path: Where the data set was loaded from.
+        dataset: Its trials are kept, in their order.
+        stride: Rows from one window's start to the next.
+        steps: Rows in a window.
+    """
+    again = load_dataset(path, replace(dataset.config, stride=stride, steps=steps))
     order = {(t.recording, t.start_s): i for i, t in enumerate(dataset.trials)}
     index = np.array([order.get((t.recording, t.start_s), -1) for t in again.trials], np.intp)
     owner = index[again.trial]

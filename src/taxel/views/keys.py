@@ -1,0 +1,61 @@
+"""The key q in a terminal, asked for without waiting.
+
+Knows nothing about what is shown. Where the input is no terminal, or the
+system has no POSIX terminals, no key is ever pressed and Ctrl-C remains.
+"""
+
+from __future__ import annotations
+
+import os
+import select
+import sys
+from types import TracebackType
+from typing import Any, Self, TextIO
+
+
+class QuitKey:
+    """Reads single keys while its `with` block lasts, then gives the terminal back.
+
+    Args:
+        stream: The input, a terminal or not.
+    """
+
+    def __init__(self, stream: TextIO = sys.stdin) -> None:
+        self._stream = stream
+        self._before: list[Any] | None = None
+
+    def __enter__(self) -> Self:
+        if not self._stream.isatty():
+            return self
+        try:
+            import termios
+            import tty
+        except ImportError:
+            return self
+        self._before = termios.tcgetattr(self._stream)
+        tty.setcbreak(self._stream)
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        if self._before is not None:
+            import termios
+
+            termios.tcsetattr(self._stream, termios.TCSADRAIN, self._before)
+
+    @property
+    def pressed(self) -> bool:
+        """True when q was typed since the last question, or the terminal went away."""
+        if self._before is None:
+            return False
+        quit_typed = False
+        while select.select([self._stream], [], [], 0)[0]:
+            keys = os.read(self._stream.fileno(), 64)
+            if not keys:
+                return True
+            quit_typed = quit_typed or b"q" in keys.lower()
+        return quit_typed

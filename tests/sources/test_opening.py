@@ -1,0 +1,92 @@
+"""Claims about addresses: what opens, and one plain line for what does not."""
+
+from pathlib import Path
+
+import pytest
+
+from taxel.clock import ManualClock
+from taxel.errors import BadRecording, BadSource, TaxelError
+from taxel.recordings.manifest import Manifest
+from taxel.recordings.writer import Recorder
+from taxel.signals import SensorInfo
+from taxel.sources.opening import at_full_speed, open_source
+
+BAD = {
+    "sim://hand": "sim://teng",
+    "sim://": "sim://, replay://",
+    "serial:///dev/ttyUSB0": "sim://, replay://",
+    "camera://0": "sim://, replay://",
+    "": "sim://, replay://",
+    "nonsense": "sim://, replay://",
+    "sim://[": "sim://teng",
+    "sim://teng?colour=red": "preset, seed, wiring",
+    "sim://teng?sessions=3": "preset, seed, wiring",
+    "sim://teng?preset=fair": "honest, paper",
+    "sim://teng?wiring=two-boards": "three-boards, one-board",
+    "sim://teng?shape=cube": "sphere, cylinder, rectangle",
+    "sim://teng?material=wood": "aluminium, glass, plastic",
+    "sim://teng?seed=x": "whole number",
+    "sim://teng?seed=1.5": "whole number",
+    "sim://teng?seed=-1": "within 0",
+    "sim://teng?rate_hz=fast": "a number",
+    "sim://teng?rate_hz=nan": "within 1 and 100000",
+    "sim://teng?rate_hz=0": "within 1 and 100000",
+    "sim://teng?humidity_pct=30..x": "range",
+    "sim://teng?humidity_pct=60..30": "smaller first",
+    "sim://teng?dust=7": "within 0 and 1",
+    "sim://teng?seconds=-1": "above 0 s",
+    "sim://teng?speed=0": "above 0, or max",
+    "sim://teng?speed=nan": "above 0, or max",
+    "sim://teng?speed=quick": "above 0, or max",
+    "sim://teng?seed": "key=value",
+    "sim://teng?seed=1&seed=2": "once",
+    "replay://": "sim://, replay://",
+    "replay://.": "one recording",
+    "replay://x.mcap?loop=1": "speed",
+}
+
+
+@pytest.mark.parametrize("url", BAD)
+def test_a_bad_address_gives_one_line_that_says_what_exists(url: str):
+    with pytest.raises(BadSource) as caught:
+        open_source(url, ManualClock())
+    assert BAD[url] in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize("url", ["gone.mcap", "replay:///gone/gone.mcap"])
+def test_a_missing_recording_is_named(url: str):
+    with pytest.raises(BadRecording, match=r"gone\.mcap"):
+        open_source(url, ManualClock())
+
+
+@pytest.mark.parametrize("name", ["plain.mcap", "with space.mcap", "50%.mcap", "why?.mcap"])
+def test_a_recording_opens_by_its_bare_name_whatever_that_is(tmp_path: Path, name: str):
+    info = SensorInfo(name="t", channels=("a",), units=("V",), rate_hz=10.0)
+    with Recorder(tmp_path / name, Manifest(sensor=info)):
+        pass
+    with open_source(str(tmp_path / name), ManualClock()) as source:
+        assert source.info == info
+        assert source.ended
+
+
+def test_a_relative_path_follows_the_slashes(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    info = SensorInfo(name="t", channels=("a",), units=("V",), rate_hz=10.0)
+    with Recorder(tmp_path / "runs" / "x.mcap", Manifest(sensor=info)):
+        pass
+    monkeypatch.chdir(tmp_path)
+    for url in ("replay://runs/x.mcap", "runs/x.mcap?speed=2"):
+        with open_source(url, ManualClock()) as source:
+            assert source.info == info
+
+
+def test_full_speed_is_added_only_where_no_speed_is_named():
+    assert at_full_speed("sim://teng") == "sim://teng?speed=max"
+    assert at_full_speed("sim://teng?seed=2") == "sim://teng?seed=2&speed=max"
+    assert at_full_speed("sim://teng?speed=3") == "sim://teng?speed=3"
+    assert at_full_speed("a/b.mcap") == "replay://a/b.mcap?speed=max"
+
+
+def test_every_bad_address_is_an_error_of_taxels():
+    assert issubclass(BadSource, TaxelError)
+    assert issubclass(BadSource, ValueError)
