@@ -59,14 +59,16 @@ ICUB_STEP = [
 ]
 
 
-def test_an_icub_grasp_is_sixty_taxels_then_nine_encoders(tmp_path):
-    """In the order of the fingers in the file; the derived line is left out."""
+def test_an_icub_grasp_is_sixty_taxels_five_maxima_nine_encoders(tmp_path):
+    """In the order of the fingers in the file."""
     (tmp_path / "cup_3.txt").write_text("\n".join(["-10000", *ICUB_STEP, *ICUB_STEP]) + "\n")
     (tmp_path / "full_coke_1.txt").write_text("left out")
     (made,) = import_rows(icub_rows(tmp_path), tmp_path / "out")
     recording = read_recording(made)
-    assert recording.samples.values.shape == (2, 69)
-    np.testing.assert_array_equal(recording.samples.values[1], [*range(60), *range(100, 109)])
+    assert recording.samples.values.shape == (2, 74)
+    np.testing.assert_array_equal(
+        recording.samples.values[1], [*range(60), *range(1, 6), *range(100, 109)]
+    )
     assert recording.manifest.sensor.channels[12] == "index_1"
     assert recording.manifest.labels == {"object": "cup"}
     assert recording.manifest.groups["trial_number"] == "3"

@@ -32,7 +32,7 @@ class Demo:
         started = time.monotonic()
         self._clear()
         self._say(1, "simulate", "sim://teng: six sessions of grasps, recorded as MCAP")
-        from taxel.cli.simulate import simulate_presets
+        from taxel.sources.data_sets import simulate_presets
 
         simulate_presets(self.output, ("honest",), self.scans_per_class, self.seed)
         self._say(2, "train and compare", "Table 4.1 of the thesis, on both splits")

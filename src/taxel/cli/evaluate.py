@@ -43,8 +43,8 @@ class Evaluate:
             self._folder(Path(self.what))
 
     def _teng_table(self) -> None:
-        from taxel.cli.simulate import simulate_presets
         from taxel.evaluation.teng_table import TengTableConfig, count_steps, teng_table
+        from taxel.sources.data_sets import simulate_presets
         from taxel.training.loop import TrainConfig
 
         presets = {"both": ("honest", "paper")}.get(self.preset, (self.preset,))

@@ -172,3 +172,7 @@ def main(argv: Sequence[str] | None = None) -> None:
 def _fail(line: str) -> None:
     print(f"taxel: {' '.join(line.split())}", file=sys.stderr)
     sys.exit(2)
+
+
+if __name__ == "__main__":
+    main()

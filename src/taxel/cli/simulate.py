@@ -2,23 +2,19 @@
 
 from __future__ import annotations
 
-import os
-import shutil
-from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
-import numpy as np
 import tyro
 from rich.table import Table
 
 from taxel.cli.printing import console, print_json, progress
-from taxel.errors import BadInput, MissingExtra, RecordingFailed
+from taxel.errors import MissingExtra
 from taxel.windows.config import GATE_V, GRID_RATE_HZ
 
 if TYPE_CHECKING:
-    from taxel.sim.teng_hand import SimulatedSession, TengHandConfig
+    from taxel.sim.teng_hand import TengHandConfig
 
 QUICK_SCANS = 16_000
 """A tenth of the thesis's: enough to see everything work, too few to judge a model."""
@@ -65,6 +61,9 @@ class Simulate:
 
     def run(self) -> None:
         """Simulate and print what was written."""
+        _need_simulators()
+        from taxel.sources.data_sets import write_sessions
+
         config = self._config()
         with progress() as bar:
             task = bar.add_task("simulating", total=None)
@@ -77,7 +76,6 @@ class Simulate:
             self._print(rows)
 
     def _config(self) -> TengHandConfig:
-        _need_simulators()
         from taxel.sources.teng_options import checked_config
 
         return checked_config(
@@ -119,114 +117,8 @@ class Simulate:
             print("leaky: each class has a session of its own, so no honest split exists")
 
 
-def simulate_presets(folder: Path, presets: tuple[str, ...], scans: int, seed: int) -> None:
-    """Write folder/PRESET for each preset.
-
-    Args:
-        folder: Where to.
-        presets: "honest", "paper".
-        scans: Scans a class.
-        seed: Seed of everything random.
-    """
-    _need_simulators()
-    from taxel.sources.teng_options import checked_config
-
-    for preset in presets:
-        config = checked_config(
-            preset=preset, seed=seed, scans_per_class=scans, rate_hz=GRID_RATE_HZ
-        )
-        write_sessions(folder / preset, config, lambda _: None)
-
-
-def write_sessions(
-    output: Path, config: TengHandConfig, on_session: Callable[[str], None]
-) -> list[dict[str, Any]]:
-    """Write one recording a session into a new folder, whole or not at all.
-
-    Args:
-        output: The folder; it must not exist yet.
-        config: What is simulated.
-        on_session: Called with each session's name before it is written.
-
-    Returns:
-        A row a session: its name, scans, scans above the gate, grasps and nuisances.
-
-    Raises:
-        BadInput: The folder exists.
-        RecordingFailed: The disk refused.
-    """
-    if output.exists():
-        raise BadInput(
-            "a folder that does not exist yet for --output", str(output), "choose another"
-        )
-    temporary = output.with_name(f".{output.name}.{os.getpid()}.part")
-    try:
-        output.parent.mkdir(parents=True, exist_ok=True)
-        temporary.mkdir()
-    except OSError as error:
-        raise _refused(output, error) from error
-    try:
-        rows = [
-            _write_session(temporary, session, config) for session in _announced(config, on_session)
-        ]
-        os.rename(temporary, output)
-    except RecordingFailed:
-        raise
-    except OSError as error:
-        raise _refused(output, error) from error
-    finally:
-        shutil.rmtree(temporary, ignore_errors=True)
-    return rows
-
-
-def _announced(
-    config: TengHandConfig, on_session: Callable[[str], None]
-) -> Iterator[SimulatedSession]:
-    from taxel.sim.teng_hand import simulate_sessions
-
-    for session in simulate_sessions(config):
-        on_session(session.name)
-        yield session
-
-
-def _write_session(
-    folder: Path, session: SimulatedSession, config: TengHandConfig
-) -> dict[str, Any]:
-    from taxel.recordings.manifest import Manifest
-    from taxel.recordings.writer import Recorder
-    from taxel.sim.teng_hand import sensor_info
-
-    manifest = Manifest.started_now(
-        sensor_info(config),
-        groups={"session": session.name, **session.details},
-        now_s=0.0,
-    )
-    with Recorder(folder / f"{session.name}.mcap", manifest) as recorder:
-        written = 0
-        for mark in session.marks:  # each behind its scans, so that a replay knows it in time
-            end = int(np.searchsorted(session.samples.fitted_s, mark.end_s, side="right"))
-            recorder.write(session.samples[written:end])
-            recorder.mark(mark)
-            recorder.flush()
-            written = end
-        recorder.write(session.samples[written:])
-    return {
-        "session": session.name,
-        "scans": len(session.samples),
-        "gated": int((session.samples.values > GATE_V).any(axis=1).sum()),
-        "grasps": len(session.marks),
-        **session.details,
-    }
-
-
 def _need_simulators() -> None:
     try:
-        from taxel.sim import teng_hand  # noqa: F401 (only whether its packages are there)
+        import scipy  # noqa: F401
     except ModuleNotFoundError as error:
-        raise MissingExtra(error.name or "scipy", "sim", "the simulators") from error
-
-
-def _refused(path: Path, error: OSError) -> RecordingFailed:
-    return RecordingFailed(
-        f"needed to write {path}; got {error.strerror or error}; choose another place."
-    )
+        raise MissingExtra("scipy", "sim", "the simulators") from error

@@ -22,7 +22,7 @@ from taxel.sources.contract import Source
 _REDRAW_S = 0.1
 """Shortest time between two drawings."""
 _DEFAULT_S = 5.0
-"""How much is looked at where nobody watches."""
+"""How much is looked at where nobody watches; more of slow arrays."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -36,7 +36,7 @@ class View:
     """A source, such as sim://teng, or a recording's file."""
     seconds: float | None = None
     """Stop after this many seconds of the source's time. Unless given: at its end or at q in a
-    terminal, and after 5 s otherwise."""
+    terminal, and after 5 s (or 40 scans) otherwise."""
     png: Path | None = None
     """Write a figure of that time to this file (.png) instead; needs taxel[train]."""
     json: bool = False
@@ -58,10 +58,11 @@ class View:
                 self._summarise(source)
 
     def _summarise(self, source: Source) -> None:
+        from taxel.views.trace_buffer import span_s
         from taxel.views.traces import TraceScreen
 
         screen = TraceScreen(source.info)
-        follow(source, self.seconds or _DEFAULT_S, screen.buffer.add)
+        follow(source, self.seconds or span_s(source.info, _DEFAULT_S), screen.buffer.add)
         if self.json:
             print_json(screen.buffer.summary())
             return
@@ -74,12 +75,12 @@ class View:
         except ModuleNotFoundError as error:
             raise MissingExtra(error.name or "matplotlib", "train", "figures") from error
         from taxel.sources.opening import at_full_speed, open_source
-        from taxel.views.trace_buffer import TraceBuffer
+        from taxel.views.trace_buffer import TraceBuffer, span_s
 
         if path.suffix.lower() != ".png":
             raise BadInput("a name that ends in .png for --png", str(path), "rename it")
-        seconds = self.seconds or _DEFAULT_S
         with open_source(at_full_speed(self.source)) as source:
+            seconds = self.seconds or span_s(source.info, _DEFAULT_S)
             buffer = TraceBuffer(source.info, kept_s=seconds)
             follow(source, seconds, buffer.add)
         if not buffer.scans:
@@ -129,7 +130,7 @@ def show(source: Source, seconds: float | None) -> None:
             nonlocal drawn_s
             if time.monotonic() - drawn_s >= _REDRAW_S:
                 drawn_s = time.monotonic()
-                picture = screen.render(console.width, console.height)
+                picture = screen.render(console.width, console.height - 1)
                 live.update(Group(picture, hint), refresh=True)
             return key.pressed
 

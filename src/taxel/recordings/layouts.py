@@ -39,11 +39,11 @@ ICUB_STEP_S = 1.0
 def read_icub(
     path: Path,
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], tuple[str, ...], tuple[str, ...]]:
-    """Read a grasp of the iCub Grasp Dataset: 60 taxels, then 9 joint encoders.
+    """Read a grasp of the iCub Grasp Dataset: 60 taxels, 5 finger maxima, 9 joint encoders.
 
     Each step is seven lines: 9 encoders; the largest of (255 − taxel) for
-    each finger, which the taxels hold already and is left out; 12 taxels for
-    each of five fingers. The first line of the file means nothing.
+    each finger; 12 taxels for each of five fingers. The first line of the file
+    means nothing.
 
     Raises:
         BadTable: A line has another number of values, or a step is cut short.
@@ -67,10 +67,11 @@ def read_icub(
                 "copy the file again",
             )
     steps = [rows[i : i + len(widths)] for i in range(0, len(rows), len(widths))]
-    values = np.array([np.concatenate([*step[2:], step[0]]) for step in steps])
+    values = np.array([np.concatenate([*step[2:], step[1], step[0]]) for step in steps])
     taxels = [f"{finger}_{i}" for finger in ICUB_FINGERS for i in range(1, ICUB_TAXELS + 1)]
-    names = (*taxels, *(f"joint_{joint}" for joint in ICUB_JOINTS))
-    units = ("count",) * len(taxels) + ("deg",) * len(ICUB_JOINTS)
+    strongest = [f"{finger}_strongest" for finger in ICUB_FINGERS]
+    names = (*taxels, *strongest, *(f"joint_{joint}" for joint in ICUB_JOINTS))
+    units = ("count",) * (len(taxels) + len(strongest)) + ("deg",) * len(ICUB_JOINTS)
     time_s = np.arange(len(values), dtype=np.float64) * ICUB_STEP_S
     return values, time_s, names, units
 

@@ -82,6 +82,8 @@ HOLD_SHARE = (0.45, 0.6)
 """Share of the period in which the object is held. Our choice."""
 RISE_S = (0.06, 0.14)
 """From first touch to full contact, seconds. Our choice."""
+RELATIVE_RISE = {"aluminium": 1.0, "glass": 1.12, "plastic": 1.3}
+"""Time to full contact, relative: a softer object gives way. Tuned, 0005."""
 FINGER_DELAY_S = 0.03
 """Spread of the fingers' delays, seconds. Our choice."""
 REST_S = (0.6, 1.2)

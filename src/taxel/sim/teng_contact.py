@@ -81,7 +81,7 @@ def draw_grasp(
         force_n=float(np.exp(rng.uniform(low, high))),
         pressure=pressure,
         delay_s=np.repeat(finger_delay, 3) + rng.uniform(0.0, 0.01, 12),
-        rise_s=rng.uniform(*constants.RISE_S),
+        rise_s=rng.uniform(*constants.RISE_S) * constants.RELATIVE_RISE[material],
         period_s=rng.uniform(*constants.PERIOD_S),
         hold_share=rng.uniform(*constants.HOLD_SHARE),
         presses=int(rng.integers(constants.PRESSES[0], constants.PRESSES[1] + 1)),

@@ -126,17 +126,20 @@ def share_of(values: NDArray[np.float32], low: Scale, high: Scale) -> NDArray[np
 
 
 def short_number(value: float) -> str:
-    """Return a number in at most five characters, a dash where it is not finite."""
+    """Return a number in three figures, in six characters at most; a dash if not finite."""
     if not np.isfinite(value):
         return "–"
+    for limit, divisor, letter in ((9999.5, 1.0, ""), (9.9995e5, 1e3, "k"), (9.9995e8, 1e6, "M")):
+        if abs(value) < limit:
+            return _three_figures(value / divisor) + letter
+    return f"{value:.0e}".replace("e+0", "e").replace("e+", "e")
+
+
+def _three_figures(value: float) -> str:
     size = abs(value)
     if size < 9.995:
-        return f"{value:.2f}"
-    if size < 999.5:
-        return f"{value:.1f}" if size < 99.95 else f"{value:.0f}"
-    if size < 9999.5:
-        return f"{value:.0f}"
-    return f"{value:.0e}".replace("e+0", "e")
+        return f"{value if size >= 0.005 else 0.0:.2f}"
+    return f"{value:.1f}" if size < 99.95 else f"{value:.0f}"
 
 
 def _bar(cell: NDArray[np.float32], low: float, high: float) -> str:

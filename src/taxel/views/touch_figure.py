@@ -29,6 +29,8 @@ _LANE = 0.86
 _MOST_POINTS = 4000
 """Points a trace that still show at this size."""
 _MOST_NUMBERED = 16
+_SIDE_INCHES, _TALLEST_INCHES = 4.6, 11.0
+"""Height of map and image together, and of the tallest figure."""
 
 
 def touch_figure(buffer: TraceBuffer, title: str) -> bytes:
@@ -41,8 +43,12 @@ def touch_figure(buffer: TraceBuffer, title: str) -> bytes:
     kept = buffer.kept
     shares = share_of(usable_values(kept), *buffer.scale())
     channels = len(buffer.info.channels)
-    figure = plt.figure(figsize=(11, max(4.6, 1.4 + 0.3 * channels)), layout="constrained")
-    grid = figure.add_gridspec(2, 2, width_ratios=(2.6, 1))
+    tall = min(max(_SIDE_INCHES, 1.4 + 0.3 * channels), _TALLEST_INCHES)
+    figure = plt.figure(figsize=(11, tall), layout="constrained")
+    heights = [1.0, 1.0]
+    if tall > 1.3 * _SIDE_INCHES:
+        heights.append(2 * (tall / _SIDE_INCHES - 1))
+    grid = figure.add_gridspec(len(heights), 2, width_ratios=(2.6, 1), height_ratios=heights)
     strongest = _strongest(shares)
     time_s = kept.fitted_s - kept.fitted_s[0]
     lanes = figure.add_subplot(grid[:, 0])
@@ -122,6 +128,7 @@ def _draw_image(
     axes.set_title(f"{len(image)} rows{span} around it, oldest on top", fontsize=9, loc="left")
     axes.set_xlabel("sensor", fontsize=8)
     axes.set_ylabel("row", fontsize=8)
+    axes.set_yticks(range(0, len(image), 3))
     axes.tick_params(labelsize=7)
     return picture
 

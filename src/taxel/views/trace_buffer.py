@@ -14,6 +14,14 @@ from numpy.typing import NDArray
 
 from taxel.signals import Samples, SensorInfo, Validity
 
+_LEAST_SCANS = 40
+"""A slow array is looked at for as long as it takes to give so many scans. Our choice."""
+
+
+def span_s(info: SensorInfo, least_s: float) -> float:
+    """Return how long to look at an array, seconds: `least_s`, or longer where it is slow."""
+    return max(least_s, _LEAST_SCANS / info.rate_hz) if info.rate_hz > 0 else least_s
+
 
 @dataclass(frozen=True, slots=True)
 class ChannelRange:
@@ -37,7 +45,7 @@ class TraceBuffer:
         kept_s: Seconds of scans to keep.
     """
 
-    def __init__(self, info: SensorInfo, kept_s: float = 4.0) -> None:
+    def __init__(self, info: SensorInfo, kept_s: float) -> None:
         self.info = info
         self.kept_s = kept_s
         self.scans = 0
@@ -154,5 +162,5 @@ def usable_values(samples: Samples) -> NDArray[np.float32]:
 def measured_rate_hz(samples: Samples) -> float:
     """Return scans a second; NaN for fewer than two scans."""
     time_s = samples.fitted_s
-    span_s = float(time_s[-1] - time_s[0]) if len(time_s) > 1 else 0.0
-    return (len(time_s) - 1) / span_s if span_s > 0 else float("nan")
+    length_s = float(time_s[-1] - time_s[0]) if len(time_s) > 1 else 0.0
+    return (len(time_s) - 1) / length_s if length_s > 0 else float("nan")

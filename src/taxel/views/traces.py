@@ -19,8 +19,10 @@ from taxel.views.terminal import (
     short_number,
     sparkline,
 )
-from taxel.views.trace_buffer import TraceBuffer, measured_rate_hz, usable_values
+from taxel.views.trace_buffer import TraceBuffer, measured_rate_hz, span_s, usable_values
 
+_KEPT_S = 4.0
+"""Seconds of trace on the screen; more for slow arrays."""
 _IMAGE_ROWS = 12
 """Rows of the image, as many as a window of the thesis has."""
 _ROW_HZ = 100.0
@@ -44,7 +46,7 @@ class TraceScreen:
 
     def __init__(self, info: SensorInfo) -> None:
         self._info = info
-        self.buffer = TraceBuffer(info)
+        self.buffer = TraceBuffer(info, span_s(info, _KEPT_S))
 
     def add(self, samples: Samples) -> None:
         """Take in new scans."""
@@ -115,9 +117,9 @@ class TraceScreen:
         shown = min(count, columns * max(rows - 1, 1) if count > columns * rows else count)
         tall = -(-shown // columns)
         spark = int(np.clip(room // columns - fixed, _LEAST_SPARK, _MOST_SPARK))
-        cells = _cells(kept, spark, self.buffer.kept_s)
+        cells = self._cells(kept, spark)
         lines = [
-            self._trace(column, cells[:, column], kept, scale, (name_width, unit_width))
+            self._trace(column, cells[:, column], kept, scale, (name_width, spark, unit_width))
             for column in range(shown)
         ]
         table = Table.grid(padding=(0, 2, 0, 0))
@@ -133,19 +135,20 @@ class TraceScreen:
         cells: NDArray[np.float32],
         kept: Samples,
         scale: tuple[NDArray[np.float32], NDArray[np.float32]],
-        widths: tuple[int, int],
+        widths: tuple[int, int, int],
     ) -> Text:
+        name_width, spark, unit_width = widths
         name = self._info.channels[column]
-        if len(name) > widths[0]:
-            name = name[: widths[0] - 1] + "…"
+        if len(name) > name_width:
+            name = name[: name_width - 1] + "…"
         value = float(usable_values(kept[-1:])[0, column])
         saturated = bool(kept.validity[-1, column] & np.uint8(Validity.SATURATED))
         low, high = float(scale[0][column]), float(scale[1][column])
         text = Text(no_wrap=True)
-        text.append(f"{name:<{widths[0]}} ")
-        text.append(sparkline(cells, len(cells), low, high), "cyan")
+        text.append(f"{name:<{name_width}} ")
+        text.append(sparkline(cells, spark, low, high), "cyan")
         text.append(f" {short_number(value):>6}", "bold red" if saturated else "bold")
-        text.append(f" {self._info.units[column]:<{widths[1]}}", "dim")
+        text.append(f" {self._info.units[column]:<{unit_width}}", "dim")
         return text
 
     def _side(
@@ -164,28 +167,30 @@ class TraceScreen:
             image, low, high = _narrowed(image, scale)
         across = "sensors across" if len(self._info.channels) <= _SIDE else "sensors in groups"
         parts.append(Text())
-        parts.append(Text(f"{across}, last {_IMAGE_ROWS} rows{self._span()}", style="dim"))
+        parts.append(Text(f"{across}, last {self._span()}", style="dim"))
         parts.append(heat_map(image, low, high, 2 if image.shape[1] <= _WIDE_CHANNELS else 1))
         return Group(*parts)
+
+    def _cells(self, kept: Samples, width: int) -> NDArray[np.float32]:
+        """Return the largest usable value of each cell of time, shape (at most width, channels).
+
+        Cells lie on fixed moments, so that a trace moves on without flickering.
+        """
+        cell_s = self.buffer.kept_s / width
+        if self._info.rate_hz > 0:
+            cell_s = max(cell_s, 1.0 / self._info.rate_hz)
+        count = min(width, max(1, round(self.buffer.kept_s / cell_s)))
+        place = np.floor(kept.fitted_s / cell_s).astype(np.int64)
+        index = place - place[-1] + count - 1
+        inside = index >= 0
+        cells = np.full((count, kept.values.shape[1]), np.nan, np.float32)
+        np.fmax.at(cells, index[inside], usable_values(kept)[inside])
+        return cells
 
     def _span(self) -> str:
         """Return how long the image's rows take, where the array's rate is known."""
         rate_hz = min(_ROW_HZ, self._info.rate_hz)
-        return f" ({_IMAGE_ROWS / rate_hz:.2g} s)" if rate_hz > 0 else ""
-
-
-def _cells(kept: Samples, width: int, span_s: float) -> NDArray[np.float32]:
-    """Return the largest usable value of each cell of time, shape (width, channels).
-
-    Cells lie on fixed moments, so that a trace moves on without flickering.
-    """
-    cell_s = span_s / width
-    newest = int(kept.fitted_s[-1] // cell_s)
-    index = (kept.fitted_s // cell_s).astype(np.int64) - newest + width - 1
-    inside = index >= 0
-    cells = np.full((width, kept.values.shape[1]), np.nan, np.float32)
-    np.fmax.at(cells, index[inside], usable_values(kept)[inside])
-    return cells
+        return f"{_IMAGE_ROWS / rate_hz:.2g} s" if rate_hz > 0 else f"{_IMAGE_ROWS} scans"
 
 
 def _image(kept: Samples, rate_hz: float) -> NDArray[np.float32]:

@@ -1,0 +1,296 @@
+"""`taxel bench teng`: the figures that the TENG hand's system promises.
+
+Knows nothing about how they are printed.
+"""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+import tempfile
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from time import perf_counter
+
+import numpy as np
+
+from taxel.bench.kill_recorder import kill_often
+from taxel.bench.rows import Row, missing, row, row_within
+from taxel.windows.config import GRID_RATE_HZ, TENG_WINDOW
+
+KILLS = 20
+WEAK_EPOCHS = 20
+WEAK_SEEDS = (0, 1)
+WEAK = {
+    ("shape", "random"): 0.99,
+    ("material", "random"): 0.66,
+    ("both", "random"): 0.65,
+    ("shape", "session"): 0.77,
+    ("material", "session"): 0.48,
+    ("both", "session"): 0.36,
+}
+"""Accuracies of a small CNN measured before the simulator was frozen (docs/decisions/0005)."""
+WEAK_PAPER = {"shape": 0.998, "material": 0.999}
+ICUB_SEEDS = 5
+
+Measure = Callable[[], list[Row]]
+
+
+def quick_steps() -> list[tuple[str, Measure]]:
+    """Return the measurements of a normal run: (what, how)."""
+    return [
+        ("simulator", simulator_speed),
+        ("kill -9", kill_losses),
+        ("table and memory", table_time),
+        ("live path", live_path),
+        ("recording's memory", recording_memory),
+        ("demo", demo_time),
+    ]
+
+
+def full_steps(data: Path | None) -> list[tuple[str, Measure]]:
+    """Return the measurements that take longer than a few minutes."""
+    return [
+        ("weak baselines", weak_baselines),
+        ("teng-glove", lambda: glove(data)),
+        ("icub-grasp", lambda: icub(data)),
+    ]
+
+
+def simulator_speed() -> list[Row]:
+    """Simulate the thesis's set; values a second against the prototype's."""
+    from taxel.sim.teng_hand import TengHandConfig, simulate_sessions
+
+    started = perf_counter()
+    values = sum(
+        session.samples.values.size
+        for session in simulate_sessions(TengHandConfig(rate_hz=GRID_RATE_HZ))
+    )
+    speed = values / (perf_counter() - started) / 1.2e6
+    return [row("sim://teng speed, over the prototype's 1.2 M values/s", speed, "ratio", ">=", 1.0)]
+
+
+def kill_losses() -> list[Row]:
+    """Kill a recorder twenty times."""
+    with tempfile.TemporaryDirectory(prefix="taxel-") as folder:
+        lost = kill_often(Path(folder), KILLS)
+    return [row(f"kill -9, {KILLS} times: most lost", max(lost), "s", "<=", 0.1)]
+
+
+def table_time() -> list[Row]:
+    """Train Table 4.1 in a process of its own: seconds and memory."""
+    code = (
+        "import json,resource,sys,tempfile;from pathlib import Path;"
+        "from taxel.sources.data_sets import simulate_presets;"
+        "from taxel.evaluation.teng_table import TengTableConfig,teng_table;"
+        "d=Path(tempfile.mkdtemp());simulate_presets(d,('honest',),160000,0);"
+        "s=teng_table({'honest':d/'honest'},TengTableConfig(models=('cnn1d','cnn2d')));"
+        "print(json.dumps([sum(c.training_s for x in s for c in x.columns.values()),"
+        "resource.getrusage(resource.RUSAGE_SELF).ru_maxrss/1024,"
+        "{x.task+', '+x.split+', '+c.model:c.pooled.scores.accuracy "
+        "for x in s for c in x.columns.values()}]))"
+    )
+    seconds, memory_mb, accuracies = _child(code)
+    rows = [
+        row("Table 4.1, both networks, shape and material, both splits: training", seconds,
+            "s", "<=", 90.0),
+        row("training: memory", memory_mb, "MiB", "<=", 2048.0),
+    ]  # fmt: skip
+    for name, value in accuracies.items():
+        rows.append(Row(name=f"sim honest: {name}", value=value, unit="accuracy", goal="", ok=None))
+    return rows
+
+
+def live_path() -> list[Row]:
+    """A window to a decision, scan by scan, and the memory of the live process."""
+    with tempfile.TemporaryDirectory(prefix="taxel-") as scratch:
+        bundle, recording = _bundle_and_recording(Path(scratch))
+        median_us, memory_mb, windows = _child(
+            "import json,resource,sys;from pathlib import Path;import numpy as np;"
+            "from taxel.bundles.reader import read_bundle;"
+            "from taxel.live.recogniser import Recogniser;"
+            "from taxel.recordings.reader import read_recording;"
+            f"r=read_recording(Path({str(recording)!r}));"
+            f"g=Recogniser(read_bundle(Path({str(bundle)!r})),r.manifest.sensor);"
+            "t=[a.latency_s for i in range(0,len(r.samples)) for a in g.push(r.samples[i:i+1])];"
+            "assert 'torch' not in sys.modules;"
+            "print(json.dumps([float(np.median(t))*1e6,"
+            "resource.getrusage(resource.RUSAGE_SELF).ru_maxrss/1024,len(t)]))"
+        )
+    return [
+        row("a window to a decision, median", median_us, "µs", "<=", 100.0,
+            f"over {windows} windows; the thesis: 40,460 µs"),
+        row("live path: memory", memory_mb, "MiB", "<=", 250.0, "no training framework loaded"),
+    ]  # fmt: skip
+
+
+def recording_memory() -> list[Row]:
+    """Record ten simulated minutes at 1 kHz: growth of memory after the first minute."""
+    with tempfile.TemporaryDirectory(prefix="taxel-") as scratch:
+        code = (
+            "import json,psutil;from pathlib import Path;import numpy as np;"
+            "from taxel.recordings.manifest import Manifest;"
+            "from taxel.recordings.writer import Recorder;"
+            "from taxel.signals import Samples,SensorInfo;"
+            "s=SensorInfo(name='t',channels=tuple(f'c{i}' for i in range(12)),"
+            "units=('V',)*12,rate_hz=1000.0);p=psutil.Process();m=[];"
+            f"f=Path({str(Path(scratch) / 'ten.mcap')!r});"
+            "r=Recorder(f,Manifest.started_now(s,now_s=0.0));"
+            "v=np.random.default_rng(0).random((50,12));\n"
+            "for i in range(12000):\n"
+            "    r.write(Samples.from_values(v,(i*50+np.arange(50))/1000.0));r.flush()\n"
+            "    m.append(p.memory_info().rss) if i%1200==1199 else None\n"
+            "r.close();print(json.dumps((m[-1]-m[0])/2**20))"
+        )
+        grown = float(_child(code))
+    return [row("a 10-minute recording at 1 kHz: memory grown after a minute", grown, "MiB",
+                "<=", 5.0, "12,000 chunks of 50 ms")]  # fmt: skip
+
+
+def demo_time() -> list[Row]:
+    """Run the demo as a user would."""
+    with tempfile.TemporaryDirectory(prefix="taxel-") as scratch:
+        started = perf_counter()
+        subprocess.run(
+            [sys.executable, "-m", "taxel.cli.main", "demo"],
+            cwd=scratch,
+            check=True,
+            capture_output=True,
+        )
+        seconds = perf_counter() - started
+    return [row("taxel demo, after install", seconds, "s", "<=", 90.0)]
+
+
+def weak_baselines() -> list[Row]:
+    """A small CNN on the frozen simulator, against the figures that it was tuned to."""
+    from taxel.bench.weak import weak_accuracies, weak_paper_accuracies
+
+    found = weak_accuracies(WEAK_SEEDS, WEAK_EPOCHS)
+    rows = [
+        row_within(f"sim honest, small CNN: {target}, {split} split", found[target, split],
+                   "accuracy", middle, 0.05, f"mean of seeds {WEAK_SEEDS}")
+        for (target, split), middle in WEAK.items()
+    ]  # fmt: skip
+    paper = weak_paper_accuracies(WEAK_EPOCHS)
+    rows += [
+        row_within(f"sim paper, small CNN: {target}, random split", paper[target],
+                   "accuracy", middle, 0.05)
+        for target, middle in WEAK_PAPER.items()
+    ]  # fmt: skip
+    return rows
+
+
+def glove(data: Path | None) -> list[Row]:
+    """The glove, by file and by session, on eight channels and on five."""
+    goals = {
+        ("teng-glove", "file"): (">= 0.96", 0.96),
+        ("teng-glove-touch", "file"): (">= 0.9", 0.9),
+    }
+    names = {"teng-glove": "8 channels", "teng-glove-touch": "5 TENG channels"}
+    if data is None or not (data / "teng-glove").exists():
+        return [
+            missing("teng-glove", "accuracy", "", "no recordings: name their folder with --data")
+        ]
+    from taxel.evaluation.checked import check_recipe
+    from taxel.recordings.importing import import_rows
+    from taxel.recordings.known import glove_rows
+    from taxel.training.recipes import find_recipe
+
+    rows = []
+    with tempfile.TemporaryDirectory(prefix="taxel-") as scratch:
+        folder = Path(scratch) / "glove"
+        import_rows(glove_rows(data / "teng-glove"), folder)
+        for name, channels in names.items():
+            for key in ("file", "session"):
+                recipe = replace(find_recipe(name), split=f"group:{key}")
+                checked = check_recipe(folder, recipe, bars=("minirocket", "extra-trees"))
+                value, bars = checked.pooled.scores.accuracy, checked.bars
+                note = ", ".join(f"{k} {b.scores.accuracy:.3f}" for k, b in bars.items())
+                low, high = checked.pooled.interval
+                majority = checked.trivial["majority"]
+                note = f"95 % {low:.3f} … {high:.3f}; {note}; majority {majority:.3f}"
+                text = f"teng-glove, {channels}, split by {key}"
+                goal = goals.get((name, key))
+                if goal is not None:
+                    rows.append(row(text, value, "accuracy", ">=", goal[1], note))
+                else:
+                    rows.append(
+                        Row(name=text, value=value, unit="accuracy", goal="", ok=None, note=note)
+                    )
+    return rows
+
+
+def icub(data: Path | None) -> list[Row]:
+    """The iCub's grasps, tared, trials 1–10 → 11–20."""
+    if data is None or not (data / "icub-grasp").exists():
+        return [
+            missing(
+                "icub-grasp", "accuracy", ">= 0.98", "no recordings: name their folder with --data"
+            )
+        ]
+    from taxel.evaluation.checked import check_recipe
+    from taxel.recordings.importing import import_rows
+    from taxel.recordings.known import icub_rows
+    from taxel.training.recipes import find_recipe
+
+    recipe = find_recipe("icub-grasp")
+    values = []
+    with tempfile.TemporaryDirectory(prefix="taxel-") as scratch:
+        folder = Path(scratch) / "icub"
+        rows = icub_rows(next((data / "icub-grasp").glob("iCubGraspDataset"), data / "icub-grasp"))
+        import_rows(rows, folder)
+        for seed in range(ICUB_SEEDS):
+            one = replace(recipe, train=replace(recipe.train, seed=seed))
+            checked = check_recipe(
+                folder, one, bars=("minirocket", "extra-trees") if not seed else ()
+            )
+            values.append(checked.pooled.scores.accuracy)
+            if not seed:
+                bars, trivial = checked.bars, checked.trivial
+    note = ", ".join(f"{k} {b.scores.accuracy:.2f}" for k, b in bars.items())
+    return [
+        row("icub-grasp, tared, trials 1–10 → 11–20", float(np.mean(values)), "accuracy", ">=",
+            0.98, f"mean of {ICUB_SEEDS} seeds, least {min(values):.2f}; 100 trials; {note}; "
+            f"length alone {trivial['length of the trial']:.2f}"),
+    ]  # fmt: skip
+
+
+def data_digest(data: Path | None) -> str:
+    """Return a digest over the names and sizes of the recordings used."""
+    import hashlib
+
+    digest = hashlib.sha256()
+    for file in sorted((data or Path()).rglob("*")) if data is not None else []:
+        if file.is_file() and file.parent.name in ("teng-glove", "iCubGraspDataset"):
+            digest.update(file.read_bytes())
+    return digest.hexdigest()
+
+
+def _bundle_and_recording(scratch: Path) -> tuple[Path, Path]:
+    """Write an untrained bundle and a minute at 1 kHz: time does not depend on weights."""
+    from taxel.bundles.writer import write_bundle
+    from taxel.models.catalogue import find_network
+    from taxel.sim.teng_hand import TengHandConfig
+    from taxel.sources.data_sets import write_sessions
+    from taxel.training.loop import new_network
+    from taxel.training.run import contract_of
+    from taxel.windows.dataset import load_dataset
+    from taxel.windows.scaling import fit_scaling
+
+    config = TengHandConfig(rate_hz=1000.0, scans_per_class=40_000, sessions=1)
+    write_sessions(scratch / "set", config, lambda _: None)
+    dataset = load_dataset(scratch / "set", TENG_WINDOW, target="shape")
+    network = new_network(lambda: find_network("cnn2d").build(12, 12, 3), 0)
+    windows = dataset.windows
+    scaling = fit_scaling("full-scale", windows.values, windows.mask, dataset.sensor.full_scale)
+    contract = contract_of(dataset, "shape", "cnn2d", (network,), scaling, {})
+    write_bundle(scratch / "b.taxel", (network,), contract, windows.values, windows.mask)
+    return scratch / "b.taxel", scratch / "set" / "session-1.mcap"
+
+
+def _child(code: str):  # type: ignore[no-untyped-def]
+    """Run Python code in a process of its own and return the JSON that it prints."""
+    done = subprocess.run([sys.executable, "-c", code], check=True, capture_output=True, text=True)
+    return json.loads(done.stdout)
