@@ -34,13 +34,13 @@ DUST_LOSS = 0.45
 """Share of charge lost on a pad fully covered with dust. Our choice."""
 MOISTURE_LOSS = 0.6
 """Share of charge lost on a wet pad; its leakage rises alike. Our choice."""
-FORCE_SCALE_N = 1.4
-"""α of S = 1 − exp(−F/α), newtons. Our choice within the calibrated 0.5 to 5 N."""
+FORCE_SCALE_N = 0.42
+"""α of S = 1 − exp(−F/α), newtons: soft pads saturate early. Tuned, 0005."""
 
-OPEN_VOLTAGE_V = 7.2
+OPEN_VOLTAGE_V = 5.2
 """Voltage of aluminium pressed fully onto a sensor at once, volts: sets the share of scans
 above 1.55 V. Tuned to the thesis's 31,000 of 160,000."""
-TIME_CONSTANT_S = (0.22, 0.34)
+TIME_CONSTANT_S = (0.12, 0.2)
 """R · C of a session, seconds. PHYSICS: 0.1 to 0.5 s is needed for the share above."""
 CAPACITANCE_PF = (150.0, 350.0)
 """Sensor and cable, picofarads; against the converter's 14 pF it sets the ghosts."""
@@ -52,8 +52,6 @@ SECOND_SENSOR_GAIN = 0.06
 """The second sensor is nearly silent. Source: thesis, section 4.1."""
 GAIN_DEVIATION = 0.12
 """Spread of a session's sensor gains, logarithmic. Source: measured study, PHYSICS."""
-CHARGE_DEVIATION = 0.0
-"""Spread of a session's charge, logarithmic: wear and cleaning of all pads. Tuned, 0005."""
 FIRST_SECOND_CORRELATION = 0.9
 """The first and second sensor are alike. Source: thesis, section 4.1."""
 
@@ -69,24 +67,24 @@ NOISE_V = 0.012
 BITS = 10
 """Source: ATmega2560 datasheet."""
 
-CONTRAST = 0.42
+CONTRAST = 0.21
 """How much of the geometry's pressure pattern reaches the pads; soft Ecoflex spreads the
 rest evenly. Tuned, docs/decisions/0005."""
-GRASP_DEVIATION = 0.035
+GRASP_DEVIATION = 0.006
 """Spread of a pad's share from grasp to grasp, logarithmic. Tuned, 0005."""
-PRESSES = (2, 4)
-"""Presses in one grasp: the hand closes, then grips again. Our choice."""
-PERIOD_S = (1.0, 1.8)
+PRESSES = (4, 8)
+"""Presses in one grasp: the hand closes, then grips again and again. Our choice."""
+PERIOD_S = (0.4, 0.6)
 """From press to press, seconds. Our choice."""
 HOLD_SHARE = (0.45, 0.6)
 """Share of the period in which the object is held. Our choice."""
-RISE_S = (0.06, 0.14)
+RISE_S = (0.05, 0.1)
 """From first touch to full contact, seconds. Our choice."""
-RELATIVE_RISE = {"aluminium": 1.0, "glass": 1.12, "plastic": 1.3}
+RELATIVE_RISE = {"aluminium": 1.0, "glass": 1.25, "plastic": 1.5}
 """Time to full contact, relative: a softer object gives way. Tuned, 0005."""
 FINGER_DELAY_S = 0.03
 """Spread of the fingers' delays, seconds. Our choice."""
-REST_S = (0.6, 1.2)
+REST_S = (0.9, 1.5)
 """Open hand between grasps, seconds. Our choice."""
 MOVING_DEPTH = 0.25
 """Share by which a moving object's sliding modulates the contact. Our choice."""

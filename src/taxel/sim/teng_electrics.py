@@ -59,7 +59,7 @@ def draw_session(
     spread = rng.normal(0.0, constants.GAIN_DEVIATION, 12)
     rho = constants.FIRST_SECOND_CORRELATION
     spread[1] = rho * spread[0] + np.sqrt(1 - rho**2) * spread[1]
-    gain = np.exp(spread + rng.normal(0.0, constants.CHARGE_DEVIATION))
+    gain = np.exp(spread)
     gain[1] *= constants.SECOND_SENSOR_GAIN
     return Session(
         gain=gain,

@@ -103,11 +103,11 @@ def simulate_sessions(config: TengHandConfig) -> Iterator[SimulatedSession]:
 
     honest: every session holds all nine combinations in a shuffled order; a third
     of the scans belongs to each shape and to each material. paper: three
-    sessions of one shape each (plastic) and three of one material each (cylinders),
+    sessions of one shape each (glass) and three of one material each (cylinders),
     marked with the group "task".
     """
     if config.preset == "paper":
-        plan = [("shape", shape, "plastic") for shape in SHAPES]
+        plan = [("shape", shape, "glass") for shape in SHAPES]
         plan += [("material", "cylinder", material) for material in MATERIALS]
         # One laboratory in one season: the middle fifth of each range.
         places = [
