@@ -13,7 +13,10 @@ from typing import Any
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 
-console = Console(highlight=False, soft_wrap=False)
+_PLAIN_WIDTH = 110
+"""Columns where the output is no terminal: a file or a pipe has no width of its own."""
+
+console = Console(highlight=False, width=None if sys.stdout.isatty() else _PLAIN_WIDTH)
 
 
 def print_json(data: Any) -> None:

@@ -8,6 +8,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable
 
+from rich.box import SIMPLE_HEAD
 from rich.console import Group, RenderableType
 from rich.table import Table
 from rich.text import Text
@@ -16,71 +17,69 @@ from taxel.evaluation.checked import Checked
 from taxel.evaluation.crossval import Pooled
 from taxel.evaluation.teng_table import PUBLISHED, ROWS, Section
 
-HEADINGS = {"cnn1d": "signal (1D)", "cnn2d": "image (2D)", "minirocket": "MiniRocket"}
+HEADINGS = {"cnn1d": "1D", "cnn2d": "2D", "minirocket": "MiniRocket"}
+"""Short names: 1D is signal-based, 2D image-based."""
 
 
 def teng_sections(sections: list[Section]) -> RenderableType:
-    """Return Table 4.1, one table a preset and split, and what must stand beside it."""
+    """Return Table 4.1, one table a task and split, and what must stand beside it."""
     parts: list[RenderableType] = []
-    for key in dict.fromkeys((section.preset, section.split) for section in sections):
-        own = [section for section in sections if (section.preset, section.split) == key]
-        parts += [_table_4_1(*key, own), _pooled_table(own), Text()]
+    for section in sections:
+        parts += [_table_4_1(section), *_beside(section), Text()]
     return Group(*parts)
 
 
-def _table_4_1(preset: str, split: str, sections: list[Section]) -> Table:
+def _table_4_1(section: Section) -> Table:
     table = Table(
-        title=f"Table 4.1 · preset {preset} · split: {split}", title_justify="left", pad_edge=False
+        title=f"Table 4.1 · {section.task} · preset {section.preset} · split: {section.split}",
+        title_justify="left",
+        title_style="bold",
+        box=SIMPLE_HEAD,
+        pad_edge=False,
     )
     table.add_column("metric", no_wrap=True)
-    models = list(sections[0].columns)
-    for model in models:
+    for model in section.columns:
+        name = HEADINGS.get(model, model)
         if model in PUBLISHED:
-            table.add_column(f"{HEADINGS[model]}\npublished", justify="right", style="dim")
-        for section in sections:
-            table.add_column(f"{HEADINGS.get(model, model)}\n{section.task}", justify="right")
+            table.add_column(f"{name}\nthesis", justify="right", style="dim", no_wrap=True)
+        table.add_column(f"{name}\nours", justify="right", no_wrap=True)
     for row in ROWS:
         cells = []
-        for model in models:
+        for model, column in section.columns.items():
             if model in PUBLISHED:
                 cells.append(_value(row, PUBLISHED[model][row]))
-            cells += [_value(row, section.columns[model].rows[row]) for section in sections]
+            cells.append(_value(row, column.rows[row]))
         table.add_row(row, *cells)
     return table
 
 
-def _pooled_table(sections: list[Section]) -> Table:
-    table = Table(
-        title="every window told by a model that did not train on its fold · trivial baselines",
-        title_justify="left",
-        pad_edge=False,
-    )
-    table.add_column("what")
-    for section in sections:
-        table.add_column(f"{section.task}: accuracy", justify="right")
-    first = sections[0]
-    for model in first.columns:
-        cells = [with_interval(section.columns[model].pooled) for section in sections]
-        table.add_row(HEADINGS.get(model, model), *cells)
-    for model in first.columns:
-        cells = [f"{section.columns[model].pooled.trial_accuracy:.4f}" for section in sections]
-        table.add_row(f"{HEADINGS.get(model, model)}, whole grasp", *cells)
-    for name in first.trivial:
-        table.add_row(name, *(f"{section.trivial[name]:.4f}" for section in sections), style="dim")
-    return table
+def _beside(section: Section) -> list[Text]:
+    """Return the pooled accuracies with intervals, and the trivial baselines."""
+    lines = [Text("each window told by a model that did not train on its fold, 95 % by session:")]
+    for model, column in section.columns.items():
+        lines.append(
+            Text(
+                f"  {HEADINGS.get(model, model):<11}{with_interval(column.pooled)}"
+                f"   whole grasps {column.pooled.trial_accuracy:.4f}"
+            )
+        )
+    trivial = " · ".join(f"{name} {value:.3f}" for name, value in section.trivial.items())
+    lines.append(Text(f"  trivial baselines: {trivial}", style="dim"))
+    return lines
 
 
 def checked_table(checked: Checked) -> RenderableType:
     """Return one recipe's result with its bars and trivial baselines."""
     dataset, pooled = checked.dataset, checked.pooled
-    table = Table(
-        title=f"{checked.recipe.target} · split: {pooled.split} · {len(dataset)} windows of "
+    about = Text(
+        f"{checked.recipe.target} · split: {pooled.split} · {len(dataset)} windows of "
         f"{dataset.config.steps} × {len(dataset.sensor.channels)} in {len(dataset.trials)} trials",
-        title_justify="left",
-        pad_edge=False,
+        style="bold",
     )
-    for column in ("model", "accuracy, windows", "accuracy, trials", "loss", "ROC-AUC", "F1"):
-        table.add_column(column, justify="left" if column == "model" else "right")
+    table = Table(box=SIMPLE_HEAD, pad_edge=False)
+    for column in ("model", "accuracy [95 %]", "by trial", "loss", "ROC-AUC", "F1"):
+        left = column == "model"
+        table.add_column(column, justify="left" if left else "right", no_wrap=True)
     for name, result in {checked.recipe.model: pooled, **checked.bars}.items():
         table.add_row(
             name,
@@ -94,7 +93,7 @@ def checked_table(checked: Checked) -> RenderableType:
         table.add_row(name, f"{accuracy:.4f}", "", "", "", "", style="dim")
     folds = "folds: " + " ".join(f"{value:.4f}" for value in pooled.fold_accuracies)
     interval = f"interval: 95 %, whole groups resampled by {pooled.interval_group}"
-    return Group(table, *(Text(line) for line in (folds, interval, *dataset.notes)))
+    return Group(about, table, *(Text(line) for line in (folds, interval, *dataset.notes)))
 
 
 def with_interval(pooled: Pooled) -> str:
@@ -107,13 +106,18 @@ def with_interval(pooled: Pooled) -> str:
 
 def confusion_table(classes: Iterable[str], confusion: list[list[int]]) -> Table:
     """Return a confusion matrix: rows true, columns predicted."""
-    table = Table(title="confusion (rows: true, columns: told)", title_justify="left")
     names = list(classes)
-    table.add_column("")
+    table = Table(
+        title="confusion (rows: true, columns: told, in the same order)",
+        title_justify="left",
+        box=SIMPLE_HEAD,
+        pad_edge=False,
+    )
+    table.add_column("", no_wrap=True)
     for name in names:
-        table.add_column(name, justify="right")
+        table.add_column(name[:4], justify="right", no_wrap=True)
     for name, row in zip(names, confusion, strict=True):
-        table.add_row(name, *map(str, row))
+        table.add_row(name, *(str(count) if count else "·" for count in row))
     return table
 
 
