@@ -22,7 +22,7 @@ class Demo:
     """Folder to write to; an earlier demo's is replaced."""
     scans_per_class: int = 160_000
     """Scans of each shape and of each material (the thesis: about 160,000)."""
-    live_seconds: float = 20.0
+    live_seconds: float = 60.0
     """Seconds of live prediction, on the simulator's own clock."""
     seed: int = 0
     """Seed of everything random."""
@@ -56,14 +56,14 @@ class Demo:
         (self.output / _MARK).touch()
 
     def _table(self) -> None:
-        from taxel.evaluation.teng_table import TengTableConfig, count_steps, teng_table
+        from taxel.evaluation.teng_table import TengTableConfig, section_plan, teng_table
         from taxel.views.report import write_teng_report
         from taxel.views.results import teng_sections
 
         config = TengTableConfig(models=("cnn1d", "cnn2d"), seed=self.seed)
         folders = {"honest": self.output / "honest"}
         with progress() as bar:
-            task = bar.add_task("starting", total=count_steps(("honest",), config))
+            task = bar.add_task("starting", total=len(section_plan(("honest",))))
             sections = teng_table(
                 folders, config, lambda line: bar.update(task, description=line, advance=1)
             )
@@ -93,7 +93,7 @@ class Demo:
     def _live(self, bundles: list[Path]) -> None:
         from taxel.cli.live import Live
 
-        speed = "2" if console.is_terminal else "max"
+        speed = "4" if console.is_terminal else "max"
         source = f"sim://teng?seed={self.seed + 1}&speed={speed}"
         Live(
             bundle=bundles[0], also=tuple(bundles[1:]), source=source, seconds=self.live_seconds

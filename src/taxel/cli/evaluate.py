@@ -43,7 +43,7 @@ class Evaluate:
             self._folder(Path(self.what))
 
     def _teng_table(self) -> None:
-        from taxel.evaluation.teng_table import TengTableConfig, count_steps, teng_table
+        from taxel.evaluation.teng_table import TengTableConfig, section_plan, teng_table
         from taxel.sources.data_sets import simulate_presets
         from taxel.training.loop import TrainConfig
 
@@ -59,7 +59,7 @@ class Evaluate:
             if self.data is None:
                 simulate_presets(folder, presets, self.scans_per_class, self.recipe.seed)
             folders = {preset: folder / preset for preset in presets}
-            task = bar.add_task("starting", total=count_steps(presets, config))
+            task = bar.add_task("starting", total=len(section_plan(presets)))
 
             def on_step(line: str) -> None:
                 bar.update(task, description=line, advance=1)

@@ -22,7 +22,8 @@ class Answer:
     window: Windows
     """The one window, shape (1, steps, channels)."""
     latency_s: float
-    """From the samples in hand to the decision, seconds; windows of one call share the cutting."""
+    """From the samples in hand to the decision, seconds; windows of one call share
+    the time that cutting took."""
 
 
 class Recogniser:
@@ -56,7 +57,7 @@ class Recogniser:
         return self._answers(self._windower.flush(), started)
 
     def _answers(self, windows: Windows, started: float) -> list[Answer]:
-        cutting_s = perf_counter() - started
+        cutting_s = (perf_counter() - started) / max(1, len(windows))
         answers = []
         for index in range(len(windows)):
             began = perf_counter()

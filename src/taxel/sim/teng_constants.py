@@ -37,7 +37,7 @@ MOISTURE_LOSS = 0.6
 FORCE_SCALE_N = 0.42
 """α of S = 1 − exp(−F/α), newtons: soft pads saturate early. Tuned, 0005."""
 
-OPEN_VOLTAGE_V = 5.2
+OPEN_VOLTAGE_V = 5.38
 """Voltage of aluminium pressed fully onto a sensor at once, volts: sets the share of scans
 above 1.55 V. Tuned to the thesis's 31,000 of 160,000."""
 TIME_CONSTANT_S = (0.12, 0.2)

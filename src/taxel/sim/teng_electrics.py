@@ -129,7 +129,9 @@ class Sensors:
         decay = np.exp(-1.0 / (self._rate_hz * self._tau_s))
         before = np.concatenate([self._charge, charge[:-1]])
         self._charge = charge[-1:]
-        volts, self._state = lfilter([1.0], [1.0, -decay], charge - before, axis=0, zi=self._state)
+        # Charge that arrives evenly between two scans has already leaked in part: (1 − d)·τ/Δt.
+        kept = (1.0 - decay) * self._rate_hz * self._tau_s
+        volts, self._state = lfilter([kept], [1.0, -decay], charge - before, axis=0, zi=self._state)
         volts += self._hum(len(charge))
         volts = self._ghosts(volts)
         volts += self._rng.normal(0.0, constants.NOISE_V, volts.shape)

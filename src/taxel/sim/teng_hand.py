@@ -208,6 +208,7 @@ class _Maker:
             self.session, config.rate_hz, config.wiring, config.reference_v, self._noise
         )
         self._scan = 0
+        self._last_arrival_s = 0.0
         self._count = 0
 
     def grasp(self) -> tuple[Samples, list[Mark]]:
@@ -231,12 +232,14 @@ class _Maker:
         counter = self._scan + np.arange(n)
         true_s = counter / config.rate_hz
         delay_s = self._noise.exponential(constants.USB_DELAY_S, n)
+        arrival_s = np.maximum(np.maximum.accumulate(true_s + delay_s), self._last_arrival_s)
+        self._last_arrival_s = float(arrival_s[-1])
         self._scan += n
         return Samples(
             values=values,
             counter=counter.astype(np.int64),
             device_s=true_s * (1 + self.session.clock_ppm * 1e-6),
-            arrival_s=np.maximum.accumulate(true_s + delay_s),
+            arrival_s=arrival_s,
             fitted_s=true_s,
             validity=flag_values(values, sensor_info(config).full_scale),
         )

@@ -1,0 +1,115 @@
+"""The documentation is true: its links lead somewhere, its verbs exist, its walk-through works."""
+
+import csv
+import re
+import shlex
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from taxel.cli.main import VERBS, main
+
+ROOT = Path(__file__).parents[1]
+PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").rglob("*.md"))]
+OWN_ARRAY = ROOT / "docs" / "how-to" / "own-array.md"
+LINK = re.compile(r"!?\[[^\]]*\]\(([^)\s]+)\)")
+SHELL = re.compile(r"^```(?:sh|bash|console)\n(.*?)^```", re.M | re.S)
+ANY_BLOCK = re.compile(r"^```.*?^```", re.M | re.S)
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: str(page.relative_to(ROOT)))
+def test_relative_links_lead_to_files_and_headings_that_exist(page: Path):
+    broken = []
+    for target in LINK.findall(ANY_BLOCK.sub("", page.read_text("utf-8"))):
+        if re.match(r"[a-z]+:", target):
+            continue
+        path, _, heading = target.partition("#")
+        there = (page.parent / path) if path else page
+        if not there.exists() or (heading and heading not in _headings(there)):
+            broken.append(target)
+
+    assert broken == []
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: str(page.relative_to(ROOT)))
+def test_every_verb_in_a_code_block_or_in_backticks_exists(page: Path):
+    text = page.read_text("utf-8")
+    code = [*ANY_BLOCK.findall(text), *re.findall(r"`[^`\n]+`", ANY_BLOCK.sub("", text))]
+    named = {
+        verb
+        for part in code
+        for verb in re.findall(r"(?:^|[`$ ])taxel ([a-z]+)\b(?!:)", part, re.M)
+    }
+
+    assert named - set(VERBS) == set()
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: str(page.relative_to(ROOT)))
+def test_no_page_names_a_machine_path(page: Path):
+    assert not re.search(r"(/work/|/home/|/tmp/|/root/)", page.read_text("utf-8"))
+
+
+@pytest.mark.slow
+def test_the_own_array_page_works_as_it_is_written(tmp_path, monkeypatch, capsys):
+    """Its commands, in its order, on data of the kind it describes; only fewer epochs."""
+    monkeypatch.chdir(tmp_path)
+    _write_own_data(tmp_path / "data")
+    done = []
+    for line in "".join(SHELL.findall(OWN_ARRAY.read_text("utf-8"))).splitlines():
+        words = shlex.split(line)
+        if words[:1] != ["taxel"] or "--allow-code" in words:
+            continue
+        words = ["4" if before == "--epochs" else word
+                 for before, word in zip(["", *words], words, strict=False)]  # fmt: skip
+        if words[1] == "live":  # as fast as it goes: a test does not wait
+            words[3] = f"replay://{words[3]}?speed=max"
+        main(words[1:])  # bad input would raise SystemExit
+        done.append(words[1])
+
+    assert done == ["import", "info", "view", "evaluate", "train", "bundle", "live"]
+    assert "right by the source's own labels" in capsys.readouterr().out
+    assert (tmp_path / "object.taxel").is_file()
+
+
+def test_the_layout_function_of_the_own_array_page_reads_a_file(tmp_path, monkeypatch):
+    page = OWN_ARRAY.read_text("utf-8")
+    function = next(b for b in re.findall(r"```python\n(.*?)```", page, re.S) if "def read" in b)
+    (tmp_path / "mylayout.py").write_text(function, "utf-8")
+    (tmp_path / "one.txt").write_text("1 2\n3 4\n5 6\n")
+    (tmp_path / "table.csv").write_text("file,label:object,layout\none.txt,cup,mylayout.py:read\n")
+    monkeypatch.chdir(tmp_path)
+
+    with pytest.raises(SystemExit):
+        main(["import", "table.csv", "--output", "made"])
+    assert not (tmp_path / "made").exists()
+    main(["import", "table.csv", "--output", "made", "--allow-code"])
+    assert [path.name for path in (tmp_path / "made").iterdir()] == ["one.mcap"]
+
+
+def _headings(page: Path) -> set[str]:
+    """Return the anchors that GitHub gives a page's headings."""
+    lines = re.findall(r"^#+ (.+)$", ANY_BLOCK.sub("", page.read_text("utf-8")), re.M)
+    return {re.sub(r"[^\w\- ]", "", line.lower()).replace(" ", "-") for line in lines}
+
+
+def _write_own_data(folder: Path) -> None:
+    """Write two objects that differ in frequency, three days, two trials: 12 files and a table."""
+    folder.mkdir()
+    rng = np.random.default_rng(0)
+    rows = []
+    for day in (1, 2, 3):
+        gain = rng.uniform(0.8, 1.2, 4)
+        for label, hertz in (("cup", 2.0), ("sponge", 5.0)):
+            for trial in (1, 2):
+                name = f"{label}_day{day}_{trial}.csv"
+                time_s = np.arange(400) / 100.0
+                wave = np.sin(2 * np.pi * hertz * time_s[:, None] + np.arange(4))
+                force_n = 2.0 + gain * wave + rng.normal(0.0, 0.1, (400, 4))
+                table = np.column_stack([1000.0 * time_s, force_n])
+                np.savetxt(folder / name, table, "%.3f", ",", header="ms,a,b,c,d", comments="")
+                rows.append([name, label, f"day{day}", "a[N] b[N] c[N] d[N]", "ms[ms]", "pad"])
+    with (folder / "table.csv").open("w", newline="") as file:
+        writer = csv.writer(file)
+        writer.writerow(["file", "label:object", "group:session", "channels", "time", "sensor"])
+        writer.writerows(rows)
