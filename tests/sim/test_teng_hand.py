@@ -83,18 +83,26 @@ def test_each_shape_and_each_material_has_about_160_000_scans(thesis_set: list[S
 
 
 def test_about_31_000_of_160_000_scans_lie_above_the_gate(thesis_set: list[SimulatedSession]):
-    """19.4 % within a twentieth over all classes, each shape within a tenth of 31,000.
+    """19.4 % to a twentieth, the mean of three data sets; each shape to a tenth of 31,000.
 
-    The thesis counts shapes only. Materials differ as their charges do: more
-    aluminium than glass than plastic passes the gate.
+    One set's share moves with its six sessions' weather (17 to 20 %). The thesis
+    counts shapes only. Materials differ as their charges do: more aluminium than
+    glass than plastic passes the gate.
     """
-    share = np.mean([gated(session.samples).mean() for session in thesis_set])
-    assert share == pytest.approx(31 / 160, rel=0.05)
-    _, above = count(thesis_set, "shape")
+    sets = [
+        thesis_set,
+        *(list(simulate_sessions(TengHandConfig(rate_hz=GRID_HZ, seed=s))) for s in (1, 2)),
+    ]
+    counts = {label: [count(own, label)[1] for own in sets] for label in ("shape", "material")}
+    mean = {
+        name: np.mean([above[name] for above in counts[label]])
+        for label, classes in (("shape", SHAPES), ("material", MATERIALS))
+        for name in classes
+    }
+    assert sum(mean[shape] for shape in SHAPES) == pytest.approx(3 * 31_000, rel=0.05)
     for shape in SHAPES:
-        assert above[shape] == pytest.approx(31_000, rel=0.1), shape
-    _, above = count(thesis_set, "material")
-    assert above["aluminium"] > above["glass"] > above["plastic"]
+        assert mean[shape] == pytest.approx(31_000, rel=0.1), shape
+    assert mean["aluminium"] > mean["glass"] > mean["plastic"]
 
 
 def test_the_second_sensor_is_nearly_silent(thesis_set: list[SimulatedSession]):
