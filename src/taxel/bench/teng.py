@@ -10,14 +10,22 @@ import subprocess
 import sys
 import tempfile
 from collections.abc import Callable
+from concurrent.futures import ProcessPoolExecutor
 from dataclasses import replace
+from multiprocessing import get_context
 from pathlib import Path
 from time import perf_counter
+from typing import Any
 
 import numpy as np
 
 from taxel.bench.kill_recorder import kill_often
 from taxel.bench.rows import Row, missing, row, row_within
+from taxel.bench.weak import weak_accuracies, weak_paper_accuracies
+from taxel.evaluation.checked import check_recipe
+from taxel.recordings.importing import import_rows
+from taxel.recordings.known import glove_rows, icub_rows
+from taxel.training.recipes import find_recipe
 from taxel.windows.config import GRID_RATE_HZ, TENG_WINDOW
 
 KILLS = 20
@@ -32,6 +40,11 @@ WEAK = {
     ("both", "session"): 0.36,
 }
 """Accuracies of a small CNN measured before the simulator was frozen (docs/decisions/0005)."""
+GLOVE = {
+    "teng-glove": ("8 channels", 0.96),
+    "teng-glove-touch": ("5 TENG channels", 0.90),
+}
+"""Recipe → (channels in words, goal by file)."""
 WEAK_PAPER = {"shape": 0.998, "material": 0.999}
 ICUB_SEEDS = 5
 
@@ -82,19 +95,20 @@ def kill_losses() -> list[Row]:
 def table_time() -> list[Row]:
     """Train Table 4.1 in a process of its own: seconds and memory."""
     code = (
-        "import json,resource,sys,tempfile;from pathlib import Path;"
+        "import json,resource,sys,tempfile,time;from pathlib import Path;"
         "from taxel.sources.data_sets import simulate_presets;"
         "from taxel.evaluation.teng_table import TengTableConfig,teng_table;"
         "d=Path(tempfile.mkdtemp());simulate_presets(d,('honest',),160000,0);"
+        "t=time.perf_counter();"
         "s=teng_table({'honest':d/'honest'},TengTableConfig(models=('cnn1d','cnn2d')));"
-        "print(json.dumps([sum(c.training_s for x in s for c in x.columns.values()),"
-        "resource.getrusage(resource.RUSAGE_SELF).ru_maxrss/1024,"
+        "print(json.dumps([time.perf_counter()-t,"
+        "resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss/1024,"
         "{x.task+', '+x.split+', '+c.model:c.pooled.scores.accuracy "
         "for x in s for c in x.columns.values()}]))"
     )
     seconds, memory_mb, accuracies = _child(code)
     rows = [
-        row("Table 4.1, both networks, shape and material, both splits: training", seconds,
+        row("Table 4.1, both networks, shape and material, both splits: all of it", seconds,
             "s", "<=", 90.0),
         row("training: memory", memory_mb, "MiB", "<=", 2048.0),
     ]  # fmt: skip
@@ -165,96 +179,76 @@ def demo_time() -> list[Row]:
 
 def weak_baselines() -> list[Row]:
     """A small CNN on the frozen simulator, against the figures that it was tuned to."""
-    from taxel.bench.weak import weak_accuracies, weak_paper_accuracies
-
-    found = weak_accuracies(WEAK_SEEDS, WEAK_EPOCHS)
-    rows = [
-        row_within(f"sim honest, small CNN: {target}, {split} split", found[target, split],
-                   "accuracy", middle, 0.05, f"mean of seeds {WEAK_SEEDS}")
-        for (target, split), middle in WEAK.items()
-    ]  # fmt: skip
+    each = side_by_side(weak_accuracies, [(seed, WEAK_EPOCHS) for seed in WEAK_SEEDS])
+    rows = []
+    for (target, split), middle in WEAK.items():
+        values = [found[target, split] for found in each]
+        note = "seeds " + ", ".join(f"{value:.3f}" for value in values)
+        name = f"sim honest, small CNN: {target}, {split} split"
+        rows.append(row_within(name, float(np.mean(values)), "accuracy", middle, 0.05, note))
     paper = weak_paper_accuracies(WEAK_EPOCHS)
-    rows += [
-        row_within(f"sim paper, small CNN: {target}, random split", paper[target],
-                   "accuracy", middle, 0.05)
-        for target, middle in WEAK_PAPER.items()
-    ]  # fmt: skip
+    for target, middle in WEAK_PAPER.items():
+        name = f"sim paper, small CNN: {target}, random split"
+        rows.append(row_within(name, paper[target], "accuracy", middle, 0.05))
     return rows
 
 
 def glove(data: Path | None) -> list[Row]:
     """The glove, by file and by session, on eight channels and on five."""
-    goals = {
-        ("teng-glove", "file"): (">= 0.96", 0.96),
-        ("teng-glove-touch", "file"): (">= 0.9", 0.9),
-    }
-    names = {"teng-glove": "8 channels", "teng-glove-touch": "5 TENG channels"}
     if data is None or not (data / "teng-glove").exists():
-        return [
-            missing("teng-glove", "accuracy", "", "no recordings: name their folder with --data")
-        ]
-    from taxel.evaluation.checked import check_recipe
-    from taxel.recordings.importing import import_rows
-    from taxel.recordings.known import glove_rows
-    from taxel.training.recipes import find_recipe
-
-    rows = []
+        why = "no recordings: name their folder with --data"
+        return [missing("teng-glove", "accuracy", ">= 0.96", why)]
     with tempfile.TemporaryDirectory(prefix="taxel-") as scratch:
         folder = Path(scratch) / "glove"
         import_rows(glove_rows(data / "teng-glove"), folder)
-        for name, channels in names.items():
-            for key in ("file", "session"):
-                recipe = replace(find_recipe(name), split=f"group:{key}")
-                checked = check_recipe(folder, recipe, bars=("minirocket", "extra-trees"))
-                value, bars = checked.pooled.scores.accuracy, checked.bars
-                note = ", ".join(f"{k} {b.scores.accuracy:.3f}" for k, b in bars.items())
-                low, high = checked.pooled.interval
-                majority = checked.trivial["majority"]
-                note = f"95 % {low:.3f} … {high:.3f}; {note}; majority {majority:.3f}"
-                text = f"teng-glove, {channels}, split by {key}"
-                goal = goals.get((name, key))
-                if goal is not None:
-                    rows.append(row(text, value, "accuracy", ">=", goal[1], note))
-                else:
-                    rows.append(
-                        Row(name=text, value=value, unit="accuracy", goal="", ok=None, note=note)
-                    )
-    return rows
+        jobs = [(folder, name, key) for name in GLOVE for key in ("file", "session")]
+        return side_by_side(_glove_row, jobs)
+
+
+def _glove_row(folder: Path, name: str, key: str) -> Row:
+    """Measure one recipe of the glove under one split; runs in a process of its own."""
+    channels, least = GLOVE[name]
+    recipe = replace(find_recipe(name), split=f"group:{key}")
+    checked = check_recipe(folder, recipe, bars=("minirocket", "extra-trees"))
+    low, high = checked.pooled.interval
+    note = ", ".join(f"{k} {bar.scores.accuracy:.3f}" for k, bar in checked.bars.items())
+    note = f"95 % {low:.3f} … {high:.3f}; {note}; majority {checked.trivial['majority']:.3f}"
+    text, value = f"teng-glove, {channels}, split by {key}", checked.pooled.scores.accuracy
+    if key == "file":
+        return row(text, value, "accuracy", ">=", least, note)
+    return Row(name=text, value=value, unit="accuracy", goal="", ok=None, note=note)
 
 
 def icub(data: Path | None) -> list[Row]:
     """The iCub's grasps, tared, trials 1–10 → 11–20."""
+    name = "icub-grasp, tared, split by order: trials 1–10 → 11–20"
     if data is None or not (data / "icub-grasp").exists():
-        return [
-            missing(
-                "icub-grasp", "accuracy", ">= 0.98", "no recordings: name their folder with --data"
-            )
-        ]
-    from taxel.evaluation.checked import check_recipe
-    from taxel.recordings.importing import import_rows
-    from taxel.recordings.known import icub_rows
-    from taxel.training.recipes import find_recipe
-
-    recipe = find_recipe("icub-grasp")
-    values = []
+        why = "no recordings: name their folder with --data"
+        return [missing(name, "accuracy", ">= 0.98", why)]
     with tempfile.TemporaryDirectory(prefix="taxel-") as scratch:
         folder = Path(scratch) / "icub"
-        rows = icub_rows(next((data / "icub-grasp").glob("iCubGraspDataset"), data / "icub-grasp"))
-        import_rows(rows, folder)
-        for seed in range(ICUB_SEEDS):
-            one = replace(recipe, train=replace(recipe.train, seed=seed))
-            checked = check_recipe(
-                folder, one, bars=("minirocket", "extra-trees") if not seed else ()
-            )
-            values.append(checked.pooled.scores.accuracy)
-            if not seed:
-                bars, trivial = checked.bars, checked.trivial
-    note = ", ".join(f"{k} {b.scores.accuracy:.2f}" for k, b in bars.items())
-    return [
-        row("icub-grasp, tared, trials 1–10 → 11–20", float(np.mean(values)), "accuracy", ">=",
-            0.98, f"mean of {ICUB_SEEDS} seeds, least {min(values):.2f}; 100 trials; {note}; "
-            f"length alone {trivial['length of the trial']:.2f}"),
-    ]  # fmt: skip
+        import_rows(icub_rows(data / "icub-grasp"), folder)
+        first, *others = side_by_side(_icub_result, [(folder, s) for s in range(ICUB_SEEDS)])
+    values = [first[0], *(value for value, _ in others)]
+    note = f"mean of {ICUB_SEEDS} seeds, least {min(values):.2f}; 100 trials; {first[1]}"
+    return [row(name, float(np.mean(values)), "accuracy", ">=", 0.98, note)]
+
+
+def _icub_result(folder: Path, seed: int) -> tuple[float, str]:
+    """Return one seed's accuracy and, for the first seed, what stands beside it."""
+    recipe = find_recipe("icub-grasp")
+    recipe = replace(recipe, train=replace(recipe.train, seed=seed))
+    bars = () if seed else ("minirocket", "extra-trees")
+    checked = check_recipe(folder, recipe, bars=bars)
+    beside = [f"{k} {bar.scores.accuracy:.2f}" for k, bar in checked.bars.items()]
+    beside.append(f"length alone {checked.trivial['length of the trial']:.2f}")
+    return checked.pooled.scores.accuracy, ", ".join(beside)
+
+
+def side_by_side(work: Callable[..., Any], jobs: list[tuple[Any, ...]]) -> list[Any]:
+    """Return what a function gives for each job, two processes at a time."""
+    with ProcessPoolExecutor(2, mp_context=get_context("spawn")) as workers:
+        return list(workers.map(work, *zip(*jobs, strict=True)))
 
 
 def data_digest(data: Path | None) -> str:
@@ -290,7 +284,7 @@ def _bundle_and_recording(scratch: Path) -> tuple[Path, Path]:
     return scratch / "b.taxel", scratch / "set" / "session-1.mcap"
 
 
-def _child(code: str):  # type: ignore[no-untyped-def]
+def _child(code: str) -> Any:
     """Run Python code in a process of its own and return the JSON that it prints."""
     done = subprocess.run([sys.executable, "-c", code], check=True, capture_output=True, text=True)
     return json.loads(done.stdout)
