@@ -30,7 +30,7 @@ from taxel.windows.config import GRID_RATE_HZ, TENG_WINDOW
 
 KILLS = 20
 WEAK_EPOCHS = 20
-WEAK_SEEDS = (0, 1)
+WEAK_SEEDS = (0, 1, 2)
 WEAK = {
     ("shape", "random"): 0.99,
     ("material", "random"): 0.66,

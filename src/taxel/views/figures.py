@@ -19,6 +19,7 @@ from matplotlib.figure import Figure
 
 _DPI = 110
 _MAP = "viridis"
+_MAPS_ACROSS = 5
 
 
 def traces(
@@ -58,19 +59,23 @@ def intensity_maps(images: dict[str, NDArray[np.float32]], unit: str) -> bytes:
         images: Title → shape (steps, channels).
         unit: The values' unit.
     """
-    count = len(images)
+    across = min(len(images), _MAPS_ACROSS)
+    down = -(-len(images) // across)
     figure, grid = plt.subplots(
-        1, count, figsize=(2.1 * count + 0.6, 2.5), layout="constrained", squeeze=False
+        down, across, figsize=(2.1 * across + 0.6, 2.5 * down), layout="constrained", squeeze=False
     )
     low = min(float(image.min()) for image in images.values())
     high = max(float(image.max()) for image in images.values())
-    for axes, (title, image) in zip(grid[0], images.items(), strict=True):
+    for axes in grid.ravel()[len(images) :]:
+        axes.set_visible(False)
+    for axes, (title, image) in zip(grid.ravel(), images.items(), strict=False):
         shown = axes.imshow(image, cmap=_MAP, vmin=low, vmax=high, aspect="auto")
         axes.set_title(title, fontsize=9)
         axes.set_xlabel("sensor", fontsize=8)
         axes.tick_params(labelsize=7)
-    grid[0][0].set_ylabel("row (oldest on top)", fontsize=8)
-    figure.colorbar(shown, ax=list(grid[0]), label=unit, shrink=0.9)
+    for row in grid:
+        row[0].set_ylabel("row (oldest on top)", fontsize=8)
+    figure.colorbar(shown, ax=grid.ravel().tolist(), label=unit, shrink=0.9)
     return _png(figure)
 
 

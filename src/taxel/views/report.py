@@ -53,7 +53,7 @@ def write_teng_report(path: Path, sections: list[Section], folders: dict[str, Pa
         "<h1>Table 4.1 of the TENG hand, ours beside the published values</h1>",
         "<p>Balapan, thesis, 2025. The thesis splits windows at random; here every result is "
         "also given with whole sessions held out. Read both: the distance between them is what "
-        "a split by windows hides. Grey rows are trivial baselines that see no touch, or "
+        "a split by windows hides. Grey dots are trivial baselines that see no touch, or "
         "hardly any; a network that does not clear them has learned little.</p>",
     ]
     for preset, folder in folders.items():
@@ -102,6 +102,7 @@ def _signal(preset: str, folder: Path) -> str:
     charts: list[bytes] = []
     maps: dict[str, NDArray[np.float32]] = {}
     seen: set[str] = set()
+    drawn: set[str] = set()
     for file in list_recordings(folder):
         recording = read_recording(file)
         samples, sensor = recording.samples, recording.manifest.sensor
@@ -115,7 +116,8 @@ def _signal(preset: str, folder: Path) -> str:
             if not len(windows):
                 continue
             seen.add(name)
-            if len(charts) < 3:
+            if mark.labels["shape"] not in drawn and len(charts) < 3:
+                drawn.add(mark.labels["shape"])
                 time_s = part.fitted_s - part.fitted_s[0]
                 charts.append(
                     figures.traces(time_s, part.values, sensor.channels, "V", name, GATE_V)
