@@ -133,9 +133,17 @@ def live_path() -> list[Row]:
             "print(json.dumps([float(np.median(t))*1e6,"
             "resource.getrusage(resource.RUSAGE_SELF).ru_maxrss/1024,len(t)]))"
         )
+        command = [sys.executable, "-m", "taxel.cli.main", "live", str(bundle), "sim://teng"]
+        done = subprocess.run(
+            [*command, "--seconds", "15", "--json"], check=True, capture_output=True, text=True
+        )
+        paced_us = json.loads(done.stdout)[0]["latency_us_median"]
+    name = "a window to a decision, median"
     return [
-        row("a window to a decision, median", median_us, "µs", "<=", 100.0,
+        row(f"{name}, scans as fast as they can be given", median_us, "µs", "<=", 100.0,
             f"over {windows} windows; the thesis: 40,460 µs"),
+        row(f"{name}, scans at the hand's own pace", paced_us, "µs", "<=", 100.0,
+            "15 s of sim://teng at 1 kHz: caches are cold between windows"),
         row("live path: memory", memory_mb, "MiB", "<=", 250.0, "no training framework loaded"),
     ]  # fmt: skip
 

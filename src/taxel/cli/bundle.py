@@ -27,6 +27,7 @@ class Bundle:
     def run(self) -> None:
         """Export and print the parity found."""
         from taxel.bundles.writer import write_bundle
+        from taxel.sim.teng_constants import SENSORS
         from taxel.training.run import load_run
         from taxel.windows.dataset import load_dataset
 
@@ -55,4 +56,6 @@ class Bundle:
             f"{self.output}: {self.output.stat().st_size:,} bytes; probabilities differ from "
             f"PyTorch's by at most {contract.parity:.1e} over {len(windows)} windows"
         )
-        console.print(f"next: taxel live {self.output} sim://teng --seconds 20")
+        hand = contract.channels == SENSORS
+        source = "sim://teng --seconds 20" if hand else "replay://RECORDING"
+        console.print(f"next: taxel live {self.output} {source}")

@@ -63,6 +63,9 @@ class RecipeOptions:
         if self.steps is not None and self.stride is None:
             window = replace(window, stride=self.steps)
         train = replace(recipe.train, seed=self.seed)
+        longer = recipe.train_steps
+        if longer is not None:
+            longer = round(longer * window.steps / recipe.window.steps)
         if self.epochs is not None:
             train = replace(train, epochs=self.epochs)
         return replace(
@@ -74,6 +77,7 @@ class RecipeOptions:
             split=self.split or recipe.split,
             members=self.members or recipe.members,
             train_stride=None if self.split == "random" else recipe.train_stride,
+            train_steps=longer,
         )
 
     def _window_changes(self) -> dict[str, Any]:

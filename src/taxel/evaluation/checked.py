@@ -9,6 +9,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
+from taxel.errors import BadDataset
 from taxel.evaluation.baselines import trivial_accuracies
 from taxel.evaluation.crossval import Job, Pooled, pool, run_fold
 from taxel.evaluation.splits import Split, WindowFold, parse_split
@@ -54,6 +55,7 @@ def check_recipe(
         BadSplit: They cannot be split so.
     """
     dataset = load_dataset(path, recipe.window, target=recipe.target)
+    check_gate(dataset)
     split = parse_split(recipe.split, dataset, recipe.target, folds, recipe.train.seed)
     training = _overlapping(path, dataset, split, recipe)
     pooled = _pooled(dataset, split, _job(recipe, recipe.model), training, on_step)
@@ -70,6 +72,21 @@ def check_recipe(
         bars=beside,
         trivial=trivial_accuracies(dataset, recipe.target, split.folds),
     )
+
+
+def check_gate(dataset: Dataset) -> None:
+    """Refuse a gate in volts for channels in other units.
+
+    Raises:
+        BadDataset: The window has a gate and no channel is in volts.
+    """
+    gate, units = dataset.config.gate, sorted(set(dataset.sensor.units))
+    if gate is not None and "V" not in units:
+        raise BadDataset(
+            f"channels in V for a gate of {gate:g}",
+            f"channels in {', '.join(units)}",
+            "say --gate none --grid own, or a gate in your unit with --gate",
+        )
 
 
 def _job(recipe: Recipe, model: str) -> Job:

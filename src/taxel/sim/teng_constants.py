@@ -81,10 +81,10 @@ HOLD_SHARE = (0.45, 0.6)
 RISE_S = (0.05, 0.1)
 """From first touch to full contact, seconds. Our choice."""
 RELATIVE_RISE = {"aluminium": 1.0, "glass": 1.25, "plastic": 1.5}
-"""Time to full contact, relative: a softer object gives way. Tuned, 0005."""
+"""Time to full contact, relative: our choice, docs/decisions/0005."""
 FINGER_DELAY_S = 0.03
 """Spread of the fingers' delays, seconds. Our choice."""
-REST_S = (0.85, 1.25)
+REST_S = (0.9, 1.35)
 """Open hand between grasps, seconds. Our choice."""
 MOVING_DEPTH = 0.25
 """Share by which a moving object's sliding modulates the contact. Our choice."""

@@ -83,7 +83,8 @@ class LiveView:
             lines.append(f"{contract.target}: waiting for contact", style="dim")
             return lines
         label, confidence = tally.grasp_answer
-        style = "bold red" if label == UNKNOWN else "bold green"
+        sure = latest.decision.label != UNKNOWN
+        style = "bold red" if label == UNKNOWN else "bold green" if sure else "bold yellow"
         lines.append(f"{contract.target}: ")
         lines.append(f"{label:<12}", style=style)
         lines.append(f"{confidence:4.0%} over {tally.vote.windows} windows of this contact\n")

@@ -1,0 +1,121 @@
+"""Bad input gives one plain line, exit code 2, and leaves no half-written file."""
+
+from pathlib import Path
+
+import pytest
+
+from taxel.cli.main import main
+from taxel.sim.teng_hand import TengHandConfig
+from taxel.sources.data_sets import write_sessions
+
+
+@pytest.fixture(scope="module")
+def world(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder with sound things, and with each kind of damage made from them."""
+    world = tmp_path_factory.mktemp("world")
+    small = {"rate_hz": 100.0, "scans_per_class": 3000}
+    write_sessions(world / "honest", TengHandConfig(sessions=2, **small), lambda _: None)
+    write_sessions(world / "paper", TengHandConfig(preset="paper", **small), lambda _: None)
+    sound = (world / "honest" / "session-1.mcap").read_bytes()
+    for name, data in {
+        "short": sound[: len(sound) // 2],
+        "flipped": flip(sound, len(sound) // 2),
+        "text": b"no recording at all\n" * 50,
+    }.items():
+        (world / name).mkdir()
+        (world / name / "one.mcap").write_bytes(data)
+    (world / "empty").mkdir()
+    (world / "notes").mkdir()
+    (world / "notes" / "keep.txt").write_text("mine")
+    main(["train", str(world / "honest"), "--output", str(world / "run"), "--epochs", "1",
+          "--no-check", "--json"])  # fmt: skip
+    main(["bundle", str(world / "run"), "--output", str(world / "good.taxel"), "--json"])
+    good = (world / "good.taxel").read_bytes()
+    (world / "bad.taxel").write_bytes(flip(good, len(good) // 3))
+    (world / "glove.csv").write_text("t,a,b\n0,1,2\n10,3,oops\n20,5,6\n")
+    (world / "nan.csv").write_text("t,a,b\n0,1,2\n10,nan,4\n20,5,6\n")
+    for name, channels in {"text": "a[V] b[V]", "wrong": "a[V] zz[V]", "gap": "a[V] b[V]"}.items():
+        file = "nan.csv" if name == "gap" else "glove.csv"
+        (world / f"{name}.table.csv").write_text(
+            f"file,label:sign,channels,time\n{file},x,{channels},t[ms]\n"
+        )
+    (world / "press.csv").write_text("t,a,b\n" + "".join(f"{10 * i},{i},2\n" for i in range(99)))
+    (world / "press.table.csv").write_text(
+        "file,label:sign,channels,time\npress.csv,x,a[N] b[N],t[ms]\n"
+    )
+    main(["import", str(world / "press.table.csv"), "--output", str(world / "newtons")])
+    return world
+
+
+def flip(data: bytes, place: int) -> bytes:
+    damaged = bytearray(data)
+    damaged[place] ^= 0x20
+    return bytes(damaged)
+
+
+CASES = {
+    "unknown verb": "fly",
+    "recording cut short": "train short --output out",
+    "damaged recording": "train flipped --output out",
+    "no recording": "train text --output out",
+    "info of a damaged recording": "info flipped/one.mcap",
+    "replay of a recording cut short": "live good.taxel replay://short/one.mcap?speed=max",
+    "empty folder": "evaluate empty",
+    "missing folder": "evaluate nowhere",
+    "one class only": "evaluate paper/material-glass.mcap --target shape --split random",
+    "a class with one session": "evaluate paper --target material --split group:session",
+    "unknown target": "evaluate honest --target colour",
+    "unknown group": "evaluate honest --split group:moon",
+    "unknown split": "evaluate honest --split sometimes",
+    "unknown model": "train honest --output out --model giant",
+    "a baseline cannot be trained": "train honest --output out --model minirocket",
+    "unknown recipe": "train honest --output out --recipe cake",
+    "unknown channel": "train honest --output out --channels thumb",
+    "no steps": "train honest --output out --steps 0",
+    "gate above everything": "train honest --output out --gate 99",
+    "volts for other units": "evaluate newtons --target sign",
+    "gate that is no number": "train honest --output out --gate high",
+    "output that holds something else": "train honest --output notes",
+    "bundle with a flipped byte": "live bad.taxel sim://teng",
+    "no bundle": "live nothing.taxel sim://teng",
+    "unknown scheme": "live good.taxel warp://teng",
+    "unknown simulator": "live good.taxel sim://nose",
+    "unknown option": "live good.taxel sim://teng?colour=red",
+    "option of the wrong kind": "live good.taxel sim://teng?seed=x",
+    "no time": "live good.taxel sim://teng --seconds 0",
+    "bundle of no run": "bundle notes --output out.taxel",
+    "simulate onto something": "simulate teng --output honest",
+    "negative scans": "simulate teng --output out --scans-per-class -5",
+    "force from high to low": "simulate teng --output out --force-n 5 1",
+    "text in a number": "import text.table.csv --output out",
+    "wrong columns": "import wrong.table.csv --output out",
+    "NaN": "import gap.table.csv --output out",
+    "recover nothing": "recover nowhere.mcap --output out.mcap",
+    "preset unknown": "evaluate teng-table --preset fair",
+}
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_one_plain_line_exit_code_2_and_nothing_written(
+    name: str, world: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(world)
+    before = sorted(str(path) for path in world.rglob("*"))
+
+    with pytest.raises(SystemExit) as ended:
+        main(CASES[name].split())
+
+    lines = capsys.readouterr().err.strip().splitlines()
+    assert ended.value.code == 2
+    assert len(lines) == 1, lines
+    assert lines[0].startswith("taxel: needed ")
+    assert "; got " in lines[0]
+    assert sorted(str(path) for path in world.rglob("*")) == before
+
+
+def test_an_unknown_option_ends_with_2(capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit) as ended:
+        main(["models", "--no-such-option"])
+
+    assert ended.value.code == 2
+    assert capsys.readouterr().err
