@@ -15,7 +15,7 @@ demo: $(INSTALLED)
 	$(BIN)/taxel demo
 
 test: $(INSTALLED)
-	$(BIN)/python -m pytest
+	$(BIN)/python -m pytest -n 2
 
 check: lint types imports test examples
 
@@ -30,7 +30,7 @@ imports: $(INSTALLED)
 	$(BIN)/lint-imports
 
 examples: $(INSTALLED)
-	$(BIN)/python -m pytest tests/test_examples.py -m "" -q
+	$(BIN)/python -m pytest tests/test_examples.py
 
 bench: $(INSTALLED)
 	$(BIN)/taxel bench teng
