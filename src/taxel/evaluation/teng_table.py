@@ -7,9 +7,7 @@ a model. Knows nothing about screens or pages.
 from __future__ import annotations
 
 from collections.abc import Callable
-from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
-from multiprocessing import get_context
 from pathlib import Path
 from time import perf_counter
 from typing import Literal
@@ -21,6 +19,7 @@ from taxel.evaluation.baselines import trivial_accuracies
 from taxel.evaluation.crossval import FoldResult, Job, Pooled, fit_model, pool, run_fold
 from taxel.evaluation.inference_time import milliseconds_per_window
 from taxel.evaluation.metrics import score
+from taxel.evaluation.processes import WORKERS, side_by_side
 from taxel.evaluation.splits import Fold, Split, TrialFold, by_group, random_windows
 from taxel.training.loop import TrainConfig
 from taxel.windows.config import FULL_SCALE_V, TENG_WINDOW
@@ -114,7 +113,7 @@ class TengTableConfig:
     train: TrainConfig = TrainConfig()  # noqa: RUF009  # frozen
     seed: int = 0
     """Seed of the splits."""
-    workers: int = 2
+    workers: int = WORKERS
     """Processes that work side by side, a section each."""
 
 
@@ -133,20 +132,16 @@ def teng_table(
     Raises:
         BadDataset: A folder holds no such recordings.
     """
-    plan = section_plan(tuple(folders))
-    jobs = [(folders[preset], preset, task, kind, config) for preset, task, kind in plan]
-    sections = []
-    if config.workers == 1:
-        for job in jobs:
-            sections.append(_one_section(*job))
-            on_section(_about(sections[-1]))
-        return sections
-    # Processes, not threads: small networks gain nothing from a second thread.
-    with ProcessPoolExecutor(config.workers, mp_context=get_context("spawn")) as pool_of_workers:
-        for section in pool_of_workers.map(_one_section, *zip(*jobs, strict=True)):
-            sections.append(section)
-            on_section(_about(section))
-    return sections
+    jobs = [
+        (folders[preset], preset, task, kind, config)
+        for preset, task, kind in section_plan(tuple(folders))
+    ]
+    return side_by_side(
+        _one_section,
+        jobs,
+        lambda section: on_section(f"{section.preset} · {section.task} · {section.split}"),
+        config.workers,
+    )
 
 
 def section_plan(presets: tuple[str, ...]) -> list[tuple[str, str, SplitKind]]:
@@ -177,10 +172,6 @@ def _one_section(
     else:
         split = by_group(dataset, task, "session", FOLDS, config.seed, final=True)
     return _section(preset, task, dataset, split, config)
-
-
-def _about(section: Section) -> str:
-    return f"{section.preset} · {section.task} · {section.split}"
 
 
 def _section(
