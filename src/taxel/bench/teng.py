@@ -122,7 +122,7 @@ def live_path() -> list[Row]:
     with tempfile.TemporaryDirectory(prefix="taxel-") as scratch:
         bundle, recording = _bundle_and_recording(Path(scratch))
         median_us, memory_mb, windows = _child(
-            "import json,resource,sys;from pathlib import Path;import numpy as np;"
+            "import json,sys;from pathlib import Path;import numpy as np;"
             "from taxel.bundles.reader import read_bundle;"
             "from taxel.live.recogniser import Recogniser;"
             "from taxel.recordings.reader import read_recording;"
@@ -131,7 +131,7 @@ def live_path() -> list[Row]:
             "t=[a.latency_s for i in range(0,len(r.samples)) for a in g.push(r.samples[i:i+1])];"
             "assert 'torch' not in sys.modules;"
             "print(json.dumps([float(np.median(t))*1e6,"
-            "resource.getrusage(resource.RUSAGE_SELF).ru_maxrss/1024,len(t)]))"
+            "int(open('/proc/self/status').read().split('VmHWM:')[1].split()[0])/1024,len(t)]))"
         )
         command = [sys.executable, "-m", "taxel.cli.main", "live", str(bundle), "sim://teng"]
         done = subprocess.run(

@@ -20,7 +20,7 @@ from torch import Tensor, nn
 
 from taxel.bundles.contract import FIRST_WORDS, LARGEST_DIFFERENCE, Contract, contract_to_json
 from taxel.bundles.reader import Bundle
-from taxel.errors import BadBundle
+from taxel.errors import BadBundle, RecordingFailed
 
 _CHECK_WINDOWS = 16
 """Windows stored for the check on load."""
@@ -58,6 +58,7 @@ def write_bundle(
 
     Raises:
         BadBundle: The exported model gives other probabilities than the networks.
+        RecordingFailed: The disk refused.
     """
     classifier = Classifier(networks).eval()
     model = export_onnx(classifier, contract.window.steps, len(contract.channels))
@@ -79,10 +80,16 @@ def write_bundle(
     temporary = path.with_name(path.name + ".part")
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        temporary.write_bytes(head + body)
-        os.replace(temporary, path)
-    finally:
-        temporary.unlink(missing_ok=True)
+        try:
+            temporary.write_bytes(head + body)
+            os.replace(temporary, path)
+        finally:
+            temporary.unlink(missing_ok=True)
+    except OSError as error:
+        raise RecordingFailed(
+            f"needed to write {path}; got {error.strerror or error}; "
+            "make room or choose another place."
+        ) from error
     return contract
 
 

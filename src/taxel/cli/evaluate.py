@@ -37,6 +37,8 @@ class Evaluate:
 
     def run(self) -> None:
         """Measure and print."""
+        if self.html is not None and (self.html.is_dir() or not _may_hold(self.html.parent)):
+            raise BadInput("a file for --html", str(self.html), "name one such as report.html")
         if self.what == "teng-table":
             self._teng_table()
         else:
@@ -119,3 +121,8 @@ class Evaluate:
         console.print(checked_table(checked))
         classes = checked.dataset.classes(recipe.target)
         console.print(confusion_table(classes, checked.pooled.scores.confusion))
+
+
+def _may_hold(folder: Path) -> bool:
+    """Return whether a file can lie there: it is a folder, or could become one."""
+    return folder.is_dir() if folder.exists() else _may_hold(folder.parent)

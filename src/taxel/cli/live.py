@@ -40,6 +40,10 @@ class Live:
 
         if self.seconds is not None and not self.seconds > 0:
             raise BadInput("--seconds above 0", str(self.seconds), "give a longer time")
+        if not 0 <= self.least_confidence <= 1:
+            raise BadInput(
+                "--least-confidence within 0 and 1", str(self.least_confidence), "choose another"
+            )
         bundles = [read_bundle(path) for path in (self.bundle, *self.also)]
         config = RecogniseConfig(least_confidence=self.least_confidence)
         with open_source(self.source) as source:

@@ -5,6 +5,7 @@ Knows nothing about what is done with them.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, Literal
 
@@ -12,6 +13,9 @@ from taxel.errors import BadInput
 
 if TYPE_CHECKING:
     from taxel.training.recipes import Recipe
+
+_LARGEST_SEED = 1_000_000_000
+"""As for the simulators: larger ones overflow where an epoch's own seed is made from it."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -58,8 +62,15 @@ class RecipeOptions:
         """
         from taxel.training.recipes import find_recipe
 
+        self._check_counts()
         recipe = find_recipe(self.recipe)
-        window = replace(recipe.window, **self._window_changes())
+        changes = self._window_changes()
+        if (
+            changes.get("layout", recipe.window.layout) == "A"
+            and changes.get("gate", recipe.window.gate) is None
+        ):
+            raise BadInput("a gate for layout A", "none", "give one with --gate")
+        window = replace(recipe.window, **changes)
         if self.steps is not None and self.stride is None:
             window = replace(window, stride=self.steps)
         train = replace(recipe.train, seed=self.seed)
@@ -80,6 +91,15 @@ class RecipeOptions:
             train_steps=longer,
         )
 
+    def _check_counts(self) -> None:
+        """Refuse numbers that no training could use, before any recording is read."""
+        for name in ("steps", "stride", "epochs", "members"):
+            value = getattr(self, name)
+            if value is not None and value < 1:
+                raise BadInput(f"--{name} of at least 1", str(value), "give a larger number")
+        if not 0 <= self.seed <= _LARGEST_SEED:
+            raise BadInput(f"--seed within 0 and {_LARGEST_SEED}", str(self.seed), "choose another")
+
     def _window_changes(self) -> dict[str, Any]:
         given = {
             "steps": self.steps,
@@ -94,16 +114,16 @@ class RecipeOptions:
             changes["gate"] = None if self.gate == "none" else _number("--gate", self.gate)
         if self.grid is not None:
             changes["grid_hz"] = None if self.grid == "own" else _number("--grid", self.grid)
-        for name in ("steps", "stride"):
-            if isinstance(value := changes.get(name), int) and value < 1:
-                raise BadInput(f"--{name} of at least 1", str(value), "give a larger number")
+            if changes["grid_hz"] is not None and changes["grid_hz"] <= 0:
+                raise BadInput("--grid above 0 Hz, or own", self.grid, "for example --grid 100")
         return changes
 
 
 def _number(option: str, text: str) -> float:
     try:
-        return float(text)
-    except ValueError as error:
-        raise BadInput(
-            f"a number for {option}", repr(text), f"for example {option} 1.55"
-        ) from error
+        value = float(text)
+    except ValueError:
+        value = math.nan
+    if not math.isfinite(value):
+        raise BadInput(f"a number for {option}", repr(text), f"for example {option} 1.55")
+    return value

@@ -10,7 +10,7 @@ import tyro
 
 from taxel.cli.options import RecipeOptions
 from taxel.cli.printing import console, print_json, progress
-from taxel.errors import BadInput
+from taxel.errors import BadInput, RecordingFailed, TaxelError
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -58,15 +58,23 @@ class Train:
                     self.data, recipe, folds=self.folds, bars=(), on_step=on_step
                 )
                 accuracy[checked.pooled.split] = checked.pooled.scores.accuracy
-            run = train_on_all(
-                self.data,
-                recipe,
-                accuracy,
-                checkpoints=self.output.with_name(self.output.name + ".checkpoints"),
-                resume=self.resume,
-                on_epoch=lambda e: on_step(f"all data · epoch {e.number} · loss {e.loss:.4f}"),
-            )
-            save_run(self.output, run)
+            try:
+                run = train_on_all(
+                    self.data,
+                    recipe,
+                    accuracy,
+                    checkpoints=self.output.with_name(self.output.name + ".checkpoints"),
+                    resume=self.resume,
+                    on_epoch=lambda e: on_step(f"all data · epoch {e.number} · loss {e.loss:.4f}"),
+                )
+                save_run(self.output, run)
+            except TaxelError:
+                raise
+            except OSError as error:
+                raise RecordingFailed(
+                    f"needed to write {self.output}; got {error.strerror or error}; "
+                    "choose another place with --output."
+                ) from error
         if self.json:
             print_json(
                 {

@@ -95,7 +95,11 @@ def random_windows(dataset: Dataset, target: str, folds: int, seed: int, test: f
         folds: How many folds.
         seed: Seed of the order.
         test: Share of windows kept out of all folds for the last test; 0 keeps none.
+
+    Raises:
+        BadSplit: Fewer than two folds, or a class has fewer windows than folds.
     """
+    _check_folds(folds)
     y = dataset.class_numbers(target)
     rest, held = np.arange(len(y)), np.zeros(0, np.intp)
     if test:
@@ -127,8 +131,10 @@ def by_group(
         final: True keeps the last group (by name) out of all folds for a last test.
 
     Raises:
-        BadSplit: A class has one group only, or a training part would lack a class.
+        BadSplit: Fewer than two folds, a class has one group only, or a training part
+            would lack a class.
     """
+    _check_folds(folds)
     groups = dataset.group(key)
     classes = [trial.labels[target] for trial in dataset.trials]
     for name in sorted(set(classes)):
@@ -242,6 +248,11 @@ def _all_classes(dataset: Dataset, target: str, parts: list[TrialFold]) -> bool:
     every = set(dataset.classes(target))
     labels = [trial.labels[target] for trial in dataset.trials]
     return all({labels[i] for i in part.train} == every for part in parts)
+
+
+def _check_folds(folds: int) -> None:
+    if folds < 2:
+        raise BadSplit("at least two folds", str(folds), "choose more folds")
 
 
 def _check_count(y: NDArray[np.intp], classes: list[str], folds: int) -> None:

@@ -61,7 +61,7 @@ class Recogniser:
         answers = []
         for index in range(len(windows)):
             began = perf_counter()
-            one = windows[index : index + 1]
+            one = windows if len(windows) == 1 else windows[index : index + 1]
             found = self.bundle.probabilities(one.values, one.mask)[0]
             decision = decide(
                 found,

@@ -16,7 +16,7 @@ from safetensors import SafetensorError, safe_open
 from safetensors.torch import save_file
 from torch import nn
 
-from taxel.errors import BadInput
+from taxel.errors import BadInput, RecordingFailed
 
 _Record = TypeVar("_Record")
 
@@ -99,6 +99,10 @@ def _save(path: Path, tensors: dict[str, torch.Tensor], about: dict[str, str]) -
     try:
         save_file(tensors, temporary, metadata=about)
         os.replace(temporary, path)
+    except (SafetensorError, OSError) as error:
+        raise RecordingFailed(
+            f"needed to write {path}; got {error}; make room or choose another place."
+        ) from error
     finally:
         temporary.unlink(missing_ok=True)
 

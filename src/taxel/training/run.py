@@ -19,7 +19,7 @@ from torch import nn
 
 from taxel import __version__
 from taxel.bundles.contract import Contract, contract_from_json, contract_to_json
-from taxel.errors import BadInput
+from taxel.errors import BadInput, RecordingFailed, TaxelError
 from taxel.models.catalogue import count_parameters, find_network
 from taxel.training.checkpoints import load_weights, save_weights
 from taxel.training.loop import Epoch, TrainConfig
@@ -67,8 +67,29 @@ def contract_of(
 
 
 def save_run(folder: Path, run: Run) -> None:
-    """Write a run's folder, whole or not at all; an older run there is replaced."""
+    """Write a run's folder, whole or not at all; an older run there is replaced.
+
+    Raises:
+        RecordingFailed: The disk refused.
+    """
     temporary = folder.with_name(folder.name + ".part")
+    try:
+        _write_run(temporary, run)
+        if folder.exists():
+            shutil.rmtree(folder)
+        os.replace(temporary, folder)
+    except TaxelError:
+        raise
+    except OSError as error:
+        raise RecordingFailed(
+            f"needed to write {folder}; got {error.strerror or error}; "
+            "make room or choose another place."
+        ) from error
+    finally:
+        shutil.rmtree(temporary, ignore_errors=True)
+
+
+def _write_run(temporary: Path, run: Run) -> None:
     shutil.rmtree(temporary, ignore_errors=True)
     temporary.mkdir(parents=True)
     for index, network in enumerate(run.networks):
@@ -81,9 +102,6 @@ def save_run(folder: Path, run: Run) -> None:
         "members": len(run.networks),
     }
     (temporary / "run.json").write_text(json.dumps(about, indent=1, sort_keys=True) + "\n")
-    if folder.exists():
-        shutil.rmtree(folder)
-    os.replace(temporary, folder)
 
 
 def load_run(folder: Path) -> Run:

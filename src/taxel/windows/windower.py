@@ -194,13 +194,10 @@ def cut_windows(samples: Samples, config: WindowConfig, sensor: SensorInfo) -> W
 
 def _windows_of(rows: Rows, length: int, stride: int, count: int) -> Windows:
     if count == 1:
-        values = rows.values[None, :length].copy()
-        usable = rows.usable[None, :length]
-        saturated = rows.saturated[None, :length]
-    else:
-        values = np.ascontiguousarray(_slide(rows.values, length, stride, count))
-        usable = _slide(rows.usable, length, stride, count)
-        saturated = _slide(rows.saturated, length, stride, count)
+        return _one_window(rows, length)
+    values = np.ascontiguousarray(_slide(rows.values, length, stride, count))
+    usable = _slide(rows.usable, length, stride, count)
+    saturated = _slide(rows.saturated, length, stride, count)
     first = np.arange(count) * stride
     return Windows(
         values,
@@ -209,6 +206,21 @@ def _windows_of(rows: Rows, length: int, stride: int, count: int) -> Windows:
         saturated.mean(axis=1, dtype=np.float32).max(axis=1),
         rows.time_s[first],
         rows.time_s[first + length - 1],
+    )
+
+
+def _one_window(rows: Rows, length: int) -> Windows:
+    """Return the first window alone: the live path's usual case, kept short."""
+    usable, saturated = rows.usable[:length], rows.saturated[:length]
+    share = 1.0 if usable.all() else float(usable.mean(dtype=np.float32))
+    worst = float(saturated.mean(axis=0, dtype=np.float32).max()) if saturated.any() else 0.0
+    return Windows(
+        rows.values[None, :length].copy(),
+        np.ones((1, length), bool),
+        np.array([share], np.float32),
+        np.array([worst], np.float32),
+        rows.time_s[:1],
+        rows.time_s[length - 1 : length],
     )
 
 

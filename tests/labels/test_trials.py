@@ -1,0 +1,48 @@
+"""Claims about trials: each mark is one, a mark's own words win, and every one has its own name."""
+
+from pathlib import Path
+
+from taxel.labels.trials import trials_of
+from taxel.recordings.manifest import Manifest
+from taxel.signals import Mark, SensorInfo
+
+MANIFEST = Manifest(
+    sensor=SensorInfo(name="t", channels=("a",), units=("V",), rate_hz=100.0),
+    labels={"sign": "A", "hand": "left"},
+    groups={"session": "3"},
+)
+PATH = Path("somewhere/else/B_1.mcap")
+
+
+def test_a_recording_without_marks_is_one_trial_as_a_whole():
+    (trial,) = trials_of(PATH, MANIFEST, [], 2.0, 9.5)
+    assert (trial.recording, trial.start_s, trial.end_s, trial.duration_s) == (
+        "B_1.mcap",
+        2.0,
+        9.5,
+        7.5,
+    )
+    assert dict(trial.labels) == {"sign": "A", "hand": "left"}
+    assert dict(trial.groups) == {"session": "3", "recording": "B_1", "trial": "B_1#0"}
+
+
+def test_a_marks_own_words_win_and_the_recordings_fill_in():
+    mark = Mark(start_s=1.0, end_s=2.0, labels={"sign": "B"}, groups={"session": "4", "grasp": "7"})
+    (trial,) = trials_of(PATH, MANIFEST, [mark], 0.0, 5.0)
+    assert dict(trial.labels) == {"sign": "B", "hand": "left"}
+    assert (trial.groups["session"], trial.groups["grasp"]) == ("4", "7")
+
+
+def test_no_mark_can_pretend_to_be_another_recording_or_trial():
+    """Splits hang on these two: a mark that names them itself is overruled."""
+    mark = Mark(start_s=1.0, end_s=2.0, labels={}, groups={"recording": "x", "trial": "y"})
+    (trial,) = trials_of(PATH, MANIFEST, [mark], 0.0, 5.0)
+    assert (trial.groups["recording"], trial.groups["trial"]) == ("B_1", "B_1#0")
+
+
+def test_trials_come_oldest_first_each_with_a_name_of_its_own():
+    marks = [Mark(start_s=float(s), end_s=s + 0.5, labels={}) for s in (3, 1, 2)]
+    trials = trials_of(PATH, MANIFEST, marks, 0.0, 5.0)
+    assert [trial.start_s for trial in trials] == [1.0, 2.0, 3.0]
+    assert [trial.groups["trial"] for trial in trials] == ["B_1#0", "B_1#1", "B_1#2"]
+    assert [mark.start_s for mark in marks] == [3.0, 1.0, 2.0]

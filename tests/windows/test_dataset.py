@@ -1,0 +1,152 @@
+"""Claims about data sets: a window lies in one trial or in none; what is left out is said."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from taxel.errors import BadDataset, BadRecording
+from taxel.recordings.manifest import Manifest
+from taxel.recordings.writer import Recorder
+from taxel.signals import Mark, Samples, SensorInfo, Validity
+from taxel.windows.config import WindowConfig
+from taxel.windows.dataset import load_dataset, recut
+
+INFO = SensorInfo(name="t", channels=("n", "x"), units=("V", "V"), rate_hz=100.0)
+CONFIG = WindowConfig(steps=10, stride=10)
+
+
+def scans(n: int = 200, first: int = 0) -> Samples:
+    """Channel n holds the scan's number, so that a window shows where it was cut."""
+    number = first + np.arange(n)
+    return Samples.from_values(np.stack([number, number % 7], axis=1), number / 100.0)
+
+
+def record(
+    folder: Path, name: str, marks: list[Mark], samples: Samples | None = None,
+    sensor: SensorInfo = INFO, labels: dict[str, str] | None = None,
+) -> None:  # fmt: skip
+    manifest = Manifest(sensor=sensor, labels=labels or {}, groups={"session": name})
+    with Recorder(folder / f"{name}.mcap", manifest) as recorder:
+        recorder.write(scans() if samples is None else samples)
+        for mark in marks:
+            recorder.mark(mark)
+
+
+def grasp(start: int, end: int, shape: str) -> Mark:
+    """Return a mark from one scan to another, both inside."""
+    return Mark(start_s=start / 100, end_s=end / 100, labels={"shape": shape})
+
+
+def test_a_window_across_a_border_is_left_out_and_said(tmp_path: Path):
+    """Scans 0…94 are one trial, 95…199 the next: only the window of scans 90…99 has two owners."""
+    record(tmp_path, "a", [grasp(0, 94, "sphere"), grasp(95, 199, "cylinder")])
+    dataset = load_dataset(tmp_path, CONFIG, target="shape")
+    firsts = dataset.windows.values[:, 0, 0]
+    assert sorted(firsts.tolist()) == [float(s) for s in range(0, 200, 10) if s != 90]
+    assert dataset.notes == ("1 windows lie across a trial's border or outside: left out",)
+    np.testing.assert_array_equal(
+        np.array(dataset.classes("shape"))[dataset.class_numbers("shape")],
+        ["sphere" if first < 95 else "cylinder" for first in firsts],
+    )
+
+
+def test_what_lies_in_no_trial_is_no_training_window(tmp_path: Path):
+    record(tmp_path, "a", [grasp(20, 59, "sphere"), grasp(100, 139, "cylinder")])
+    dataset = load_dataset(tmp_path, CONFIG, target="shape")
+    assert dataset.windows.values[:, 0, 0].tolist() == [20, 30, 40, 50, 100, 110, 120, 130]
+    assert "12 windows" in dataset.notes[0]
+
+
+def test_a_window_with_an_unusable_value_is_left_out_and_said(tmp_path: Path):
+    samples = scans()
+    samples.validity[57, 1] = Validity.MISSING
+    samples.validity[3, 0] = Validity.SATURATED
+    record(tmp_path, "a", [grasp(0, 99, "sphere"), grasp(100, 199, "cylinder")], samples)
+    dataset = load_dataset(tmp_path, CONFIG, target="shape")
+    assert 50.0 not in dataset.windows.values[:, 0, 0]
+    assert 0.0 in dataset.windows.values[:, 0, 0]
+    assert dataset.notes == ("1 windows hold values that are not usable: left out",)
+
+
+def test_nothing_usable_at_all_is_refused(tmp_path: Path):
+    samples = scans()
+    samples.validity[:] = Validity.MISSING
+    record(tmp_path, "a", [grasp(0, 199, "sphere")], samples)
+    with pytest.raises(BadDataset, match="usable values"):
+        load_dataset(tmp_path, CONFIG)
+
+
+def test_a_short_trial_is_padded_where_asked_and_said(tmp_path: Path):
+    record(tmp_path, "a", [], scans(6), labels={"shape": "sphere"})
+    record(tmp_path, "b", [], scans(30), labels={"shape": "cylinder"})
+    with pytest.raises(BadDataset, match="one class only"):
+        load_dataset(tmp_path, CONFIG, target="shape")
+    dataset = load_dataset(tmp_path, replace(CONFIG, pad=True), target="shape")
+    assert dataset.windows.padded == 1
+    assert dataset.notes == ("1 of 4 sequences are shorter than 10 rows: padded and masked",)
+
+
+def test_only_the_trials_asked_for_are_taken(tmp_path: Path):
+    for name in ("one", "two"):
+        record(tmp_path, name, [grasp(0, 99, "sphere"), grasp(100, 199, "cylinder")])
+    by_group = load_dataset(tmp_path, CONFIG, where={"session": "two"})
+    assert {trial.recording for trial in by_group.trials} == {"two.mcap"}
+    both = load_dataset(tmp_path, CONFIG, where={"session": "two", "shape": "sphere"})
+    assert len(both.trials) == 1
+    with pytest.raises(BadDataset, match="session=three"):
+        load_dataset(tmp_path, CONFIG, where={"session": "three"})
+
+
+def test_a_group_that_a_trial_lacks_is_refused_by_name(tmp_path: Path):
+    record(tmp_path, "a", [grasp(0, 99, "sphere"), grasp(100, 199, "cylinder")])
+    dataset = load_dataset(tmp_path, CONFIG)
+    assert dataset.group("session").tolist() == ["a", "a"]
+    with pytest.raises(BadDataset, match=r"'moon'.*session"):
+        dataset.group("moon")
+
+
+def test_a_target_that_is_missing_or_has_one_class_is_refused(tmp_path: Path):
+    record(tmp_path, "a", [grasp(0, 99, "sphere"), grasp(100, 199, "sphere")])
+    with pytest.raises(BadDataset, match="colour"):
+        load_dataset(tmp_path, CONFIG, target="colour")
+    with pytest.raises(BadDataset, match="one class only"):
+        load_dataset(tmp_path, CONFIG, target="shape")
+
+
+def test_sensors_that_differ_do_not_make_one_set(tmp_path: Path):
+    record(tmp_path, "a", [grasp(0, 199, "sphere")])
+    record(tmp_path, "b", [grasp(0, 199, "cube")], sensor=replace(INFO, units=("V", "count")))
+    with pytest.raises(BadDataset, match=r"b\.mcap"):
+        load_dataset(tmp_path, CONFIG)
+
+
+def test_a_folder_without_recordings_is_refused(tmp_path: Path):
+    with pytest.raises(BadRecording, match=r"\*\.mcap"):
+        load_dataset(tmp_path, CONFIG)
+
+
+def test_the_digest_is_that_of_the_values(tmp_path: Path):
+    for name in ("x", "y", "z"):
+        (tmp_path / name).mkdir()
+        marks = [grasp(0, 99, "sphere"), grasp(100, 199, "cylinder")]
+        record(tmp_path / name, "a", marks, scans(first=name == "z"))
+    x, y, z = (load_dataset(tmp_path / name, CONFIG).digest for name in ("x", "y", "z"))
+    assert x == y != z
+
+
+def test_cutting_again_keeps_the_trials_and_their_windows_owners(tmp_path: Path):
+    for name in ("one", "two"):
+        record(tmp_path, name, [grasp(0, 99, "sphere"), grasp(100, 199, "cylinder")])
+    dataset = load_dataset(tmp_path, CONFIG, where={"session": "two"})
+    again = recut(tmp_path, dataset, stride=3, steps=10)
+    assert again.trials == dataset.trials
+    assert len(again) > 3 * len(dataset) - 10
+    for first, last, owner in zip(
+        again.windows.values[:, 0, 0], again.windows.values[:, -1, 0], again.trial, strict=True
+    ):
+        trial = again.trials[owner]
+        assert trial.recording == "two.mcap"
+        assert trial.start_s <= first / 100 + 1e-6
+        assert last / 100 <= trial.end_s + 1e-6
