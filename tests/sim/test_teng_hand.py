@@ -114,6 +114,24 @@ def test_the_second_sensor_is_nearly_silent(thesis_set: list[SimulatedSession]):
         assert above[1] < 0.1 * np.median(above)
 
 
+def test_the_first_and_second_sensor_rise_and_fall_together(thesis_set: list[SimulatedSession]):
+    """In every session r > 0.8, although the second reads a quarter of the first at most."""
+    for session in thesis_set:
+        first, second = session.samples.values[:, 0], session.samples.values[:, 1]
+        assert np.corrcoef(first, second)[0, 1] > 0.8
+        assert second.max() < 0.25 * first.max()
+
+
+@pytest.mark.parametrize("label", ["shape", "material"])
+def test_the_classes_mean_grasps_last_alike(thesis_set: list[SimulatedSession], label: str):
+    """To a twentieth: whoever only counts rows learns nothing."""
+    lengths: dict[str, list[float]] = {}
+    for mark in (mark for session in thesis_set for mark in session.marks):
+        lengths.setdefault(mark.labels[label], []).append(mark.end_s - mark.start_s)
+    means = [float(np.mean(own)) for own in lengths.values()]
+    assert max(means) < 1.05 * min(means)
+
+
 def test_no_mark_leaves_out_a_contact(thesis_set: list[SimulatedSession]):
     """Every gated scan up to the last whole grasp lies inside a mark; marks don't overlap."""
     for session in thesis_set:

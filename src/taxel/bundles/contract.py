@@ -27,6 +27,10 @@ LARGEST_DIFFERENCE = 1e-4
 """A probability may differ by this much between training framework, export and load.
 Source: our choice, docs/decisions/0009."""
 
+_MOST_RATE_CHANGE = 1.25
+"""Where a sensor's own scans are rows, its rate may differ by this factor from the one trained
+on: beyond it a window lasts another time than the model has learned. Source: our choice."""
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Contract:
@@ -60,7 +64,8 @@ class Contract:
         """Refuse a sensor that this bundle was not made for.
 
         Raises:
-            BadBundle: Number of channels or units differ, or a named channel is missing.
+            BadBundle: Number of channels or units differ, a named channel is missing, or
+                windows of the sensor's own scans would last another time.
         """
         named = self.window.channels
         if named is not None and set(named) <= set(sensor.channels):
@@ -71,6 +76,13 @@ class Contract:
                 f"{len(sensor.channels)} in {', '.join(sorted(set(sensor.units)))} "
                 f"from {sensor.name!r}",
                 "train a bundle on recordings of this sensor",
+            )
+        low_hz, high_hz = self.rate_hz / _MOST_RATE_CHANGE, self.rate_hz * _MOST_RATE_CHANGE
+        if self.window.grid_hz is None and not low_hz <= sensor.rate_hz <= high_hz:
+            raise BadBundle(
+                f"about {self.rate_hz:g} scans/s, whose rows this bundle takes as they come",
+                f"{sensor.rate_hz:g} from {sensor.name!r}",
+                "train a bundle on recordings of this rate, or on a common --grid",
             )
 
 

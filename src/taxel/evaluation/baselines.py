@@ -16,7 +16,7 @@ from sklearn.preprocessing import OneHotEncoder
 from taxel.evaluation.splits import Fold
 from taxel.windows.dataset import Dataset
 
-_TREES = 60
+_TREES = 20
 _LEAF = 5
 """Windows a leaf at the least, so that the trees find a rule and not the single window."""
 

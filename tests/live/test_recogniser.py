@@ -1,0 +1,180 @@
+"""Claims about the live path's edges: what it refuses, and when it says that it does not know."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from taxel.bundles.contract import Contract
+from taxel.bundles.reader import Bundle, read_bundle
+from taxel.bundles.writer import write_bundle
+from taxel.decisions.recognition import UNKNOWN, RecogniseConfig
+from taxel.errors import BadBundle
+from taxel.live.recogniser import Recogniser
+from taxel.live.session import run_session
+from taxel.models.cnn2d import Cnn2d
+from taxel.signals import Mark, Samples, SensorInfo, Validity
+from taxel.training.loop import new_network
+from taxel.windows.config import WindowConfig
+from taxel.windows.scaling import fit_scaling
+
+STEPS, CHANNELS = 6, 3
+SENSOR = SensorInfo(
+    name="t", channels=("a", "b", "c"), units=("V",) * CHANNELS, rate_hz=100.0, full_scale=3.3
+)
+ANY = RecogniseConfig(least_confidence=0.0)
+
+
+def touch(n: int, start: int = 0) -> Samples:
+    values = np.random.default_rng(start).random((n, CHANNELS)) * 3.0
+    return Samples.from_values(values, (start + np.arange(n)) / 100.0, full_scale=3.3)
+
+
+def bundle(folder: Path, window: WindowConfig, channels: tuple[str, ...] = ("a", "b", "c")):
+    width = len(channels)
+    values = touch(STEPS * 10).values.reshape(10, STEPS, CHANNELS)[:, :, :width].copy()
+    mask = np.ones((10, STEPS), bool)
+    contract = Contract(
+        target="shape",
+        classes=("cube", "sphere"),
+        window=window,
+        scaling=fit_scaling("full-scale", values, mask, 3.3),
+        channels=channels,
+        units=("V",) * width,
+        rate_hz=100.0,
+        model="cnn2d",
+        parameters=1,
+        data_digest="0" * 64,
+        accuracy={},
+        software="taxel test",
+        parity=None,
+    )
+    network = new_network(lambda: Cnn2d(STEPS, width, 2), 0)
+    write_bundle(folder / "b.taxel", (network,), contract, values, mask)
+    return read_bundle(folder / "b.taxel")
+
+
+@pytest.fixture
+def plain(tmp_path: Path) -> Bundle:
+    return bundle(tmp_path, WindowConfig(steps=STEPS, stride=STEPS))
+
+
+@pytest.mark.parametrize(
+    "other",
+    [
+        replace(SENSOR, channels=("a", "b"), units=("V", "V")),
+        replace(SENSOR, units=("V", "V", "count")),
+    ],
+    ids=["fewer channels", "another unit"],
+)
+def test_a_sensor_that_the_bundle_was_not_made_for_is_refused(plain: Bundle, other: SensorInfo):
+    with pytest.raises(BadBundle, match="3 channels in V") as caught:
+        Recogniser(plain, other)
+    assert "\n" not in str(caught.value)
+
+
+def test_another_rate_is_refused_where_scans_are_rows(tmp_path: Path):
+    """Six scans at 1 kHz are not the 60 ms that the bundle was trained on; a grid makes them so."""
+    fast = replace(SENSOR, rate_hz=1000.0)
+    own = bundle(tmp_path, WindowConfig(steps=STEPS, stride=STEPS, grid_hz=None))
+    Recogniser(own, replace(SENSOR, rate_hz=95.0))
+    with pytest.raises(BadBundle, match="1000 from 't'"):
+        Recogniser(own, fast)
+    Recogniser(bundle(tmp_path, WindowConfig(steps=STEPS, stride=STEPS)), fast)
+
+
+def test_named_channels_are_found_wherever_they_stand(tmp_path: Path):
+    """A bundle of channels c and a takes these two from any array that has them."""
+    window = WindowConfig(steps=STEPS, stride=STEPS, channels=("c", "a"))
+    made = bundle(tmp_path, window, channels=("c", "a"))
+    samples = touch(STEPS)
+    turned = replace(SENSOR, channels=("c", "b", "a"))
+    (here,) = Recogniser(made, SENSOR, ANY).push(samples)
+    (there,) = Recogniser(made, turned, ANY).push(samples.only([2, 1, 0]))
+    np.testing.assert_array_equal(here.window.values, there.window.values)
+    np.testing.assert_array_equal(here.window.values[0], samples.values[:, [2, 0]])
+    with pytest.raises(BadBundle):
+        Recogniser(made, replace(SENSOR, channels=("x", "b", "a")))
+
+
+def test_a_missing_value_makes_its_window_unknown_and_no_other(plain: Bundle):
+    samples = touch(3 * STEPS)
+    samples.validity[STEPS + 2, 1] = Validity.MISSING
+    answers = Recogniser(plain, SENSOR, ANY).push(samples)
+    labels = [answer.decision.label for answer in answers]
+    assert labels[1] == UNKNOWN
+    assert UNKNOWN not in (labels[0], labels[2])
+    assert "missing" in answers[1].decision.reason
+
+
+def test_a_channel_at_the_rail_is_unknown(plain: Bundle):
+    samples = touch(STEPS)
+    values = samples.values.copy()
+    values[:, 2] = 3.3
+    railed = Samples.from_values(values, samples.fitted_s, full_scale=3.3)
+    (answer,) = Recogniser(plain, SENSOR, ANY).push(railed)
+    assert answer.decision.label == UNKNOWN
+    assert "limit" in answer.decision.reason
+
+
+def test_a_doubtful_answer_is_unknown_and_its_probabilities_are_kept(plain: Bundle):
+    (answer,) = Recogniser(plain, SENSOR, RecogniseConfig(least_confidence=1.0)).push(touch(STEPS))
+    assert answer.decision.label == UNKNOWN
+    assert answer.decision.probabilities.sum() == pytest.approx(1.0)
+    assert answer.decision.end_s - answer.decision.start_s == pytest.approx((STEPS - 1) / 100)
+
+
+class Given:
+    """A source that gives what it was given, read by read."""
+
+    def __init__(self, parts: list[tuple[Samples, list[Mark]]]) -> None:
+        self._parts = parts
+        self._done: list[Mark] = []
+        self.info = SENSOR
+
+    @property
+    def ended(self) -> bool:
+        return not self._parts
+
+    def read(self, timeout_s: float = 0.1) -> Samples:
+        samples, marks = self._parts.pop(0)
+        self._done += marks
+        return samples
+
+    def marks(self) -> list[Mark]:
+        done, self._done = self._done, []
+        return done
+
+
+def test_only_windows_inside_a_mark_are_counted_against_it(plain: Bundle):
+    """Three windows; the mark holds the second, and half of the third."""
+    mark = Mark(start_s=0.05, end_s=0.14, labels={"shape": "cube"})
+    other = Mark(start_s=0.0, end_s=9.0, labels={"material": "glass"})
+    source = Given([(touch(3 * STEPS), [mark, other])])
+    (tally,) = run_session(source, [Recogniser(plain, SENSOR, ANY)])  # type: ignore[arg-type]
+    assert (tally.windows, tally.marked, tally.grasps) == (3, 1, 1)
+
+
+def test_a_source_that_falls_silent_or_gives_nothing_is_no_error(plain: Bundle):
+    none = Samples.empty(CHANNELS)
+    source = Given([(none, []), (touch(STEPS), []), (none, []), (none, [])])
+    (tally,) = run_session(source, [Recogniser(plain, SENSOR, ANY)], seconds=9.0)  # type: ignore[arg-type]
+    assert tally.windows == 1
+    (silent,) = run_session(Given([(none, [])]), [Recogniser(plain, SENSOR)])  # type: ignore[arg-type]
+    assert silent.windows == 0
+    assert silent.summary()["answers"] == {}
+
+
+def test_memory_does_not_grow_with_the_stream(plain: Bundle):
+    """Ten thousand latencies and two thousand answers are kept, however many there were."""
+    from taxel.live import session
+
+    recogniser = Recogniser(plain, SENSOR, ANY)
+    (answer,) = recogniser.push(touch(STEPS))
+    (tally,) = run_session(Given([]), [recogniser])  # type: ignore[arg-type]
+    for _ in range(session._KEPT_LATENCIES + 500):
+        tally.add(answer)
+    assert len(tally.latencies_s) == session._KEPT_LATENCIES
+    assert len(tally._waiting) == session._KEPT_ANSWERS
+    assert tally.windows == session._KEPT_LATENCIES + 500
