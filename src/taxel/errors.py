@@ -38,6 +38,10 @@ class BadInput(TaxelError, ValueError):
         self.mend = mend
         super().__init__(f"needed {needed}; got {got}; {mend}.")
 
+    def __reduce__(self) -> tuple[type[BadInput], tuple[str, str, str]]:
+        """Cross from a worker process as what it was made of, not as its message."""
+        return type(self), (self.needed, self.got, self.mend)
+
 
 class BadTable(BadInput):
     """An import manifest or a table of values cannot be read."""
@@ -71,7 +75,12 @@ class MissingExtra(TaxelError, ImportError):
     """An optional package is missing; the message names the extra to install."""
 
     def __init__(self, package: str, extra: str, purpose: str) -> None:
+        self._made_of = (package, extra, purpose)
         super().__init__(
             f"needed the package {package} for {purpose}; it is not installed; "
             f"run: pip install 'taxel[{extra}]'."
         )
+
+    def __reduce__(self) -> tuple[type[MissingExtra], tuple[str, str, str]]:
+        """Cross from a worker process as what it was made of, not as its message."""
+        return type(self), self._made_of

@@ -164,6 +164,11 @@ def main(argv: Sequence[str] | None = None) -> None:
         _fail(str(error))
     except BrokenPipeError:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+    except OSError as error:
+        _fail(
+            f"needed a place that can be read or written; got {error.strerror or error} "
+            f"({error.filename or 'no file named'}); check the path and the disk."
+        )
     except KeyboardInterrupt:
         print("stopped.", file=sys.stderr)
         sys.exit(130)

@@ -5,9 +5,10 @@ Knows nothing about screens.
 
 from __future__ import annotations
 
+import json
 import shutil
 from collections.abc import Callable, Mapping
-from dataclasses import replace
+from dataclasses import asdict, replace
 from pathlib import Path
 
 from torch import nn
@@ -67,7 +68,15 @@ def train_on_all(
         steps, channels = recipe.window.steps, data.values.shape[2]
         network = new_network(lambda: model.build(steps, channels, classes), config.seed)  # noqa: B023
         checkpoint = checkpoints / f"member-{member}.safetensors"
-        history = fit(network, data, config, steps=steps, checkpoint=checkpoint, on_epoch=on_epoch)
+        history = fit(
+            network,
+            data,
+            config,
+            steps=steps,
+            checkpoint=checkpoint,
+            on_epoch=on_epoch,
+            job=_job_text(recipe, dataset.digest),
+        )
         networks.append(network)
     shutil.rmtree(checkpoints)
     contract = contract_of(dataset, recipe.target, recipe.model, tuple(networks), scaling, accuracy)
@@ -78,3 +87,16 @@ def train_on_all(
         history=tuple(history),
         data=str(path),
     )
+
+
+def _job_text(recipe: Recipe, digest: str) -> str:
+    """Return what a checkpoint must share with the training that goes on from it."""
+    job = {
+        "data": digest,
+        "target": recipe.target,
+        "model": recipe.model,
+        "window": asdict(recipe.window),
+        "train_stride": recipe.train_stride,
+        "train_steps": recipe.train_steps,
+    }
+    return json.dumps(job, sort_keys=True)

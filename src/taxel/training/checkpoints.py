@@ -38,7 +38,12 @@ def load_weights(path: Path, network: nn.Module) -> dict[str, str]:
 
 
 def save_checkpoint(
-    path: Path, network: nn.Module, optimiser: torch.optim.Optimizer, config: Any, history: Any
+    path: Path,
+    network: nn.Module,
+    optimiser: torch.optim.Optimizer,
+    config: Any,
+    history: Any,
+    job: str,
 ) -> None:
     """Write what training needs to go on, whole or not at all."""
     tensors = {f"weights.{k}": v.contiguous() for k, v in network.state_dict().items()}
@@ -47,6 +52,7 @@ def save_checkpoint(
             tensors[f"adam.{index}.{key}"] = value.contiguous()
     about = {
         "config": json.dumps(dataclasses.asdict(config), sort_keys=True),
+        "job": job,
         "history": json.dumps([dataclasses.asdict(epoch) for epoch in history]),
     }
     _save(path, tensors, about)
@@ -58,6 +64,7 @@ def load_checkpoint(
     optimiser: torch.optim.Optimizer,
     config: Any,
     record: type[_Record],
+    job: str,
 ) -> list[_Record]:
     """Read a checkpoint into network and optimiser and return the history so far.
 
@@ -66,10 +73,10 @@ def load_checkpoint(
     """
     tensors, about = _load(path)
     now = json.dumps(dataclasses.asdict(config), sort_keys=True)
-    if about.get("config") != now:
+    if about.get("config") != now or about.get("job") != job:
         raise BadInput(
-            f"a checkpoint of this configuration in {path.name}",
-            "one of another configuration",
+            f"a checkpoint of this configuration and data in {path.name}",
+            "one of another configuration or other data",
             "train into another folder, or delete the checkpoint",
         )
     _put(path, network, _below("weights.", tensors))

@@ -100,6 +100,7 @@ def fit(
     steps: int | None = None,
     validation: Labelled | None = None,
     checkpoint: Path | None = None,
+    job: str = "",
     on_epoch: Callable[[Epoch], None] | None = None,
 ) -> list[Epoch]:
     """Train a network in place and return its history.
@@ -116,6 +117,7 @@ def fit(
         validation: Windows to watch.
         checkpoint: A file written after each epoch; if it exists, training
             goes on from it and gives the weights that an unbroken run gives.
+        job: What else the checkpoint must have been written for, such as the data's digest.
         on_epoch: Called after each epoch, as by a progress bar.
 
     Raises:
@@ -129,13 +131,13 @@ def fit(
     )
     history: list[Epoch] = []
     if checkpoint is not None and checkpoint.exists():
-        history = load_checkpoint(checkpoint, network, optimiser, config, Epoch)
+        history = load_checkpoint(checkpoint, network, optimiser, config, Epoch, job)
     for number in range(len(history) + 1, config.epochs + 1):
         loss = _one_epoch(network, optimiser, train, config, shape, number)
         watched = evaluate(network, validation) if validation is not None else (None, None)
         history.append(Epoch(number, loss, *watched))
         if checkpoint is not None:
-            save_checkpoint(checkpoint, network, optimiser, config, history)
+            save_checkpoint(checkpoint, network, optimiser, config, history, job)
         if on_epoch is not None:
             on_epoch(history[-1])
     network.eval()
