@@ -1,4 +1,4 @@
-"""The values that pass between stages: samples, what a sensor is, validity, marks.
+"""The values that pass between stages: samples, frames, what a sensor is, validity, marks.
 
 Knows nothing about files, models or where samples come from.
 """
@@ -80,6 +80,44 @@ class SensorInfo:
             if name not in self.channels:
                 raise ValueError(f"needed channels among {', '.join(self.channels)}; got {name!r}")
         return [self.channels.index(name) for name in channels]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CameraInfo:
+    """What a tactile camera is, as its driver or its recording's manifest says."""
+
+    name: str
+    """Short name, such as "left"; used as the topic in recordings."""
+    width: int
+    """Pixels a row."""
+    height: int
+    """Rows."""
+    rate_hz: float
+    """Nominal frames a second, hertz; the measured rate is in the recording's statistics."""
+    mm_per_px: float | None = None
+    """Size of a pixel on the gel, millimetres; None where unknown."""
+    serial: str = ""
+    """The device's serial number, or the simulator's name and version."""
+    details: Mapping[str, str] = field(default_factory=dict)
+    """Anything else worth keeping, such as exposure and simulator parameters."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Frame:
+    """One image of one tactile camera, as it came: JPEG, not yet decoded."""
+
+    camera: int
+    """Which camera of the source or recording, from 0."""
+    jpeg: bytes
+    """The image as JPEG; `taxel.frame_codec` decodes it."""
+    counter: int
+    """The device's own frame counter; -1 where it has none."""
+    device_s: float
+    """The device's clock, seconds since its boot; NaN where it has none."""
+    arrival_s: float
+    """The host's monotonic clock when the frame arrived, seconds."""
+    fitted_s: float
+    """Best estimate of when the frame was taken, host monotonic, seconds."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

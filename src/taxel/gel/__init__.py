@@ -1,0 +1,1 @@
+"""Looking at touch: what a gel image says about shape, contact and shear."""
