@@ -74,6 +74,7 @@ CASES = {
     "no steps": "train honest --output out --steps 0",
     "gate above everything": "train honest --output out --gate 99",
     "volts for other units": "evaluate newtons --target sign",
+    "gate from a recording that is not there": "train honest --output out --gate rest.mcap",
     "gate that is no number": "train honest --output out --gate high",
     "output that holds something else": "train honest --output notes",
     "bundle with a flipped byte": "live bad.taxel sim://teng",

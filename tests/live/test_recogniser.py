@@ -178,3 +178,34 @@ def test_memory_does_not_grow_with_the_stream(plain: Bundle):
     assert len(tally.latencies_s) == session._KEPT_LATENCIES
     assert len(tally._waiting) == session._KEPT_ANSWERS
     assert tally.windows == session._KEPT_LATENCIES + 500
+
+
+@pytest.mark.parametrize("window", [
+    WindowConfig(steps=STEPS, stride=STEPS),
+    WindowConfig(steps=STEPS, stride=2, grid_hz=50.0, gate=0.5),
+    WindowConfig(steps=STEPS, stride=STEPS, gate=1.0, layout="A"),
+])  # fmt: skip
+def test_rehearsing_changes_no_answer(tmp_path: Path, window: WindowConfig) -> None:
+    """A recogniser that rehearses after every scan answers as one that never does."""
+    made = bundle(tmp_path, window)
+    plain, eager = (Recogniser(made, SENSOR, ANY) for _ in range(2))
+    eager.warm()  # nothing was seen yet: nothing to rehearse
+    samples = touch(90)
+    for row in range(90):
+        expected = plain.push(samples[row : row + 1])
+        found = eager.push(samples[row : row + 1])
+        eager.warm()
+        assert [a.decision.start_s for a in found] == [a.decision.start_s for a in expected]
+        for one, other in zip(found, expected, strict=True):
+            np.testing.assert_array_equal(one.window.values, other.window.values)
+            np.testing.assert_array_equal(one.decision.probabilities, other.decision.probabilities)
+
+
+def test_near_holds_when_one_row_is_missing(plain: Bundle) -> None:
+    """The live loop stays awake for a window's last row only."""
+    recogniser = Recogniser(plain, SENSOR, ANY)
+    near = []
+    for row in range(2 * STEPS):
+        recogniser.push(touch(1, start=row))
+        near.append(recogniser.near)
+    assert near == [False] * (STEPS - 2) + [True, False] + [False] * (STEPS - 2) + [True, False]

@@ -152,7 +152,7 @@ def live_path() -> list[Row]:
         row(f"{name}, scan by scan without a pause, 1 kHz", fast_us, "µs", "<=", 100.0,
             f"{fast} windows; 120 scans between two windows cool the caches"),
         row(f"{name}, at the hand's own pace, 1 kHz", paced_us, "µs", "<=", 100.0,
-            "15 s of sim://teng; the model alone takes 15 µs warm, 0.3 ms after a 10 ms sleep"),
+            "15 s of sim://teng, awake and rehearsed for a window's last row (decision 10)"),
         row("live path: memory", memory_mb, "MiB", "<=", 250.0, "no training framework loaded"),
     ]  # fmt: skip
 

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
 from taxel.errors import BadInput
@@ -38,7 +39,8 @@ class RecipeOptions:
     grid: str | None = None
     """Rows a second of the common time grid, Hz, or "own" for the sensor's own scans."""
     gate: str | None = None
-    """Contact threshold in the channels' unit (V for the TENG hand), or "none"."""
+    """Contact threshold in the channels' unit (V for the TENG hand), "none", or a recording of
+    the array at rest, whose noise sets it."""
     layout: Literal["A", "B"] | None = None
     """B: whole scans; A: single values above the gate."""
     channels: tuple[str, ...] | None = None
@@ -111,12 +113,38 @@ class RecipeOptions:
         }
         changes: dict[str, Any] = {k: v for k, v in given.items() if v is not None}
         if self.gate is not None:
-            changes["gate"] = None if self.gate == "none" else _number("--gate", self.gate)
+            changes["gate"] = None if self.gate == "none" else self._gate(self.gate)
         if self.grid is not None:
             changes["grid_hz"] = None if self.grid == "own" else _number("--grid", self.grid)
             if changes["grid_hz"] is not None and changes["grid_hz"] <= 0:
                 raise BadInput("--grid above 0 Hz, or own", self.grid, "for example --grid 100")
         return changes
+
+    def _gate(self, text: str) -> float:
+        """Return a gate given as a number, or measured from a recording of the array at rest.
+
+        The recording is no part of the data set, so that nothing is measured on a test fold.
+        """
+        if not text.endswith(".mcap"):
+            return _number("--gate", text)
+        from taxel.recordings.reader import read_recording
+        from taxel.windows.gate import noise_gate
+
+        recording = read_recording(Path(text))
+        samples, sensor = recording.samples, recording.manifest.sensor
+        if self.channels is not None:
+            try:
+                samples = samples.only(sensor.indices(self.channels))
+            except ValueError as error:
+                raise BadInput(f"the channels of {text}", str(error), "mend --channels") from error
+        try:
+            return noise_gate(samples.values, samples.usable)
+        except ValueError as error:
+            raise BadInput(
+                "a recording of the array at rest for --gate",
+                f"{text}: {error}",
+                "record some seconds without contact",
+            ) from error
 
 
 def _number(option: str, text: str) -> float:

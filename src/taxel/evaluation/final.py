@@ -13,6 +13,7 @@ from pathlib import Path
 
 from torch import nn
 
+from taxel.evaluation.checked import check_gate
 from taxel.models.catalogue import find_network
 from taxel.training.loop import Epoch, Labelled, fit, new_network
 from taxel.training.recipes import Recipe
@@ -46,6 +47,7 @@ def train_on_all(
     """
     model = find_network(recipe.model)
     dataset = load_dataset(path, recipe.window, target=recipe.target)
+    check_gate(dataset)
     source = dataset
     if recipe.train_stride is not None:
         rows = recipe.train_steps or recipe.window.steps

@@ -5,13 +5,18 @@ Adds no maths of its own. Knows nothing about screens or training frameworks.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from math import inf
 from time import perf_counter
 
 from taxel.bundles.reader import Bundle
 from taxel.decisions.recognition import Decision, RecogniseConfig, decide
 from taxel.signals import Samples, SensorInfo
 from taxel.windows.windower import Windower, Windows
+
+_NEAR_S = 0.03
+"""Rows that have stopped for longer may be the contact's last: nothing to stay awake for.
+Source: three rows of the common grid, docs/decisions/0010."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,12 +49,35 @@ class Recogniser:
         bundle.contract.check_sensor(sensor)
         self.bundle = bundle
         self._config = config or RecogniseConfig()
-        self._windower = Windower(bundle.contract.window, sensor)
+        window = bundle.contract.window
+        self._windower = Windower(window, sensor)
+        self._near = len(sensor.only(window.channels).channels) if window.layout == "A" else 1
+        self._row_s = 1.0 / (window.grid_hz or sensor.rate_hz)
+        self._last: Samples | None = None
+        self._grown_s = -inf
+        self._missing = self._windower.missing
+
+    @property
+    def near(self) -> bool:
+        """True when the next row will complete a window, and rows have just been coming."""
+        return self._missing <= self._near and perf_counter() - self._grown_s < _NEAR_S
+
+    def warm(self) -> None:
+        """Rehearse the next answer, so that the caches hold all of it when its row comes."""
+        if self._last is not None:
+            moved = self._last.fitted_s + self._row_s
+            windows = self._windower.rehearse(replace(self._last, fitted_s=moved))
+            self._answers(windows, perf_counter())
 
     def push(self, samples: Samples) -> list[Answer]:
         """Return the answers that these scans complete, oldest first."""
         started = perf_counter()
-        return self._answers(self._windower.push(samples), started)
+        answers = self._answers(self._windower.push(samples), started)
+        missing = self._windower.missing
+        self._last = samples[-1:] if len(samples) else self._last
+        if missing != self._missing:
+            self._missing, self._grown_s = missing, perf_counter()
+        return answers
 
     def flush(self) -> list[Answer]:
         """End the stream; return the answer of its last, padded window if there is one."""

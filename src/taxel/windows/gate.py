@@ -29,7 +29,8 @@ def gate_rows(
     """
     if gate is None:
         return np.ones(len(values), bool)
-    return np.asarray(((values > np.float32(gate)) & usable).any(axis=1))
+    above: NDArray[np.bool_] = (values > np.float32(gate)) & usable
+    return np.asarray(above.any(axis=1))
 
 
 def noise_gate(

@@ -7,16 +7,18 @@ calls gives the same rows. Knows nothing about gates, windows or models.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from math import floor
 
 import numpy as np
 from numpy.typing import NDArray
 
-from taxel.signals import Samples, Validity
+from taxel.signals import UNUSABLE, Samples, Validity
 
 _SAME_RATE = 0.005
 """Nominal rates closer than this fraction count as one rate: scans are rows."""
 _TICK_SLACK_S = 1e-6
 """A scan this close after a tick counts for the tick, seconds: hides float rounding."""
+_UNUSABLE, _SATURATED = np.uint8(UNUSABLE), np.uint8(Validity.SATURATED)
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,39 +53,81 @@ class Grid:
         self._max_age_s = max_age_s
         self._start_s: float | None = None
         self._tick = 0
-        self._last: Samples | None = None
+        self._last: _Scans | None = None
+        self._none: Rows | None = None
 
     def push(self, samples: Samples) -> Rows:
         """Return the rows that these scans complete; none where they reach no tick."""
-        if self._period_s is None:
-            return _rows_of(samples, samples.fitted_s)
-        if not len(samples):
-            return _rows_of(samples, samples.fitted_s)
+        if self._period_s is None or not len(samples):
+            return _rows_of(samples.values, samples.validity, samples.fitted_s)
         if self._start_s is None:
             self._start_s = float(samples.fitted_s[0])
-        known = samples if self._last is None else Samples.join([self._last, samples])
-        self._last = samples[-1:]
+            self._none = _rows_of(samples.values[:0], samples.validity[:0], samples.fitted_s[:0])
         # A tick is complete once a scan at or after it is known.
-        last_tick = int(
-            np.floor((known.fitted_s[-1] - self._start_s + _TICK_SLACK_S) / self._period_s)
-        )
+        reached_s = float(samples.fitted_s[-1]) - self._start_s + _TICK_SLACK_S
+        last_tick = floor(reached_s / self._period_s)
+        before = self._last
+        self._last = (samples.fitted_s[-1:], samples.values[-1:], samples.validity[-1:])
+        if last_tick < self._tick and self._none is not None:
+            return self._none  # the usual case live: most scans complete no tick
+        scans = (samples.fitted_s, samples.values, samples.validity)
+        if last_tick == self._tick:
+            self._tick = last_tick + 1
+            tick_s = self._start_s + self._period_s * last_tick
+            return self._at_tick(scans if before is None else before, scans, tick_s)
+        known = scans if before is None else _joined(before, scans)
         ticks_s = self._start_s + self._period_s * np.arange(
             self._tick, last_tick + 1, dtype=np.float64
         )
-        self._tick = max(self._tick, last_tick + 1)
-        latest = np.searchsorted(known.fitted_s, ticks_s + _TICK_SLACK_S, side="right") - 1
-        rows = _rows_of(known[np.maximum(latest, 0)], ticks_s)
-        stale = ticks_s - known.fitted_s[np.maximum(latest, 0)] > self._max_age_s
-        rows.usable[stale] = False
-        rows.values[stale] = 0.0
+        self._tick = last_tick + 1
+        return self._latest(known, ticks_s)
+
+    def _at_tick(self, before: _Scans, scans: _Scans, tick_s: float) -> Rows:
+        """Return the row at one tick: `_latest` for the live path's usual case."""
+        found = int(scans[0].searchsorted(tick_s + _TICK_SLACK_S, side="right")) - 1
+        fitted_s, values, validity = scans if found >= 0 else before
+        part = slice(found, found + 1) if found >= 0 else slice(0, 1)
+        rows = _rows_of(values[part], validity[part], np.array([tick_s]))
+        if tick_s - float(fitted_s[part][0]) > self._max_age_s:
+            rows.usable[:] = False
+            rows.values[:] = 0.0
+        return rows
+
+    def _latest(self, known: _Scans, ticks_s: NDArray[np.float64]) -> Rows:
+        """Return at each tick the latest scan; not usable where it is too old."""
+        fitted_s, values, validity = known
+        latest = np.maximum(fitted_s.searchsorted(ticks_s + _TICK_SLACK_S, side="right") - 1, 0)
+        rows = _rows_of(values[latest], validity[latest], ticks_s)
+        stale = ticks_s - fitted_s[latest] > self._max_age_s
+        if stale.any():
+            rows.usable[stale] = False
+            rows.values[stale] = 0.0
         return rows
 
 
-def _rows_of(samples: Samples, time_s: NDArray[np.float64]) -> Rows:
-    usable = samples.usable
+_Scans = tuple[NDArray[np.float64], NDArray[np.float32], NDArray[np.uint8]]
+"""Fitted times (n,), values (n, channels) and validity (n, channels)."""
+
+
+def _joined(first: _Scans, second: _Scans) -> _Scans:
+    return (
+        np.concatenate([first[0], second[0]]),
+        np.concatenate([first[1], second[1]]),
+        np.concatenate([first[2], second[2]]),
+    )
+
+
+def _rows_of(
+    values: NDArray[np.float32], validity: NDArray[np.uint8], time_s: NDArray[np.float64]
+) -> Rows:
+    if not validity.any():  # nothing is flagged: the usual case
+        return Rows(
+            time_s, values.copy(), np.ones(values.shape, bool), np.zeros(values.shape, bool)
+        )
+    usable: NDArray[np.bool_] = (validity & _UNUSABLE) == 0
     return Rows(
         time_s=time_s,
-        values=np.where(usable, samples.values, np.float32(0.0)),
+        values=np.where(usable, values, np.float32(0.0)),
         usable=usable,
-        saturated=(samples.validity & np.uint8(Validity.SATURATED)) != 0,
+        saturated=(validity & _SATURATED) != 0,
     )

@@ -6,6 +6,7 @@ Knows nothing about files, labels, splits or models.
 from __future__ import annotations
 
 from collections.abc import Iterable
+from copy import copy
 from dataclasses import dataclass
 from typing import TypeVar
 
@@ -124,6 +125,17 @@ class Windower:
             start = int(end)
         done += self._stretch(_cut_rows(known, start, len(known)), ended=False)
         return self._shape(done)
+
+    @property
+    def missing(self) -> int:
+        """How many rows (layout A: values) the next window still waits for."""
+        return self._length + self._skip - len(self._pending)
+
+    def rehearse(self, samples: Samples) -> Windows:
+        """Do what `push` would do, and forget it: brings code and data into the caches."""
+        twin = copy(self)
+        twin._grid = copy(self._grid)
+        return twin.push(samples)
 
     def flush(self) -> Windows:
         """End the stretch, as at a recording's end; return its padded window if there is one."""
