@@ -6,6 +6,7 @@ Knows nothing about models, sources or screens.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from math import isfinite
 
 import numpy as np
 from numpy.typing import NDArray
@@ -77,7 +78,7 @@ def _doubt(
     saturated: float,
     config: RecogniseConfig,
 ) -> str:
-    if not np.isfinite(probabilities).all():
+    if not isfinite(float(probabilities.sum())):  # NaN and infinity survive a sum
         return "the model gave NaN"
     if usable < config.least_usable:
         return f"{1 - usable:.0%} of the values are missing, stale or NaN"

@@ -21,7 +21,7 @@ _TICK_SLACK_S = 1e-6
 _UNUSABLE, _SATURATED = np.uint8(UNUSABLE), np.uint8(Validity.SATURATED)
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(slots=True)  # not frozen: made several times a scan, and freezing doubles the cost
 class Rows:
     """Scans on the grid, oldest first."""
 

@@ -108,6 +108,8 @@ class Windower:
 
     def push(self, samples: Samples) -> Windows:
         """Return the windows that these scans complete, shape (n, steps, channels); n may be 0."""
+        if not len(samples):
+            return self._shape([])
         if self._columns is not None:
             samples = samples.only(self._columns)
         rows = self._gate(self._grid.push(samples))
@@ -183,6 +185,8 @@ class Windower:
         if not parts:
             return _no_windows(steps, channels)
         cut = parts[0] if len(parts) == 1 else Windows.join(parts)
+        if not self._single and not self._config.tare:
+            return cut
         values, mask = cut.values, cut.mask
         if self._single:
             values = values.reshape(len(cut), steps, channels)
