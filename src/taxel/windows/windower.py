@@ -119,14 +119,22 @@ class Windower:
         if self._last_s is not None and rows.time_s[0] - self._last_s > self._config.max_gap_s:
             done += self._stretch(self._pending, ended=True)
         self._last_s = float(rows.time_s[-1])
-        known = _join_rows(self._pending, rows) if len(self._pending) else rows
-        breaks = np.flatnonzero(np.diff(known.time_s) > self._config.max_gap_s) + 1
+        before = len(self._pending)  # unbroken in itself, and up to the first new row
+        known = _join_rows(self._pending, rows) if before else rows
         start = 0
-        for end in breaks:
-            done += self._stretch(_cut_rows(known, start, int(end)), ended=True)
-            start = int(end)
+        for gap in self._gaps(rows.time_s):
+            end = before + gap
+            done += self._stretch(_cut_rows(known, start, end), ended=True)
+            start = end
         done += self._stretch(_cut_rows(known, start, len(known)), ended=False)
         return self._shape(done)
+
+    def _gaps(self, time_s: NDArray[np.float64]) -> list[int]:
+        """Return the rows before which a gap lies."""
+        if len(time_s) < 2:
+            return []
+        found: list[int] = (np.flatnonzero(np.diff(time_s) > self._config.max_gap_s) + 1).tolist()
+        return found
 
     @property
     def missing(self) -> int:
