@@ -19,8 +19,8 @@ from taxel.evaluation.baselines import trivial_accuracies
 from taxel.evaluation.crossval import FoldResult, Job, Pooled, fit_model, pool, run_fold
 from taxel.evaluation.inference_time import milliseconds_per_window
 from taxel.evaluation.metrics import score
-from taxel.evaluation.processes import WORKERS, side_by_side
 from taxel.evaluation.splits import Fold, Split, TrialFold, by_group, random_windows
+from taxel.processes import WORKERS, side_by_side
 from taxel.training.loop import TrainConfig
 from taxel.windows.config import FULL_SCALE_V, TENG_WINDOW
 from taxel.windows.dataset import Dataset, load_dataset

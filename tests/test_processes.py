@@ -7,7 +7,7 @@ from operator import mul
 
 import pytest
 
-from taxel.evaluation.processes import side_by_side
+from taxel.processes import side_by_side
 
 
 @pytest.mark.parametrize("workers", [1, 2])
@@ -23,7 +23,7 @@ def test_a_killed_parent_leaves_no_process_behind() -> None:
     """The child prints its workers' numbers; they are gone soon after it was killed."""
     code = (
         "import multiprocessing, os, sys, threading, time\n"
-        "from taxel.evaluation.processes import side_by_side\n"
+        "from taxel.processes import side_by_side\n"
         "def tell():\n"
         "    while len(multiprocessing.active_children()) < 2: time.sleep(0.01)\n"
         "    print(*[c.pid for c in multiprocessing.active_children()], flush=True)\n"
