@@ -11,14 +11,16 @@ import json
 import time
 import zlib
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
 from datetime import UTC, datetime
 from typing import Any
 
 from taxel import __version__
 from taxel.errors import BadRecording
-from taxel.signals import SensorInfo
+from taxel.signals import CameraInfo, SensorInfo
 
+NO_ARRAY = SensorInfo(name="none", channels=(), units=(), rate_hz=0.0)
+"""The sensor of a recording that holds cameras only."""
 FORMAT_VERSION = "1"
 """Raised when a reader of the old format would misread the new one."""
 
@@ -29,6 +31,8 @@ class Manifest:
 
     sensor: SensorInfo
     """The array whose scans these are."""
+    cameras: tuple[CameraInfo, ...] = ()
+    """The tactile cameras whose frames these are, in the order of `Frame.camera`."""
     labels: Mapping[str, str] = field(default_factory=dict)
     """What may be learned, and holds for the whole recording: shape, material, sign …"""
     groups: Mapping[str, str] = field(default_factory=dict)
@@ -46,6 +50,7 @@ class Manifest:
         labels: Mapping[str, str] | None = None,
         groups: Mapping[str, str] | None = None,
         now_s: float | None = None,
+        cameras: tuple[CameraInfo, ...] = (),
     ) -> Manifest:
         """Return a manifest whose wall clock is read once, now.
 
@@ -57,10 +62,12 @@ class Manifest:
             groups: What the recording belongs to.
             now_s: This moment on the scans' own clock, seconds; the host's monotonic clock by
                 default. Simulators have a clock of their own.
+            cameras: The tactile cameras that are recorded.
         """
         now_ns = time.monotonic_ns() if now_s is None else round(now_s * 1e9)
         return Manifest(
             sensor=sensor,
+            cameras=cameras,
             labels=dict(labels or {}),
             groups=dict(groups or {}),
             created=datetime.now(UTC).isoformat(timespec="milliseconds"),
@@ -90,6 +97,8 @@ def to_record(manifest: Manifest) -> dict[str, str]:
         "created": manifest.created,
         "wall_anchor_ns": str(manifest.wall_anchor_ns),
     }
+    if manifest.cameras:
+        pairs["cameras"] = _json([asdict(camera) for camera in manifest.cameras])
     return pairs | {"crc32": _check_sum(pairs)}
 
 
@@ -130,6 +139,7 @@ def _parse(body: Mapping[str, str]) -> Manifest:
             serial=sensor["serial"],
             details=sensor["details"],
         ),
+        cameras=tuple(CameraInfo(**camera) for camera in json.loads(body.get("cameras", "[]"))),
         labels=json.loads(body["labels"]),
         groups=json.loads(body["groups"]),
         software=body["software"],

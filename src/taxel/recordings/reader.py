@@ -18,15 +18,16 @@ from numpy.typing import NDArray
 
 from taxel.errors import BadRecording
 from taxel.recordings import scan_layout as layout
+from taxel.recordings.chunk_content import ChunkContent, decode_chunk
 from taxel.recordings.manifest import Manifest, from_record
 from taxel.recordings.walk import Damaged, damaged, open_chunk, parse_metadata, walk
 from taxel.recordings.writer import PART_SUFFIX, part_path
-from taxel.signals import Mark, Samples
+from taxel.signals import Frame, Mark, Samples
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Recording:
-    """A recording in memory."""
+    """A recording in memory, but for its cameras' frames (`iterate_frames`)."""
 
     path: Path
     manifest: Manifest
@@ -44,6 +45,7 @@ class Block:
 
     samples: Samples
     marks: list[Mark]
+    frames: list[Frame]
 
 
 def read_recording(path: Path) -> Recording:
@@ -62,8 +64,8 @@ def read_recording(path: Path) -> Recording:
         elif isinstance(item, dict):
             statistics = item
         else:
-            runs += item[0]
-            marks += item[1]
+            runs += item.runs
+            marks += item.marks
     if manifest is None:
         raise _no_manifest(path)
     dtype = layout.record_dtype(len(manifest.sensor.channels))
@@ -78,7 +80,7 @@ def read_recording(path: Path) -> Recording:
 
 
 def iterate_blocks(path: Path) -> Iterator[Block]:
-    """Yield a recording chunk by chunk, scans and marks, in constant memory.
+    """Yield a recording chunk by chunk, scans, marks and frames, in constant memory.
 
     A finished file whose last check sum fails raises at the end, after its
     chunks, each of which was checked by itself.
@@ -90,10 +92,26 @@ def iterate_blocks(path: Path) -> Iterator[Block]:
     for item in _items(path):
         if isinstance(item, Manifest):
             channels = len(item.sensor.channels)
-        elif isinstance(item, tuple):
-            runs, marks = item
-            records = np.concatenate(runs) if runs else np.zeros(0, layout.record_dtype(channels))
-            yield Block(samples=layout.decode_scans(records), marks=marks)
+        elif isinstance(item, ChunkContent):
+            yield Block(samples=item.samples(channels), marks=item.marks, frames=item.frames)
+
+
+def iterate_frames(path: Path, camera: int | None = None) -> Iterator[Frame]:
+    """Yield a recording's frames, oldest first, in constant memory.
+
+    Args:
+        path: The recording.
+        camera: Only this camera's; all unless given.
+
+    Raises:
+        BadRecording: It is missing, no recording of taxel's, cut short, or damaged.
+    """
+    for item in _items(path):
+        if isinstance(item, ChunkContent):
+            # A chunk holds one camera after another; in time they alternate.
+            for frame in sorted(item.frames, key=lambda one: one.fitted_s):
+                if camera is None or frame.camera == camera:
+                    yield frame
 
 
 def iterate_samples(path: Path, block_scans: int = 4096) -> Iterator[Samples]:
@@ -156,11 +174,11 @@ def list_recordings(path: Path) -> list[Path]:
     return found
 
 
-Item = Manifest | dict[str, Any] | tuple[list[NDArray[np.void]], list[Mark]]
+Item = Manifest | dict[str, Any] | ChunkContent
 
 
 def _items(path: Path) -> Iterator[Item]:
-    """Yield the manifest, then each chunk's runs of scans and marks, then the statistics."""
+    """Yield the manifest, then what each chunk holds, then the statistics."""
     if not path.exists() and part_path(path).exists():
         raise damaged(part_path(path), "a recording that was not finished")
     manifest: Manifest | None = None
@@ -177,7 +195,7 @@ def _items(path: Path) -> Iterator[Item]:
                 if manifest is None:
                     raise _no_manifest(path)
                 content = open_chunk(record.payload)
-                yield layout.decode_chunk(content, len(manifest.sensor.channels))
+                yield decode_chunk(content, len(manifest.sensor.channels))
     except BadRecording:
         raise
     except (Damaged, ValueError, KeyError, TypeError) as error:

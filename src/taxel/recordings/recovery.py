@@ -23,6 +23,7 @@ from mcap.opcode import Opcode
 
 from taxel.errors import BadInput, BadRecording
 from taxel.recordings import scan_layout as layout
+from taxel.recordings.chunk_content import decode_chunk
 from taxel.recordings.manifest import Manifest, from_record
 from taxel.recordings.mcap_file import COMPRESSION, MAGIC, RECORD_HEAD
 from taxel.recordings.walk import (
@@ -50,6 +51,8 @@ class RecoveryReport:
     scans: int = 0
     """Scans in the recovered recording."""
     marks: int = 0
+    frames: int = 0
+    """Frames of all cameras."""
     chunks: int = 0
     """Sound chunks."""
     damaged_stretches: int = 0
@@ -167,7 +170,7 @@ def _copy_chunk(
 ) -> None:
     """Copy what a sound chunk holds; one of another layout counts as damaged."""
     try:
-        runs, marks = layout.decode_chunk(content, len(manifest.sensor.channels))
+        found = decode_chunk(content, len(manifest.sensor.channels))
     except (ValueError, KeyError, TypeError) as error:
         report.damaged_stretches += 1
         report.bytes_skipped += len(content)
@@ -175,15 +178,18 @@ def _copy_chunk(
         gaps.opened()
         return
     report.chunks += 1
-    if runs:
-        samples = layout.decode_scans(np.concatenate(runs))
+    if found.runs:
+        samples = found.samples(len(manifest.sensor.channels))
         samples = samples[np.isfinite(samples.fitted_s)]
         recorder.write(samples)
         gaps.continued(samples)
         report.scans += len(samples)
-    for mark in marks:
+    for mark in found.marks:
         recorder.mark(mark)
-    report.marks += len(marks)
+    report.marks += len(found.marks)
+    for frame in found.frames:
+        recorder.frame(frame)
+    report.frames += len(found.frames)
 
 
 class _Gaps:

@@ -146,38 +146,12 @@ def encode_mark(mark: Mark, sequence: int, wall_anchor_ns: int) -> tuple[int, by
     return log_ns, head + MESSAGE_HEAD.pack(MARK_CHANNEL, sequence, log_ns, log_ns) + text
 
 
-def decode_chunk(content: bytes, channels: int) -> tuple[list[NDArray[np.void]], list[Mark]]:
-    """Return the runs of scans and the marks in a chunk's uncompressed bytes.
-
-    Args:
-        content: The chunk's bytes, whose CRC was checked.
-        channels: The number of channels that the manifest gives.
+def run_of_scans(content: bytes, at: int, dtype: np.dtype[Any]) -> NDArray[np.void]:
+    """Return all scans that follow one another from `at`, without copying.
 
     Raises:
-        ValueError: A record is cut short or is not laid out as FORMAT.md says.
+        ValueError: The first is not laid out as FORMAT.md says.
     """
-    runs: list[NDArray[np.void]] = []
-    marks: list[Mark] = []
-    dtype = record_dtype(channels)
-    at = 0
-    while at < len(content):
-        opcode, length = RECORD_HEAD.unpack_from(content, at)
-        end = at + RECORD_HEAD.size + length
-        if end > len(content):
-            raise ValueError("a record ends beyond its chunk")
-        channel = struct.unpack_from("<H", content, at + RECORD_HEAD.size)[0]
-        if opcode == MESSAGE_OPCODE and channel == SCAN_CHANNEL:
-            run = _run_of_scans(content, at, dtype)
-            runs.append(run)
-            end = at + run.nbytes
-        elif opcode == MESSAGE_OPCODE and channel == MARK_CHANNEL:
-            marks.append(_mark(content[at + RECORD_HEAD.size + MESSAGE_HEAD.size : end]))
-        at = end
-    return runs, marks
-
-
-def _run_of_scans(content: bytes, at: int, dtype: np.dtype[Any]) -> NDArray[np.void]:
-    """Return all scans that follow one another from `at`, without copying."""
     channels = dtype["values"].shape[0]
     count = (len(content) - at) // dtype.itemsize
     records = np.frombuffer(content, dtype, count, at)
@@ -195,7 +169,8 @@ def _run_of_scans(content: bytes, at: int, dtype: np.dtype[Any]) -> NDArray[np.v
     return records[:run]
 
 
-def _mark(text: bytes) -> Mark:
+def decode_mark(text: bytes) -> Mark:
+    """Return the mark that a message holds."""
     fields = json.loads(text)
     return Mark(
         start_s=float(fields["start_s"]),

@@ -14,7 +14,7 @@ import numpy as np
 
 from taxel.recordings.manifest import Manifest
 from taxel.recordings.reader import iterate_blocks, read_manifest
-from taxel.recordings.tally import Tally
+from taxel.recordings.tally import FrameTally, Tally
 from taxel.signals import Samples, Validity
 
 
@@ -33,12 +33,15 @@ def summarise(path: Path) -> dict[str, Any]:
     """
     manifest = read_manifest(path)
     tally = Tally()
+    cameras = [FrameTally() for _ in manifest.cameras]
     spans = _Spans(len(manifest.sensor.channels))
     marks: dict[str, Counter[str]] = defaultdict(Counter)
     for block in iterate_blocks(path):
         tally.add(block.samples)
         tally.marks += len(block.marks)
         spans.add(block.samples)
+        for frame in block.frames:
+            cameras[frame.camera].add(frame)
         for mark in block.marks:
             for name, label in mark.labels.items():
                 marks[name][label] += 1
@@ -50,6 +53,10 @@ def summarise(path: Path) -> dict[str, Any]:
         **tally.as_dict(),
         "marks_by_label": {name: dict(sorted(count.items())) for name, count in marks.items()},
         "channels": spans.rows(manifest),
+        "cameras": [
+            {"name": c.name, "width": c.width, "height": c.height, **ledger.as_dict()}
+            for c, ledger in zip(manifest.cameras, cameras, strict=True)
+        ],
     }
 
 

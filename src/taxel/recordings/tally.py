@@ -9,7 +9,44 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from taxel.signals import UNUSABLE, Samples, Validity
+from taxel.signals import UNUSABLE, Frame, Samples, Validity
+
+
+@dataclass(slots=True)
+class FrameTally:
+    """The ledger of one camera: how many frames, how fast, how many repeated or lost."""
+
+    frames: int = 0
+    first_s: float | None = None
+    """Fitted time of the first frame, seconds."""
+    last_s: float | None = None
+    """Fitted time of the last frame, seconds."""
+    repeated: int = 0
+    """Frames whose bytes are those of the one before."""
+    lost_frames: int = 0
+    """Frames that the device's counter says were taken and that are not here."""
+    _last_counter: int = -1
+    _last_jpeg: bytes = b""
+
+    def add(self, frame: Frame) -> None:
+        """Take in the frame that follows those before."""
+        self.frames += 1
+        self.first_s = frame.fitted_s if self.first_s is None else self.first_s
+        self.last_s = frame.fitted_s
+        self.repeated += frame.jpeg == self._last_jpeg
+        if frame.counter >= 0 and self._last_counter >= 0:
+            self.lost_frames += max(0, frame.counter - self._last_counter - 1)
+        self._last_counter, self._last_jpeg = frame.counter, frame.jpeg
+
+    def as_dict(self) -> dict[str, float | int | None]:
+        """Return the ledger as plain values."""
+        span_s = 0.0 if self.first_s is None or self.last_s is None else self.last_s - self.first_s
+        return {
+            "frames": self.frames,
+            "rate_hz": (self.frames - 1) / span_s if span_s > 0 else None,
+            "repeated": self.repeated,
+            "lost_frames": self.lost_frames,
+        }
 
 
 @dataclass(slots=True)

@@ -1,4 +1,4 @@
-"""Record scans and marks to a file, on a thread of its own, loudly.
+"""Record scans, frames and marks to a file, on a thread of its own, loudly.
 
 While it runs, the file is called NAME.mcap.part; a clean close gives it its
 name. Whatever was handed over more than `flush_s` ago has reached the
@@ -20,17 +20,18 @@ from collections import deque
 from collections.abc import Callable
 from pathlib import Path
 from types import TracebackType
-from typing import BinaryIO, Self
+from typing import Any, BinaryIO, Self
 
 import numpy as np
 from mcap.records import Schema
 
 from taxel.errors import BadInput, RecordingFailed
+from taxel.recordings import frame_layout
 from taxel.recordings import scan_layout as layout
 from taxel.recordings.manifest import Manifest, to_record
 from taxel.recordings.mcap_file import McapFile, Messages
-from taxel.recordings.tally import Tally
-from taxel.signals import Mark, Samples
+from taxel.recordings.tally import FrameTally, Tally
+from taxel.signals import Frame, Mark, Samples
 
 PART_SUFFIX = ".part"
 """Added to the name of a recording that is not finished."""
@@ -40,6 +41,8 @@ CHUNK_BYTES = 256 * 1024
 """Largest content of a chunk: what one damaged byte may take. At 1 kHz the flush comes first."""
 QUEUE_SCANS = 60_000
 """Scans that may wait for the disk: a minute at 1 kHz."""
+QUEUE_BYTES = 64 * 1024 * 1024
+"""Frames that may wait for the disk: a minute of two 60 Hz cameras."""
 STALL_S = 10.0
 """How long the disk may stand still with a full queue before the recorder gives up."""
 
@@ -82,8 +85,10 @@ class Recorder:
         self._queue_scans = queue_scans
         self._stall_s = stall_s
         self._tally = Tally()
-        self._waiting: deque[Samples | Mark] = deque()
+        self._frame_tallies = [FrameTally() for _ in manifest.cameras]
+        self._waiting: deque[_Item] = deque()
         self._scans_waiting = 0
+        self._bytes_waiting = 0
         self._flush_asked = False
         self._closing = False
         self._closed = False
@@ -150,6 +155,23 @@ class Recorder:
             raise BadInput("a mark with finite times", f"{mark.start_s}, {mark.end_s}", "mend it")
         self._put(mark, 1)
 
+    def frame(self, frame: Frame) -> None:
+        """Hand over a camera's frame; returns before it is on disk.
+
+        Raises:
+            RecordingFailed: The disk refused, now or earlier, or has stood still too long.
+            BadInput: The manifest has no such camera, or the fitted time is not finite.
+        """
+        if not 0 <= frame.camera < len(self._manifest.cameras):
+            raise BadInput(
+                f"frames of the manifest's {len(self._manifest.cameras)} cameras",
+                f"one of camera {frame.camera}",
+                "let the manifest describe the source that is recorded",
+            )
+        if not math.isfinite(frame.fitted_s):
+            raise BadInput("a finite fitted time", f"{frame.fitted_s}", "check the source's clock")
+        self._put(frame, 1)
+
     def flush(self) -> None:
         """Wait until everything handed over is in the file, in a chunk of its own.
 
@@ -192,9 +214,15 @@ class Recorder:
                 self._stop_thread()
             self._clear_away()
 
-    def statistics(self) -> dict[str, float | int | None]:
+    def statistics(self) -> dict[str, Any]:
         """Return the ledger of what is in the file so far."""
-        return self._tally.as_dict()
+        ledger: dict[str, Any] = self._tally.as_dict()
+        if self._manifest.cameras:
+            ledger["cameras"] = {
+                camera.name: tally.as_dict()
+                for camera, tally in zip(self._manifest.cameras, self._frame_tallies, strict=True)
+            }
+        return ledger
 
     def __enter__(self) -> Self:
         return self
@@ -209,13 +237,15 @@ class Recorder:
             self.close()
             return
         with contextlib.suppress(RecordingFailed):
-            nothing = self._tally.scans + self._tally.marks + len(self._waiting) == 0
+            written = self._tally.scans + self._tally.marks
+            written += sum(tally.frames for tally in self._frame_tallies)
+            nothing = written + len(self._waiting) == 0
             if nothing and not self.failed:
                 self.discard()
             else:
                 self.close(f"cut short: {type(error).__name__}")
 
-    def _put(self, item: Samples | Mark, scans: int) -> None:
+    def _put(self, item: _Item, scans: int) -> None:
         with self._change:
             if self._closed:
                 raise self._error or RecordingFailed(f"{self._path} is closed; nothing was written")
@@ -226,12 +256,19 @@ class Recorder:
                 raise self._error
             self._waiting.append(item)
             self._scans_waiting += scans
-            if self._scans_waiting >= self._queue_scans // 4:
+            self._bytes_waiting += _bytes_of(item)
+            if self._crowded():
                 self._change.notify_all()
 
     def _has_room(self, scans: int) -> bool:
         """True where the queue takes the scans; an empty one takes any number."""
-        return self._scans_waiting == 0 or self._scans_waiting + scans <= self._queue_scans
+        fits = self._scans_waiting + scans <= self._queue_scans
+        return self._scans_waiting == 0 or (fits and self._bytes_waiting < QUEUE_BYTES)
+
+    def _crowded(self) -> bool:
+        return (
+            self._scans_waiting >= self._queue_scans // 4 or self._bytes_waiting >= QUEUE_BYTES // 4
+        )
 
     def _run(self) -> None:
         """Empty the queue into the file, every `flush_s` seconds, until closed."""
@@ -253,19 +290,22 @@ class Recorder:
                 self._scans_waiting = sum(
                     len(item) if isinstance(item, Samples) else 1 for item in self._waiting
                 )
+                self._bytes_waiting = sum(map(_bytes_of, self._waiting))
                 self._change.notify_all()
             if closing or self.failed:
                 return
 
     def _hurry(self) -> bool:
-        crowded = self._scans_waiting >= self._queue_scans // 4
-        return self._closing or self._flush_asked or crowded
+        return self._closing or self._flush_asked or self._crowded()
 
-    def _write_batch(self, batch: list[Samples | Mark]) -> None:
+    def _write_batch(self, batch: list[_Item]) -> None:
         runs = [item for item in batch if isinstance(item, Samples) and len(item)]
         marks = [item for item in batch if isinstance(item, Mark)]
+        frames = [item for item in batch if isinstance(item, Frame)]
         if runs:
             self._write_scans(Samples.join(runs))
+        while frames:
+            frames = self._write_frames(frames)
         if marks:
             self._write_marks(marks)
 
@@ -289,6 +329,29 @@ class Recorder:
             )
             self._tally.add(part)
 
+    def _write_frames(self, frames: list[Frame]) -> list[Frame]:
+        """Write frames of about a chunk's size, cameras apart inside it; return the rest."""
+        taken, size = 0, 0
+        while taken < len(frames) and size < CHUNK_BYTES:
+            size += len(frames[taken].jpeg)
+            taken += 1
+        parts = []
+        for camera, tally in enumerate(self._frame_tallies):
+            stamps: list[int] = []
+            contents: list[bytes] = []
+            for frame in frames[:taken]:
+                if frame.camera == camera:
+                    stamp, content = frame_layout.encode_frame(
+                        frame, tally.frames, self._manifest.wall_anchor_ns
+                    )
+                    tally.add(frame)
+                    stamps.append(stamp)
+                    contents.append(content)
+            if contents:
+                parts.append(_messages(frame_layout.FRAME_CHANNEL + camera, stamps, contents))
+        self._file.add_chunk(parts)
+        return frames[taken:]
+
     def _write_marks(self, marks: list[Mark]) -> None:
         """Write marks as a chunk of their own: a damaged one costs no scan."""
         log_ns: list[int] = []
@@ -298,17 +361,7 @@ class Recorder:
             stamp, content = layout.encode_mark(mark, sequence, self._manifest.wall_anchor_ns)
             log_ns.append(stamp)
             contents.append(content)
-        lengths = np.array([0, *map(len, contents)], np.uint64)
-        self._file.add_chunk(
-            [
-                Messages(
-                    channel=layout.MARK_CHANNEL,
-                    content=b"".join(contents),
-                    log_ns=np.array(log_ns, np.uint64),
-                    offsets=np.cumsum(lengths)[:-1],
-                )
-            ]
-        )
+        self._file.add_chunk([_messages(layout.MARK_CHANNEL, log_ns, contents)])
         self._tally.marks += len(marks)
 
     def _begin(self) -> McapFile:
@@ -324,6 +377,14 @@ class Recorder:
             id=2, name=layout.MARK_SCHEMA_NAME, encoding="jsonschema", data=layout.MARK_SCHEMA
         )
         file.add_channel(layout.MARK_TOPIC, "json", mark)
+        for number, camera in enumerate(self._manifest.cameras):
+            image = Schema(
+                id=frame_layout.FRAME_CHANNEL + number,
+                name=frame_layout.FRAME_SCHEMA_NAME,
+                encoding="ros2msg",
+                data=frame_layout.FRAME_SCHEMA,
+            )
+            file.add_channel(frame_layout.frame_topic(camera.name), "cdr", image)
         return file
 
     def _finish(self, ended: str) -> None:
@@ -362,6 +423,23 @@ class Recorder:
         if not self._part.is_file():
             mend = "free space or choose another folder, then record again"
         return f"needed room to record {self._path}; {reason}; {mend}."
+
+
+_Item = Samples | Mark | Frame
+
+
+def _bytes_of(item: _Item) -> int:
+    return len(item.jpeg) if isinstance(item, Frame) else 0
+
+
+def _messages(channel: int, log_ns: list[int], contents: list[bytes]) -> Messages:
+    lengths = np.array([0, *map(len, contents)], np.uint64)
+    return Messages(
+        channel=channel,
+        content=b"".join(contents),
+        log_ns=np.array(log_ns, np.uint64),
+        offsets=np.cumsum(lengths)[:-1],
+    )
 
 
 def part_path(path: Path) -> Path:

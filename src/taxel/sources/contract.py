@@ -1,4 +1,4 @@
-"""What every source gives: samples as they come, and the marks that belong to them.
+"""What every source gives: samples and frames as they come, and the marks that belong to them.
 
 Knows nothing about any one sensor.
 """
@@ -8,11 +8,11 @@ from __future__ import annotations
 from types import TracebackType
 from typing import Protocol, Self
 
-from taxel.signals import Mark, Samples, SensorInfo
+from taxel.signals import CameraInfo, Frame, Mark, Samples, SensorInfo
 
 
 class Source(Protocol):
-    """A sensor array that is open. Use it in a `with` block.
+    """A sensor array, tactile cameras, or both, open. Use it in a `with` block.
 
     `read` states its freshness: it returns all scans that came since the last
     call, each exactly once and oldest first, and waits at most `timeout_s` for
@@ -25,12 +25,24 @@ class Source(Protocol):
         ...
 
     @property
+    def cameras(self) -> tuple[CameraInfo, ...]:
+        """The tactile cameras, in the order of `Frame.camera`; none for a plain array."""
+        ...
+
+    @property
     def ended(self) -> bool:
         """True when no scan will ever come again, as at the end of a replay."""
         ...
 
     def read(self, timeout_s: float = 0.1) -> Samples:
-        """Return the scans since the last call; none after `timeout_s` seconds of silence."""
+        """Return the scans since the last call; none after `timeout_s` seconds of silence.
+
+        Where there are cameras it also returns, with or without scans, when a frame came.
+        """
+        ...
+
+    def frames(self) -> list[Frame]:
+        """Return the frames that came since the last call, oldest first; never waits."""
         ...
 
     def marks(self) -> list[Mark]:

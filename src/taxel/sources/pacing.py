@@ -1,4 +1,4 @@
-"""Release samples when their time has come: shared by simulators and replays.
+"""Release samples and frames when their time has come: shared by simulators and replays.
 
 Knows nothing about where samples come from.
 """
@@ -13,13 +13,15 @@ from numpy.typing import NDArray
 
 from taxel.clock import Clock
 from taxel.errors import BadSource
-from taxel.signals import Mark, Samples
+from taxel.signals import Frame, Mark, Samples
 
 Stretch = tuple[Samples, list[Mark]]
 """The next part of a stream, on the stream's own clock; either half may be empty."""
 
 _BUNDLE_S = 0.005
 """Scans that come within this time are given together, as USB does: 5 at 1 kHz. Our choice."""
+_BURST_FRAMES = 64
+"""As above, for a source without scans. Our choice."""
 _BURST_SCANS = 4096
 """Scans given at once when the source runs as fast as possible. Our choice."""
 
@@ -57,10 +59,16 @@ class Pacer:
         channels: Number of channels.
         clock: The clock to wait on.
         speed: A factor of real time; infinity gives all that is there.
+        frames: The cameras' frames on the same clock, oldest first.
     """
 
     def __init__(
-        self, stretches: Iterator[Stretch], channels: int, clock: Clock, speed: float
+        self,
+        stretches: Iterator[Stretch],
+        channels: int,
+        clock: Clock,
+        speed: float,
+        frames: Iterator[Frame] | None = None,
     ) -> None:
         self._stretches = stretches
         self._clock = clock
@@ -73,12 +81,17 @@ class Pacer:
         self._marks: list[Mark] = []
         self._given_s = -np.inf
         self._over = False
+        self._frames = iter(()) if frames is None else frames
+        self._given_frames: list[Frame] = []
+        self._next_frame = next(self._frames, None)
+        if self._next_frame is not None:
+            self._shift_s = self._opened_s - self._next_frame.fitted_s
         self._fetch()
 
     @property
     def ended(self) -> bool:
-        """True when no scan is left."""
-        return self._over and not len(self._head)
+        """True when no scan and no frame is left."""
+        return self._over and not len(self._head) and self._next_frame is None
 
     def read(self, timeout_s: float) -> Samples:
         """Return what is due, waiting at most `timeout_s` seconds for the first scan.
@@ -88,11 +101,20 @@ class Pacer:
         if self.ended:
             return self._none
         if self._speed == np.inf:
-            return self._take(min(len(self._head), _BURST_SCANS))
-        wait_s = float(self._due_s[0]) - self._clock.now_s()
+            return self._take_burst()
+        wait_s = min(self._scan_due_s(), self._frame_due_s()) - self._clock.now_s()
         if wait_s > 0:
-            self._clock.sleep(min(wait_s + _BUNDLE_S, timeout_s))
-        return self._take_due(self._clock.now_s())
+            bundle_s = _BUNDLE_S if self._scan_due_s() <= self._frame_due_s() else 0.0
+            self._clock.sleep(min(wait_s + bundle_s, timeout_s))
+        now_s = self._clock.now_s()
+        while self._frame_due_s() <= now_s:
+            self._take_frame()
+        return self._take_due(now_s)
+
+    def frames(self) -> list[Frame]:
+        """Return the frames that fell due in `read` since the last call, oldest first."""
+        given, self._given_frames = self._given_frames, []
+        return given
 
     def marks(self) -> list[Mark]:
         """Return, once each, the marks whose last scan was given; at the end, all others."""
@@ -104,12 +126,48 @@ class Pacer:
     def close(self) -> None:
         """Give nothing more, and let go of the stream."""
         self._over = True
+        self._next_frame, self._frames = None, iter(())
         self._head, self._marks = self._none, []
         self._stretches = iter(())
 
+    def _scan_due_s(self) -> float:
+        return float(self._due_s[0]) if len(self._head) else np.inf
+
+    def _frame_due_s(self) -> float:
+        frame = self._next_frame
+        if frame is None:
+            return np.inf
+        came_s = max(frame.arrival_s, frame.fitted_s) + (self._shift_s or 0.0)
+        return self._opened_s + (came_s - self._opened_s) / self._speed
+
+    def _take_frame(self) -> None:
+        frame, shift_s = self._next_frame, self._shift_s or 0.0
+        if frame is not None:
+            moved = replace(
+                frame, arrival_s=frame.arrival_s + shift_s, fitted_s=frame.fitted_s + shift_s
+            )
+            self._given_frames.append(moved)
+            self._given_s = max(self._given_s, moved.fitted_s)
+            self._next_frame = next(self._frames, None)
+
+    def _take_burst(self) -> Samples:
+        """Give what comes next, frames and scans in step with each other."""
+        if not len(self._head):
+            for _ in range(_BURST_FRAMES):
+                self._take_frame()
+            return self._none
+        count = len(self._head)
+        if self._next_frame is not None:
+            until_s = self._next_frame.fitted_s + (self._shift_s or 0.0)
+            count = int(np.searchsorted(self._head.fitted_s, until_s, side="right"))
+            if not count:
+                self._take_frame()
+                return self._none
+        return self._take(min(count, _BURST_SCANS))
+
     def _take_due(self, now_s: float) -> Samples:
         parts: list[Samples] = []
-        while count := int(np.searchsorted(self._due_s, now_s, side="right")):
+        while len(self._head) and (count := int(np.searchsorted(self._due_s, now_s, side="right"))):
             parts.append(self._take(count))
         return Samples.join(parts) if parts else self._none
 

@@ -14,8 +14,8 @@ from typing import Self
 from taxel.clock import Clock
 from taxel.errors import BadSource
 from taxel.recordings.manifest import Manifest
-from taxel.recordings.reader import iterate_blocks, read_manifest
-from taxel.signals import Mark, Samples, SensorInfo
+from taxel.recordings.reader import iterate_blocks, iterate_frames, read_manifest
+from taxel.signals import CameraInfo, Frame, Mark, Samples, SensorInfo
 from taxel.sources.pacing import Pacer, Stretch, read_speed
 
 
@@ -47,12 +47,20 @@ class Replay:
             raise BadSource("one recording", f"the folder {path}", "name one of its files")
         manifest = read_manifest(path)
         self._info = manifest.sensor
+        self._cameras = manifest.cameras
         stretches = _stretches(path, manifest)
-        self._pacer = Pacer(stretches, len(self._info.channels), clock, speed)
+        # Frames are read on their own: a recording's scans and frames lie in different
+        # chunks, and neither may wait for the other.
+        frames = iterate_frames(path) if manifest.cameras else iter(())
+        self._pacer = Pacer(stretches, len(self._info.channels), clock, speed, frames)
 
     @property
     def info(self) -> SensorInfo:
         return self._info
+
+    @property
+    def cameras(self) -> tuple[CameraInfo, ...]:
+        return self._cameras
 
     @property
     def ended(self) -> bool:
@@ -60,6 +68,9 @@ class Replay:
 
     def read(self, timeout_s: float = 0.1) -> Samples:
         return self._pacer.read(timeout_s)
+
+    def frames(self) -> list[Frame]:
+        return self._pacer.frames()
 
     def marks(self) -> list[Mark]:
         return self._pacer.marks()

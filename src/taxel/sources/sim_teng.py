@@ -13,7 +13,7 @@ from typing import Self
 import numpy as np
 
 from taxel.clock import Clock
-from taxel.signals import Mark, Samples, SensorInfo
+from taxel.signals import CameraInfo, Frame, Mark, Samples, SensorInfo
 from taxel.sim.teng_hand import GraspStream
 from taxel.sources.fitted_time import FittedTime
 from taxel.sources.pacing import Pacer, Stretch, read_speed
@@ -50,11 +50,18 @@ class SimTeng:
         return self._stream.info
 
     @property
+    def cameras(self) -> tuple[CameraInfo, ...]:
+        return ()
+
+    @property
     def ended(self) -> bool:
         return self._pacer.ended
 
     def read(self, timeout_s: float = 0.1) -> Samples:
         return self._pacer.read(timeout_s)
+
+    def frames(self) -> list[Frame]:
+        return self._pacer.frames()
 
     def marks(self) -> list[Mark]:
         return self._pacer.marks()

@@ -1,0 +1,1 @@
+"""Image networks that turn one gel frame into features."""

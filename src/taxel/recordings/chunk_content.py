@@ -1,0 +1,76 @@
+"""What one chunk of a recording holds: runs of scans, marks and frames.
+
+Knows nothing about files or check sums.
+"""
+
+from __future__ import annotations
+
+import struct
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from taxel.recordings.frame_layout import FRAME_CHANNEL, decode_frame
+from taxel.recordings.mcap_file import RECORD_HEAD
+from taxel.recordings.scan_layout import (
+    MARK_CHANNEL,
+    MESSAGE_HEAD,
+    MESSAGE_OPCODE,
+    SCAN_CHANNEL,
+    decode_mark,
+    decode_scans,
+    record_dtype,
+    run_of_scans,
+)
+from taxel.signals import Frame, Mark, Samples
+
+
+@dataclass(slots=True)
+class ChunkContent:
+    """The messages of a chunk, by kind, each in the order of the file."""
+
+    runs: list[NDArray[np.void]] = field(default_factory=list)
+    """Scans as message records."""
+    marks: list[Mark] = field(default_factory=list)
+    frames: list[Frame] = field(default_factory=list)
+
+    def samples(self, channels: int) -> Samples:
+        """Return the chunk's scans, which may be none."""
+        if not self.runs:
+            return decode_scans(np.zeros(0, record_dtype(channels)))
+        return decode_scans(np.concatenate(self.runs))
+
+
+def decode_chunk(content: bytes, channels: int) -> ChunkContent:
+    """Return what a chunk's uncompressed bytes hold.
+
+    Args:
+        content: The chunk's bytes, whose CRC was checked.
+        channels: The number of channels that the manifest gives.
+
+    Raises:
+        ValueError: A record is cut short or is not laid out as FORMAT.md says.
+    """
+    found = ChunkContent()
+    dtype: np.dtype[Any] = record_dtype(channels)
+    at = 0
+    while at < len(content):
+        opcode, length = RECORD_HEAD.unpack_from(content, at)
+        end = at + RECORD_HEAD.size + length
+        if end > len(content):
+            raise ValueError("a record ends beyond its chunk")
+        if opcode == MESSAGE_OPCODE:
+            channel = struct.unpack_from("<H", content, at + RECORD_HEAD.size)[0]
+            body = at + RECORD_HEAD.size + MESSAGE_HEAD.size
+            if channel == SCAN_CHANNEL:
+                run = run_of_scans(content, at, dtype)
+                found.runs.append(run)
+                end = at + run.nbytes
+            elif channel == MARK_CHANNEL:
+                found.marks.append(decode_mark(content[body:end]))
+            elif channel >= FRAME_CHANNEL:
+                found.frames.append(decode_frame(channel, content[body:end]))
+        at = end
+    return found

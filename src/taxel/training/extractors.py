@@ -1,0 +1,75 @@
+"""What gives features of frames: a backbone in an engine, or quantities of the gel.
+
+Knows nothing about recordings, caches or labels.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from taxel.bundles.engine import Engine, EngineName, Precision, open_engine
+from taxel.models.backbones.catalogue import find_backbone
+from taxel.models.export_onnx import export_backbone
+from taxel.models.weights import Weights, find_weights
+
+
+@dataclass(frozen=True, slots=True)
+class BackboneExtractor:
+    """A backbone whose weights are frozen, in the engine that also runs live."""
+
+    backbone: str
+    """A name in `BACKBONES`."""
+    weights: Weights
+    model: bytes
+    """The ONNX file."""
+    engine: Engine
+    key: str
+    features: int
+    in_order: bool = False
+
+    def of(self, images: Sequence[NDArray[np.uint8]]) -> NDArray[np.float32]:
+        return self.engine.run(frames=np.stack(images))
+
+
+def open_backbone(
+    backbone: str,
+    weights: Path | None = None,
+    *,
+    engine: EngineName = "onnxruntime",
+    precision: Precision = "f32",
+    threads: int = 1,
+    size_px: tuple[int, int] = (240, 320),
+) -> BackboneExtractor:
+    """Return a backbone that is ready to give features.
+
+    Args:
+        backbone: A name in `BACKBONES`.
+        weights: A file of weights; found as `find_weights` says unless given.
+        engine: Which library runs it.
+        precision: bf16 needs OpenVINO.
+        threads: Threads of the engine.
+        size_px: Height and width of the camera's frames, pixels.
+
+    Raises:
+        BadInput: There is no such backbone, or the weights do not fit.
+    """
+    row = find_backbone(backbone)
+    found = find_weights(backbone, weights)
+    module = row.build("logits").eval()
+    found.load_into(module)
+    model = export_backbone(module, backbone, *size_px)
+    label = "random" if found.path is None else "trained"
+    key = f"{backbone}-{label}-{found.digest[:12]}-{engine}-{precision}-{size_px[1]}x{size_px[0]}"
+    return BackboneExtractor(
+        backbone,
+        found,
+        model,
+        open_engine(model, engine, precision, threads),
+        key,
+        row.features,
+    )

@@ -1,0 +1,197 @@
+"""Features of frames, computed once and kept on disk.
+
+Each recording's features lie in one file, named by the extractor and by the
+contents of the recording's images: another backbone, other weights or another
+image give another file. Knows nothing about labels, windows or heads.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from time import perf_counter
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from taxel.errors import RecordingFailed
+from taxel.frame_codec import decode_jpeg
+from taxel.windows.pours import Pour, frame_sets
+
+CACHE_VARIABLE = "TAXEL_CACHE"
+"""Environment variable: the folder for features and other things that can be made again."""
+
+
+def default_cache() -> Path:
+    """Return the folder for features: $TAXEL_CACHE, or ~/.cache/taxel."""
+    return Path(os.environ.get(CACHE_VARIABLE) or Path.home() / ".cache" / "taxel")
+
+
+class Extractor(Protocol):
+    """What turns the images of one camera into features."""
+
+    @property
+    def key(self) -> str:
+        """Name for the cache: model, weights, engine and precision."""
+        ...
+
+    @property
+    def features(self) -> int:
+        """Numbers a frame."""
+        ...
+
+    @property
+    def in_order(self) -> bool:
+        """True where a frame's features depend on the frames before it."""
+        ...
+
+    def of(self, images: Sequence[NDArray[np.uint8]]) -> NDArray[np.float32]:
+        """Return features, shape (n, features), of images (height, width, 3), red first.
+
+        With `in_order`, the images are all those of one camera from the recording's
+        start, and each call is a new recording.
+        """
+        ...
+
+
+@dataclass(frozen=True, slots=True)
+class FrameFeatures:
+    """Features of one recording's frames; equal images share a row."""
+
+    values: NDArray[np.float32]
+    """Shape (rows, features)."""
+    row: NDArray[np.intp]
+    """Shape (n, cameras): each frame's row."""
+
+    def all(self) -> NDArray[np.float32]:
+        """Return shape (n, cameras, features)."""
+        return self.values[self.row]
+
+
+@dataclass(frozen=True, slots=True)
+class Progress:
+    """How far an extraction is."""
+
+    recordings: int
+    of: int
+    frames: int
+    """Images that were computed in this run, not found in the cache."""
+    seconds: float
+    """Time spent on them."""
+
+    @property
+    def frames_hz(self) -> float:
+        """Images a second, 0 where all came from the cache."""
+        return self.frames / self.seconds if self.seconds else 0.0
+
+
+def extract(
+    pours: Sequence[Pour],
+    extractor: Extractor,
+    cache: Path,
+    on_progress: Callable[[Progress], None] = lambda _: None,
+) -> list[FrameFeatures]:
+    """Return the features of recordings, from the cache where it has them.
+
+    Broken off and started again, it goes on with the first recording that is not
+    in the cache. Memory is that of the features and one recording's images.
+
+    Args:
+        pours: The recordings.
+        extractor: What computes features.
+        cache: Folder to keep them in.
+        on_progress: Called after each recording.
+
+    Raises:
+        RecordingFailed: The disk refused.
+        BadSource: An image cannot be decoded.
+    """
+    found = []
+    frames, seconds = 0, 0.0
+    for number, pour in enumerate(pours, start=1):
+        path = cache / "features" / extractor.key / f"{pour.digest[:32]}.npy"
+        values = _load(path, extractor.features)
+        if values is None:
+            started = perf_counter()
+            values = _compute(pour, extractor)
+            _save(path, values)
+            seconds += perf_counter() - started
+            frames += len(values)
+        row = pour.image
+        if extractor.in_order:
+            row = np.arange(pour.image.size, dtype=np.intp).reshape(pour.image.shape)
+        found.append(FrameFeatures(values, row))
+        on_progress(Progress(number, len(pours), frames, seconds))
+    return found
+
+
+BATCH = 16
+"""Images given to a backbone at once: bounds memory."""
+
+
+def _compute(pour: Pour, extractor: Extractor) -> NDArray[np.float32]:
+    cameras = len(pour.cameras)
+    if extractor.in_order:
+        each = [extractor.of(list(_images(pour, camera))) for camera in range(cameras)]
+        return np.stack(each, axis=1).reshape(-1, extractor.features)
+    parts = [extractor.of(batch) for batch in _batches(_different(pour))]
+    return np.concatenate(parts)
+
+
+def _images(pour: Pour, camera: int) -> Iterator[NDArray[np.uint8]]:
+    """Yield every image of one camera, decoding each different one once in a row."""
+    last: tuple[bytes, NDArray[np.uint8]] | None = None
+    for found in frame_sets(pour.path, len(pour.cameras)):
+        jpeg = found.frames[camera].jpeg
+        if last is None or last[0] != jpeg:
+            last = (jpeg, decode_jpeg(jpeg))
+        yield last[1]
+
+
+def _different(pour: Pour) -> Iterator[NDArray[np.uint8]]:
+    """Yield the recording's different images in the order of `Pour.image`."""
+    known = 0
+    for found, row in zip(frame_sets(pour.path, len(pour.cameras)), pour.image, strict=True):
+        for frame, number in zip(found.frames, row, strict=True):
+            if number == known:
+                known += 1
+                yield decode_jpeg(frame.jpeg)
+
+
+def _batches(images: Iterable[NDArray[np.uint8]]) -> Iterator[list[NDArray[np.uint8]]]:
+    batch: list[NDArray[np.uint8]] = []
+    for image in images:
+        batch.append(image)
+        if len(batch) == BATCH:
+            yield batch
+            batch = []
+    if batch:
+        yield batch
+
+
+def _load(path: Path, features: int) -> NDArray[np.float32] | None:
+    """Return what the cache holds; None where it holds nothing, or something damaged."""
+    try:
+        values = np.load(path, allow_pickle=False)
+    except (OSError, ValueError, EOFError):
+        return None
+    right = values.ndim == 2 and values.shape[1] == features and values.dtype == np.float32
+    return values if right else None
+
+
+def _save(path: Path, values: NDArray[np.float32]) -> None:
+    temporary = path.with_name(f".{path.name}.{os.getpid()}.part")
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        with temporary.open("wb") as file:
+            np.save(file, values, allow_pickle=False)
+        os.replace(temporary, path)
+    except OSError as error:
+        temporary.unlink(missing_ok=True)
+        raise RecordingFailed(
+            f"needed room for features in {path.parent}; got {error.strerror or error}; "
+            f"free space, or choose another folder with --cache or ${CACHE_VARIABLE}."
+        ) from error

@@ -1,0 +1,139 @@
+"""Recordings of tactile cameras as data: sets of frames with their times, truth and groups.
+
+Holds no pixels: images are read where they are needed, one recording at a time.
+Knows nothing about features, labels or models.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from taxel.errors import BadDataset
+from taxel.labels.trials import trials_of
+from taxel.recordings.reader import iterate_frames, list_recordings, read_recording
+from taxel.signals import CameraInfo, SensorInfo
+from taxel.windows.pairs import FrameSet, join_frames
+
+LEAST_FRAMES = 12
+"""A recording with fewer sets is refused: the longest window of the paper is 11."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Pour:
+    """One recording of tactile cameras: a pour, a lift, a trial."""
+
+    path: Path
+    groups: Mapping[str, str]
+    """Cup, position, force, run … of the whole recording."""
+    labels: Mapping[str, str]
+    """What holds for the whole recording, such as outcome."""
+    cameras: tuple[CameraInfo, ...]
+    sensor: SensorInfo
+    """The array recorded beside the cameras; without channels where there is none."""
+    time_s: NDArray[np.float64]
+    """Shape (n,): when each set of frames was taken, fitted clock, seconds."""
+    image: NDArray[np.intp]
+    """Shape (n, cameras): which of the recording's different images each frame shows."""
+    beside: NDArray[np.float32]
+    """Shape (n, channels): the array's last scan at each set's time."""
+    digest: str
+    """SHA-256 over all images in order, hexadecimal."""
+
+    def __len__(self) -> int:
+        return len(self.time_s)
+
+    @property
+    def name(self) -> str:
+        """The recording's file name without its ending."""
+        return self.path.name.removesuffix(".mcap")
+
+    @property
+    def images(self) -> int:
+        """How many different images there are."""
+        return int(self.image.max()) + 1
+
+
+def read_pour(path: Path) -> Pour:
+    """Read what a recording holds, but for the pixels.
+
+    Raises:
+        BadRecording: It is damaged.
+        BadDataset: It has no cameras, or too few sets of frames.
+    """
+    recording = read_recording(path)
+    manifest = recording.manifest
+    if not manifest.cameras:
+        raise BadDataset(
+            "a recording with tactile cameras", f"{path}, which has none",
+            "make some with: taxel simulate cup-pour, or taxel import",
+        )  # fmt: skip
+    times: list[float] = []
+    image: list[list[int]] = []
+    known: dict[bytes, int] = {}
+    whole = hashlib.sha256()
+    for found in frame_sets(path, len(manifest.cameras)):
+        row = []
+        for frame in found.frames:
+            digest = hashlib.sha256(frame.jpeg).digest()
+            whole.update(digest)
+            row.append(known.setdefault(digest, len(known)))
+        image.append(row)
+        times.append(found.time_s)
+    if len(times) < LEAST_FRAMES:
+        raise BadDataset(
+            f"at least {LEAST_FRAMES} moments with a frame of each camera",
+            f"{len(times)} in {path}",
+            "record for longer, or check that all cameras deliver",
+        )
+    time_s = np.array(times)
+    trials = trials_of(path, manifest, recording.marks, times[0], times[-1])
+    first = trials[0] if trials else None
+    return Pour(
+        path=path,
+        groups=first.groups if first is not None else manifest.groups,
+        labels=first.labels if first is not None else manifest.labels,
+        cameras=manifest.cameras,
+        sensor=manifest.sensor,
+        time_s=time_s,
+        image=np.array(image, np.intp),
+        beside=_latest(recording.samples.values, recording.samples.fitted_s, time_s),
+        digest=whole.hexdigest(),
+    )
+
+
+def read_pours(path: Path) -> list[Pour]:
+    """Read a folder of recordings, or one.
+
+    Raises:
+        BadRecording: One is damaged.
+        BadDataset: One has no cameras, or they differ in number.
+    """
+    pours = [read_pour(file) for file in list_recordings(path)]
+    counts = {len(pour.cameras) for pour in pours}
+    if len(counts) > 1:
+        raise BadDataset(
+            "recordings with the same number of cameras",
+            f"some with {min(counts)} and some with {max(counts)} in {path}",
+            "put them in folders of their own",
+        )
+    return pours
+
+
+def frame_sets(path: Path, cameras: int) -> Iterator[FrameSet]:
+    """Yield a recording's sets of frames, oldest first, in constant memory."""
+    return join_frames(iterate_frames(path), cameras)
+
+
+def _latest(
+    values: NDArray[np.float32], fitted_s: NDArray[np.float64], time_s: NDArray[np.float64]
+) -> NDArray[np.float32]:
+    """Return the last scan at or before each time; the first one before any."""
+    if not len(values):
+        return np.zeros((len(time_s), values.shape[1]), np.float32)
+    return values[np.maximum(np.searchsorted(fitted_s, time_s + 1e-6, side="right") - 1, 0)]

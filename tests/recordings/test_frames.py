@@ -1,0 +1,171 @@
+"""Claims about recordings with cameras: every frame comes back as it was, whatever happens."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from mcap.reader import make_reader
+
+from taxel.errors import BadInput
+from taxel.recordings.manifest import NO_ARRAY, Manifest
+from taxel.recordings.reader import iterate_blocks, iterate_frames, read_manifest, read_recording
+from taxel.recordings.recovery import recover
+from taxel.recordings.summary import summarise
+from taxel.recordings.writer import Recorder
+from taxel.signals import CameraInfo, Frame, Mark, Samples, SensorInfo
+
+CAMERAS = tuple(
+    CameraInfo(
+        name=name, width=320, height=240, rate_hz=60.0, mm_per_px=0.065, serial=f"GSM-{name}"
+    )
+    for name in ("left", "right")
+)
+TRUTH = SensorInfo(name="truth", channels=("slip",), units=("um",), rate_hz=60.0)
+
+
+def frame(camera: int, number: int, size: int = 500) -> Frame:
+    noise = np.random.default_rng(number * 2 + camera).bytes(size + number % 5)
+    return Frame(
+        camera=camera,
+        jpeg=b"\xff\xd8" + noise + b"\xff\xd9",
+        counter=number,
+        device_s=number / 60 + 1e-10,
+        arrival_s=number / 60 + 0.0123456789,
+        fitted_s=number / 60 + 1 / 3,
+    )
+
+
+def manifest(sensor: SensorInfo = TRUTH) -> Manifest:
+    return Manifest.started_now(sensor, groups={"cup": "3"}, now_s=0.0, cameras=CAMERAS)
+
+
+def write(path: Path, count: int = 100, size: int = 500) -> list[Frame]:
+    frames = []
+    with Recorder(path, manifest()) as recorder:
+        for number in range(count):
+            for camera in (0, 1):
+                frames.append(frame(camera, number, size))
+                recorder.frame(frames[-1])
+            recorder.write(Samples.from_values(np.full((1, 1), number), np.array([number / 60])))
+        recorder.mark(Mark(start_s=0.0, end_s=1.0, labels={"outcome": "hold"}))
+    return frames
+
+
+def by_camera(frames: list[Frame]) -> list[list[Frame]]:
+    return [[one for one in frames if one.camera == camera] for camera in (0, 1)]
+
+
+def test_frames_come_back_exactly(tmp_path: Path) -> None:
+    frames = write(tmp_path / "a.mcap")
+    assert read_manifest(tmp_path / "a.mcap").cameras == CAMERAS
+    assert by_camera(list(iterate_frames(tmp_path / "a.mcap"))) == by_camera(frames)
+    assert list(iterate_frames(tmp_path / "a.mcap", camera=1)) == by_camera(frames)[1]
+    recording = read_recording(tmp_path / "a.mcap")
+    assert len(recording.samples) == 100
+    assert len(recording.marks) == 1
+    assert recording.statistics["cameras"]["left"]["frames"] == 100
+
+
+def test_a_recording_may_hold_cameras_only(tmp_path: Path) -> None:
+    with Recorder(tmp_path / "a.mcap", manifest(NO_ARRAY)) as recorder:
+        recorder.frame(frame(0, 0))
+    assert len(list(iterate_frames(tmp_path / "a.mcap"))) == 1
+    assert read_recording(tmp_path / "a.mcap").samples.values.shape == (0, 0)
+
+
+def test_a_day_without_a_device_clock_comes_back(tmp_path: Path) -> None:
+    odd = Frame(
+        camera=0, jpeg=b"", counter=-1, device_s=float("nan"), arrival_s=86400.1, fitted_s=-5.0
+    )
+    with Recorder(tmp_path / "a.mcap", manifest()) as recorder:
+        recorder.frame(odd)
+    (found,) = iterate_frames(tmp_path / "a.mcap")
+    assert np.isnan(found.device_s)
+    assert (found.jpeg, found.counter, found.arrival_s, found.fitted_s) == (b"", -1, 86400.1, -5.0)
+
+
+def test_foxglove_reads_the_frames(tmp_path: Path) -> None:
+    """The mcap package finds schema, order and an image whose CDR fields lie where they should."""
+    frames = by_camera(write(tmp_path / "a.mcap"))[0]
+    with (tmp_path / "a.mcap").open("rb") as file:
+        found = list(make_reader(file, validate_crcs=True).iter_messages("/camera/left"))
+    assert [m.publish_time for _, _, m in found] == sorted(m.publish_time for _, _, m in found)
+    schema, _, message = found[7]
+    assert (schema.name, schema.encoding) == ("foxglove_msgs/msg/CompressedImage", "ros2msg")
+    body = message.data[4:]  # CDR aligns after its head
+    assert int.from_bytes(body[:4], "little") == message.log_time // 10**9
+    at = 12 + int.from_bytes(body[8:12], "little")
+    at += -at % 4
+    size = int.from_bytes(body[at : at + 4], "little")
+    assert body[at + 4 : at + 4 + size] == frames[7].jpeg
+    at += 4 + size
+    at += -at % 4
+    assert body[at:] == b"\5\0\0\0jpeg\0"
+
+
+def test_info_counts_repeats_and_losses(tmp_path: Path) -> None:
+    with Recorder(tmp_path / "a.mcap", manifest()) as recorder:
+        for number in (0, 1, 2, 5, 6):
+            recorder.frame(frame(0, number))
+        recorder.frame(replace(frame(0, 7), jpeg=frame(0, 6).jpeg))
+    left, right = summarise(tmp_path / "a.mcap")["cameras"]
+    assert (left["frames"], left["repeated"], left["lost_frames"]) == (6, 1, 2)
+    assert (right["frames"], right["rate_hz"]) == (0, None)
+
+
+def test_a_frame_of_no_camera_is_refused(tmp_path: Path) -> None:
+    recorder = Recorder(tmp_path / "a.mcap", manifest())
+    with pytest.raises(BadInput, match="2 cameras"):
+        recorder.frame(frame(2, 0))
+    recorder.discard()
+
+
+@pytest.mark.data
+def test_damage_costs_its_own_chunk_only(tmp_path: Path) -> None:
+    frames = write(tmp_path / "a.mcap", size=20_000)
+    content = bytearray((tmp_path / "a.mcap").read_bytes())
+    content[len(content) // 2] ^= 0xFF
+    (tmp_path / "a.mcap").write_bytes(content)
+    report = recover(tmp_path / "a.mcap", tmp_path / "b.mcap")
+    found = list(iterate_frames(tmp_path / "b.mcap"))
+    assert report.frames == len(found)
+    assert 0 < len(frames) - len(found) <= 16  # a chunk of 256 KiB holds 13 or 14 frames
+    for kept, written in zip(by_camera(found), by_camera(frames), strict=True):
+        assert [one for one in written if one in kept] == kept
+    assert sum(len(block.samples) for block in iterate_blocks(tmp_path / "b.mcap")) == 100
+
+
+@pytest.mark.data
+def test_a_killed_recorder_loses_a_tenth_of_a_second_of_frames_at_most(tmp_path: Path) -> None:
+    """The child says what it handed over more than 0.1 s ago; all of that is found."""
+    child = (
+        "import json,sys,time;from pathlib import Path;"
+        "sys.path.insert(0,sys.argv[2]);"
+        "from test_frames import *;"
+        "r=Recorder(Path(sys.argv[1]),manifest());n=0\n"
+        "while True:\n"
+        "    r.frame(frame(0,n,8000));r.frame(frame(1,n,8000));n+=1\n"
+        "    print(json.dumps([n,time.monotonic()]),flush=True);time.sleep(0.005)\n"
+    )
+    path = tmp_path / "a.mcap"
+    here = str(Path(__file__).parent)
+    with subprocess.Popen(
+        [sys.executable, "-c", child, str(path), here], stdout=subprocess.PIPE, text=True
+    ) as process:
+        assert process.stdout is not None
+        handed = [json.loads(process.stdout.readline()) for _ in range(120)]
+        os.kill(process.pid, signal.SIGKILL)
+        killed_s = time.monotonic()
+        rest = process.stdout.read().splitlines()
+    handed += [json.loads(line) for line in rest if line.endswith("]")]
+    recover(path.with_name("a.mcap.part"), path)
+    kept = by_camera(list(iterate_frames(path)))
+    due = max(number for number, at_s in handed if at_s < killed_s - 0.1)
+    assert min(map(len, kept)) >= due
