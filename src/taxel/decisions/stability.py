@@ -1,0 +1,256 @@
+"""From a stream of probabilities to the state of a grasp: hysteresis, debounce, UNKNOWN.
+
+The same class runs live and over recorded tracks. Knows nothing about models, images,
+sources, screens or wall time: every moment is passed in.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from enum import IntEnum
+
+import numpy as np
+from numpy.typing import NDArray
+
+from taxel.errors import BadInput
+
+_EXACT_S = 1e-9
+"""Times of equal distance may differ by this from rounding, seconds."""
+
+
+class Stability(IntEnum):
+    """The state of a grasp; the numbers are what arrays of states hold."""
+
+    STABLE = 0
+    WARNING = 1
+    UNSTABLE = 2
+    UNKNOWN = 3
+
+
+_ALARMS = (Stability.WARNING, Stability.UNSTABLE)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class StabilityConfig:
+    """From probability to state. Source: our choice, docs/decisions/0013; thresholds and
+    times are tuned on training cups by `taxel.evaluation.tuning_stability`.
+    """
+
+    warn: float = 0.5
+    """WARNING once the probability of instability has stood at or above this, 0…1."""
+    clear: float = 0.3
+    """STABLE again once it has stood below this, 0…1; at most `warn` (hysteresis)."""
+    unstable: float = 0.8
+    """UNSTABLE once it has stood at or above this, 0…1; at least `warn`."""
+    raise_s: float = 0.05
+    """How long it must stand above before the state is raised, seconds; 0: at once."""
+    clear_s: float = 0.3
+    """How long it must stand below `clear` before the state is cleared, seconds."""
+    largest_age_s: float = 0.2
+    """Input older than this, or a gap longer than this, is UNKNOWN, seconds."""
+    frozen_s: float = 1.0
+    """The very same probability, to the last bit, for longer than this is a frozen input:
+    UNKNOWN, seconds. Exactly 0 and 1 do not count, nor does an alarm that it would hide.
+    Infinity for methods that give steps, such as trees and trivial baselines."""
+
+    def __post_init__(self) -> None:
+        if not 0 <= self.clear <= self.warn <= self.unstable <= 1:
+            raise BadInput(
+                "thresholds 0 ≤ clear ≤ warn ≤ unstable ≤ 1",
+                f"{self.clear}, {self.warn}, {self.unstable}",
+                "order them",
+            )
+        times = (self.raise_s, self.clear_s, self.largest_age_s, self.frozen_s)
+        if not all(time >= 0 for time in times):
+            raise BadInput("times of at least 0 s", f"{times}", "give seconds")
+
+
+@dataclass(frozen=True, slots=True)
+class StabilityDecision:
+    """The state of the grasp at one moment."""
+
+    state: Stability
+    """What is believed."""
+    reason: str
+    """Why the state is UNKNOWN; empty otherwise."""
+    since_s: float
+    """When this state began, on the frames' clock, seconds."""
+    probability: float
+    """The newest probability of instability, 0…1; NaN where it cannot be used."""
+
+    @property
+    def alarm(self) -> bool:
+        """True for WARNING and UNSTABLE."""
+        return self.state in _ALARMS
+
+
+class StabilityMonitor:
+    """Watches one grasp.
+
+    An alarm that stood before the input failed comes back with the input until it
+    is cleared by evidence; STABLE has to be earned again.
+    """
+
+    def __init__(self, config: StabilityConfig | None = None) -> None:
+        self._config = config or StabilityConfig()
+        self.reset()
+
+    def reset(self) -> None:
+        """Forget everything: a new grasp."""
+        self._held: Stability | None = None  # what the evidence says, whatever the input's health
+        self._told = StabilityDecision(
+            Stability.UNKNOWN, "no input yet", float("nan"), float("nan")
+        )
+        self._last_s: float | None = None
+        self._value = float("nan")
+        self._same_since_s = float("nan")
+        self._restart()
+
+    def push(
+        self, probability: float, time_s: float, usable: bool = True, now_s: float | None = None
+    ) -> StabilityDecision:
+        """Take in the newest probability; return the state.
+
+        The same `time_s` again is no new evidence: only its age is looked at.
+
+        Args:
+            probability: Of instability, 0…1.
+            time_s: When the newest frame behind it was taken, seconds.
+            usable: False where that window's frames may not be trusted.
+            now_s: This moment on the same clock, seconds; `time_s` by default.
+        """
+        now = time_s if now_s is None else now_s
+        if self._last_s is not None and time_s == self._last_s:
+            return self.at(now)
+        doubt = self._doubt(probability, time_s, usable, now)
+        if doubt:
+            return self._doubted(doubt, time_s if math.isfinite(time_s) else now)
+        if self._last_s is not None and time_s - self._last_s > self._config.largest_age_s:
+            self._lose()
+        self._last_s = time_s
+        self._weigh(probability, time_s)
+        if self._held is None:
+            return self._tell(Stability.UNKNOWN, "not enough input yet", time_s, probability)
+        return self._tell(self._held, "", time_s, probability)
+
+    def at(self, now_s: float) -> StabilityDecision:
+        """Return the state when nothing new has come: UNKNOWN once the input is too old.
+
+        Args:
+            now_s: This moment on the frames' clock, seconds.
+        """
+        if self._last_s is None:
+            return self._told
+        age_s = now_s - self._last_s
+        if not age_s <= self._config.largest_age_s:
+            return self._doubted(f"the newest input is {age_s:.2f} s old", now_s)
+        return self._told
+
+    def _doubt(self, probability: float, time_s: float, usable: bool, now_s: float) -> str:
+        """Return why the input cannot be used; empty where it can."""
+        config = self._config
+        if not math.isfinite(time_s):
+            return "the input has no time"
+        if self._last_s is not None and time_s < self._last_s:
+            self._last_s = None  # a clock that was set back is believed from here on
+            return "the input's time stepped back"
+        if not now_s - time_s <= config.largest_age_s:
+            return f"the newest input is {now_s - time_s:.2f} s old"
+        if not usable:
+            return "the images cannot be used"
+        if not 0 <= probability <= 1:
+            return "the model gave NaN" if math.isnan(probability) else "no probability"
+        if probability != self._value:
+            self._value, self._same_since_s = probability, time_s
+        frozen = time_s - self._same_since_s > config.frozen_s
+        if frozen and 0 < probability < 1 and self._held not in _ALARMS:
+            return f"the input has not changed for {time_s - self._same_since_s:.2f} s"
+        return ""
+
+    def _doubted(self, reason: str, time_s: float) -> StabilityDecision:
+        self._lose()
+        return self._tell(Stability.UNKNOWN, reason, time_s, float("nan"))
+
+    def _lose(self) -> None:
+        """Forget what a lost stretch of input may have changed: STABLE, and all timers."""
+        if self._held is Stability.STABLE:
+            self._held = None
+        self._restart()
+
+    def _restart(self) -> None:
+        self._calm_s: float | None = None
+        self._clear_s: float | None = None
+        self._warn_s: float | None = None
+        self._unstable_s: float | None = None
+
+    def _weigh(self, probability: float, time_s: float) -> None:
+        """Move each timer, then the state that the evidence gives."""
+        config = self._config
+        self._calm_s = _since(self._calm_s, probability < config.warn, time_s)
+        self._clear_s = _since(self._clear_s, probability < config.clear, time_s)
+        self._warn_s = _since(self._warn_s, probability >= config.warn, time_s)
+        self._unstable_s = _since(self._unstable_s, probability >= config.unstable, time_s)
+        if _lasted(self._unstable_s, time_s, config.raise_s):
+            self._held = Stability.UNSTABLE
+        elif self._held in _ALARMS:
+            if _lasted(self._clear_s, time_s, config.clear_s):
+                self._held = Stability.STABLE
+        elif _lasted(self._warn_s, time_s, config.raise_s):
+            self._held = Stability.WARNING
+        elif self._held is None and _lasted(self._calm_s, time_s, config.raise_s):
+            self._held = Stability.STABLE
+
+    def _tell(
+        self, state: Stability, reason: str, time_s: float, probability: float
+    ) -> StabilityDecision:
+        told = self._told
+        since_s = told.since_s if state is told.state and told.since_s <= time_s else time_s
+        self._told = StabilityDecision(state, reason, since_s, probability)
+        return self._told
+
+
+def states(
+    probabilities: NDArray[np.floating],
+    time_s: NDArray[np.float64],
+    config: StabilityConfig,
+    usable: NDArray[np.bool_] | None = None,
+) -> NDArray[np.int8]:
+    """Return the state after each probability of one recorded grasp, shape (n,).
+
+    Runs the live class over the arrays, so that what is measured is what runs.
+
+    Args:
+        probabilities: Shape (n,): of instability, 0…1.
+        time_s: Shape (n,): when the newest frame of each window was taken, seconds.
+        config: From probability to state.
+        usable: Shape (n,): False where a window may not be trusted; all True by default.
+
+    Raises:
+        BadInput: The arrays differ in length.
+    """
+    n = len(probabilities)
+    good = np.ones(n, bool) if usable is None else usable
+    if not n == len(time_s) == len(good):
+        raise BadInput(
+            "one time and one flag a probability",
+            f"{len(time_s)} and {len(good)} for {n}",
+            "give arrays of one length",
+        )
+    monitor = StabilityMonitor(config)
+    found = [
+        monitor.push(p, t, u).state
+        for p, t, u in zip(probabilities.tolist(), time_s.tolist(), good.tolist(), strict=True)
+    ]
+    return np.array(found, np.int8)
+
+
+def _since(since_s: float | None, holds: bool, time_s: float) -> float | None:
+    """Return when a condition began to hold, or None where it does not."""
+    if not holds:
+        return None
+    return time_s if since_s is None else since_s
+
+
+def _lasted(since_s: float | None, time_s: float, least_s: float) -> bool:
+    return since_s is not None and time_s - since_s >= least_s - _EXACT_S

@@ -1,0 +1,325 @@
+"""A cup held by its handle between two gels while it is filled: the dynamics.
+
+The cup is a rigid body that moves in the plane of the gels (down, sideways, and a turn about
+the handle, as its weight hangs beside it); two brush fields hold it. Pure physics: knows
+nothing about pixels, files or clocks.
+
+Sources: protocol, Sensors 2024, 24, 5080, section 3.2; gel, FEATS (neo-Hooke, indentation and
+area) and real marker shear, as collected in PHYSICS.md; ranges, docs/decisions/0013.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from taxel.sim.brush_contact import BrushField, elliptic_patch
+from taxel.sim.cups import OTHER_KINDS, Position, PourRun, draw_cup, draw_run
+from taxel.sim.pour_state import GelMotion, HandleShape
+
+SIM_VERSION = "1"
+"""Of dynamics and nuisances together; recorded with every run."""
+GRAVITY_M_S2 = 9.81
+GEL_SHEAR_KPA = 145.0
+"""E/3 of the gel, E = 435 kPa. Source: FEATS, C10 = 0.0725 MPa."""
+GEL_MM = 4.5
+"""Thickness. Source: FEATS."""
+LAYER_FACTOR = 3.5
+"""Shear stiffness over G/thickness: matches real marker shear. Source: PHYSICS.md."""
+STEP_S = 0.001
+"""Of the integration."""
+DAMPING_S = 0.06
+"""Relaxation time of the gel's shear: damps the cup's pendulum of 2 to 4 Hz. Our choice."""
+GRIP_SETTLE_S = 1.5
+"""Time constant of the grip's relaxation. Source: our choice."""
+DROP_MM, DROP_RAD = 9.0, 0.75
+"""A cup that slid or turned so far is lost: it has left the gripper, or spills. Our choice."""
+_HANG_S = 0.6
+"""How long the empty cup hangs before time zero."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CupPourConfig:
+    """Which runs make a set."""
+
+    seed: int = 0
+    cups: int = 5
+    """Source: paper, section 3.2."""
+    first_cup: int = 0
+    """Number of the first cup: sets with other numbers share no cup."""
+    positions: tuple[Position, ...] = ("upper", "middle", "lower")
+    forces_n: tuple[float, ...] = (15.0, 25.0, 40.0, 50.0)
+    """Source: paper, section 3.2."""
+    repetitions: int = 1
+    """Runs of each cup, position and force."""
+    negatives: float = 0.0
+    """Runs of the other kinds, as a share of the paper's runs, 0…1."""
+    duration_s: float = 6.0
+    frame_hz: float = 60.0
+
+    def __post_init__(self) -> None:
+        if self.cups < 1 or self.repetitions < 1 or not self.positions or not self.forces_n:
+            raise ValueError("needed at least one cup, position, force and repetition")
+        if min(self.forces_n) <= 0 or not 0 <= self.negatives <= 1:
+            raise ValueError("needed forces above 0 N, and negatives within 0 and 1")
+        if self.duration_s < 1.0 or self.frame_hz <= 0 or self.first_cup < 0:
+            raise ValueError("needed at least 1 s, a rate above 0 Hz and a cup's number from 0")
+
+
+def list_runs(config: CupPourConfig) -> list[PourRun]:
+    """Return the runs of a set, cup by cup; a run is the same in every set that holds it."""
+    runs = []
+    for index in range(config.first_cup, config.first_cup + config.cups):
+        cup = draw_cup(config.seed, index)
+        random = np.random.default_rng([13, config.seed, index])
+        for number in range(config.repetitions):
+            for position in config.positions:
+                for force_n in config.forces_n:
+                    runs.append(draw_run(config.seed, cup, position, force_n, number=number))
+                    if random.random() < config.negatives:
+                        kind = OTHER_KINDS[int(random.integers(len(OTHER_KINDS)))]
+                        runs.append(draw_run(config.seed, cup, position, force_n, kind, number))
+    return runs
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PourTrack:
+    """A run, simulated."""
+
+    time_s: NDArray[np.float64]
+    """Shape (n,)."""
+    motions: tuple[GelMotion, GelMotion]
+    """Left and right gel."""
+    shapes: tuple[HandleShape, HandleShape]
+    truth: NDArray[np.float64]
+    """Shape (n, 8), columns as `TRUTH_CHANNELS`."""
+    pour_start_s: float
+    """Infinity without a pour."""
+    pour_end_s: float
+
+
+class PourSim:
+    """A run, step by step, so that a gripper may answer to it.
+
+    Args:
+        run: What is tried.
+    """
+
+    def __init__(self, run: PourRun) -> None:
+        self.run = run
+        self.time_s = 0.0
+        self.poured_g = 0.0
+        self.dropped = False
+        self.pouring = True
+        """False once the person has been told to stop."""
+        self.depth_mm, area_mm2 = indentation(run.force_n)
+        self.patch_mm = _half_axes(run, area_mm2)
+        self.axis_rad = run.tilt_rad + 0.7 * run.along
+        patch = elliptic_patch(*self.patch_mm, self.axis_rad)
+        stiffness = LAYER_FACTOR * GEL_SHEAR_KPA / 1000.0 / GEL_MM
+        friction = run.cup.friction * np.array(run.side_friction)
+        self._field = BrushField(patch, stiffness, friction, run.cup.friction_kinetic)
+        self._place = np.zeros(3)
+        """Of the handle: x and y (mm), turn (rad)."""
+        self._speed = np.zeros(3)
+        self._normal_n = run.force_n
+        self._random = np.random.default_rng([14, run.seed])
+        self._unrest = np.zeros(2)
+        self._sliding = np.zeros(2)
+        for _ in range(round(_HANG_S / STEP_S)):
+            self._advance(run.force_n, STEP_S, hanging=True)
+        self._field.path[:] = 0.0
+        self._origin = self._place.copy()
+        self._surface = self._field.surface_motion()
+        self.time_s = 0.0
+
+    def pour(self, on: bool) -> None:
+        """Let the person pour, or make them stop."""
+        self.pouring = on
+
+    def step(self, grip_n: float, dt_s: float) -> None:
+        """Go on by some time with a grip force that the gripper is told to hold.
+
+        Args:
+            grip_n: Commanded force, newtons.
+            dt_s: Seconds; at least one step of the integration is made.
+        """
+        for _ in range(max(1, round(dt_s / STEP_S))):
+            self._advance(grip_n, STEP_S)
+
+    @property
+    def state(self) -> NDArray[np.float64]:
+        """The truth now, shape (8,), as `TRUTH_CHANNELS`."""
+        share = self._field.patch.share
+        slip_um = 1000.0 * float((self._field.path @ share).max())
+        moved = self._place - self._origin
+        load_n = (self.run.cup.mass_kg + self.poured_g / 1000.0) * GRAVITY_M_S2
+        return np.array(
+            [
+                slip_um,
+                float(self._sliding.max()),
+                np.degrees(moved[2]),
+                moved[1],
+                load_n,
+                self._normal_n,
+                self.poured_g,
+                float(self.dropped),
+            ]
+        )
+
+    def gel(self) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64], float]:
+        """Return the handle's move (3,), each gel's move (2, 2) and twist (2,), and depth (mm)."""
+        moved, turn = self._field.surface_motion()
+        depth_mm, _ = indentation(max(self._normal_n, 1.0))
+        return (
+            self._place - self._origin,
+            moved - self._surface[0],
+            turn - self._surface[1],
+            0.0 if self.dropped else depth_mm,
+        )
+
+    def _advance(self, grip_n: float, dt_s: float, *, hanging: bool = False) -> None:
+        run = self.run
+        self._normal_n = grip_n if hanging else self._grip(grip_n)
+        if not hanging and self.pouring and self.time_s >= run.start_s:
+            self.poured_g = min(self.poured_g + run.flow_g_s * dt_s, run.amount_g)
+        force, moment = self._load(dt_s, hanging)
+        held_x, held_y, held_m = self._field.forces()
+        mass = run.cup.mass_kg + self.poured_g / 1000.0
+        arm2 = run.cup.lever_mm**2 + run.cup.gyration_mm**2
+        line, turn = self._field.stiffness()
+        stuck = self._field.sticking()
+        # Newton with millimetres: N = kg m/s² is 1000 kg mm/s²; damping is taken implicitly.
+        drag_line = DAMPING_S * line * stuck * 1000.0 * dt_s / mass
+        drag_turn = DAMPING_S * turn * stuck * 1000.0 * dt_s / (mass * arm2)
+        self._speed[0] += 1000.0 * dt_s * (force[0] - held_x) / mass
+        self._speed[1] += 1000.0 * dt_s * (force[1] - held_y) / mass
+        self._speed[:2] /= 1.0 + drag_line
+        self._speed[2] += 1000.0 * dt_s * (moment - held_m) / (mass * arm2)
+        self._speed[2] /= 1.0 + drag_turn
+        if self.dropped:
+            self._speed *= 0.0
+        step = self._speed * dt_s
+        self._field.move(step[0], step[1], step[2], self._normal_n, dt_s)
+        if not hanging and not self.dropped:  # viscoelastic: the bent gel gives way slowly
+            share = run.creep * dt_s / 3.0 * np.exp(-self.time_s / 3.0)
+            self._field.shear_x *= 1.0 - share
+            self._field.shear_y *= 1.0 - share
+        self._place += step
+        sliding = self._field.speed > 0.05
+        self._sliding = sliding @ self._field.patch.share
+        self.time_s += dt_s
+        if not hanging:
+            moved = np.abs(self._place - self._origin)
+            self.dropped |= bool(np.hypot(moved[0], moved[1]) > DROP_MM or moved[2] > DROP_RAD)
+
+    def _grip(self, grip_n: float) -> float:
+        run = self.run
+        lost = run.relaxation * (1.0 - np.exp(-self.time_s / GRIP_SETTLE_S))
+        drop = run.grip_drop * min(max((self.time_s - run.start_s) / 0.33, 0.0), 1.0)
+        return float(grip_n * (1.0 + run.grip_error) * (1.0 - lost) * (1.0 - drop))
+
+    def _load(self, dt_s: float, hanging: bool) -> tuple[NDArray[np.float64], float]:
+        """Return force (x, y), newtons, and clockwise moment, N mm, on the handle."""
+        run = self.run
+        mass = run.cup.mass_kg + self.poured_g / 1000.0
+        weight_n = mass * GRAVITY_M_S2
+        turn = self._place[2]
+        arm_mm = run.cup.lever_mm * np.cos(turn)
+        if hanging:
+            return np.array([0.0, weight_n]), weight_n * arm_mm
+        # Unrest of the hand and the jet: noise of about 8 Hz.
+        fade = np.exp(-dt_s * 50.0)
+        kick = self._random.normal(size=2) * np.sqrt(1.0 - fade**2)
+        self._unrest = self._unrest * fade + kick
+        poured = 0.0 < self.poured_g < run.amount_g and self.pouring
+        unrest_n = run.vibration_n * self._unrest * (2.0 if poured else 1.0)
+        jet_n = 1.4 * run.flow_g_s / 1000.0 if poured else 0.0  # 1.4 m/s after 10 cm of fall
+        since_s = (self.time_s - run.bump_s) / 0.08
+        bump_n = run.bump_n * np.sin(np.pi * since_s) if 0.0 < since_s < 1.0 else 0.0
+        down_n = weight_n + jet_n + unrest_n[1] + bump_n
+        return np.array([unrest_n[0], down_n]), down_n * arm_mm
+
+
+def simulate_pour(run: PourRun, frame_hz: float = 60.0, duration_s: float = 6.0) -> PourTrack:
+    """Simulate a run with its grip held as commanded.
+
+    Args:
+        run: What is tried.
+        frame_hz: Moments a second that are returned.
+        duration_s: Seconds.
+    """
+    sim = PourSim(run)
+    count = round(duration_s * frame_hz)
+    truth, rows = np.zeros((count, 8)), []
+    steps_done = 0
+    for index in range(count):
+        truth[index] = sim.state
+        rows.append(sim.gel())
+        steps = round((index + 1) / frame_hz / STEP_S)
+        for _ in range(steps - steps_done):
+            sim.step(run.force_n, STEP_S)
+        steps_done = steps
+    pours = run.flow_g_s > 0
+    return PourTrack(
+        time_s=np.arange(count) / frame_hz,
+        motions=(_motion(rows, 0, sim), _motion(rows, 1, sim)),
+        shapes=(_shape(run, 0), _shape(run, 1)),
+        truth=truth,
+        pour_start_s=run.start_s if pours else float("inf"),
+        pour_end_s=run.start_s + run.amount_g / run.flow_g_s if pours else float("inf"),
+    )
+
+
+def indentation(force_n: float) -> tuple[float, float]:
+    """Return depth (mm) and area (mm²): 1.4 and 124 at 15 N, 2.4 and 168 at 50 N.
+
+    Source: FEATS, as collected in PHYSICS.md; powers fitted through both.
+    """
+    over = force_n / 15.0
+    return 1.4 * over**0.448, 124.0 * over**0.252
+
+
+def _half_axes(run: PourRun, area_mm2: float) -> tuple[float, float]:
+    """Return the patch's half axes across and along the handle, millimetres."""
+    ratio = (run.cup.radius_across_mm / run.cup.bend_mm) ** 0.5
+    across = min(np.sqrt(area_mm2 / np.pi * ratio), run.cup.width_mm / 2.0)
+    return float(across), float(min(area_mm2 / np.pi / across, 11.0))
+
+
+def _motion(
+    rows: list[tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64], float]],
+    side: int,
+    sim: PourSim,
+) -> GelMotion:
+    """Return one gel's view; the right one sees the cup from behind."""
+    mirror = 1.0 if side == 0 else -1.0
+    place = np.stack([row[0] for row in rows])
+    moved = np.stack([row[1][side] for row in rows])
+    turn = np.array([row[2][side] for row in rows])
+    flip = np.array([mirror, 1.0])
+    return GelMotion(
+        depth_mm=np.array([row[3] for row in rows]),
+        object_mm=place[:, :2] * flip,
+        object_rad=place[:, 2] * mirror,
+        gel_mm=moved * flip,
+        gel_rad=turn * mirror,
+        patch_mm=np.tile(sim.patch_mm, (len(rows), 1)),
+    )
+
+
+def _shape(run: PourRun, side: int) -> HandleShape:
+    mirror = 1.0 if side == 0 else -1.0
+    cup = run.cup
+    return HandleShape(
+        radius_across_mm=cup.radius_across_mm,
+        radius_along_mm=cup.bend_mm * (1.0 if side == 0 else 1.3),
+        width_mm=cup.width_mm,
+        axis_rad=mirror * (run.tilt_rad + 0.7 * run.along),
+        texture_um=cup.texture_um,
+        texture_mm=cup.texture_mm,
+        texture_along=cup.texture_along,
+        texture_seed=int(np.random.default_rng([15, cup.index, side]).integers(2**31)),
+    )

@@ -1,0 +1,182 @@
+"""The stability monitor warns in time, holds its word, and never calls silence stable."""
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from taxel.decisions.stability import (
+    Stability,
+    StabilityConfig,
+    StabilityDecision,
+    StabilityMonitor,
+    states,
+)
+from taxel.errors import BadInput
+
+STABLE, WARNING, UNSTABLE, UNKNOWN = Stability
+CONFIG = StabilityConfig(
+    warn=0.5, clear=0.3, unstable=0.8, raise_s=0.2, clear_s=0.3, largest_age_s=0.15
+)
+
+
+def run(probabilities: list[float], config: StabilityConfig = CONFIG) -> list[Stability]:
+    """States at one probability every 0.1 s."""
+    time = np.arange(len(probabilities)) / 10
+    return [Stability(s) for s in states(np.array(probabilities), time, config)]
+
+
+def calm() -> StabilityMonitor:
+    """A monitor that has been stable from 0 to 0.2 s."""
+    monitor = StabilityMonitor(CONFIG)
+    for i in range(3):
+        decision = monitor.push(0.1 + i * 1e-3, i / 10)
+    assert decision.state is STABLE
+    return monitor
+
+
+def test_stable_is_earned() -> None:
+    assert run([0.1, 0.11, 0.12, 0.13]) == [UNKNOWN, UNKNOWN, STABLE, STABLE]
+
+
+def test_raising_waits_for_the_debounce() -> None:
+    """0.2 s at or above 0.5, one glitch does not count."""
+    assert run([0.1, 0.1, 0.1, 0.9, 0.1, 0.5, 0.6, 0.5])[3:] == [
+        STABLE, STABLE, STABLE, STABLE, WARNING,
+    ]  # fmt: skip
+
+
+def test_a_high_probability_is_unstable() -> None:
+    assert run([0.1, 0.1, 0.1, 0.6, 0.9, 0.9, 0.9])[3:] == [STABLE, STABLE, WARNING, UNSTABLE]
+
+
+def test_an_alarm_holds_until_it_is_cleared() -> None:
+    """Between clear and warn nothing changes; 0.3 s below clear clears."""
+    rise = [0.9, 0.9, 0.9]
+    assert run([*rise, 0.4, 0.4, 0.2, 0.2, 0.4, 0.2, 0.2, 0.2, 0.2])[2:] == [
+        UNSTABLE, UNSTABLE, UNSTABLE, UNSTABLE, UNSTABLE, UNSTABLE,
+        UNSTABLE, UNSTABLE, UNSTABLE, STABLE,
+    ]  # fmt: skip
+
+
+def test_without_debounce_it_answers_at_once() -> None:
+    quick = StabilityConfig(raise_s=0.0, clear_s=0.0)
+
+    assert run([0.1, 0.6, 0.1, 0.9], quick) == [STABLE, WARNING, STABLE, UNSTABLE]
+
+
+@pytest.mark.parametrize(
+    ("probability", "time_s", "usable", "now_s", "reason"),
+    [
+        (math.nan, 0.3, True, 0.3, "NaN"),
+        (1.5, 0.3, True, 0.3, "no probability"),
+        (0.1, 0.3, False, 0.3, "images"),
+        (0.1, 0.3, True, 0.5, "0.20 s old"),
+        (0.1, math.nan, True, 0.3, "no time"),
+        (0.1, 0.3, True, math.nan, "nan s old"),
+        (0.1, 0.1, True, 0.2, "stepped back"),
+        (0.1, 0.2, True, 0.4, "0.20 s old"),
+    ],
+)
+def test_bad_input_is_unknown_with_its_reason(
+    probability: float, time_s: float, usable: bool, now_s: float, reason: str
+) -> None:
+    decision = calm().push(probability, time_s, usable, now_s)
+
+    assert decision.state is UNKNOWN
+    assert reason in decision.reason
+    assert math.isnan(decision.probability)
+
+
+def test_silence_is_unknown() -> None:
+    monitor = calm()
+
+    assert monitor.at(0.3).state is STABLE
+    assert monitor.at(0.36).state is UNKNOWN
+    assert StabilityMonitor(CONFIG).at(0.0).state is UNKNOWN
+
+
+def test_a_gap_takes_stable_away() -> None:
+    """After 0.2 s without input the next good input is not yet STABLE."""
+    assert calm().push(0.1, 0.4).state is UNKNOWN
+
+
+def test_an_alarm_outlives_lost_input() -> None:
+    """A warning comes back with the input until evidence clears it."""
+    monitor = StabilityMonitor(CONFIG)
+    for i in range(3):
+        monitor.push(0.6, i / 10)
+    lost = monitor.push(math.nan, 0.3)
+    back = monitor.push(0.1, 0.4)
+
+    assert (lost.state, back.state) == (UNKNOWN, WARNING)
+
+
+def test_frozen_input_is_unknown() -> None:
+    found = run([0.1] * 14)
+
+    assert found[2:11] == [STABLE] * 9
+    assert found[11:] == [UNKNOWN] * 3
+
+
+def test_a_saturated_or_alarming_probability_is_not_called_frozen() -> None:
+    assert run([0.0] * 20)[-1] is STABLE
+    assert run([0.7] * 20)[-1] is WARNING
+
+
+def test_it_tells_since_when() -> None:
+    monitor = calm()
+
+    assert monitor.push(0.15, 0.3).since_s == pytest.approx(0.2)
+    assert StabilityMonitor(CONFIG).push(math.nan, 0.3).since_s == pytest.approx(0.3)
+
+
+def test_a_reset_monitor_knows_nothing() -> None:
+    monitor = calm()
+    monitor.reset()
+
+    assert monitor.push(0.1, 0.3) == StabilityDecision(UNKNOWN, "not enough input yet", 0.3, 0.1)
+
+
+@given(
+    st.lists(
+        st.tuples(
+            st.one_of(st.floats(0, 1), st.just(math.nan)),
+            st.sampled_from([0.0, 0.1, 0.1, 0.1, 0.4, -0.2]),
+            st.booleans(),
+        ),
+        max_size=60,
+    )
+)
+def test_stable_never_stands_beside_bad_or_alarming_input(
+    inputs: list[tuple[float, float, bool]],
+) -> None:
+    """Whatever comes: unusable input is UNKNOWN with a reason, and a probability that has stood
+    at or above `warn` for the debounce time is never STABLE."""
+    monitor = StabilityMonitor(CONFIG)
+    time, high_since = 0.0, math.inf
+    for probability, step, usable in inputs:
+        time += step
+        decision = monitor.push(probability, time, usable)
+        if step == 0:
+            continue
+        good = usable and not math.isnan(probability) and step > 0
+        gap = step > CONFIG.largest_age_s
+        high = good and probability >= CONFIG.warn
+        high_since = (time if gap else min(high_since, time)) if high else math.inf
+        assert good or decision.state is UNKNOWN
+        assert not (gap and decision.state is STABLE)
+        assert (decision.state is UNKNOWN) == bool(decision.reason)
+        if time - high_since >= CONFIG.raise_s:
+            assert decision.alarm
+
+
+def test_thresholds_out_of_order_are_refused() -> None:
+    with pytest.raises(BadInput, match="clear ≤ warn"):
+        StabilityConfig(warn=0.2, clear=0.3)
+    with pytest.raises(BadInput, match="at least 0 s"):
+        StabilityConfig(raise_s=-1.0)
+    with pytest.raises(BadInput, match="one time"):
+        states(np.zeros(3), np.zeros(2), CONFIG)
