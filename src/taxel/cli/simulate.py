@@ -10,7 +10,7 @@ import tyro
 from rich.table import Table
 
 from taxel.cli.printing import console, print_json, progress
-from taxel.errors import MissingExtra
+from taxel.errors import BadInput, MissingExtra
 from taxel.windows.config import GATE_V, GRID_RATE_HZ
 
 if TYPE_CHECKING:
@@ -22,20 +22,40 @@ QUICK_SCANS = 16_000
 
 @dataclass(frozen=True, kw_only=True)
 class Simulate:
-    """Write a data set of the simulated TENG hand: one recording a session."""
+    """Write a data set of a simulated sensor.
 
-    what: tyro.conf.Positional[Literal["teng"]]
+    teng: the TENG hand, one recording a session. cup-pour: two tactile cameras hold a cup that
+    is filled, one recording a pour.
+    """
+
+    what: tyro.conf.Positional[Literal["teng", "cup-pour"]]
     """What to simulate."""
     output: Path
     """Folder to write to; it must not exist yet."""
     preset: Literal["honest", "paper"] = "honest"
-    """honest: sessions shared by all classes; paper: one session a class (leaky)."""
+    """teng: honest: sessions shared by all classes; paper: one session a class (leaky)."""
     seed: int = 0
     """Seed of everything random."""
     scans_per_class: int = 160_000
     """Scans of each shape, and of each material."""
     quick: bool = False
-    """A small set: 16,000 scans a class, whatever --scans-per-class says."""
+    """A small set: 16,000 scans a class, or 2 cups × 2 forces, whatever else is said."""
+    cups: int = 5
+    """cup-pour: how many cups (the paper: 5)."""
+    first_cup: int = 0
+    """cup-pour: number of the first cup; sets with other numbers share no cup."""
+    repetitions: int = 1
+    """cup-pour: pours of each cup, position and force."""
+    negatives: float = 0.0
+    """cup-pour: bumps, grip drops, pours without slip and slips after the pour, as a share of
+    the pours, 0…1."""
+    forces_n: tuple[float, ...] = (15.0, 25.0, 40.0, 50.0)
+    """cup-pour: commanded grip forces, N."""
+    duration_s: float = 6.0
+    """cup-pour: length of a recording, s."""
+    camera_hz: float = 25.0
+    """cup-pour: images a second that the cameras take, Hz; the video has 60 frames a second
+    and repeats them, as real ones do."""
     sessions: int = 6
     """Sessions of the honest preset."""
     rate_hz: float = GRID_RATE_HZ
@@ -62,6 +82,9 @@ class Simulate:
     def run(self) -> None:
         """Simulate and print what was written."""
         _need_simulators()
+        if self.what == "cup-pour":
+            self._pours()
+            return
         from taxel.sources.data_sets import write_sessions
 
         config = self._config()
@@ -93,6 +116,49 @@ class Simulate:
             moving=self.moving,
             reference_v=self.reference_v,
         )
+
+    def _pours(self) -> None:
+        from taxel.sim.cup_pour import CupPourConfig, list_runs
+        from taxel.sources.pour_sets import write_pours
+
+        try:
+            config = CupPourConfig(
+                seed=self.seed,
+                cups=2 if self.quick else self.cups,
+                first_cup=self.first_cup,
+                forces_n=(15.0, 50.0) if self.quick else self.forces_n,
+                repetitions=self.repetitions,
+                negatives=self.negatives,
+                duration_s=self.duration_s,
+            )
+            if not 1.0 <= self.camera_hz <= 60.0:
+                raise ValueError(f"needed --camera-hz within 1 and 60; got {self.camera_hz:g}")
+        except ValueError as error:
+            raise BadInput("a set that can be simulated", str(error), "mend the option") from error
+        with progress() as bar:
+            task = bar.add_task("simulating", total=len(list_runs(config)))
+            rows = write_pours(
+                self.output,
+                config,
+                lambda row: bar.update(task, description=row["run"], advance=1),
+                camera_hz=self.camera_hz,
+            )
+        if self.json:
+            print_json(rows)
+            return
+        table = Table(title=f"{self.output}", title_justify="left")
+        for column in ("force", "pours", "hold", "gross slip", "drop", "median slip"):
+            table.add_column(column, justify="right")
+        for force_n in config.forces_n:
+            own = [row for row in rows if row["force_n"] == force_n]
+            counts = [sum(row["outcome"] == name for row in own)
+                      for name in ("hold", "gross slip", "drop")]  # fmt: skip
+            slip_um = sorted(row["slip_um"] for row in own)[len(own) // 2]
+            table.add_row(f"{force_n:g} N", str(len(own)), *map(str, counts), f"{slip_um:.0f} µm")
+        console.print(table)
+        print(f"{len(rows)} recordings of {self.duration_s:g} s, two cameras each")
+        print(f"look:  taxel view {self.output / rows[0]['run']}.mcap")
+        print(f"next:  taxel evaluate transition-tables --data {self.output}")
 
     def _print(self, rows: list[dict[str, Any]]) -> None:
         table = Table(title=f"{self.output}, preset {self.preset}", title_justify="left")

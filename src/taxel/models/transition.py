@@ -123,6 +123,18 @@ def split_name(name: str) -> tuple[str, str]:
     return backbone, head
 
 
+def find_transition(name: str) -> TransitionModel:
+    """Return a model by its name, also one that is in no table.
+
+    Raises:
+        BadInput: The name is not of the form backbone+head, or there is no such part.
+    """
+    if name in TRANSITION_MODELS:
+        return TRANSITION_MODELS[name]
+    backbone, head = split_name(name)
+    return TransitionModel(backbone=backbone, head=head)
+
+
 @cache
 def _count_backbone(name: str) -> int:
     with torch.device("meta"):

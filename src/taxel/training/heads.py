@@ -101,7 +101,7 @@ class TrainedHead:
             for first in range(0, len(windows), 256):
                 part = torch.from_numpy(np.ascontiguousarray(windows[first : first + 256]))
                 parts.append(torch.sigmoid(self.module(part.flatten(2))).numpy())
-        return np.concatenate(parts).astype(np.float32)
+        return np.asarray(np.concatenate(parts), np.float32)
 
     def scale(self, features: NDArray[np.float32]) -> NDArray[np.float32]:
         """Return features as the head takes them, same shape."""
@@ -226,7 +226,7 @@ def _train(
     module.train()
     for number in range(1, config.epochs + 1):
         total = 0.0
-        for part in torch.randperm(len(batches), generator=generator).split(config.batch):
+        for part in torch.randperm(len(batches), generator=generator).split(config.batch):  # type: ignore[no-untyped-call]
             windows, labels = batches.take(part.numpy())
             loss = functional.binary_cross_entropy_with_logits(module(windows), labels)
             optimiser.zero_grad(set_to_none=True)

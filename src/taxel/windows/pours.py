@@ -136,4 +136,5 @@ def _latest(
     """Return the last scan at or before each time; the first one before any."""
     if not len(values):
         return np.zeros((len(time_s), values.shape[1]), np.float32)
-    return values[np.maximum(np.searchsorted(fitted_s, time_s + 1e-6, side="right") - 1, 0)]
+    latest = np.maximum(np.searchsorted(fitted_s, time_s + 1e-6, side="right") - 1, 0)
+    return np.asarray(values[latest])

@@ -1,0 +1,162 @@
+"""Pours ready to be judged: labels, features and folds of whole cups.
+
+Knows nothing about tables or screens.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from taxel.errors import BadDataset
+from taxel.labels.agreement import onset_s
+from taxel.labels.slip import label_truth
+from taxel.sim.pour_state import TRUTH_CHANNELS
+from taxel.training.features import Extractor, FrameFeatures, Progress, extract
+from taxel.training.frame_labels import change_signals, frame_labels, truth_of
+from taxel.training.heads import HeadConfig, Track, TrainedHead, fit_head
+from taxel.windows.pours import Pour, read_pours
+from taxel.windows.sequence import label_windows
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PourSet:
+    """Pours with the labels of one rule."""
+
+    pours: tuple[Pour, ...]
+    rule: str
+    labels: tuple[NDArray[np.int8], ...]
+    """Each shape (n,): 0 stable, 1 unstable."""
+    signals: tuple[NDArray[np.float32], ...]
+    """Each shape (n, cameras): change against the settled frames, per cent."""
+
+    def groups(self, key: str) -> NDArray[np.str_]:
+        """Return each pour's group.
+
+        Raises:
+            BadDataset: A pour has no such group.
+        """
+        for pour in self.pours:
+            if key not in pour.groups:
+                raise BadDataset(
+                    f"the group {key!r} on every recording",
+                    f"{pour.path} with {', '.join(sorted(pour.groups)) or 'none'}",
+                    "name another group, or record again with --group",
+                )
+        return np.array([pour.groups[key] for pour in self.pours])
+
+    def unstable_share(self) -> float:
+        """Return the share of frames that are unstable, 0…1."""
+        return float(np.concatenate(self.labels).mean())
+
+
+def load_pours(
+    path: Path,
+    rule: str,
+    cache: Path,
+    on_progress: Callable[[Progress], None] = lambda _: None,
+) -> PourSet:
+    """Read a folder of recordings and label it.
+
+    Args:
+        path: The folder.
+        rule: A name in `RULES`.
+        cache: Folder for what can be computed again.
+        on_progress: Called after each recording.
+
+    Raises:
+        BadRecording: A recording is damaged.
+        BadDataset: There are none with cameras, or none with the truth that the rule needs.
+    """
+    pours = read_pours(path)
+    signals = change_signals(pours, cache, on_progress=on_progress)
+    labels = frame_labels(pours, rule, signals)
+    return PourSet(pours=tuple(pours), rule=rule, labels=tuple(labels), signals=tuple(signals))
+
+
+@dataclass(frozen=True, slots=True)
+class Fold:
+    """Which pours are learned from and which are judged; no cup is on both sides."""
+
+    name: str
+    train: NDArray[np.intp]
+    test: NDArray[np.intp]
+
+
+def cup_folds(cups: NDArray[np.str_], key: str = "cup") -> list[Fold]:
+    """Return one fold a cup, that cup held out.
+
+    Raises:
+        BadDataset: There are fewer than two cups.
+    """
+    names = sorted(set(cups.tolist()))
+    if len(names) < 2:
+        raise BadDataset(f"at least two of the group {key}", f"{len(names)}", "record more")
+    return [
+        Fold(name, np.flatnonzero(cups != name), np.flatnonzero(cups == name)) for name in names
+    ]
+
+
+def tracks_of(
+    features: Sequence[FrameFeatures], labels: Sequence[NDArray[np.int8]], part: NDArray[np.intp]
+) -> list[Track]:
+    """Return some pours for a head."""
+    return [Track(features[i].values, features[i].row, labels[i]) for i in part]
+
+
+@dataclass(frozen=True, slots=True)
+class Judged:
+    """One fold, judged."""
+
+    fold: Fold
+    probabilities: tuple[NDArray[np.float32], ...]
+    """One a test pour, at each window's end, shape (n − k + 1,)."""
+    labels: tuple[NDArray[np.int8], ...]
+    """The same windows' labels."""
+
+
+def judge_fold(
+    features: Sequence[FrameFeatures],
+    labels: Sequence[NDArray[np.int8]],
+    fold: Fold,
+    config: HeadConfig,
+) -> tuple[Judged, TrainedHead]:
+    """Train a head on a fold's training pours and judge its test pours."""
+    trained = fit_head(tracks_of(features, labels, fold.train), config)
+    probabilities = tuple(trained.probabilities(features[i].all()) for i in fold.test)
+    windows = tuple(label_windows(labels[i], config.frames) for i in fold.test)
+    return Judged(fold, probabilities, windows), trained
+
+
+def truth_moments(pour: Pour) -> tuple[float | None, float | None]:
+    """Return when micro-slip and gross slip begin, seconds on the pour's clock; None: never."""
+    truth = truth_of(pour)
+    micro, gross = (label_truth(truth, rule) for rule in ("micro-slip", "gross-slip"))
+    return onset_s(micro, pour.time_s), onset_s(gross, pour.time_s)
+
+
+def trivial_features(data: PourSet, index: int) -> dict[str, NDArray[np.float64]]:
+    """Return what a trivial baseline looks at, one number a frame, shape (n,)."""
+    pour = data.pours[index]
+    found = {
+        "frame index": np.arange(len(pour), dtype=np.float64),
+        "difference to first frames": data.signals[index].max(axis=1).astype(np.float64),
+    }
+    if pour.sensor.channels == TRUTH_CHANNELS:
+        poured = truth_of(pour)[:, TRUTH_CHANNELS.index("poured")]
+        found["pour started (not seen by the sensor)"] = (poured > 0).astype(np.float64)
+    return found
+
+
+def features_of(
+    data: PourSet,
+    extractor: Extractor,
+    cache: Path,
+    on_progress: Callable[[Progress], None] = lambda _: None,
+) -> list[FrameFeatures]:
+    """Return the features of a set's frames."""
+    return extract(data.pours, extractor, cache, on_progress)

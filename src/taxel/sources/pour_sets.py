@@ -1,0 +1,249 @@
+"""Data sets of the simulated cup pour: a folder with one recording a run.
+
+Joins dynamics, optics and camera clock, and writes what a lab would have recorded, with the
+physics truth beside the images. Knows nothing about windows, models or the command line.
+"""
+
+from __future__ import annotations
+
+import os
+import shutil
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from taxel.errors import BadInput, RecordingFailed
+from taxel.frame_codec import encode_jpeg
+from taxel.processes import side_by_side
+from taxel.recordings.manifest import Manifest
+from taxel.recordings.writer import Recorder
+from taxel.signals import CameraInfo, Frame, Mark, Samples, SensorInfo
+from taxel.sim.cup_pour import SIM_VERSION, CupPourConfig, PourTrack, list_runs, simulate_pour
+from taxel.sim.cups import PourRun
+from taxel.sim.gelsight import CameraTimes, GelCamera, camera_times, draw_sensor
+from taxel.sim.pour_state import TRUTH_CHANNELS, TRUTH_UNITS, GelMotion
+
+SIDES = ("left", "right")
+CAMERA_HZ = 25.0
+"""Images a second of a GelSight Mini as sold; a 60 Hz video repeats them. Source: PHYSICS.md."""
+_FINE = 2
+"""Moments of the dynamics a video frame, between which a camera's image is interpolated."""
+_ARRIVAL_S = 0.004
+"""From the camera to the host. Source: our choice."""
+
+
+@dataclass(frozen=True, slots=True)
+class SimulatedVideo:
+    """What one camera delivers in one run."""
+
+    info: CameraInfo
+    times: CameraTimes
+    images: Iterator[NDArray[np.uint8]]
+    """The camera's different images in order, each shape (240, 320, 3)."""
+
+
+def sensor_info(frame_hz: float) -> SensorInfo:
+    """Return what the truth beside the images is."""
+    return SensorInfo(
+        name="truth",
+        channels=TRUTH_CHANNELS,
+        units=TRUTH_UNITS,
+        rate_hz=frame_hz,
+        serial=f"sim://cup-pour {SIM_VERSION}",
+    )
+
+
+def simulate_videos(
+    run: PourRun, camera_hz: float, frame_hz: float, duration_s: float
+) -> tuple[PourTrack, tuple[SimulatedVideo, ...]]:
+    """Return a run's track at the frames' times, and what both cameras see."""
+    fine = simulate_pour(run, frame_hz * _FINE, duration_s)
+    videos = []
+    for side, name in enumerate(SIDES):
+        times = camera_times(camera_hz, frame_hz, duration_s, run.seed * 2 + side)
+        sensor = draw_sensor(run.seed, side)
+        camera = GelCamera(fine.shapes[side], sensor, run.seed * 2 + side)
+        motion = _motion_at(fine.motions[side], fine.time_s, times.taken_s)
+        info = CameraInfo(
+            name=name,
+            width=320,
+            height=240,
+            rate_hz=frame_hz,
+            mm_per_px=sensor.mm_per_px,
+            serial=f"sim://cup-pour {SIM_VERSION} {name}",
+            details={"camera_hz": f"{camera_hz:g}"},
+        )
+        videos.append(SimulatedVideo(info, times, _images(camera, motion, times)))
+    part = slice(None, None, _FINE)
+    track = PourTrack(
+        time_s=fine.time_s[part],
+        motions=fine.motions,
+        shapes=fine.shapes,
+        truth=fine.truth[part],
+        pour_start_s=fine.pour_start_s,
+        pour_end_s=fine.pour_end_s,
+    )
+    return track, tuple(videos)
+
+
+def write_pours(
+    output: Path,
+    config: CupPourConfig,
+    on_run: Callable[[dict[str, Any]], None] = lambda _: None,
+    *,
+    camera_hz: float = CAMERA_HZ,
+    workers: int = 2,
+) -> list[dict[str, Any]]:
+    """Write one recording a run into a new folder, whole or not at all.
+
+    Args:
+        output: The folder; it must not exist yet.
+        config: Which runs.
+        on_run: Called with each run's row once it is written.
+        camera_hz: Images a second that the cameras take.
+        workers: Processes side by side.
+
+    Returns:
+        A row a run: name, cup, position, force, kind, slip at the end, times of events.
+
+    Raises:
+        BadInput: The folder exists.
+        RecordingFailed: The disk refused.
+    """
+    if output.exists():
+        raise BadInput(
+            "a folder that does not exist yet for --output", str(output), "choose another"
+        )
+    temporary = output.with_name(f".{output.name}.{os.getpid()}.part")
+    try:
+        output.parent.mkdir(parents=True, exist_ok=True)
+        temporary.mkdir()
+        jobs = [(temporary, run, config, camera_hz) for run in list_runs(config)]
+        rows = side_by_side(write_run, jobs, on_run, workers)
+        os.rename(temporary, output)
+    except RecordingFailed:
+        raise
+    except OSError as error:
+        raise RecordingFailed(
+            f"needed to write {output}; got {error.strerror or error}; choose another place."
+        ) from error
+    finally:
+        shutil.rmtree(temporary, ignore_errors=True)
+    return rows
+
+
+def write_run(
+    folder: Path, run: PourRun, config: CupPourConfig, camera_hz: float
+) -> dict[str, Any]:
+    """Simulate a run and write its recording; return its row."""
+    track, videos = simulate_videos(run, camera_hz, config.frame_hz, config.duration_s)
+    row = describe_run(run, track)
+    manifest = Manifest.started_now(
+        sensor_info(config.frame_hz),
+        groups=groups_of(run),
+        now_s=0.0,
+        cameras=tuple(video.info for video in videos),
+    )
+    with Recorder(folder / f"{run.name}.mcap", manifest) as recorder:
+        for frames, samples in video_frames(track, videos):
+            recorder.write(samples)
+            for frame in frames:
+                recorder.frame(frame)
+        recorder.mark(mark_of(run, track, row))
+    return row
+
+
+def video_frames(
+    track: PourTrack, videos: tuple[SimulatedVideo, ...]
+) -> Iterator[tuple[list[Frame], Samples]]:
+    """Yield, at each moment of the video, a frame a camera and the truth."""
+    latest: list[tuple[int, bytes]] = [(-1, b"")] * len(videos)
+    for index, time_s in enumerate(track.time_s):
+        frames = []
+        for camera, video in enumerate(videos):
+            shown = int(video.times.shown[index])
+            while latest[camera][0] < shown:
+                latest[camera] = (latest[camera][0] + 1, encode_jpeg(next(video.images)))
+            frames.append(
+                Frame(
+                    camera=camera,
+                    jpeg=latest[camera][1],
+                    counter=shown,
+                    device_s=float(video.times.taken_s[shown]) + 10.0,
+                    arrival_s=float(time_s) + _ARRIVAL_S,
+                    fitted_s=float(time_s),
+                )
+            )
+        yield frames, Samples.from_values(track.truth[index : index + 1], track.time_s[[index]])
+
+
+def groups_of(run: PourRun) -> dict[str, str]:
+    """Return what must not be split, and nuisances worth keeping."""
+    return {
+        "cup": f"{run.cup.index:02d}",
+        "position": run.position,
+        "force_n": f"{run.force_n:g}",
+        "kind": run.kind,
+        "run": run.name,
+        "start_s": f"{run.start_s:.3f}",
+    }
+
+
+def mark_of(run: PourRun, track: PourTrack, row: dict[str, Any]) -> Mark:
+    """Return the whole run as one trial, with what became of it."""
+    return Mark(
+        start_s=float(track.time_s[0]),
+        end_s=float(track.time_s[-1]),
+        labels={"outcome": row["outcome"]},
+        groups=groups_of(run),
+    )
+
+
+def describe_run(run: PourRun, track: PourTrack) -> dict[str, Any]:
+    """Return a run's row for people: what it was and what became of it."""
+    slip_um, dropped = track.truth[:, 0], track.truth[-1, 7] > 0
+    gross = slip_um > 300
+    outcome = "drop" if dropped else "gross slip" if gross.any() else "hold"
+    return {
+        "run": run.name,
+        "cup": run.cup.index,
+        "position": run.position,
+        "force_n": run.force_n,
+        "kind": run.kind,
+        "outcome": outcome,
+        "slip_um": float(slip_um[-1]),
+        "rotation_deg": float(track.truth[-1, 2]),
+        "start_s": run.start_s,
+        "gross_slip_s": float(track.time_s[np.argmax(gross)]) if gross.any() else None,
+    }
+
+
+def _images(
+    camera: GelCamera, motion: GelMotion, times: CameraTimes
+) -> Iterator[NDArray[np.uint8]]:
+    for index, taken_s in enumerate(times.taken_s):
+        yield camera.frame(motion, index, float(taken_s))
+
+
+def _motion_at(
+    motion: GelMotion, time_s: NDArray[np.float64], taken_s: NDArray[np.float64]
+) -> GelMotion:
+    """Return a motion at other moments, by straight lines between those known."""
+
+    def at(values: NDArray[np.float64]) -> NDArray[np.float64]:
+        if values.ndim == 1:
+            return np.asarray(np.interp(taken_s, time_s, values))
+        return np.stack([np.interp(taken_s, time_s, column) for column in values.T], axis=1)
+
+    return GelMotion(
+        depth_mm=at(motion.depth_mm),
+        object_mm=at(motion.object_mm),
+        object_rad=at(motion.object_rad),
+        gel_mm=at(motion.gel_mm),
+        gel_rad=at(motion.gel_rad),
+        patch_mm=at(motion.patch_mm),
+    )

@@ -1,0 +1,105 @@
+"""Labels of a pour's frames, by rule: from its truth, or from its images through the cache.
+
+Knows nothing about windows, heads or splits.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from taxel.errors import BadDataset
+from taxel.labels.change import ChangeConfig, change_signal, label_change
+from taxel.labels.corrections import apply_correction, read_corrections
+from taxel.labels.rules import rule_named
+from taxel.labels.slip import label_truth
+from taxel.sim.pour_state import TRUTH_CHANNELS
+from taxel.training.features import Progress, extract
+from taxel.windows.pours import Pour
+
+
+@dataclass(frozen=True, slots=True)
+class ChangeExtractor:
+    """Each frame's change against the settled first ones, per cent of the brightness."""
+
+    settled: slice
+    features: int = 1
+    in_order: bool = True
+
+    @property
+    def key(self) -> str:
+        """Name for the cache."""
+        return f"change-1-{self.settled.start}-{self.settled.stop}"
+
+    def of(self, images: Sequence[NDArray[np.uint8]]) -> NDArray[np.float32]:
+        return change_signal(images, self.settled)[:, None].astype(np.float32)
+
+
+def change_signals(
+    pours: Sequence[Pour],
+    cache: Path,
+    config: ChangeConfig | None = None,
+    on_progress: Callable[[Progress], None] = lambda _: None,
+) -> list[NDArray[np.float32]]:
+    """Return each pour's change signal, shape (n, cameras)."""
+    config = config or ChangeConfig()
+    found = []
+    for pour in pours:
+        extractor = ChangeExtractor(config.settled(rate_of(pour)))
+        (signal,) = extract([pour], extractor, cache)
+        found.append(signal.all()[:, :, 0])
+        on_progress(Progress(len(found), len(pours), 0, 0.0))
+    return found
+
+
+def frame_labels(
+    pours: Sequence[Pour], rule: str, signals: Sequence[NDArray[np.float32]]
+) -> list[NDArray[np.int8]]:
+    """Return each pour's labels, shape (n,): 0 stable, 1 unstable.
+
+    A person's correction beside a recording wins over the rule.
+
+    Args:
+        pours: The recordings.
+        rule: A name in `RULES`.
+        signals: Their change signals, for a rule on images.
+
+    Raises:
+        BadInput: There is no such rule.
+        BadDataset: A recording lacks the truth that the rule needs.
+    """
+    needs = rule_named(rule).needs
+    labels = []
+    for pour, signal in zip(pours, signals, strict=True):
+        if needs == "images":
+            found = label_change(signal.astype(np.float64), rate_of(pour))
+        else:
+            found = label_truth(truth_of(pour), rule)
+        duration_s = float(pour.time_s[-1] - pour.time_s[0])
+        correction = read_corrections(pour.path, duration_s).get(rule)
+        labels.append(apply_correction(found, pour.time_s - pour.time_s[0], correction))
+    return labels
+
+
+def truth_of(pour: Pour) -> NDArray[np.float32]:
+    """Return the physics truth at each frame, shape (n, 8).
+
+    Raises:
+        BadDataset: The recording has none.
+    """
+    if pour.sensor.channels != TRUTH_CHANNELS:
+        raise BadDataset(
+            "recordings with the simulator's physics truth for this rule",
+            f"{pour.path} without it",
+            "choose the rule change, or label by hand with: taxel label",
+        )
+    return pour.beside
+
+
+def rate_of(pour: Pour) -> float:
+    """Return the measured rate of a pour's frames, hertz."""
+    return float((len(pour) - 1) / (pour.time_s[-1] - pour.time_s[0]))
