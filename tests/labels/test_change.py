@@ -37,7 +37,8 @@ def video(
 
 
 def test_the_onset_is_exact_on_a_step() -> None:
-    labels = label_change(change_signal(video(change_at=50), SETTLED), RATE_HZ)
+    config = ChangeConfig(least_change=0.3)
+    labels = label_change(change_signal(video(change_at=50), SETTLED), RATE_HZ, config)
 
     assert labels.dtype == np.int8
     assert labels.tolist() == [0] * 50 + [1] * 40
@@ -82,8 +83,9 @@ def test_the_threshold_follows_the_noise_of_the_settled_stretch() -> None:
     signal = np.zeros(60)
     signal[SETTLED] = np.tile([1.0, 2.0, 3.0], 5)
 
-    assert thresholds(signal, RATE_HZ)[0] == pytest.approx(2.0 + 6.0 * 1.4826 * 1.0)
-    assert thresholds(np.ones(60), RATE_HZ)[0] == pytest.approx(1.3)
+    config = ChangeConfig(least_change=0.3)
+    assert thresholds(signal, RATE_HZ, config)[0] == pytest.approx(2.0 + 6.0 * 1.4826 * 1.0)
+    assert thresholds(np.ones(60), RATE_HZ, config)[0] == pytest.approx(1.3)
 
 
 def test_either_camera_tells_of_a_change() -> None:

@@ -128,8 +128,9 @@ def test_the_papers_set(tracks: list[tuple[PourRun, PourTrack]]) -> None:
     }
     weak, strong = gross.values()
     assert weak > strong
-    assert 0.25 <= (weak + strong) / 2 <= 0.6
-    starts = [track.pour_start_s for _, track in tracks]
+    assert 0.2 <= (weak + strong) / 2 <= 0.5
+    starts = [track.pour_start_s for run, track in tracks if run.kind == "pour"]
+    assert 0.1 < np.mean([run.kind == "still" for run, _ in tracks]) < 0.5
     assert 0.4 <= min(starts) < max(starts) <= 2.2
 
 
@@ -171,8 +172,8 @@ def test_a_person_who_stops_pours_no_more() -> None:
 
 
 def test_a_cup_is_the_same_in_every_set() -> None:
-    few, many = list_runs(CupPourConfig(cups=2)), list_runs(CupPourConfig(cups=9, negatives=0.5))
-    assert [run for run in many if run.cup.index < 2 and run.kind == "pour"] == few
+    few, many = list_runs(CupPourConfig(cups=2)), list_runs(CupPourConfig(cups=9))
+    assert [run for run in many if run.cup.index < 2] == few
     late = list_runs(CupPourConfig(cups=1, first_cup=1))
     assert late == [run for run in few if run.cup.index == 1]
 

@@ -75,7 +75,7 @@ class Press:
         return np.where(inside, -x / height, 0.0), np.where(inside, -y / height, 0.0)
 
     def depth_mm(self) -> NDArray[np.float64]:
-        """Return the ball's depth below the contact circle, millimetres, shape (h, w), 0 outside."""
+        """Return the ball's depth below the contact circle, mm, shape (h, w), 0 outside."""
         x, y = self.offsets_mm()
         rim = self.ball_radius_mm**2 - (self.radius_px * self.mm_per_px) ** 2
         below = np.sqrt(np.maximum(self.ball_radius_mm**2 - x**2 - y**2, 0.0)) - np.sqrt(rim)

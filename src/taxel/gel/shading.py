@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from taxel.errors import BadTable, MissingExtra
 
 try:
-    import cv2
+    import cv2 as cv2
 except ModuleNotFoundError as error:
     raise MissingExtra("opencv-python-headless", "camera", "tactile cameras") from error
 

@@ -4,7 +4,10 @@ The annotated middles of a press may be off by many pixels (Taxim's by up to 25:
 were made at two places, its annotations at 24), so each is moved to where the shading fits
 best. Only slopes within the contact circle are used.
 
-    python -m taxel.gel.shading_fit PRESSES.npz SHADING.json
+    python -m taxel.gel.shading_fit PRESSES.npz SHADING.json "where the presses come from"
+
+The shipped `shading_gelsight_mini.json` was made so from calib/gelsight_mini/dataPack.npz of
+taxim 1.4.1.
 
 Knows nothing about rendering.
 """
@@ -131,11 +134,12 @@ def _pixels(press: Press, every: int = 1) -> tuple[Array, Array]:
 
 
 def main(arguments: Sequence[str]) -> None:
-    """Fit the presses at the first path, write the shading to the second."""
+    """Fit the presses at the first path, write the shading to the second, say the rest."""
     presses = read_presses(arguments[0])
     r2 = ", ".join(f"{value:.3f}" for value in held_out_r2(presses))
     made = (
-        f"taxel.gel.shading_fit on {len(presses)} ball presses of {Path(arguments[0]).name}; "
+        f"taxel.gel.shading_fit on {len(presses)} ball presses of {Path(arguments[0]).name}"
+        f"{''.join(f' ({word})' for word in arguments[2:])}; "
         f"R2 of red, green, blue on presses left out: {r2}"
     )
     save_shading(fit_shading(presses, made), Path(arguments[1]))

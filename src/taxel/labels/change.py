@@ -39,7 +39,7 @@ class ChangeConfig:
     """Frames are averaged over blocks of this many pixels squared before they are compared."""
     sigmas: float = 6.0
     """Standard deviations of the settled signal that a change must exceed."""
-    least_change: float = 0.3
+    least_change: float = 1.5
     """Smallest change that counts whatever the noise, per cent of the image's brightness."""
     clear_share: float = 0.7
     """A change has gone again below this share of the threshold, 0…1 (hysteresis)."""

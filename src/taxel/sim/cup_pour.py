@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taxel.sim.brush_contact import BrushField, elliptic_patch
-from taxel.sim.cups import OTHER_KINDS, Position, PourRun, draw_cup, draw_run
+from taxel.sim.cups import OTHER_KINDS, Kind, Position, PourRun, draw_cup, draw_run
 from taxel.sim.pour_state import GelMotion, HandleShape
 
 SIM_VERSION = "1"
@@ -54,6 +54,9 @@ class CupPourConfig:
     """Source: paper, section 3.2."""
     repetitions: int = 1
     """Runs of each cup, position and force."""
+    still: float = 0.3
+    """Share of runs in which nothing is poured, 0…1: with it about half of all frames are
+    unstable, as in the paper. Source: our choice, docs/decisions/0013."""
     negatives: float = 0.0
     """Runs of the other kinds, as a share of the paper's runs, 0…1."""
     duration_s: float = 6.0
@@ -62,8 +65,10 @@ class CupPourConfig:
     def __post_init__(self) -> None:
         if self.cups < 1 or self.repetitions < 1 or not self.positions or not self.forces_n:
             raise ValueError("needed at least one cup, position, force and repetition")
-        if min(self.forces_n) <= 0 or not 0 <= self.negatives <= 1:
-            raise ValueError("needed forces above 0 N, and negatives within 0 and 1")
+        if min(self.forces_n) <= 0:
+            raise ValueError("needed forces above 0 N")
+        if not (0 <= self.negatives <= 1 and 0 <= self.still <= 1):
+            raise ValueError("needed negatives and still within 0 and 1")
         if self.duration_s < 1.0 or self.frame_hz <= 0 or self.first_cup < 0:
             raise ValueError("needed at least 1 s, a rate above 0 Hz and a cup's number from 0")
 
@@ -77,7 +82,9 @@ def list_runs(config: CupPourConfig) -> list[PourRun]:
         for number in range(config.repetitions):
             for position in config.positions:
                 for force_n in config.forces_n:
-                    runs.append(draw_run(config.seed, cup, position, force_n, number=number))
+                    still = random.random() < config.still
+                    first: Kind = "still" if still else "pour"
+                    runs.append(draw_run(config.seed, cup, position, force_n, first, number))
                     if random.random() < config.negatives:
                         kind = OTHER_KINDS[int(random.integers(len(OTHER_KINDS)))]
                         runs.append(draw_run(config.seed, cup, position, force_n, kind, number))

@@ -13,8 +13,9 @@ from typing import Literal
 import numpy as np
 
 Position = Literal["upper", "middle", "lower"]
-Kind = Literal["pour", "no-slip pour", "bump", "grip drop", "late slip"]
-"""pour: the paper's protocol; the others are negatives and hard cases (PHYSICS.md)."""
+Kind = Literal["pour", "still", "no-slip pour", "bump", "grip drop", "late slip"]
+"""pour and still (held, nothing poured): the paper's protocol, whose videos are in part stable
+throughout; the others are negatives and hard cases."""
 OTHER_KINDS: tuple[Kind, ...] = ("no-slip pour", "bump", "grip drop", "late slip")
 
 _CUP, _RUN = 11, 12
@@ -165,4 +166,4 @@ def draw_run(
 
 def hash_of(kind: Kind) -> int:
     """Return a number for a kind, the same on every machine."""
-    return ("pour", *OTHER_KINDS).index(kind)
+    return ("pour", *OTHER_KINDS, "still").index(kind)

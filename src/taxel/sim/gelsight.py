@@ -70,11 +70,11 @@ class GelCamera:
             index: Which moment of `motion`; also picks the frame's grain.
             time_s: Seconds since the recording began: exposure settles, brightness drifts.
         """
-        image = self._light(motion, index)
+        image: NDArray[np.float32] = self._light(motion, index)
         noise, flicker = self._noise.at(index)
         cv2.add(image, noise, dst=image)
         factor, offset = exposure(self._sensor, time_s, flicker)
-        cv2.max(image, 0.0, dst=image)
+        np.maximum(image, 0, out=image)
         return np.asarray(cv2.convertScaleAbs(image, alpha=factor, beta=offset), np.uint8)
 
     def _light(self, motion: GelMotion, index: int) -> NDArray[np.float32]:

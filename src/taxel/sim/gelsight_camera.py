@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from taxel.errors import MissingExtra
 
 try:
-    import cv2
+    import cv2 as cv2
 except ModuleNotFoundError as error:
     raise MissingExtra("opencv-python-headless", "camera", "tactile cameras") from error
 
@@ -121,8 +121,8 @@ def draw_sensor(seed: int, index: int) -> SensorNuisance:
 
 def lamp_light(sensor: SensorNuisance) -> Image:
     """Return the untouched gel without markers, grain or wear, shape (240, 320, 3)."""
-    x = np.arange(WIDTH_PX) - sensor.crop_px[0]
-    y = np.arange(HEIGHT_PX) - sensor.crop_px[1]
+    x = np.arange(WIDTH_PX, dtype=np.float64) - sensor.crop_px[0]
+    y = np.arange(HEIGHT_PX, dtype=np.float64) - sensor.crop_px[1]
     along_x = _through_three(x, _LAMPS_AT_PX[0])
     along_y = _through_three(y, _LAMPS_AT_PX[1])
     light = np.einsum("yj,jic,xi->yxc", along_y, np.log(_LAMPS_RGB * _WITHOUT_MARKERS), along_x)

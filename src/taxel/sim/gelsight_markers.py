@@ -29,9 +29,9 @@ _INK_RGB = np.array([1.15, 1.0, 0.88])
 _SPECKLE = 0.035
 """Of the ink, standard deviation, share of the background. Source: real frames."""
 _QUARTER_PX = (WIDTH_PX // 4, HEIGHT_PX // 4)
-_DECAY = 0.9
-"""Distance, in patch half axes beyond the patch, at which the gel's movement has fallen to
-1/e. Source: our choice; real markers 5 mm off a patch still move."""
+_DECAY_MM = 4.0
+"""Distance beyond the patch at which the gel's movement has fallen to 1/e. Source: our choice,
+about the gel's thickness of 4.5 mm."""
 _DILATION = 0.07
 """Outward movement at the patch's rim, millimetres per millimetre of indentation. Source: our
 choice within what FOTS (RA-L 2024) fits to a GelSight."""
@@ -78,9 +78,10 @@ class MarkerLayer:
         half = np.maximum(patch_mm, 0.5).astype(np.float32)
         across, along = (cos * x + sin * y) / half[0], (cos * y - sin * x) / half[1]
         radius = np.sqrt(across * across + along * along)
-        outside = np.maximum(radius - 1, 0) * np.float32(1 / _DECAY)
+        beyond = 1 - 1 / np.maximum(radius, np.float32(1))
+        outside = np.hypot(x, y) * beyond * np.float32(1 / _DECAY_MM)
         carried = np.exp(-outside * outside)
-        less, turn = np.float32(np.cos(gel_rad) - 1), np.float32(np.sin(gel_rad))
+        less, turn = np.float32(1 - np.cos(gel_rad)), np.float32(np.sin(gel_rad))
         push = np.exp(np.float32(0.5) - radius * radius / 2) * np.float32(
             _DILATION * max(depth_mm, 0.0) / half.mean()
         )

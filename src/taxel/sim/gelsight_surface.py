@@ -86,7 +86,9 @@ class GelSurface:
         drop = round_slope * across / 2 + steep * (beyond - fillet / 2)
         return -round_slope - np.copysign(steep, across), drop
 
-    def _texture_at(self, object_mm: NDArray[np.float64], cos: float, sin: float) -> Image:
+    def _texture_at(
+        self, object_mm: NDArray[np.float64], cos: np.float32, sin: np.float32
+    ) -> Image:
         """Return the texture's slopes (across, along) where the handle now is."""
         scale = 2 * self._mm_per_px / _TEXTURE_MM_PER_PX
         middle = (_TEXTURE_SIDE - 1) / 2
@@ -107,7 +109,7 @@ class GelSurface:
 
 def _soft_step(value: Image) -> Image:
     """Return 0…1 through ½ at 0: the logistic function, cheap and without overflow."""
-    return np.float32(0.5) + np.float32(0.5) * np.tanh(np.float32(0.5) * value)
+    return np.asarray(np.tanh(value / 2) / 2, np.float32) + np.float32(0.5)
 
 
 def _texture_slopes(shape: HandleShape) -> Image:
@@ -120,8 +122,8 @@ def _texture_slopes(shape: HandleShape) -> Image:
         if share > 0:
             height += share * _band(shape.texture_mm, along, random)
     height *= shape.texture_um / 1000 / height.std()
-    height = cv2.GaussianBlur(height, (0, 0), _GEL_BLUR_MM / _TEXTURE_MM_PER_PX)
-    down, right = np.gradient(height, _TEXTURE_MM_PER_PX)
+    smooth = cv2.GaussianBlur(height, (0, 0), _GEL_BLUR_MM / _TEXTURE_MM_PER_PX)
+    down, right = np.gradient(smooth, _TEXTURE_MM_PER_PX)
     both = np.stack([right, down], axis=-1).clip(-_TEXTURE_SLOPE_LIMIT, _TEXTURE_SLOPE_LIMIT)
     return np.asarray(both, dtype=np.float32)
 

@@ -5,6 +5,7 @@ Knows nothing about recordings, caches or labels.
 
 from __future__ import annotations
 
+import hashlib
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -13,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taxel.bundles.engine import Engine, EngineName, Precision, open_engine
+from taxel.gel.slip_features import SLIP_FEATURES, SlipFeatures
 from taxel.models.backbones.catalogue import find_backbone
 from taxel.models.export_onnx import export_backbone
 from taxel.models.weights import Weights, find_weights
@@ -73,3 +75,33 @@ def open_backbone(
         key,
         row.features,
     )
+
+
+@dataclass(frozen=True, slots=True)
+class SlipExtractor:
+    """Quantities of the gel: what markers and imprint do since the settled frames.
+
+    Frames before the end of the settled stretch get rows too, which the live path
+    does not have: it starts when the stretch is over.
+    """
+
+    settled: slice
+    """Which frames are the reference."""
+    features: int = len(SLIP_FEATURES)
+    in_order: bool = True
+
+    @property
+    def key(self) -> str:
+        """Name for the cache."""
+        names = hashlib.sha256(",".join(SLIP_FEATURES).encode()).hexdigest()[:8]
+        return f"gel-slip-1-{names}-{self.settled.start}-{self.settled.stop}"
+
+    def of(self, images: Sequence[NDArray[np.uint8]]) -> NDArray[np.float32]:
+        reference = images[self.settled] or images[:1]
+        stream = SlipFeatures([image for i, image in enumerate(reference)
+                               if i == 0 or image is not reference[i - 1]])  # fmt: skip
+        rows: list[NDArray[np.float32]] = []
+        for index, image in enumerate(images):
+            repeated = index > 0 and image is images[index - 1]
+            rows.append(rows[-1] if repeated else stream.push(image))
+        return np.stack(rows)
