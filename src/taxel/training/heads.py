@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 import torch
@@ -17,6 +18,8 @@ from torch.nn import functional
 from taxel.models.sequence import find_head
 from taxel.windows.sequence import label_windows, sequence_windows, window_starts
 
+Tare = Literal["none", "change", "size"]
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class HeadConfig:
@@ -26,9 +29,10 @@ class HeadConfig:
     """A name in `HEADS`."""
     frames: int = 8
     """k: frames in a window. Source: paper, section 5.2."""
-    tare: bool = True
-    """Features are taken relative to the settled first frames, as the labels are.
-    Source: our choice, docs/decisions/0013."""
+    tare: Tare = "change"
+    """What of a frame's features a head sees: "none" as they are, as the paper; "change" less
+    those of the settled first frames; "size" the absolute value of that. Source: our choice,
+    docs/decisions/0013."""
     epochs: int = 12
     """Passes over the training windows."""
     batch: int = 32
@@ -46,7 +50,7 @@ class HeadConfig:
 
 
 PAPER = HeadConfig(
-    tare=False, epochs=100, batch=4, learning_rate=0.001, decay=False, stride=1
+    tare="none", epochs=100, batch=4, learning_rate=0.001, decay=False, stride=1
 )  # fmt: skip
 """The paper's settings (section 5.1): Adam lr 0.001, β 0.9 and 0.999, ε 0.001, batch 4,
 100 epochs, every window."""
@@ -105,14 +109,29 @@ class TrainedHead:
 
     def scale(self, features: NDArray[np.float32]) -> NDArray[np.float32]:
         """Return features as the head takes them, same shape."""
-        if self.config.tare:
-            features = features - settled(features[SETTLE])
+        features = seen(features, settled(features[SETTLE]), self.config.tare)
         return np.asarray((features - self.offset) * self.factor, np.float32)
 
 
 def settled(features: NDArray[np.float32]) -> NDArray[np.float32]:
     """Return the features of the settled grasp, shape (cameras, features), of its frames."""
     return np.asarray(np.median(features, axis=0), dtype=np.float32)
+
+
+def seen(
+    features: NDArray[np.float32], rest: NDArray[np.float32], tare: Tare
+) -> NDArray[np.float32]:
+    """Return what a head sees of features, before scaling; same shape.
+
+    Args:
+        features: Shape (…, cameras, features).
+        rest: Those of the settled grasp, shape (cameras, features).
+        tare: See `HeadConfig.tare`.
+    """
+    if tare == "none":
+        return features
+    change = features - rest
+    return np.abs(change) if tare == "size" else change
 
 
 def fit_head(
@@ -151,13 +170,12 @@ def _scaling(
     """Return offset and factor, each shape (cameras, features), one recording at a time."""
     count, first, second = 0, 0.0, 0.0
     for track in tracks:
-        rows = track.features()[:: config.stride].astype(np.float64)
-        if config.tare:
-            rows -= settled(track.features(SETTLE))
+        rows = track.features(slice(None, None, config.stride))
+        rows = seen(rows, settled(track.features(SETTLE)), config.tare).astype(np.float64)
         count += len(rows)
         first, second = first + rows.sum(axis=0), second + (rows**2).sum(axis=0)
     mean = np.asarray(first / count)
-    offset = np.zeros_like(mean) if config.tare else mean
+    offset = np.zeros_like(mean) if config.tare == "change" else mean
     spread = np.sqrt(np.maximum(np.asarray(second / count) - offset**2, 0.0))
     factor = 1.0 / np.maximum(spread, 1e-3 * spread.max() + 1e-9)
     return offset.astype(np.float32), factor.astype(np.float32)
@@ -188,10 +206,8 @@ class _Batches:
         config: HeadConfig,
     ) -> None:
         self._tracks, self._where, self._labels = tracks, where, labels
-        self._factor, self._frames = factor, config.frames
-        self._offsets = [
-            offset + settled(track.features(SETTLE)) if config.tare else offset for track in tracks
-        ]
+        self._offset, self._factor, self._config = offset, factor, config
+        self._settled = [settled(track.features(SETTLE)) for track in tracks]
 
     def __len__(self) -> int:
         return len(self._where)
@@ -200,8 +216,9 @@ class _Batches:
         """Return windows, shape (batch, k, cameras · features), and labels, shape (batch,)."""
         windows = []
         for number, start in self._where[part]:
-            own = self._tracks[number].features(slice(start, start + self._frames))
-            windows.append((own - self._offsets[number]) * self._factor)
+            own = self._tracks[number].features(slice(start, start + self._config.frames))
+            own = seen(own, self._settled[number], self._config.tare)
+            windows.append((own - self._offset) * self._factor)
         return (
             torch.from_numpy(np.stack(windows)).flatten(2),
             torch.from_numpy(self._labels[part]),
