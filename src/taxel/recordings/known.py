@@ -15,6 +15,7 @@ from pathlib import Path
 
 from taxel.errors import BadTable
 from taxel.recordings.importing import ImportRow
+from taxel.recordings.video_rows import VideoRow
 
 GLOVE_CHANNELS = (
     "Data0[count] Data1[count] Data2[count] Data3[count] Data4[count] "
@@ -146,6 +147,38 @@ KNOWN: dict[str, KnownDataset] = {
     "icub-grasp": KnownDataset(icub_rows, "iCub hand, 60 taxels, nine objects and none"),
 }
 """Name for `taxel import` → the data set."""
+
+
+def gelsight_slip_rows(folder: Path) -> list[VideoRow]:
+    """Return the import rows of the incipient slip data set.
+
+    trials/OBJECT/exp_num_N holds two AVIs; a file slip.txt beside them says that the object
+    slipped, none that it held.
+
+    Raises:
+        BadTable: The folder holds no such trials.
+
+    Source:
+        A. Parag, E. Misimi, E. Adelson, "Incipient slip detection", 2024.
+    """
+    trials = sorted((folder / "trials").glob("*/exp_num_*"))
+    if not trials:
+        raise BadTable(
+            "folders trials/OBJECT/exp_num_N", f"none in {folder}", "name their folder with --data"
+        )
+    return [
+        VideoRow(
+            name=f"{trial.parent.name}-{trial.name.removeprefix('exp_num_')}",
+            files={"left": trial / "camera_0.avi", "right": trial / "camera_2.avi"},
+            labels={"outcome": "slip" if (trial / "slip.txt").exists() else "hold"},
+            groups={"object": trial.parent.name, "trial": f"{trial.parent.name}/{trial.name}"},
+        )
+        for trial in trials
+    ]
+
+
+KNOWN_VIDEOS: dict[str, Callable[[Path], list[VideoRow]]] = {"gelsight-slip": gelsight_slip_rows}
+"""Name for `taxel import` → rows of a public data set of tactile cameras."""
 
 
 def _files(folder: Path, pattern: str) -> list[Path]:

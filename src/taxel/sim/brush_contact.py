@@ -78,12 +78,44 @@ class BrushField:
         self._kinetic = friction[:, None] * kinetic
         shape = (len(friction), len(patch.x_mm))
         self.shear_x, self.shear_y = np.zeros(shape), np.zeros(shape)
-        """Shape (sides, cells): how far each brush is bent, millimetres."""
+        """Shape (sides, cells): how far each brush is bent elastically, millimetres."""
+        self._set_x, self._set_y = np.zeros(shape), np.zeros(shape)
+        """Shape (sides, cells): movement of the pad that bears no force: it crept, or it was
+        first touched after the pad had moved."""
         self.path = np.zeros(shape)
         """Shape (sides, cells): how far each tip has slid, millimetres."""
         self.speed = np.zeros(shape)
         """Shape (sides, cells): sliding speed of each tip, millimetres a second."""
         self._arm2 = patch.x_mm**2 + patch.y_mm**2
+
+    def resize(self, patch: Patch) -> None:
+        """Take another patch of the same cells, as when the grip changes.
+
+        A patch that grows touches unsheared pad, so its forces stay; one that shrinks lets go
+        of what its lost area held. Neither moves the pad's surface.
+        """
+        if patch.area_mm2 > self.patch.area_mm2:
+            self.yield_by(1.0 - self.patch.area_mm2 / patch.area_mm2)
+        self._stiffness *= patch.area_mm2 / self.patch.area_mm2
+        self._arm2 = patch.x_mm**2 + patch.y_mm**2
+        self.patch = patch
+
+    def yield_by(self, share: float) -> None:
+        """Let the pad give way where it is bent: the force fades, its surface stays.
+
+        Args:
+            share: Of the elastic bend, 0…1.
+        """
+        self._set_x += share * self.shear_x
+        self._set_y += share * self.shear_y
+        self.shear_x *= 1.0 - share
+        self.shear_y *= 1.0 - share
+
+    def let_go(self, kept: float) -> None:
+        """Let the pads spring back once nothing touches them: `kept` of all movement remains."""
+        for part in (self.shear_x, self.shear_y, self._set_x, self._set_y):
+            part *= kept
+        self.speed[:] = 0.0
 
     def move(
         self, dx_mm: float, dy_mm: float, turn_rad: float, normal_n: float, dt_s: float
@@ -133,6 +165,7 @@ class BrushField:
 
     def surface_motion(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Return each pad's mean movement (sides, 2), mm, and twist (sides,), rad."""
-        moved = np.stack([self.shear_x @ self.patch.share, self.shear_y @ self.patch.share], axis=1)
-        turn = (self.shear_y * self.patch.x_mm - self.shear_x * self.patch.y_mm) @ self.patch.share
+        x, y, share = self.shear_x + self._set_x, self.shear_y + self._set_y, self.patch.share
+        moved = np.stack([x @ share, y @ share], axis=1)
+        turn = (y * self.patch.x_mm - x * self.patch.y_mm) @ share
         return moved, turn / float(self._arm2 @ self.patch.share)

@@ -10,7 +10,7 @@ area) and real marker shear, as collected in PHYSICS.md; ranges, docs/decisions/
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,14 +28,20 @@ GEL_MM = 4.5
 """Thickness. Source: FEATS."""
 LAYER_FACTOR = 3.5
 """Shear stiffness over G/thickness: matches real marker shear. Source: PHYSICS.md."""
-STEP_S = 0.001
-"""Of the integration."""
+STEP_S = 1.0 / 480.0
+"""Of the integration: eight a frame at 60 Hz."""
 DAMPING_S = 0.06
 """Relaxation time of the gel's shear: damps the cup's pendulum of 2 to 4 Hz. Our choice."""
 GRIP_SETTLE_S = 1.5
 """Time constant of the grip's relaxation. Source: our choice."""
 DROP_MM, DROP_RAD = 9.0, 0.75
 """A cup that slid or turned so far is lost: it has left the gripper, or spills. Our choice."""
+RELEASE_S = 0.03
+"""Time constant of a pad that springs back from a lost cup. Our choice: two frames."""
+GONE_MM = 40.0
+"""A lost cup has fallen out of every image. Our choice: twice the pad's width."""
+_HOLD_RATIO = 0.6
+"""Largest load, as a share of the limit, of a pour that is meant to hold. Our choice."""
 _HANG_S = 0.6
 """How long the empty cup hangs before time zero."""
 
@@ -87,8 +93,31 @@ def list_runs(config: CupPourConfig) -> list[PourRun]:
                     runs.append(draw_run(config.seed, cup, position, force_n, first, number))
                     if random.random() < config.negatives:
                         kind = OTHER_KINDS[int(random.integers(len(OTHER_KINDS)))]
-                        runs.append(draw_run(config.seed, cup, position, force_n, kind, number))
+                        other = draw_run(config.seed, cup, position, force_n, kind, number)
+                        runs.append(pour_less(other))
     return runs
+
+
+def load_ratio(run: PourRun, poured_g: float) -> float:
+    """Return the resting load over the limit surface of both gels; slip begins at 1.
+
+    Source: (f / μN)² + (m / μNe)² ≤ 1, PHYSICS.md; the weakest grip of the run, cup unturned.
+    """
+    grip_n = run.force_n * (1.0 + run.grip_error) * (1.0 - run.relaxation)
+    friction_n = run.cup.friction * sum(run.side_friction) * grip_n
+    patch = elliptic_patch(*half_axes(run, grip_n), 0.0)
+    arm_mm = float(np.hypot(patch.x_mm, patch.y_mm) @ patch.share)
+    weight_n = (run.cup.mass_kg + poured_g / 1000.0) * GRAVITY_M_S2
+    return float(np.hypot(weight_n, weight_n * run.cup.lever_mm / arm_mm) / friction_n)
+
+
+def pour_less(run: PourRun) -> PourRun:
+    """Return a run that is meant to hold its pour with no more water than that allows."""
+    if run.kind not in ("no-slip pour", "late slip"):
+        return run
+    empty = load_ratio(run, 0.0)
+    room_g = 1000.0 * run.cup.mass_kg * (_HOLD_RATIO / empty - 1.0)
+    return replace(run, amount_g=min(run.amount_g, max(room_g, 5.0)))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -121,8 +150,10 @@ class PourSim:
         self.dropped = False
         self.pouring = True
         """False once the person has been told to stop."""
-        self.depth_mm, area_mm2 = indentation(run.force_n)
-        self.patch_mm = _half_axes(run, area_mm2)
+        self.patch_mm = half_axes(run, run.force_n)
+        self._patch_n = run.force_n
+        self._depth_mm, _ = indentation(run.force_n)
+        self._owed_s = 0.0
         self.axis_rad = run.tilt_rad + 0.7 * run.along
         patch = elliptic_patch(*self.patch_mm, self.axis_rad)
         stiffness = LAYER_FACTOR * GEL_SHEAR_KPA / 1000.0 / GEL_MM
@@ -151,9 +182,12 @@ class PourSim:
 
         Args:
             grip_n: Commanded force, newtons.
-            dt_s: Seconds; at least one step of the integration is made.
+            dt_s: Seconds; what is left of a step of the integration is owed to the next call.
         """
-        for _ in range(max(1, round(dt_s / STEP_S))):
+        self._owed_s += dt_s
+        steps = int(self._owed_s / STEP_S + 1e-6)
+        self._owed_s -= steps * STEP_S
+        for _ in range(steps):
             self._advance(grip_n, STEP_S)
 
     @property
@@ -163,6 +197,7 @@ class PourSim:
         slip_um = 1000.0 * float((self._field.path @ share).max())
         moved = self._place - self._origin
         load_n = (self.run.cup.mass_kg + self.poured_g / 1000.0) * GRAVITY_M_S2
+        load_n *= not self.dropped
         return np.array(
             [
                 slip_um,
@@ -179,17 +214,20 @@ class PourSim:
     def gel(self) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64], float]:
         """Return the handle's move (3,), each gel's move (2, 2) and twist (2,), and depth (mm)."""
         moved, turn = self._field.surface_motion()
-        depth_mm, _ = indentation(max(self._normal_n, 1.0))
         return (
             self._place - self._origin,
             moved - self._surface[0],
             turn - self._surface[1],
-            0.0 if self.dropped else depth_mm,
+            self._depth_mm,
         )
 
     def _advance(self, grip_n: float, dt_s: float, *, hanging: bool = False) -> None:
         run = self.run
         self._normal_n = grip_n if hanging else self._grip(grip_n)
+        if self.dropped:
+            self._fall(dt_s)
+            return
+        self._follow_grip()
         if not hanging and self.pouring and self.time_s >= run.start_s:
             self.poured_g = min(self.poured_g + run.flow_g_s * dt_s, run.amount_g)
         force, moment = self._load(dt_s, hanging)
@@ -206,14 +244,10 @@ class PourSim:
         self._speed[:2] /= 1.0 + drag_line
         self._speed[2] += 1000.0 * dt_s * (moment - held_m) / (mass * arm2)
         self._speed[2] /= 1.0 + drag_turn
-        if self.dropped:
-            self._speed *= 0.0
         step = self._speed * dt_s
         self._field.move(step[0], step[1], step[2], self._normal_n, dt_s)
-        if not hanging and not self.dropped:  # viscoelastic: the bent gel gives way slowly
-            share = run.creep * dt_s / 3.0 * np.exp(-self.time_s / 3.0)
-            self._field.shear_x *= 1.0 - share
-            self._field.shear_y *= 1.0 - share
+        if not hanging:  # viscoelastic: the bent gel gives way slowly
+            self._field.yield_by(run.creep * dt_s / 3.0 * np.exp(-self.time_s / 3.0))
         self._place += step
         sliding = self._field.speed > 0.05
         self._sliding = sliding @ self._field.patch.share
@@ -221,6 +255,25 @@ class PourSim:
         if not hanging:
             moved = np.abs(self._place - self._origin)
             self.dropped |= bool(np.hypot(moved[0], moved[1]) > DROP_MM or moved[2] > DROP_RAD)
+
+    def _follow_grip(self) -> None:
+        """Let depth follow the grip, and the patch once that has changed by a per cent."""
+        self._depth_mm, _ = indentation(max(self._normal_n, 0.5))
+        if abs(self._normal_n - self._patch_n) > 0.01 * self._patch_n:
+            self._patch_n = max(self._normal_n, 0.5)
+            self.patch_mm = half_axes(self.run, self._patch_n)
+            self._field.resize(elliptic_patch(*self.patch_mm, self.axis_rad))
+
+    def _fall(self, dt_s: float) -> None:
+        """Let a lost cup fall out of the images and the pads spring back."""
+        self._speed[1] += 1000.0 * GRAVITY_M_S2 * dt_s
+        if abs(self._place[1]) < GONE_MM:
+            self._place += self._speed * dt_s
+        kept = float(np.exp(-dt_s / RELEASE_S))
+        self._depth_mm *= kept
+        self._normal_n, self._sliding[:] = 0.0, 0.0
+        self._field.let_go(kept)
+        self.time_s += dt_s
 
     def _grip(self, grip_n: float) -> float:
         run = self.run
@@ -260,19 +313,16 @@ def simulate_pour(run: PourRun, frame_hz: float = 60.0, duration_s: float = 6.0)
     """
     sim = PourSim(run)
     count = round(duration_s * frame_hz)
-    truth, rows = np.zeros((count, 8)), []
-    steps_done = 0
+    truth, rows, patches = np.zeros((count, 8)), [], np.zeros((count, 2))
     for index in range(count):
         truth[index] = sim.state
         rows.append(sim.gel())
-        steps = round((index + 1) / frame_hz / STEP_S)
-        for _ in range(steps - steps_done):
-            sim.step(run.force_n, STEP_S)
-        steps_done = steps
+        patches[index] = sim.patch_mm
+        sim.step(run.force_n, 1.0 / frame_hz)
     pours = run.flow_g_s > 0
     return PourTrack(
         time_s=np.arange(count) / frame_hz,
-        motions=(_motion(rows, 0, sim), _motion(rows, 1, sim)),
+        motions=(_motion(rows, 0, patches), _motion(rows, 1, patches)),
         shapes=(_shape(run, 0), _shape(run, 1)),
         truth=truth,
         pour_start_s=run.start_s if pours else float("inf"),
@@ -289,8 +339,9 @@ def indentation(force_n: float) -> tuple[float, float]:
     return 1.4 * over**0.448, 124.0 * over**0.252
 
 
-def _half_axes(run: PourRun, area_mm2: float) -> tuple[float, float]:
+def half_axes(run: PourRun, force_n: float) -> tuple[float, float]:
     """Return the patch's half axes across and along the handle, millimetres."""
+    _, area_mm2 = indentation(force_n)
     ratio = (run.cup.radius_across_mm / run.cup.bend_mm) ** 0.5
     across = min(np.sqrt(area_mm2 / np.pi * ratio), run.cup.width_mm / 2.0)
     return float(across), float(min(area_mm2 / np.pi / across, 11.0))
@@ -299,7 +350,7 @@ def _half_axes(run: PourRun, area_mm2: float) -> tuple[float, float]:
 def _motion(
     rows: list[tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64], float]],
     side: int,
-    sim: PourSim,
+    patches: NDArray[np.float64],
 ) -> GelMotion:
     """Return one gel's view; the right one sees the cup from behind."""
     mirror = 1.0 if side == 0 else -1.0
@@ -313,7 +364,7 @@ def _motion(
         object_rad=place[:, 2] * mirror,
         gel_mm=moved * flip,
         gel_rad=turn * mirror,
-        patch_mm=np.tile(sim.patch_mm, (len(rows), 1)),
+        patch_mm=patches,
     )
 
 

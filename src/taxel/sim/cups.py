@@ -18,6 +18,9 @@ Kind = Literal["pour", "still", "no-slip pour", "bump", "grip drop", "late slip"
 throughout; the others are negatives and hard cases."""
 OTHER_KINDS: tuple[Kind, ...] = ("no-slip pour", "bump", "grip drop", "late slip")
 
+_HELD_KG_MM = 11.9
+"""Mass times lever that a grip of 15 N holds where friction is 1: 2 · 15 N · 0.62 · 6.28 mm over
+gravity. Source: limit surface of a handle's patch, PHYSICS.md."""
 _CUP, _RUN = 11, 12
 """Streams of the random generator, so that cups and runs never share numbers."""
 _POSITION = {"upper": 0.5, "middle": 0.0, "lower": -0.5}
@@ -110,10 +113,13 @@ class PourRun:
 def draw_cup(seed: int, index: int) -> Cup:
     """Return a cup; the same for a seed and index in every set."""
     random = np.random.default_rng([_CUP, seed, index])
+    # Only cups that 15 N holds while empty: the paper starts from a stable grasp.
+    share, friction = random.uniform(0.3, 0.6), random.uniform(0.45, 1.3)
+    lever_mm = random.uniform(42.0, 70.0)
     return Cup(
         index=index,
-        mass_kg=random.uniform(0.15, 0.40),
-        lever_mm=random.uniform(38.0, 62.0),
+        mass_kg=float(np.clip(share * friction * _HELD_KG_MM / lever_mm, 0.05, 0.40)),
+        lever_mm=lever_mm,
         gyration_mm=random.uniform(30.0, 42.0),
         radius_across_mm=random.uniform(4.0, 9.0),
         bend_mm=random.uniform(22.0, 60.0),
@@ -121,7 +127,7 @@ def draw_cup(seed: int, index: int) -> Cup:
         texture_um=float(np.exp(random.uniform(np.log(4.0), np.log(30.0)))),
         texture_mm=random.uniform(0.35, 1.6),
         texture_along=float(random.choice([0.0, 0.5, 0.9])),
-        friction=random.uniform(0.55, 1.5),
+        friction=friction,
         friction_kinetic=random.uniform(0.70, 0.95),
     )
 
@@ -132,7 +138,7 @@ def draw_run(
     """Return a run; its nuisances depend on the seed and the run's place in the set alone."""
     place = [_POSITION[position] * 2 + 3, round(force_n * 10), number, hash_of(kind)]
     random = np.random.default_rng([_RUN, seed, cup.index, *map(int, place)])
-    amount_g = random.uniform(110.0, 330.0)
+    amount_g = random.uniform(90.0, 420.0)
     start_s = random.uniform(0.4, 2.2)
     flow_g_s = random.uniform(50.0, 160.0)
     pours = kind in ("pour", "no-slip pour", "late slip")
