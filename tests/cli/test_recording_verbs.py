@@ -10,11 +10,12 @@ import pytest
 from taxel.cli.import_ import Import
 from taxel.cli.info import Info
 from taxel.cli.pairs import parse_pairs
-from taxel.cli.record import record_source, stop_signals
+from taxel.cli.record import ledger_line, record_source, stop_signals
 from taxel.cli.recover import Recover
 from taxel.errors import BadInput, BadSource
-from taxel.recordings.reader import read_recording
-from taxel.signals import Mark, Samples, SensorInfo
+from taxel.recordings.manifest import NO_ARRAY
+from taxel.recordings.reader import iterate_frames, read_manifest, read_recording
+from taxel.signals import CameraInfo, Frame, Mark, Samples, SensorInfo
 
 
 class Numbered:
@@ -35,6 +36,11 @@ class Numbered:
         self.given += len(number)
         return Samples.from_values(np.stack([number, number * 0], axis=1), 7.0 + number / 1000.0)
 
+    cameras: tuple[CameraInfo, ...] = ()
+
+    def frames(self) -> list[Frame]:
+        return []
+
     def marks(self) -> list[Mark]:
         ended = self.given % 100 == 0
         return [Mark(start_s=7.0, end_s=7.05, labels={"k": "v"})] if ended else []
@@ -43,6 +49,33 @@ class Numbered:
         return self
 
     def __exit__(self, *_) -> None: ...
+
+
+class Filmed(Numbered):
+    """As above, with two cameras of 100 Hz whose frames come three reads late."""
+
+    cameras = tuple(
+        CameraInfo(name=name, width=320, height=240, rate_hz=100.0) for name in ("left", "right")
+    )
+
+    def __init__(self, scans: int, array: bool = True) -> None:
+        super().__init__(scans)
+        self.seen = -3
+        if not array:
+            self.info = NO_ARRAY
+
+    def read(self, timeout_s: float = 0.1) -> Samples:
+        samples = super().read(timeout_s)
+        return samples if self.info.channels else Samples.empty(0)
+
+    def frames(self) -> list[Frame]:
+        number, self.seen = self.seen, self.seen + 1
+        time_s = 7.0 + number / 100
+        return [
+            Frame(camera=camera, jpeg=b"%d" % number, counter=number, device_s=time_s,
+                  arrival_s=time_s + 0.03, fitted_s=time_s)
+            for camera in (0, 1) if number >= 0
+        ]  # fmt: skip
 
 
 def record(source: Numbered, output: Path, seconds: float, **kwargs):
@@ -57,6 +90,34 @@ def test_exactly_the_wanted_time_is_recorded(tmp_path):
     assert len(recording.marks) == 2
     assert (recording.manifest.labels, recording.manifest.groups) == ({"a": "b"}, {"s": "1"})
     assert (ledger["scans"], ledger["ended"]) == (255, "cleanly")
+
+
+@pytest.mark.parametrize("array", [True, False])
+def test_cameras_are_recorded_to_the_same_moment_as_the_array(tmp_path, capsys, array):
+    """255 ms at 100 Hz are the frames 0 to 25 of each, also where they come late or alone."""
+    ledger = record(Filmed(10_000, array), tmp_path / "a.mcap", 0.255)
+    assert read_manifest(tmp_path / "a.mcap").cameras == Filmed.cameras
+    for camera in (0, 1):
+        kept = list(iterate_frames(tmp_path / "a.mcap", camera))
+        assert [frame.counter for frame in kept] == list(range(26))
+        assert kept[7].jpeg == b"7"
+    assert (ledger["scans"], ledger["ended"]) == (255 if array else 0, "cleanly")
+    assert ledger["cameras"]["right"]["frames"] == 26
+    assert "camera left: 26 frames, 100.00 frames/s measured" in ledger_line(ledger)
+    assert ("scans" in ledger_line(ledger)) == array
+    Info(path=tmp_path / "a.mcap").run()
+    assert "right 320×240: 26 frames" in capsys.readouterr().out
+    Info(path=tmp_path).run()
+    assert "52 frames" in capsys.readouterr().out
+
+
+def test_a_camera_that_stands_still_does_not_hold_up_the_end(tmp_path):
+    """Half a second after the end the recording is complete without it."""
+    source = Filmed(10_000)
+    source.seen = -10_000
+    ledger = record(source, tmp_path / "a.mcap", 0.255)
+    assert (ledger["scans"], ledger["cameras"]["left"]["frames"]) == (255, 0)
+    assert source.given <= 255 + 500 + 10
 
 
 def test_a_source_that_ends_ends_the_recording(tmp_path):

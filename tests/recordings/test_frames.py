@@ -1,11 +1,16 @@
 """Claims about recordings with cameras: every frame comes back as it was, whatever happens."""
 
+import contextlib
+import errno
+import io
 import json
 import os
 import signal
 import subprocess
 import sys
+import threading
 import time
+import tracemalloc
 from dataclasses import replace
 from pathlib import Path
 
@@ -13,12 +18,14 @@ import numpy as np
 import pytest
 from mcap.reader import make_reader
 
-from taxel.errors import BadInput
+from taxel.errors import BadInput, RecordingFailed
+from taxel.recordings import frame_layout
+from taxel.recordings.chunk_content import decode_chunk
 from taxel.recordings.manifest import NO_ARRAY, Manifest
 from taxel.recordings.reader import iterate_blocks, iterate_frames, read_manifest, read_recording
 from taxel.recordings.recovery import recover
 from taxel.recordings.summary import summarise
-from taxel.recordings.writer import Recorder
+from taxel.recordings.writer import QUEUE_BYTES, Recorder, part_path
 from taxel.signals import CameraInfo, Frame, Mark, Samples, SensorInfo
 
 CAMERAS = tuple(
@@ -125,6 +132,98 @@ def test_a_frame_of_no_camera_is_refused(tmp_path: Path) -> None:
     with pytest.raises(BadInput, match="2 cameras"):
         recorder.frame(frame(2, 0))
     recorder.discard()
+
+
+def test_a_message_of_an_unknown_channel_is_passed_over(tmp_path: Path) -> None:
+    """A recording of a later taxel may hold more than this one knows."""
+    frames = write(tmp_path / "a.mcap", count=3)
+    content = frame_layout.encode_frame(replace(frames[0], camera=9), 0, 0)[1]
+    content += frame_layout.encode_frame(frames[1], 0, 0)[1]
+    assert decode_chunk(content, 1, len(CAMERAS)).frames == [frames[1]]
+
+
+@pytest.mark.data
+def test_a_full_disk_is_said_and_what_fitted_is_kept(tmp_path: Path) -> None:
+    """The first refusal is raised again by every later frame; whole chunks can be recovered."""
+    path, room = tmp_path / "a.mcap", [300_000]
+
+    class SmallDisk(io.FileIO):
+        def write(self, content) -> int:
+            fits = memoryview(content)[: room[0]]
+            if len(content) and not len(fits):
+                raise OSError(errno.ENOSPC, "No space left on device")
+            room[0] -= len(fits)
+            return super().write(fits)
+
+    recorder = Recorder(path, manifest(), opener=lambda part: SmallDisk(part, "wb"))
+    number = 0
+    with contextlib.suppress(RecordingFailed):
+        while number < 1000:
+            recorder.frame(frame(0, number, 5000))
+            recorder.flush()
+            number += 1
+    assert 40 < number < 1000
+    room[0] = 1 << 30
+    with pytest.raises(RecordingFailed, match="the disk is full"):
+        recorder.frame(frame(0, 0))
+    with pytest.raises(RecordingFailed):
+        recorder.close()
+    assert not path.exists()
+    assert recover(part_path(path), path).frames == number
+    assert [kept.counter for kept in iterate_frames(path)] == list(range(number))
+
+
+def test_frames_that_the_disk_does_not_take_are_bounded_and_said(tmp_path: Path) -> None:
+    """A disk that stands still: 64 MiB wait, then one line says so; memory does not grow on."""
+    gate = threading.Event()
+
+    class Stuck(io.FileIO):
+        def write(self, content) -> int:
+            if len(content) > 100_000:
+                gate.wait(30)
+            return super().write(content)
+
+    recorder = Recorder(
+        tmp_path / "a.mcap", manifest(), stall_s=0.05, opener=lambda part: Stuck(part, "wb")
+    )
+    large = replace(frame(0, 0), jpeg=np.random.default_rng(0).bytes(1 << 20))
+    handed = 0
+    while not recorder.failed and handed < 200:
+        with contextlib.suppress(RecordingFailed):
+            recorder.frame(large)
+            handed += 1
+    with pytest.raises(RecordingFailed, match="stood still"):
+        recorder.frame(large)
+    gate.set()
+    recorder.discard()
+    assert handed == QUEUE_BYTES // (1 << 20)
+
+
+def test_frames_are_read_in_constant_memory(tmp_path: Path) -> None:
+    """40 MB of frames, of which a chunk or two are held at a time."""
+    write(tmp_path / "a.mcap", count=400, size=50_000)
+    tracemalloc.start()
+    try:
+        assert sum(len(one.jpeg) for one in iterate_frames(tmp_path / "a.mcap")) > 40_000_000
+        assert tracemalloc.get_traced_memory()[1] < 5_000_000
+    finally:
+        tracemalloc.stop()
+
+
+@pytest.mark.data
+def test_lost_time_is_counted_by_frames_where_there_is_no_array(tmp_path: Path) -> None:
+    """Ten chunks of ten frames at 60 Hz, one damaged: ten frames' time is missing."""
+    with Recorder(tmp_path / "a.mcap", manifest(NO_ARRAY)) as recorder:
+        for number in range(100):
+            recorder.frame(frame(0, number, 5000))
+            if number % 10 == 9:
+                recorder.flush()
+    content = bytearray((tmp_path / "a.mcap").read_bytes())
+    content[len(content) // 2] ^= 0xFF
+    (tmp_path / "a.mcap").write_bytes(content)
+    report = recover(tmp_path / "a.mcap", tmp_path / "b.mcap")
+    assert (report.frames, report.damaged_stretches) == (90, 1)
+    assert report.time_lost_s == pytest.approx(10 / 60)
 
 
 @pytest.mark.data

@@ -10,6 +10,7 @@ from taxel.errors import BadTable
 from taxel.frame_codec import decode_jpeg
 from taxel.recordings.known import KNOWN_VIDEOS
 from taxel.recordings.reader import iterate_frames, read_manifest
+from taxel.recordings.summary import summarise
 from taxel.recordings.video_rows import VideoRow, read_video_rows
 from taxel.recordings.videos import import_videos
 
@@ -57,9 +58,20 @@ def truncated(path: Path) -> Path:
     return path
 
 
+def padded(path: Path) -> Path:
+    """The second half was never written, as after a copy that was broken off."""
+    write(path)
+    content = path.read_bytes()
+    half = len(content) // 2
+    path.write_bytes(content[:half] + bytes(len(content) - half))
+    return path
+
+
 BAD = {
     "empty": (lambda path: (path.write_bytes(b""), path)[1], "without any"),
     "cut short": (truncated, "cut short|without any"),
+    "padded": (padded, "cut short|without any"),
+    "no video": (lambda path: (path.write_bytes(b"left, right" * 99), path)[1], "without any"),
     "grey": (lambda path: write(path, grey=True), "grey"),
     "longer": (lambda path: write(path, 30), "20 and 30"),
     "slower": (lambda path: write(path, rate_hz=10.0), "10 Hz and 25 Hz"),
@@ -71,12 +83,14 @@ BAD = {
 def test_a_faulty_partner_is_refused_in_one_line(
     tmp_path: Path, pair: dict[str, Path], fault: str
 ) -> None:
+    """Nothing is left behind."""
     make, words = BAD[fault]
     pair["right"] = make(tmp_path / "bad.avi")
     with pytest.raises(BadTable, match=words) as error:
         run(pair, tmp_path / "out")
     assert "\n" not in str(error.value)
     assert not (tmp_path / "out").exists()
+    assert not list(tmp_path.glob(".taxel-import-*"))
 
 
 def test_a_table_names_videos_labels_and_groups(tmp_path: Path, pair: dict[str, Path]) -> None:
@@ -97,12 +111,44 @@ def test_a_table_names_videos_labels_and_groups(tmp_path: Path, pair: dict[str, 
         "left,colour\na.avi,red\n",
         "left,right\na.avi,\n",
         "left,rate\na.avi,x\n",
+        "left,right\na.avi,b.avi,c\n",
+        "left,left\na.avi,b.avi\n",
+        "left,label:outcome\na.avi,\n",
+        "left,label:outcome\na.avi\n",
+        "left,label:\na.avi,x\n",
     ],
 )
 def test_a_bad_table_is_refused(tmp_path: Path, text: str) -> None:
     (tmp_path / "table.csv").write_text(text)
     with pytest.raises(BadTable):
         read_video_rows(tmp_path / "table.csv", tmp_path)
+
+
+def test_a_table_from_a_spreadsheet_is_read(tmp_path: Path) -> None:
+    """With the mark that spreadsheets put first, and a blank line at the end."""
+    (tmp_path / "table.csv").write_bytes(b"\xef\xbb\xbfleft,right\r\na.avi,b.avi\r\n\r\n")
+    (row,) = read_video_rows(tmp_path / "table.csv", tmp_path)
+    assert row.files == {"left": tmp_path / "a.avi", "right": tmp_path / "b.avi"}
+
+
+def test_a_pair_of_nearly_one_length_is_cut_to_the_shorter(tmp_path: Path) -> None:
+    """Two frames are forgiven, as cameras stop one after the other."""
+    files = {"left": write(tmp_path / "l.avi", 22), "right": write(tmp_path / "r.avi", 20)}
+    frames = list(iterate_frames(run(files, tmp_path / "out")))
+    assert [frame.counter for frame in frames if frame.camera == 0] == list(range(20))
+    assert len(frames) == 40
+
+
+def test_equal_frames_stay_equal(tmp_path: Path) -> None:
+    """A frame that the video repeats gives the same bytes, so repeats can be counted."""
+    path = tmp_path / "still.avi"
+    writer = cv2.VideoWriter(str(path), cv2.VideoWriter.fourcc(*"MJPG"), 25.0, (64, 48))
+    for number in range(12):
+        writer.write(np.full((48, 64, 3), (20, 90, 100 + 10 * (number // 3)), np.uint8))
+    writer.release()
+    made = run({"left": path}, tmp_path / "out")
+    assert len({frame.jpeg for frame in iterate_frames(made)}) == 4
+    assert summarise(made)["cameras"][0]["repeated"] == 8
 
 
 @pytest.mark.real

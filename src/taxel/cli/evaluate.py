@@ -9,6 +9,7 @@ from typing import Annotated, Any
 
 import tyro
 
+from taxel.cli.evaluate_grasps import GraspOptions, run_tables, run_warnings
 from taxel.cli.options import RecipeOptions
 from taxel.cli.printing import console, print_json, progress
 from taxel.errors import BadInput
@@ -19,12 +20,14 @@ class Evaluate:
     """Print a published table with ours beside it, or cross-validate a recipe on recordings."""
 
     what: tyro.conf.Positional[str]
-    """"teng-table" for Table 4.1 of the TENG thesis, or a folder of recordings."""
+    """"teng-table" for Table 4.1 of the TENG thesis, "transition-tables" for Tables 1 to 3 of the
+    grasp-transition paper, "grasp-warnings" for leads and false alarms on unseen cups, or a
+    folder of recordings of an array."""
     preset: Annotated[str, tyro.conf.arg(metavar="{honest,paper,both}")] = "both"
     """teng-table: which simulated data sets to use."""
     data: Path | None = None
-    """teng-table: a folder that holds honest/ and paper/, as taxel simulate writes them;
-    simulated into a temporary folder unless given."""
+    """teng-table: a folder that holds honest/ and paper/; transition-tables, grasp-warnings: a
+    folder of pours; as taxel simulate writes them. Tables simulate their own unless given."""
     scans_per_class: int = 160_000
     """teng-table: scans a class to simulate (the thesis: about 160,000)."""
     folds: int = 5
@@ -33,6 +36,9 @@ class Evaluate:
     """Write a self-contained page with figures to this file."""
     json: bool = False
     """Print JSON."""
+    plot: Path | None = None
+    """grasp-warnings: write a figure of probability over time with the true events (PNG)."""
+    grasps: Annotated[GraspOptions, tyro.conf.arg(name="")] = field(default_factory=GraspOptions)
     recipe: Annotated[RecipeOptions, tyro.conf.arg(name="")] = field(default_factory=RecipeOptions)
 
     def run(self) -> None:
@@ -41,6 +47,10 @@ class Evaluate:
             raise BadInput("a file for --html", str(self.html), "name one such as report.html")
         if self.what == "teng-table":
             self._teng_table()
+        elif self.what == "transition-tables":
+            run_tables(self.grasps, self.data, self.recipe.seed, self.json)
+        elif self.what == "grasp-warnings":
+            run_warnings(self.grasps, self.data, self.recipe.seed, self.json, self.plot)
         else:
             self._folder(Path(self.what))
 

@@ -15,6 +15,7 @@ from rich.table import Table
 
 from taxel.recordings.reader import list_recordings
 from taxel.recordings.summary import summarise
+from taxel.recordings.tally import camera_line
 
 
 @dataclass(frozen=True)
@@ -57,8 +58,17 @@ def _print_recording(row: dict[str, Any]) -> None:
         "marks": f"{row['marks']}"
         + "".join(f"; {name}: {_pairs(count)}" for name, count in row["marks_by_label"].items()),
     }
-    for name, text in lines.items():
+    if not row["channels"]:
+        for name in ("sensor", "scans", "rate", "lost"):
+            del lines[name]
+    cameras = [
+        ("camera", f"{camera['name']} {camera['width']}×{camera['height']}: {camera_line(camera)}")
+        for camera in row["cameras"]
+    ]
+    for name, text in [*lines.items(), *cameras]:
         console.print(f"{name:<11}{text}", highlight=False, markup=False, soft_wrap=True)
+    if not row["channels"]:
+        return
     table = Table("channel", "unit", "min", "mean", "max", "saturated %", "unusable %")
     for channel in row["channels"]:
         figures = [channel["min"], channel["mean"], channel["max"]]
@@ -74,7 +84,9 @@ def _print_recording(row: dict[str, Any]) -> None:
 
 def _print_folder(path: Path, rows: list[dict[str, Any]]) -> None:
     console = Console()
-    table = Table("recording", "scans", "s", "scans/s", "lost", "marks", "labels", "groups")
+    table = Table(
+        "recording", "scans", "s", "scans/s", "lost", "frames", "marks", "labels", "groups"
+    )
     for row in rows:
         rate = row["rate_hz"]
         table.add_row(
@@ -83,6 +95,7 @@ def _print_folder(path: Path, rows: list[dict[str, Any]]) -> None:
             f"{row['duration_s']:.2f}",
             "–" if rate is None else f"{rate:.1f}",
             str(row["lost_scans"]),
+            str(_frames(row)),
             str(row["marks"]),
             _pairs(row["labels"]),
             _pairs(row["groups"]),
@@ -90,10 +103,16 @@ def _print_folder(path: Path, rows: list[dict[str, Any]]) -> None:
     console.print(table)
     scans = sum(row["scans"] for row in rows)
     seconds = sum(row["duration_s"] for row in rows)
-    print(f"{path}: {len(rows)} recordings, {scans} scans, {seconds:.1f} s, all check sums hold")
+    frames = sum(map(_frames, rows))
+    held = f"{scans} scans in {seconds:.1f} s, {frames} frames"
+    print(f"{path}: {len(rows)} recordings, {held}, all check sums hold")
     for name in sorted({name for row in rows for name in row["labels"]}):
         count = Counter(row["labels"].get(name, "–") for row in rows)
         print(f"label {name}: {_pairs(dict(sorted(count.items())))}")
+
+
+def _frames(row: dict[str, Any]) -> int:
+    return sum(camera["frames"] for camera in row["cameras"])
 
 
 def _pairs(pairs: dict[str, Any]) -> str:

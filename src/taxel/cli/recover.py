@@ -44,9 +44,9 @@ class Recover:
             print(json.dumps({"recording": str(self.output), **report.as_dict()}))
             return
         print(
-            f"{self.output}: {report.scans} scans and {report.marks} marks saved; "
-            f"{report.damaged_stretches} damaged stretches, {report.bytes_skipped} bytes skipped, "
-            f"{report.time_lost_s:.3f} s lost between sound scans"
+            f"{self.output}: {report.scans} scans, {report.frames} frames and {report.marks} marks "
+            f"saved; {report.damaged_stretches} damaged stretches, "
+            f"{report.bytes_skipped} bytes skipped, {report.time_lost_s:.3f} s lost between them"
         )
         for note in report.notes:
             print(note)

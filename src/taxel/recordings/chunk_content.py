@@ -43,12 +43,13 @@ class ChunkContent:
         return decode_scans(np.concatenate(self.runs))
 
 
-def decode_chunk(content: bytes, channels: int) -> ChunkContent:
-    """Return what a chunk's uncompressed bytes hold.
+def decode_chunk(content: bytes, channels: int, cameras: int) -> ChunkContent:
+    """Return what a chunk's uncompressed bytes hold; messages of other channels are passed over.
 
     Args:
         content: The chunk's bytes, whose CRC was checked.
         channels: The number of channels that the manifest gives.
+        cameras: The number of cameras that it gives.
 
     Raises:
         ValueError: A record is cut short or is not laid out as FORMAT.md says.
@@ -70,7 +71,7 @@ def decode_chunk(content: bytes, channels: int) -> ChunkContent:
                 end = at + run.nbytes
             elif channel == MARK_CHANNEL:
                 found.marks.append(decode_mark(content[body:end]))
-            elif channel >= FRAME_CHANNEL:
+            elif 0 <= channel - FRAME_CHANNEL < cameras:
                 found.frames.append(decode_frame(channel, content[body:end]))
         at = end
     return found

@@ -195,7 +195,7 @@ def _items(path: Path) -> Iterator[Item]:
                 if manifest is None:
                     raise _no_manifest(path)
                 content = open_chunk(record.payload)
-                yield decode_chunk(content, len(manifest.sensor.channels))
+                yield decode_chunk(content, len(manifest.sensor.channels), len(manifest.cameras))
     except BadRecording:
         raise
     except (Damaged, ValueError, KeyError, TypeError) as error:

@@ -11,6 +11,7 @@ lost). Knows nothing about sensors or labels.
 from __future__ import annotations
 
 import contextlib
+import math
 import mmap
 import os
 from collections.abc import Callable, Iterator
@@ -60,8 +61,9 @@ class RecoveryReport:
     bytes_skipped: int = 0
     """Bytes in them."""
     time_lost_s: float = 0.0
-    """Fitted time missing between the scans on both sides of a damaged stretch, seconds; what
-    followed the last sound chunk cannot be known and is at most the recorder's flush time."""
+    """Fitted time missing between the scans (without an array: the frames) on both sides of a
+    damaged stretch, seconds; what followed the last sound chunk cannot be known and is at most
+    the recorder's flush time."""
     was_complete: bool = False
     """True where the recording ended as a finished one does."""
     notes: list[str] = field(default_factory=list)
@@ -136,7 +138,8 @@ def _copy(
     progress: Callable[[float], None],
 ) -> RecoveryReport:
     report = RecoveryReport()
-    gaps = _Gaps(manifest.sensor.rate_hz)
+    rates_hz = [camera.rate_hz for camera in manifest.cameras]
+    gaps = _Gaps(manifest.sensor.rate_hz if manifest.sensor.channels else max(rates_hz, default=0))
     # Not `output` itself: its .part is the very file that is most often recovered.
     scratch = output.with_name(f"{output.stem}.recovering")
     recorder = Recorder(scratch, manifest, overwrite=True)
@@ -170,7 +173,7 @@ def _copy_chunk(
 ) -> None:
     """Copy what a sound chunk holds; one of another layout counts as damaged."""
     try:
-        found = decode_chunk(content, len(manifest.sensor.channels))
+        found = decode_chunk(content, len(manifest.sensor.channels), len(manifest.cameras))
     except (ValueError, KeyError, TypeError) as error:
         report.damaged_stretches += 1
         report.bytes_skipped += len(content)
@@ -182,14 +185,17 @@ def _copy_chunk(
         samples = found.samples(len(manifest.sensor.channels))
         samples = samples[np.isfinite(samples.fitted_s)]
         recorder.write(samples)
-        gaps.continued(samples)
         report.scans += len(samples)
+        gaps.continued(_ends_s(samples))
     for mark in found.marks:
         recorder.mark(mark)
     report.marks += len(found.marks)
-    for frame in found.frames:
+    frames = [frame for frame in found.frames if math.isfinite(frame.fitted_s)]
+    for frame in frames:
         recorder.frame(frame)
-    report.frames += len(found.frames)
+    report.frames += len(frames)
+    if not manifest.sensor.channels:
+        gaps.continued([frame.fitted_s for frame in frames])
 
 
 class _Gaps:
@@ -205,13 +211,18 @@ class _Gaps:
         """Note that something is missing here."""
         self._open = True
 
-    def continued(self, samples: Samples) -> None:
-        """Take in the scans that follow."""
-        if len(samples) == 0:
+    def continued(self, times_s: list[float]) -> None:
+        """Take in the fitted times that follow, seconds."""
+        if not times_s:
             return
         if self._open and self._last_s is not None:
-            self.lost_s += max(0.0, float(samples.fitted_s[0]) - self._last_s - self._step_s)
-        self._open, self._last_s = False, float(samples.fitted_s[-1])
+            self.lost_s += max(0.0, min(times_s) - self._last_s - self._step_s)
+        self._open, self._last_s = False, max(times_s)
+
+
+def _ends_s(samples: Samples) -> list[float]:
+    """Return the first and the last fitted time, where there are scans."""
+    return [float(part.fitted_s[0]) for part in (samples[:1], samples[-1:]) if len(part)]
 
 
 def _find_manifest(content: mmap.mmap, path: Path) -> Manifest:

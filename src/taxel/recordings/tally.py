@@ -5,7 +5,9 @@ Knows nothing about files.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -47,6 +49,16 @@ class FrameTally:
             "repeated": self.repeated,
             "lost_frames": self.lost_frames,
         }
+
+
+def camera_line(ledger: Mapping[str, Any]) -> str:
+    """Return a camera's ledger, as `FrameTally.as_dict` gives it, for a person."""
+    rate = ledger["rate_hz"]
+    measured = "rate unknown" if rate is None else f"{rate:.2f} frames/s measured"
+    return (
+        f"{ledger['frames']} frames, {measured}, {ledger['repeated']} repeated, "
+        f"{ledger['lost_frames']} lost"
+    )
 
 
 @dataclass(slots=True)

@@ -6,7 +6,7 @@ FORMAT.md describes the table. Knows nothing about pixels.
 from __future__ import annotations
 
 import csv
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -41,49 +41,69 @@ def read_video_rows(table: Path, data_dir: Path) -> list[VideoRow]:
         BadTable: The table cannot be read, or a column is missing or unknown.
     """
     try:
-        with table.open(newline="") as file:
-            reader = csv.DictReader(file)
-            columns = [name.strip() for name in reader.fieldnames or []]
-            lines = [
-                {k.strip(): (v or "").strip() for k, v in line.items() if k} for line in reader
-            ]
+        with table.open(newline="", encoding="utf-8-sig") as file:
+            lines = list(csv.reader(file))
     except (OSError, UnicodeDecodeError, csv.Error) as error:
         raise BadTable("an import table (CSV)", f"{table}: {error}", "check the path") from error
-    known = (*_CAMERA_COLUMNS, "rate", "mm_per_px")
-    odd = [c for c in columns if c not in known and not c.startswith(("label:", "group:"))]
-    if odd or "left" not in columns:
-        raise BadTable(
-            "the columns left, right, label:NAME, group:NAME, rate, mm_per_px",
-            f"{', '.join(odd) or 'no column left'} in {table}",
-            "mend the table's first line",
-        )
-    rows = []
-    for number, line in enumerate(lines, start=2):
-        files = {name: data_dir / line[name] for name in _CAMERA_COLUMNS if line.get(name)}
-        if len(files) < sum(name in columns for name in _CAMERA_COLUMNS):
-            raise BadTable("a video for each camera", f"an empty cell in {table}, line {number}",
-                           "name the video, or leave the column out for all")  # fmt: skip
-        rows.append(
-            VideoRow(
-                name=f"{number - 1:04d}-{files['left'].stem}",
-                files=files,
-                labels=_prefixed(line, "label:"),
-                groups={"file": line["left"], **_prefixed(line, "group:")},
-                rate_hz=_number(line.get("rate", ""), "rate", table, number),
-                mm_per_px=_number(line.get("mm_per_px", ""), "mm_per_px", table, number),
-            )
-        )
+    columns = [name.strip() for name in lines[0]] if lines else []
+    _check_columns(table, columns)
+    rows = [
+        _row(table, number, columns, cells, data_dir)
+        for number, cells in enumerate(lines[1:], start=2)
+        if cells
+    ]
     if not rows:
         raise BadTable("at least one row", f"none in {table}", "add one a recording")
     return rows
 
 
+def _check_columns(table: Path, columns: Sequence[str]) -> None:
+    known = (*_CAMERA_COLUMNS, "rate", "mm_per_px")
+    odd = [c for c in columns if c not in known and not c.startswith(("label:", "group:"))]
+    odd += [c for c in columns if c in ("label:", "group:")]
+    if odd or "left" not in columns:
+        raise BadTable(
+            "the columns left, right, label:NAME, group:NAME, rate, mm_per_px",
+            f"{', '.join(map(repr, odd)) or 'no column left'} in {table}",
+            "mend the table's first line",
+        )
+    if len(set(columns)) < len(columns):
+        raise BadTable(
+            "each column once", f"{', '.join(columns)} in {table}", "mend the table's first line"
+        )
+
+
+def _row(
+    table: Path, number: int, columns: Sequence[str], cells: Sequence[str], data_dir: Path
+) -> VideoRow:
+    where = f"{table}, line {number}"
+    if len(cells) != len(columns):
+        raise BadTable(f"{len(columns)} cells", f"{len(cells)} in {where}", "mend the line")
+    line = {name: cell.strip() for name, cell in zip(columns, cells, strict=True)}
+    if any(not line[name] for name in _CAMERA_COLUMNS if name in line):
+        raise BadTable(
+            "a video for each camera", f"an empty cell in {where}",
+            "name the video, or leave the column out for all",
+        )  # fmt: skip
+    empty = [name for name, cell in line.items() if ":" in name and not cell]
+    if empty:
+        raise BadTable(f"something in the column {empty[0]!r}", f"nothing in {where}", "fill it in")
+    files = {name: data_dir / line[name] for name in _CAMERA_COLUMNS if name in line}
+    return VideoRow(
+        name=f"{number - 1:04d}-{files['left'].stem}",
+        files=files,
+        labels=_prefixed(line, "label:"),
+        groups={"file": line["left"], **_prefixed(line, "group:")},
+        rate_hz=_number(line.get("rate", ""), "rate", where),
+        mm_per_px=_number(line.get("mm_per_px", ""), "mm_per_px", where),
+    )
+
+
 def _prefixed(line: Mapping[str, str], prefix: str) -> dict[str, str]:
-    return {key.removeprefix(prefix): value for key, value in line.items()
-            if key.startswith(prefix) and value}  # fmt: skip
+    return {key.removeprefix(prefix): cell for key, cell in line.items() if key.startswith(prefix)}
 
 
-def _number(text: str, column: str, table: Path, line: int) -> float | None:
+def _number(text: str, column: str, where: str) -> float | None:
     if not text:
         return None
     try:
@@ -91,6 +111,5 @@ def _number(text: str, column: str, table: Path, line: int) -> float | None:
     except ValueError:
         value = 0.0
     if not 0 < value < float("inf"):
-        raise BadTable(f"a number above 0 in column {column}", f"{text!r} in {table}, line {line}",
-                       "mend it")  # fmt: skip
+        raise BadTable(f"a number above 0 in column {column}", f"{text!r} in {where}", "mend it")
     return value

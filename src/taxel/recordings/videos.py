@@ -2,7 +2,9 @@
 
 Frames are decoded and kept as JPEG of high quality; equal frames stay equal. A video has no
 clock of its own: times are frame number over rate, and the manifest says so. All videos are
-read and written before the output folder appears. Knows nothing about particular data sets.
+read and written before the output folder appears. A video's coding has no
+check sums: damage that the decoder can conceal is not noticed. Knows nothing about particular
+data sets.
 """
 
 from __future__ import annotations
@@ -121,10 +123,15 @@ def _refuse_cut(path: Path) -> None:
     """Refuse an AVI that is shorter than its own head says: decoders do not mind.
 
     Raises:
-        BadTable: It is cut short.
+        BadTable: It is cut short, or cannot be read.
     """
-    with path.open("rb") as file:
-        head = file.read(8)
+    try:
+        with path.open("rb") as file:
+            head = file.read(8)
+    except OSError as error:
+        raise BadTable(
+            "a video that can be read", f"{path}: {error.strerror or error}", "check its rights"
+        ) from error
     size = path.stat().st_size
     said = int.from_bytes(head[4:8], "little") + 8
     if head[:4] == b"RIFF" and size < said:

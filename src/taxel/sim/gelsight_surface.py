@@ -34,6 +34,8 @@ _TEXTURE_MM_PER_PX = 0.1
 _TEXTURE_SIDE = 640
 """64 mm: what a 26 mm image diagonal can reach in a slide of 15 mm."""
 _TEXTURE_SLOPE_LIMIT = 0.5
+_LEAST_DEPTH_MM = 1e-3
+"""Below it nothing is seen, and nothing is divided by it."""
 
 
 class GelSurface:
@@ -53,11 +55,11 @@ class GelSurface:
         """Return (d depth/dx, d depth/dy), shape (120, 160) each, mm per mm.
 
         Args:
-            depth_mm: Deepest indentation; 0 or less gives a flat gel.
+            depth_mm: Deepest indentation; less than a micrometre gives a flat gel.
             object_mm: The handle's movement (x, y) since the grasp.
             object_rad: Its rotation, clockwise as seen.
         """
-        if depth_mm <= 0:
+        if depth_mm < _LEAST_DEPTH_MM:
             flat = np.zeros_like(self._x)
             return flat, flat
         angle = self._shape.axis_rad + object_rad

@@ -47,7 +47,7 @@ def read_speed(options: dict[str, str]) -> float:
 class Pacer:
     """Lets out a stream's samples and marks as they fall due.
 
-    The stream's clock is moved so that its first scan lies at the moment of
+    The stream's clock is moved so that its first scan or frame lies at the moment of
     opening. At a speed other than 1 all stamps keep their spacing; only the
     release is hurried or slowed. A scan falls due at its arrival, so the
     stream's own jitter is kept. Stretches are fetched one at a time, when the
@@ -79,13 +79,12 @@ class Pacer:
         self._head = self._none
         self._due_s: NDArray[np.float64] = np.zeros(0)
         self._marks: list[Mark] = []
-        self._given_s = -np.inf
+        self._scans_given_s = self._frames_given_s = -np.inf
         self._over = False
         self._frames = iter(()) if frames is None else frames
         self._given_frames: list[Frame] = []
         self._next_frame = next(self._frames, None)
-        if self._next_frame is not None:
-            self._shift_s = self._opened_s - self._next_frame.fitted_s
+        self._first_frame_s = self._next_frame.fitted_s if self._next_frame else np.inf
         self._fetch()
 
     @property
@@ -117,8 +116,12 @@ class Pacer:
         return given
 
     def marks(self) -> list[Mark]:
-        """Return, once each, the marks whose last scan was given; at the end, all others."""
-        until_s = np.inf if self.ended else self._given_s
+        """Return, once each, the marks whose scans and frames were given; at the end, the rest."""
+        until_s = np.inf
+        if len(self._head):
+            until_s = self._scans_given_s
+        if self._next_frame is not None:
+            until_s = min(until_s, self._frames_given_s)
         done = [mark for mark in self._marks if mark.end_s <= until_s]
         self._marks = [mark for mark in self._marks if mark.end_s > until_s]
         return done
@@ -126,7 +129,7 @@ class Pacer:
     def close(self) -> None:
         """Give nothing more, and let go of the stream."""
         self._over = True
-        self._next_frame, self._frames = None, iter(())
+        self._next_frame, self._frames, self._given_frames = None, iter(()), []
         self._head, self._marks = self._none, []
         self._stretches = iter(())
 
@@ -147,8 +150,9 @@ class Pacer:
                 frame, arrival_s=frame.arrival_s + shift_s, fitted_s=frame.fitted_s + shift_s
             )
             self._given_frames.append(moved)
-            self._given_s = max(self._given_s, moved.fitted_s)
+            self._frames_given_s = moved.fitted_s
             self._next_frame = next(self._frames, None)
+            self._fetch()
 
     def _take_burst(self) -> Samples:
         """Give what comes next, frames and scans in step with each other."""
@@ -174,12 +178,16 @@ class Pacer:
     def _take(self, count: int) -> Samples:
         given = self._head[:count]
         self._head, self._due_s = self._head[count:], self._due_s[count:]
-        self._given_s = float(given.fitted_s[-1])
+        self._scans_given_s = float(given.fitted_s[-1])
         self._fetch()
         return given
 
     def _fetch(self) -> None:
-        """Make the head hold a scan, unless the stream is over."""
+        """Make the head hold a scan, unless the stream is over.
+
+        Where there is no array a stretch holds marks only: one a frame keeps ahead of
+        the frames, and nothing makes opening wait until all have been read.
+        """
         waiting: list[Mark] = []
         while not len(self._head) and not self._over:
             stretch = next(self._stretches, None)
@@ -190,6 +198,10 @@ class Pacer:
             waiting += marks
             if len(samples):
                 self._put(samples)
+            elif not self._none.values.shape[1] and self._next_frame is not None:
+                break
+        if self._shift_s is None and np.isfinite(self._first_frame_s):
+            self._shift_s = self._opened_s - self._first_frame_s
         if self._shift_s is not None:
             shift = self._shift_s
             self._marks += [
@@ -198,7 +210,8 @@ class Pacer:
 
     def _put(self, samples: Samples) -> None:
         if self._shift_s is None:
-            self._shift_s = self._opened_s - float(samples.fitted_s[0])
+            first_s = min(float(samples.fitted_s[0]), self._first_frame_s)
+            self._shift_s = self._opened_s - first_s
         fitted_s = samples.fitted_s + self._shift_s
         arrival_s = samples.arrival_s + self._shift_s
         self._head = replace(samples, fitted_s=fitted_s, arrival_s=arrival_s)

@@ -5,6 +5,7 @@ Knows nothing about models.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
@@ -88,15 +89,16 @@ class Replay:
 
 
 def _stretches(path: Path, manifest: Manifest) -> Iterator[Stretch]:
-    first_s = last_s = None
+    first_s, last_s = math.inf, -math.inf
     marked = not manifest.labels
     for block in iterate_blocks(path):
+        times_s = [frame.fitted_s for frame in block.frames]
         if len(block.samples):
-            first_s = float(block.samples.fitted_s[0]) if first_s is None else first_s
-            last_s = float(block.samples.fitted_s[-1])
+            times_s += [float(block.samples.fitted_s[0]), float(block.samples.fitted_s[-1])]
+        first_s, last_s = min([first_s, *times_s]), max([last_s, *times_s])
         marked = marked or bool(block.marks)
         yield block.samples, [_labelled(mark, manifest) for mark in block.marks]
-    if first_s is not None and last_s is not None and not marked:
+    if last_s >= first_s and not marked:
         whole = Mark(start_s=first_s, end_s=last_s, labels={})
         yield Samples.empty(len(manifest.sensor.channels)), [_labelled(whole, manifest)]
 

@@ -7,7 +7,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Literal
 
 import numpy as np
 import torch
@@ -16,9 +15,8 @@ from torch import Tensor, nn
 from torch.nn import functional
 
 from taxel.models.sequence import find_head
+from taxel.windows.rest import SETTLE, Tare, seen, settled
 from taxel.windows.sequence import label_windows, sequence_windows, window_starts
-
-Tare = Literal["none", "change", "size"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -54,10 +52,6 @@ PAPER = HeadConfig(
 )  # fmt: skip
 """The paper's settings (section 5.1): Adam lr 0.001, β 0.9 and 0.999, ε 0.001, batch 4,
 100 epochs, every window."""
-
-SETTLE = slice(5, 20)
-"""Frames whose median is the settled grasp: at 60 Hz the first tenth of a second may be an
-exposure transient, and no pour begins before 0.4 s. Source: our choice, docs/decisions/0013."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -111,27 +105,6 @@ class TrainedHead:
         """Return features as the head takes them, same shape."""
         features = seen(features, settled(features[SETTLE]), self.config.tare)
         return np.asarray((features - self.offset) * self.factor, np.float32)
-
-
-def settled(features: NDArray[np.float32]) -> NDArray[np.float32]:
-    """Return the features of the settled grasp, shape (cameras, features), of its frames."""
-    return np.asarray(np.median(features, axis=0), dtype=np.float32)
-
-
-def seen(
-    features: NDArray[np.float32], rest: NDArray[np.float32], tare: Tare
-) -> NDArray[np.float32]:
-    """Return what a head sees of features, before scaling; same shape.
-
-    Args:
-        features: Shape (…, cameras, features).
-        rest: Those of the settled grasp, shape (cameras, features).
-        tare: See `HeadConfig.tare`.
-    """
-    if tare == "none":
-        return features
-    change = features - rest
-    return np.abs(change) if tare == "size" else change
 
 
 def fit_head(

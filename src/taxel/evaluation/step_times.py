@@ -1,0 +1,95 @@
+"""What one more moment costs: a backbone pass a camera and the head, or the whole window again.
+
+Knows nothing about tables.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from time import perf_counter
+
+import numpy as np
+
+from taxel.bundles.engine import EngineName, Precision, open_engine
+from taxel.models.backbones.catalogue import find_backbone
+from taxel.models.export_onnx import export_head
+from taxel.models.sequence import find_head
+from taxel.models.transition import FRAMES, find_transition
+from taxel.training.extractors import BackboneExtractor, open_backbone
+from taxel.windows.sequence import FeatureRing
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class StepTime:
+    """Median milliseconds of a step, on this machine."""
+
+    model: str
+    frames: int
+    engine: str
+    threads: int
+    stream_ms: float
+    """Two new frames through the backbone, the other features from the ring, then the head."""
+    window_ms: float
+    """All frames of the window through the backbone again, then the head."""
+
+    @property
+    def ratio(self) -> float:
+        """How many times cheaper the stream is."""
+        return self.window_ms / self.stream_ms
+
+
+def time_step(
+    model: str,
+    frames: int = FRAMES,
+    *,
+    engine: EngineName = "onnxruntime",
+    precision: Precision = "f32",
+    threads: int = 1,
+    repeats: int = 15,
+    extractor: BackboneExtractor | None = None,
+) -> StepTime:
+    """Measure a model's step both ways, in turn, after one pass to warm up.
+
+    Args:
+        model: backbone+head.
+        frames: k.
+        engine: Which library runs both networks.
+        precision: bf16 needs OpenVINO.
+        threads: Threads of the engine.
+        repeats: Streaming steps; the whole window is measured a third as often.
+        extractor: The backbone where it is open already; its engine is used.
+    """
+    row = find_transition(model)
+    size = find_backbone(row.backbone).features
+    backbone = extractor or open_backbone(
+        row.backbone, engine=engine, precision=precision, threads=threads
+    )
+    head = open_engine(
+        export_head(find_head(row.head).build(size, frames).eval(), frames, size), threads=threads
+    )
+    ring = FeatureRing(frames, 2, size)
+    random = np.random.default_rng(0)
+    images = random.integers(0, 256, (2 * frames, 240, 320, 3), np.uint8)
+    for index in range(frames):
+        ring.push(backbone.engine.run(frames=images[2 * index : 2 * index + 2]))
+    stream, window = [], []
+    for number in range(repeats):
+        pair = images[2 * (number % frames) :][:2]
+        started = perf_counter()
+        whole = ring.push(backbone.engine.run(frames=pair))
+        if whole is not None:
+            head.run(features=whole[None])
+        stream.append(perf_counter() - started)
+        if number % 3 == 0:
+            started = perf_counter()
+            features = backbone.engine.run(frames=images)
+            head.run(features=features.reshape(1, frames, 2, size))
+            window.append(perf_counter() - started)
+    return StepTime(
+        model=model,
+        frames=frames,
+        engine=f"{engine} {precision}",
+        threads=threads,
+        stream_ms=float(np.median(stream)) * 1e3,
+        window_ms=float(np.median(window)) * 1e3,
+    )
