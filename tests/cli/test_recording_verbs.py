@@ -103,7 +103,7 @@ def test_cameras_are_recorded_to_the_same_moment_as_the_array(tmp_path, capsys, 
         assert kept[7].jpeg == b"7"
     assert (ledger["scans"], ledger["ended"]) == (255 if array else 0, "cleanly")
     assert ledger["cameras"]["right"]["frames"] == 26
-    assert "camera left: 26 frames, 100.00 frames/s measured" in ledger_line(ledger)
+    assert "camera left: 26 frames in 0.25 s, 100.00 frames/s measured" in ledger_line(ledger)
     assert ("scans" in ledger_line(ledger)) == array
     Info(path=tmp_path / "a.mcap").run()
     assert "right 320×240: 26 frames" in capsys.readouterr().out

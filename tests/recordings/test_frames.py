@@ -123,7 +123,9 @@ def test_info_counts_repeats_and_losses(tmp_path: Path) -> None:
             recorder.frame(frame(0, number))
         recorder.frame(replace(frame(0, 7), jpeg=frame(0, 6).jpeg))
     left, right = summarise(tmp_path / "a.mcap")["cameras"]
-    assert (left["frames"], left["repeated"], left["lost_frames"]) == (6, 1, 2)
+    assert (left["frames"], left["repeated"]) == (6, 1)
+    assert (left["counter_gaps"], left["lost_frames"]) == (1, 2)
+    assert left["duration_s"] == pytest.approx(7 / 60)
     assert (right["frames"], right["rate_hz"]) == (0, None)
 
 

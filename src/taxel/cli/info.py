@@ -92,7 +92,7 @@ def _print_folder(path: Path, rows: list[dict[str, Any]]) -> None:
         table.add_row(
             Path(row["path"]).name,
             str(row["scans"]),
-            f"{row['duration_s']:.2f}",
+            f"{_seconds(row):.2f}",
             "–" if rate is None else f"{rate:.1f}",
             str(row["lost_scans"]),
             str(_frames(row)),
@@ -102,9 +102,9 @@ def _print_folder(path: Path, rows: list[dict[str, Any]]) -> None:
         )
     console.print(table)
     scans = sum(row["scans"] for row in rows)
-    seconds = sum(row["duration_s"] for row in rows)
+    seconds = sum(map(_seconds, rows))
     frames = sum(map(_frames, rows))
-    held = f"{scans} scans in {seconds:.1f} s, {frames} frames"
+    held = f"{scans} scans, {f'{frames} frames, ' if frames else ''}{seconds:.1f} s"
     print(f"{path}: {len(rows)} recordings, {held}, all check sums hold")
     for name in sorted({name for row in rows for name in row["labels"]}):
         count = Counter(row["labels"].get(name, "–") for row in rows)
@@ -113,6 +113,11 @@ def _print_folder(path: Path, rows: list[dict[str, Any]]) -> None:
 
 def _frames(row: dict[str, Any]) -> int:
     return sum(camera["frames"] for camera in row["cameras"])
+
+
+def _seconds(row: dict[str, Any]) -> float:
+    """Return how long the array or the longest camera was recorded."""
+    return max(float(one["duration_s"]) for one in (row, *row["cameras"]))
 
 
 def _pairs(pairs: dict[str, Any]) -> str:

@@ -25,6 +25,8 @@ class FrameTally:
     """Fitted time of the last frame, seconds."""
     repeated: int = 0
     """Frames whose bytes are those of the one before."""
+    counter_gaps: int = 0
+    """Places at which the device's counter skipped."""
     lost_frames: int = 0
     """Frames that the device's counter says were taken and that are not here."""
     _last_counter: int = -1
@@ -37,7 +39,9 @@ class FrameTally:
         self.last_s = frame.fitted_s
         self.repeated += frame.jpeg == self._last_jpeg
         if frame.counter >= 0 and self._last_counter >= 0:
-            self.lost_frames += max(0, frame.counter - self._last_counter - 1)
+            skipped = max(0, frame.counter - self._last_counter - 1)
+            self.counter_gaps += skipped > 0
+            self.lost_frames += skipped
         self._last_counter, self._last_jpeg = frame.counter, frame.jpeg
 
     def as_dict(self) -> dict[str, float | int | None]:
@@ -45,8 +49,10 @@ class FrameTally:
         span_s = 0.0 if self.first_s is None or self.last_s is None else self.last_s - self.first_s
         return {
             "frames": self.frames,
+            "duration_s": span_s,
             "rate_hz": (self.frames - 1) / span_s if span_s > 0 else None,
             "repeated": self.repeated,
+            "counter_gaps": self.counter_gaps,
             "lost_frames": self.lost_frames,
         }
 
@@ -56,7 +62,8 @@ def camera_line(ledger: Mapping[str, Any]) -> str:
     rate = ledger["rate_hz"]
     measured = "rate unknown" if rate is None else f"{rate:.2f} frames/s measured"
     return (
-        f"{ledger['frames']} frames, {measured}, {ledger['repeated']} repeated, "
+        f"{ledger['frames']} frames in {ledger['duration_s']:.2f} s, {measured}, "
+        f"{ledger['repeated']} repeated, "
         f"{ledger['lost_frames']} lost"
     )
 

@@ -43,6 +43,10 @@ class HeadConfig:
     """False keeps the step size, as the paper does."""
     stride: int = 4
     """Frames from one training window's start to the next; all windows are tested on."""
+    ahead: int = 0
+    """Frames by which training labels run ahead: a window counts as unstable when it will be
+    within so many frames. Scores are always against the labels themselves. Source: our choice,
+    docs/decisions/0013."""
     seed: int = 0
     """Seed of weights and order."""
 
@@ -162,8 +166,15 @@ def _places(
     for number, track in enumerate(tracks):
         starts = window_starts(len(track), config.frames, config.stride)
         where.append(np.stack([np.full(len(starts), number, np.intp), starts], axis=1))
-        labels.append(label_windows(track.labels, config.frames)[starts])
+        known = label_windows(_ahead(track.labels, config.ahead), config.frames)
+        labels.append(known[starts])
     return np.concatenate(where), np.concatenate(labels).astype(np.float32)
+
+
+def _ahead(labels: NDArray[np.int8], frames: int) -> NDArray[np.int8]:
+    """Return the largest of each frame's label and those of the next frames, shape (n,)."""
+    padded = np.concatenate([labels, np.repeat(labels[-1:], frames)])
+    return label_windows(padded, frames + 1)
 
 
 class _Batches:
