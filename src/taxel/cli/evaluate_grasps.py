@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from taxel.training.extractors import BackboneExtractor, SlipExtractor
     from taxel.training.features import FrameFeatures, Progress
     from taxel.training.heads import HeadConfig
+    from taxel.windows.rest import Tare
 
 PAPER_BACKBONES = ("densenet121", "efficientnet-b0", "resnet50", "resnet101")
 GEL = "gel"
@@ -40,6 +41,8 @@ class GraspOptions:
     """grasp-warnings: lstm, lstm2, lstm4 or transformer."""
     frames: int = 8
     """grasp-warnings: frames in a window, k."""
+    ahead: int = 0
+    """Frames by which training labels run ahead, so that a head learns to warn."""
     weights: Path | None = None
     """A file or folder of backbone weights; see also the variable TAXEL_WEIGHTS."""
     cache: Path | None = None
@@ -69,13 +72,13 @@ def run_tables(
         raise BadInput("backbones for the tables", GEL, "use it with: evaluate grasp-warnings")
     with tempfile.TemporaryDirectory(prefix="taxel-") as scratch, progress() as bar:
         folder = data or _simulated(Path(scratch), seed, cups, bar)
-        pours = _load(options, folder, bar)
+        pours = load_set(options, folder, bar)
         features: dict[str, list[FrameFeatures]] = {}
         labels, times = {}, {}
         plans = plan_rows(backbones)
         for name in backbones:
-            extractor = _open(name, options, pours)
-            features[name] = _extract(extractor, name, pours, options, bar)
+            extractor = open_features(name, options, pours)
+            features[name] = extract_features(extractor, name, pours, options, bar)
             labels[name] = extractor.weights.label  # type: ignore[union-attr]
             for plan in plans:
                 if plan.model.startswith(f"{name}+") and plan.frames == FRAMES:
@@ -85,7 +88,7 @@ def run_tables(
                     )  # fmt: skip
         task = bar.add_task("training", total=len(plans))
         rows = measure_rows(
-            pours, features, labels, plans, _head(options, seed),
+            pours, features, labels, plans, head_config(options, seed),
             every_cup=not options.single_split,
             on_row=lambda name: bar.update(task, description=name, advance=1),
         )  # fmt: skip
@@ -133,17 +136,17 @@ def run_warnings(
             "make one with: taxel simulate cup-pour --output cups, then add --data cups",
         )  # fmt: skip
     with progress() as bar:
-        pours = _load(options, data, bar)
+        pours = load_set(options, data, bar)
         if options.test is not None:
-            pours, folds = split_by_folder(pours, _load(options, options.test, bar))
+            pours, folds = split_by_folder(pours, load_set(options, options.test, bar))
         else:
             folds = folds_within(pours)
         results = []
         task = bar.add_task("training", total=None)
         for name in _backbones(options):
-            extractor = _open(name, options, pours)
-            features = _extract(extractor, name, pours, options, bar)
-            config = replace(_head(options, seed), head=options.head, frames=options.frames)
+            extractor = open_features(name, options, pours)
+            features = extract_features(extractor, name, pours, options, bar)
+            config = head_config(options, seed)
             found, _ = warn_on_unseen_cups(
                 pours, features, config, folds, name=f"{name}+{options.head}",
                 on_step=lambda line: bar.update(task, description=line, advance=1),
@@ -190,17 +193,26 @@ def _backbones(options: GraspOptions) -> tuple[str, ...]:
     return tuple(dict.fromkeys(names))
 
 
-def _head(options: GraspOptions, seed: int) -> HeadConfig:
+def head_config(options: GraspOptions, seed: int) -> HeadConfig:
+    """Return how a head is trained; head and k as the options say.
+
+    Raises:
+        BadInput: An option lies outside its limits.
+    """
     from taxel.training.heads import PAPER, HeadConfig
 
     if not 0 <= seed < 2**31 or not 1 <= options.threads <= 64:
         raise BadInput("a --seed of at least 0 and 1 to 64 --threads",
                        f"{seed} and {options.threads}", "mend them")  # fmt: skip
+    if not 0 <= options.ahead <= 600:
+        raise BadInput("--ahead within 0 and 600", str(options.ahead), "choose another")
     if not 2 <= options.frames <= 64:
         raise BadInput("--frames within 2 and 64", str(options.frames), "choose another")
+    chosen = {"seed": seed, "head": options.head, "frames": options.frames}
     if options.paper_settings:
-        return replace(PAPER, seed=seed)
-    return HeadConfig(seed=seed, tare="size" if options.rule == "change" else "change")
+        return replace(PAPER, **chosen)  # type: ignore[arg-type]
+    tare: Tare = "size" if options.rule == "change" else "change"
+    return HeadConfig(tare=tare, ahead=options.ahead, **chosen)  # type: ignore[arg-type]
 
 
 def _cache(options: GraspOptions) -> Path:
@@ -219,14 +231,18 @@ def _simulated(scratch: Path, seed: int, cups: int, bar: Bar) -> Path:
     return scratch / "cups"
 
 
-def _load(options: GraspOptions, folder: Path, bar: Bar) -> PourSet:
+def load_set(options: GraspOptions, folder: Path, bar: Bar) -> PourSet:
+    """Read and label a folder of pours."""
     from taxel.evaluation.transition_data import load_pours
 
     task = bar.add_task("labels", total=None)
     return load_pours(folder, options.rule, _cache(options), _shown(bar, task, "labels"))
 
 
-def _open(name: str, options: GraspOptions, pours: PourSet) -> BackboneExtractor | SlipExtractor:
+def open_features(
+    name: str, options: GraspOptions, pours: PourSet
+) -> BackboneExtractor | SlipExtractor:
+    """Return what gives features, by name: a backbone, or "gel"."""
     from taxel.training.extractors import SlipExtractor, open_backbone
     from taxel.windows.rest import SETTLE
 
@@ -239,13 +255,14 @@ def _open(name: str, options: GraspOptions, pours: PourSet) -> BackboneExtractor
     )  # fmt: skip
 
 
-def _extract(
+def extract_features(
     extractor: BackboneExtractor | SlipExtractor,
     name: str,
     pours: PourSet,
     options: GraspOptions,
     bar: Bar,
 ) -> list[FrameFeatures]:
+    """Return the features of a set's frames, from the cache where it has them."""
     from taxel.training.features import extract
 
     task = bar.add_task(f"features of {name}", total=len(pours.pours))

@@ -32,7 +32,9 @@ class Live:
 
     def run(self) -> None:
         """Run until the time is over, the source ends or the user stops it."""
+        from taxel.bundles.grasp import is_grasp_bundle
         from taxel.bundles.reader import read_bundle
+        from taxel.cli.live_grasps import live_grasps
         from taxel.decisions.recognition import RecogniseConfig
         from taxel.live.recogniser import Recogniser
         from taxel.live.session import run_session
@@ -44,6 +46,9 @@ class Live:
             raise BadInput(
                 "--least-confidence within 0 and 1", str(self.least_confidence), "choose another"
             )
+        if is_grasp_bundle(self.bundle):
+            live_grasps(self.bundle, self.source, self.seconds, self.quiet, self.json)
+            return
         bundles = [read_bundle(path) for path in (self.bundle, *self.also)]
         config = RecogniseConfig(least_confidence=self.least_confidence)
         with open_source(self.source) as source:

@@ -72,6 +72,12 @@ def _view() -> type[Verb]:
     return View
 
 
+def _label() -> type[Verb]:
+    from taxel.cli.label import Label
+
+    return Label
+
+
 def _models() -> type[Verb]:
     from taxel.cli.models import Models
 
@@ -116,6 +122,7 @@ VERBS: dict[str, tuple[str, Callable[[], type[Verb]]]] = {
     "import": ("turn tables of values, or a public data set, into recordings", _import),
     "info": ("say what a recording or a folder of them holds", _info),
     "view": ("look at raw touch, without any model", _view),
+    "label": ("show and correct when a grasp turned unstable", _label),
     "models": ("list models and recipes, with their parameter counts", _models),
     "train": ("train a recogniser on recordings", _train),
     "evaluate": ("print a published table, or cross-validate on recordings", _evaluate),

@@ -25,6 +25,7 @@ class Models:
     def run(self) -> None:
         """Print the lists."""
         from taxel.models.catalogue import MODELS, Network, count_parameters
+        from taxel.models.transition import TRANSITION_MODELS
         from taxel.training.recipes import RECIPES
 
         rows = []
@@ -42,12 +43,23 @@ class Models:
                     "source": model.source,
                 }
             )
+        for name, transition in TRANSITION_MODELS.items():
+            rows.append(
+                {
+                    "name": name,
+                    "parameters": transition.parameters,
+                    "kind": "grasp transitions",
+                    "scaling": "standard",
+                    "summary": transition.summary,
+                    "source": "Sensors 2024, 24, 5080" if transition.published else "ours",
+                }
+            )
         if self.json:
             print_json(rows)
             return
         table = Table(
             title=f"models, for windows of {self.steps} × {self.channels} "
-            f"and {self.classes} classes",
+            f"and {self.classes} classes; grasp transitions: 8 frames of 2 cameras",
             title_justify="left",
         )
         for column in ("name", "parameters", "what", "source"):

@@ -8,6 +8,7 @@ from typing import Annotated
 
 import tyro
 
+from taxel.cli.evaluate_grasps import GraspOptions
 from taxel.cli.options import RecipeOptions
 from taxel.cli.printing import console, print_json, progress
 from taxel.errors import BadInput, RecordingFailed, TaxelError
@@ -29,10 +30,21 @@ class Train:
     """Go on from the checkpoint of a run that was broken off."""
     json: bool = False
     """Print JSON."""
+    grasp: str | None = None
+    """For recordings of tactile cameras: learn a monitor from these features: gel (what markers
+    and imprint do) or a backbone's name; --output is then the bundle itself, NAME.taxel."""
+    grasps: Annotated[GraspOptions, tyro.conf.arg(name="")] = field(default_factory=GraspOptions)
     recipe: Annotated[RecipeOptions, tyro.conf.arg(name="")] = field(default_factory=RecipeOptions)
 
     def run(self) -> None:
         """Check, train and save."""
+        if self.grasp is not None:
+            from taxel.cli.train_grasps import train_grasps
+
+            train_grasps(
+                self.grasps, self.grasp, self.data, self.output, self.recipe.seed, self.json
+            )
+            return
         from taxel.evaluation.checked import check_recipe
         from taxel.evaluation.final import train_on_all
         from taxel.models.catalogue import find_network

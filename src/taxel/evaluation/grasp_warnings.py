@@ -142,17 +142,21 @@ def _tune_head(
         raise BadDataset(
             f"at least two of the group {key} to learn from", f"{len(names)}", "record more"
         )
-    parts = np.array_split(np.array(names), min(INNER_FOLDS, len(names)))
-    tracks = []
-    for part in parts:
+    judged = []
+    for part in np.array_split(np.array(names), min(INNER_FOLDS, len(names))):
         held = np.isin(cups, part)
         inner = Fold("+".join(part), fold.train[~held], fold.train[held])
-        judged, _ = judge_fold(features, data.labels, inner, config)
-        tracks += [
-            _track(data, int(i), found, config.frames)
-            for i, found in zip(inner.test, judged.probabilities, strict=True)
-        ]
-    return tune(tracks, base=_base())
+        judged.append(judge_fold(features, data.labels, inner, config)[0])
+    return tune(monitor_tracks(data, judged, config.frames), base=_base())
+
+
+def monitor_tracks(data: PourSet, judged: Sequence[Judged], frames: int) -> list[ProbabilityTrack]:
+    """Return the judged pours' probabilities with what truly happened, for tuning."""
+    return [
+        _track(data, int(index), found, frames)
+        for one in judged
+        for index, found in zip(one.fold.test, one.probabilities, strict=True)
+    ]
 
 
 def _track(

@@ -118,14 +118,44 @@ def write_correction(recording: Path, correction: Correction, duration_s: float)
     rule_named(correction.rule)
     check_inside(correction, duration_s)
     merged = {**read_corrections(recording, duration_s), correction.rule: correction}
+    return _store(recording, merged)
+
+
+def remove_correction(recording: Path, rule: str, duration_s: float) -> bool:
+    """Take a rule's correction back; return whether there was one.
+
+    The file goes with its last correction.
+
+    Args:
+        recording: The recording's file.
+        rule: Whose correction.
+        duration_s: Time from its first frame to its last, seconds.
+
+    Raises:
+        BadInput: There is no such rule, or the file that is there cannot be read.
+        RecordingFailed: The disk refused.
+    """
+    rule_named(rule)
+    kept = read_corrections(recording, duration_s)
+    if kept.pop(rule, None) is None:
+        return False
+    _store(recording, kept)
+    return True
+
+
+def _store(recording: Path, corrections: Mapping[str, Correction]) -> Path:
+    """Write the file as a whole, or remove it where nothing is left to say."""
+    path = corrections_path(recording)
+    temporary = path.with_name(path.name + ".part")
     stored = {
         "format": FORMAT_VERSION,
         "recording": recording.name,
-        "corrections": [asdict(one) for one in merged.values()],
+        "corrections": [asdict(one) for one in corrections.values()],
     }
-    path = corrections_path(recording)
-    temporary = path.with_name(path.name + ".part")
     try:
+        if not corrections:
+            path.unlink(missing_ok=True)
+            return path
         try:
             text = json.dumps(stored, indent=2, ensure_ascii=False, allow_nan=False)
             temporary.write_text(text + "\n", encoding="utf-8")

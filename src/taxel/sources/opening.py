@@ -1,6 +1,7 @@
 """Open a source by its address.
 
     sim://teng?preset=honest&shape=sphere&speed=max
+    sim://cup-pour?force_n=25&runs=3
     replay://runs/session-1.mcap?speed=2
     runs/session-1.mcap                       (the same as replay://)
 
@@ -19,9 +20,17 @@ from taxel.sources.contract import Source
 
 
 def _open_sim(name: str, options: dict[str, str], clock: Clock) -> Source:
-    if name != "teng":
-        raise BadSource("a simulator that exists: sim://teng", f"sim://{name}", "mend the address")
+    if name not in ("teng", "cup-pour"):
+        raise BadSource(
+            "a simulator that exists: sim://teng or sim://cup-pour",
+            f"sim://{name}",
+            "mend the address",
+        )
     try:
+        if name == "cup-pour":
+            from taxel.sources.sim_pour import SimPour
+
+            return SimPour(options, clock)
         from taxel.sources.sim_teng import SimTeng
     except ModuleNotFoundError as error:
         raise MissingExtra(error.name or "scipy", "sim", "the simulators") from error

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from taxel.errors import BadDataset
 from taxel.labels.change import ChangeConfig, change_signal, label_change
-from taxel.labels.corrections import apply_correction, read_corrections
+from taxel.labels.corrections import Correction, apply_correction, read_corrections
 from taxel.labels.rules import rule_named
 from taxel.labels.slip import label_truth
 from taxel.sim.pour_state import TRUTH_CHANNELS
@@ -61,7 +61,7 @@ def frame_labels(
 ) -> list[NDArray[np.int8]]:
     """Return each pour's labels, shape (n,): 0 stable, 1 unstable.
 
-    A person's correction beside a recording wins over the rule.
+    A person's correction beside a recording wins over the rule, and needs no truth.
 
     Args:
         pours: The recordings.
@@ -72,17 +72,44 @@ def frame_labels(
         BadInput: There is no such rule.
         BadDataset: A recording lacks the truth that the rule needs.
     """
-    needs = rule_named(rule).needs
+    rule_named(rule)
     labels = []
     for pour, signal in zip(pours, signals, strict=True):
-        if needs == "images":
-            found = label_change(signal.astype(np.float64), rate_of(pour))
-        else:
-            found = label_truth(truth_of(pour), rule)
-        duration_s = float(pour.time_s[-1] - pour.time_s[0])
-        correction = read_corrections(pour.path, duration_s).get(rule)
-        labels.append(apply_correction(found, pour.time_s - pour.time_s[0], correction))
+        correction = corrections_of(pour).get(rule)
+        own = np.zeros(len(pour), np.int8) if correction else rule_labels(pour, rule, signal)
+        labels.append(apply_correction(own, pour.time_s, correction))
     return labels
+
+
+def rule_labels(pour: Pour, rule: str, signal: NDArray[np.float32]) -> NDArray[np.int8]:
+    """Return what a rule itself says of each frame, shape (n,), whatever a person says.
+
+    Args:
+        pour: The recording.
+        rule: A name in `RULES`.
+        signal: Its change signal, shape (n, cameras), for a rule on images.
+
+    Raises:
+        BadInput: There is no such rule.
+        BadDataset: The recording lacks the truth that the rule needs.
+    """
+    if rule_named(rule).needs == "images":
+        return label_change(signal.astype(np.float64), rate_of(pour))
+    return label_truth(truth_of(pour), rule)
+
+
+def corrections_of(pour: Pour) -> dict[str, Correction]:
+    """Return a person's corrections by rule.
+
+    Raises:
+        BadInput: Their file is damaged.
+    """
+    return read_corrections(pour.path, duration_of(pour))
+
+
+def duration_of(pour: Pour) -> float:
+    """Return the time from a pour's first frames to its last, seconds."""
+    return float(pour.time_s[-1] - pour.time_s[0])
 
 
 def truth_of(pour: Pour) -> NDArray[np.float32]:
@@ -102,4 +129,4 @@ def truth_of(pour: Pour) -> NDArray[np.float32]:
 
 def rate_of(pour: Pour) -> float:
     """Return the measured rate of a pour's frames, hertz."""
-    return float((len(pour) - 1) / (pour.time_s[-1] - pour.time_s[0]))
+    return (len(pour) - 1) / duration_of(pour)

@@ -1,0 +1,245 @@
+"""`taxel label`: show and correct when a grasp turned unstable."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import tyro
+from rich.table import Table
+from rich.text import Text
+
+from taxel.cli.printing import console, print_json, progress
+from taxel.errors import BadInput, MissingExtra
+
+if TYPE_CHECKING:
+    from taxel.labels.agreement import Agreement
+    from taxel.training.label_sheet import PourLabels
+    from taxel.windows.pours import Pour
+
+
+@dataclass(frozen=True, kw_only=True)
+class Label:
+    """Show when each grasp turned unstable, by rule, and how far the rules agree.
+
+    With --onset, --frame or --stable it writes a person's correction of one rule on one
+    recording, beside the recording as NAME.labels.json; it wins over the rule from then on.
+    """
+
+    path: tyro.conf.Positional[Path]
+    """A recording (.mcap), or a folder of them."""
+    rule: str = "change"
+    """Rule that is shown and corrected: change (the paper's, from images), micro-slip, slip,
+    gross-slip or drop (from the simulator's physics truth)."""
+    onset: float | None = None
+    """Correct: first unstable moment, seconds after the recording's first frame."""
+    frame: int | None = None
+    """Correct: first unstable frame, counted from 0, instead of --onset."""
+    stable: bool = False
+    """Correct: stable throughout."""
+    clear: bool = False
+    """Take the correction back."""
+    author: str = ""
+    """Correct: who says so."""
+    note: str = ""
+    """Correct: why."""
+    plot: Path | None = None
+    """Write a figure of one recording's change signal, with threshold and every onset, to this
+    file (.png); needs taxel[train]."""
+    cache: Path | None = None
+    """Folder for change signals; $TAXEL_CACHE or ~/.cache/taxel unless given."""
+    json: bool = False
+    """Print everything as JSON."""
+
+    def run(self) -> None:
+        """Correct where that is asked for, then show."""
+        from taxel.labels.rules import rule_named
+        from taxel.recordings.reader import list_recordings
+        from taxel.training.features import default_cache
+        from taxel.training.frame_labels import corrections_of
+        from taxel.training.label_sheet import label_sheet
+        from taxel.windows.pours import read_pour, read_pours
+
+        rule_named(self.rule)
+        self._check_options()
+        with progress() as bar:
+            paths = list_recordings(self.path)
+            task = bar.add_task("reading", total=None)
+            pours = read_pours(self.path) if len(paths) > 1 else [read_pour(paths[0])]
+            bar.update(task, description="change", completed=0, total=len(pours))
+            sheet = label_sheet(
+                pours, self.cache or default_cache(), lambda _: bar.update(task, advance=1)
+            )
+        done = self._correct(pours[0]) if self._asked() else ""
+        if done:
+            sheet = [replace(sheet[0], corrections=corrections_of(pours[0]))]
+        if self.plot is not None:
+            self._draw(self.plot, sheet[0])
+        if self.json:
+            print_json(_plain(sheet, self.rule))
+            return
+        if done:
+            console.print(done, markup=False, soft_wrap=True)
+        _print(sheet, self.rule)
+        if self.plot is not None:
+            console.print(f"figure: {self.plot}", markup=False, soft_wrap=True)
+
+    def _asked(self) -> list[str]:
+        given = {"--onset": self.onset is not None, "--frame": self.frame is not None,
+                 "--stable": self.stable, "--clear": self.clear}  # fmt: skip
+        return [name for name, asked in given.items() if asked]
+
+    def _check_options(self) -> None:
+        """Refuse, before anything is read or written, what cannot be meant."""
+        asked = self._asked()
+        if len(asked) > 1:
+            raise BadInput("one of --onset, --frame, --stable and --clear", " and ".join(asked),
+                           "choose one")  # fmt: skip
+        if (self.author or self.note) and (not asked or self.clear):
+            raise BadInput(
+                "--author and --note beside --onset, --frame or --stable",
+                asked[0] if asked else "none of these",
+                "say what is corrected",
+            )
+        if (asked or self.plot is not None) and self.path.is_dir():
+            raise BadInput(f"one recording for {asked[0] if asked else '--plot'}",
+                           f"the folder {self.path}", "name one of its files")  # fmt: skip
+        if self.plot is not None and self.plot.suffix.lower() != ".png":
+            raise BadInput("a name that ends in .png for --plot", str(self.plot), "rename it")
+        if self.plot is not None:
+            _need_figures()
+
+    def _correct(self, pour: Pour) -> str:
+        """Write or remove a correction; return a line that says so."""
+        from taxel.labels.corrections import Correction, remove_correction, write_correction
+        from taxel.training.frame_labels import duration_of
+
+        duration_s = duration_of(pour)
+        if self.clear:
+            found = remove_correction(pour.path, self.rule, duration_s)
+            return f"{pour.path}: {'correction' if found else 'no correction'} of {self.rule} " + (
+                "taken back" if found else "to take back"
+            )
+        correction = Correction(
+            rule=self.rule, onset_s=self.onset, author=self.author, note=self.note
+        )
+        if self.frame is not None:
+            correction = Correction.at_frame(
+                self.rule, self.frame, pour.time_s, self.author, self.note
+            )
+        path = write_correction(pour.path, correction, duration_s)
+        said = "stable throughout" if self.stable else f"unstable from {correction.onset_s:.3f} s"
+        return f"{path}: {said} by {self.rule}"
+
+    def _draw(self, path: Path, labels: PourLabels) -> None:
+        from taxel.cli.view import write_whole
+        from taxel.views.label_figure import label_figure
+
+        write_whole(path, label_figure(labels, self.rule))
+
+
+def _need_figures() -> None:
+    try:
+        import matplotlib  # noqa: F401
+    except ModuleNotFoundError as error:
+        raise MissingExtra("matplotlib", "train", "figures") from error
+
+
+def _plain(sheet: list[PourLabels], rule: str) -> dict[str, Any]:
+    from taxel.training.label_sheet import person_agreement, rule_agreement
+
+    person = person_agreement(sheet, rule)
+    return {
+        "rule": rule,
+        "recordings": [
+            {
+                "recording": str(one.pour.path),
+                "frames": len(one.pour),
+                "duration_s": float(one.time_s[-1]),
+                "onset_s": one.onset(rule),
+                "unstable_share": one.unstable_share(rule),
+                "onsets_s": {name: one.onset(name) for name in one.by_rule},
+                "corrections": {name: asdict(said) for name, said in one.corrections.items()},
+            }
+            for one in sheet
+        ],
+        "agreement": [row.as_dict() for row in rule_agreement(sheet)],
+        "person": None if person is None else person.as_dict(),
+    }
+
+
+def _print(sheet: list[PourLabels], rule: str) -> None:
+    from taxel.labels.rules import rule_named
+    from taxel.training.label_sheet import person_agreement, rule_agreement
+
+    console.print(f"{rule}: {rule_named(rule).summary}")
+    table = Table()
+    table.add_column("recording")
+    for column in ("frames", "onset s", "unstable"):
+        table.add_column(column, justify="right")
+    table.add_column("a person says")
+    for one in sheet:
+        share = one.unstable_share(rule)
+        table.add_row(
+            Text(one.pour.name),
+            str(len(one.pour)),
+            _seconds(one.onset(rule)),
+            "–" if share != share else f"{share:.1%}",
+            Text(_said(one, rule)),
+        )
+    console.print(table)
+    unsaid = sum(one.labels(rule) is None for one in sheet)
+    if unsaid:
+        console.print(f"{unsaid} of {len(sheet)} recordings have no physics truth for {rule}: "
+                      "label them with --onset, --frame or --stable")  # fmt: skip
+    rows = rule_agreement(sheet)
+    person = person_agreement(sheet, rule)
+    if person is not None:
+        rows.append(person)
+    if rows:
+        console.print(_agreement_table(rows))
+    if not any(row.first in ("micro-slip", "slip") for row in rows):
+        console.print("no physics truth beside all of these images: only change can be worked out")
+
+
+def _said(one: PourLabels, rule: str) -> str:
+    correction = one.corrections.get(rule)
+    if correction is None:
+        return "–"
+    onset = correction.onset_s
+    word = "stable" if onset is None else f"{onset:.3f} s"
+    return ", ".join(filter(None, (word, correction.author, correction.note)))
+
+
+def _agreement_table(rows: list[Agreement]) -> Table:
+    table = Table(
+        title="how far the rules agree (each as it says itself)", title_justify="left",
+        caption="lead: median time by which the first's onset comes before the second's; "
+        "runs: with an onset by both / the first only / the second only",
+        caption_justify="left",
+    )  # fmt: skip
+    for column in ("first", "second"):
+        table.add_column(column)
+    for column in ("frames", "equal", "kappa", "runs", "first earlier", "lead s"):
+        table.add_column(column, justify="right")
+    for row in rows:
+        table.add_row(
+            row.first,
+            row.second,
+            f"{row.frames:,}",
+            f"{row.equal:.1%}",
+            _number(row.kappa, ".2f"),
+            f"{row.runs_both} / {row.runs_first_only} / {row.runs_second_only}",
+            _number(row.first_earlier, ".0%"),
+            _number(row.lead_s, "+.3f"),
+        )
+    return table
+
+
+def _number(value: float, form: str) -> str:
+    return "–" if value != value else format(value, form)
+
+
+def _seconds(value: float | None) -> str:
+    return "–" if value is None else f"{value:.3f}"

@@ -1,0 +1,119 @@
+"""Run a grasp monitor on a source until it ends; keep the counts that a person wants to see.
+
+Knows nothing about screens.
+"""
+
+from __future__ import annotations
+
+from collections import Counter, deque
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from taxel.bundles.grasp import GraspBundle
+from taxel.decisions.stability import Stability, StabilityConfig
+from taxel.live.grasp_monitor import GraspAnswer, GraspMonitor
+from taxel.signals import Mark
+from taxel.sources.contract import Source
+from taxel.windows.pairs import FramePairer
+
+_KEPT = 10_000
+"""Latencies kept for the summary: the last three minutes at 60 frames a second."""
+
+
+@dataclass
+class GraspTally:
+    """What a session has told so far."""
+
+    moments: int = 0
+    states: Counter[str] = field(default_factory=Counter)
+    """State → moments."""
+    latencies_s: deque[float] = field(default_factory=lambda: deque(maxlen=_KEPT))
+    alarms: int = 0
+    """Times that the state went to WARNING or UNSTABLE."""
+    grasps: list[dict[str, Any]] = field(default_factory=list)
+    """One entry a grasp whose outcome the source told: outcome, first alarm (s)."""
+    dropped: int = 0
+    """Frames that found no partner."""
+
+    def summary(self) -> dict[str, Any]:
+        """Return the counts and latencies, for printing."""
+        latencies = np.array(self.latencies_s or [np.nan]) * 1e3
+        return {
+            "moments": self.moments,
+            "states": dict(self.states.most_common()),
+            "alarms": self.alarms,
+            "grasps": self.grasps,
+            "frames_without_partner": self.dropped,
+            "latency_ms_median": float(np.median(latencies)),
+            "latency_ms_p99": float(np.percentile(latencies, 99)),
+        }
+
+
+def run_grasp_session(
+    source: Source,
+    bundle: GraspBundle,
+    seconds: float | None = None,
+    config: StabilityConfig | None = None,
+    on_answer: Callable[[GraspAnswer, bool], None] | None = None,
+) -> GraspTally:
+    """Watch a source until it ends, or for some of its seconds; return what was told.
+
+    A mark ends a grasp: the next frames are a new one's settled first moments.
+
+    Args:
+        source: An open source with cameras.
+        bundle: Features, head and thresholds.
+        seconds: Length on the frames' fitted clock, seconds; None has no end.
+        config: Thresholds in place of the bundle's.
+        on_answer: Called with each answer, and True where the state has changed.
+
+    Raises:
+        BadBundle: The bundle was not made for such cameras.
+    """
+    monitor = GraspMonitor(bundle, source.cameras, config)
+    pairer = FramePairer(len(source.cameras))
+    tally = GraspTally()
+    before: Stability | None = None
+    start_s: float | None = None
+    first_alarm_s: float | None = None
+    answer: GraspAnswer | None = None
+    while not source.ended and not _over(answer, start_s, seconds):
+        source.read()
+        for frame in source.frames():
+            found = pairer.push(frame)
+            if found is None:
+                continue
+            answer = monitor.push(found)
+            start_s = answer.time_s if start_s is None else start_s
+            state = answer.decision.state
+            tally.moments += 1
+            tally.states[state.name] += 1
+            tally.latencies_s.append(answer.latency_s)
+            if answer.decision.alarm and first_alarm_s is None:
+                first_alarm_s = answer.time_s
+                tally.alarms += 1
+            if on_answer is not None:
+                on_answer(answer, state is not before)
+            before = state
+        for mark in source.marks():
+            tally.grasps.append(_told(mark, first_alarm_s))
+            monitor.reset()
+            first_alarm_s = None
+    for mark in source.marks():
+        tally.grasps.append(_told(mark, first_alarm_s))
+    tally.dropped = pairer.dropped
+    return tally
+
+
+def _told(mark: Mark, first_alarm_s: float | None) -> dict[str, Any]:
+    after_s = None if first_alarm_s is None else first_alarm_s - mark.start_s
+    return {"outcome": mark.labels.get("outcome", ""), "first_alarm_s": after_s, **mark.groups}
+
+
+def _over(answer: GraspAnswer | None, start_s: float | None, seconds: float | None) -> bool:
+    if seconds is None or start_s is None or answer is None:
+        return False
+    return answer.time_s - start_s >= seconds

@@ -1,0 +1,217 @@
+"""`sim://cup-pour`: two simulated tactile cameras that hold cup after cup, as a live source.
+
+Knows nothing about files or models.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from itertools import count
+from types import TracebackType
+from typing import Self, get_args
+
+import numpy as np
+
+from taxel.clock import Clock
+from taxel.errors import BadSource
+from taxel.signals import CameraInfo, Frame, Mark, Samples, SensorInfo
+from taxel.sim.cup_pour import CupPourConfig
+from taxel.sim.cups import Kind, Position, PourRun, draw_cup, draw_run
+from taxel.sources.pacing import Pacer, Stretch, read_speed
+from taxel.sources.pour_sets import (
+    CAMERA_HZ,
+    describe_run,
+    mark_of,
+    sensor_info,
+    simulate_videos,
+    video_frames,
+)
+
+PAUSE_S = 0.5
+"""Between one grasp's end and the next's beginning. Source: our choice."""
+_FRAME_HZ = 60.0
+_FIRST_CUP = 1000
+"""Cups of the live source unless one is named: none that a data set holds."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PourChoice:
+    """What an address may ask."""
+
+    cup: int | None = None
+    """One cup again and again; a new one each time unless given."""
+    position: Position | None = None
+    force_n: float | None = None
+    kind: Kind | None = None
+    runs: int | None = None
+    """How many grasps; endless unless given."""
+    seed: int = 0
+    camera_hz: float = CAMERA_HZ
+    duration_s: float = 6.0
+    """Of a grasp, seconds."""
+
+
+class SimPour:
+    """Cups that are filled, one grasp after another; a mark ends each.
+
+    Options are the fields of `PourChoice`, and `speed`.
+
+    Args:
+        options: As in the address.
+        clock: The clock to wait on.
+
+    Raises:
+        BadSource: An option is unknown or of the wrong kind.
+    """
+
+    def __init__(self, options: dict[str, str], clock: Clock) -> None:
+        options = dict(options)
+        speed = read_speed(options)
+        self._choice = parse_choice(options)
+        self._samples: deque[Stretch] = deque()
+        self._frames: deque[Frame] = deque()
+        self._events = self._simulate()
+        self._cameras: tuple[CameraInfo, ...] = ()
+        self._more()
+        self._info = sensor_info(_FRAME_HZ)
+        channels = len(self._info.channels)
+        self._pacer = Pacer(self._stretches(), channels, clock, speed, self._all_frames())
+
+    @property
+    def info(self) -> SensorInfo:
+        return self._info
+
+    @property
+    def cameras(self) -> tuple[CameraInfo, ...]:
+        return self._cameras
+
+    @property
+    def ended(self) -> bool:
+        return self._pacer.ended
+
+    def read(self, timeout_s: float = 0.1) -> Samples:
+        return self._pacer.read(timeout_s)
+
+    def frames(self) -> list[Frame]:
+        return self._pacer.frames()
+
+    def marks(self) -> list[Mark]:
+        return self._pacer.marks()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self._pacer.close()
+
+    def _stretches(self) -> Iterator[Stretch]:
+        while self._samples or self._more():
+            if self._samples:
+                yield self._samples.popleft()
+
+    def _all_frames(self) -> Iterator[Frame]:
+        while self._frames or self._more():
+            if self._frames:
+                yield self._frames.popleft()
+
+    def _more(self) -> bool:
+        """Simulate the next moment; False at the end of the last grasp."""
+        found = next(self._events, None)
+        if found is None:
+            return False
+        frames, stretch = found
+        self._frames += frames
+        self._samples.append(stretch)
+        return True
+
+    def _simulate(self) -> Iterator[tuple[list[Frame], Stretch]]:
+        choice = self._choice
+        for number in count() if choice.runs is None else range(choice.runs):
+            run = draw_choice(choice, number)
+            track, videos = simulate_videos(run, choice.camera_hz, _FRAME_HZ, choice.duration_s)
+            self._cameras = self._cameras or tuple(video.info for video in videos)
+            start_s = number * (choice.duration_s + PAUSE_S)
+            mark = mark_of(run, track, describe_run(run, track))
+            last = len(track.time_s) - 1
+            for index, (frames, samples) in enumerate(video_frames(track, videos)):
+                moved = [
+                    replace(
+                        frame,
+                        fitted_s=frame.fitted_s + start_s,
+                        arrival_s=frame.arrival_s + start_s,
+                        device_s=frame.device_s + start_s,
+                    )
+                    for frame in frames
+                ]
+                time_s = samples.fitted_s + start_s
+                later = replace(samples, fitted_s=time_s, arrival_s=time_s, device_s=time_s)
+                marks = []
+                if index == last:
+                    begin_s, end_s = mark.start_s + start_s, mark.end_s + start_s
+                    marks = [replace(mark, start_s=begin_s, end_s=end_s)]
+                yield moved, (later, marks)
+
+
+def draw_choice(choice: PourChoice, number: int) -> PourRun:
+    """Return the run of one grasp of a live source."""
+    random = np.random.default_rng([17, choice.seed, number])
+    config = CupPourConfig()
+    cup = _FIRST_CUP + number if choice.cup is None else choice.cup
+    position = config.positions[int(random.integers(len(config.positions)))]
+    force_n = config.forces_n[int(random.integers(len(config.forces_n)))]
+    return draw_run(
+        choice.seed,
+        draw_cup(choice.seed, cup),
+        choice.position or position,
+        choice.force_n or force_n,
+        choice.kind or "pour",
+        number,
+    )
+
+
+def parse_choice(options: dict[str, str]) -> PourChoice:
+    """Return what an address asks for.
+
+    Raises:
+        BadSource: An option is unknown, of the wrong kind or outside its limits.
+    """
+    kinds = {"kind": get_args(Kind), "position": get_args(Position)}
+    limits = {
+        "cup": (0, 10**6), "force_n": (1, 200), "runs": (1, 10**6), "seed": (0, 10**9),
+        "camera_hz": (1, 60), "duration_s": (1, 600),
+    }  # fmt: skip
+    chosen: dict[str, object] = {}
+    for key, text in options.items():
+        if key in kinds:
+            value: object = text.replace("-", " ") if key == "kind" else text
+            if text == "no-slip-pour":
+                value = "no-slip pour"
+            if value not in kinds[key]:
+                raise _bad(key, f"one of {', '.join(kinds[key])}", text)
+        elif key in limits:
+            low, high = limits[key]
+            whole = key in ("cup", "runs", "seed")
+            try:
+                value = int(text) if whole else float(text)
+            except ValueError as error:
+                raise _bad(key, "a whole number" if whole else "a number", text) from error
+            if not low <= value <= high:
+                raise _bad(key, f"a number within {low} and {high}", text)
+        else:
+            raise BadSource(
+                f"options of sim://cup-pour among {', '.join([*limits, *kinds, 'speed'])}",
+                repr(key), "mend the address",
+            )  # fmt: skip
+        chosen[key] = value
+    return PourChoice(**chosen)  # type: ignore[arg-type]  # each was checked above
+
+
+def _bad(key: str, needed: str, got: str) -> BadSource:
+    return BadSource(f"{key} of sim://cup-pour as {needed}", repr(got), "mend the address")
