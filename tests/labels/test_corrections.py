@@ -12,6 +12,7 @@ from taxel.labels.corrections import (
     apply_correction,
     corrections_path,
     read_corrections,
+    remove_correction,
     write_correction,
 )
 
@@ -91,3 +92,18 @@ def test_a_damaged_file_is_one_plain_line(tmp_path: Path, text: str, message: st
     with pytest.raises(BadInput):
         write_correction(recording, Correction(rule="slip", onset_s=None), 1.0)
     assert corrections_path(recording).read_text() == text
+
+
+def test_what_is_removed_is_gone_and_the_rest_stays(tmp_path: Path) -> None:
+    recording = tmp_path / "pour.mcap"
+    kept = Correction(rule="slip", onset_s=0.5)
+    write_correction(recording, kept, duration_s=0.9)
+    write_correction(recording, Correction(rule="change", onset_s=None), duration_s=0.9)
+
+    assert remove_correction(recording, "change", duration_s=0.9)
+    assert not remove_correction(recording, "change", duration_s=0.9)
+    assert read_corrections(recording, 0.9) == {"slip": kept}
+    assert remove_correction(recording, "slip", duration_s=0.9)
+    assert not list(tmp_path.iterdir())
+    with pytest.raises(BadInput, match="among change"):
+        remove_correction(recording, "wobble", duration_s=0.9)

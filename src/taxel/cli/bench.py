@@ -15,30 +15,31 @@ from taxel.cli.printing import console, print_json, progress
 class Bench:
     """Measure what taxel promises, in this run, on this machine."""
 
-    name: tyro.conf.Positional[Literal["teng"]]
+    name: tyro.conf.Positional[Literal["teng", "transitions"]]
     """Which figures."""
     full: bool = False
     """Also measure what takes longer than a few minutes, and keep it with a stamp."""
     data: Path | None = None
-    """Folder that holds teng-glove/ and icub-grasp/, for --full."""
+    """Folder that holds teng-glove/, icub-grasp/ and gelsight-slip/, for --full."""
     json: bool = False
     """Print JSON: a list of {name, value, unit, goal, ok, note, stamp}."""
 
     def run(self) -> None:
         """Measure and print."""
-        from taxel.bench import teng
+        from taxel.bench import teng, transitions
         from taxel.bench.rows import measure, rows_table, store, stored
 
+        bench = {"teng": teng, "transitions": transitions}[self.name]
         with progress() as bar:
             task = bar.add_task("starting", total=None)
 
             def on_step(line: str) -> None:
                 bar.update(task, description=line, advance=1)
 
-            rows = measure(teng.quick_steps(), on_step)
+            rows = measure(bench.quick_steps(), on_step)
             if self.full:
-                slow = measure(teng.full_steps(self.data), on_step)
-                rows += store(self.name, slow, teng.data_digest(self.data))
+                slow = measure(bench.full_steps(self.data), on_step)
+                rows += store(self.name, slow, bench.data_digest(self.data))
             else:
                 rows += stored(self.name)
         if self.json:

@@ -1,0 +1,159 @@
+"""Claims about the live grasp monitor: what it tells is what training measured, or UNKNOWN."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from taxel.bundles.grasp import (
+    GraspBundle,
+    GraspContract,
+    is_grasp_bundle,
+    read_grasp_bundle,
+    write_grasp_bundle,
+)
+from taxel.decisions.stability import Stability, StabilityConfig
+from taxel.errors import BadBundle
+from taxel.live.grasp_monitor import GraspMonitor
+from taxel.live.grasp_session import run_grasp_session
+from taxel.models.export_onnx import export_head
+from taxel.sources.opening import open_source
+from taxel.training.extractors import BackboneExtractor, SlipExtractor, open_backbone
+from taxel.training.features import extract
+from taxel.training.heads import HeadConfig, Track, TrainedHead, fit_head
+from taxel.windows.pairs import FrameSet
+from taxel.windows.pours import Pour, frame_sets, read_pours
+from taxel.windows.rest import SETTLE
+
+EVER = StabilityConfig(raise_s=0.0, clear_s=0.0, warn=0.5, clear=0.5, unstable=0.8)
+
+
+def make(folder: Path, pours: list[Pour], features: str) -> tuple[GraspBundle, list, TrainedHead]:
+    extractor = SlipExtractor(SETTLE) if features == "gel" else open_backbone(features)
+    found = extract(pours, extractor, folder / "cache")
+    labels = [(np.arange(len(pour)) > 50).astype(np.int8) for pour in pours]
+    config = HeadConfig(frames=4, epochs=1, stride=2)
+    head = fit_head([Track(f.values, f.row, y) for f, y in zip(found, labels, strict=True)], config)
+    contract = GraspContract(
+        features=features,
+        weights="",
+        head="lstm",
+        frames=4,
+        tare=config.tare,
+        settle=(SETTLE.start, SETTLE.stop),
+        cameras=2,
+        width=320,
+        height=240,
+        rate_hz=60.0,
+        rule="gross-slip",
+        offset=tuple(tuple(map(float, row)) for row in head.offset),
+        factor=tuple(tuple(map(float, row)) for row in head.factor),
+        stability=EVER,
+        parameters=1,
+        data_digest="",
+        measured={},
+        software="test",
+    )
+    windows = np.random.default_rng(0).normal(size=(3, 4, 2, extractor.features)).astype("f4")
+    model = export_head(head.module, 4, extractor.features)
+    import torch
+
+    with torch.inference_mode():
+        expected = torch.sigmoid(head.module(torch.from_numpy(windows).flatten(2))).numpy()
+    backbone = extractor.model if isinstance(extractor, BackboneExtractor) else None
+    write_grasp_bundle(folder / "b.taxel", contract, model, backbone, windows, expected)
+    return read_grasp_bundle(folder / "b.taxel"), found, head
+
+
+@pytest.fixture(scope="module")
+def edge(few_pours: Path, tmp_path_factory: pytest.TempPathFactory):
+    pours = read_pours(few_pours)[:2]
+    return (*make(tmp_path_factory.mktemp("edge"), pours, "edge"), pours)
+
+
+@pytest.mark.parametrize("features", ["edge", "gel"])
+def test_live_equals_offline(few_pours: Path, tmp_path: Path, features: str) -> None:
+    """Frame by frame, from JPEG, each window's probability is that of the whole recording."""
+    pours = read_pours(few_pours)[:2]
+    bundle, found, head = make(tmp_path, pours, features)
+    for pour, own in zip(pours, found, strict=True):
+        monitor = GraspMonitor(bundle, pour.cameras)
+        answers = [monitor.push(one) for one in frame_sets(pour.path, 2)]
+        live = np.array([answer.probability for answer in answers])
+        offline = head.probabilities(own.all())
+        known = np.isfinite(live)
+        assert known.sum() == len(pour) - SETTLE.stop + 1
+        np.testing.assert_allclose(live[known], offline[-known.sum() :], atol=1e-5)
+
+
+def test_nothing_is_told_before_the_grasp_has_settled(edge) -> None:
+    bundle, _, _, pours = edge
+    monitor = GraspMonitor(bundle, pours[0].cameras)
+    answers = [monitor.push(one) for one in frame_sets(pours[0].path, 2)]
+    states = [answer.decision.state for answer in answers]
+    assert set(states[: SETTLE.stop - 1]) == {Stability.UNKNOWN}
+    assert Stability.UNKNOWN not in states[SETTLE.stop + 3 :]
+
+
+@pytest.mark.parametrize("fault", ["cut", "empty", "frozen", "late"])
+def test_input_that_cannot_be_trusted_is_unknown(edge, fault: str) -> None:
+    """A broken, frozen or missing picture never passes for a stable grasp."""
+    bundle, _, _, pours = edge
+    monitor = GraspMonitor(bundle, pours[0].cameras)
+    sets = list(frame_sets(pours[0].path, 2))
+    for one in sets[:40]:
+        answer = monitor.push(one)
+    assert answer.decision.state is not Stability.UNKNOWN
+    if fault == "late":
+        assert monitor.at(sets[39].time_s + 1.0).state is Stability.UNKNOWN
+        return
+    state = answer.decision.state
+    for one in sets[40:80]:
+        left, right = one.frames
+        broken = {"cut": right.jpeg[:500], "empty": b"", "frozen": sets[39].frames[1].jpeg}[fault]
+        state = monitor.push(FrameSet((left, replace(right, jpeg=broken)))).decision.state
+        if fault != "frozen":
+            assert state is Stability.UNKNOWN
+    assert state is Stability.UNKNOWN
+
+
+def test_a_new_grasp_starts_afresh(edge) -> None:
+    """After a reset the second pour is judged as if it were the first."""
+    bundle, _, _, pours = edge
+    used, new = (GraspMonitor(bundle, pours[0].cameras) for _ in range(2))
+    for one in frame_sets(pours[0].path, 2):
+        used.push(one)
+    used.reset()
+    for one in frame_sets(pours[1].path, 2):
+        assert repr(used.push(one).decision) == repr(new.push(one).decision)  # NaN equals NaN
+
+
+def test_a_session_counts_grasps_and_outcomes(edge, few_pours: Path) -> None:
+    bundle, _, _, pours = edge
+    with open_source(f"replay://{pours[0].path}?speed=max") as source:
+        tally = run_grasp_session(source, bundle)
+    assert tally.moments == len(pours[0])
+    assert [grasp["run"] for grasp in tally.grasps] == [pours[0].name]
+    assert tally.summary()["frames_without_partner"] == 0
+
+
+def test_another_camera_is_refused(edge) -> None:
+    bundle, _, _, pours = edge
+    left, right = pours[0].cameras
+    for cameras in ((left,), (left, replace(right, width=640)), (left, replace(right, rate_hz=10))):
+        with pytest.raises(BadBundle):
+            GraspMonitor(bundle, cameras)
+
+
+def test_a_damaged_bundle_is_refused(edge, tmp_path: Path, few_pours: Path) -> None:
+    """Wherever a byte is flipped, the file does not open."""
+    make(tmp_path, read_pours(few_pours)[:1], "gel")
+    content = (tmp_path / "b.taxel").read_bytes()
+    assert is_grasp_bundle(tmp_path / "b.taxel")
+    for at in np.linspace(0, len(content) - 1, 25).astype(int):
+        broken = bytearray(content)
+        broken[at] ^= 0x10
+        (tmp_path / "c.taxel").write_bytes(broken)
+        with pytest.raises(BadBundle):
+            read_grasp_bundle(tmp_path / "c.taxel")

@@ -1,0 +1,120 @@
+"""Claims about features on disk and heads that learn from them."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from taxel.training.features import Progress, extract
+from taxel.training.frame_labels import change_signals, frame_labels
+from taxel.training.heads import HeadConfig, Track, fit_head
+from taxel.windows.pours import read_pours
+
+
+@dataclass
+class Means:
+    """A backbone that counts what it is given: the mean of each colour."""
+
+    key: str = "means"
+    features: int = 3
+    in_order: bool = False
+    seen: int = 0
+
+    def of(self, images: Sequence[NDArray[np.uint8]]) -> NDArray[np.float32]:
+        self.seen += len(images)
+        return np.stack([image.mean(axis=(0, 1)) for image in images]).astype(np.float32)
+
+
+def test_each_different_image_is_computed_once_and_never_again(
+    few_pours: Path, tmp_path: Path
+) -> None:
+    pours = read_pours(few_pours)[:2]
+    backbone, told = Means(), list[Progress]()
+    first = extract(pours, backbone, tmp_path, told.append)
+    assert backbone.seen == sum(pour.images for pour in pours) < 2 * sum(map(len, pours))
+    assert (told[-1].recordings, told[-1].frames) == (2, backbone.seen)
+    again = Means()
+    second = extract(pours, again, tmp_path)
+    assert again.seen == 0
+    for one, other in zip(first, second, strict=True):
+        np.testing.assert_array_equal(one.all(), other.all())
+    assert first[0].all().shape == (len(pours[0]), 2, 3)
+
+
+def test_a_damaged_cache_is_computed_again(few_pours: Path, tmp_path: Path) -> None:
+    pours = read_pours(few_pours)[:1]
+    expected = extract(pours, Means(), tmp_path)[0].all()
+    (file,) = (tmp_path / "features" / "means").glob("*.npy")
+    file.write_bytes(file.read_bytes()[:100])
+    np.testing.assert_array_equal(extract(pours, Means(), tmp_path)[0].all(), expected)
+
+
+def test_in_order_extractors_see_every_frame_of_a_camera(few_pours: Path, tmp_path: Path) -> None:
+    pours = read_pours(few_pours)[:1]
+    means = extract(pours, Means(), tmp_path)[0].all()
+    ordered = extract(pours, Means(key="ordered", in_order=True), tmp_path)[0].all()
+    np.testing.assert_array_equal(ordered, means)
+
+
+def test_a_correction_by_hand_wins_over_the_rule(few_pours: Path, tmp_path: Path) -> None:
+    from taxel.labels.corrections import Correction, corrections_path, write_correction
+
+    pours = read_pours(few_pours)[:1]
+    signals = change_signals(pours, tmp_path)
+    try:
+        write_correction(pours[0].path, Correction(rule="change", onset_s=None), 1.4)
+        assert frame_labels(pours, "change", signals)[0].max() == 0
+    finally:
+        corrections_path(pours[0].path).unlink()
+
+
+def tracks(count: int, seed: int) -> list[Track]:
+    """Recordings in which the first feature rises when the label does."""
+    random = np.random.default_rng(seed)
+    made = []
+    for _ in range(count):
+        labels = (np.arange(120) >= random.integers(40, 100)).astype(np.int8)
+        values = random.normal(size=(120, 2, 6)).astype(np.float32) + random.normal(size=(1, 2, 6))
+        values[:, :, 0] += 6.0 * labels[:, None]
+        row = np.arange(240).reshape(120, 2)
+        made.append(Track(values.reshape(240, 6).astype(np.float32), row, labels))
+    return made
+
+
+@pytest.mark.parametrize("head", ["lstm", "transformer"])
+def test_a_head_learns_what_is_there_to_learn(head: str) -> None:
+    config = HeadConfig(head=head, frames=4, epochs=6, stride=1)
+    trained = fit_head(tracks(8, 0), config)
+    right = []
+    for track in tracks(4, 1):
+        found = trained.probabilities(track.features())
+        wanted = np.lib.stride_tricks.sliding_window_view(track.labels, 4).max(axis=1)
+        right.append((found > 0.5) == wanted)
+    assert np.concatenate(right).mean() > 0.97
+
+
+def test_a_head_is_the_same_for_the_same_seed() -> None:
+    config = HeadConfig(frames=4, epochs=1)
+    values = tracks(1, 2)[0].features()
+    one, other = (fit_head(tracks(3, 0), config).probabilities(values) for _ in range(2))
+    np.testing.assert_array_equal(one, other)
+    changed = fit_head(tracks(3, 0), replace(config, seed=1)).probabilities(values)
+    assert not np.array_equal(one, changed)
+
+
+def test_features_may_lie_on_disk(tmp_path: Path) -> None:
+    """A memory map trains to the same head: memory need not hold the data set."""
+    own = tracks(2, 0)
+    mapped = []
+    for number, track in enumerate(own):
+        np.save(tmp_path / f"{number}.npy", track.values)
+        values = np.load(tmp_path / f"{number}.npy", mmap_mode="r")
+        mapped.append(replace(track, values=values))
+    config = HeadConfig(frames=4, epochs=1)
+    values = own[0].features()
+    np.testing.assert_array_equal(
+        fit_head(own, config).probabilities(values), fit_head(mapped, config).probabilities(values)
+    )
