@@ -21,8 +21,9 @@ class Evaluate:
 
     what: tyro.conf.Positional[str]
     """"teng-table" for Table 4.1 of the TENG thesis, "transition-tables" for Tables 1 to 3 of the
-    grasp-transition paper, "grasp-warnings" for leads and false alarms on unseen cups, or a
-    folder of recordings of an array."""
+    grasp-transition paper, "grasp-warnings" for leads and false alarms on unseen cups,
+    "slip-trials" for slip on unseen objects of gelsight-slip, or a folder of recordings of an
+    array."""
     preset: Annotated[str, tyro.conf.arg(metavar="{honest,paper,both}")] = "both"
     """teng-table: which simulated data sets to use."""
     data: Path | None = None
@@ -36,6 +37,8 @@ class Evaluate:
     """Write a self-contained page with figures to this file."""
     json: bool = False
     """Print JSON."""
+    crop: int = 48
+    """slip-trials: frames in a crop."""
     plot: Path | None = None
     """grasp-warnings: write a figure of probability over time with the true events (PNG)."""
     grasps: Annotated[GraspOptions, tyro.conf.arg(name="")] = field(default_factory=GraspOptions)
@@ -51,6 +54,12 @@ class Evaluate:
             run_tables(self.grasps, self.data, self.recipe.seed, self.json)
         elif self.what == "grasp-warnings":
             run_warnings(self.grasps, self.data, self.recipe.seed, self.json, self.plot)
+        elif self.what == "slip-trials":
+            from taxel.cli.evaluate_slips import run_slip_trials
+
+            run_slip_trials(
+                self.data, self.recipe.seed, self.json, self.grasps.cache, self.crop, self.folds
+            )
         else:
             self._folder(Path(self.what))
 

@@ -10,8 +10,9 @@ import tyro
 from rich.table import Table
 from rich.text import Text
 
+from taxel.cli.figure_files import need_figures, write_whole
 from taxel.cli.printing import console, print_json, progress
-from taxel.errors import BadInput, MissingExtra
+from taxel.errors import BadInput
 
 if TYPE_CHECKING:
     from taxel.labels.agreement import Agreement
@@ -105,10 +106,8 @@ class Label:
         if (asked or self.plot is not None) and self.path.is_dir():
             raise BadInput(f"one recording for {asked[0] if asked else '--plot'}",
                            f"the folder {self.path}", "name one of its files")  # fmt: skip
-        if self.plot is not None and self.plot.suffix.lower() != ".png":
-            raise BadInput("a name that ends in .png for --plot", str(self.plot), "rename it")
         if self.plot is not None:
-            _need_figures()
+            need_figures(self.plot)
 
     def _correct(self, pour: Pour) -> str:
         """Write or remove a correction; return a line that says so."""
@@ -133,17 +132,9 @@ class Label:
         return f"{path}: {said} by {self.rule}"
 
     def _draw(self, path: Path, labels: PourLabels) -> None:
-        from taxel.cli.view import write_whole
         from taxel.views.label_figure import label_figure
 
         write_whole(path, label_figure(labels, self.rule))
-
-
-def _need_figures() -> None:
-    try:
-        import matplotlib  # noqa: F401
-    except ModuleNotFoundError as error:
-        raise MissingExtra("matplotlib", "train", "figures") from error
 
 
 def _plain(sheet: list[PourLabels], rule: str) -> dict[str, Any]:

@@ -2,22 +2,28 @@
 
 from __future__ import annotations
 
-import os
+import math
 import time
 from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import tyro
 from rich.console import Group
 from rich.live import Live
 from rich.text import Text
 
+from taxel.cli.figure_files import need_figures, write_whole
 from taxel.cli.printing import console, print_json
-from taxel.errors import BadInput, MissingExtra, RecordingFailed
+from taxel.cli.view_cameras import view_cameras
+from taxel.errors import BadInput
 from taxel.signals import Samples
 from taxel.sources.contract import Source
+
+if TYPE_CHECKING:
+    from taxel.views.gel_moment import Moment
 
 _REDRAW_S = 0.1
 """Shortest time between two drawings."""
@@ -29,7 +35,9 @@ _DEFAULT_S = 5.0
 class View:
     """Show a trace for each channel and the map of the array; q or Ctrl-C stops.
 
-    Where the output is no terminal, a plain summary is printed once instead.
+    Where the output is no terminal, a plain summary is printed once instead. Tactile cameras are
+    looked at in one moment, chosen with --at or --frame: a line a camera, and with --png a
+    figure of each image, its dots' movement since the settled first frames, depth and normals.
     """
 
     source: tyro.conf.Positional[str]
@@ -37,8 +45,13 @@ class View:
     seconds: float | None = None
     """Stop after this many seconds of the source's time. Unless given: at its end or at q in a
     terminal, and after 5 s (or 40 scans) otherwise."""
+    at: float | None = None
+    """Cameras: the moment to look at, seconds after the first frame."""
+    frame: int | None = None
+    """Cameras: the moment to look at, as a frame counted from 0, instead of --at."""
     png: Path | None = None
-    """Write a figure of that time to this file (.png) instead; needs taxel[train]."""
+    """Write a figure to this file (.png) instead, of that time or moment; of cameras' last moment
+    within it unless --at or --frame chooses. Needs taxel[train]."""
     json: bool = False
     """Print the summary as JSON."""
 
@@ -46,16 +59,55 @@ class View:
         """Show until the time is over, the source ends or the user stops it."""
         from taxel.sources.opening import at_full_speed, open_source
 
+        self._check()
+        drawn = self.png is not None
+        watched = console.is_terminal and not (self.json or drawn or self._chosen())
+        with open_source(self.source if watched else at_full_speed(self.source)) as source:
+            if self._of_cameras(source):
+                view_cameras(source, self.source, self._moment(), self.png, as_json=self.json)
+            elif self.png is not None:
+                self._write_png(source, self.png)
+            elif watched:
+                show(source, self.seconds)
+            else:
+                self._summarise(source)
+
+    def _check(self) -> None:
+        """Refuse, before anything is opened, what cannot be meant."""
         if self.seconds is not None and not self.seconds > 0:
             raise BadInput("--seconds above 0", f"{self.seconds:g}", "give a longer time")
+        chosen = self._chosen()
+        if chosen and len(chosen) + (self.seconds is not None) > 1:
+            raise BadInput("one of --at, --frame and --seconds", "several", "choose one")
+        for name, value in chosen.items():
+            if not 0 <= value < math.inf:
+                raise BadInput(f"{name} of at least 0", f"{value:g}", "choose another moment")
         if self.png is not None:
-            self._write_png(self.png)
-        elif console.is_terminal and not self.json:
-            with open_source(self.source) as source:
-                show(source, self.seconds)
-        else:
-            with open_source(at_full_speed(self.source)) as source:
-                self._summarise(source)
+            need_figures(self.png)
+
+    def _chosen(self) -> dict[str, float]:
+        """Return the moment of cameras that was asked for, by option."""
+        given = {"--at": self.at, "--frame": self.frame}
+        return {name: value for name, value in given.items() if value is not None}
+
+    def _moment(self) -> Moment:
+        from taxel.views.gel_moment import Moment
+
+        return Moment(at_s=self.at, frame=self.frame, until_s=self.seconds or _DEFAULT_S)
+
+    def _of_cameras(self, source: Source) -> bool:
+        """Return whether cameras are to be looked at, and not an array.
+
+        Raises:
+            BadInput: They are, and there are none.
+        """
+        chosen = self._chosen()
+        if chosen and not source.cameras:
+            raise BadInput(f"a source with cameras for {next(iter(chosen))}",
+                           f"{self.source} without", "leave it out, or choose another")  # fmt: skip
+        if not source.cameras:
+            return False
+        return bool(chosen) or self.png is not None or not source.info.channels
 
     def _summarise(self, source: Source) -> None:
         from taxel.views.trace_buffer import span_s
@@ -69,20 +121,13 @@ class View:
         for line in screen.summary():
             print(line)
 
-    def _write_png(self, path: Path) -> None:
-        try:
-            from taxel.views.touch_figure import touch_figure
-        except ModuleNotFoundError as error:
-            raise MissingExtra(error.name or "matplotlib", "train", "figures") from error
-        from taxel.sources.opening import at_full_speed, open_source
+    def _write_png(self, source: Source, path: Path) -> None:
+        from taxel.views.touch_figure import touch_figure
         from taxel.views.trace_buffer import TraceBuffer, span_s
 
-        if path.suffix.lower() != ".png":
-            raise BadInput("a name that ends in .png for --png", str(path), "rename it")
-        with open_source(at_full_speed(self.source)) as source:
-            seconds = self.seconds or span_s(source.info, _DEFAULT_S)
-            buffer = TraceBuffer(source.info, kept_s=seconds)
-            follow(source, seconds, buffer.add)
+        seconds = self.seconds or span_s(source.info, _DEFAULT_S)
+        buffer = TraceBuffer(source.info, kept_s=seconds)
+        follow(source, seconds, buffer.add)
         if not buffer.scans:
             raise BadInput("a source with scans", f"none from {self.source}", "choose another")
         write_whole(path, touch_figure(buffer, self.source))
@@ -137,21 +182,3 @@ def show(source: Source, seconds: float | None) -> None:
         with suppress(KeyboardInterrupt):
             follow(source, seconds, screen.add, draw)
         live.update(screen.render(console.width, console.height), refresh=True)
-
-
-def write_whole(path: Path, data: bytes) -> None:
-    """Write a file so that it is there as a whole or not at all.
-
-    Raises:
-        RecordingFailed: The disk refused.
-    """
-    part = path.with_name(path.name + ".part")
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        part.write_bytes(data)
-        os.replace(part, path)
-    except OSError as error:
-        part.unlink(missing_ok=True)
-        raise RecordingFailed(
-            f"needed to write {path}; got {error.strerror or error}; choose another place."
-        ) from error

@@ -1,4 +1,4 @@
-"""A figure of one gel image against its reference: contact, shear, depth and normals.
+"""A figure of gel images against their reference: contact, dots' movement, depth and normals.
 
 Knows nothing about sources, files or models of grasps.
 """
@@ -6,35 +6,36 @@ Knows nothing about sources, files or models of grasps.
 from __future__ import annotations
 
 import io
+from collections.abc import Mapping
 from typing import Literal
 
 import matplotlib
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.figure import Figure, FigureBase
 from numpy.typing import NDArray
 
-from taxel.gel.contact import contact_mask, contact_shape
 from taxel.gel.depth import DepthModel
-from taxel.gel.integration import depth_from_gradients, normals_of
 from taxel.gel.markers import MarkerFlow, MarkerTracker, Rgb
-from taxel.gel.motion import dots_in, summarise_flow
+from taxel.views.gel_moment import GelTouch, touch_of
 
 matplotlib.use("Agg")
 from matplotlib import pyplot as plt
 
-MM_PER_PX = 0.059
-"""Of a 320-pixel row where the camera does not say: Taxim's 0.0295 at 640 (PHYSICS.md: 0.059
-to 0.071)."""
 _DPI = 110
-_LONGEST_PX = 22.0
-"""Length to which arrows are magnified at most, px of a 320-pixel row."""
-_SCALES = (1, 2, 5, 10, 20)
+_LONGEST_PX = 36.0
+"""Length to which arrows are magnified at most, px of a 320-pixel row: dots are 45 apart."""
+_SCALES = (1, 1.5, 2, 3, 4, 5, 7, 10, 15, 20)
 """Magnifications of arrows that are offered."""
 _LEAST_STILL_PX = 0.15
 """Movement under which a dot is drawn without an arrow: tracking noise."""
 _CONTACT, _ARROW = "#ffd60a", "#ffffff"
-_DEEPEST_AT_LEAST_MM = 0.1
+_DEEPEST_AT_LEAST_MM = 0.5
 """Span of the depth's colours where nothing is deeper, so that noise stays pale."""
+_ROW_INCHES = 16.0
+"""Width of a row of four pictures."""
+
+Kind = Literal["png", "svg"]
 
 
 def gel_figure(
@@ -43,7 +44,8 @@ def gel_figure(
     title: str,
     mm_per_px: float | None = None,
     model: DepthModel | None = None,
-    kind: Literal["png", "svg"] = "png",
+    kind: Kind = "png",
+    flow: MarkerFlow | None = None,
 ) -> bytes:
     """Return a picture of what a gel image says against its reference.
 
@@ -54,29 +56,57 @@ def gel_figure(
         mm_per_px: Size of a pixel on the gel, mm; None takes a GelSight Mini's.
         model: From colour to slope; None takes the one that is shipped.
         kind: Of picture.
+        flow: Where the dots went, as followed through the frames between; None compares the
+            two images alone, which is safe for movements up to half a spacing.
 
     Raises:
         BadSource: Shapes differ, or are none of colour images.
     """
+    if flow is None:
+        flow = MarkerTracker(reference).track(rgb)
+    touch = touch_of(rgb, reference, flow, mm_per_px, model)
     height, width = rgb.shape[:2]
-    size_mm = mm_per_px or MM_PER_PX * 320 / width
-    mask = contact_mask(rgb, reference)
-    flow = MarkerTracker(reference).track(rgb)
-    gx, gy = (model or DepthModel.shipped()).gradients(rgb, reference)
-    depth = depth_from_gradients(gx, gy, size_mm)
     figure, axes = plt.subplots(
         2, 2, figsize=(9.6, 7.4 * height / width * 4 / 3 + 0.6), layout="constrained"
     )
-    _draw_frame(axes[0, 0], rgb, mask)
-    _draw_flow(axes[0, 1], rgb, flow, mask)
-    picture = _draw_depth(axes[1, 0], depth, mask)
-    bar = figure.colorbar(picture, ax=axes[1, 0], shrink=0.85, pad=0.02)
-    bar.set_label("depth (mm)", fontsize=8)
+    _draw(figure, axes.ravel(), touch)
+    figure.suptitle(f"{title}\n{touch.words()}", fontsize=10, x=0.01, ha="left")
+    return _finished(figure, kind)
+
+
+def gels_figure(touches: Mapping[str, GelTouch], title: str, kind: Kind = "png") -> bytes:
+    """Return a picture with a row a camera: the frame, its dots, depth and normals.
+
+    Args:
+        touches: By the camera's name, at least one.
+        title: What is shown.
+        kind: Of picture.
+    """
+    heights = [
+        _ROW_INCHES / 4 * 0.93 * touch.rgb.shape[0] / touch.rgb.shape[1] + 0.5
+        for touch in touches.values()
+    ]
+    figure = plt.figure(figsize=(_ROW_INCHES, sum(heights) + 0.35), layout="constrained")
+    parts = figure.subfigures(len(touches), 1, height_ratios=heights, squeeze=False)[:, 0]
+    for part, (name, touch) in zip(parts, touches.items(), strict=True):
+        _draw(part, part.subplots(1, 4), touch)
+        part.suptitle(f"{name}: {touch.words()}", fontsize=10, x=0.005, ha="left")
+    figure.suptitle(title, fontsize=11, fontweight="bold", x=0.005, ha="left")
+    return _finished(figure, kind)
+
+
+def _draw(figure: FigureBase, axes: NDArray[np.object_], touch: GelTouch) -> None:
+    """Draw the four pictures of a gel."""
+    _draw_frame(axes[0], touch.rgb, touch.mask)
+    _draw_flow(axes[1], touch.rgb, touch.flow, touch.mask)
+    picture = _draw_depth(axes[2], touch)
+    bar = figure.colorbar(picture, ax=axes[2], shrink=0.85, pad=0.02)
+    bar.set_label("depth (mm)" if touch.calibrated else "depth (mm, uncalibrated)", fontsize=8)
     bar.ax.tick_params(labelsize=7)
-    _draw_normals(axes[1, 1], normals_of(gx, gy), mask)
-    figure.suptitle(
-        f"{title}\n{_facts(flow, mask, depth, size_mm)}", fontsize=10, x=0.01, ha="left"
-    )
+    _draw_normals(axes[3], touch.normals, touch.mask)
+
+
+def _finished(figure: Figure, kind: Kind) -> bytes:
     raw = io.BytesIO()
     figure.savefig(raw, format=kind, dpi=_DPI)
     plt.close(figure)
@@ -110,11 +140,14 @@ def _draw_flow(axes: Axes, rgb: Rgb, flow: MarkerFlow, mask: NDArray[np.bool_]) 
         shift[moved, 0] * times,
         shift[moved, 1] * times,
         length[moved],
-        cmap="plasma",
+        cmap="cool",
         angles="xy",
         scale_units="xy",
         scale=1,
-        width=0.008,
+        width=0.009,
+        headwidth=3.6,
+        headlength=3.8,
+        headaxislength=3.4,
         clim=(0, max(longest, 0.5)),
     )
     axes.plot(*at[still].T, ".", color=_ARROW, ms=3)
@@ -123,15 +156,13 @@ def _draw_flow(axes: Axes, rgb: Rgb, flow: MarkerFlow, mask: NDArray[np.bool_]) 
     bar.set_label("movement (px)", fontsize=8)
     bar.ax.tick_params(labelsize=7)
     lost = f"; {(~flow.seen).sum()} lost (×)" if not flow.seen.all() else ""
-    _finish(axes, f"dots' movement, arrows {times}× as long{lost}")
+    _finish(axes, f"dots' movement, arrows {times:g}× as long{lost}")
 
 
-def _draw_depth(
-    axes: Axes, depth: NDArray[np.float32], mask: NDArray[np.bool_]
-) -> matplotlib.image.AxesImage:
-    deepest = max(float(np.percentile(depth, 99.8)), _DEEPEST_AT_LEAST_MM)
-    picture = axes.imshow(np.maximum(depth, 0), cmap="magma", vmin=0, vmax=deepest)
-    _outline(axes, mask, _ARROW)
+def _draw_depth(axes: Axes, touch: GelTouch) -> matplotlib.image.AxesImage:
+    deepest = max(touch.deepest_mm, _DEEPEST_AT_LEAST_MM)
+    picture = axes.imshow(np.maximum(touch.depth_mm, 0), cmap="magma", vmin=0, vmax=deepest)
+    _outline(axes, touch.mask, _ARROW)
     _finish(axes, "depth of the imprint")
     return picture
 
@@ -153,21 +184,6 @@ def _finish(axes: Axes, title: str) -> None:
     axes.set_yticks([])
 
 
-def _magnification(longest_px: float, scale: float) -> int:
+def _magnification(longest_px: float, scale: float) -> float:
     fitting = [times for times in _SCALES if times * longest_px <= _LONGEST_PX * scale]
     return max(fitting, default=1)
-
-
-def _facts(
-    flow: MarkerFlow, mask: NDArray[np.bool_], depth: NDArray[np.float32], mm_per_px: float
-) -> str:
-    shape = contact_shape(mask)
-    if not shape.area_px:
-        return f"no contact against the reference; {len(flow.seen)} dots"
-    moved = summarise_flow(flow, dots_in(flow.reference, mask))
-    shear_mm = float(np.hypot(*moved.shear_px)) * mm_per_px
-    shear = f"shear {shear_mm:.2f} mm" if moved.inside.dots else "no dots in it to tell shear"
-    return (
-        f"contact {shape.area_px * mm_per_px**2:.0f} mm², "
-        f"deepest {float(np.percentile(depth, 99.8)):.2f} mm, {shear}, {len(flow.seen)} dots"
-    )
