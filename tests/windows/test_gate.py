@@ -1,31 +1,51 @@
 """Claims about the contact gate: a row counts as a whole, a threshold comes from the noise."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
-from taxel.windows.gate import NOISE_SIGMAS, gate_rows, noise_gate
+from taxel.signals import Samples, SensorInfo, Validity
+from taxel.windows.config import WindowConfig
+from taxel.windows.gate import NOISE_SIGMAS, above_gate, noise_gate
+from taxel.windows.windower import cut_windows
+
+
+def kept(values: NDArray[np.float32], gate: float | None, flags: NDArray[np.uint8]) -> int:
+    """Return how many rows pass the gate: a window of one row each."""
+    samples = replace(Samples.from_values(values, np.arange(len(values)) / 100.0), validity=flags)
+    channels = tuple(f"c{index}" for index in range(values.shape[1]))
+    sensor = SensorInfo(name="a", channels=channels, units=("V",) * len(channels), rate_hz=100.0)
+    config = WindowConfig(gate=gate, steps=1, stride=1, grid_hz=None, max_gap_s=9.0)
+    return len(cut_windows(samples, config, sensor))
+
+
+def good(values: NDArray[np.float32]) -> NDArray[np.uint8]:
+    return np.zeros(values.shape, np.uint8)
 
 
 def test_one_channel_above_keeps_the_whole_row():
     values = np.array([[0.0, 1.6], [1.5, 1.5], [2.0, 2.0]], np.float32)
-    assert gate_rows(values, np.ones((3, 2), bool), 1.55).tolist() == [True, False, True]
+    assert kept(values, 1.55, good(values)) == 2
 
 
 def test_at_the_gate_is_not_above_it():
     """1.55 as float32 lies above 1.55: the comparison is made in float32 on both sides."""
     at = np.float32(1.55)
     values = np.array([[at], [np.nextafter(at, np.float32(2))]], np.float32)
-    assert gate_rows(values, np.ones((2, 1), bool), 1.55).tolist() == [False, True]
+    assert above_gate(values, None, 1.55).tolist() == [[False], [True]]
 
 
 def test_a_value_that_cannot_be_used_opens_no_gate():
-    values = np.array([[9.0, 0.0], [np.nan, 0.0]], np.float32)
-    usable = np.array([[False, True], [False, True]])
-    assert gate_rows(values, usable, 1.55).tolist() == [False, False]
+    values = np.array([[9.0, 0.0], [np.nan, 0.0], [2.0, 0.0]], np.float32)
+    flags = np.array([[Validity.MISSING, 0], [Validity.NOT_FINITE, 0], [0, 0]], np.uint8)
+    assert kept(values, 1.55, flags) == 1
 
 
 def test_no_gate_keeps_every_row():
-    assert gate_rows(np.zeros((3, 2), np.float32), np.zeros((3, 2), bool), None).all()
+    values = np.zeros((3, 2), np.float32)
+    assert kept(values, None, good(values)) == 3
 
 
 @pytest.mark.parametrize(("contact", "largest"), [(0.0, 1.05), (0.1, 1.25), (0.4, 3.5)])

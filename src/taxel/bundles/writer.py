@@ -37,7 +37,8 @@ class Classifier(nn.Module):
     def forward(self, values: Tensor, mask: Tensor) -> Tensor:
         """Return probabilities, shape (n, classes), of scaled windows (n, steps, channels)."""
         each = [torch.softmax(network(values, mask), dim=1) for network in self.networks]
-        return torch.stack(each).mean(dim=0)
+        # One network needs no mean: three nodes less are a third of a small model's time.
+        return each[0] if len(each) == 1 else torch.stack(each).mean(dim=0)
 
 
 def write_bundle(

@@ -14,23 +14,21 @@ _SIGMA_PER_MAD = 1.4826
 """Standard deviation over median absolute deviation, for a normal distribution."""
 
 
-def gate_rows(
-    values: NDArray[np.float32], usable: NDArray[np.bool_], gate: float | None
+def above_gate(
+    values: NDArray[np.float32], usable: NDArray[np.bool_] | None, gate: float
 ) -> NDArray[np.bool_]:
-    """Return which rows hold contact, shape (n,).
+    """Return which values lie above the gate, shape (n, channels).
 
-    A row counts as a whole: it is kept with all its channels when any usable
-    channel lies above the gate, so that columns stay sensors and rows stay time.
+    In layout B a row counts as a whole: it is kept with all its channels when any
+    usable channel lies above the gate, so that columns stay sensors and rows stay time.
 
     Args:
         values: Shape (n, channels), in the channels' unit.
-        usable: Shape (n, channels).
-        gate: Threshold in the same unit; None keeps every row.
+        usable: Shape (n, channels); None where all are.
+        gate: Threshold in the same unit.
     """
-    if gate is None:
-        return np.ones(len(values), bool)
-    above: NDArray[np.bool_] = (values > np.float32(gate)) & usable
-    return np.asarray(above.any(axis=1))
+    above: NDArray[np.bool_] = values > np.float32(gate)
+    return above if usable is None else above & usable
 
 
 def noise_gate(

@@ -18,21 +18,33 @@ _SAME_RATE = 0.005
 """Nominal rates closer than this fraction count as one rate: scans are rows."""
 _TICK_SLACK_S = 1e-6
 """A scan this close after a tick counts for the tick, seconds: hides float rounding."""
-_UNUSABLE, _SATURATED = np.uint8(UNUSABLE), np.uint8(Validity.SATURATED)
+_UNUSABLE, _SATURATED, _STALE = (
+    np.uint8(flag) for flag in (UNUSABLE, Validity.SATURATED, Validity.STALE)
+)
 
 
 @dataclass(slots=True)  # not frozen: made several times a scan, and freezing doubles the cost
 class Rows:
-    """Scans on the grid, oldest first."""
+    """Scans on the grid, oldest first. Arrays may be views of the samples: not to be written."""
 
     time_s: NDArray[np.float64]
     """Shape (n,), fitted clock, seconds."""
     values: NDArray[np.float32]
     """Shape (n, channels); 0 where not usable."""
-    usable: NDArray[np.bool_]
-    """Shape (n, channels)."""
-    saturated: NDArray[np.bool_]
-    """Shape (n, channels)."""
+    flags: NDArray[np.uint8]
+    """Shape (n, channels): `Validity` flags, those of the scan and STALE."""
+
+    @property
+    def usable(self) -> NDArray[np.bool_]:
+        """Shape (n, channels): True where the value may be used."""
+        found: NDArray[np.bool_] = (self.flags & _UNUSABLE) == 0
+        return found
+
+    @property
+    def saturated(self) -> NDArray[np.bool_]:
+        """Shape (n, channels): True where the value stands at the converter's limit."""
+        found: NDArray[np.bool_] = (self.flags & _SATURATED) != 0
+        return found
 
     def __len__(self) -> int:
         return len(self.time_s)
@@ -87,22 +99,18 @@ class Grid:
         found = int(scans[0].searchsorted(tick_s + _TICK_SLACK_S, side="right")) - 1
         fitted_s, values, validity = scans if found >= 0 else before
         part = slice(found, found + 1) if found >= 0 else slice(0, 1)
-        rows = _rows_of(values[part], validity[part], np.array([tick_s]))
+        flags = validity[part]
         if tick_s - float(fitted_s[part][0]) > self._max_age_s:
-            rows.usable[:] = False
-            rows.values[:] = 0.0
-        return rows
+            flags = flags | _STALE
+        return _rows_of(values[part], flags, np.array([tick_s]))
 
     def _latest(self, known: _Scans, ticks_s: NDArray[np.float64]) -> Rows:
         """Return at each tick the latest scan; not usable where it is too old."""
         fitted_s, values, validity = known
         latest = np.maximum(fitted_s.searchsorted(ticks_s + _TICK_SLACK_S, side="right") - 1, 0)
-        rows = _rows_of(values[latest], validity[latest], ticks_s)
-        stale = ticks_s - fitted_s[latest] > self._max_age_s
-        if stale.any():
-            rows.usable[stale] = False
-            rows.values[stale] = 0.0
-        return rows
+        flags = validity[latest]
+        flags[ticks_s - fitted_s[latest] > self._max_age_s] |= _STALE
+        return _rows_of(values[latest], flags, ticks_s)
 
 
 _Scans = tuple[NDArray[np.float64], NDArray[np.float32], NDArray[np.uint8]]
@@ -118,16 +126,9 @@ def _joined(first: _Scans, second: _Scans) -> _Scans:
 
 
 def _rows_of(
-    values: NDArray[np.float32], validity: NDArray[np.uint8], time_s: NDArray[np.float64]
+    values: NDArray[np.float32], flags: NDArray[np.uint8], time_s: NDArray[np.float64]
 ) -> Rows:
-    if not validity.any():  # nothing is flagged: the usual case
-        return Rows(
-            time_s, values.copy(), np.ones(values.shape, bool), np.zeros(values.shape, bool)
-        )
-    usable: NDArray[np.bool_] = (validity & _UNUSABLE) == 0
-    return Rows(
-        time_s=time_s,
-        values=np.where(usable, values, np.float32(0.0)),
-        usable=usable,
-        saturated=(validity & _SATURATED) != 0,
-    )
+    unusable = flags & _UNUSABLE
+    if unusable.any():
+        values = np.where(unusable, np.float32(0.0), values)
+    return Rows(time_s, values, flags)
