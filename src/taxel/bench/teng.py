@@ -28,7 +28,7 @@ from taxel.recordings.known import glove_rows, icub_rows
 from taxel.training.recipes import find_recipe
 from taxel.windows.config import GRID_RATE_HZ, TENG_WINDOW
 
-ROUNDS = 3
+ROUNDS = 5
 """Times that a latency is measured. Source: our choice."""
 KILLS = 20
 WEAK_EPOCHS = 20
@@ -140,7 +140,7 @@ def live_path() -> list[Row]:
         for _ in range(ROUNDS):
             at_once.append(_child(code))
             done = subprocess.run(
-                [*command, "--seconds", "30", "--json"], check=True, capture_output=True, text=True
+                [*command, "--seconds", "20", "--json"], check=True, capture_output=True, text=True
             )
             paced.append(json.loads(done.stdout)[0])
     name = "a window to a decision, median"

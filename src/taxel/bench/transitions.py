@@ -15,13 +15,18 @@ from collections.abc import Callable
 from importlib.util import find_spec
 from pathlib import Path
 from time import perf_counter
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from taxel.bench.rows import Row, missing, row
+from taxel.bench.rows import Row, missing, quietest, row
 from taxel.bundles.engine import EngineName, Precision
+
+if TYPE_CHECKING:
+    from taxel.training.extractors import BackboneExtractor
 
 PAPER_STEP_MS = 31.84
 """DenseNet121 + LSTM on an RTX 4090. Source: Sensors 2024, 24, 5080, Table 1."""
+ROUNDS = 3
+"""Times that a latency is measured. Source: our choice."""
 FRAME_S = 1.0 / 60.0
 LITE0 = "efficientnet-lite0+lstm"
 DENSE = "densenet121+lstm"
@@ -69,23 +74,49 @@ def simulator_speed() -> list[Row]:
 
 
 def steps() -> list[Row]:
-    """Time a step both ways: two threads, both engines."""
+    """Time a step: over the whole window again, one thread; the paper's network, two threads."""
     from taxel.evaluation.step_times import time_step
 
-    lite = time_step(LITE0, threads=2)
+    lite = min((time_step(LITE0) for _ in range(ROUNDS)), key=lambda one: one.stream_ms)
     rows = [
         row("a streaming step over the whole window again, EfficientNet-Lite0 + LSTM", lite.ratio,
-            "ratio", ">=", 7.0, f"{lite.stream_ms:.1f} against {lite.window_ms:.1f} ms, ORT f32"),
+            "ratio", ">=", 7.0, f"{lite.stream_ms:.1f} against {lite.window_ms:.1f} ms, k = 8, "
+            "ORT f32, one thread"),
     ]  # fmt: skip
-    engines: list[tuple[EngineName, Precision]] = [("onnxruntime", "f32")]
+    ways: list[tuple[EngineName, Precision]] = [("onnxruntime", "f32")]
     if find_spec("openvino"):
-        engines.append(("openvino", "bf16"))
-    times = [time_step(DENSE, engine=e, precision=p, threads=2, repeats=9) for e, p in engines]
-    best = min(times, key=lambda one: one.stream_ms)
-    note = ", ".join(f"{one.engine} {one.stream_ms:.1f}" for one in times)
-    rows.append(row("DenseNet121 + LSTM, streaming step, 2 threads", best.stream_ms, "ms", "<=",
-                    PAPER_STEP_MS, f"{note}; the paper's is an RTX 4090's"))  # fmt: skip
+        ways += [("openvino", "bf16"), ("openvino", "int8")]
+    with tempfile.TemporaryDirectory(prefix="taxel-") as scratch:
+        backbones = [_open(DENSE.split("+")[0], *way, Path(scratch)) for way in ways]
+    name = "DenseNet121 + LSTM, streaming step, 2 threads"
+    for (engine, precision), backbone in zip(ways, backbones, strict=True):
+        rounds = [time_step(DENSE, engine=engine, precision=precision, threads=2, repeats=9,
+                            extractor=backbone).stream_ms for _ in range(ROUNDS)]  # fmt: skip
+        rows.append(quietest(f"{name}, {engine} {precision}", rounds, "ms", PAPER_STEP_MS,
+                             "the paper's is an RTX 4090's"))  # fmt: skip
+    if len(ways) == 1:
+        rows.append(missing(f"{name}, openvino", "ms", f"<= {PAPER_STEP_MS}",
+                            "install: pip install 'taxel[openvino]'"))  # fmt: skip
     return rows
+
+
+def _open(
+    backbone: str, engine: EngineName, precision: Precision, scratch: Path
+) -> BackboneExtractor:
+    from taxel.sim.cup_pour import CupPourConfig, list_runs
+    from taxel.sources.pour_sets import CAMERA_HZ, write_run
+    from taxel.training.extractors import open_backbone
+    from taxel.training.quantising import calibration_frames
+    from taxel.windows.pours import read_pours
+
+    if precision != "int8":
+        return open_backbone(backbone, engine=engine, precision=precision, threads=2)
+    config = CupPourConfig()
+    write_run(scratch, list_runs(config)[0], config, CAMERA_HZ)
+    frames = calibration_frames(read_pours(scratch))
+    return open_backbone(
+        backbone, engine=engine, precision=precision, threads=2, calibration=frames
+    )
 
 
 def live_path() -> list[Row]:
@@ -106,10 +137,13 @@ def live_path() -> list[Row]:
             "print(json.dumps([float(np.median(m)),float(np.percentile(m,99)),len(m),"
             "int(open('/proc/self/status').read().split('VmHWM:')[1].split()[0])/1024]))"
         )
-        median_ms, p99_ms, moments, memory_mb = _child(code)
+        found = [_child(code) for _ in range(ROUNDS)]
+    median_ms = min(each[0] for each in found)
+    memory_mb = max(each[3] for each in found)
     return [
-        row("EfficientNet-Lite0 + LSTM, a live step, decode included, 99 %", p99_ms, "ms", "<=",
-            FRAME_S * 1e3, f"median {median_ms:.1f}; {moments} moments, 2 threads, ORT f32"),
+        quietest("EfficientNet-Lite0 + LSTM, a live step, decode included, 99 %",
+                 [each[1] for each in found], "ms", FRAME_S * 1e3,
+                 f"median {median_ms:.1f}; {found[0][2]} moments each, 2 threads, ORT f32"),
         row("live stability path: memory", memory_mb, "MiB", "<=", 600.0,
             "no training framework loaded"),
     ]  # fmt: skip
@@ -125,17 +159,15 @@ def paper_set() -> list[Row]:
         rows.append(row("the paper's 60 videos, both cameras, recorded", perf_counter() - started,
                         "s", "<=", 300.0))  # fmt: skip
         started = perf_counter()
-        first = _taxel("evaluate", "transition-tables", "--data", str(cups), "--single-split",
-                       "--json")  # fmt: skip
+        _taxel("evaluate", "transition-tables", "--data", str(cups), "--single-split", "--json")
         extracting_s = perf_counter() - started
         started = perf_counter()
         tables = _taxel("evaluate", "transition-tables", "--data", str(cups), "--json")
         rows.append(
             row("Tables 1 to 3, EfficientNet-Lite0, features cached, every cup held out",
                 perf_counter() - started, "s", "<=", 900.0,
-                f"first run with features {extracting_s:.0f} s; the paper's backbones are not in")
+                f"first run, with features and the paper's split alone, {extracting_s:.0f} s")
         )  # fmt: skip
-        del first
         lstm = next(r for r in tables["rows"] if r["plan"]["model"] == LITE0
                     and r["plan"]["frames"] == 8)  # fmt: skip
         trivial = next(b for b in tables["baselines"] if "difference" in b["name"])
@@ -175,12 +207,13 @@ def slips(data: Path | None) -> list[Row]:
 
 
 def slip_rows(name: str, found: dict[str, Any]) -> list[Row]:
-    """Return the rows of `taxel evaluate slip-trials --json`."""
-    crops = found["model"]["crops"]
-    return [
-        row(f"{name}: accuracy", crops["accuracy"], "accuracy", ">=", 0.92),
-        row(f"{name}: AUC", crops["auc"], "AUC", ">=", 0.97),
-    ]
+    """Return the rows of `taxel evaluate slip-trials --json`: ours, with the others in the note."""
+    ours, *others = found["rows"]
+    rows = []
+    for what, unit, limit in (("accuracy", "accuracy", 0.92), ("auc", "AUC", 0.97)):
+        note = "; ".join(f"{one['name']} {one['crops'][what]:.3f}" for one in others)
+        rows.append(row(f"{name}: {unit}", ours["crops"][what], unit, ">=", limit, note))
+    return rows
 
 
 def data_digest(data: Path | None) -> str:

@@ -14,7 +14,8 @@ from numpy.typing import NDArray
 from taxel.errors import BadBundle, MissingExtra
 
 EngineName = Literal["onnxruntime", "openvino"]
-Precision = Literal["f32", "bf16"]
+Precision = Literal["f32", "bf16", "int8"]
+"""int8 is a matter of the model, whose other numbers stay f32; bf16 of the engine."""
 
 
 class Engine(Protocol):
@@ -54,7 +55,7 @@ class _OpenVino:
             raise MissingExtra("openvino", "openvino", "this engine") from error
         core = openvino.Core()
         config = {
-            "INFERENCE_PRECISION_HINT": precision,
+            "INFERENCE_PRECISION_HINT": "bf16" if precision == "bf16" else "f32",
             "INFERENCE_NUM_THREADS": threads,
             "NUM_STREAMS": 1,
             "PERFORMANCE_HINT": "LATENCY",
@@ -78,7 +79,7 @@ def open_engine(
     Args:
         model: An ONNX file's bytes.
         engine: Which library runs it.
-        precision: bf16 needs OpenVINO.
+        precision: bf16 needs OpenVINO; int8 needs a model in 8-bit numbers.
         threads: Threads of the engine.
 
     Raises:
@@ -87,6 +88,6 @@ def open_engine(
     """
     if engine == "openvino":
         return _OpenVino(model, threads, precision)
-    if precision != "f32":
+    if precision == "bf16":
         raise BadBundle(f"the engine openvino for {precision}", engine, "say --engine openvino")
     return _OnnxRuntime(model, threads)

@@ -9,7 +9,7 @@ from typing import Annotated, Any
 
 import tyro
 
-from taxel.cli.evaluate_grasps import GraspOptions, run_tables, run_warnings
+from taxel.cli.evaluate_grasps import GraspOptions, run_precisions, run_tables, run_warnings
 from taxel.cli.options import RecipeOptions
 from taxel.cli.printing import console, print_json, progress
 from taxel.errors import BadInput
@@ -22,6 +22,7 @@ class Evaluate:
     what: tyro.conf.Positional[str]
     """"teng-table" for Table 4.1 of the TENG thesis, "transition-tables" for Tables 1 to 3 of the
     grasp-transition paper, "grasp-warnings" for leads and false alarms on unseen cups,
+    "precisions" for what engines and number formats of a backbone cost and lose,
     "slip-trials" for slip on unseen objects of gelsight-slip, or a folder of recordings of an
     array."""
     preset: Annotated[str, tyro.conf.arg(metavar="{honest,paper,both}")] = "both"
@@ -54,6 +55,8 @@ class Evaluate:
             run_tables(self.grasps, self.data, self.recipe.seed, self.json)
         elif self.what == "grasp-warnings":
             run_warnings(self.grasps, self.data, self.recipe.seed, self.json, self.plot)
+        elif self.what == "precisions":
+            run_precisions(self.grasps, self.data, self.recipe.seed, self.json)
         elif self.what == "slip-trials":
             from taxel.cli.evaluate_slips import run_slip_trials
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import tempfile
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
@@ -14,10 +14,12 @@ from taxel.cli.printing import console, print_json, progress
 from taxel.errors import BadInput
 
 if TYPE_CHECKING:
+    from taxel.bundles.engine import EngineName, Precision
     from taxel.evaluation.transition_data import PourSet
     from taxel.training.extractors import BackboneExtractor, SlipExtractor
     from taxel.training.features import FrameFeatures, Progress
     from taxel.training.heads import HeadConfig
+    from taxel.windows.pours import Pour
     from taxel.windows.rest import Tare
 
 PAPER_BACKBONES = ("densenet121", "efficientnet-b0", "resnet50", "resnet101")
@@ -49,8 +51,9 @@ class GraspOptions:
     """Folder for features; $TAXEL_CACHE or ~/.cache/taxel unless given."""
     engine: Literal["onnxruntime", "openvino"] = "onnxruntime"
     """Which library runs backbones."""
-    precision: Literal["f32", "bf16"] = "f32"
-    """Numbers within the backbone; bf16 needs openvino."""
+    precision: Literal["f32", "bf16", "int8"] = "f32"
+    """Numbers within the backbone; bf16 needs --engine openvino, int8 the extra openvino and
+    frames of the recordings for calibration."""
     threads: int = 1
     """Threads of the engine; more help on an idle machine only."""
     paper_settings: bool = False
@@ -174,6 +177,49 @@ def run_warnings(
         console.print(f"probability over time with the true events: {plot}")
 
 
+def run_precisions(options: GraspOptions, data: Path | None, seed: int, as_json: bool) -> None:
+    """Print what each engine and number format of a backbone loses and costs."""
+    from importlib.util import find_spec
+
+    from taxel.evaluation.precisions import WAYS, compare_precisions
+    from taxel.evaluation.transition_data import cup_folds
+
+    backbones = _backbones(options)
+    if GEL in backbones:
+        raise BadInput("a backbone, which runs in an engine", GEL, "name one with --backbones")
+    ways = [w for w in WAYS if find_spec("openvino") or w == WAYS[0]]
+    with tempfile.TemporaryDirectory(prefix="taxel-") as scratch, progress() as bar:
+        folder = data or _simulated(Path(scratch), seed, 5, bar)
+        pours = load_set(options, folder, bar)
+        fold = cup_folds(pours.groups("cup"))[-1]
+        rows = []
+        for backbone in backbones:
+            task = bar.add_task(backbone, total=None)
+
+            def show(way: str, done: Progress, name: str = backbone, task: Any = task) -> None:
+                bar.update(task, description=f"{name}, {way}", completed=done.recordings)
+
+            def open_way(
+                engine: EngineName, precision: Precision, train: Sequence[Pour],
+                name: str = backbone,
+            ) -> BackboneExtractor:  # fmt: skip
+                chosen = replace(options, engine=engine, precision=precision)
+                return _open_backbone(name, chosen, train)
+
+            rows += compare_precisions(
+                pours, fold, head_config(options, seed), open_way, ways, _cache(options),
+                threads=options.threads, on_progress=show,
+            )  # fmt: skip
+    if as_json:
+        print_json([asdict(row) for row in rows])
+        return
+    from taxel.views.grasp_results import precision_table
+
+    console.print(precision_table(rows, options.rule, options.threads))
+    if len(ways) == 1:
+        console.print("OpenVINO and 8-bit numbers are not installed: pip install 'taxel[openvino]'")
+
+
 def _plain(result: Any) -> dict[str, Any]:
     return {
         "name": result.name,
@@ -243,15 +289,22 @@ def open_features(
     name: str, options: GraspOptions, pours: PourSet
 ) -> BackboneExtractor | SlipExtractor:
     """Return what gives features, by name: a backbone, or "gel"."""
-    from taxel.training.extractors import SlipExtractor, open_backbone
+    from taxel.training.extractors import SlipExtractor
     from taxel.windows.rest import SETTLE
 
-    if name == GEL:
-        return SlipExtractor(SETTLE)
-    camera = pours.pours[0].cameras[0]
+    return SlipExtractor(SETTLE) if name == GEL else _open_backbone(name, options, pours.pours)
+
+
+def _open_backbone(name: str, options: GraspOptions, pours: Sequence[Pour]) -> BackboneExtractor:
+    """Open a backbone for the cameras of some recordings, whose images may calibrate it."""
+    from taxel.training.extractors import open_backbone
+    from taxel.training.quantising import calibration_frames
+
+    camera = pours[0].cameras[0]
+    frames = calibration_frames(pours) if options.precision == "int8" else ()
     return open_backbone(
         name, options.weights, engine=options.engine, precision=options.precision,
-        threads=options.threads, size_px=(camera.height, camera.width),
+        threads=options.threads, size_px=(camera.height, camera.width), calibration=frames,
     )  # fmt: skip
 
 

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from taxel.errors import BadDataset
 from taxel.labels.agreement import onset_s
 from taxel.labels.slip import label_truth
+from taxel.models.sequence import SENSORS
 from taxel.sim.pour_state import TRUTH_CHANNELS
 from taxel.training.features import Extractor, FrameFeatures, Progress, extract
 from taxel.training.frame_labels import change_signals, frame_labels, truth_of
@@ -70,9 +71,17 @@ def load_pours(
 
     Raises:
         BadRecording: A recording is damaged.
-        BadDataset: There are none with cameras, or none with the truth that the rule needs.
+        BadDataset: There are none with cameras, one has another number of cameras than two,
+            or lacks the truth that the rule needs.
     """
     pours = read_pours(path)
+    for pour in pours:
+        if len(pour.cameras) != SENSORS:
+            raise BadDataset(
+                f"{SENSORS} cameras in each recording, one a finger",
+                f"{len(pour.cameras)} in {pour.path.name}",
+                "record both, or import with the columns left and right",
+            )
     signals = change_signals(pours, cache, on_progress=on_progress)
     labels = frame_labels(pours, rule, signals)
     return PourSet(pours=tuple(pours), rule=rule, labels=tuple(labels), signals=tuple(signals))

@@ -18,6 +18,7 @@ from taxel.gel.slip_features import SLIP_FEATURES, SlipFeatures
 from taxel.models.backbones.catalogue import find_backbone
 from taxel.models.export_onnx import export_backbone
 from taxel.models.weights import Weights, find_weights
+from taxel.training.quantising import quantise
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,6 +47,7 @@ def open_backbone(
     precision: Precision = "f32",
     threads: int = 1,
     size_px: tuple[int, int] = (240, 320),
+    calibration: Sequence[NDArray[np.uint8]] = (),
 ) -> BackboneExtractor:
     """Return a backbone that is ready to give features.
 
@@ -53,12 +55,14 @@ def open_backbone(
         backbone: A name in `BACKBONES`.
         weights: A file of weights; found as `find_weights` says unless given.
         engine: Which library runs it.
-        precision: bf16 needs OpenVINO.
+        precision: bf16 needs OpenVINO; int8 needs NNCF, which comes with it.
         threads: Threads of the engine.
         size_px: Height and width of the camera's frames, pixels.
+        calibration: Images that set the ranges of 8-bit numbers; for int8.
 
     Raises:
-        BadInput: There is no such backbone, or the weights do not fit.
+        BadInput: There is no such backbone, the weights do not fit, or int8 lacks images.
+        MissingExtra: The engine, or what makes 8-bit numbers, is not installed.
     """
     row = find_backbone(backbone)
     found = find_weights(backbone, weights)
@@ -67,6 +71,9 @@ def open_backbone(
     model = export_backbone(module, backbone, *size_px)
     label = "random" if found.path is None else "trained"
     key = f"{backbone}-{label}-{found.digest[:12]}-{engine}-{precision}-{size_px[1]}x{size_px[0]}"
+    if precision == "int8":
+        model = quantise(model, calibration)
+        key += "-" + hashlib.sha256(np.stack(calibration).tobytes()).hexdigest()[:12]
     return BackboneExtractor(
         backbone,
         found,

@@ -15,6 +15,7 @@ from rich.text import Text
 
 from taxel.evaluation.events import EventScores
 from taxel.evaluation.grasp_warnings import WarningResult
+from taxel.evaluation.precisions import PrecisionRow
 from taxel.evaluation.step_times import StepTime
 from taxel.evaluation.transition_tables import Baseline, Scores, TableRow
 
@@ -52,6 +53,33 @@ def transition_tables(
             parts.append(_table(title, own, times if number < 3 else {}))
     parts.append(_baseline_table(baselines))
     return Group(*parts)
+
+
+def precision_table(rows: Sequence[PrecisionRow], rule: str, threads: int) -> RenderableType:
+    """Return what engines and precisions of backbones lose and cost.
+
+    Args:
+        rows: What was measured.
+        rule: Name of the labels' rule.
+        threads: Of the engines.
+    """
+    table = Table(box=SIMPLE_HEAD, pad_edge=False)
+    columns = ("model", "features", "accuracy", "lost", "decisions that differ", "largest Δp",
+               "ms a step")  # fmt: skip
+    for column in columns:
+        table.add_column(column, justify="left" if column in columns[:2] else "right", no_wrap=True)
+    for row in rows:
+        table.add_row(
+            row.model.replace("efficientnet", "effnet"), f"{row.engine} {row.precision}",
+            f"{row.accuracy:.4f}", f"{row.lost:+.4f}", f"{row.differ:.2%}",
+            f"{row.largest_difference:.2g}", f"{row.step_ms:.1f}",
+        )  # fmt: skip
+    return Group(
+        Text(f"labels: rule {rule}; the last cup held out, {rows[0].windows} windows. One head, "),
+        Text("trained on the first line's features; a step is two new frames and the head, "
+             f"{threads} thread(s)."),
+        table,
+    )  # fmt: skip
 
 
 def _table(title: str, rows: Sequence[TableRow], times: dict[str, StepTime]) -> Table:

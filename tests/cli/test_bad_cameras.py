@@ -1,0 +1,108 @@
+"""Bad videos, labels, weights and options of cameras: one plain line, exit code 2, nothing left."""
+
+import shutil
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+from safetensors.numpy import save_file
+
+from taxel.cli.main import main
+
+
+def write_video(path: Path, frames: int, hz: float = 30.0, *, grey: bool = False) -> None:
+    writer = cv2.VideoWriter(str(path), cv2.VideoWriter.fourcc(*"MJPG"), hz, (64, 48))
+    random = np.random.default_rng(0)
+    for _ in range(frames):
+        image = random.integers(0, 256, (48, 64, 3), np.uint8)
+        if grey:
+            image[...] = image[..., :1]
+        writer.write(image)
+    writer.release()
+
+
+@pytest.fixture(scope="module")
+def world(tmp_path_factory: pytest.TempPathFactory, few_pours: Path) -> Path:
+    """Videos sound and bad, each with its table; pours; weights of a wrong shape."""
+    world = tmp_path_factory.mktemp("cameras")
+    write_video(world / "good.avi", 60)
+    write_video(world / "long.avi", 75)
+    write_video(world / "slow.avi", 60, 25.0)
+    write_video(world / "grey.avi", 60, grey=True)
+    whole = (world / "good.avi").read_bytes()
+    (world / "cut.avi").write_bytes(whole[: len(whole) // 2])
+    (world / "empty.avi").write_bytes(b"")
+    (world / "text.avi").write_text("no video\n" * 40)
+    for name in ("long", "slow", "grey", "cut", "empty", "text", "absent"):
+        (world / f"{name}.csv").write_text(
+            f"left,right,label:outcome,group:cup\ngood.avi,{name}.avi,slip,a\n"
+        )
+    (world / "one.csv").write_text("left,label:outcome,group:cup\ngood.avi,slip,a\n")
+    (world / "blank.csv").write_text("left,right,label:outcome,group:cup\ngood.avi,,slip,a\n")
+    shutil.copytree(few_pours, world / "pours")
+    (world / "lonely").mkdir()
+    first = min((world / "pours").glob("*.mcap"))
+    shutil.copy(first, world / "lonely" / "only.mcap")
+    shutil.copy(first, world / "pour.mcap")
+    (world / "cache").mkdir()
+    save_file({"classifier.weight": np.zeros((3, 3), np.float32)}, world / "wrong.safetensors")
+    (world / "nothing").mkdir()
+    main(["import", str(world / "one.csv"), "--output", str(world / "single")])
+    return world
+
+
+CASES = {
+    "unequal length": "import long.csv --output out",
+    "unequal rate": "import slow.csv --output out",
+    "grey frames": "import grey.csv --output out",
+    "truncated AVI": "import cut.csv --output out",
+    "AVI of no length": "import empty.csv --output out",
+    "text for an AVI": "import text.csv --output out",
+    "a video that is not there": "import absent.csv --output out",
+    "one camera where two are needed": "train single --grasp gel --output out.taxel --cache cache",
+    "one camera missing in a row": "import blank.csv --output out",
+    "label after the video": "label pour.mcap --onset 99 --cache cache",
+    "label before the video": "label pour.mcap --frame -1 --cache cache",
+    "label of a rule that is not": "label pour.mcap --rule wobble --cache cache",
+    "weights of the wrong shape": "evaluate transition-tables --data pours "
+    "--weights wrong.safetensors",
+    "weights that are not there": "evaluate transition-tables --data pours --weights none.pth",
+    "tables of a folder without pours": "evaluate transition-tables --data nothing",
+    "warnings without a folder": "evaluate grasp-warnings",
+    "warnings of one cup": "evaluate grasp-warnings --data lonely --rule gross-slip "
+    "--backbones gel --cache cache",
+    "warnings of a backbone that is not": "evaluate grasp-warnings --data pours --backbones best",
+    "precisions of what runs in no engine": "evaluate precisions --data pours --backbones gel",
+    "slip trials of pours": "evaluate slip-trials --data pours --cache cache",
+    "bf16 in an engine without": "evaluate transition-tables --data pours --precision bf16",
+    "a head that is not": "train pours --grasp gel --head gru --output out.taxel --cache cache",
+    "windows of one frame": "train pours --grasp gel --frames 1 --output out.taxel --cache cache",
+    "live without a bundle": "live none.taxel sim://cup-pour",
+    "live of an address that is not": "live none.taxel sim://cup-poor",
+    "a simulated set of no cups": "simulate cup-pour --cups 0 --output out",
+    "a moment after the recording": "view pour.mcap --at 99 --png out.png",
+}
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_one_plain_line_exit_code_2_and_nothing_written(
+    name: str, world: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(world)
+    monkeypatch.setenv("TAXEL_CACHE", str(world / "cache"))
+    before = files(world)
+
+    with pytest.raises(SystemExit) as ended:
+        main(CASES[name].split())
+
+    lines = capsys.readouterr().err.strip().splitlines()
+    assert ended.value.code == 2
+    assert len(lines) == 1, lines
+    assert files(world) == before
+
+
+def files(world: Path) -> list[str]:
+    """Return what lies in the folder, but for the cache, which may grow."""
+    found = (path for path in world.rglob("*") if "cache" not in path.relative_to(world).parts)
+    return sorted(str(path) for path in found)
