@@ -12,7 +12,16 @@ from numpy.typing import NDArray
 
 from taxel.cli.evaluate_slips import run_slip_trials
 from taxel.errors import BadDataset, BadInput, BadSplit
-from taxel.evaluation.slip_crops import THUMB, CropExtractor, SlipCrops, cut_crops
+from taxel.evaluation.slip_crops import (
+    GREY_COLUMNS,
+    MOTION,
+    PLACES,
+    THUMB,
+    CropExtractor,
+    SlipCrops,
+    crop_starts,
+    cut_crops,
+)
 from taxel.evaluation.slip_trials import (
     CONTENDERS,
     Contender,
@@ -21,6 +30,7 @@ from taxel.evaluation.slip_trials import (
     object_folds,
     score_slips,
 )
+from taxel.gel.slip_features import SLIP_FEATURES
 from taxel.recordings.known import gelsight_slip_rows
 from taxel.recordings.videos import import_videos
 from taxel.training.features import FrameFeatures
@@ -37,6 +47,12 @@ def trial_features(frames: int, value: float, seed: int = 0) -> FrameFeatures:
     )
 
 
+def same(value: float) -> FrameFeatures:
+    features = trial_features(CROP, 0.0)
+    features.values[:] = value
+    return features
+
+
 def some_crops(objects: int = 8, per_object: int = 3) -> SlipCrops:
     """Trials in which slip shows as larger values, and slip trials are shorter."""
     slipped = [(o + t) % 2 == 0 for o in range(objects) for t in range(per_object)]
@@ -49,32 +65,50 @@ def some_crops(objects: int = 8, per_object: int = 3) -> SlipCrops:
     return cut_crops(features, slipped, names, CROP)
 
 
-def test_no_crop_crosses_trials_and_what_is_left_over_is_left_out() -> None:
+def test_no_crop_crosses_trials_and_each_trial_has_three() -> None:
     crops = cut_crops(
         [trial_features(CROP * 2 + 7, 10.0), trial_features(CROP, -10.0)],
         [True, False], ["a", "b"], CROP,
     )  # fmt: skip
-    assert crops.trial.tolist() == [0, 0, 1]
-    assert crops.position.tolist() == [0, 1, 0]
+    assert crops.trial.tolist() == [0, 0, 0, 1, 1, 1]
+    assert crops.place.tolist() == [0, 1, 2] * 2
     columns = crops.movement.shape[1] // 24
     means = crops.movement[:, :columns]
-    assert np.allclose(means[:2], 10.0, atol=0.1)
-    assert np.allclose(means[2], -10.0, atol=0.1)
+    assert np.allclose(means[:3], 10.0, atol=0.1)
+    assert np.allclose(means[3:], -10.0, atol=0.1)
 
 
 def test_a_crop_tells_nothing_of_the_frames_around_it(drifting: list[NDArray[np.uint8]]) -> None:
     extractor = CropExtractor(CROP)
-    whole = extractor.of(drifting)
-    alone = extractor.of(drifting[CROP : 2 * CROP])
-    assert np.array_equal(whole[CROP : 2 * CROP], alone)
-    assert not whole[2 * CROP :].any()
+    whole = extractor.of(drifting)[:CROP]
+    assert not extractor.of(drifting)[CROP:].any()
+    row = extractor.features // len(PLACES)
+    for number, start in enumerate(crop_starts(len(drifting), CROP)):
+        alone = extractor.of(drifting[start : start + CROP])[:, :row]
+        assert np.array_equal(whole[:, number * row : (number + 1) * row], alone)
+
+
+def test_crops_lie_at_the_start_the_middle_and_the_end() -> None:
+    assert crop_starts(100, 20) == [0, 40, 80]
+    assert crop_starts(20, 20) == [0, 0, 0]
+
+
+def test_the_bars_columns_are_the_statistics_of_grey_differences() -> None:
+    features = trial_features(CROP, 0.0)
+    grey = len(SLIP_FEATURES) + np.arange(len(MOTION))
+    features.values[:, grey] = 7.0
+    crops = cut_crops([features], [True], ["a"], CROP)
+    means = crops.movement[:, GREY_COLUMNS][:, : len(MOTION)]
+    assert np.allclose(means[0], 7.0)
+    others = np.setdiff1d(np.arange(crops.movement.shape[1] // 24), grey)
+    assert np.abs(crops.movement[0, others]).max() < 1.0
 
 
 def test_which_camera_is_left_does_not_matter_to_movement() -> None:
     one = trial_features(CROP, 1.0)
     mirrored = FrameFeatures(one.values, one.row[:, ::-1])
     both = cut_crops([one, mirrored], [True, False], ["a", "b"], CROP)
-    assert np.array_equal(both.movement[0], both.movement[1])
+    assert np.array_equal(both.movement[:3], both.movement[3:])
 
 
 def test_crops_of_one_object_never_stand_on_both_sides() -> None:
@@ -97,10 +131,6 @@ def test_controls_are_judged_and_say_what_leaks() -> None:
     length = by_name["control: trial's length"]
     assert length.leaks
     assert length.crops.auc == 1.0
-    position = by_name["control: crop's position"]
-    assert position.leaks
-    assert position.auc_same_position == 0.5
-    assert position.first_crops.auc == 0.5
     majority = by_name["control: majority class"]
     assert majority.crops.accuracy == pytest.approx(1 - crops.y.mean())
     assert len(results) == len(CONTENDERS) - 1
@@ -108,13 +138,15 @@ def test_controls_are_judged_and_say_what_leaks() -> None:
 
 def test_a_trials_first_frame_is_that_of_its_first_crop() -> None:
     features = trial_features(CROP * 2, 0.0)
-    features.values[:] = np.arange(CROP * 2).repeat(2)[:, None]
-    crops = cut_crops([features, trial_features(CROP, 5.0)], [True, False], ["a", "b"], CROP)
+    row = features.values.shape[1] // len(PLACES)
+    features.values[:] = np.arange(len(PLACES)).repeat(row)[None]
+    crops = cut_crops([features, same(5.0)], [True, False], ["a", "b"], CROP)
     control = next(one for one in CONTENDERS if "trial's first frame" in one.name)
     rows = control.rows(crops)
-    assert rows.shape == (3, 2 * THUMB[0] * THUMB[1])
-    assert not rows[:2].any()
-    assert np.all(crops.first_frame[1] == CROP)
+    assert rows.shape == (6, 2 * THUMB[0] * THUMB[1])
+    assert not rows[:3].any()
+    assert np.all(rows[3:] == 5.0)
+    assert np.all(crops.first_frame[1] == 1.0)
 
 
 def test_the_interval_holds_the_score_and_resamples_objects() -> None:

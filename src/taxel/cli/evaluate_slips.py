@@ -25,7 +25,13 @@ def run_slip_trials(
     Raises:
         BadInput: The options or recordings do not allow it.
     """
-    from taxel.evaluation.slip_crops import LEAST_CROP, CropExtractor, check_trials, cut_crops
+    from taxel.evaluation.slip_crops import (
+        LEAST_CROP,
+        PLACES,
+        CropExtractor,
+        check_trials,
+        cut_crops,
+    )
     from taxel.evaluation.slip_trials import CONTENDERS, judge_slips
     from taxel.training.features import Progress, default_cache, extract
     from taxel.windows.pours import read_pours
@@ -67,7 +73,7 @@ def run_slip_trials(
             {
                 "trials": len(crops.slipped),
                 "objects": len(set(crops.objects.tolist())),
-                "crops": len(crops.trial),
+                "crops_a_trial": len(PLACES),
                 "crop": crop,
                 "folds": folds,
                 "rows": [asdict(one) for one in results],

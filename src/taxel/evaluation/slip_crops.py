@@ -1,9 +1,9 @@
-"""Crops of fixed length at fixed positions of trials, and what each shows of movement.
+"""Three crops of fixed length of each trial, and what each shows of movement.
 
-Crop c of a trial is its frames crop·c to crop·(c + 1) - 1; frames after the last whole
-crop are left out. All of a crop's quantities of movement are relative to its own first
-frames, so that none tells how long the trial is or where in it the crop lies. Knows
-nothing about folds, models or scores.
+A trial's first, middle and last crop: every trial has all three, at the same places, and
+those of a short trial overlap. So neither how many crops there are nor where they lie tells
+how long the trial is, which tells slip (it ends trials). All of a crop's quantities of
+movement are relative to its own first frames. Knows nothing about folds, models or scores.
 """
 
 from __future__ import annotations
@@ -44,11 +44,25 @@ GRID: Final = (3, 4)
 THUMB: Final = (6, 8)
 """Rows and columns of the grey frame that a control sees."""
 _PLACES: Final = GRID[0] * GRID[1]
+PLACES: Final[tuple[str, ...]] = ("first", "middle", "last")
+"""The crops of each trial."""
 _WIDTH: Final = len(SLIP_FEATURES) + len(MOTION) + len(FLOW) + 2 * _PLACES
 """Columns of movement; the thumb follows them."""
 _BANDS: Final = ((1, 3), (3, 8), (8, 1000))
 """Cycles a crop: 0.5 to 1.5, 1.5 to 4 and above 4 Hz for 48 frames at 25 frames a second."""
 _STATISTICS: Final = 9 + len(_BANDS)
+_ROW: Final = _WIDTH + THUMB[0] * THUMB[1]
+"""Columns of a crop's frame."""
+GREY_COLUMNS: Final = (
+    np.arange(2 * _STATISTICS)[:, None] * _WIDTH + len(SLIP_FEATURES) + np.arange(len(MOTION))
+).ravel()
+"""Which columns of `SlipCrops.movement` sum up mean grey differences: what the bar sees."""
+
+
+def crop_starts(frames: int, crop: int) -> list[int]:
+    """Return the first frames of a trial's crops, in the order of `PLACES`."""
+    last = frames - crop
+    return [0, last // 2, last]
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,20 +71,22 @@ class CropExtractor:
 
     crop: int
     """Frames in a crop."""
-    features: int = _WIDTH + THUMB[0] * THUMB[1]
+    features: int = len(PLACES) * _ROW
     in_order: bool = True
 
     @property
     def key(self) -> str:
         """Name for the cache."""
         names = hashlib.sha256(",".join(SLIP_FEATURES + MOTION + FLOW).encode()).hexdigest()[:8]
-        return f"slip-crops-1-{names}-{self.crop}-{REFERENCE_FRAMES}"
+        return f"slip-crops-2-{names}-{self.crop}-{REFERENCE_FRAMES}"
 
     def of(self, images: Sequence[NDArray[np.uint8]]) -> NDArray[np.float32]:
-        """Return shape (n, features); zeros for frames after the last whole crop."""
+        """Return shape (n, features): row i holds frame i of all three crops; then zeros."""
         rows = np.zeros((len(images), self.features), np.float32)
-        for start in range(0, len(images) - self.crop + 1, self.crop):
-            rows[start : start + self.crop] = _crop_rows(images[start : start + self.crop])
+        if len(images) >= self.crop:
+            starts = crop_starts(len(images), self.crop)
+            each = [_crop_rows(images[start : start + self.crop]) for start in starts]
+            rows[: self.crop] = np.concatenate(each, axis=1)
         return rows
 
 
@@ -127,18 +143,16 @@ def _flow_columns(moved: NDArray[np.float32]) -> NDArray[np.float32]:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SlipCrops:
-    """All trials' crops as rows of numbers."""
+    """All trials' crops as rows of numbers, a trial's three together."""
 
     movement: NDArray[np.float32]
     """Shape (n, columns): what the strong model sees."""
-    simple: NDArray[np.float32]
-    """Shape (n, columns): statistics of mean grey differences, what the bar sees."""
     first_frame: NDArray[np.float32]
     """Shape (n, cameras · 48): the crop's first frame, 8×6 grey."""
     trial: NDArray[np.intp]
     """Shape (n,): index of the trial."""
-    position: NDArray[np.intp]
-    """Shape (n,): crop number within the trial, from 0."""
+    place: NDArray[np.intp]
+    """Shape (n,): index in `PLACES`."""
     slipped: NDArray[np.intp]
     """Shape (trials,): 1 where the object slipped."""
     objects: NDArray[np.str_]
@@ -187,7 +201,7 @@ def cut_crops(
     objects: Sequence[str],
     crop: int,
 ) -> SlipCrops:
-    """Cut trials into crops and sum each up.
+    """Sum up the three crops of each trial.
 
     Args:
         features: Of `CropExtractor`, one a trial, shape (frames, cameras, features).
@@ -198,8 +212,7 @@ def cut_crops(
     Raises:
         BadDataset: A trial is shorter than one crop.
     """
-    movement, simple, first, trial, position = [], [], [], [], []
-    lengths = []
+    movement, first, lengths = [], [], []
     for index, one in enumerate(features):
         values = one.all()
         lengths.append(len(values))
@@ -209,20 +222,15 @@ def cut_crops(
                 f"{len(values)} in trial {index + 1}",
                 "choose a shorter --crop",
             )
-        for number in range(len(values) // crop):
-            part = values[number * crop : (number + 1) * crop]
+        for number in range(len(PLACES)):
+            part = values[:crop, :, number * _ROW : (number + 1) * _ROW]
             movement.append(_sum_up(part[..., :_WIDTH]))
-            columns = slice(len(SLIP_FEATURES), len(SLIP_FEATURES) + len(MOTION))
-            simple.append(_sum_up(part[..., columns]))
             first.append(part[0, :, _WIDTH:].ravel())
-            trial.append(index)
-            position.append(number)
     return SlipCrops(
         movement=np.stack(movement),
-        simple=np.stack(simple),
         first_frame=np.stack(first),
-        trial=np.array(trial, np.intp),
-        position=np.array(position, np.intp),
+        trial=np.repeat(np.arange(len(features)), len(PLACES)),
+        place=np.tile(np.arange(len(PLACES)), len(features)),
         slipped=np.array(slipped, np.intp),
         objects=np.array(objects, np.str_),
         length=np.array(lengths, np.intp),
