@@ -33,13 +33,26 @@ class Train:
     grasp: str | None = None
     """For recordings of tactile cameras: learn a monitor from these features: gel (what markers
     and imprint do) or a backbone's name; --output is then the bundle itself, NAME.taxel."""
+    fine_tune: int = 0
+    """With --grasp BACKBONE: instead, train the backbone itself end to end for so many epochs;
+    --output is then its weights, NAME.safetensors, for --weights. Runs on any device, and under
+    torchrun on several."""
     grasps: Annotated[GraspOptions, tyro.conf.arg(name="")] = field(default_factory=GraspOptions)
     recipe: Annotated[RecipeOptions, tyro.conf.arg(name="")] = field(default_factory=RecipeOptions)
 
     def run(self) -> None:
         """Check, train and save."""
+        if self.fine_tune and self.grasp is None:
+            raise BadInput("--grasp BACKBONE beside --fine-tune", "none", "name one")
         if self.grasp is not None:
-            from taxel.cli.train_grasps import train_grasps
+            from taxel.cli.train_grasps import fine_tune_backbone, train_grasps
+
+            if self.fine_tune:
+                fine_tune_backbone(
+                    self.grasps, self.grasp, self.data, self.output, self.recipe.seed,
+                    self.fine_tune, self.json,
+                )  # fmt: skip
+                return
 
             train_grasps(
                 self.grasps, self.grasp, self.data, self.output, self.recipe.seed, self.json

@@ -69,6 +69,65 @@ def train_grasps(
     console.print(f"next: taxel live {output} 'sim://cup-pour' --seconds 20")
 
 
+def fine_tune_backbone(
+    options: GraspOptions,
+    backbone: str,
+    data: Path,
+    output: Path,
+    seed: int,
+    epochs: int,
+    as_json: bool,
+) -> None:
+    """Train a backbone end to end on pours and write its weights."""
+    from taxel.cli.evaluate_grasps import head_config
+    from taxel.evaluation.transition_data import tracks_of
+    from taxel.models.backbones.catalogue import find_backbone
+    from taxel.models.backbones.weight_files import save_backbone_weights
+    from taxel.training.extractors import BackboneExtractor
+    from taxel.training.fine_tuning import EndToEnd, FineTuneConfig, fine_tune
+    from taxel.training.heads import fit_head
+
+    if backbone == GEL:
+        raise BadInput("a backbone to train end to end", GEL, "name one, such as edge")
+    if not 1 <= epochs <= 1000:
+        raise BadInput("--fine-tune within 1 and 1000 epochs", str(epochs), "choose another")
+    if output.is_dir() or not output.name.endswith(".safetensors"):
+        raise BadInput("--output NAME.safetensors: a backbone's weights", str(output),
+                       f"name a file such as {backbone}.safetensors")  # fmt: skip
+    with progress() as bar:
+        pours = load_set(options, data, bar)
+        extractor = open_features(backbone, options, pours)
+        assert isinstance(extractor, BackboneExtractor)
+        features = extract_features(extractor, backbone, pours, options, bar)
+        config = head_config(options, seed)
+        everything = np.arange(len(pours.pours), dtype=np.intp)
+        head = fit_head(tracks_of(features, pours.labels, everything), config)
+        module = find_backbone(backbone).build("logits")
+        extractor.weights.load_into(module)
+        task = bar.add_task("end to end", total=None)
+        done = fine_tune(
+            EndToEnd(module, backbone, head), pours.pours, pours.labels,
+            FineTuneConfig(epochs=epochs, seed=seed), frames=config.frames, stride=config.stride,
+            on_step=lambda step, of, loss: bar.update(
+                task, description=f"end to end, loss {loss:.3f}", completed=step, total=of
+            ),
+        )  # fmt: skip
+    if not done.first:
+        return
+    save_backbone_weights(module, output)
+    if as_json:
+        print_json({"weights": str(output), "losses": done.losses, "device": done.device,
+                    "processes": done.processes})  # fmt: skip
+        return
+    console.print(
+        f"{output}: {backbone} after {epochs} epochs on {done.device}, {done.processes} "
+        f"process(es); loss {', '.join(f'{loss:.3f}' for loss in done.losses)}"
+    )
+    console.print(
+        f"next: taxel train {data} --grasp {backbone} --weights {output} --output grasp.taxel"
+    )
+
+
 def _contract(
     options: GraspOptions,
     features_name: str,
