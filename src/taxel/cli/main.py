@@ -108,6 +108,18 @@ def _live() -> type[Verb]:
     return Live
 
 
+def _find() -> type[Verb]:
+    from taxel.cli.find import Find
+
+    return Find
+
+
+def _doctor() -> type[Verb]:
+    from taxel.cli.doctor import Doctor
+
+    return Doctor
+
+
 def _bench() -> type[Verb]:
     from taxel.cli.bench import Bench
 
@@ -116,6 +128,8 @@ def _bench() -> type[Verb]:
 
 VERBS: dict[str, tuple[str, Callable[[], type[Verb]]]] = {
     "demo": ("see the TENG hand work end to end, without hardware", _demo),
+    "find": ("list boards and cameras by serial number", _find),
+    "doctor": ("say what this machine lacks for live work", _doctor),
     "simulate": ("write recordings of a simulated sensor", _simulate),
     "record": ("record a source to an MCAP file", _record),
     "recover": ("save what is sound in a damaged or unfinished recording", _recover),

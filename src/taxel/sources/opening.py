@@ -2,6 +2,8 @@
 
     sim://teng?preset=honest&shape=sphere&speed=max
     sim://cup-pour?force_n=25&runs=3
+    serial:///dev/serial/by-id/board-a,/dev/serial/by-id/board-b
+    camera:///dev/v4l/by-id/left,/dev/v4l/by-id/right?width=640&height=480&rate_hz=30
     replay://runs/session-1.mcap?speed=2
     runs/session-1.mcap                       (the same as replay://)
 
@@ -44,9 +46,29 @@ def _open_replay(name: str, options: dict[str, str], clock: Clock) -> Source:
     return Replay(Path(name), options, clock)
 
 
+def _open_serial(name: str, options: dict[str, str], clock: Clock) -> Source:
+    try:
+        from taxel.sources.serial_boards import SerialBoards
+    except ModuleNotFoundError as error:
+        raise MissingExtra(error.name or "pyserial", "serial", "boards on a serial port") from error
+
+    return SerialBoards(name, options, clock)
+
+
+def _open_camera(name: str, options: dict[str, str], clock: Clock) -> Source:
+    try:
+        from taxel.sources.cameras import Cameras
+    except ModuleNotFoundError as error:
+        raise MissingExtra(error.name or "linuxpy", "camera", "tactile cameras") from error
+
+    return Cameras(name, options, clock)
+
+
 SCHEMES: dict[str, Callable[[str, dict[str, str], Clock], Source]] = {
     "sim": _open_sim,
     "replay": _open_replay,
+    "serial": _open_serial,
+    "camera": _open_camera,
 }
 """Scheme → how to open it: (what follows ://, options, clock) → source."""
 

@@ -1,0 +1,1 @@
+"""What is done about a decision: alarms, grippers, arms, and the interlock before them."""

@@ -1,0 +1,1 @@
+"""The wire format between a board and the host: frames, checks, messages."""
