@@ -24,15 +24,21 @@ from taxel.recordings.writer import Recorder
 from taxel.signals import CameraInfo, Frame, Mark, Samples, SensorInfo
 from taxel.sim.cup_pour import SIM_VERSION, CupPourConfig, PourTrack, list_runs, simulate_pour
 from taxel.sim.cups import PourRun
-from taxel.sim.gelsight import CameraTimes, GelCamera, camera_times, draw_sensor
+from taxel.sim.gelsight import (
+    CameraTimes,
+    GelCamera,
+    SensorNuisance,
+    camera_times,
+    draw_sensor,
+)
 from taxel.sim.pour_state import TRUTH_CHANNELS, TRUTH_UNITS, GelMotion
 
 SIDES = ("left", "right")
 CAMERA_HZ = 25.0
 """Images a second of a GelSight Mini as sold; a 60 Hz video repeats them. Source: PHYSICS.md."""
-_FINE = 2
+FINE = 2
 """Moments of the dynamics a video frame, between which a camera's image is interpolated."""
-_ARRIVAL_S = 0.004
+ARRIVAL_S = 0.004
 """From the camera to the host. Source: our choice."""
 
 
@@ -61,24 +67,16 @@ def simulate_videos(
     run: PourRun, camera_hz: float, frame_hz: float, duration_s: float
 ) -> tuple[PourTrack, tuple[SimulatedVideo, ...]]:
     """Return a run's track at the frames' times, and what both cameras see."""
-    fine = simulate_pour(run, frame_hz * _FINE, duration_s)
+    fine = simulate_pour(run, frame_hz * FINE, duration_s)
     videos = []
     for side, name in enumerate(SIDES):
         times = camera_times(camera_hz, frame_hz, duration_s, run.seed * 2 + side)
         sensor = draw_sensor(run.seed, side)
         camera = GelCamera(fine.shapes[side], sensor, run.seed * 2 + side)
-        motion = _motion_at(fine.motions[side], fine.time_s, times.taken_s)
-        info = CameraInfo(
-            name=name,
-            width=320,
-            height=240,
-            rate_hz=frame_hz,
-            mm_per_px=sensor.mm_per_px,
-            serial=f"sim://cup-pour {SIM_VERSION} {name}",
-            details={"camera_hz": f"{camera_hz:g}"},
-        )
+        motion = motion_at(fine.motions[side], fine.time_s, times.taken_s)
+        info = camera_info(name, sensor, camera_hz, frame_hz)
         videos.append(SimulatedVideo(info, times, _images(camera, motion, times)))
-    part = slice(None, None, _FINE)
+    part = slice(None, None, FINE)
     track = PourTrack(
         time_s=fine.time_s[part],
         motions=fine.motions,
@@ -88,6 +86,26 @@ def simulate_videos(
         pour_end_s=fine.pour_end_s,
     )
     return track, tuple(videos)
+
+
+def camera_info(name: str, sensor: SensorNuisance, camera_hz: float, frame_hz: float) -> CameraInfo:
+    """Return what one simulated camera is.
+
+    Args:
+        name: One of `SIDES`.
+        sensor: Its nuisances.
+        camera_hz: Images a second that it takes.
+        frame_hz: Frames a second that it delivers.
+    """
+    return CameraInfo(
+        name=name,
+        width=320,
+        height=240,
+        rate_hz=frame_hz,
+        mm_per_px=sensor.mm_per_px,
+        serial=f"sim://cup-pour {SIM_VERSION} {name}",
+        details={"camera_hz": f"{camera_hz:g}"},
+    )
 
 
 def write_pours(
@@ -168,17 +186,28 @@ def video_frames(
             shown = int(video.times.shown[index])
             while latest[camera][0] < shown:
                 latest[camera] = (latest[camera][0] + 1, encode_jpeg(next(video.images)))
-            frames.append(
-                Frame(
-                    camera=camera,
-                    jpeg=latest[camera][1],
-                    counter=shown,
-                    device_s=float(video.times.taken_s[shown]) + 10.0,
-                    arrival_s=float(time_s) + _ARRIVAL_S,
-                    fitted_s=float(time_s),
-                )
-            )
+            frames.append(frame_of(camera, latest[camera][1], shown, video.times, float(time_s)))
         yield frames, Samples.from_values(track.truth[index : index + 1], track.time_s[[index]])
+
+
+def frame_of(camera: int, jpeg: bytes, shown: int, times: CameraTimes, time_s: float) -> Frame:
+    """Return the frame that a camera delivers at a moment.
+
+    Args:
+        camera: Which one.
+        jpeg: The image that it shows.
+        shown: That image's number.
+        times: The camera's.
+        time_s: The moment, seconds.
+    """
+    return Frame(
+        camera=camera,
+        jpeg=jpeg,
+        counter=shown,
+        device_s=float(times.taken_s[shown]) + 10.0,
+        arrival_s=time_s + ARRIVAL_S,
+        fitted_s=time_s,
+    )
 
 
 def groups_of(run: PourRun) -> dict[str, str]:
@@ -229,7 +258,7 @@ def _images(
         yield camera.frame(motion, index, float(taken_s))
 
 
-def _motion_at(
+def motion_at(
     motion: GelMotion, time_s: NDArray[np.float64], taken_s: NDArray[np.float64]
 ) -> GelMotion:
     """Return a motion at other moments, by straight lines between those known."""

@@ -1,6 +1,8 @@
 """`sim://cup-pour`: two simulated tactile cameras that hold cup after cup, as a live source.
 
-Knows nothing about files or models.
+Its gripper obeys: `grip` commands a force, which works as late and as gradually as a real
+gripper's would, and the next pictures show it. Knows nothing about files, models or who
+commands.
 """
 
 from __future__ import annotations
@@ -20,14 +22,8 @@ from taxel.signals import CameraInfo, Frame, Mark, Samples, SensorInfo
 from taxel.sim.cup_pour import CupPourConfig
 from taxel.sim.cups import Kind, Position, PourRun, draw_cup, draw_run
 from taxel.sources.pacing import Pacer, Stretch, read_speed
-from taxel.sources.pour_sets import (
-    CAMERA_HZ,
-    describe_run,
-    mark_of,
-    sensor_info,
-    simulate_videos,
-    video_frames,
-)
+from taxel.sources.pour_sets import CAMERA_HZ, describe_run, mark_of, sensor_info
+from taxel.sources.stepped_pour import SteppedPour
 
 PAUSE_S = 0.5
 """Between one grasp's end and the next's beginning. Source: our choice."""
@@ -72,6 +68,9 @@ class SimPour:
         self._choice = parse_choice(options)
         self._samples: deque[Stretch] = deque()
         self._frames: deque[Frame] = deque()
+        self._pour: SteppedPour | None = None
+        self._number = -1
+        self._frames_given = 0
         self._events = self._simulate()
         self._cameras: tuple[CameraInfo, ...] = ()
         self._more()
@@ -95,7 +94,26 @@ class SimPour:
         return self._pacer.read(timeout_s)
 
     def frames(self) -> list[Frame]:
-        return self._pacer.frames()
+        given = self._pacer.frames()
+        self._frames_given += len(given)
+        return given
+
+    def grip(self, force_n: float) -> None:
+        """Command a grip force of the grasp whose frames were given last.
+
+        One moment is simulated ahead of those given, so a command works one frame later at
+        the earliest. It ends with its grasp: the next one begins with its own force.
+
+        Args:
+            force_n: Newtons, cut to the gripper's limits.
+
+        Raises:
+            BadInput: The force is no number.
+        """
+        moments = round(self._choice.duration_s * _FRAME_HZ)
+        given = max(self._frames_given - 1, 0) // (moments * len(self._cameras))
+        if self._pour is not None and given == self._number:
+            self._pour.grip(force_n)
 
     def marks(self) -> list[Mark]:
         return self._pacer.marks()
@@ -135,12 +153,12 @@ class SimPour:
         choice = self._choice
         for number in count() if choice.runs is None else range(choice.runs):
             run = draw_choice(choice, number)
-            track, videos = simulate_videos(run, choice.camera_hz, _FRAME_HZ, choice.duration_s)
-            self._cameras = self._cameras or tuple(video.info for video in videos)
+            pour = SteppedPour(run, choice.camera_hz, _FRAME_HZ, choice.duration_s)
+            self._pour, self._number = pour, number
+            self._cameras = self._cameras or pour.cameras
             start_s = number * (choice.duration_s + PAUSE_S)
-            mark = mark_of(run, track, describe_run(run, track))
-            last = len(track.time_s) - 1
-            for index, (frames, samples) in enumerate(video_frames(track, videos)):
+            while not pour.ended:
+                frames, samples = pour.step()
                 moved = [
                     replace(
                         frame,
@@ -153,7 +171,9 @@ class SimPour:
                 time_s = samples.fitted_s + start_s
                 later = replace(samples, fitted_s=time_s, arrival_s=time_s, device_s=time_s)
                 marks = []
-                if index == last:
+                if pour.ended:
+                    track = pour.track()
+                    mark = mark_of(run, track, describe_run(run, track))
                     begin_s, end_s = mark.start_s + start_s, mark.end_s + start_s
                     marks = [replace(mark, start_s=begin_s, end_s=end_s)]
                 yield moved, (later, marks)
