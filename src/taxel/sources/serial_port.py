@@ -1,0 +1,161 @@
+"""One serial port that may vanish and come back: a thread that reads, stamps and reopens it.
+
+Bytes are stamped right after the system hands them over. Knows nothing about frames,
+lines or boards.
+"""
+
+from __future__ import annotations
+
+import errno
+import os
+import select
+import termios
+import threading
+from collections import deque
+from dataclasses import dataclass
+
+import serial
+
+from taxel.clock import Clock
+
+REOPEN_S = 0.02
+"""How often a path that is gone is tried again, seconds. Source: docs/decisions/0014."""
+_LOOK_S = 0.02
+"""How long a read waits before it looks whether it shall end, seconds. Our choice."""
+_AT_ONCE = 65536
+"""Bytes taken at most by one read. Our choice: above any driver's buffer."""
+_KEPT_CHUNKS = 60_000
+"""Chunks kept while nobody reads, at 1 kHz about a minute; then the oldest are dropped and
+counted. Our choice."""
+_WRITE_S = 0.2
+"""A write that takes longer has failed, seconds. Our choice."""
+
+
+@dataclass(frozen=True, slots=True)
+class Chunk:
+    """Bytes as they came, or a change of the port."""
+
+    arrival_s: float
+    """The host's clock right after the read, seconds."""
+    data: bytes
+    opened: bool = False
+    """The port was opened, for the first time or again."""
+    gone: bool = False
+    """The port was lost."""
+
+
+class SerialPort:
+    """A port held open for as long as it exists, from a thread of its own.
+
+    Args:
+        path: A device such as /dev/serial/by-id/…; resolved anew at each opening.
+        baud: Bits a second.
+        clock: Stamps arrivals.
+    """
+
+    def __init__(self, path: str, baud: int, clock: Clock) -> None:
+        self.path = path
+        self.trouble = ""
+        """Why the last try to open it failed, in plain words; empty where it did not."""
+        self.overrun = 0
+        """Chunks that were dropped since nobody took them."""
+        self._baud = baud
+        self._clock = clock
+        self._chunks: deque[Chunk] = deque()
+        self._port: serial.Serial | None = None
+        self._lock = threading.Lock()
+        self._ending = threading.Event()
+        self._thread = threading.Thread(target=self._run, name=f"taxel {path}", daemon=True)
+        self._thread.start()
+
+    @property
+    def is_open(self) -> bool:
+        """True while the device is there and held."""
+        return self._port is not None
+
+    def take(self) -> list[Chunk]:
+        """Return what came since the last call, oldest first; never waits."""
+        taken = []
+        for _ in range(len(self._chunks)):
+            taken.append(self._chunks.popleft())
+        return taken
+
+    def write(self, data: bytes) -> bool:
+        """Send bytes; False where the port is not there or does not take them."""
+        with self._lock:
+            if self._port is None:
+                return False
+            try:
+                return self._port.write(data) == len(data)
+            except (OSError, termios.error):  # the reading thread sees to a port that is gone
+                return False
+
+    def close(self) -> None:
+        """End the thread and let go of the port."""
+        self._ending.set()
+        self._thread.join()
+
+    def _run(self) -> None:
+        while not self._ending.is_set():
+            port = self._open()
+            if port is None:
+                self._ending.wait(REOPEN_S)
+                continue
+            with self._lock:
+                self._port = port
+            self._put(Chunk(self._clock.now_s(), b"", opened=True))
+            self._read(port.fileno())
+            with self._lock:
+                self._port = None
+                port.close()
+            self._put(Chunk(self._clock.now_s(), b"", gone=True))
+
+    def _open(self) -> serial.Serial | None:
+        if not os.path.exists(self.path):
+            self.trouble = "no such device"
+            return None
+        try:
+            port = serial.Serial(
+                self.path, self._baud, timeout=0, write_timeout=_WRITE_S, exclusive=True
+            )
+        except (OSError, ValueError, termios.error) as error:
+            self.trouble = _why(error)
+            return None
+        try:
+            port.set_low_latency_mode(True)  # else an FTDI chip holds bytes back for 16 ms
+        except (OSError, ValueError, NotImplementedError, AttributeError):
+            pass  # not every driver has it
+        self.trouble = ""
+        return port
+
+    def _read(self, fd: int) -> None:
+        """Read until the port is gone or the end is asked for."""
+        while not self._ending.is_set():
+            try:
+                if not select.select([fd], [], [], _LOOK_S)[0]:
+                    continue
+                data = os.read(fd, _AT_ONCE)
+            except BlockingIOError:
+                continue
+            except OSError:
+                return
+            if not data:
+                return
+            self._put(Chunk(self._clock.now_s(), data))
+
+    def _put(self, chunk: Chunk) -> None:
+        if len(self._chunks) >= _KEPT_CHUNKS and chunk.data:
+            self._chunks.popleft()
+            self.overrun += 1
+        self._chunks.append(chunk)
+
+
+def _why(error: Exception) -> str:
+    number = getattr(error, "errno", None)
+    if number == errno.EACCES:
+        return "no permission: add yourself to the group dialout, and log in anew"
+    if number in (errno.EAGAIN, errno.EBUSY) or "exclusively lock" in str(error):
+        return "another program holds it"
+    if number == errno.ENOENT:
+        return "no such device"
+    return str(error)
