@@ -1,4 +1,4 @@
-"""An emulated capture device: JPEG images on a clock of its own, with the faults that real ones have.
+"""An emulated capture device: JPEG images on its own clock, with the faults of real ones.
 
 Fulfils `Capture` and behaves like a USB camera under its driver: it runs free from the moment it
 is powered, has a jittering and drifting clock, four buffers, loses what comes while all are full,

@@ -270,7 +270,7 @@ class CameraLink:
         )
 
     def _fit(self, one: RingFrame) -> float:
-        """Return when a frame was taken: the driver's stamp, or a fit where its clock is another."""
+        """Return when a frame was taken: the driver's stamp, or a fit of another clock's."""
         delay_s = one.arrival_s - one.device_s
         if one.monotonic and abs(delay_s) < _LARGEST_DELAY_S:
             return min(one.device_s, one.arrival_s)

@@ -24,10 +24,10 @@ from typing import Any
 from taxel.errors import BadSource
 from taxel.sources.camera_capture import (
     Buffer,
-    Capture,
-    CaptureFactory,
     CameraGone,
     CameraRequest,
+    Capture,
+    CaptureFactory,
     whole_jpeg,
 )
 from taxel.sources.camera_ring import (

@@ -1,4 +1,4 @@
-"""Frames from one process to another through shared memory: the newest are kept, none is waited for.
+"""Frames from one process to another by shared memory: the newest are kept, nobody waits.
 
 The writer never waits: when the reader is slow the oldest frames are overwritten, and the reader
 counts them as dropped. A check sum a frame makes it impossible to read one half overwritten.

@@ -73,7 +73,9 @@ class Cameras:
         if sys.platform != "linux":
             raise BadSource("Linux for camera://", sys.platform, "record there, replay here")
         if factory is None:
-            from taxel.sources.v4l2 import open_v4l2 as factory
+            from taxel.sources.v4l2 import open_v4l2
+
+            factory = open_v4l2
         choice = parse_cameras(name, options)
         self._links: list[CameraLink] = []
         with ExitStack() as undo:

@@ -7,6 +7,7 @@ about processes, frames' health or other cameras.
 
 from __future__ import annotations
 
+import contextlib
 import errno
 import os
 from ctypes import c_int32
@@ -93,10 +94,8 @@ class V4l2Capture:
         """Stop, unmap, close."""
         if self._fd < 0:
             return
-        try:
+        with contextlib.suppress(OSError):  # unplugged, or never started
             self._kernel.ioctl(self._fd, v4l2.STREAMOFF, c_int32(v4l2.VIDEO_CAPTURE))
-        except OSError:
-            pass  # unplugged, or never started
         for one in self._maps:
             one.close()
         self._maps = []

@@ -83,7 +83,7 @@ def list_cameras(
 ) -> list[FoundCamera]:
     """Return the nodes that can capture, and those that could not be asked, by number."""
     kernel = LinuxKernel() if kernel is None else kernel
-    names = {}
+    names: dict[str, str] = {}
     for link in sorted((dev / "v4l" / "by-id").glob("*")):
         names.setdefault(os.path.realpath(link), str(link))
     found = []
