@@ -218,6 +218,15 @@ def read_grasp_bundle(
     )
 
 
+def read_grasp_contract(path: Path) -> GraspContract:
+    """Return what a grasp bundle needs and gives, without opening its models.
+
+    Raises:
+        BadBundle: It is missing, damaged or of another format.
+    """
+    return contract_from_json(_members(path)["grasp.json"].decode())
+
+
 def contract_to_json(contract: GraspContract) -> str:
     """Return the contract as JSON text; infinity is written as null."""
     data = asdict(contract) | {"format": FORMAT, "kind": "grasp"}

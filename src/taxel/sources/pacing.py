@@ -48,7 +48,7 @@ class Pacer:
     """Lets out a stream's samples and marks as they fall due.
 
     The stream's clock is moved so that its first scan or frame lies at the moment of
-    opening. At a speed other than 1 all stamps keep their spacing; only the
+    opening, or of `begin`. At a speed other than 1 all stamps keep their spacing; only the
     release is hurried or slowed. A scan falls due at its arrival, so the
     stream's own jitter is kept. Stretches are fetched one at a time, when the
     one before is used up: memory is that of a stretch, or of what fell due
@@ -91,6 +91,22 @@ class Pacer:
     def ended(self) -> bool:
         """True when no scan and no frame is left."""
         return self._over and not len(self._head) and self._next_frame is None
+
+    def begin(self) -> None:
+        """Let the stream begin now instead of at opening; nothing may have been read yet."""
+        late_s = self._clock.now_s() - self._opened_s
+        self._opened_s += late_s
+        if self._shift_s is not None:
+            self._shift_s += late_s
+        self._head = replace(
+            self._head,
+            fitted_s=self._head.fitted_s + late_s,
+            arrival_s=self._head.arrival_s + late_s,
+        )
+        self._due_s = self._due_s + late_s
+        self._marks = [
+            replace(m, start_s=m.start_s + late_s, end_s=m.end_s + late_s) for m in self._marks
+        ]
 
     def read(self, timeout_s: float) -> Samples:
         """Return what is due, waiting at most `timeout_s` seconds for the first scan.

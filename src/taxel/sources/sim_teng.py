@@ -57,6 +57,10 @@ class SimTeng:
     def ended(self) -> bool:
         return self._pacer.ended
 
+    def begin(self) -> None:
+        """Let the stream begin now instead of at opening; nothing may have been read yet."""
+        self._pacer.begin()
+
     def read(self, timeout_s: float = 0.1) -> Samples:
         return self._pacer.read(timeout_s)
 

@@ -1,0 +1,1 @@
+"""Live in processes: acquisition, inference, recording, page, and the supervisor over them."""

@@ -1,0 +1,99 @@
+"""The process that reads one source and puts what comes into its ring.
+
+Nothing downstream can slow it: the ring drops its oldest. Knows nothing about models.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from time import monotonic, sleep
+from typing import Protocol, runtime_checkable
+
+from taxel.errors import TaxelError
+from taxel.live.station.beats import Work
+from taxel.live.station.packets import pack, unpack
+from taxel.live.station.ring import RingReader, RingWriter
+from taxel.live.station.worker import Place, Pulse, at_work, settle_memory
+from taxel.sources.contract import Source
+from taxel.sources.opening import open_source
+
+_WAIT_S = 0.02
+"""Longest wait for the next scan or frame: how often a silent source gives a sign of life."""
+
+
+@runtime_checkable
+class Gripped(Protocol):
+    """A simulated source whose gripper can be told what to do."""
+
+    def grip(self, force_n: float) -> None:
+        """Hold with a force, newtons."""
+        ...
+
+
+@runtime_checkable
+class Begun(Protocol):
+    """A simulator or a replay, whose time can begin when everybody is there."""
+
+    def begin(self) -> None:
+        """Begin now instead of at opening."""
+        ...
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Acquisition:
+    """One source and where it goes."""
+
+    place: Place
+    url: str
+    ring: str
+    orders: str
+    """Ring with notes such as {"grip_n": 30.0}, for a simulated gripper."""
+
+
+def acquire(job: Acquisition) -> None:
+    """Read a source until it is asked to end; the entry point of the process."""
+    with at_work(job.place, urgent=True) as pulse:
+        try:
+            source = open_source(job.url)
+        except TaxelError as error:
+            pulse.report("refused", error)
+            pulse.beat(Work.FAILED)
+            raise SystemExit(2) from error
+        with source, RingWriter(job.ring) as writer, RingReader(job.orders) as orders:
+            pulse.report("opened", source.info, source.cameras)
+            settle_memory()
+            while not (pulse.may_begin or pulse.stopping):
+                pulse.beat(Work.STARTING)
+                sleep(_WAIT_S / 4)
+            if isinstance(source, Begun):
+                source.begin()
+            _pump(source, writer, orders, pulse)
+
+
+def _pump(source: Source, writer: RingWriter, orders: RingReader, pulse: Pulse) -> None:
+    ended = False
+    while not pulse.stopping:
+        if source.ended and not ended:
+            ended = True
+            writer.put(pack({"ended": monotonic()}))
+        samples = source.read(_WAIT_S)
+        frames, marks = source.frames(), source.marks()
+        if len(samples):
+            writer.put(pack(samples))
+        for frame in frames:
+            writer.put(pack(frame))
+        for mark in marks:
+            writer.put(pack(mark))
+        pulse.produced = writer.written
+        pulse.beat(Work.ENDED if ended else Work.RUNNING)
+        if orders.waiting:
+            _obey(source, orders)
+        if ended:
+            sleep(_WAIT_S)
+
+
+def _obey(source: Source, orders: RingReader) -> None:
+    told = orders.newest()
+    order = unpack(told) if told is not None else None
+    if isinstance(order, dict) and "grip_n" in order and isinstance(source, Gripped):
+        source.grip(float(order["grip_n"]))

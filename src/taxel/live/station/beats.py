@@ -1,0 +1,161 @@
+"""Signs of life in shared memory: each process its own row, read by the supervisor.
+
+A row is written by one process and read by others, eight bytes at a time, without a lock.
+Knows nothing about what the processes do.
+"""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass
+from enum import IntEnum
+from multiprocessing import shared_memory
+from typing import Self
+
+from taxel.live.station.ring import bytes_of
+
+ROWS = 32
+"""Processes that one board of beats has room for. Source: our choice."""
+_FIELDS = 8
+_STOP_AT = ROWS * _FIELDS
+_GO_AT = _STOP_AT + 1
+
+
+class Work(IntEnum):
+    """What a process says of itself."""
+
+    STARTING = 0
+    RUNNING = 1
+    FAILED = 2
+    ENDED = 3
+
+
+@dataclass(frozen=True, slots=True)
+class Beat:
+    """One process's row."""
+
+    beat_s: float
+    """When it last gave a sign, host monotonic, seconds; 0 where it never did."""
+    work: Work
+    produced: int
+    """Scans, frames or decisions that it made."""
+    consumed: int
+    """Messages that it took in."""
+    dropped: int
+    """Messages that were gone before it came to them."""
+    busy: bool
+    """True while it is inside one piece of work."""
+
+
+class Beats:
+    """The board of beats and the word to stop, for as long as its maker lives."""
+
+    def __init__(self) -> None:
+        size = (_STOP_AT + 8) * 8
+        self._memory = shared_memory.SharedMemory(create=True, size=size)
+        bytes_of(self._memory)[:size] = bytes(size)
+        self._view = BeatsView(self._memory.name)
+        self.name = self._memory.name
+
+    def read(self, row: int) -> Beat:
+        """Return a process's row."""
+        return self._view.read(row)
+
+    def clear(self, row: int) -> None:
+        """Forget a process that will be followed by another."""
+        self._view.clear(row)
+
+    def fail(self, row: int) -> None:
+        """Write on a process's behalf that it will make nothing more; its counts stay."""
+        self._view.set_work(row, Work.FAILED)
+
+    def go(self) -> None:
+        """Let the sources begin: everybody who follows them is there."""
+        self._view.go()
+
+    def stop(self) -> None:
+        """Ask every process to end."""
+        self._view.stop()
+
+    def close(self) -> None:
+        """Give the memory back."""
+        self._view.close()
+        self._memory.close()
+        self._memory.unlink()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+
+class BeatsView:
+    """One process's view of the board.
+
+    Args:
+        name: The board's.
+    """
+
+    def __init__(self, name: str) -> None:
+        self._memory = shared_memory.SharedMemory(name)
+        self._cells = bytes_of(self._memory)[: (_GO_AT + 1) * 8].cast("Q")
+
+    @property
+    def stopping(self) -> bool:
+        """True once every process was asked to end."""
+        return bool(self._cells[_STOP_AT])
+
+    @property
+    def gone(self) -> bool:
+        """True once the sources may begin."""
+        return bool(self._cells[_GO_AT])
+
+    def go(self) -> None:
+        """Let the sources begin."""
+        self._cells[_GO_AT] = 1
+
+    def stop(self) -> None:
+        """Ask every process to end."""
+        self._cells[_STOP_AT] = 1
+
+    def read(self, row: int) -> Beat:
+        """Return a process's row."""
+        at = row * _FIELDS
+        cells = self._cells
+        return Beat(
+            cells[at] / 1e9, Work(cells[at + 1]), cells[at + 2], cells[at + 3], cells[at + 4],
+            bool(cells[at + 5]),
+        )  # fmt: skip
+
+    def write(
+        self,
+        row: int,
+        work: Work = Work.RUNNING,
+        *,
+        produced: int = 0,
+        consumed: int = 0,
+        dropped: int = 0,
+        busy: bool = False,
+    ) -> None:
+        """Give a sign of life, with what was counted so far."""
+        at = row * _FIELDS
+        cells = self._cells
+        cells[at + 1] = work
+        cells[at + 2], cells[at + 3], cells[at + 4] = produced, consumed, dropped
+        cells[at + 5] = busy
+        cells[at] = time.monotonic_ns()
+
+    def set_work(self, row: int, work: Work) -> None:
+        """Write what a process is said to do, without a sign of life."""
+        self._cells[row * _FIELDS + 1] = work
+
+    def clear(self, row: int) -> None:
+        """Forget a row."""
+        for field in range(_FIELDS):
+            self._cells[row * _FIELDS + field] = 0
+
+    def close(self) -> None:
+        """Let go of the memory."""
+        self._cells.release()
+        self._memory.close()

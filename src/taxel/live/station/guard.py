@@ -1,0 +1,163 @@
+"""What the supervisor makes of decisions and signs of life: the state shown, alarms, orders.
+
+Runs on times passed in, without processes, so that each rule can be tested. Knows nothing
+about rings, pages or drivers.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+from taxel.actions.alarm import AlarmLatch, Level
+from taxel.actions.interlock import Interlock, InterlockState, Order
+from taxel.decisions.stability import Stability, StabilityDecision
+
+STOP = "STOP"
+"""Shown when the monitor itself is not to be trusted, or the interlock has stopped."""
+NO_GRASP = "NONE"
+"""Shown where nothing watches a grasp."""
+_WORST = (Stability.STABLE, Stability.UNKNOWN, Stability.WARNING, Stability.UNSTABLE)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class GuardConfig:
+    """Times. Source: our choice, docs/decisions/0019."""
+
+    silent_s: float = 0.08
+    """A monitor that gave no sign of life for longer is stopped or hangs, seconds: with the
+    supervisor's tick it keeps the limit of 100 ms."""
+    settling_s: float = 1.0
+    """The same while its state is UNKNOWN anyway, as when it takes in a new grasp's settled
+    frames at once, seconds."""
+
+
+@dataclass(slots=True)
+class _Monitor:
+    """One grasp monitor as last heard."""
+
+    decision: StabilityDecision
+    beat_s: float
+    dead: bool = False
+    """Its process has ended."""
+
+
+class Guard:
+    """Joins all grasp monitors into one state, the alarms and the interlock's orders.
+
+    Args:
+        interlock: Before the actuator.
+        config: Times.
+    """
+
+    def __init__(self, interlock: Interlock, config: GuardConfig | None = None) -> None:
+        self.interlock = interlock
+        self.alarms = AlarmLatch()
+        self._config = config or GuardConfig()
+        self._monitors: dict[str, _Monitor] = {}
+        self._shown = (NO_GRASP, "", 0.0)
+        self._doubt = ""
+
+    def expect(self, name: str, now_s: float) -> None:
+        """Watch a monitor from now on, also one that follows a dead one."""
+        nothing = StabilityDecision(Stability.UNKNOWN, "no input yet", now_s, math.nan)
+        self._monitors[name] = _Monitor(nothing, now_s)
+
+    def decide(self, name: str, note: dict[str, Any]) -> None:
+        """Take in a monitor's newest note."""
+        p, since_s = note.get("p"), note.get("since_s")
+        try:
+            state = Stability[note["state"]]
+        except KeyError:
+            state = Stability.UNKNOWN
+        self._monitors[name].decision = StabilityDecision(
+            state,
+            str(note.get("reason", "")),
+            math.nan if since_s is None else float(since_s),
+            math.nan if p is None else float(p),
+        )
+
+    def beat(self, name: str, beat_s: float) -> None:
+        """Take in when a monitor last gave a sign of life, monotonic seconds."""
+        monitor = self._monitors[name]
+        monitor.beat_s = max(monitor.beat_s, beat_s)
+
+    def died(self, name: str) -> None:
+        """Hear that a monitor's process has ended."""
+        if name in self._monitors:
+            self._monitors[name].dead = True
+
+    def trouble(self, kind: str, text: str, now_s: float, *, danger: bool = True) -> None:
+        """Raise an alarm that is not about the grasp, such as a full disk."""
+        self.alarms.set(kind, Level.DANGER if danger else Level.WARNING, text, now_s)
+
+    def over(self, kind: str, now_s: float) -> None:
+        """Say that such trouble is over; its alarm waits for a person."""
+        self.alarms.clear(kind, now_s)
+
+    def tick(self, now_s: float) -> Order:
+        """Weigh what was heard; return what the actuator is to do now."""
+        silent = self._silent(now_s)
+        if self._monitors:
+            decision = self._joined(silent, now_s)
+            # A monitor that waits for its first input is no loss yet.
+            self.alarms.watch(decision, armed=self.interlock.armed, now_s=now_s)
+            self.interlock.decision(decision.state.name, now_s)
+            if not silent:
+                self.interlock.beat(now_s)
+            self._alarm_of_silence(silent, now_s)
+        else:
+            self.interlock.beat(now_s)
+        order = self.interlock.tick(now_s)
+        self._show(silent, now_s)
+        return order
+
+    @property
+    def shown(self) -> tuple[str, str, float]:
+        """The state in one word, why, and since when (monotonic seconds)."""
+        return self._shown
+
+    @property
+    def probability(self) -> float:
+        """The largest probability of instability that a monitor gave; NaN without any."""
+        found = [m.decision.probability for m in self._monitors.values()]
+        usable = [p for p in found if math.isfinite(p)]
+        return max(usable) if usable else math.nan
+
+    def _silent(self, now_s: float) -> str:
+        for name, monitor in self._monitors.items():
+            if monitor.dead:
+                return f"{name} has ended"
+            unknown = monitor.decision.state is Stability.UNKNOWN
+            limit_s = self._config.settling_s if unknown else self._config.silent_s
+            if not now_s - monitor.beat_s <= limit_s:
+                return f"{name} gives no sign of life"
+        return ""
+
+    def _joined(self, silent: str, now_s: float) -> StabilityDecision:
+        """Return the worst of all monitors' decisions."""
+        if silent:
+            return StabilityDecision(Stability.UNKNOWN, silent, now_s, math.nan)
+        every = [monitor.decision for monitor in self._monitors.values()]
+        return max(every, key=lambda one: _WORST.index(one.state))
+
+    def _alarm_of_silence(self, silent: str, now_s: float) -> None:
+        if silent and not self._doubt:
+            self.alarms.set("monitor", Level.DANGER, silent, now_s, input=True)
+        elif self._doubt and not silent:
+            self.alarms.clear("monitor", now_s)
+        self._doubt = silent
+
+    def _show(self, silent: str, now_s: float) -> None:
+        if not self._monitors:
+            word, reason = NO_GRASP, ""
+        elif silent:
+            word, reason = STOP, silent
+        elif self.interlock.state is InterlockState.STOPPED:
+            word, reason = STOP, self.interlock.reason
+        else:
+            decision = self._joined("", now_s)
+            word, reason = self.alarms.shown(decision.state).name, decision.reason
+        since_s = self._shown[2] if word == self._shown[0] else now_s
+        self._shown = (word, reason, since_s)

@@ -1,0 +1,236 @@
+"""The process that records what all sources give, bounded and loud.
+
+It follows the rings with room for many seconds; what the disk makes it miss is counted,
+told and kept in the recording's ledger. Knows nothing about models.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import resource
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+from time import monotonic, sleep
+from typing import Any
+
+from taxel.errors import TaxelError
+from taxel.live.station.beats import Work
+from taxel.live.station.packets import Packet, pack, unpack
+from taxel.live.station.ring import RingReader, RingWriter
+from taxel.live.station.worker import Place, Pulse, at_work, settle_memory
+from taxel.recordings.manifest import NO_ARRAY, Manifest
+from taxel.recordings.writer import Recorder
+from taxel.signals import CameraInfo, Frame, Mark, Samples, SensorInfo
+
+_PAUSE_S = 0.01
+"""How often the rings are looked at. Source: our choice."""
+_TELL_S = 0.2
+"""How often the supervisor is told how it goes. Source: our choice."""
+_STALL_S = 2.0
+"""How long the disk may stand still before the recording has failed. Source: our choice."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Recorded:
+    """One source as the recorder sees it."""
+
+    ring: str
+    row: int
+    """Its beats."""
+    sensor: SensorInfo
+    cameras: tuple[CameraInfo, ...]
+    array: bool
+    """True for the one array that the recording holds."""
+    first_camera: int
+    """What its camera 0 is called in the recording."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Recording:
+    """Sources, and where orders come from and news go."""
+
+    place: Place
+    sources: tuple[Recorded, ...]
+    orders: str
+    """Ring of notes such as {"do": "record", "path": "x.mcap", "labels": {}}."""
+    news: str
+    """Ring of notes on how it goes."""
+    largest_bytes: int | None = None
+    """The disk's end, for drills: no file grows beyond it."""
+
+
+def choose_recorded(
+    sources: list[tuple[str, int, SensorInfo, tuple[CameraInfo, ...]]],
+) -> tuple[tuple[Recorded, ...], str]:
+    """Return what is recorded of each source, and the name of an array that is not, or "".
+
+    A recording holds one array: that of the first source without cameras, else of the first
+    that has one. All cameras are recorded.
+
+    Args:
+        sources: (ring, beats' row, array, cameras) of each.
+    """
+    with_array = [i for i, (_, _, sensor, _) in enumerate(sources) if sensor.channels]
+    bare = [i for i in with_array if not sources[i][3]]
+    chosen = (bare or with_array or [-1])[0]
+    found, first = [], 0
+    for index, (ring, row, sensor, cameras) in enumerate(sources):
+        found.append(
+            Recorded(
+                ring=ring, row=row, sensor=sensor, cameras=cameras, array=index == chosen,
+                first_camera=first,
+            )
+        )  # fmt: skip
+        first += len(cameras)
+    left = [sources[i][2].name for i in with_array if i != chosen]
+    return tuple(found), ", ".join(left)
+
+
+def apart(cameras: list[CameraInfo]) -> tuple[CameraInfo, ...]:
+    """Return the cameras of several sources under names that differ."""
+    found: list[CameraInfo] = []
+    for camera in cameras:
+        taken = {one.name for one in found}
+        name, number = camera.name, 2
+        while name in taken:
+            name, number = f"{camera.name}-{number}", number + 1
+        found.append(replace(camera, name=name))
+    return tuple(found)
+
+
+def record(job: Recording) -> None:
+    """Follow the rings until asked to end; the entry point of the process."""
+    if job.largest_bytes is not None:
+        hard = resource.getrlimit(resource.RLIMIT_FSIZE)[1]
+        resource.setrlimit(resource.RLIMIT_FSIZE, (job.largest_bytes, hard))
+    with contextlib.ExitStack() as stack:
+        pulse = stack.enter_context(at_work(job.place))
+        orders = stack.enter_context(RingReader(job.orders, from_oldest=True))
+        news = stack.enter_context(RingWriter(job.news))
+        readers = [stack.enter_context(RingReader(one.ring)) for one in job.sources]
+        pulse.report("opened")
+        settle_memory()
+        desk = _Desk(job, readers, news)
+        while True:
+            last_look = pulse.stopping and _sources_ended(job, pulse)
+            for order in orders.take():
+                desk.obey(unpack(order))
+            busy = desk.follow(pulse)
+            pulse.beat()
+            if last_look and not busy:
+                break
+            if not busy:
+                sleep(_PAUSE_S)
+        desk.finish("stopped")
+
+
+class _Desk:
+    """The recording under way, where there is one."""
+
+    def __init__(self, job: Recording, readers: list[RingReader], news: RingWriter) -> None:
+        self._job = job
+        self._readers = readers
+        self._news = news
+        self._recorder: Recorder | None = None
+        self._path = Path()
+        self._began_s = 0.0
+        self._lost_before = 0
+        self._error = ""
+        self._told_s = 0.0
+        self._kept = self._past = 0
+
+    def obey(self, order: Packet) -> None:
+        """Begin or end a recording."""
+        if not isinstance(order, dict):
+            return
+        if order.get("do") == "record" and self._recorder is None:
+            self._begin(Path(order["path"]), order.get("labels", {}), bool(order.get("overwrite")))
+        elif order.get("do") == "end":
+            self.finish("cleanly")
+        self._tell(monotonic())
+
+    def follow(self, pulse: Pulse) -> bool:
+        """Take what came; return whether there was anything."""
+        busy = False
+        for one, reader in zip(self._job.sources, self._readers, strict=True):
+            for content in reader.take(256):
+                busy = True
+                if self._recorder is None:
+                    self._past += 1
+                    continue
+                self._write(one, unpack(content))
+                pulse.beat(busy=True)
+        pulse.consumed = sum(reader.taken for reader in self._readers)
+        pulse.dropped = self._lost()
+        pulse.produced = self._kept
+        now_s = monotonic()
+        if now_s - self._told_s >= _TELL_S:
+            self._tell(now_s)
+        return busy
+
+    def finish(self, ended: str) -> None:
+        """Complete the file."""
+        recorder, self._recorder = self._recorder, None
+        if recorder is None:
+            return
+        lost = self._lost() - self._lost_before
+        try:
+            recorder.close(f"{ended}; {lost} messages lost before the recorder" if lost else ended)
+        except TaxelError as error:
+            self._error = str(error)
+        self._tell(monotonic(), recorder.statistics())
+
+    def _begin(self, path: Path, labels: Mapping[str, str], overwrite: bool) -> None:
+        arrays = [one.sensor for one in self._job.sources if one.array]
+        cameras = apart([camera for one in self._job.sources for camera in one.cameras])
+        manifest = Manifest.started_now(
+            arrays[0] if arrays else NO_ARRAY, dict(labels), cameras=cameras
+        )
+        try:
+            self._recorder = Recorder(path, manifest, stall_s=_STALL_S, overwrite=overwrite)
+        except TaxelError as error:
+            self._error = str(error)
+            return
+        self._path, self._began_s, self._error = path, monotonic(), ""
+        self._lost_before, self._kept, self._past = self._lost(), 0, 0
+
+    def _write(self, one: Recorded, packet: Packet) -> None:
+        recorder = self._recorder
+        if recorder is None:
+            return
+        try:
+            if isinstance(packet, Samples):
+                if one.array:
+                    recorder.write(packet)
+            elif isinstance(packet, Frame):
+                recorder.frame(replace(packet, camera=packet.camera + one.first_camera))
+            elif isinstance(packet, Mark):
+                recorder.mark(packet)
+            self._kept += 1
+        except TaxelError as error:
+            self._error = str(error)
+            self._recorder = None
+            with contextlib.suppress(TaxelError):
+                recorder.close("cut short")
+            self._tell(monotonic())
+
+    def _lost(self) -> int:
+        return sum(reader.lost for reader in self._readers)
+
+    def _tell(self, now_s: float, ledger: Mapping[str, Any] | None = None) -> None:
+        self._told_s = now_s
+        recorder = self._recorder
+        note: dict[str, Any] = {
+            "kind": "recording", "on": recorder is not None, "path": str(self._path),
+            "seconds": now_s - self._began_s if recorder is not None else 0.0,
+            "bytes": recorder.size if recorder is not None else 0,
+            "error": self._error, "lost": self._lost() - self._lost_before, "kept": self._kept,
+        }  # fmt: skip
+        if ledger is not None:
+            note["ledger"] = dict(ledger)
+        self._news.put(pack(note))
+
+
+def _sources_ended(job: Recording, pulse: Pulse) -> bool:
+    return all(pulse.work_of(one.row) in (Work.ENDED, Work.FAILED) for one in job.sources)

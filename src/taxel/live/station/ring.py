@@ -1,0 +1,203 @@
+"""A ring of messages in shared memory: one writer, any number of readers, nobody waits.
+
+The writer drops the oldest messages when the ring is full, whether they were read or not; a
+reader that was overtaken goes on with the oldest that is left and knows how many it lost. No
+lock exists, so a process that is killed at any moment leaves nothing locked behind. Knows
+nothing about what the messages mean.
+
+    head  u64   bytes written since the ring was made
+    tail  u64   where the oldest intact message begins
+    count u64   messages written
+    then the bytes, at their position modulo the ring's size; each message is
+    length u32 · crc32 u32 · number u64 · content, padded to 8 bytes
+"""
+
+from __future__ import annotations
+
+import struct
+import zlib
+from multiprocessing import shared_memory
+from typing import Self
+
+from taxel.errors import BadInput
+
+_MESSAGE = struct.Struct("<IIQ")
+_PLACES = 64
+"""Bytes before the messages: head, tail and count, with room."""
+_HEAD, _TAIL, _COUNT = 0, 1, 2
+_LOOKS = 1000
+"""Looks at a message whose check sum fails before it is given up. Our choice."""
+
+
+def bytes_of(memory: shared_memory.SharedMemory) -> memoryview:
+    """Return the bytes of shared memory that is open."""
+    found = memory.buf
+    if found is None:
+        raise ValueError("needed shared memory that is open; got a closed one")
+    return found
+
+
+class Ring:
+    """The shared memory of a ring, for as long as its maker lives.
+
+    Args:
+        size: Bytes for messages; a multiple of 8.
+    """
+
+    def __init__(self, size: int) -> None:
+        if size < 64 or size % 8:
+            raise BadInput("a ring of at least 64 bytes, a multiple of 8", str(size), "round it")
+        self._memory = shared_memory.SharedMemory(create=True, size=_PLACES + size)
+        self.name = self._memory.name
+        bytes_of(self._memory)[:_PLACES] = bytes(_PLACES)
+
+    def close(self) -> None:
+        """Give the memory back; readers and writers that are still attached keep theirs."""
+        self._memory.close()
+        self._memory.unlink()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+
+class _Attached:
+    """One end's view of a ring."""
+
+    def __init__(self, name: str) -> None:
+        self._memory = shared_memory.SharedMemory(name)
+        self._places = bytes_of(self._memory)[:_PLACES].cast("Q")
+        self._bytes = bytes_of(self._memory)[_PLACES:]
+        self._size = len(self._bytes) // 8 * 8
+
+    def close(self) -> None:
+        """Let go of the memory."""
+        self._places.release()
+        self._bytes.release()
+        self._memory.close()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def _read(self, position: int, length: int) -> bytes:
+        first = position % self._size
+        end = first + length
+        if end <= self._size:
+            return bytes(self._bytes[first:end])
+        return bytes(self._bytes[first : self._size]) + bytes(self._bytes[: end - self._size])
+
+
+class RingWriter(_Attached):
+    """The ring's only writer. One that follows a killed one goes on where that stopped.
+
+    Args:
+        name: The ring's.
+    """
+
+    @property
+    def written(self) -> int:
+        """Messages written since the ring was made."""
+        return int(self._places[_COUNT])
+
+    def put(self, content: bytes) -> None:
+        """Write a message; the oldest make room. Never waits.
+
+        Raises:
+            BadInput: It is larger than half of the ring.
+        """
+        length = _MESSAGE.size + len(content)
+        padded = (length + 7) // 8 * 8
+        if padded > self._size // 2:
+            raise BadInput(
+                f"messages of at most {self._size // 2} bytes", str(len(content)),
+                "choose a smaller image or a larger ring",
+            )  # fmt: skip
+        places = self._places
+        head, tail, number = places[_HEAD], places[_TAIL], places[_COUNT]
+        while head + padded - tail > self._size:
+            oldest, _, _ = _MESSAGE.unpack(self._read(tail, _MESSAGE.size))
+            tail += (oldest + _MESSAGE.size + 7) // 8 * 8
+        places[_TAIL] = tail
+        message = _MESSAGE.pack(len(content), zlib.crc32(content), number) + content
+        first = head % self._size
+        room = self._size - first
+        if length <= room:
+            self._bytes[first : first + length] = message
+        else:
+            self._bytes[first:] = message[:room]
+            self._bytes[: length - room] = message[room:]
+        places[_COUNT] = number + 1
+        places[_HEAD] = head + padded
+
+
+class RingReader(_Attached):
+    """One reader's place in a ring; it disturbs neither the writer nor other readers.
+
+    Args:
+        name: The ring's.
+        from_oldest: Begin with what is in the ring; else with what comes next.
+    """
+
+    def __init__(self, name: str, *, from_oldest: bool = False) -> None:
+        super().__init__(name)
+        self._at = int(self._places[_TAIL] if from_oldest else self._places[_HEAD])
+        self._next: int | None = None if from_oldest else int(self._places[_COUNT])
+        self._broken = 0
+        self.taken = 0
+        """Messages given out."""
+        self.lost = 0
+        """Messages that were overwritten before this reader came to them."""
+
+    @property
+    def waiting(self) -> bool:
+        """True where there is a message to take."""
+        return int(self._places[_HEAD]) > self._at
+
+    def take(self, most: int = 1_000_000) -> list[bytes]:
+        """Return the messages that came since the last call, oldest first; never waits.
+
+        Args:
+            most: Leave the rest for the next call.
+        """
+        found: list[bytes] = []
+        while len(found) < most and self._places[_HEAD] > self._at:
+            one = self._one()
+            if one is not None:
+                found.append(one)
+        self.taken += len(found)
+        return found
+
+    def newest(self) -> bytes | None:
+        """Return the last message that came since the last call; those before it count as lost."""
+        every = self.take()
+        self.taken -= max(0, len(every) - 1)
+        self.lost += max(0, len(every) - 1)
+        return every[-1] if every else None
+
+    def _one(self) -> bytes | None:
+        """Return the message at this place; None where it was overtaken on the way."""
+        self._at = max(self._at, int(self._places[_TAIL]))
+        length, check, number = _MESSAGE.unpack(self._read(self._at, _MESSAGE.size))
+        sound = length <= self._size // 2
+        content = self._read(self._at + _MESSAGE.size, length) if sound else b""
+        if self._places[_TAIL] > self._at:
+            return None
+        if not sound or zlib.crc32(content) != check:
+            # Where stores are seen out of order the next look finds it whole.
+            self._broken += 1
+            if self._broken > _LOOKS:
+                self._at, self._broken = int(self._places[_HEAD]), 0
+            return None
+        self._broken = 0
+        if self._next is not None:
+            # The count is stored before the head: of a message under way while this reader
+            # attached it is one too high.
+            self.lost += max(0, number - self._next)
+        self._next = number + 1
+        self._at += (length + _MESSAGE.size + 7) // 8 * 8
+        return content

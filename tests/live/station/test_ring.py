@@ -1,0 +1,147 @@
+"""The ring of messages in shared memory: nothing twice, nothing torn, every loss counted."""
+
+from __future__ import annotations
+
+import multiprocessing
+import os
+import signal
+from collections.abc import Iterator
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from taxel.errors import BadInput
+from taxel.live.station.packets import pack, unpack
+from taxel.live.station.ring import Ring, RingReader, RingWriter
+from taxel.signals import Frame, Mark, Samples
+
+
+@pytest.fixture
+def ring() -> Iterator[Ring]:
+    with Ring(4096) as made:
+        yield made
+
+
+def test_messages_come_once_in_order_also_over_the_rings_end(ring: Ring):
+    with RingWriter(ring.name) as writer, RingReader(ring.name) as reader:
+        for turn in range(200):
+            sent = [bytes([turn % 256]) * (turn % 97) for _ in range(3)]
+            for one in sent:
+                writer.put(one)
+            assert reader.take() == sent
+        assert (reader.taken, reader.lost, writer.written) == (600, 0, 600)
+
+
+def test_a_reader_that_was_overtaken_knows_how_many_it_lost(ring: Ring):
+    with RingWriter(ring.name) as writer, RingReader(ring.name) as slow:
+        for number in range(1000):
+            writer.put(number.to_bytes(4, "little") * 10)
+        found = [int.from_bytes(one[:4], "little") for one in slow.take()]
+        assert found[-1] == 999
+        assert found == list(range(found[0], 1000))
+        assert slow.taken + slow.lost == writer.written
+        assert slow.lost == found[0]
+
+
+def test_a_slow_reader_costs_a_quick_one_nothing(ring: Ring):
+    with (
+        RingWriter(ring.name) as writer,
+        RingReader(ring.name) as slow,
+        RingReader(ring.name) as quick,
+    ):
+        for number in range(500):
+            writer.put(number.to_bytes(4, "little") * 25)
+            assert quick.take() == [number.to_bytes(4, "little") * 25]
+        assert quick.lost == 0
+        slow.take()
+        assert slow.lost > 0
+
+
+def test_one_that_attaches_later_begins_with_what_comes_next_or_the_oldest(ring: Ring):
+    with RingWriter(ring.name) as writer:
+        writer.put(b"before")
+        with RingReader(ring.name) as late, RingReader(ring.name, from_oldest=True) as early:
+            writer.put(b"after")
+            assert late.take() == [b"after"]
+            assert early.take() == [b"before", b"after"]
+
+
+def test_the_newest_is_told_and_those_before_it_count_as_lost(ring: Ring):
+    with RingWriter(ring.name) as writer, RingReader(ring.name) as reader:
+        assert reader.newest() is None
+        for one in (b"a", b"b", b"c"):
+            writer.put(one)
+        assert reader.newest() == b"c"
+        assert (reader.taken, reader.lost) == (1, 2)
+
+
+def test_a_message_too_large_is_refused_in_one_line(ring: Ring):
+    with RingWriter(ring.name) as writer, pytest.raises(BadInput, match="at most 2048 bytes"):
+        writer.put(bytes(2048))
+
+
+def _write_for_ever(name: str) -> None:
+    with RingWriter(name) as writer:
+        number = 0
+        while True:
+            content = number.to_bytes(8, "little")
+            writer.put(content * (1 + number % 60))
+            number += 1
+
+
+@pytest.mark.data
+def test_a_writer_killed_at_any_moment_leaves_nothing_torn_and_its_follower_goes_on():
+    context = multiprocessing.get_context("spawn")
+    with Ring(65536) as ring, RingReader(ring.name) as reader:
+        for _ in range(3):
+            child = context.Process(target=_write_for_ever, args=(ring.name,), daemon=True)
+            child.start()
+            before = reader.taken
+            while reader.taken < before + 5_000:
+                for one in reader.take():
+                    assert one == one[:8] * (len(one) // 8)
+            assert child.pid is not None
+            os.kill(child.pid, signal.SIGKILL)
+            child.join()
+            for one in reader.take():
+                assert one == one[:8] * (len(one) // 8)
+        with RingWriter(ring.name) as writer:
+            writer.put(b"after")
+            assert reader.take() == [b"after"]
+            # One message may be under way as its writer dies: counted, then written over.
+            assert 0 <= writer.written - reader.taken - reader.lost <= 3
+
+
+@given(st.lists(st.integers(1, 12), min_size=1, max_size=3), st.integers(0, 6))
+@settings(max_examples=30, deadline=None)
+def test_scans_frames_marks_and_notes_come_out_as_they_went_in(sizes: list[int], seed: int):
+    random = np.random.default_rng(seed)
+    for n in sizes:
+        samples = Samples(
+            values=random.normal(size=(n, 12)).astype(np.float32),
+            counter=np.arange(n),
+            device_s=random.random(n),
+            arrival_s=random.random(n),
+            fitted_s=random.random(n),
+            validity=random.integers(0, 31, (n, 12)).astype(np.uint8),
+        )
+        back = unpack(pack(samples))
+        assert isinstance(back, Samples)
+        for name in ("values", "counter", "device_s", "arrival_s", "fitted_s", "validity"):
+            np.testing.assert_array_equal(getattr(back, name), getattr(samples, name))
+    frame = Frame(
+        camera=1,
+        jpeg=bytes(sizes),
+        counter=seed,
+        device_s=float("nan"),
+        arrival_s=2.0,
+        fitted_s=1.0,
+    )
+    again = unpack(pack(frame))
+    assert isinstance(again, Frame)
+    assert (again.camera, again.jpeg, again.counter, again.fitted_s) == (1, bytes(sizes), seed, 1.0)
+    mark = Mark(start_s=1.0, end_s=2.0, labels={"shape": "cup"}, groups={"session": "ü"})
+    assert unpack(pack(mark)) == mark
+    assert unpack(pack({"state": "STABLE", "p": None})) == {"state": "STABLE", "p": None}
