@@ -1,0 +1,173 @@
+"""An alarm stays until a person has acknowledged it, and hides behind nothing."""
+
+import json
+import math
+
+from hypothesis import given
+from hypothesis import strategies as st
+
+from taxel.actions.alarm import GRASP, INPUT, AlarmLatch, Level
+from taxel.decisions.stability import Stability, StabilityDecision
+
+STABLE, WARNING, UNSTABLE, UNKNOWN = Stability
+
+
+def told(state: Stability, reason: str = "") -> StabilityDecision:
+    return StabilityDecision(state, reason, 0.0, 0.5)
+
+
+def test_an_alarm_whose_condition_goes_stays_until_it_is_acknowledged() -> None:
+    latch = AlarmLatch()
+    alarm = latch.set("heat", Level.WARNING, "motor at 80 °C", 1.0)
+    latch.clear("heat", 2.0)
+
+    (left,) = latch.alarms
+    assert (left.state, left.since_s, left.gone_s) == ("gone, not acknowledged", 1.0, 2.0)
+    assert latch.acknowledge(alarm.number, 3.0)
+    assert latch.alarms == ()
+
+
+def test_an_acknowledged_alarm_that_is_still_on_stays_visible_and_silent() -> None:
+    latch = AlarmLatch()
+    alarm = latch.set("heat", Level.DANGER, "motor at 120 °C", 1.0)
+    latch.acknowledge(alarm.number, 2.0)
+    latch.set("heat", Level.DANGER, "motor at 121 °C", 3.0)
+
+    (left,) = latch.alarms
+    assert (left.state, left.text, left.number) == (
+        "acknowledged, still on",
+        "motor at 121 °C",
+        alarm.number,
+    )
+    assert latch.sounding is None
+
+
+def test_a_condition_that_goes_and_returns_after_acknowledgement_alarms_again() -> None:
+    latch = AlarmLatch()
+    first = latch.set("heat", Level.WARNING, "hot", 1.0)
+    latch.acknowledge(first.number, 2.0)
+    latch.clear("heat", 3.0)
+    assert latch.alarms == ()
+    second = latch.set("heat", Level.WARNING, "hot", 4.0)
+
+    assert second.number == first.number + 1
+    assert latch.sounding is Level.WARNING
+    assert latch.counts.raised == 2
+
+
+def test_an_acknowledged_warning_that_becomes_danger_alarms_again() -> None:
+    latch = AlarmLatch()
+    latch.acknowledge(latch.set("heat", Level.WARNING, "hot", 1.0).number, 2.0)
+    worse = latch.set("heat", Level.DANGER, "very hot", 3.0)
+
+    assert not worse.acknowledged
+    assert latch.sounding is Level.DANGER
+
+
+def test_an_alarm_keeps_its_worst_level_until_a_person_has_seen_it() -> None:
+    latch = AlarmLatch()
+    latch.set("heat", Level.DANGER, "very hot", 1.0)
+
+    assert latch.set("heat", Level.WARNING, "hot", 2.0).level is Level.DANGER
+
+
+def test_a_flapping_condition_is_one_alarm_until_acknowledged() -> None:
+    latch = AlarmLatch()
+    for i in range(10):
+        latch.set("heat", Level.WARNING, "hot", float(i))
+        latch.clear("heat", i + 0.5)
+
+    assert latch.counts.raised == 1
+
+
+def test_a_person_cannot_acknowledge_what_they_did_not_see() -> None:
+    """The number on the page belongs to the old alarm; the new one keeps sounding."""
+    latch = AlarmLatch()
+    old = latch.set("heat", Level.WARNING, "hot", 1.0)
+    latch.acknowledge(old.number, 2.0)
+    latch.clear("heat", 3.0)
+    latch.set("heat", Level.DANGER, "very hot", 4.0)
+
+    assert not latch.acknowledge(old.number, 5.0)
+    assert latch.sounding is Level.DANGER
+
+
+def test_alarms_that_wait_come_first_then_the_worst_then_the_newest() -> None:
+    latch = AlarmLatch()
+    seen = latch.set("seen", Level.DANGER, "seen", 1.0)
+    latch.acknowledge(seen.number, 1.0)
+    latch.set("old", Level.DANGER, "old", 2.0)
+    latch.set("mild", Level.WARNING, "mild", 3.0)
+    latch.set("new", Level.DANGER, "new", 4.0)
+
+    assert [alarm.kind for alarm in latch.alarms] == ["new", "old", "mild", "seen"]
+
+
+def test_input_lost_is_an_alarm_only_while_armed() -> None:
+    latch = AlarmLatch()
+    latch.watch(told(UNKNOWN, "the newest input is 0.30 s old"), armed=False, now_s=1.0)
+    assert latch.alarms == ()
+    latch.watch(told(UNKNOWN, "the newest input is 0.30 s old"), armed=True, now_s=1.0)
+
+    (alarm,) = latch.alarms
+    assert (alarm.kind, alarm.level) == (INPUT, Level.DANGER)
+    assert alarm.text == "no decision: the newest input is 0.30 s old"
+
+
+def test_unknown_does_not_clear_the_alarm_of_a_slipping_grasp() -> None:
+    latch = AlarmLatch()
+    latch.watch(told(UNSTABLE), True, 1.0)
+    latch.watch(told(UNKNOWN), True, 2.0)
+
+    assert {alarm.kind: alarm.on for alarm in latch.alarms} == {GRASP: True, INPUT: True}
+
+
+def test_stable_is_never_shown_while_an_input_alarm_is_on_even_acknowledged() -> None:
+    latch = AlarmLatch()
+    alarm = latch.set("camera left", Level.DANGER, "the left camera is gone", 1.0, input=True)
+    latch.acknowledge(alarm.number, 2.0)
+
+    assert latch.shown(STABLE) is UNKNOWN
+    assert latch.shown(WARNING) is WARNING
+    latch.clear("camera left", 3.0)
+    assert latch.shown(STABLE) is STABLE
+
+
+def test_a_broken_clock_loses_no_alarm_and_no_json() -> None:
+    latch = AlarmLatch()
+    latch.set("heat", Level.WARNING, "hot", 7.0)
+    latch.set("cold", Level.DANGER, "cold", math.nan)
+
+    page = json.loads(json.dumps(latch.as_json(), allow_nan=False))
+    assert [(alarm["kind"], alarm["since_s"]) for alarm in page["alarms"]] == [
+        ("cold", 7.0),
+        ("heat", 7.0),
+    ]
+    assert page["sounding"] == "danger"
+    assert page["counts"] == {"raised": 2, "acknowledged": 0, "waiting": 2, "on": 2}
+
+
+EVENTS = st.one_of(
+    st.tuples(st.just("watch"), st.sampled_from(Stability), st.booleans()),
+    st.tuples(st.just("acknowledge"), st.integers(1, 12), st.none()),
+)
+
+
+@given(st.lists(EVENTS, max_size=60))
+def test_counts_add_up_and_no_danger_leaves_unacknowledged(events: list[tuple]) -> None:  # type: ignore[type-arg]
+    """Whatever comes in whatever order: raised = acknowledged + waiting, and only a person
+    takes an alarm away."""
+    latch = AlarmLatch()
+    for i, (kind, one, two) in enumerate(events):
+        if kind == "watch":
+            before = {alarm.number for alarm in latch.alarms if not alarm.acknowledged}
+            latch.watch(told(one), two, float(i))
+            assert before <= {alarm.number for alarm in latch.alarms}
+            if one is UNKNOWN and two:
+                assert latch.shown(STABLE) is UNKNOWN
+        else:
+            latch.acknowledge(one, float(i))
+        counts = latch.counts
+        assert counts.raised >= counts.acknowledged + counts.waiting
+        assert counts.waiting == (sum(not alarm.acknowledged for alarm in latch.alarms))
+        assert (latch.sounding is None) == (counts.waiting == 0)

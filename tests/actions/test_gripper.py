@@ -1,0 +1,205 @@
+"""Newtons become percent, orders reach a gripper, and the simulated one behaves like mechanics."""
+
+import math
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from taxel.actions.gripper import ForceRange, GripperStatus, Motion, obey
+from taxel.actions.interlock import Order, OrderKind
+from taxel.actions.sim_gripper import FingersConfig, SimGripper
+from taxel.clock import ManualClock
+from taxel.errors import BadInput
+
+PGE_50 = ForceRange(max_n=50.0, min_n=15.0)
+
+
+def test_the_ends_of_the_range_are_the_ends_of_the_setting() -> None:
+    assert (PGE_50.pct(15.0), PGE_50.pct(50.0)) == (20.0, 100.0)
+    assert (PGE_50.pct(0.0), PGE_50.pct(1e9)) == (20.0, 100.0)
+    assert PGE_50.newtons(60.0) == pytest.approx(32.5)
+
+
+def test_without_a_smallest_force_the_setting_is_in_proportion() -> None:
+    assert ForceRange(max_n=50.0).pct(25.0) == pytest.approx(50.0)
+
+
+@given(st.floats(15.0, 50.0))
+def test_newtons_survive_the_way_through_percent(force_n: float) -> None:
+    assert PGE_50.newtons(PGE_50.pct(force_n)) == pytest.approx(force_n)
+
+
+@pytest.mark.parametrize(
+    "ends", [{"max_n": 0.0}, {"max_n": 50.0, "min_n": 50.0}, {"max_n": math.nan}]
+)
+def test_ranges_that_make_no_sense_are_refused(ends: dict[str, float]) -> None:
+    with pytest.raises(BadInput):
+        ForceRange(**ends)
+
+
+class Heard:
+    """A gripper that writes down what it is asked for."""
+
+    def __init__(self) -> None:
+        self.calls: list[tuple[object, ...]] = []
+
+    def connect(self) -> None: ...
+
+    def close(self) -> None: ...
+
+    def status(self) -> GripperStatus:
+        return GripperStatus()
+
+    def grip(self, force_pct: float, expires_s: float = math.inf) -> None:
+        self.calls.append(("grip", force_pct, expires_s))
+
+    def hold(self) -> None:
+        self.calls.append(("hold",))
+
+    def stop(self) -> None:
+        self.calls.append(("stop",))
+
+
+@pytest.mark.parametrize(
+    ("kind", "asked"),
+    [
+        (OrderKind.NONE, []),
+        (OrderKind.GRIP, [("grip", 60.0, 2.0)]),
+        (OrderKind.HOLD, [("hold",)]),
+        (OrderKind.STOP, [("stop",)]),
+    ],
+)
+def test_each_kind_of_order_asks_for_one_thing(kind: OrderKind, asked: list[object]) -> None:
+    gripper = Heard()
+    obey(gripper, Order(kind, 32.5, "", 2.0), PGE_50, 1.9)
+    assert gripper.calls == asked
+    obey(gripper, Order(kind, 32.5, "", 2.0), PGE_50, 2.0)
+    assert gripper.calls == asked  # expired: nothing more
+
+
+def caught(config: FingersConfig | None = None) -> tuple[SimGripper, ManualClock]:
+    """A gripper that has closed on its object with 20 %, its force settled."""
+    clock = ManualClock(5.0)
+    gripper = SimGripper(config or FingersConfig(), clock)
+    gripper.connect()
+    gripper.grip(20.0)
+    clock.advance(1.5)
+    assert gripper.status().motion is Motion.CAUGHT
+    return gripper, clock
+
+
+def test_the_fingers_stop_at_the_object() -> None:
+    gripper, _ = caught()
+
+    assert gripper.status().position_permille == pytest.approx(1000 * 10 / 26)
+    assert gripper.fingers.force_n == pytest.approx(10.0, abs=1e-3)
+
+
+def test_without_an_object_the_fingers_reach_the_end() -> None:
+    clock = ManualClock()
+    gripper = SimGripper(FingersConfig(width_mm=0.0), clock)
+    gripper.connect()
+    gripper.grip(50.0)
+    clock.advance(0.3)
+    assert gripper.status().motion is Motion.MOVING
+    clock.advance(0.3)
+    assert gripper.status() == GripperStatus(
+        initialised=True,
+        motion=Motion.REACHED,
+        position_permille=0.0,
+        force_pct=50.0,
+        read_s=pytest.approx(0.6),
+    )
+
+
+def test_the_force_waits_then_follows_first_order_within_its_slope() -> None:
+    """20 ms of nothing; then at most 300 N/s: 2 N after 30 ms would be 3 N without limit."""
+    gripper, clock = caught(FingersConfig(slew_n_s=200.0))
+    gripper.grip(100.0)
+    clock.advance(0.0195)
+    gripper.hold()
+    assert gripper.fingers.force_n == pytest.approx(10.0, abs=1e-3)
+    clock.advance(0.0105)
+    gripper.hold()
+    assert gripper.fingers.force_n == pytest.approx(12.0, abs=0.25)
+    clock.advance(1.0)
+    gripper.hold()
+    assert gripper.fingers.force_n == pytest.approx(50.0, abs=1e-3)
+
+
+def test_an_unlimited_step_is_an_exponential() -> None:
+    """After one time constant 1 − 1/e of the way is done."""
+    gripper, clock = caught(FingersConfig(slew_n_s=1e6, latency_s=0.0))
+    gripper.grip(100.0)
+    clock.advance(0.05)
+    gripper.hold()
+
+    assert gripper.fingers.force_n == pytest.approx(50 - 40 / math.e, rel=0.01)
+
+
+def test_an_object_that_pulls_harder_than_friction_drops_and_says_so() -> None:
+    """2 · 0.5 · 10 N hold 9 N and not 11 N."""
+    gripper, clock = caught()
+    gripper.fingers.load_n = 9.0
+    clock.advance(0.5)
+    assert gripper.status().motion is Motion.CAUGHT
+    gripper.fingers.load_n = 11.0
+    clock.advance(0.01)
+    assert gripper.status().motion is Motion.DROPPED
+    assert gripper.fingers.force_n == 0.0
+
+
+def test_a_grip_raised_in_time_keeps_the_object() -> None:
+    gripper, clock = caught()
+    gripper.grip(40.0)
+    clock.advance(0.5)
+    gripper.hold()
+    gripper.fingers.load_n = 19.0
+    clock.advance(0.5)
+
+    assert gripper.status().motion is Motion.CAUGHT
+
+
+def test_stop_halts_moving_fingers_and_leaves_a_caught_object_held() -> None:
+    clock = ManualClock()
+    gripper = SimGripper(FingersConfig(width_mm=0.0, latency_s=0.0), clock)
+    gripper.connect()
+    gripper.grip(50.0)
+    clock.advance(0.25)
+    gripper.stop()
+    there = gripper.status().position_permille
+    clock.advance(1.0)
+    assert gripper.status().position_permille == pytest.approx(there, abs=5)
+
+    holding, clock = caught()
+    holding.stop()
+    clock.advance(1.0)
+    assert holding.fingers.force_n == pytest.approx(10.0, abs=1e-3)
+    assert holding.status().motion is Motion.CAUGHT
+
+
+def test_an_expired_or_senseless_grip_is_not_obeyed() -> None:
+    gripper, clock = caught()
+    gripper.grip(100.0, expires_s=clock.now_s())
+    gripper.grip(math.nan)
+    clock.advance(0.5)
+
+    assert gripper.status().force_pct == 20.0
+
+
+def test_nothing_that_a_guard_may_call_opens_the_fingers() -> None:
+    gripper, clock = caught()
+    for call in (gripper.hold, gripper.stop, gripper.close, lambda: gripper.grip(1.0)):
+        before = gripper.status().position_permille
+        call()
+        clock.advance(0.5)
+        assert gripper.status().position_permille <= before
+
+
+@pytest.mark.parametrize(
+    "bad", [{"lag_s": 0.0}, {"width_mm": 26.0}, {"latency_s": -1.0}, {"friction": math.nan}]
+)
+def test_mechanics_that_make_no_sense_are_refused(bad: dict[str, float]) -> None:
+    with pytest.raises(BadInput):
+        FingersConfig(**bad)

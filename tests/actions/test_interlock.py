@@ -1,0 +1,368 @@
+"""The interlock raises within limits, never lowers, and stops when it hears nothing."""
+
+import math
+from collections.abc import Callable
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from taxel.actions.interlock import Interlock, InterlockConfig, InterlockState, Order, OrderKind
+from taxel.errors import BadInput
+
+DISARMED, READY, RAISED, HOLDING, STOPPED = InterlockState
+NONE, GRIP, HOLD, STOP = OrderKind
+CONFIG = InterlockConfig(min_n=10.0, max_n=40.0, slew_n_s=100.0)
+HAND = InterlockConfig(min_n=0.0, max_n=1.0, contact_ma=300.0, contact_s=0.02, over_ma=900.0)
+
+
+class Rig:
+    """An interlock whose world is well, ticked every 10 ms."""
+
+    def __init__(self, config: InterlockConfig = CONFIG) -> None:
+        self.lock = Interlock(config)
+        self.now = 100.0
+        self.beating = True
+        self.word: str | None = "STABLE"
+
+    def step(self, word: str | None = None, n: int = 1) -> Order:
+        """Hear everything, then tick; return the last order."""
+        self.word = word or self.word
+        for _ in range(n):
+            self.now += 0.01
+            self.hear()
+            order = self.lock.tick(self.now)
+        return order
+
+    def hear(self) -> None:
+        if self.beating:
+            self.lock.beat(self.now)
+        if self.word:
+            self.lock.decision(self.word, self.now)
+        self.lock.device(True, self.now)
+        self.lock.contact_current(0.0, self.now)
+
+    def armed(self) -> "Rig":
+        self.hear()
+        assert self.lock.arm(self.now) == ()
+        return self
+
+    def into(self, state: InterlockState) -> "Rig":
+        if state is not DISARMED:
+            self.armed()
+        if state is STOPPED:
+            self.lock.fault("a test", self.now)
+            self.lock.fault_gone("a test")
+        else:
+            self.step({READY: "STABLE", RAISED: "WARNING", HOLDING: "UNKNOWN"}.get(state))
+        assert self.lock.state is state
+        return self
+
+
+TABLE = [
+    (DISARMED, "STABLE", DISARMED, NONE),
+    (DISARMED, "WARNING", DISARMED, NONE),
+    (DISARMED, "UNSTABLE", DISARMED, NONE),
+    (DISARMED, "UNKNOWN", DISARMED, NONE),
+    (READY, "STABLE", READY, HOLD),
+    (READY, "WARNING", RAISED, GRIP),
+    (READY, "UNSTABLE", RAISED, GRIP),
+    (READY, "UNKNOWN", HOLDING, HOLD),
+    (RAISED, "STABLE", READY, HOLD),
+    (RAISED, "WARNING", RAISED, GRIP),
+    (RAISED, "UNSTABLE", RAISED, GRIP),
+    (RAISED, "UNKNOWN", HOLDING, HOLD),
+    (HOLDING, "STABLE", READY, HOLD),
+    (HOLDING, "WARNING", RAISED, GRIP),
+    (HOLDING, "UNSTABLE", RAISED, GRIP),
+    (HOLDING, "UNKNOWN", HOLDING, HOLD),
+    (STOPPED, "STABLE", STOPPED, STOP),
+    (STOPPED, "WARNING", STOPPED, STOP),
+    (STOPPED, "UNSTABLE", STOPPED, STOP),
+    (STOPPED, "UNKNOWN", STOPPED, STOP),
+]
+
+
+@pytest.mark.parametrize(("start", "word", "end", "kind"), TABLE)
+def test_every_decision_in_every_state(
+    start: InterlockState, word: str, end: InterlockState, kind: OrderKind
+) -> None:
+    rig = Rig().into(start)
+
+    assert rig.step(word).kind is kind
+    assert rig.lock.state is end
+
+
+CAUSES: dict[str, Callable[[Rig], None]] = {
+    "a fault": lambda rig: rig.lock.fault("the bus broke", rig.now),
+    "a device that is not well": lambda rig: rig.lock.device(False, rig.now),
+    "over-current": lambda rig: rig.lock.contact_current(900.0, rig.now),
+    "a negative over-current": lambda rig: rig.lock.contact_current(-900.0, rig.now),
+    "a current that is NaN": lambda rig: rig.lock.contact_current(math.nan, rig.now),
+    "an infinite current": lambda rig: rig.lock.contact_current(math.inf, rig.now),
+    "a tick at NaN": lambda rig: void(rig.lock.tick(math.nan)),
+    "a clock that steps back": lambda rig: void(rig.lock.tick(rig.now - 1.0)),
+}
+
+
+def void(_: Order) -> None:
+    pass
+
+
+@pytest.mark.parametrize("start", [READY, RAISED, HOLDING])
+@pytest.mark.parametrize("cause", CAUSES)
+def test_every_cause_stops_from_every_armed_state(cause: str, start: InterlockState) -> None:
+    rig = Rig(HAND).into(start)
+    CAUSES[cause](rig)
+
+    assert rig.lock.state is STOPPED
+    rig.beating = True
+    assert rig.step("WARNING").kind is STOP
+
+
+@pytest.mark.parametrize("start", [READY, RAISED, HOLDING])
+def test_silence_of_the_decision_maker_stops_within_one_tick_of_the_watchdog(
+    start: InterlockState,
+) -> None:
+    """It decides until the end; only its heart stands still: 80 ms pass, at 90 ms it stops."""
+    rig = Rig().into(start)
+    last = rig.now
+    rig.beating = False
+    while rig.step().kind is not STOP:
+        assert rig.now - last < 0.085
+    assert rig.now - last == pytest.approx(0.09)
+    assert rig.lock.reason == "no word from the decision maker for 0.08 s"
+
+
+def test_a_beat_without_decisions_is_unknown_and_holds() -> None:
+    rig = Rig().into(READY)
+    rig.word = None
+    assert rig.step(n=29).kind is HOLD
+    assert rig.lock.state is READY
+    rig.step(n=2)
+    assert rig.lock.state is HOLDING
+
+
+@pytest.mark.parametrize(
+    ("silent", "reason"),
+    [
+        ("device", "nothing from the actuator for 0.5 s"),
+        ("current", "no current reading for 0.2 s"),
+    ],
+)
+def test_an_actuator_or_a_current_not_heard_of_stops(silent: str, reason: str) -> None:
+    rig = Rig(HAND).into(READY)
+    for _ in range(60):
+        rig.now += 0.01
+        rig.lock.beat(rig.now)
+        rig.lock.decision("STABLE", rig.now)
+        if silent != "device":
+            rig.lock.device(True, rig.now)
+        if silent != "current":
+            rig.lock.contact_current(0.0, rig.now)
+        rig.lock.tick(rig.now)
+
+    assert (rig.lock.state, rig.lock.reason) == (STOPPED, reason)
+
+
+def test_contact_stops_only_once_it_has_lasted() -> None:
+    rig = Rig(HAND).into(READY)
+    rig.lock.contact_current(350.0, rig.now)
+    rig.lock.contact_current(100.0, rig.now + 0.01)  # a start-up peak
+    rig.lock.contact_current(350.0, rig.now + 0.02)
+    rig.lock.contact_current(350.0, rig.now + 0.03)
+    assert rig.lock.state is READY
+    rig.lock.contact_current(350.0, rig.now + 0.04)
+
+    assert (rig.lock.state, rig.lock.reason) == (STOPPED, "contact: 350 mA for 0.02 s")
+
+
+def test_arming_is_refused_while_each_cause_persists_and_works_afterwards() -> None:
+    rig = Rig(HAND)
+    assert rig.lock.arm(rig.now) == (
+        "the actuator is not well",
+        "no current reading for 0.2 s",
+        "no word from the decision maker for 0.08 s",
+    )
+    rig.armed()
+    rig.lock.fault("the bus broke", rig.now)
+    rig.lock.contact_current(950.0, rig.now)
+    assert rig.lock.arm(rig.now) == ("the bus broke", "over-current")
+    rig.lock.fault_gone("the bus broke")
+    assert rig.lock.arm(rig.now) == ("over-current",)
+    rig.lock.contact_current(0.0, rig.now)
+    assert rig.lock.state is STOPPED
+    assert rig.lock.arm(rig.now) == ()
+    assert rig.step("WARNING").kind is GRIP
+
+
+def test_a_stop_is_not_undone_by_disarming_and_its_order_does_not_expire() -> None:
+    rig = Rig().into(STOPPED)
+    rig.lock.disarm(rig.now)
+    order = rig.step()
+
+    assert (order.kind, rig.lock.state) == (STOP, STOPPED)
+    assert order.valid(1e9)
+
+
+def test_a_stop_that_a_broken_clock_caused_can_be_armed_again() -> None:
+    rig = Rig().into(READY)
+    rig.lock.tick(rig.now + 1e6)
+    assert rig.lock.state is STOPPED
+    rig.step()
+
+    assert rig.lock.arm(rig.now) == ()
+
+
+def test_disarming_ends_all_orders() -> None:
+    rig = Rig().into(RAISED)
+    rig.lock.disarm(rig.now)
+
+    assert rig.step("UNSTABLE").kind is NONE
+
+
+def test_the_force_rises_by_the_slew_to_the_largest_and_no_further() -> None:
+    """100 N/s from 10 N: 1 N a tick of 10 ms, 40 N after 30 ticks."""
+    rig = Rig().into(READY)
+
+    assert rig.step("WARNING").force_n == pytest.approx(11.0)
+    assert rig.step(n=28).force_n == pytest.approx(39.0)
+    assert rig.step(n=20).force_n == 40.0
+
+
+def test_stable_keeps_the_raised_force_until_the_robot_releases_it() -> None:
+    rig = Rig().into(READY)
+    rig.step("WARNING", n=10)
+    assert rig.step("STABLE", n=50).force_n == pytest.approx(20.0)
+    assert rig.lock.release(12.0)
+    assert rig.step().force_n == 12.0
+
+
+@pytest.mark.parametrize("word", ["WARNING", "UNSTABLE", "UNKNOWN"])
+def test_no_release_below_what_is_held_in_doubt(word: str) -> None:
+    rig = Rig().into(READY)
+    rig.step("WARNING", n=10)
+    rig.step(word)
+    held = rig.lock.force_n
+
+    assert not rig.lock.release(held - 5.0)
+    assert rig.lock.force_n == held
+
+
+def test_a_policy_may_ask_for_less_than_the_largest_force_and_nonsense_gives_the_largest() -> None:
+    rig = Rig().into(READY)
+    for asked, given_n in ((15.0, 15.0), (12.0, 15.0), (math.nan, 40.0), (1e9, 40.0)):
+        for _ in range(40):
+            rig.now += 0.01
+            rig.hear()
+            rig.lock.decision("WARNING", rig.now, asked)
+            order = rig.lock.tick(rig.now)
+        assert order.force_n == pytest.approx(given_n)
+
+
+def test_orders_expire() -> None:
+    order = Rig().into(RAISED).step()
+
+    assert order.valid(order.expires_s - 1e-6)
+    assert not order.valid(order.expires_s)
+    assert order.expires_s == pytest.approx(100.0 + 0.02 + 0.1)
+
+
+def test_beats_stamped_in_the_future_do_not_stretch_the_watchdog() -> None:
+    rig = Rig().into(READY)
+    rig.beating = False
+    rig.lock.beat(rig.now + 5.0)
+
+    assert rig.step().kind is STOP
+
+
+@pytest.mark.parametrize(
+    "bad",
+    [
+        {"min_n": 5.0, "max_n": 4.0},
+        {"min_n": math.nan, "max_n": 4.0},
+        {"min_n": 0.0, "max_n": math.inf},
+        {"min_n": 0.0, "max_n": 4.0, "watchdog_s": 0.0},
+        {"min_n": 0.0, "max_n": 4.0, "slew_n_s": math.nan},
+        {"min_n": 0.0, "max_n": 4.0, "over_ma": -1.0},
+    ],
+)
+def test_limits_that_make_no_sense_are_refused(bad: dict[str, float]) -> None:
+    with pytest.raises(BadInput):
+        InterlockConfig(**bad)
+
+
+ANY = st.floats(allow_nan=True, allow_infinity=True)
+TIMES = st.one_of(st.floats(0.0, 0.3), ANY)
+EVENTS = st.one_of(
+    st.tuples(
+        st.just("decision"),
+        st.sampled_from(["STABLE", "WARNING", "UNSTABLE", "UNKNOWN", "", "stable"]),
+        st.one_of(st.none(), ANY),
+    ),
+    st.tuples(st.just("beat"), st.none(), st.none()),
+    st.tuples(st.just("device"), st.booleans(), st.none()),
+    st.tuples(st.just("current"), st.one_of(st.floats(0, 1000), ANY), st.none()),
+    st.tuples(st.just("fault"), st.sampled_from(["a", "b"]), st.none()),
+    st.tuples(st.just("fault_gone"), st.sampled_from(["a", "b"]), st.none()),
+    st.tuples(st.just("release"), st.one_of(st.floats(0, 50), ANY), st.none()),
+    st.tuples(st.just("arm"), st.none(), st.none()),
+    st.tuples(st.just("disarm"), st.none(), st.none()),
+    st.tuples(st.just("well"), st.none(), st.none()),
+)
+
+
+@given(st.lists(st.tuples(EVENTS, TIMES), max_size=80), st.booleans())
+def test_whatever_comes_the_promises_hold(
+    events: list[tuple[tuple[str, object, object], float]], hand: bool
+) -> None:
+    config = HAND if hand else CONFIG
+    lock = Interlock(config)
+    now, last_beat, last_kind_stopped = 100.0, -math.inf, False
+    last_force = config.min_n
+    for (kind, one, two), step in events:
+        now = now + step if math.isfinite(step) and 0 <= step < 1 else now
+        stamp = now if math.isfinite(step) else step
+        armed_by_hand = False
+        released = False
+        match kind:
+            case "decision":
+                lock.decision(str(one), stamp, two)  # type: ignore[arg-type]
+            case "beat":
+                lock.beat(stamp)
+                last_beat = stamp if math.isfinite(stamp) else last_beat
+            case "device":
+                lock.device(bool(one), stamp)
+            case "current":
+                lock.contact_current(one, stamp)  # type: ignore[arg-type]
+            case "fault":
+                lock.fault(str(one), stamp)
+            case "fault_gone":
+                lock.fault_gone(str(one))
+            case "release":
+                doubt = lock.state in (RAISED, HOLDING, STOPPED)
+                released = lock.release(one)  # type: ignore[arg-type]
+                assert not (doubt and lock.force_n < last_force)
+            case "arm":
+                armed_by_hand = lock.arm(stamp) == ()
+            case "disarm":
+                lock.disarm(stamp)
+            case "well":
+                lock.beat(now)
+                last_beat = now
+                lock.device(True, now)
+                lock.contact_current(0.0, now)
+        order = lock.tick(now)
+        if order.kind is GRIP:
+            assert config.min_n <= order.force_n <= config.max_n
+            assert lock.state is RAISED
+            assert now - last_beat <= config.watchdog_s + 1e-6
+            assert not last_kind_stopped or armed_by_hand
+        if not released:
+            assert lock.force_n >= last_force
+        if lock.armed:
+            assert now - last_beat <= config.watchdog_s + 1e-6
+        if last_kind_stopped and not armed_by_hand:
+            assert order.kind is STOP
+        last_force = lock.force_n
+        last_kind_stopped = order.kind is STOP
