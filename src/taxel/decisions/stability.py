@@ -147,6 +147,10 @@ class StabilityMonitor:
             return self._doubted(f"the newest input is {age_s:.2f} s old", now_s)
         return self._told
 
+    def doubt(self, reason: str, now_s: float) -> StabilityDecision:
+        """Take in that nothing can be said now, and why; return UNKNOWN."""
+        return self._doubted(reason, now_s)
+
     def _doubt(self, probability: float, time_s: float, usable: bool, now_s: float) -> str:
         """Return why the input cannot be used; empty where it can."""
         config = self._config

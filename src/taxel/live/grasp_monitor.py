@@ -19,14 +19,11 @@ from taxel.decisions.stability import StabilityConfig, StabilityDecision, Stabil
 from taxel.errors import BadSource
 from taxel.frame_codec import decode_jpeg
 from taxel.gel.slip_features import SlipFeatures
-from taxel.signals import CameraInfo
+from taxel.live.camera_health import CameraHealth
+from taxel.signals import CameraInfo, Frame
 from taxel.windows.pairs import FrameSet
 from taxel.windows.rest import seen, settled
 from taxel.windows.sequence import FeatureRing
-
-FROZEN_S = 0.5
-"""A camera that shows the very same bytes for longer is frozen, seconds: a dozen frames of a
-25 Hz camera. Source: our choice, docs/decisions/0013."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -68,6 +65,8 @@ class GraspMonitor:
         # Repeated frames repeat their probability; frozen input is told from the bytes.
         self._config = replace(config or bundle.contract.stability, frozen_s=float("inf"))
         self._settle = slice(*bundle.contract.settle)
+        self._health = CameraHealth(cameras)
+        self._watched = False
         self.reset()
 
     def reset(self) -> None:
@@ -82,6 +81,14 @@ class GraspMonitor:
         self._rows = np.zeros_like(self.bundle.offset)
         self._rest: NDArray[np.float32] | None = None
 
+    def see(self, frame: Frame) -> None:
+        """Look after a camera's health by every frame of it, also those that make no set.
+
+        Without this `push` goes by the sets that it is given.
+        """
+        self._watched = True
+        self._health.see(frame)
+
     def push(self, found: FrameSet, now_s: float | None = None) -> GraspAnswer:
         """Take in the newest frame of each camera; return the decision.
 
@@ -90,6 +97,9 @@ class GraspMonitor:
             now_s: This moment on the frames' clock, seconds; the frames' own by default.
         """
         started = perf_counter()
+        if not self._watched:
+            for frame in found.frames:
+                self._health.see(frame)
         probability, doubt = float("nan"), ""
         try:
             images, fresh = self._look(found)
@@ -99,28 +109,34 @@ class GraspMonitor:
             window = self._window(images, fresh)
             if window is not None:
                 probability = self.bundle.probability(window)
-        usable = not doubt and all(eye.lives(found.time_s) for eye in self._eyes)
-        waiting = self._rest is None or len(self._ring) < self.bundle.contract.frames
-        if waiting and not doubt:
-            decision = self._monitor.at(found.time_s if now_s is None else now_s)
+        arrived_s = max(frame.arrival_s for frame in found.frames)
+        doubt = doubt or self._health.doubt(arrived_s if now_s is None else now_s)
+        now = found.time_s if now_s is None else now_s
+        if doubt:
+            decision = self._monitor.doubt(doubt, now)
+        elif self._rest is None or len(self._ring) < self.bundle.contract.frames:
+            decision = self._monitor.at(now)
         else:
-            decision = self._monitor.push(probability, found.time_s, usable, now_s)
+            decision = self._monitor.push(probability, found.time_s, True, now_s)
         return GraspAnswer(decision, probability, found.time_s, perf_counter() - started)
 
     def at(self, now_s: float) -> StabilityDecision:
-        """Return the state when no frame came: UNKNOWN once the last is too old."""
-        return self._monitor.at(now_s)
+        """Return the state when no frame came: UNKNOWN once a camera is gone."""
+        told = self._monitor.at(now_s)
+        doubt = self._health.doubt(now_s)
+        begun = any(eye.image is not None for eye in self._eyes)
+        return self._monitor.doubt(doubt, now_s) if doubt and begun else told
 
     def late(self) -> dict[str, float]:
         """Return the cameras that deliver clearly later than the others: name, seconds."""
-        return {}
+        return self._health.late()
 
     def _look(self, found: FrameSet) -> tuple[tuple[NDArray[np.uint8], ...], list[int]]:
         """Return the images, and which cameras show another one than before."""
         fresh = [
             camera
             for camera, (eye, frame) in enumerate(zip(self._eyes, found.frames, strict=True))
-            if eye.see(frame.jpeg, frame.fitted_s)
+            if eye.see(frame.jpeg)
         ]
         images = []
         for eye in self._eyes:
@@ -191,14 +207,13 @@ class GraspMonitor:
 
 
 class _Eye:
-    """What one camera showed last, and since when."""
+    """What one camera showed last."""
 
     def __init__(self) -> None:
         self.image: NDArray[np.uint8] | None = None
         self._jpeg = b""
-        self._since_s = 0.0
 
-    def see(self, jpeg: bytes, time_s: float) -> bool:
+    def see(self, jpeg: bytes) -> bool:
         """Take in a frame; return whether it differs from the one before.
 
         Raises:
@@ -207,9 +222,5 @@ class _Eye:
         if jpeg == self._jpeg:
             return False
         self.image = decode_jpeg(jpeg)
-        self._jpeg, self._since_s = jpeg, time_s
+        self._jpeg = jpeg
         return True
-
-    def lives(self, now_s: float) -> bool:
-        """Return whether the image has changed lately."""
-        return now_s - self._since_s <= FROZEN_S

@@ -83,6 +83,7 @@ def run_grasp_session(
     while not source.ended and not _over(answer, start_s, seconds):
         source.read()
         for frame in source.frames():
+            monitor.see(frame)
             found = pairer.push(frame)
             if found is None:
                 continue

@@ -13,6 +13,7 @@ from taxel.errors import TaxelError
 from taxel.live.station.beats import Work
 from taxel.live.station.packets import pack, unpack
 from taxel.live.station.ring import RingReader, RingWriter
+from taxel.live.station.source_news import SourceNews
 from taxel.live.station.worker import Place, Pulse, at_work, settle_memory
 from taxel.sources.contract import Source
 from taxel.sources.opening import open_source
@@ -67,11 +68,14 @@ def acquire(job: Acquisition) -> None:
                 sleep(_WAIT_S / 4)
             if isinstance(source, Begun):
                 source.begin()
-            _pump(source, writer, orders, pulse)
+            _pump(source, writer, orders, pulse, job)
 
 
-def _pump(source: Source, writer: RingWriter, orders: RingReader, pulse: Pulse) -> None:
+def _pump(
+    source: Source, writer: RingWriter, orders: RingReader, pulse: Pulse, job: Acquisition
+) -> None:
     ended = False
+    news = SourceNews(source, job.place.name, job.url)
     while not pulse.stopping:
         if source.ended and not ended:
             ended = True
@@ -84,6 +88,10 @@ def _pump(source: Source, writer: RingWriter, orders: RingReader, pulse: Pulse) 
             writer.put(pack(frame))
         for mark in marks:
             writer.put(pack(mark))
+        now_s = monotonic()
+        news.add(samples, frames, now_s)
+        if news.due(now_s):
+            writer.put(pack(news.note(now_s)))
         pulse.produced = writer.written
         pulse.beat(Work.ENDED if ended else Work.RUNNING)
         if orders.waiting:

@@ -108,6 +108,7 @@ class _GraspWatcher:
         sets: list[FrameSet] = []
         for packet in packets:
             if isinstance(packet, Frame):
+                self._monitor.see(packet)
                 found = self._pairer.push(packet)
                 if found is not None:
                     sets.append(found)

@@ -30,6 +30,7 @@ from taxel.live.station.fitting import misfit
 from taxel.live.station.guard import Guard, GuardConfig
 from taxel.live.station.inference import Inference, infer
 from taxel.live.station.packets import pack, unpack
+from taxel.live.station.page_link import Seen, ViewConfig
 from taxel.live.station.recording import Recording, choose_recorded, record
 from taxel.live.station.ring import Ring, RingReader, RingWriter
 from taxel.live.station.worker import Place, hurry, settle_memory
@@ -219,6 +220,7 @@ class Station:
         on_tick: Callable[[float], None] = lambda _: None,
     ) -> None:
         """Supervise until the time is over, every source has ended or `stopped` says so."""
+        self._beats.go()
         began_s = monotonic()
         while not (self._stopped or stopped()):
             now_s = monotonic()
@@ -436,7 +438,6 @@ class Station:
             if mind.watches:
                 self.guard.expect(mind.worker.name, now_s)
         settle_memory()
-        self._beats.go()
 
     def _open_feed(self, url: str, number: int) -> _Feed:
         ring, orders = Ring(_RING_BYTES), Ring(_NOTE_BYTES)
@@ -501,6 +502,23 @@ class Station:
 
         self._add("recorder", record, job)
 
+    def view_config(self, recordings: Path) -> ViewConfig:
+        """Return what the page needs to see this station.
+
+        Args:
+            recordings: Folder of recordings that are started from the page.
+        """
+        return ViewConfig(
+            sources=tuple(
+                Seen(url=feed.url, ring=feed.ring.name, sensor=feed.sensor, cameras=feed.cameras)
+                for feed in self.feeds
+            ),
+            decisions=tuple(mind.decisions.name for mind in self._minds),
+            status=self.status.name,
+            requests=self.requests.name,
+            recordings=recordings,
+        )
+
     def add_process(
         self, name: str, entry: Callable[[Any], None], job: Callable[[Place], Any]
     ) -> tuple[Any, ...]:
@@ -522,8 +540,9 @@ class Station:
             name=worker.name, beats=self._beats.name, row=worker.row, parent=os.getpid(),
             report=theirs,
         )  # fmt: skip
+        # Not daemonic: cameras have a capture process each. A worker ends with its parent.
         worker.process = self._context.Process(
-            target=worker.entry, args=(worker.job(place),), name=f"taxel {worker.name}", daemon=True
+            target=worker.entry, args=(worker.job(place),), name=f"taxel {worker.name}"
         )
         worker.report = mine
         worker.starts += 1
