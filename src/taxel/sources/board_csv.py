@@ -73,7 +73,9 @@ class CsvStream:
         self._seq = -1
         self._boot = 0
         self._bad = {"line": 0, "columns": 0, "text": 0}
-        self._restart()
+        self._last: tuple[int, float] | None = None
+        self._last_fitted_s = self._last_device_s = -math.inf
+        self._fit, self._rate = FittedTime(), ClockRate()
 
     @property
     def ready(self) -> bool:
@@ -207,8 +209,7 @@ class CsvStream:
 
     def _restart(self) -> None:
         self._fit, self._rate = FittedTime(), ClockRate()
-        self._last: tuple[int, float] | None = None
-        self._last_fitted_s = self._last_device_s = -math.inf
+        self._last_device_s = -math.inf
 
 
 def numbers_of(line: bytes) -> list[float] | None:

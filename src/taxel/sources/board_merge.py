@@ -44,7 +44,6 @@ class _Board:
     gone_s: float | None = None
     """From when on its missing scans are those of a board that is away."""
     kept: list[tuple[NDArray[np.int64], Scans]] = field(default_factory=list)
-    last_row: tuple[NDArray[np.float32], NDArray[np.uint8]] | None = None
 
 
 class BoardMerge:
@@ -77,6 +76,10 @@ class BoardMerge:
         """Say that a board's port is gone: what it lacks from now on is RECONNECTING."""
         board = self._boards[index]
         board.gone_s = board.last_fitted_s if board.gone_s is None else board.gone_s
+
+    def last_arrival_s(self, index: int) -> float:
+        """Return when a board's last scan came, host monotonic, seconds; −inf before any."""
+        return self._boards[index].last_arrival_s
 
     def put(self, index: int, scans: Scans) -> None:
         """Take in scans of one board; all boards' in about the order of arrival."""
@@ -120,8 +123,10 @@ class BoardMerge:
         ticks = seq + board.offset
         apart = self._position(float(scans.fitted_s[-1])) - int(ticks[-1])
         away = board.gone_s is not None or first
-        if (not lead and abs(apart) > _SLIP) or (lead and away and abs(apart) > _SLIP):
-            move = max(round(apart), board.last_tick + 1 - int(ticks[0]))
+        if abs(apart) > _SLIP and (away or not lead):
+            # A faster board's two scans of one tick: the second takes the first's place.
+            earliest = board.last_tick + (1 if lead or away else 0)
+            move = max(round(apart), earliest - int(ticks[0]))
             if not away:
                 self._slipped(board, ticks, move)
             board.offset += move
@@ -138,7 +143,7 @@ class BoardMerge:
 
     def _slipped(self, board: _Board, ticks: NDArray[np.int64], move: int) -> None:
         """Fill the hole that a slower board leaves; count what a faster one has too much."""
-        if move < 0:
+        if move < 0 and ticks[0] + move >= self._next:
             board.ledger.skipped -= move
         elif move == 1 and board.kept and board.kept[-1][0][-1] == ticks[0] - 1:
             before, scans = board.kept[-1]
@@ -166,7 +171,7 @@ class BoardMerge:
         device_s = np.full(n, np.nan)
         arrival_s = np.full(n, -np.inf)
         tick, at_s = self._anchor or (start, now_s)
-        fitted_s = at_s + (np.arange(start, end) - tick) * self._period_s
+        fitted_s = np.float64(at_s) + (np.arange(start, end) - tick) * np.float64(self._period_s)
         for index, board in enumerate(self._boards):
             here = self._fill(board, start, end, values, flags, arrival_s)
             if index == 0:
@@ -174,13 +179,11 @@ class BoardMerge:
                     fitted_s[ticks] = scans.fitted_s
                     device_s[ticks] = scans.device_s
         arrival_s[arrival_s == -np.inf] = now_s
-        arrival_s = np.minimum(
-            np.maximum.accumulate(np.maximum(arrival_s, self._last_arrival_s)), now_s
-        )
+        arrival_s = np.maximum.accumulate(np.maximum(arrival_s, self._last_arrival_s))
         fitted_s = np.maximum.accumulate(np.maximum(fitted_s, self._last_fitted_s))
         for board in self._boards:
             if board.gone_s is not None:
-                self._flag_away(board, fitted_s, flags)
+                self._flag_away(board, fitted_s > board.gone_s, flags)
         self._next = end
         self._last_arrival_s, self._last_fitted_s = float(arrival_s[-1]), float(fitted_s[-1])
         return Samples(
@@ -218,11 +221,11 @@ class BoardMerge:
         return here
 
     @staticmethod
-    def _flag_away(board: _Board, fitted_s: NDArray[np.float64], flags: NDArray[np.uint8]) -> None:
+    def _flag_away(board: _Board, since: NDArray[np.bool_], flags: NDArray[np.uint8]) -> None:
         """Flag as RECONNECTING what is missing since the port went; over once scans are back."""
         mine = flags[:, board.columns]
         missing = (mine & np.uint8(Validity.MISSING)) != 0
-        missing &= (fitted_s > board.gone_s)[:, None]
+        missing &= since[:, None]
         mine[missing] |= np.uint8(Validity.RECONNECTING)
         if not missing[-1].any() and board.ledger.state == "running":
             board.gone_s = None

@@ -63,13 +63,14 @@ class BoardStream:
         self.heard = b""
         """The beginning of what came before any hello, for a message to a person."""
         self.refused: Hello | None = None
-        """A first hello that cannot be used: another protocol, or no channels."""
+        """A first hello that cannot be used: another protocol, no channels, the wrong rate."""
         self.messages: deque[Message] = deque(maxlen=_KEPT_MESSAGES)
         """All that is no data, oldest first: for whoever sends commands."""
         self._decoder = FrameDecoder()
         self._zero_is_end = zero_is_end
         self._boot = 0
         self._size = 0
+        self._told_hz: int | None = None
         self._held: list[tuple[bytes, float]] = []
         self._back_s: float | None = None
         self._gap_is_away = False
@@ -140,27 +141,32 @@ class BoardStream:
 
     def _meet(self, hello: Hello) -> None:
         ledger, before = self.ledger, self.hello
-        self.wants_hello, self._back_s = False, None
-        if before is None and hello.protocol == PROTOCOL and hello.channels:
+        if before is None and self._usable(hello):
             self.hello, self._size = hello, data_size(hello.channels)
             ledger.board, ledger.board_id = hello.board, hello.board_id
         elif before is None or _setting(hello) != _setting(before):
             if before is None:
                 self.refused = hello
             else:
-                ledger.state = "refused"
+                ledger.state, self.wants_hello, self._back_s = "refused", False, None
             return
         elif hello.boot_id != before.boot_id:
             self._held = []  # cannot be told apart from the boot before: the hello comes first
             self.hello = hello
             self._begin_anew()
+        self.wants_hello, self._back_s = False, None
         ledger.firmware = ".".join(str(part) for part in hello.firmware)
         if ledger.state in ("refused", "connecting"):
             ledger.state = "silent"
 
-    def change_rate(self) -> None:
-        """Forget the hello, as its rate was told to change."""
+    def _usable(self, hello: Hello) -> bool:
+        told_hz = self._told_hz or hello.rate_hz
+        return hello.protocol == PROTOCOL and hello.channels > 0 and hello.rate_hz == told_hz
+
+    def change_rate(self, rate_hz: int) -> None:
+        """Forget the hello, as the board was told to scan at this rate; wait for one that does."""
         self.hello, self._size, self.wants_hello = None, 0, True
+        self._told_hz = rate_hz
 
     def _begin_anew(self) -> None:
         self.ledger.reboots += 1
@@ -258,7 +264,7 @@ class BoardStream:
         ledger.scans += len(seq)
         ledger.state = "running"
         self._last = (int(seq[-1]), int(t_us[-1]), float(arrival_s[-1]))
-        device_s = t_us * 1e-6
+        device_s = t_us.astype(np.float64) * 1e-6
         fitted_s = self._fit.of(device_s, arrival_s)
         ledger.clock_ppm = self._rate.add(float(device_s[-1]), float(fitted_s[-1]))
         top = (1 << hello.adc_bits) - 1

@@ -6,6 +6,7 @@ lines or boards.
 
 from __future__ import annotations
 
+import contextlib
 import errno
 import os
 import select
@@ -86,7 +87,7 @@ class SerialPort:
             if self._port is None:
                 return False
             try:
-                return self._port.write(data) == len(data)
+                return bool(self._port.write(data) == len(data))
             except (OSError, termios.error):  # the reading thread sees to a port that is gone
                 return False
 
@@ -121,10 +122,9 @@ class SerialPort:
         except (OSError, ValueError, termios.error) as error:
             self.trouble = _why(error)
             return None
-        try:
-            port.set_low_latency_mode(True)  # else an FTDI chip holds bytes back for 16 ms
-        except (OSError, ValueError, NotImplementedError, AttributeError):
-            pass  # not every driver has it
+        with contextlib.suppress(OSError, ValueError, NotImplementedError, AttributeError):
+            # Else an FTDI chip holds bytes back for 16 ms. Not every driver has it.
+            port.set_low_latency_mode(True)
         self.trouble = ""
         return port
 
