@@ -6,6 +6,7 @@ import pytest
 from taxel.errors import BadInput
 from taxel.signals import Frame
 from taxel.sim.cup_pour import CupPourConfig, list_runs
+from taxel.sim.cups import PourRun
 from taxel.sources.opening import open_source
 from taxel.sources.pour_sets import simulate_videos, video_frames
 from taxel.sources.sim_pour import SimPour
@@ -18,7 +19,7 @@ GRIP = 5
 
 @pytest.mark.parametrize(("run", "camera_hz"), [(RUNS[0], 25.0), (RUNS[1], 60.0)])
 def test_without_commands_frames_and_truth_are_the_recorded_ones_to_the_last_byte(
-    run, camera_hz: float
+    run: PourRun, camera_hz: float
 ) -> None:
     track, videos = simulate_videos(run, camera_hz, 60.0, 1.0)
     pour = SteppedPour(run, camera_hz, 60.0, 1.0)
@@ -64,7 +65,10 @@ def test_a_command_shows_in_the_truth_and_in_the_pictures_after_its_latency() ->
     assert np.diff(force).max() <= 300.0 / 60 * 1.04
 
 
-def drive(url: str, force_n: float | None, at_s: float = 0.5) -> tuple[list[Frame], np.ndarray]:
+Driven = tuple[list[Frame], np.ndarray]
+
+
+def drive(url: str, force_n: float | None, at_s: float = 0.5) -> Driven:
     """Return all frames and the true grip of a source that is told one force."""
     frames: list[Frame] = []
     grips: list[np.ndarray] = []
@@ -85,18 +89,22 @@ URL = "sim://cup-pour?cup=4001&force_n=15&runs=2&duration_s=1&camera_hz=5&speed=
 
 
 @pytest.fixture(scope="module")
-def quiet() -> tuple[list[Frame], np.ndarray]:
+def quiet() -> Driven:
     return drive(URL, None)
 
 
-def test_a_live_source_obeys_until_its_grasp_ends_and_starts_the_next_one_anew(quiet) -> None:
+def test_a_live_source_obeys_until_its_grasp_ends_and_starts_the_next_one_anew(
+    quiet: Driven,
+) -> None:
     _, held = drive(URL, 40.0)
     np.testing.assert_array_equal(held[:30], quiet[1][:30])
     assert 38.0 < held[55] < 42.0
     np.testing.assert_array_equal(held[60:], quiet[1][60:])
 
 
-def test_a_command_for_a_grasp_that_is_over_is_not_given_to_the_next(quiet) -> None:
+def test_a_command_for_a_grasp_that_is_over_is_not_given_to_the_next(
+    quiet: Driven,
+) -> None:
     frames, truth = quiet
     last = [frame.fitted_s for frame in frames if frame.camera == 0][59] - frames[0].fitted_s
     _, held = drive(URL, 40.0, at_s=last)

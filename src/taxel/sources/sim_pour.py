@@ -157,7 +157,7 @@ class SimPour:
             self._pour, self._number = pour, number
             self._cameras = self._cameras or pour.cameras
             start_s = number * (choice.duration_s + PAUSE_S)
-            while not pour.ended:
+            for left in reversed(range(pour.moments)):
                 frames, samples = pour.step()
                 moved = [
                     replace(
@@ -170,8 +170,8 @@ class SimPour:
                 ]
                 time_s = samples.fitted_s + start_s
                 later = replace(samples, fitted_s=time_s, arrival_s=time_s, device_s=time_s)
-                marks = []
-                if pour.ended:
+                marks: list[Mark] = []
+                if not left:
                     track = pour.track()
                     mark = mark_of(run, track, describe_run(run, track))
                     begin_s, end_s = mark.start_s + start_s, mark.end_s + start_s

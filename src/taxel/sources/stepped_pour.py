@@ -52,10 +52,11 @@ class SteppedPour:
         self._frame_hz = frame_hz
         self._fine = round(duration_s * frame_hz * FINE)
         self._fine_s = np.arange(self._fine) / (frame_hz * FINE)
-        self._moments = len(range(0, self._fine, FINE))
+        self.moments = len(range(0, self._fine, FINE))
+        """How many there are."""
         self._shapes = (_shape(run, 0), _shape(run, 1))
         self._motions = (_still(self._fine), _still(self._fine))
-        self._truth = np.zeros((self._moments, len(TRUTH_CHANNELS)))
+        self._truth = np.zeros((self.moments, len(TRUTH_CHANNELS)))
         self._done = 0
         self._eyes = [
             _Eye(run, side, shape, camera_hz, frame_hz, duration_s)
@@ -67,7 +68,7 @@ class SteppedPour:
     @property
     def ended(self) -> bool:
         """True once the last moment was given."""
-        return self._done == self._moments
+        return self._done == self.moments
 
     @property
     def time_s(self) -> float:
