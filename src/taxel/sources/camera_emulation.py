@@ -18,8 +18,6 @@ from taxel.errors import BadSource
 from taxel.sources.camera_capture import Buffer, CameraGiven, CameraGone, CameraRequest
 
 FaultKind = Literal["frozen", "stall", "gone", "empty", "damaged", "cut", "late", "hang", "killed"]
-_BUFFERS = 4
-"""As many as `v4l2.py` asks a driver for."""
 _DELAY_S = 0.004
 """From the middle of the exposure to the host, where nothing is late. Our choice."""
 
@@ -62,6 +60,8 @@ class EmulatedCamera:
     """Where stamps are not of the host's clock: what its own showed at power-on, seconds."""
     padding: int = 0
     """Zero bytes behind each image, as drivers leave them."""
+    buffers: int = 4
+    """Frames that its driver holds, as many as `v4l2.py` asks for."""
     refuses: tuple[str, str, str] | None = None
     """Where opening fails: needed, got, mend."""
     faults: tuple[CameraFault, ...] = ()
@@ -138,8 +138,9 @@ class EmulatedCapture:
             if "killed" in kinds:
                 raise SystemExit(1)
             if "hang" in kinds:
-                time.sleep(self._ready_s(self._last_of("hang", number)) - now_s)
-            if "stall" in kinds or len(self._filled) >= _BUFFERS:
+                end_s = self._ready_s(self._last_of("hang", number))
+                time.sleep(max(0.0, end_s - time.monotonic()))
+            if {"stall", "hang"} & set(kinds) or len(self._filled) >= self._body.buffers:
                 continue
             self._filled.append(self._buffer(number, kinds))
 

@@ -176,13 +176,16 @@ class CaptureLoop:
             _say(state=state, why=why)
 
 
-def measure(capture: Capture, over: Callable[[float], bool], path: str) -> tuple[float, float]:
+def measure(
+    capture: Capture, over: Callable[[float], bool], path: str, within_s: float = FIRST_FRAME_S
+) -> tuple[float, float]:
     """Return frames and different images a second of a camera that has just been started.
 
     Args:
         capture: Open.
         over: Whether to stop.
         path: The camera's, for the error.
+        within_s: Longest time that this may take, seconds.
 
     Raises:
         BadSource: Too few frames came.
@@ -190,12 +193,12 @@ def measure(capture: Capture, over: Callable[[float], bool], path: str) -> tuple
     """
     stamps: list[float] = []
     images, last, seen = 0, b"", 0
-    until_s = time.monotonic() + FIRST_FRAME_S
+    until_s = time.monotonic() + within_s
     while len(stamps) < 2 or (len(stamps) < _MEASURE and stamps[-1] - stamps[0] < _MEASURE_S):
         if over(0.0) or time.monotonic() > until_s:
             raise BadSource(
                 f"whole frames from {path}",
-                f"{seen} within {FIRST_FRAME_S:g} s",
+                f"{seen} within {within_s:g} s",
                 "check its cable, or try a smaller size",
             )
         found = capture.next(_LOOK_S)
