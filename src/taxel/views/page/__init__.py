@@ -1,0 +1,1 @@
+"""The operator's page: what a person keeps open in a browser beside a moving gripper."""

@@ -1,0 +1,243 @@
+"""One open page: pushes what is newest, takes commands; slow pages get fewer pushes, never a queue.
+
+A push (new images, then one JSON message) is composed when it is sent, and the next is sent only
+once the page says that it has seen this one. So at most one push is under way to each page,
+however slow it is, and what it shows is never older than the time between two pushes. Knows
+nothing about tokens and addresses.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import json
+import logging
+import math
+from dataclasses import dataclass, field
+from typing import Any
+
+from starlette.websockets import WebSocket, WebSocketDisconnect
+
+from taxel.views.page.link import ReplayControls, StationLink
+from taxel.views.page.messages import (
+    Acknowledge,
+    Command,
+    Pause,
+    Play,
+    Record,
+    RefusedMessage,
+    Seek,
+    Seen,
+    read_command,
+)
+
+PUSH_HZ = 20.0
+"""Pushes a second to each page. Source: our choice, docs/decisions/0018."""
+MOST_CLIENTS = 8
+"""Pages open at once. Source: as above."""
+MESSAGES_HZ = 60.0
+"""Messages a second that one page may send, and how many at once; more closes it."""
+UNSEEN_S = 10.0
+"""A page that has not said "seen" for so long is closed; it opens again by itself."""
+MOST_CAMERAS = 16
+"""Cameras whose images are pushed."""
+
+_log = logging.getLogger("taxel.page")
+
+
+@dataclass(slots=True)
+class Ledger:
+    """What the server did, counted since its start."""
+
+    pushes: int = 0
+    skipped: int = 0
+    """Pushes that were due and left out, as a page had not yet seen the one before."""
+    refused_messages: int = 0
+    refused_clients: int = 0
+    slow_closed: int = 0
+
+
+@dataclass(slots=True, eq=False)
+class _Client:
+    """What the server remembers of one page: a few numbers, never data."""
+
+    socket: WebSocket
+    number: int = 0
+    since_s: float = -math.inf
+    frames: dict[int, int] = field(default_factory=dict)
+    seen: asyncio.Event = field(default_factory=asyncio.Event)
+    allowance: float = MESSAGES_HZ
+    heard_s: float = 0.0
+
+
+class Clients:
+    """All open pages of one station.
+
+    Args:
+        link: The station.
+        most: Pages open at once.
+        push_hz: Pushes a second to each.
+    """
+
+    def __init__(
+        self, link: StationLink, most: int = MOST_CLIENTS, push_hz: float = PUSH_HZ
+    ) -> None:
+        self.ledger = Ledger()
+        self._link = link
+        self._replay = link if isinstance(link, ReplayControls) else None
+        self._most = most
+        self._period_s = 1 / push_hz
+        self._open: set[_Client] = set()
+        self._work = asyncio.Lock()
+
+    async def serve(self, socket: WebSocket) -> None:
+        """Serve one page until it goes."""
+        await socket.accept()
+        if len(self._open) >= self._most:
+            self.ledger.refused_clients += 1
+            await socket.close(1013, f"{self._most} pages are open already")
+            return
+        client = _Client(socket)
+        self._open.add(client)
+        push = asyncio.create_task(self._push_on(client))
+        try:
+            await self._listen(client)
+        except (WebSocketDisconnect, RuntimeError):  # gone, or closed by the pushing side
+            pass
+        finally:
+            self._open.discard(client)
+            push.cancel()
+            await asyncio.gather(push, return_exceptions=True)
+
+    async def _push_on(self, client: _Client) -> None:
+        loop = asyncio.get_running_loop()
+        due_s = loop.time()
+        try:
+            if self._replay is not None:
+                overview = await asyncio.to_thread(self._replay.overview)
+                await client.socket.send_text(to_json({"overview": overview}))
+            while True:
+                await self._push(client)
+                due_s += self._period_s
+                late = int((loop.time() - due_s) / self._period_s)
+                if late > 0:
+                    self.ledger.skipped += late
+                    due_s += late * self._period_s
+                await asyncio.sleep(max(0.0, due_s - loop.time()))
+        except TimeoutError:
+            self.ledger.slow_closed += 1
+            await client.socket.close(1013, f"nothing was seen for {UNSEEN_S:g} s")
+        except (WebSocketDisconnect, RuntimeError):
+            return  # the page has gone
+
+    async def _push(self, client: _Client) -> None:
+        images, text = self._compose(client)
+        client.seen.clear()
+        for image in images:
+            await client.socket.send_bytes(image)
+        await client.socket.send_text(text)
+        self.ledger.pushes += 1
+        await asyncio.wait_for(client.seen.wait(), UNSEEN_S)
+
+    def _compose(self, client: _Client) -> tuple[list[bytes], str]:
+        """Return the newest images that this page lacks, and the message that follows them."""
+        client.number += 1
+        try:
+            snapshot = self._link.snapshot()
+            traces = self._link.traces(client.since_s)
+            images = self._images(client, len(snapshot.get("cameras") or ()))
+            push = {"number": client.number, "snapshot": snapshot, "traces": traces}
+            text = to_json(push)
+            client.since_s = float(traces.get("time_s", client.since_s))
+        except Exception as error:  # a link that fails must show on the page, not end it
+            _log.exception("the station's link failed")
+            reason = f"{type(error).__name__}: {error}"[:200]
+            return [], to_json({"number": client.number, "failed": reason})
+        return images, text
+
+    def _images(self, client: _Client, cameras: int) -> list[bytes]:
+        images = []
+        for camera in range(min(cameras, MOST_CAMERAS)):
+            frame = self._link.frame(camera)
+            if frame is not None and client.frames.get(camera) != frame[0]:
+                client.frames[camera] = frame[0]
+                images.append(bytes((camera,)) + frame[1])
+        return images
+
+    async def _listen(self, client: _Client) -> None:
+        loop = asyncio.get_running_loop()
+        client.heard_s = loop.time()
+        while True:
+            message = await client.socket.receive()
+            if message["type"] == "websocket.disconnect":
+                return
+            earned = (loop.time() - client.heard_s) * MESSAGES_HZ
+            client.heard_s = loop.time()
+            client.allowance = min(MESSAGES_HZ, client.allowance + earned) - 1
+            if client.allowance < 0:
+                self.ledger.refused_messages += 1
+                await client.socket.close(1008, "too many messages")
+                return
+            content = message.get("text")
+            try:
+                command = read_command(message["bytes"] if content is None else content)
+            except RefusedMessage as refused:
+                self.ledger.refused_messages += 1
+                await client.socket.send_text(to_json({"refused": str(refused)}))
+                continue
+            await self._obey(client, command)
+
+    async def _obey(self, client: _Client, command: Command) -> None:
+        if isinstance(command, Seen):
+            if command.number == client.number:
+                client.seen.set()
+            return
+        name = type(command).__name__.lower()
+        try:
+            reason = await self._do(command)
+        except Exception as error:  # as in _compose: the person must see it
+            _log.exception("%s failed", name)
+            reason = f"{type(error).__name__}: {error}"[:200]
+        await client.socket.send_text(to_json({"done": name, "reason": reason}))
+
+    async def _do(self, command: Command) -> str:
+        """Hand a command to the link; return "" or why it could not be done."""
+        replay = self._replay
+        async with self._work:
+            match command:
+                case Acknowledge():
+                    await asyncio.to_thread(self._link.acknowledge)
+                case Record(on, labels):
+                    return await asyncio.to_thread(self._link.record, on, labels)
+                case Seek(time_s) if replay is not None:
+                    await asyncio.to_thread(replay.seek, time_s)
+                case Play(speed) if replay is not None:
+                    await asyncio.to_thread(replay.play, speed)
+                case Pause() if replay is not None:
+                    await asyncio.to_thread(replay.pause)
+                case _:
+                    return "only a recording can be wound"
+        return ""
+
+
+def to_json(value: object) -> str:
+    """Return a value as JSON; what is not finite becomes null, arrays become lists.
+
+    Raises:
+        TypeError: It holds something that is no plain value.
+    """
+    try:
+        return json.dumps(value, allow_nan=False, separators=(",", ":"))
+    except (ValueError, TypeError):
+        return json.dumps(_plain(value), allow_nan=False, separators=(",", ":"))
+
+
+def _plain(value: Any) -> Any:
+    if hasattr(value, "tolist"):  # numpy's arrays and numbers
+        value = value.tolist()
+    if isinstance(value, dict):
+        return {str(key): _plain(item) for key, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [_plain(item) for item in value]
+    if isinstance(value, float) and not math.isfinite(value):
+        return None
+    return value

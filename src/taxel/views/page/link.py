@@ -1,0 +1,113 @@
+"""What the page needs of the station that it shows; the page's server knows nothing else of it.
+
+A link only tells and takes three wishes (acknowledge, record, and a replay's cursor): it has no
+way to arm or to move a gripper, so the page has none either. Knows nothing about HTTP.
+"""
+
+from __future__ import annotations
+
+from typing import Any, Protocol, runtime_checkable
+
+STATES = ("STABLE", "WARNING", "UNSTABLE", "UNKNOWN", "STOP")
+"""The words a snapshot's state may be; the page shows any other as UNKNOWN."""
+
+
+class StationLink(Protocol):
+    """A running station, as the page sees it.
+
+    `snapshot`, `frame` and `traces` are called some 20 times a second for each open page, in the
+    server's event loop: they must return at once (a millisecond or less) and never wait.
+    `acknowledge` and `record` are called in another thread, one at a time, and may take seconds.
+
+    All times are seconds on one clock of the station's choice that never steps back while it
+    runs. Numbers may be NaN; the page shows a dash.
+    """
+
+    def snapshot(self) -> dict[str, Any]:
+        """Return the newest state of everything, plain values only.
+
+        Returns:
+            time_s: when this was true; it must move on while the station lives, or the
+                page says STALE after 0.5 s.
+            state: one of `STATES`; reason: why, in a few words; since_s: when it began;
+            probability: of instability 0…1, or None;
+            thresholds (may be left out): {warn, clear, unstable}, 0…1;
+            alarms: list of {kind, text, level ("warning" or "danger"), since_s, acknowledged};
+            answers: list of {target, label, confidence 0…1, reason};
+            sources: list of {name, url, kind ("array" or "cameras"), state ("live",
+                "reconnecting", "stale", "frozen", "late", "gone", "ended"), rate_hz, nominal_hz,
+                produced, lost, note};
+            consumers: list of {name, consumed, dropped, beat_age_s, state};
+            latency_ms: {stage: [p50, p95, p99]}, milliseconds;
+            gripper: {interlock, armed, force_n, commanded_n, motion, note}, or None;
+            recording: {on, path, seconds, bytes, error};
+            cameras: list of {name, width, height};
+            array: {name, channels, unit, rows}, or None;
+            replay: only of recordings, see `ReplayLink.snapshot`.
+        """
+        ...
+
+    def frame(self, camera: int) -> tuple[int, bytes] | None:
+        """Return a camera's newest image as (its number, JPEG); None before the first.
+
+        Args:
+            camera: From 0, in the order of the snapshot's cameras.
+        """
+        ...
+
+    def traces(self, since_s: float) -> dict[str, Any]:
+        """Return what came after a moment, at most 60 points a second.
+
+        Args:
+            since_s: The `time_s` of the last answer; minus infinity asks for all that is kept
+                (30 s are shown). A moment later than the newest also means all that is kept:
+                the clock was set back, or a replay's cursor.
+
+        Returns:
+            time_s: of the newest value;
+            probability: {t: [n], p: [n]}, seconds and 0…1;
+            sensors: {t: [n], values: [a list of n for each channel]}, in the array's unit;
+            map: the newest rows of the array, oldest first, 0…1, or None;
+            events: list of {t, text}.
+        """
+        ...
+
+    def acknowledge(self) -> None:
+        """Take a person's word that the alarms were seen."""
+        ...
+
+    def record(self, on: bool, labels: dict[str, str]) -> str:
+        """Start or stop recording; return "" or why that was not possible.
+
+        Args:
+            on: True starts.
+            labels: What the person says is recorded, checked by `messages.read_command`.
+        """
+        ...
+
+
+@runtime_checkable
+class ReplayControls(Protocol):
+    """What a link of a recording can do besides: move its time cursor."""
+
+    def overview(self) -> dict[str, Any]:
+        """Return the whole recording, small enough to draw at once.
+
+        Returns:
+            start_s, end_s: of the recording's clock;
+            t: [n] middles of bins; series: list of {name, unit, low: [n], high: [n]};
+            bands: list of {start_s, end_s, text}.
+        """
+        ...
+
+    def seek(self, time_s: float) -> None:
+        """Put the cursor at a moment of the recording's clock."""
+        ...
+
+    def play(self, speed: float) -> None:
+        """Let the cursor run, at a factor of real time above 0."""
+        ...
+
+    def pause(self) -> None:
+        """Hold the cursor."""
+        ...

@@ -1,0 +1,373 @@
+"""A recording as a station that a person winds to and fro: overview, cursor, images at the cursor.
+
+The file is read once, chunk by chunk, with every check sum. Kept: where each chunk lies, when each
+image was taken, and the array at 100 scans a second at most; images are read again when they are
+looked at. Nothing is judged here: the state of a replay is UNKNOWN and the page says REPLAY. Knows
+nothing about browsers.
+"""
+
+from __future__ import annotations
+
+import threading
+from bisect import bisect_right
+from collections import OrderedDict
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from mcap.opcode import Opcode
+from numpy.typing import NDArray
+
+from taxel.clock import Clock, SystemClock
+from taxel.errors import BadRecording
+from taxel.recordings.chunk_content import ChunkContent, decode_chunk
+from taxel.recordings.manifest import Manifest
+from taxel.recordings.mcap_file import MAGIC, RECORD_HEAD
+from taxel.recordings.reader import read_manifest
+from taxel.recordings.walk import Damaged, damaged, open_chunk, walk
+from taxel.signals import Mark, Samples
+
+_KEPT_HZ = 100.0
+"""Scans a second that are kept for traces and the map. Source: the common time grid's rate."""
+_SHOWN_S = 30.0
+"""Of traces before the cursor, seconds."""
+_MAP_ROWS = 12
+_BINS = 600
+"""Of the overview. Source: our choice; about one for two pixels."""
+_MOST_SERIES = 12
+"""Channels drawn in the overview, the first of them."""
+_CHUNKS_KEPT = 4
+"""Opened chunks in memory, about 0.1 s of images each."""
+
+
+@dataclass(frozen=True, slots=True)
+class _Place:
+    """Where a chunk's payload lies in the file, bytes."""
+
+    offset: int
+    length: int
+
+
+@dataclass(frozen=True, slots=True)
+class _Index:
+    """What is remembered of a recording after one reading."""
+
+    time_s: NDArray[np.float64]
+    values: NDArray[np.float32]
+    marks: list[Mark]
+    chunks: list[_Place]
+    frame_s: list[NDArray[np.float64]]
+    """A camera each: when its images were taken, ascending."""
+    frame_at: list[NDArray[np.int64]]
+    """A camera each, shape (n, 3): chunk, which of its images, bytes of JPEG."""
+
+
+class ReplayLink:
+    """A finished recording behind the page; a `StationLink` and its `ReplayControls`.
+
+    Args:
+        path: The recording.
+        clock: Moves the cursor while it plays.
+
+    Raises:
+        BadRecording: It is missing, no recording of taxel's, cut short, damaged, or empty.
+    """
+
+    def __init__(self, path: Path, clock: Clock | None = None) -> None:
+        self._path = path
+        self._clock = clock or SystemClock()
+        self._manifest = read_manifest(path)
+        self._index = _read_index(path, self._manifest)
+        self._start_s, self._end_s = _span(self._index, path)
+        self._low, self._span = _scale(self._manifest, self._index.values)
+        self._lock = threading.Lock()
+        self._cursor_s = self._start_s
+        self._speed = 1.0
+        self._played_s: float | None = None
+        self._opened: OrderedDict[int, ChunkContent] = OrderedDict()
+
+    @property
+    def cursor_s(self) -> float:
+        """Where the cursor stands, seconds of the recording's clock."""
+        with self._lock:
+            return self._moved()
+
+    def overview(self) -> dict[str, Any]:
+        """Return the whole recording in bins: each channel's least and largest value.
+
+        A recording without an array shows its images' bytes instead: a picture that fills with
+        detail, as on contact, grows.
+        """
+        bins = np.linspace(self._start_s, self._end_s, _BINS + 1)
+        return {
+            "start_s": self._start_s,
+            "end_s": self._end_s,
+            "t": ((bins[1:] + bins[:-1]) / 2).tolist(),
+            "series": self._series(bins),
+            "bands": [
+                {
+                    "start_s": mark.start_s,
+                    "end_s": mark.end_s,
+                    "text": _text({**self._manifest.labels, **mark.labels}),
+                }
+                for mark in self._index.marks
+            ],
+        }
+
+    def seek(self, time_s: float) -> None:
+        """Put the cursor at a moment, or at the nearest end; it plays on if it played."""
+        with self._lock:
+            self._moved()
+            self._cursor_s = float(np.clip(time_s, self._start_s, self._end_s))
+
+    def play(self, speed: float) -> None:
+        """Let the cursor run; from the start again if it stands at the end."""
+        with self._lock:
+            if self._moved() >= self._end_s:
+                self._cursor_s = self._start_s
+            self._speed = speed
+            self._played_s = self._clock.now_s()
+
+    def pause(self) -> None:
+        """Hold the cursor."""
+        with self._lock:
+            self._moved()
+            self._played_s = None
+
+    def snapshot(self) -> dict[str, Any]:
+        """Return the snapshot of `StationLink`, and `replay`.
+
+        replay is {path, start_s, end_s, cursor_s, playing, speed, labels (here, as text)};
+        `time_s` is the clock's, so that a page sees that the server lives while nothing plays.
+        """
+        with self._lock:
+            cursor_s, playing = self._moved(), self._played_s is not None
+        sensor = self._manifest.sensor
+        here = {**self._manifest.labels}
+        for mark in self._index.marks:
+            if mark.start_s <= cursor_s <= mark.end_s:
+                here |= mark.labels
+        return {
+            "time_s": self._clock.now_s(),
+            "state": "UNKNOWN",
+            "reason": "a recording: nothing is judged",
+            "since_s": None,
+            "probability": None,
+            "alarms": [],
+            "answers": [],
+            "sources": [],
+            "consumers": [],
+            "latency_ms": {},
+            "gripper": None,
+            "recording": None,
+            "cameras": [
+                {"name": camera.name, "width": camera.width, "height": camera.height}
+                for camera in self._manifest.cameras
+            ],
+            "array": {
+                "name": sensor.name,
+                "channels": list(sensor.channels),
+                "unit": "/".join(dict.fromkeys(sensor.units)),
+                "rows": _MAP_ROWS,
+            }
+            if sensor.channels
+            else None,
+            "replay": {
+                "path": self._path.name,
+                "start_s": self._start_s,
+                "end_s": self._end_s,
+                "cursor_s": cursor_s,
+                "playing": playing,
+                "speed": self._speed,
+                "labels": _text(here),
+            },
+        }
+
+    def frame(self, camera: int) -> tuple[int, bytes] | None:
+        """Return the image that was the newest at the cursor, and its number in the recording."""
+        if not 0 <= camera < len(self._index.frame_s):
+            return None
+        number = bisect_right(self._index.frame_s[camera], self.cursor_s) - 1
+        if number < 0:
+            return None
+        chunk, which, _ = self._index.frame_at[camera][number].tolist()
+        return number, self._open(chunk).frames[which].jpeg
+
+    def traces(self, since_s: float) -> dict[str, Any]:
+        """Return the array between `since_s` and the cursor, both of the recording's clock."""
+        cursor_s = self.cursor_s
+        index = self._index
+        least_s = cursor_s - _SHOWN_S
+        after_s = least_s if since_s > cursor_s else max(since_s, least_s)
+        first, last = np.searchsorted(index.time_s, [after_s, cursor_s], side="right").tolist()
+        chosen = np.arange(first, last)
+        chosen = chosen[chosen % 2 == 0]  # 50 a second; the same ones whenever they are asked for
+        rows = index.values[max(0, last - _MAP_ROWS) : last]
+        return {
+            "time_s": cursor_s,
+            "probability": {"t": [], "p": []},
+            "sensors": {
+                "t": index.time_s[chosen].tolist(),
+                "values": index.values[chosen].T.tolist(),
+            },
+            "map": np.clip((rows - self._low) / self._span, 0.0, 1.0).tolist()
+            if rows.size
+            else None,
+            "events": [
+                {"t": mark.start_s, "text": _text(mark.labels)}
+                for mark in index.marks
+                if after_s < mark.start_s <= cursor_s
+            ],
+        }
+
+    def acknowledge(self) -> None:
+        """Do nothing: a recording raises no alarm."""
+
+    def record(self, on: bool, labels: dict[str, str]) -> str:
+        """Refuse: it is a recording already."""
+        return "this is a recording already"
+
+    def _moved(self) -> float:
+        """Move the cursor on if it plays; return where it stands. The lock is held."""
+        if self._played_s is not None:
+            now_s = self._clock.now_s()
+            self._cursor_s += (now_s - self._played_s) * self._speed
+            self._played_s = now_s
+            if self._cursor_s >= self._end_s:
+                self._cursor_s, self._played_s = self._end_s, None
+        return self._cursor_s
+
+    def _open(self, number: int) -> ChunkContent:
+        """Return a chunk's content, from memory or read again."""
+        with self._lock:
+            if number in self._opened:
+                self._opened.move_to_end(number)
+                return self._opened[number]
+        place = self._index.chunks[number]
+        manifest = self._manifest
+        try:
+            with self._path.open("rb") as file:
+                file.seek(place.offset)
+                payload = file.read(place.length)
+            content = decode_chunk(
+                open_chunk(payload), len(manifest.sensor.channels), len(manifest.cameras)
+            )
+        except (OSError, Damaged, ValueError) as error:
+            raise damaged(self._path, f"it changed while it was looked at: {error}") from error
+        with self._lock:
+            self._opened[number] = content
+            while len(self._opened) > _CHUNKS_KEPT:
+                self._opened.popitem(last=False)
+        return content
+
+    def _series(self, bins: NDArray[np.float64]) -> list[dict[str, Any]]:
+        sensor, index = self._manifest.sensor, self._index
+        if sensor.channels and len(index.time_s):
+            rows = zip(sensor.channels, sensor.units, index.values.T, strict=True)
+            return [
+                {"name": name, "unit": unit, **_envelope(index.time_s, values, bins)}
+                for name, unit, values in list(rows)[:_MOST_SERIES]
+            ]
+        sizes = zip(self._manifest.cameras, index.frame_s, index.frame_at, strict=True)
+        return [
+            {
+                "name": f"{camera.name}, image size",
+                "unit": "kB",
+                **_envelope(time_s, (at[:, 2] / 1e3).astype(np.float32), bins),
+            }
+            for camera, time_s, at in sizes
+        ]
+
+
+def _read_index(path: Path, manifest: Manifest) -> _Index:
+    chunks: list[_Place] = []
+    scans: list[tuple[NDArray[np.float64], NDArray[np.float32]]] = []
+    marks: list[Mark] = []
+    frames: list[list[tuple[float, int, int, int]]] = [[] for _ in manifest.cameras]
+    last_kept_s, at = -np.inf, len(MAGIC)
+    try:
+        for record in walk(path):
+            at += RECORD_HEAD.size
+            if record.opcode == Opcode.CHUNK:
+                content = decode_chunk(
+                    open_chunk(record.payload), len(manifest.sensor.channels), len(frames)
+                )
+                samples = content.samples(len(manifest.sensor.channels))
+                if len(samples):
+                    time_s, values = _thin(samples, last_kept_s)
+                    last_kept_s = float(time_s[-1]) if len(time_s) else last_kept_s
+                    scans.append((time_s, values))
+                marks += content.marks
+                for which, frame in enumerate(content.frames):
+                    where = (frame.fitted_s, len(chunks), which, len(frame.jpeg))
+                    frames[frame.camera].append(where)
+                chunks.append(_Place(at, len(record.payload)))
+            at += len(record.payload)
+    except (Damaged, ValueError) as error:
+        if isinstance(error, BadRecording):
+            raise
+        raise damaged(path, str(error)) from error
+    time_s = np.concatenate([part[0] for part in scans]) if scans else np.zeros(0)
+    width = len(manifest.sensor.channels)
+    values = np.concatenate([part[1] for part in scans]) if scans else np.zeros((0, width))
+    order = np.argsort(time_s, kind="stable")
+    found = [np.array(sorted(rows), np.float64).reshape(-1, 4) for rows in frames]
+    return _Index(
+        time_s=time_s[order],
+        values=values[order].astype(np.float32),
+        marks=sorted(marks, key=lambda mark: mark.start_s),
+        chunks=chunks,
+        frame_s=[rows[:, 0] for rows in found],
+        frame_at=[rows[:, 1:].astype(np.int64) for rows in found],
+    )
+
+
+def _thin(samples: Samples, last_kept_s: float) -> tuple[NDArray[np.float64], NDArray[np.float32]]:
+    """Return the first scan of each hundredth of a second; what may not be used is NaN."""
+    slots = np.floor(samples.fitted_s * _KEPT_HZ)
+    before = np.concatenate([[np.floor(last_kept_s * _KEPT_HZ)], slots[:-1]])
+    kept = slots != before
+    values = np.where(samples.usable[kept], samples.values[kept], np.float32(np.nan))
+    return samples.fitted_s[kept], values.astype(np.float32)
+
+
+def _span(index: _Index, path: Path) -> tuple[float, float]:
+    times = [part for part in (index.time_s, *index.frame_s) if len(part)]
+    if not times:
+        raise BadRecording("a recording with scans or images", f"{path}, which has none",
+                           "record it again")  # fmt: skip
+    return float(min(part[0] for part in times)), float(max(part[-1] for part in times))
+
+
+def _scale(
+    manifest: Manifest, values: NDArray[np.float32]
+) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+    """Return what is 0 on the map and the span up to 1, a channel each."""
+    width = len(manifest.sensor.channels)
+    if manifest.sensor.full_scale:
+        full = np.full(width, manifest.sensor.full_scale, np.float32)
+        return np.zeros(width, np.float32), full
+    finite = values[np.isfinite(values).all(axis=1)]
+    if not len(finite):
+        return np.zeros(width, np.float32), np.ones(width, np.float32)
+    low: NDArray[np.float32] = finite.min(axis=0)
+    span = np.maximum(finite.max(axis=0) - low, np.float32(1e-9)).astype(np.float32)
+    return low, span
+
+
+def _envelope(
+    time_s: NDArray[np.float64], values: NDArray[np.float32], bins: NDArray[np.float64]
+) -> dict[str, list[float]]:
+    """Return the least and the largest value of each bin; NaN where it has none."""
+    good = np.isfinite(values)
+    where = np.clip(np.searchsorted(bins, time_s[good], side="right") - 1, 0, len(bins) - 2)
+    low, high = np.full(len(bins) - 1, np.inf), np.full(len(bins) - 1, -np.inf)
+    np.minimum.at(low, where, values[good])
+    np.maximum.at(high, where, values[good])
+    low[~np.isfinite(low)], high[~np.isfinite(high)] = np.nan, np.nan
+    return {"low": np.round(low, 4).tolist(), "high": np.round(high, 4).tolist()}
+
+
+def _text(labels: Any) -> str:
+    return ", ".join(f"{name} {value}" for name, value in labels.items())

@@ -1,0 +1,195 @@
+// The operator's page: joins the wire, the drawing and the keys. It holds no state of the gripper.
+
+import { Cameras, drawHand, drawMap, fingers } from "./images.js";
+import { wireKeys } from "./keys.js";
+import { Link } from "./link.js";
+import { $, drawAlarms, drawAnswers, drawGripper, drawLatency, drawPills, drawRecording, drawState, drawStreams, make, show, toast } from "./panels.js";
+import { colours, probabilityTrace, sensorTrace } from "./plots.js";
+import { Replay } from "./replay.js";
+import { Sound } from "./sound.js";
+import { Freshness, duration, number, shown, sounding } from "./state.js";
+
+const TABLES_MS = 250; // Tables of figures change at most so often: faster cannot be read.
+const fresh = new Freshness();
+const sound = new Sound($("sound"));
+const cameras = new Cameras($("cameras"));
+let snapshot = null;
+let traces = null; // the newest map and time
+let lastTime = -Infinity;
+let probability = null;
+let sensors = null;
+let arrayKey = "";
+let hand = null;
+let dirty = false;
+let tablesMs = -Infinity;
+
+const link = new Link({
+  push(message) {
+    if (message.failed) {
+      fresh.failed = message.failed;
+      return;
+    }
+    fresh.connected = true;
+    fresh.failed = "";
+    snapshot = message.snapshot;
+    fresh.take(snapshot.time_s, performance.now());
+    takeTraces(message.traces);
+    dirty = true;
+    watch(); // at once: a hidden page gets no animation frames, but must still sound
+  },
+  image(camera, blob) {
+    cameras.take(camera, blob, performance.now());
+  },
+  other(message) {
+    if (message.overview) replay.take(message.overview);
+    if (message.refused) toast(`Refused: ${message.refused}`);
+    if (message.reason) toast(`Not done: ${message.reason}`);
+  },
+  gone(reason) {
+    fresh.connected = false;
+    fresh.failed = reason;
+    fresh.forget();
+    watch();
+  },
+});
+const replay = new Replay(say);
+
+function say(command) {
+  if (!link.say(command)) toast("Not sent: there is no connection.");
+}
+
+function takeTraces(next) {
+  if (!next) return;
+  if (next.time_s < lastTime) {
+    probability?.clear();
+    probability?.forget();
+    sensors?.clear();
+  }
+  lastTime = next.time_s ?? lastTime;
+  const map = next.map ?? traces?.map ?? null;
+  traces = { ...next, map };
+  layOut();
+  probability?.add(next.probability?.t || [], [next.probability?.p || []], lastTime);
+  probability?.mark(next.events || [], snapshot.thresholds, lastTime);
+  sensors?.add(next.sensors?.t || [], next.sensors?.values || [], lastTime);
+}
+
+/** Show the panels that apply, and make their charts. */
+function layOut() {
+  const array = snapshot.array;
+  const eyes = snapshot.cameras || [];
+  show($("cameras"), eyes.length > 0);
+  cameras.arrange(eyes);
+  show($("touch"), Boolean(array));
+  show($("sensors"), Boolean(array));
+  show($("probability"), !snapshot.replay);
+  show($("alarms"), !snapshot.replay);
+  const verdicts = (snapshot.answers || []).length > 0 || snapshot.gripper;
+  show($("verdicts"), Boolean(verdicts));
+  show($("right"), Boolean(eyes.length || array || verdicts));
+  if (!probability && !snapshot.replay) probability = probabilityTrace($("probability").querySelector(".chart"));
+  const key = JSON.stringify(array);
+  if (array && key !== arrayKey) {
+    arrayKey = key;
+    hand = fingers(array.channels);
+    show($("handpanel"), hand !== null);
+    $("maprows").textContent = array.rows || 12;
+    const inks = colours(array.channels, hand !== null);
+    $("sensorsname").textContent = `${array.name}, ${array.unit}`;
+    const names = hand || array.channels.slice(0, 12);
+    $("legend").replaceChildren(
+      ...names.map((name, i) => {
+        const item = make("span", "", name);
+        const dot = make("i");
+        dot.style.background = hand ? inks[i * 3 + 1] : inks[i];
+        item.prepend(dot);
+        return item;
+      }),
+    );
+    const place = $("sensors").querySelector(".chart");
+    place.replaceChildren();
+    sensors = sensorTrace(place, array.channels, inks);
+  }
+}
+
+/** Decide what may be claimed, show it and sound it: on every push and ten times a second. */
+function watch() {
+  const now = performance.now();
+  const view = shown(fresh, snapshot, now);
+  let since = "";
+  if (view.kind !== "LOST" && view.kind !== "REPLAY" && Number.isFinite(snapshot.since_s)) {
+    since = `for ${duration(snapshot.time_s - snapshot.since_s)}`;
+  }
+  drawState(view, since);
+  sound.want(sounding(view, snapshot), now);
+  cameras.tell(now, view.kind === "REPLAY" || view.kind === "LOST");
+}
+
+function draw() {
+  requestAnimationFrame(draw);
+  if (!dirty || !snapshot) return;
+  dirty = false;
+  const now = performance.now();
+  drawAlarms(snapshot.alarms || [], snapshot.time_s);
+  $("pnow").textContent = number(snapshot.probability, 2);
+  probability?.draw();
+  sensors?.draw();
+  replay.draw(snapshot.replay, now);
+  const map = traces?.map;
+  if (map && map.length && snapshot.array) {
+    drawMap($("map"), map, snapshot.array.channels);
+    if (hand) drawHand($("hand"), map[map.length - 1], hand);
+  }
+  drawRecording(snapshot.recording);
+  if (now - tablesMs < TABLES_MS) return;
+  tablesMs = now;
+  $("clock").textContent = new Date().toLocaleTimeString("en-GB");
+  drawPills(snapshot);
+  drawStreams(snapshot.sources || [], snapshot.consumers || []);
+  drawLatency(snapshot.latency_ms || {});
+  drawAnswers(snapshot.answers || []);
+  drawGripper(snapshot.gripper ?? null);
+  show($("health"), ["streams", "latency", "recording"].some((id) => !$(id).hidden));
+  fieldsFor(snapshot.label_fields || ["object", "session", "operator"]);
+}
+
+function fieldsFor(names) {
+  const key = names.join();
+  if ($("labels").dataset.key === key) return;
+  $("labels").dataset.key = key;
+  $("labels").replaceChildren(
+    ...names.map((name) => {
+      const label = make("label", "", name);
+      const field = make("input");
+      Object.assign(field, { name, maxLength: 64, type: "text" });
+      label.append(field);
+      return label;
+    }),
+  );
+}
+
+function record() {
+  const on = !snapshot?.recording?.on;
+  const labels = {};
+  for (const field of $("labels").querySelectorAll("input")) {
+    const value = field.value.trim();
+    if (on && value) labels[field.name] = value;
+  }
+  say({ do: "record", on, labels });
+}
+
+function acknowledge() {
+  if (!$("acknowledge").disabled && !$("alarms").hidden) say({ do: "acknowledge" });
+}
+
+$("acknowledge").addEventListener("click", acknowledge);
+$("recordform").addEventListener("submit", (event) => {
+  event.preventDefault();
+  record();
+});
+$("help").addEventListener("click", () => $("helpbox").showModal());
+wireKeys({ acknowledge, record: () => snapshot?.recording && record(), mute: () => sound.toggle(), help: () => $("helpbox").showModal(), replay });
+setInterval(watch, 100);
+watch();
+draw();
+link.open();

@@ -1,0 +1,231 @@
+// Traces by uPlot: the last 30 s, newest at the right; older points are dropped.
+/* global uPlot */
+
+export const SHOWN_S = 30;
+const AXIS = { stroke: "#8b98ab", grid: { stroke: "#1d2530", width: 1 }, ticks: { stroke: "#1d2530", width: 1 } };
+const FINGERS = [["#7cc7f5", "#3a9fdc", "#1f6fa6"], ["#ffc247", "#e69f00", "#a87300"], ["#4fe0b6", "#16b588", "#0d7d5e"], ["#eaa6cb", "#cc79a7", "#94507a"]];
+const MANY = ["#56b4e9", "#e69f00", "#2fd0a5", "#cc79a7", "#f0e442", "#9aa7ff", "#d55e00", "#8fd14f", "#b8c0cc", "#ff8fab", "#6fd6e8", "#c49a6c"];
+
+/** Return a colour for each channel: a finger's joints share a hue. */
+export function colours(channels, isHand) {
+  return channels.map((_, i) => (isHand ? FINGERS[Math.floor(i / 3)][2 - (i % 3)] : MANY[i % MANY.length]));
+}
+
+function font() {
+  const rem = parseFloat(getComputedStyle(document.documentElement).fontSize);
+  return `${Math.round(rem * 0.85)}px system-ui, sans-serif`;
+}
+
+/** One chart whose time axis moves; `series` without the time. */
+class Trace {
+  constructor(place, series, options) {
+    this.place = place;
+    this.data = [[], ...series.map(() => [])];
+    this.now = 0;
+    this.dirty = true;
+    const rem = parseFloat(getComputedStyle(document.documentElement).fontSize);
+    const ticks = () => [-30, -25, -20, -15, -10, -5, 0].map((s) => this.now + s);
+    this.chart = new uPlot(
+      {
+        width: Math.max(50, place.clientWidth),
+        height: Math.max(40, place.clientHeight),
+        legend: { show: false },
+        cursor: { drag: { x: false, y: false }, points: { show: false } },
+        padding: [rem * 0.5, rem, 0, 0],
+        scales: { x: { time: false, range: () => [this.now - SHOWN_S, this.now] }, y: { range: options.range } },
+        series: [{}, ...series],
+        axes: [
+          { ...AXIS, font: font(), size: rem * 2, splits: ticks, values: (_, all) => all.map((v) => `${Math.round(v - this.now)} s`.replace("-", "−")) },
+          { ...AXIS, font: font(), size: rem * 3.6, splits: options.splits, values: options.values },
+        ],
+        hooks: { drawClear: options.under ? [options.under] : [], draw: options.over ? [options.over] : [] },
+      },
+      this.data,
+      place,
+    );
+    new ResizeObserver(() => this.fit()).observe(place);
+  }
+
+  fit() {
+    const { clientWidth: width, clientHeight: height } = this.place;
+    if (width > 50 && height > 40) this.chart.setSize({ width, height });
+  }
+
+  clear() {
+    this.data = this.data.map(() => []);
+    this.dirty = true;
+  }
+
+  /** Append points: times, then a list for each series. */
+  add(times, lists, newest) {
+    this.now = newest;
+    this.dirty = true;
+    times.forEach((t, i) => {
+      const held = this.data[0];
+      if (held.length && t <= held[held.length - 1]) return;
+      held.push(t);
+      lists.forEach((list, k) => this.data[k + 1].push(list[i] ?? null));
+    });
+    let old = 0;
+    while (old < this.data[0].length && this.data[0][old] < newest - SHOWN_S - 1) old += 1;
+    if (old > 120) this.data = this.data.map((list) => list.slice(old));
+  }
+
+  draw() {
+    if (!this.dirty || this.place.clientWidth < 50) return;
+    this.dirty = false;
+    this.chart.setData(this.data);
+  }
+}
+
+function line(u, pen, x0, y0, x1, y1, colour, dash) {
+  pen.save();
+  pen.beginPath();
+  pen.strokeStyle = colour;
+  pen.lineWidth = window.devicePixelRatio || 1;
+  pen.setLineDash(dash);
+  pen.moveTo(x0, y0);
+  pen.lineTo(x1, y1);
+  pen.stroke();
+  pen.restore();
+}
+
+/** The probability with its thresholds and what happened. */
+export function probabilityTrace(place) {
+  let events = [];
+  let thresholds = {};
+  const over = (u) => {
+    const pen = u.ctx;
+    const { left, top, width, height } = u.bbox;
+    pen.font = font().replace(/\d+/, (n) => Number(n) * (window.devicePixelRatio || 1));
+    for (const [name, colour] of [["clear", "#3f8f79"], ["warn", "#f5b301"], ["unstable", "#ff6b5e"]]) {
+      if (!Number.isFinite(thresholds[name])) continue;
+      const y = u.valToPos(thresholds[name], "y", true);
+      line(u, pen, left, y, left + width, y, colour, [6, 4]);
+      pen.fillStyle = colour;
+      pen.textAlign = "left";
+      pen.fillText(name, left + 4, y - 3);
+    }
+    let free = Infinity;
+    for (const event of [...events].reverse()) {
+      const x = u.valToPos(event.t, "x", true);
+      if (x < left || x > left + width) continue;
+      line(u, pen, x, top, x, top + height, "#c6d0de", [2, 3]);
+      const wide = pen.measureText(event.text).width + 8;
+      if (x + 3 + wide > free || x + wide > left + width + 4) continue;
+      pen.fillStyle = "#c6d0de";
+      pen.textAlign = "left";
+      pen.textBaseline = "top";
+      pen.fillText(event.text, x + 4, top + 2);
+      pen.textBaseline = "alphabetic";
+      free = x;
+    }
+  };
+  const series = [{ stroke: "#6db8ff", width: 2, fill: "rgba(109,184,255,0.12)", points: { show: false } }];
+  const trace = new Trace(place, series, { range: [0, 1.02], splits: () => [0, 0.25, 0.5, 0.75, 1], values: (_, all) => all.map((v) => v.toFixed(2)), over });
+  return Object.assign(trace, {
+    mark(more, limits, newest) {
+      if (limits) thresholds = limits;
+      events = [...events, ...more].filter((event) => event.t > newest - SHOWN_S - 1).slice(-60);
+    },
+    forget() {
+      events = [];
+    },
+  });
+}
+
+/** The array's channels. */
+export function sensorTrace(place, channels, inks) {
+  const series = channels.map((name, i) => ({ label: name, stroke: inks[i], width: 1.25, points: { show: false }, spanGaps: false }));
+  const range = (_, low, high) => {
+    if (low === null || high === null || !(high > low)) return [(low ?? 0) - 0.5, (high ?? 0) + 0.5];
+    const pad = (high - low) * 0.06;
+    return [low - pad, high + pad];
+  };
+  return new Trace(place, series, { range, values: (_, all) => all.map((v) => short(v)) });
+}
+
+export function short(value) {
+  const big = Math.abs(value);
+  if (big >= 1e5) return value.toExponential(0);
+  return String(Number(value.toFixed(big >= 100 ? 0 : big >= 10 ? 1 : 2)));
+}
+
+/** The whole recording: bands for labels, an envelope a channel, a line at the cursor. */
+export function overviewPlot(place, overview, onSeek) {
+  const state = { cursor: overview.start_s };
+  const names = overview.series;
+  const times = [];
+  for (let i = 0; i < overview.t.length; i += 1) times.push(overview.t[i], overview.t[i] + 1e-9);
+  const lists = names.map((one) => overview.t.flatMap((_, i) => [one.low[i], one.high[i]]));
+  const under = (u) => {
+    const { top, height } = u.bbox;
+    overview.bands.forEach((band, i) => {
+      const x0 = u.valToPos(band.start_s, "x", true);
+      const x1 = u.valToPos(band.end_s, "x", true);
+      u.ctx.fillStyle = i % 2 ? "rgba(204,121,167,0.22)" : "rgba(86,180,233,0.20)";
+      u.ctx.fillRect(x0, top, Math.max(1, x1 - x0), height);
+    });
+  };
+  const over = (u) => {
+    const { left, top, width, height } = u.bbox;
+    const ratio = window.devicePixelRatio || 1;
+    u.ctx.font = font().replace(/\d+/, (n) => Number(n) * ratio);
+    u.ctx.textBaseline = "top";
+    u.ctx.textAlign = "left";
+    for (const band of overview.bands) {
+      const x0 = Math.max(left, u.valToPos(band.start_s, "x", true));
+      const x1 = Math.min(left + width, u.valToPos(band.end_s, "x", true));
+      if (u.ctx.measureText(band.text).width + 8 > x1 - x0) continue;
+      u.ctx.fillStyle = "#c6d0de";
+      u.ctx.fillText(band.text, x0 + 4, top + 2);
+    }
+    u.ctx.textBaseline = "alphabetic";
+    const x = u.valToPos(state.cursor, "x", true);
+    line(u, u.ctx, x, top, x, top + height, "#ffffff", []);
+    u.ctx.fillStyle = "#ffffff";
+    u.ctx.beginPath();
+    u.ctx.moveTo(x - 5 * ratio, top);
+    u.ctx.lineTo(x + 5 * ratio, top);
+    u.ctx.lineTo(x, top + 7 * ratio);
+    u.ctx.fill();
+  };
+  const inks = colours(names, names.length === 12);
+  const rem = parseFloat(getComputedStyle(document.documentElement).fontSize);
+  const chart = new uPlot(
+    {
+      width: Math.max(50, place.clientWidth),
+      height: Math.max(40, place.clientHeight),
+      legend: { show: false },
+      cursor: { drag: { x: false, y: false }, points: { show: false } },
+      padding: [4, rem, 0, 0],
+      scales: { x: { time: false, range: () => [overview.start_s, overview.end_s] } },
+      series: [{}, ...names.map((one, i) => ({ label: one.name, stroke: inks[i], width: 1, points: { show: false } }))],
+      axes: [
+        { ...AXIS, font: font(), size: rem * 2, values: (_, all) => all.map((v) => `${short(v - overview.start_s)} s`) },
+        { ...AXIS, font: font(), size: rem * 3.6, values: (_, all) => all.map(short) },
+      ],
+      hooks: { drawClear: [under], draw: [over] },
+    },
+    [times, ...lists],
+    place,
+  );
+  new ResizeObserver(() => {
+    if (place.clientWidth > 50 && place.clientHeight > 40) chart.setSize({ width: place.clientWidth, height: place.clientHeight });
+  }).observe(place);
+  let held = false;
+  const seek = (event) => onSeek(chart.posToVal(event.clientX - chart.over.getBoundingClientRect().left, "x"));
+  chart.over.addEventListener("pointerdown", (event) => {
+    held = true;
+    seek(event);
+  });
+  addEventListener("pointermove", (event) => held && seek(event));
+  addEventListener("pointerup", () => (held = false));
+  return {
+    at(cursor) {
+      if (cursor === state.cursor) return;
+      state.cursor = cursor;
+      chart.redraw(false);
+    },
+  };
+}
