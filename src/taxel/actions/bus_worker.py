@@ -108,12 +108,6 @@ class BusWorker:
                 self._waiting = given
                 self._bell.notify()
 
-    def withdraw(self) -> None:
-        """Take back a command that has not been sent; a stop stays."""
-        with self._bell:
-            if self._waiting is not None and not self._waiting.stops:
-                self._waiting = None
-
     @property
     def fault(self) -> str:
         """Why the device is lost, in words; empty where it answers."""

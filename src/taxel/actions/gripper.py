@@ -86,7 +86,7 @@ class Gripper(Protocol):
         ...
 
     def hold(self) -> None:
-        """Keep the force as it is and send nothing that was waiting."""
+        """Keep the force last asked for; asks for nothing new."""
         ...
 
     def stop(self) -> None:

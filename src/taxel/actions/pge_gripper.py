@@ -125,7 +125,7 @@ class PgeGripper:
             self._worker.put(Command("grip", pct, expires_s))
 
     def hold(self) -> None:
-        self._worker.withdraw()
+        """Nothing to send: the PGE keeps pressing with the force last written."""
 
     def stop(self) -> None:
         self._worker.put(Command("stop"))

@@ -1,0 +1,192 @@
+"""The TENG hand's motors, over the wire format: arm, close, stop, and a heart that beats.
+
+What keeps the hand safe when something dies:
+
+- the board stops its motors when it hears no heartbeat of the host for 200 ms;
+- the host's thread beats only while its owner calls `refresh`: a hung owner stops the hand too;
+- each grip names the current at which the board itself stops a motor (contact), and runs out
+  unless it is refreshed; the interlock's `contact_ma` stands behind that, for a board that does
+  not stop;
+- a stop is sent again until it is acknowledged, and is a fault where it is not.
+
+Knows nothing about sensors, decisions or force. Source: protocol/SPEC.md; contact by motor
+current: Balapan 2025, ch. 3 (INA226); times: our choice, docs/decisions/0016.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from taxel.actions.bus_worker import BusWorker, Command
+from taxel.actions.gripper import Latency
+from taxel.actions.hand_link import Grip, HandConfig, HandLink
+from taxel.actions.interlock import Interlock, Order, OrderKind
+from taxel.clock import Clock
+from taxel.errors import BadInput
+from taxel.wire import messages as wire
+
+_LONGEST_MS = 0xFFFF
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class HandStatus:
+    """What is known of the hand."""
+
+    state: wire.State | None = None
+    """What the board said last; None before its first heartbeat."""
+    currents_ma: tuple[int, ...] = ()
+    """The newest current of each motor, milliamperes."""
+    current_s: float = -math.inf
+    """When they came, monotonic seconds."""
+    boot_id: int | None = None
+    """The board's present boot."""
+    fault: str = ""
+    """What is wrong, in words; empty where all is well."""
+    heard_s: float = -math.inf
+    """When the board was last heard, monotonic seconds."""
+
+    @property
+    def ok(self) -> bool:
+        """True where the board is heard and nothing is wrong."""
+        return not self.fault
+
+    @property
+    def armed(self) -> bool:
+        """True where the board says that it may move."""
+        return self.state in (wire.State.ARMED, wire.State.MOVING)
+
+
+class HandController:
+    """The host's end of the hand's motors."""
+
+    def __init__(self, config: HandConfig, clock: Clock) -> None:
+        self._config = config
+        self._clock = clock
+        self._link = HandLink(config, clock)
+        self._worker = BusWorker("teng-hand", self._link, clock, look_s=0.002, again_s=0.1)
+
+    def connect(self) -> None:
+        """Open the port and wait for the board's hello.
+
+        Raises:
+            BadInput: There is no such port, or no board with motors behind it.
+        """
+        fault = self._worker.start(self._config.hello_s + 2.0)
+        if fault:
+            self._worker.close()
+            raise BadInput(
+                f"a hand with motors on {self._config.port}",
+                fault,
+                "check power and cable, or find the port with: taxel find",
+            )
+
+    def refresh(self) -> None:
+        """Say that the owner lives; call it every tick. Without it the hand stops."""
+        self._link.owner_s = self._clock.now_s()
+
+    def arm(self) -> None:
+        """Ask the board to allow motion, on behalf of a person; `status().armed` tells when."""
+        self._link.arm_wanted = True
+
+    def grip(
+        self, fingers: int, closed_permille: int, contact_ma: int, lasts_s: float = 0.2
+    ) -> None:
+        """Close fingers until contact, unless this runs out; call it again to refresh it.
+
+        Args:
+            fingers: Bit 0 the first finger.
+            closed_permille: How far, 0 open … 1000 closed, per mille.
+            contact_ma: The current at which the board stops a motor, milliamperes.
+            lasts_s: The board ends the motion after this long, seconds.
+
+        Raises:
+            BadInput: A number does not fit its place on the wire.
+        """
+        lasts_ms = round(lasts_s * 1000) if math.isfinite(lasts_s) else 0
+        if not (
+            1 <= fingers <= 0xFFFF
+            and 0 <= closed_permille <= 1000
+            and 1 <= contact_ma <= 0x7FFF
+            and 1 <= lasts_ms <= _LONGEST_MS
+        ):
+            raise BadInput(
+                "fingers 1 to 65535, 0 to 1000 per mille, 1 to 32767 mA, 0.001 to 65 s",
+                f"{fingers}, {closed_permille} per mille, {contact_ma} mA, {lasts_s} s",
+                "mend the call",
+            )
+        self._link.grip = Grip(fingers, closed_permille, contact_ma, lasts_ms)
+        self._worker.put(Command("grip", expires_s=self._clock.now_s() + lasts_s))
+
+    def stop(self) -> None:
+        """Motors off and no longer armed; sent until the board acknowledges it."""
+        self._link.arm_wanted = False
+        self._worker.put(Command("stop"))
+
+    def status(self) -> HandStatus:
+        """Return what is known, at once."""
+        link, now_s = self._link, self._clock.now_s()
+        fault = self._worker.fault or link.fault
+        age_s = now_s - link.heard_s
+        if not fault and not age_s <= self._config.silent_s:
+            fault = f"the hand has been silent for {age_s:.2f} s"
+        return HandStatus(
+            state=link.state,
+            currents_ma=link.currents_ma,
+            current_s=link.current_s,
+            boot_id=link.boot_id,
+            fault=fault,
+            heard_s=link.heard_s,
+        )
+
+    def take_currents(self) -> list[tuple[float, int]]:
+        """Return (monotonic seconds, largest size in mA) of each reading since the last call."""
+        readings = self._link.readings
+        return [readings.popleft() for _ in range(len(readings))]
+
+    @property
+    def latency(self) -> Latency:
+        """Round trips from a command's sending to its acknowledge."""
+        trips = list(self._link.trips_s)
+        if not trips:
+            return Latency()
+        return Latency(
+            commands=self._link.answered,
+            last_s=trips[-1],
+            p50_s=float(np.median(trips)),
+            worst_s=self._link.worst_s,
+        )
+
+    def close(self) -> None:
+        """Stop the hand and let go of the port."""
+        self.stop()
+        self._link.ending = True
+        self._worker.close()
+
+
+def hear_hand(interlock: Interlock, hand: HandController, now_s: float) -> HandStatus:
+    """Tell the interlock of the hand and of each current read since; return the hand's status.
+
+    Args:
+        interlock: With `contact_ma` or `over_ma` set.
+        hand: A connected hand; it is refreshed.
+        now_s: This moment, monotonic seconds.
+    """
+    hand.refresh()
+    status = hand.status()
+    interlock.device(status.ok, min(status.heard_s, now_s))
+    for read_s, size_ma in hand.take_currents():
+        interlock.contact_current(size_ma, min(read_s, now_s))
+    return status
+
+
+def obey_hand(hand: HandController, order: Order, now_s: float) -> None:
+    """Hand an order of the interlock to the hand: STOP stops it.
+
+    HOLD sends nothing: its motors hold without current, and a grip runs out by itself. GRIP
+    sends nothing either: no calibration from motor current to force exists for this hand.
+    """
+    if order.kind is OrderKind.STOP and order.valid(now_s):
+        hand.stop()
