@@ -34,7 +34,11 @@ class Scans:
 
 @dataclass(slots=True, kw_only=True)
 class BoardLedger:
-    """What became of one board's scans. Frames sent = scans + lost + lost_away."""
+    """What became of one board's scans.
+
+    Scans due since its hello = scans + lost + lost_away; rows that hold its values =
+    scans + repeated − early − late − skipped, once all rows were read.
+    """
 
     path: str
     board: int = 0
@@ -50,6 +54,8 @@ class BoardLedger:
     """Scans that the board's count says were due, and that never came, while it was connected."""
     lost_away: int = 0
     """The same, while the port was gone and the board ran on."""
+    early: int = 0
+    """Scans received before the first row, while the source was being opened."""
     late: int = 0
     """Scans that came after their row had been given: received, and not in the samples."""
     repeated: int = 0

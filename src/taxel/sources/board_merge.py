@@ -69,7 +69,7 @@ class BoardMerge:
         self._wait_s = max(WAIT_S if len(channels) > 1 else WAIT_ALONE_S, 2.5 * self._period_s)
         self._anchor: tuple[int, float] | None = None
         self._slope: list[tuple[int, float]] = []
-        self._next = 0
+        self._next = self._first = 0
         self._last_fitted_s = self._last_arrival_s = -math.inf
 
     def gone(self, index: int) -> None:
@@ -88,27 +88,40 @@ class BoardMerge:
             board.boot, board.offset = scans.boot, None
         if self._anchor is None:
             if index:
+                board.ledger.early += len(scans.seq)
                 return  # the grid begins with the first board's first scan
-            self._anchor = (int(scans.seq[0]), float(scans.fitted_s[0]))
-            self._next = int(scans.seq[0])
+            self._begin_at(int(scans.seq[0]), scans)
         for start in range(0, len(scans.seq), _PIECE):
             part = slice(start, start + _PIECE)
             self._place(board, _part(scans, part), lead=index == 0)
 
-    def release(self, now_s: float) -> Samples:
-        """Return the rows that are complete, or that have waited long enough, oldest first."""
+    def release(self, now_s: float, looked_s: float) -> Samples:
+        """Return the rows that are complete, or that have waited long enough, oldest first.
+
+        Args:
+            now_s: The present, host monotonic, seconds.
+            looked_s: Up to when all that came was put here, at most the present: a board
+                is late where it sent nothing, not where this program had no turn to read it.
+        """
         if self._anchor is None:
             return self._none
         ends = [
             board.last_tick + 1
             for board in self._boards
-            if now_s - board.last_arrival_s <= self._wait_s and board.ledger.state == "running"
+            if looked_s - board.last_arrival_s <= self._wait_s and board.ledger.state == "running"
         ]
-        overdue = math.floor(self._position(now_s - self._wait_s)) + 1
+        overdue = math.floor(self._position(looked_s - self._wait_s)) + 1
         end = max(overdue, min(ends)) if ends else overdue
         if end <= self._next:
             return self._none
         return self._rows(self._next, end, now_s)
+
+    def _begin_at(self, tick: int, scans: Scans) -> None:
+        """Begin the grid; the first row is two ticks on, so that all boards can be in it."""
+        self._anchor = (tick, float(scans.fitted_s[0]))
+        self._next = self._first = tick + (2 if len(self._boards) > 1 else 0)
+        for board in self._boards:
+            board.last_arrival_s = float(scans.arrival_s[-1])  # none is late yet
 
     def _position(self, host_s: float) -> float:
         """Return where a moment lies on the grid, ticks."""
@@ -137,7 +150,9 @@ class BoardMerge:
         board.last_arrival_s = float(scans.arrival_s[-1])
         board.last_fitted_s = float(scans.fitted_s[-1])
         late = int(np.searchsorted(ticks, self._next))
-        board.ledger.late += late
+        early = int(np.searchsorted(ticks[:late], self._first))
+        board.ledger.early += early
+        board.ledger.late += late - early
         if late < len(ticks):
             board.kept.append((ticks[late:], _part(scans, slice(late, None))))
 

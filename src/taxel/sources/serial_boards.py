@@ -168,6 +168,7 @@ class SerialBoards:
 
     def _collect(self) -> Samples:
         """Take in what came, oldest first, and return the rows that it completes."""
+        looked_s = min(port.looked_s for port in self._ports)  # before taking
         arrived: list[tuple[float, int, Chunk]] = []
         for index, port in enumerate(self._ports):
             arrived += [(chunk.arrival_s, index, chunk) for chunk in port.take()]
@@ -179,7 +180,7 @@ class SerialBoards:
             self._take_in(arrived[:count])
             arrived = arrived[count:]
         self._ask()
-        return self._merge.release(self._clock.now_s())
+        return self._merge.release(self._clock.now_s(), looked_s)
 
     def _take_in(self, arrived: list[tuple[float, int, Chunk]]) -> None:
         for index, stream in enumerate(self._streams):
@@ -208,7 +209,8 @@ class SerialBoards:
         until_s = self._clock.now_s() + self._options.wait_s
         while True:
             for port, stream in zip(self._ports, self._streams, strict=True):
-                stream.feed(port.take())
+                for scans in stream.feed(port.take()):
+                    stream.ledger.early += len(scans.seq)
             if all(stream.ready for stream in self._streams):
                 return
             if self._clock.now_s() >= until_s:

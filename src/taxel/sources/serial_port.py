@@ -21,8 +21,8 @@ from taxel.clock import Clock
 
 REOPEN_S = 0.02
 """How often a path that is gone is tried again, seconds. Source: docs/decisions/0014."""
-_LOOK_S = 0.02
-"""How long a read waits before it looks whether it shall end, seconds. Our choice."""
+_LOOK_S = 0.005
+"""How long a read waits before it says that nothing came so far, seconds. Our choice."""
 _AT_ONCE = 65536
 """Bytes taken at most by one read. Our choice: above any driver's buffer."""
 _KEPT_CHUNKS = 60_000
@@ -60,6 +60,7 @@ class SerialPort:
         """Why the last try to open it failed, in plain words; empty where it did not."""
         self.overrun = 0
         """Chunks that were dropped since nobody took them."""
+        self._looked_s = clock.now_s()
         self._baud = baud
         self._clock = clock
         self._chunks: deque[Chunk] = deque()
@@ -73,6 +74,13 @@ class SerialPort:
     def is_open(self) -> bool:
         """True while the device is there and held."""
         return self._port is not None
+
+    @property
+    def looked_s(self) -> float:
+        """Up to when all that came has been read, on the clock: later than this, it may be that
+        this thread had no turn, and not that nothing came. The present while it is not open.
+        """
+        return self._looked_s if self.is_open else self._clock.now_s()
 
     def take(self) -> list[Chunk]:
         """Return what came since the last call, oldest first; never waits."""
@@ -102,6 +110,7 @@ class SerialPort:
             if port is None:
                 self._ending.wait(REOPEN_S)
                 continue
+            self._looked_s = self._clock.now_s()
             with self._lock:
                 self._port = port
             self._put(Chunk(self._clock.now_s(), b"", opened=True))
@@ -133,6 +142,7 @@ class SerialPort:
         while not self._ending.is_set():
             try:
                 if not select.select([fd], [], [], _LOOK_S)[0]:
+                    self._looked_s = self._clock.now_s()
                     continue
                 data = os.read(fd, _AT_ONCE)
             except BlockingIOError:
@@ -141,7 +151,9 @@ class SerialPort:
                 return
             if not data:
                 return
-            self._put(Chunk(self._clock.now_s(), data))
+            now_s = self._clock.now_s()
+            self._put(Chunk(now_s, data))
+            self._looked_s = now_s
 
     def _put(self, chunk: Chunk) -> None:
         if len(self._chunks) >= _KEPT_CHUNKS and chunk.data:
