@@ -1,7 +1,7 @@
 """`taxel doctor`: what this machine lacks for live work, and how to mend it.
 
 Required is what every live session needs, on simulators too: the packages of the live path, a
-folder that can be written, and shared memory. All else is optional: it is needed only with the
+folder with 2 GB to spare, and shared memory. All else is optional: it is needed only with the
 device or the speed that its line names.
 """
 
