@@ -1,0 +1,159 @@
+"""What a closed loop is worth: drops prevented, grips raised needlessly, force spent.
+
+Each pour is played three times with one seed: without taxel, at full force from the start,
+and with a policy. Only drops that full force would have prevented count, since no policy
+can do more. Intervals resample whole cups. Knows nothing about how pours were simulated.
+
+Source: docs/decisions/0017.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.stats import beta
+
+from taxel.errors import BadInput
+from taxel.live.closed_loop import LoopTrack
+
+RESAMPLES = 2000
+"""Bootstrap resamples. Source: our choice, docs/decisions/0008."""
+Interval = tuple[float, float]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LoopCase:
+    """One pour, three ways."""
+
+    bare: LoopTrack
+    """Without taxel."""
+    full: LoopTrack
+    """With full force from the start."""
+    held: LoopTrack
+    """With the policy that is judged."""
+
+    @property
+    def preventable(self) -> bool:
+        """True where the cup drops without taxel and full force would have held it."""
+        return self.bare.dropped and not self.full.dropped
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LoopScores:
+    """Counts and shares over many pours; NaN where there is nothing to share."""
+
+    pours: int
+    cups: int
+    drops: int
+    """Without taxel."""
+    preventable: int
+    """Of those, drops that full force from the start prevents."""
+    prevented: int
+    """Of those, drops that the policy prevents."""
+    prevented_share: float
+    prevented_interval: Interval
+    """95 %: resampled cups, or exact binomial where that reaches lower."""
+    holds: int
+    """Pours that hold without taxel: not dropped, slip up to 300 µm."""
+    needless: int
+    """Of those, pours in which the policy raised the grip."""
+    needless_share: float
+    needless_interval: Interval
+    slides: int
+    """Pours that slip further than 300 µm without taxel but are not dropped."""
+    slides_raised: int
+    """Of those, pours in which the policy raised the grip: neither needed nor needless."""
+    caused: int
+    """Pours that drop with the policy and not without it."""
+    force_n: float
+    """Mean over all pours of the mean grip force while held, newtons."""
+    bare_force_n: float
+    """The same without taxel."""
+    full_force_n: float
+    """The same at full force."""
+    slip_to_raise_s: float
+    """Median over preventable drops from the first slip > 100 µm to the first raise, seconds;
+    negative: raised before it."""
+
+
+def score_loops(cases: Sequence[LoopCase], seed: int = 0) -> LoopScores:
+    """Return what a policy is worth.
+
+    Args:
+        cases: All pours.
+        seed: Of the resampling.
+
+    Raises:
+        BadInput: There are no pours.
+    """
+    if not cases:
+        raise BadInput("at least one pour", "none", "simulate some first")
+    preventable = np.array([case.preventable for case in cases])
+    prevented = np.array([case.preventable and not case.held.dropped for case in cases])
+    holds = np.array([case.bare.holds for case in cases])
+    raised = np.array([case.held.raised_s is not None for case in cases])
+    slides = np.array([not case.bare.holds and not case.bare.dropped for case in cases])
+    cups = np.array([case.bare.run.cup.index for case in cases])
+    needless = holds & raised
+    return LoopScores(
+        pours=len(cases),
+        cups=len(set(cups.tolist())),
+        drops=sum(case.bare.dropped for case in cases),
+        preventable=int(preventable.sum()),
+        prevented=int(prevented.sum()),
+        prevented_share=_share(prevented, preventable),
+        prevented_interval=_interval(cups, prevented, preventable, seed),
+        holds=int(holds.sum()),
+        needless=int(needless.sum()),
+        needless_share=_share(needless, holds),
+        needless_interval=_interval(cups, needless, holds, seed),
+        slides=int(slides.sum()),
+        slides_raised=int((slides & raised).sum()),
+        caused=sum(case.held.dropped and not case.bare.dropped for case in cases),
+        force_n=_mean(cases, lambda case: case.held),
+        bare_force_n=_mean(cases, lambda case: case.bare),
+        full_force_n=_mean(cases, lambda case: case.full),
+        slip_to_raise_s=_slip_to_raise_s(cases),
+    )
+
+
+def _share(part: NDArray[np.bool_], whole: NDArray[np.bool_]) -> float:
+    return float(part.sum() / whole.sum()) if whole.any() else float("nan")
+
+
+def _mean(cases: Sequence[LoopCase], which: Callable[[LoopCase], LoopTrack]) -> float:
+    return float(np.mean([which(case).mean_force_n for case in cases]))
+
+
+def _slip_to_raise_s(cases: Sequence[LoopCase]) -> float:
+    found = []
+    for case in cases:
+        slip_s, raised_s = case.bare.slips_s(), case.held.raised_s
+        if case.preventable and slip_s is not None and raised_s is not None:
+            found.append(raised_s - slip_s)
+    return float(np.median(found)) if found else float("nan")
+
+
+def _interval(
+    cups: NDArray[np.intp], part: NDArray[np.bool_], whole: NDArray[np.bool_], seed: int
+) -> Interval:
+    """Return a 95 % interval of a share: the wider of resampled cups and exact binomial.
+
+    Where all or none succeed, resampling says nothing; cups beside each other are not
+    independent, so that the binomial alone would say too much.
+    """
+    if not whole.any():
+        return float("nan"), float("nan")
+    members = [np.flatnonzero(cups == one) for one in np.unique(cups)]
+    drawn = np.random.default_rng(seed).integers(0, len(members), (RESAMPLES, len(members)))
+    counts = np.array([[part[rows].sum(), whole[rows].sum()] for rows in members])
+    sums = counts[drawn].sum(axis=1)
+    shares = sums[sums[:, 1] > 0]
+    low, high = np.percentile(shares[:, 0] / shares[:, 1], [2.5, 97.5])
+    hits, total = int(part.sum()), int(whole.sum())
+    exact_low = float(beta.ppf(0.025, hits, total - hits + 1)) if hits else 0.0
+    exact_high = float(beta.ppf(0.975, hits + 1, total - hits)) if hits < total else 1.0
+    return min(float(low), exact_low), max(float(high), exact_high)
