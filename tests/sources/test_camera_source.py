@@ -264,7 +264,7 @@ def test_a_node_that_is_missing_or_no_camera_is_one_plain_line():
     """By the real capture process and the real device class."""
     with pytest.raises(BadSource, match="a camera at /dev/none; got no such file"):
         open_source("camera:///dev/none")
-    with pytest.raises(BadSource, match="a camera's device node, such as /dev/null"):
+    with pytest.raises(BadSource, match="a camera's device node; got /dev/null"):
         open_source("camera:///dev/null")
 
 

@@ -1,7 +1,7 @@
 """An emulated capture device: JPEG images on its own clock, with the faults of real ones.
 
 Fulfils `Capture` and behaves like a USB camera under its driver: it runs free from the moment it
-is powered, has a jittering and drifting clock, four buffers, loses what comes while all are full,
+is powered, has a jittering and drifting clock, eight buffers, loses what comes while all are full,
 and counts those frames, too. Given to `Cameras` as its factory; no address leads here. Knows
 nothing about processes or what the images show.
 """
@@ -60,7 +60,7 @@ class EmulatedCamera:
     """Where stamps are not of the host's clock: what its own showed at power-on, seconds."""
     padding: int = 0
     """Zero bytes behind each image, as drivers leave them."""
-    buffers: int = 4
+    buffers: int = 8
     """Frames that its driver holds, as many as `v4l2.py` asks for."""
     refuses: tuple[str, str, str] | None = None
     """Where opening fails: needed, got, mend."""

@@ -19,8 +19,9 @@ from taxel.sources.camera_capture import Buffer, CameraGiven, CameraGone, Camera
 from taxel.sources.v4l2_kernel import Kernel, LinuxKernel, Mapping
 from taxel.sources.v4l2_nodes import SYSFS, capture_node, list_offers, usb_serial
 
-BUFFERS = 4
-"""Buffers in the driver's queue: at 60 Hz a pause of 50 ms costs nothing. Source: our choice."""
+BUFFERS = 8
+"""Buffers in the driver's queue: at 60 Hz a pause of 130 ms costs nothing. Source: our choice,
+docs/decisions/0015."""
 _RATE_OFF = 0.01
 """Share by which the rate may differ from what was asked: 29.97 is 30. Source: our choice."""
 _PASSING = (errno.ENODEV, errno.ENOENT, errno.ENXIO, errno.EIO, errno.EPROTO, errno.EPIPE)
@@ -200,13 +201,8 @@ def explain(error: OSError, path: str) -> BadSource | CameraGone:
     if error.errno in _PASSING:
         return CameraGone(_reason(error))
     if error.errno in (errno.ENOTTY, errno.EINVAL):
-        return not_a_camera(path, "a file or device that is none")
+        return BadSource("a camera's device node", f"{path}, which is none", "run: taxel find")
     return BadSource(f"{path} to open as a camera", _reason(error), "run: taxel find")
-
-
-def not_a_camera(path: str, got: str) -> BadSource:
-    """Return the error of a node that cannot capture."""
-    return BadSource(f"a camera's device node, such as {path}", got, "run: taxel find")
 
 
 def _reason(error: OSError) -> str:
