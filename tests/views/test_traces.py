@@ -8,7 +8,7 @@ import pytest
 from rich.console import Console
 
 from taxel.signals import Samples, SensorInfo, Validity
-from taxel.views.keys import QuitKey
+from taxel.views.keys import Keys
 from taxel.views.trace_buffer import TraceBuffer, span_s
 from taxel.views.traces import TraceScreen
 
@@ -177,13 +177,13 @@ def test_q_is_noticed_and_the_terminal_given_back():
     termios = pytest.importorskip("termios")
     keyboard, terminal = os.openpty()
     before = termios.tcgetattr(terminal)
-    with os.fdopen(terminal, "r") as stream, QuitKey(stream) as key:
-        assert not key.pressed
+    with os.fdopen(terminal, "r") as stream, Keys(stream) as key:
+        assert not key.quit
         os.write(keyboard, b"x")
-        assert not key.pressed
+        assert not key.quit
         os.write(keyboard, b"q")
-        assert key.pressed
-        assert not key.pressed
+        assert key.quit
+        assert not key.quit
         key.__exit__(None, None, None)
         assert termios.tcgetattr(stream) == before
     os.close(keyboard)
@@ -191,5 +191,5 @@ def test_q_is_noticed_and_the_terminal_given_back():
 
 def test_without_a_terminal_no_key_is_pressed(tmp_path):
     (tmp_path / "keys").write_text("q")
-    with (tmp_path / "keys").open() as stream, QuitKey(stream) as key:
-        assert not key.pressed
+    with (tmp_path / "keys").open() as stream, Keys(stream) as key:
+        assert not key.quit

@@ -7,6 +7,8 @@ from pathlib import Path
 
 import tyro
 
+from taxel.cli.live_station import StationOptions
+from taxel.cli.pairs import Pairs, parse_pairs
 from taxel.cli.printing import console, print_json
 from taxel.errors import BadInput
 
@@ -25,6 +27,34 @@ class Live:
     """More bundles to run on the same samples, such as one for shape and one for material."""
     least_confidence: float = 0.5
     """Below this probability the answer is UNKNOWN, 0…1."""
+    beside: tuple[str, ...] = ()
+    """More sources to run beside the first, such as a hand beside a pair of cameras; each
+    bundle goes to the first source that it fits."""
+    page: bool = False
+    """Open the operator's page; its address is printed."""
+    page_host: str = "127.0.0.1"
+    """Where the page listens; anything but this machine's own address is open to the network."""
+    page_port: int = 0
+    """Port of the page; 0 takes a free one."""
+    record: Path | None = None
+    """Record everything to this file, ending in .mcap."""
+    label: Pairs = ()
+    """With --record: what may be learned, as in shape=sphere material=glass."""
+    overwrite: bool = False
+    """With --record: replace an existing recording."""
+    gripper: str | None = None
+    """Raise the grip on a warning: pge:///dev/serial/by-id/…?max_force_n=50, or sim for the
+    simulated cup's."""
+    arm: bool = False
+    """With --gripper: arm once the grasp is stable; else a person arms with the key m."""
+    tell: str | None = None
+    """Tell another robot's program the state: udp://127.0.0.1:5005."""
+    least_n: float = 15.0
+    """With --gripper: the force at which a grasp begins, newtons."""
+    most_n: float = 50.0
+    """With --gripper: the largest force, newtons."""
+    rerun: bool = False
+    """Stream to a Rerun viewer, from a process of its own."""
     quiet: bool = False
     """Print the summary only."""
     json: bool = False
@@ -35,6 +65,7 @@ class Live:
         from taxel.bundles.grasp import is_grasp_bundle
         from taxel.bundles.reader import read_bundle
         from taxel.cli.live_grasps import live_grasps
+        from taxel.cli.live_station import live_station
         from taxel.decisions.recognition import RecogniseConfig
         from taxel.live.recogniser import Recogniser
         from taxel.live.session import run_session
@@ -46,6 +77,9 @@ class Live:
             raise BadInput(
                 "--least-confidence within 0 and 1", str(self.least_confidence), "choose another"
             )
+        if self._needs_station():
+            live_station(self._station())
+            return
         if is_grasp_bundle(self.bundle):
             live_grasps(self.bundle, self.source, self.seconds, self.quiet, self.json)
             return
@@ -78,3 +112,31 @@ class Live:
                     f"  a window to a decision: median {result['latency_us_median']:.0f} µs, "
                     f"99 % below {result['latency_us_p99']:.0f} µs"
                 )
+
+    def _needs_station(self) -> bool:
+        """True where one process is not enough."""
+        return bool(
+            self.beside or self.page or self.record or self.gripper or self.tell or self.rerun
+        )
+
+    def _station(self) -> StationOptions:
+        return StationOptions(
+            bundles=(self.bundle, *self.also),
+            sources=(self.source, *self.beside),
+            seconds=self.seconds,
+            least_confidence=self.least_confidence,
+            record=self.record,
+            labels=parse_pairs(self.label, "--label"),
+            overwrite=self.overwrite,
+            page=self.page,
+            page_host=self.page_host,
+            page_port=self.page_port,
+            gripper=self.gripper,
+            arm=self.arm,
+            tell=self.tell,
+            least_n=self.least_n,
+            most_n=self.most_n,
+            rerun=self.rerun,
+            quiet=self.quiet,
+            json=self.json,
+        )

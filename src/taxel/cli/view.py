@@ -162,14 +162,14 @@ def follow(
 
 def show(source: Source, seconds: float | None) -> None:
     """Draw a source in the terminal until it ends, the time is over or q is pressed."""
-    from taxel.views.keys import QuitKey
+    from taxel.views.keys import Keys
     from taxel.views.traces import TraceScreen
 
     screen = TraceScreen(source.info)
     drawn_s = -_REDRAW_S
     hint = Text("q stops", style="dim")
 
-    with QuitKey() as key, Live(console=console, auto_refresh=False) as live:
+    with Keys() as key, Live(console=console, auto_refresh=False) as live:
 
         def draw() -> bool:
             nonlocal drawn_s
@@ -177,7 +177,7 @@ def show(source: Source, seconds: float | None) -> None:
                 drawn_s = time.monotonic()
                 picture = screen.render(console.width, console.height - 1)
                 live.update(Group(picture, hint), refresh=True)
-            return key.pressed
+            return key.quit
 
         with suppress(KeyboardInterrupt):
             follow(source, seconds, screen.add, draw)

@@ -81,6 +81,11 @@ class GraspMonitor:
         self._rows = np.zeros_like(self.bundle.offset)
         self._rest: NDArray[np.float32] | None = None
 
+    @property
+    def settling(self) -> bool:
+        """True until the settled first moments are over; the last of them takes long."""
+        return self._rest is None
+
     def see(self, frame: Frame) -> None:
         """Look after a camera's health by every frame of it, also those that make no set.
 

@@ -117,10 +117,11 @@ class Pacer:
             return self._none
         if self._speed == np.inf:
             return self._take_burst()
-        wait_s = min(self._scan_due_s(), self._frame_due_s()) - self._clock.now_s()
-        if wait_s > 0:
-            bundle_s = _BUNDLE_S if self._scan_due_s() <= self._frame_due_s() else 0.0
-            self._clock.sleep(min(wait_s + bundle_s, timeout_s))
+        scan_s, frame_s = self._scan_due_s(), self._frame_due_s()
+        now_s = self._clock.now_s()
+        if min(scan_s, frame_s) > now_s:
+            # Scans are given some at a time; no frame waits for that.
+            self._clock.sleep(min(min(scan_s + _BUNDLE_S, frame_s) - now_s, timeout_s))
         now_s = self._clock.now_s()
         while self._frame_due_s() <= now_s:
             self._take_frame()

@@ -1,4 +1,4 @@
-"""The key q in a terminal, asked for without waiting.
+"""Single keys in a terminal, asked for without waiting.
 
 Knows nothing about what is shown. Where the input is no terminal, or the
 system has no POSIX terminals, no key is ever pressed and Ctrl-C remains.
@@ -13,7 +13,7 @@ from types import TracebackType
 from typing import Any, Self, TextIO
 
 
-class QuitKey:
+class Keys:
     """Reads single keys while its `with` block lasts, then gives the terminal back.
 
     Args:
@@ -47,15 +47,21 @@ class QuitKey:
 
             termios.tcsetattr(self._stream, termios.TCSADRAIN, self._before)
 
-    @property
-    def pressed(self) -> bool:
-        """True when q was typed since the last question, or the terminal went away."""
+    def typed(self) -> str:
+        """Return what was typed since the last question, in small letters; q, too, where the
+        terminal went away.
+        """
+        found = ""
         if self._before is None:
-            return False
-        quit_typed = False
+            return found
         while select.select([self._stream], [], [], 0)[0]:
             keys = os.read(self._stream.fileno(), 64)
             if not keys:
-                return True
-            quit_typed = quit_typed or b"q" in keys.lower()
-        return quit_typed
+                return found + "q"
+            found += keys.decode("ascii", "ignore").lower()
+        return found
+
+    @property
+    def quit(self) -> bool:
+        """True when q was typed since the last question, or the terminal went away."""
+        return "q" in self.typed()

@@ -43,8 +43,8 @@ class Beat:
     """Messages that it took in."""
     dropped: int
     """Messages that were gone before it came to them."""
-    busy: bool
-    """True while it is inside one piece of work."""
+    patience_s: float
+    """How long it asks to be left alone in a step that is known to be long, seconds; 0 usually."""
 
 
 class Beats:
@@ -125,7 +125,7 @@ class BeatsView:
         cells = self._cells
         return Beat(
             cells[at] / 1e9, Work(cells[at + 1]), cells[at + 2], cells[at + 3], cells[at + 4],
-            bool(cells[at + 5]),
+            cells[at + 5] / 1e3,
         )  # fmt: skip
 
     def write(
@@ -136,14 +136,14 @@ class BeatsView:
         produced: int = 0,
         consumed: int = 0,
         dropped: int = 0,
-        busy: bool = False,
+        patience_s: float = 0.0,
     ) -> None:
         """Give a sign of life, with what was counted so far."""
         at = row * _FIELDS
         cells = self._cells
         cells[at + 1] = work
         cells[at + 2], cells[at + 3], cells[at + 4] = produced, consumed, dropped
-        cells[at + 5] = busy
+        cells[at + 5] = round(patience_s * 1e3)
         cells[at] = time.monotonic_ns()
 
     def set_work(self, row: int, work: Work) -> None:

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from taxel.actions.alarm import AlarmLatch, Level
+from taxel.actions.grip_policy import GripPolicy
 from taxel.actions.interlock import Interlock, InterlockState, Order
 from taxel.decisions.stability import Stability, StabilityDecision
 
@@ -18,6 +19,7 @@ STOP = "STOP"
 """Shown when the monitor itself is not to be trusted, or the interlock has stopped."""
 NO_GRASP = "NONE"
 """Shown where nothing watches a grasp."""
+_FAULT = "the monitor is silent"
 _WORST = (Stability.STABLE, Stability.UNKNOWN, Stability.WARNING, Stability.UNSTABLE)
 
 
@@ -25,12 +27,9 @@ _WORST = (Stability.STABLE, Stability.UNKNOWN, Stability.WARNING, Stability.UNST
 class GuardConfig:
     """Times. Source: our choice, docs/decisions/0019."""
 
-    silent_s: float = 0.08
+    silent_s: float = 0.07
     """A monitor that gave no sign of life for longer is stopped or hangs, seconds: with the
     supervisor's tick it keeps the limit of 100 ms."""
-    settling_s: float = 1.0
-    """The same while its state is UNKNOWN anyway, as when it takes in a new grasp's settled
-    frames at once, seconds."""
 
 
 @dataclass(slots=True)
@@ -39,6 +38,7 @@ class _Monitor:
 
     decision: StabilityDecision
     beat_s: float
+    patience_s: float = 0.0
     dead: bool = False
     """Its process has ended."""
 
@@ -49,10 +49,17 @@ class Guard:
     Args:
         interlock: Before the actuator.
         config: Times.
+        policy: From decisions to the force asked for; the interlock's largest without one.
     """
 
-    def __init__(self, interlock: Interlock, config: GuardConfig | None = None) -> None:
+    def __init__(
+        self,
+        interlock: Interlock,
+        config: GuardConfig | None = None,
+        policy: GripPolicy | None = None,
+    ) -> None:
         self.interlock = interlock
+        self._policy = policy
         self.alarms = AlarmLatch()
         self._config = config or GuardConfig()
         self._monitors: dict[str, _Monitor] = {}
@@ -63,6 +70,11 @@ class Guard:
         """Watch a monitor from now on, also one that follows a dead one."""
         nothing = StabilityDecision(Stability.UNKNOWN, "no input yet", now_s, math.nan)
         self._monitors[name] = _Monitor(nothing, now_s)
+
+    def new_grasp(self, start_n: float) -> None:
+        """Begin another grasp: the force falls back to its first by the robot's own doing."""
+        if self._policy is not None:
+            self._policy.reset(start_n)
 
     def decide(self, name: str, note: dict[str, Any]) -> None:
         """Take in a monitor's newest note."""
@@ -78,10 +90,17 @@ class Guard:
             math.nan if p is None else float(p),
         )
 
-    def beat(self, name: str, beat_s: float) -> None:
-        """Take in when a monitor last gave a sign of life, monotonic seconds."""
+    def beat(self, name: str, beat_s: float, patience_s: float = 0.0) -> None:
+        """Take in when a monitor last gave a sign of life, and what patience it asks for.
+
+        Args:
+            name: The monitor.
+            beat_s: Monotonic seconds.
+            patience_s: Of its present step, seconds.
+        """
         monitor = self._monitors[name]
-        monitor.beat_s = max(monitor.beat_s, beat_s)
+        if beat_s >= monitor.beat_s:
+            monitor.beat_s, monitor.patience_s = beat_s, patience_s
 
     def died(self, name: str) -> None:
         """Hear that a monitor's process has ended."""
@@ -103,10 +122,11 @@ class Guard:
             decision = self._joined(silent, now_s)
             # A monitor that waits for its first input is no loss yet.
             self.alarms.watch(decision, armed=self.interlock.armed, now_s=now_s)
-            self.interlock.decision(decision.state.name, now_s)
+            force_n = self._policy.push(decision, now_s) if self._policy else None
+            self.interlock.decision(decision.state.name, now_s, force_n)
+            self._alarm_of_silence(silent, now_s)
             if not silent:
                 self.interlock.beat(now_s)
-            self._alarm_of_silence(silent, now_s)
         else:
             self.interlock.beat(now_s)
         order = self.interlock.tick(now_s)
@@ -129,8 +149,7 @@ class Guard:
         for name, monitor in self._monitors.items():
             if monitor.dead:
                 return f"{name} has ended"
-            unknown = monitor.decision.state is Stability.UNKNOWN
-            limit_s = self._config.settling_s if unknown else self._config.silent_s
+            limit_s = max(self._config.silent_s, monitor.patience_s)
             if not now_s - monitor.beat_s <= limit_s:
                 return f"{name} gives no sign of life"
         return ""
@@ -145,8 +164,10 @@ class Guard:
     def _alarm_of_silence(self, silent: str, now_s: float) -> None:
         if silent and not self._doubt:
             self.alarms.set("monitor", Level.DANGER, silent, now_s, input=True)
+            self.interlock.fault(_FAULT, now_s)
         elif self._doubt and not silent:
             self.alarms.clear("monitor", now_s)
+            self.interlock.fault_gone(_FAULT)
         self._doubt = silent
 
     def _show(self, silent: str, now_s: float) -> None:

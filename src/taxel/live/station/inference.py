@@ -30,6 +30,8 @@ from taxel.windows.pairs import FramePairer, FrameSet
 
 BEHIND = 3
 """Sets of frames that may wait: older ones are let go. Source: our choice, 50 ms at 60 Hz."""
+_SETTLING_S = 1.0
+"""What taking in a new grasp's settled frames at once may take, seconds. Source: our choice."""
 _LOOK_S = 0.005
 """How often a silent input is looked at: its age makes the state UNKNOWN."""
 
@@ -132,7 +134,7 @@ class _GraspWatcher:
     def _watch(self, sets: list[FrameSet], taken_s: float, pulse: Pulse) -> None:
         self._skipped += max(0, len(sets) - BEHIND)
         for found in sets[-BEHIND:]:
-            pulse.beat(busy=True)
+            pulse.beat(patience_s=_SETTLING_S if self._monitor.settling else 0.0)
             began_s = monotonic()
             answer = self._monitor.push(found, began_s)
             decision = answer.decision
@@ -176,7 +178,7 @@ class _RecogniseWatcher:
         for packet in packets:
             if not isinstance(packet, Samples):
                 continue
-            pulse.beat(busy=True)
+            pulse.beat()
             began_s = monotonic()
             for answer in self._recogniser.push(packet):
                 decision = answer.decision

@@ -160,7 +160,7 @@ class _Desk:
                     self._past += 1
                     continue
                 self._write(one, unpack(content))
-                pulse.beat(busy=True)
+                pulse.beat()
         pulse.consumed = sum(reader.taken for reader in self._readers)
         pulse.dropped = self._lost()
         pulse.produced = self._kept

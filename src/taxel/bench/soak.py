@@ -1,0 +1,147 @@
+"""`taxel bench soak`: both systems for ten minutes in one station, and the books afterwards.
+
+The whole figure takes ten minutes, so that it is measured by `--full` and shown with its stamp.
+"""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Callable
+from pathlib import Path
+from time import monotonic
+from typing import Any
+
+import numpy as np
+
+from taxel.bench.rows import Row, missing, row
+from taxel.bundles.shipped import CUP_POUR, shipped_bundle
+from taxel.live.station.station import Station, StationConfig
+
+MINUTES = 10.0
+_SETTLED_S = 60.0
+"""Memory is compared from here on: caches and logs are warm. Source: our choice."""
+_LOOK_S = 2.0
+_SOURCES = ("sim://cup-pour", "sim://teng")
+Measure = Callable[[], list[Row]]
+
+
+def quick_steps() -> list[tuple[str, Measure]]:
+    """Return the measurements of a normal run: twenty seconds of the same."""
+    return [("twenty seconds of both systems", lambda: soak_rows(20.0, 5.0))]
+
+
+def full_steps(_: Path | None) -> list[tuple[str, Measure]]:
+    """Return the whole soak."""
+    return [("ten minutes of both systems", lambda: soak_rows(60.0 * MINUTES, _SETTLED_S))]
+
+
+def data_digest(_: Path | None) -> str:
+    """Return the digest of recordings used: none are."""
+    return "none"
+
+
+def soak_rows(seconds: float, settled_s: float) -> list[Row]:
+    """Run both systems with page and recorder; look at memory, then at the books.
+
+    Args:
+        seconds: How long.
+        settled_s: When memory begins to be compared.
+    """
+    from taxel.views.page.station_page import StationPage, show
+
+    how_long = f"{seconds / 60:g} minutes" if seconds >= 60 else f"{seconds:g} s"
+    memory: list[tuple[float, float]] = []
+    with tempfile.TemporaryDirectory(prefix="taxel-") as scratch:
+        bundles = (shipped_bundle(CUP_POUR), _hand_bundle(Path(scratch)))
+        config = StationConfig(sources=_SOURCES, bundles=bundles)
+        with Station(config) as station:
+            view = station.view_config(Path(scratch))
+            station.add_process("page", show, lambda place: StationPage(place=place, view=view))
+            station.record(Path(scratch) / "soak.mcap", {})
+            began_s = monotonic()
+            looked_s = [began_s]
+
+            def look(now_s: float) -> None:
+                if now_s - looked_s[0] >= _LOOK_S:
+                    looked_s[0] = now_s
+                    memory.append((now_s - began_s, _memory_mib(station)))
+
+            station.run(seconds, on_tick=look)
+        ledger = station.ledger()
+        recording = station.recording
+    return [
+        _memory_row(memory, settled_s, how_long),
+        *_book_rows(ledger, recording, how_long),
+    ]
+
+
+def _memory_row(memory: list[tuple[float, float]], settled_s: float, how_long: str) -> Row:
+    name = f"{how_long} of both systems: memory of all processes, largest change"
+    kept = np.array([(t, m) for t, m in memory if t >= settled_s])
+    if len(kept) < 4:
+        return missing(name, "%", "<= 2", "too short")
+    # Medians of quarters: a collection under way is no growth.
+    quarters = [float(np.median(part[:, 1])) for part in np.array_split(kept, 4)]
+    change = 100.0 * (max(quarters) - min(quarters)) / quarters[0]
+    each = ", ".join(f"{one:.0f}" for one in quarters)
+    return row(name, change, "%", "<=", 2.0, f"MiB by quarters: {each}")
+
+
+def _book_rows(ledger: dict[str, dict[str, int]], recording: dict[str, Any],
+               how_long: str) -> list[Row]:  # fmt: skip
+    made = {name: one["produced"] for name, one in ledger.items() if name.startswith("source")}
+    followers = {
+        "monitor 1": made["source 1"],
+        "monitor 2": made["source 2"],
+        "recorder": sum(made.values()),
+    }
+    rows = []
+    for name, produced in followers.items():
+        one = ledger[name]
+        off = produced - one["consumed"] - one["dropped"]
+        rows.append(
+            row(f"{how_long}: made less (taken in by {name} + dropped)", abs(off), "messages",
+                "<=", 0.0, f"{produced} made, {one['consumed']} taken in, {one['dropped']} dropped")
+        )  # fmt: skip
+    unwritten = ledger["recorder"]["consumed"] - ledger["recorder"]["produced"]
+    rows.append(
+        row(f"{how_long}: taken in by the recorder and not in the file", unwritten, "messages",
+            "<=", 0.0, str(recording.get("error") or "no error"))
+    )  # fmt: skip
+    starts = sum(one["starts"] for one in ledger.values()) - len(ledger)
+    rows.append(row(f"{how_long}: processes that had to be started again", starts, "times", "<=",
+                    0.0))  # fmt: skip
+    return rows
+
+
+def _memory_mib(station: Station) -> float:
+    """Return what this process and the station's hold, shared pages counted once each."""
+    import psutil
+
+    total = 0
+    for pid in [None, *(process.pid for process in station.workers().values())]:
+        try:
+            process = psutil.Process(pid)
+            total += process.memory_full_info().pss
+        except psutil.Error:
+            continue
+    return total / 2**20
+
+
+def _hand_bundle(folder: Path) -> Path:
+    """Train a small recogniser of shapes on simulated grasps; return its bundle."""
+    from dataclasses import replace
+
+    from taxel.bundles.writer import write_bundle
+    from taxel.evaluation.final import train_on_all
+    from taxel.sources.data_sets import simulate_presets
+    from taxel.training.recipes import find_recipe
+    from taxel.windows.dataset import load_dataset
+
+    simulate_presets(folder, ("honest",), 20_000, 0)
+    recipe = replace(find_recipe("teng"), target="shape")
+    run = train_on_all(folder / "honest", recipe, {}, checkpoints=folder / "checkpoints")
+    windows = load_dataset(folder / "honest", recipe.window).windows[:500]
+    path = folder / "shape.taxel"
+    write_bundle(path, run.networks, run.contract, windows.values, windows.mask)
+    return path

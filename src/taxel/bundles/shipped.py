@@ -1,0 +1,27 @@
+"""Bundles that come with taxel, so that every command has something to run.
+
+Knows nothing about what they tell.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from taxel.errors import BadBundle
+
+_FOLDER = Path(__file__).with_name("ready")
+CUP_POUR = "cup-pour"
+"""Watches `sim://cup-pour`; how it was made stands in docs/decisions/0017."""
+
+
+def shipped_bundle(name: str) -> Path:
+    """Return the file of a bundle that comes with taxel.
+
+    Raises:
+        BadBundle: There is none of that name.
+    """
+    path = _FOLDER / f"{name}.taxel"
+    if not path.exists():
+        known = ", ".join(sorted(one.stem for one in _FOLDER.glob("*.taxel"))) or "none"
+        raise BadBundle(f"a bundle that comes with taxel ({known})", repr(name), "name a file")
+    return path

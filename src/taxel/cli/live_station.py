@@ -1,0 +1,201 @@
+"""What `taxel live` does with several sources, a page, a recording or a gripper: a station."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from taxel.cli.printing import console, print_json
+from taxel.cli.record import stop_signals
+from taxel.errors import BadInput
+
+COLOURS = {
+    "STABLE": "green", "WARNING": "yellow", "UNSTABLE": "red", "UNKNOWN": "magenta",
+    "STOP": "bold white on red", "NONE": "dim",
+}  # fmt: skip
+_KEYS = "keys: q end · a acknowledge · n new grasp"
+SIMULATED = "sim"
+"""Names the gripper of the simulated cup."""
+_RECORDINGS = Path("recordings")
+
+
+@dataclass(frozen=True, kw_only=True)
+class StationOptions:
+    """What `taxel live` was asked for, where it needs a station."""
+
+    bundles: tuple[Path, ...]
+    sources: tuple[str, ...]
+    seconds: float | None
+    least_confidence: float
+    record: Path | None = None
+    labels: dict[str, str] = field(default_factory=dict)
+    overwrite: bool = False
+    page: bool = False
+    page_host: str = "127.0.0.1"
+    page_port: int = 0
+    gripper: str | None = None
+    arm: bool = False
+    tell: str | None = None
+    least_n: float = 15.0
+    most_n: float = 50.0
+    rerun: bool = False
+    quiet: bool = False
+    json: bool = False
+
+
+def live_station(options: StationOptions) -> dict[str, Any]:
+    """Run a station until its time is over, its sources have ended, or the user stops it."""
+    from taxel.actions.interlock import InterlockConfig
+    from taxel.live.station.station import Station, StationConfig
+    from taxel.views.keys import Keys
+
+    if options.arm and options.gripper is None:
+        raise BadInput("--gripper with --arm", "no gripper", "name one, or leave --arm out")
+    if options.record is not None and options.record.exists() and not options.overwrite:
+        raise BadInput(
+            "a new file to record to", f"{options.record}, which exists", "add --overwrite"
+        )
+    config = StationConfig(
+        sources=options.sources,
+        bundles=options.bundles,
+        least_confidence=options.least_confidence,
+        interlock=InterlockConfig(min_n=options.least_n, max_n=options.most_n),
+    )
+    said = _Said(options)
+    with (
+        stop_signals() as stopped,
+        Station(config) as station,
+        Keys() as keys,
+        _actuator(options, station),
+    ):
+        _open_page(options, station)
+        if options.record is not None:
+            if station.not_recorded and not (options.quiet or options.json):
+                console.print(f"not recorded: the array {station.not_recorded} (one a file)")
+            station.record(options.record, options.labels, overwrite=options.overwrite)
+        armed = [not options.arm]
+
+        def on_tick(_: float) -> None:
+            if not armed[0] and station.guard.shown[0] == "STABLE":
+                armed[0] = not station.arm()
+            for key in keys.typed():
+                _press(key, station)
+            said.tell(station)
+
+        if console.is_terminal and not (options.quiet or options.json):
+            console.print(_KEYS + (" · m arm" if options.gripper else ""), style="dim")
+        station.run(options.seconds, stopped, on_tick)
+    result = _summary(station)
+    if options.json:
+        print_json(result)
+    else:
+        _print_summary(result)
+    return result
+
+
+@contextmanager
+def _actuator(options: StationOptions, station: Any) -> Iterator[None]:
+    """Let the interlock's orders reach what was named, for as long as the block lasts."""
+    from taxel.live.station.acting import SimulatedGrip
+
+    if options.gripper is None:
+        yield
+        return
+    if options.gripper == SIMULATED:
+        feeds = [feed for feed in station.feeds if feed.url.startswith("sim://cup-pour")]
+        if not feeds:
+            raise BadInput(
+                f"a source sim://cup-pour with --gripper {SIMULATED}", "none", "name another"
+            )
+        name = feeds[0].worker.name
+        station.drive(SimulatedGrip(lambda force_n: station.order(name, {"grip_n": force_n})))
+        yield
+        return
+    raise BadInput("a gripper that exists", options.gripper, "mend it")
+
+
+class _Said:
+    """Prints what has changed, once."""
+
+    def __init__(self, options: StationOptions) -> None:
+        self._silent = options.quiet or options.json
+        self._events = 0
+        self._alarms: set[int] = set()
+        self._began_s: float | None = None
+        self._answers: dict[str, tuple[str, float]] = {}
+
+    def tell(self, station: Any) -> None:
+        events = list(station.events)
+        if self._silent or len(events) == self._events:
+            return
+        for time_s, text in events[self._events :]:
+            self._began_s = time_s if self._began_s is None else self._began_s
+            word = text.partition(":")[0]
+            colour = COLOURS.get(word, "cyan")
+            console.print(f"{time_s - self._began_s:8.2f} s  [{colour}]{text}[/]")
+        self._events = len(events)
+
+
+def _press(key: str, station: Any) -> None:
+    if key == "q":
+        station.stop()
+    elif key == "a":
+        station.acknowledge()
+    elif key == "n":
+        station.new_grasp()
+    elif key == "m":
+        causes = station.arm()
+        console.print(f"not armed: {causes[0]}" if causes else "armed")
+
+
+def _open_page(options: StationOptions, station: Any) -> None:
+    if not options.page:
+        return
+    from taxel.views.page.station_page import StationPage, show
+
+    folder = options.record.parent if options.record is not None else _RECORDINGS
+    view = station.view_config(folder)
+    (url,) = station.add_process(
+        "page", show,
+        lambda place: StationPage(
+            place=place, view=view, host=options.page_host, port=options.page_port
+        ),
+    )  # fmt: skip
+    console.print(f"the page: [link={url}]{url}[/link]", soft_wrap=True)
+
+
+def _summary(station: Any) -> dict[str, Any]:
+    alarms = station.guard.alarms
+    return {
+        "state": station.guard.shown[0],
+        "events": [{"time_s": time_s, "text": text} for time_s, text in station.events],
+        "alarms": alarms.as_json(),
+        "latency_ms": {
+            stage: dict(zip(("p50", "p95", "p99"), values, strict=True))
+            for stage, values in station.latencies.percentiles_ms().items()
+        },
+        "processes": station.ledger(),
+        "recording": station.recording,
+    }
+
+
+def _print_summary(result: dict[str, Any]) -> None:
+    counts = result["alarms"]["counts"]
+    console.print(f"alarms: {counts['raised']} raised, {counts['acknowledged']} acknowledged")
+    for name, one in result["processes"].items():
+        again = f", started {one['starts']} times" if one["starts"] > 1 else ""
+        console.print(
+            f"  {name}: made {one['produced']}, took in {one['consumed']}, "
+            f"lost {one['dropped']}{again}"
+        )
+    if result["latency_ms"]:
+        parts = [f"{stage} {one['p50']:.1f}" for stage, one in result["latency_ms"].items()]
+        console.print(f"  median latency, ms: {' · '.join(parts)}")
+    recording = result["recording"]
+    if recording.get("error"):
+        console.print(f"[red]{recording['error']}[/]")
+    elif recording.get("ledger"):
+        console.print(f"  recorded: {recording['path']}, {recording['kept']} messages")

@@ -1,0 +1,156 @@
+"""The processes of a station: started, started again when they die, ended.
+
+Knows nothing about what they do.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import os
+from collections import deque
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from multiprocessing import get_context
+from multiprocessing.connection import Connection
+from multiprocessing.process import BaseProcess
+from time import monotonic
+from typing import Any
+
+from taxel.errors import BadSource, TaxelError
+from taxel.live.station.beats import Beats, Work
+from taxel.live.station.worker import Place
+
+_OPEN_S = 30.0
+"""How long a process may take to open what it needs, seconds. Source: our choice."""
+_END_S = 5.0
+"""How long processes may take to end before they are killed, seconds. Source: our choice."""
+_RESTARTS, _WITHIN_S = 5, 30.0
+"""A process that dies more often than so many times in so many seconds is given up. Our choice."""
+
+
+@dataclass(slots=True)
+class Worker:
+    """One process and how to start it again."""
+
+    name: str
+    row: int
+    """Its beats."""
+    entry: Callable[[Any], None]
+    job: Callable[[Place], Any]
+    process: BaseProcess | None = None
+    report: Connection | None = None
+    starts: int = 0
+    began_s: deque[float] = field(default_factory=lambda: deque(maxlen=_RESTARTS + 1))
+    """When it was started last."""
+    given_up: bool = False
+
+
+class Crew:
+    """All processes, in the order in which they were added.
+
+    Args:
+        beats: Their signs of life.
+        patient: Start again however often they die, as in drills.
+    """
+
+    def __init__(self, beats: Beats, *, patient: bool = False) -> None:
+        self._beats = beats
+        self._patient = patient
+        self._context = get_context("spawn")
+        self.workers: list[Worker] = []
+
+    def add(self, name: str, entry: Callable[[Any], None], job: Callable[[Place], Any]) -> Worker:
+        """Start a process; `opened` waits until it is ready."""
+        worker = Worker(name, len(self.workers), entry, job)
+        self.workers.append(worker)
+        self._begin(worker)
+        return worker
+
+    def opened(self, worker: Worker) -> tuple[Any, ...]:
+        """Return what a process reports once it has opened what it needs.
+
+        Raises:
+            TaxelError: It could not, as it says itself.
+            BadSource: It ended or was silent.
+        """
+        words: tuple[Any, ...] = ("failed", "it ended without a word")
+        if worker.report is not None:
+            with contextlib.suppress(EOFError):
+                ready = worker.report.poll(_OPEN_S)
+                words = worker.report.recv() if ready else ("failed", "it took too long")
+        if words[0] == "opened":
+            return words[1:]
+        if isinstance(words[1], TaxelError):
+            raise words[1]
+        raise BadSource(f"the {worker.name} to start", str(words[1]), "run: taxel doctor")
+
+    def dead(self) -> list[tuple[Worker, str]]:
+        """Return those that have ended without being asked to, and how; each once."""
+        found = []
+        for worker in self.workers:
+            process = worker.process
+            if process is None or worker.given_up or process.exitcode is None:
+                continue
+            if self._beats.read(worker.row).work is Work.ENDED and process.exitcode == 0:
+                continue
+            how = f"signal {-process.exitcode}" if process.exitcode < 0 else "an error"
+            process.join()
+            found.append((worker, how))
+        return found
+
+    def again(self, worker: Worker) -> bool:
+        """Start a dead process again; False where that was tried often enough."""
+        often = len(worker.began_s) > _RESTARTS
+        if often and monotonic() - worker.began_s[0] < _WITHIN_S and not self._patient:
+            worker.given_up = True
+            self._beats.fail(worker.row)
+            return False
+        self._begin(worker)
+        return True
+
+    def close(self) -> None:
+        """Ask all to end, wait, kill those that do not."""
+        self._beats.stop()
+        until_s = monotonic() + _END_S
+        for worker in self.workers:
+            process = worker.process
+            if process is None or worker.given_up:
+                continue
+            process.join(max(0.05, until_s - monotonic()))
+            if process.is_alive():
+                process.kill()
+                process.join()
+                self._beats.fail(worker.row)
+        for worker in self.workers:
+            if worker.report is not None:
+                worker.report.close()
+
+    def ledger(self) -> dict[str, dict[str, int]]:
+        """Return, for each process, what it made, took in and lost, and how often it began."""
+        found = {}
+        for worker in self.workers:
+            beat = self._beats.read(worker.row)
+            found[worker.name] = {
+                "produced": beat.produced, "consumed": beat.consumed, "dropped": beat.dropped,
+                "starts": worker.starts,
+            }  # fmt: skip
+        return found
+
+    def _begin(self, worker: Worker) -> None:
+        self._beats.clear(worker.row)
+        if worker.report is not None:
+            worker.report.close()
+        mine, theirs = self._context.Pipe(duplex=False)
+        place = Place(
+            name=worker.name, beats=self._beats.name, row=worker.row, parent=os.getpid(),
+            report=theirs,
+        )  # fmt: skip
+        # Not daemonic: cameras have a capture process each. A worker ends with its parent.
+        worker.process = self._context.Process(
+            target=worker.entry, args=(worker.job(place),), name=f"taxel {worker.name}"
+        )
+        worker.report = mine
+        worker.starts += 1
+        worker.began_s.append(monotonic())
+        worker.process.start()
+        theirs.close()

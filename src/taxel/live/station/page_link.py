@@ -1,0 +1,222 @@
+"""What the operator's page sees of a station: the newest of every ring, never waiting.
+
+Runs in the page's own process, so that a slow page costs the station nothing. Knows nothing
+about HTTP.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from datetime import datetime
+from pathlib import Path
+from time import monotonic, sleep
+from typing import Any
+
+import numpy as np
+
+from taxel.live.station.packets import pack, unpack
+from taxel.live.station.recording import apart
+from taxel.live.station.ring import RingReader, RingWriter
+from taxel.signals import CameraInfo, Frame, Samples, SensorInfo
+
+_KEPT_S = 30.0
+_ROW_S = 0.01
+"""Time between kept rows of the array: the common grid's, docs/decisions/0003."""
+_MAP_ROWS = 12
+_POINTS_HZ = 50
+_WISH_S = 3.0
+"""How long a wish may take until it is known to be fulfilled, seconds. Our choice."""
+_TINY_S = 1e-6
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Seen:
+    """One source as the page sees it."""
+
+    url: str
+    ring: str
+    sensor: SensorInfo
+    cameras: tuple[CameraInfo, ...]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ViewConfig:
+    """The rings that the page reads, and the one that it writes."""
+
+    sources: tuple[Seen, ...]
+    decisions: tuple[str, ...]
+    status: str
+    requests: str
+    recordings: Path
+    """Folder of recordings that are started from the page."""
+
+
+@dataclass(slots=True)
+class _Array:
+    """The array that is shown."""
+
+    sensor: SensorInfo
+    rows: deque[tuple[float, list[float]]] = field(
+        default_factory=lambda: deque(maxlen=round(_KEPT_S / _ROW_S))
+    )
+
+    def add(self, samples: Samples) -> None:
+        """Keep rows that are a grid's step apart; what is not usable is a gap."""
+        last_s = self.rows[-1][0] if self.rows else -math.inf
+        for index, time_s in enumerate(samples.fitted_s.tolist()):
+            if time_s - last_s >= _ROW_S - _TINY_S:
+                values = np.where(samples.usable[index], samples.values[index], np.nan)
+                self.rows.append((time_s, values.tolist()))
+                last_s = time_s
+
+
+class StationView:
+    """The page's link; fulfils `taxel.views.page.link.StationLink`.
+
+    Args:
+        config: The station's rings.
+    """
+
+    def __init__(self, config: ViewConfig) -> None:
+        self._config = config
+        self._sources = [RingReader(one.ring) for one in config.sources]
+        self._decisions = [RingReader(name) for name in config.decisions]
+        self._status = RingReader(config.status)
+        self._requests = RingWriter(config.requests)
+        self._cameras = apart([camera for one in config.sources for camera in one.cameras])
+        self._frames: list[tuple[int, bytes] | None] = [None] * len(self._cameras)
+        self._array_at = _choose_array(config.sources)
+        self._array = None
+        if self._array_at is not None:
+            self._array = _Array(config.sources[self._array_at].sensor)
+        self._p: deque[tuple[float, float]] = deque(maxlen=round(_KEPT_S * 60))
+        self._newest: dict[str, Any] = {}
+        self._notes: list[dict[str, Any]] = [{} for _ in config.sources]
+
+    def snapshot(self) -> dict[str, Any]:
+        """Return the newest state of everything."""
+        self._refresh()
+        array = self._array
+        nothing: dict[str, Any] = {
+            "time_s": 0.0, "state": "UNKNOWN", "reason": "the station says nothing",
+            "since_s": 0.0, "probability": None, "alarms": [], "answers": [], "consumers": [],
+            "latency_ms": {}, "gripper": None, "recording": {},
+        }  # fmt: skip
+        told = {key: value for key, value in self._newest.items() if key != "events"}
+        return nothing | told | {
+            "sources": [note | {"kind": note["kind_of"]} for note in self._notes if note],
+            "cameras": [
+                {"name": one.name, "width": one.width, "height": one.height}
+                for one in self._cameras
+            ],
+            "array": None if array is None else {
+                "name": array.sensor.name, "channels": list(array.sensor.channels),
+                "unit": array.sensor.units[0], "rows": _MAP_ROWS,
+            },
+        }  # fmt: skip
+
+    def frame(self, camera: int) -> tuple[int, bytes] | None:
+        """Return a camera's newest image."""
+        return self._frames[camera] if 0 <= camera < len(self._frames) else None
+
+    def traces(self, since_s: float) -> dict[str, Any]:
+        """Return what came after a moment, at most 50 points a second."""
+        self._refresh()
+        rows = [] if self._array is None else list(self._array.rows)
+        newest_s = max([rows[-1][0]] if rows else [0.0], default=0.0)
+        if self._p:
+            newest_s = max(newest_s, self._p[-1][0])
+        after_s = -math.inf if since_s > newest_s else since_s
+        chances = [(t, p) for t, p in self._p if t > after_s]
+        kept = [row for row in rows if row[0] > after_s][:: max(1, round(1 / _ROW_S / _POINTS_HZ))]
+        columns = zip(*(values for _, values in kept), strict=True) if kept else ()
+        return {
+            "time_s": newest_s,
+            "probability": {"t": [t for t, _ in chances], "p": [p for _, p in chances]},
+            "sensors": {"t": [t for t, _ in kept], "values": [list(one) for one in columns]},
+            "map": self._map(rows[-_MAP_ROWS:]),
+            "events": [
+                {"t": t, "text": text} for t, text in self._newest.get("events", []) if t > after_s
+            ],
+        }
+
+    def acknowledge(self) -> None:
+        """Tell the supervisor that a person saw the alarms."""
+        self._requests.put(pack({"do": "acknowledge"}))
+
+    def record(self, on: bool, labels: dict[str, str]) -> str:
+        """Start or stop recording; wait until it is so, or why not."""
+        with RingReader(self._config.status) as status:
+            if on:
+                stamp = datetime.now().strftime("%Y-%m-%d_%H-%M-%S")
+                path = self._config.recordings / f"{stamp}.mcap"
+                self._requests.put(pack({"do": "record", "path": str(path), "labels": labels}))
+            else:
+                self._requests.put(pack({"do": "end"}))
+            until_s = monotonic() + _WISH_S
+            while monotonic() < until_s:
+                told = status.newest()
+                note = unpack(told) if told is not None else {}
+                found = note.get("recording", {}) if isinstance(note, dict) else {}
+                if found and bool(found.get("on")) == on:
+                    return ""
+                if on and found.get("error"):
+                    return str(found["error"])
+                sleep(0.02)
+        return "the recorder does not answer"
+
+    def close(self) -> None:
+        """Let go of the rings."""
+        for one in (*self._sources, *self._decisions, self._status, self._requests):
+            one.close()
+
+    def _refresh(self) -> None:
+        told = self._status.newest()
+        if told is not None:
+            note = unpack(told)
+            self._newest = note if isinstance(note, dict) else {}
+        first = 0
+        for number, (seen, reader) in enumerate(
+            zip(self._config.sources, self._sources, strict=True)
+        ):
+            self._follow(number, reader, first)
+            first += len(seen.cameras)
+        for reader in self._decisions:
+            for content in reader.take():
+                note = unpack(content)
+                if isinstance(note, dict) and note.get("kind") == "grasp" and "time_s" in note:
+                    p = note.get("p")
+                    self._p.append((note["time_s"], math.nan if p is None else p))
+
+    def _follow(self, number: int, reader: RingReader, first_camera: int) -> None:
+        for content in reader.take():
+            packet = unpack(content)
+            if isinstance(packet, Frame):
+                camera = first_camera + packet.camera
+                before = self._frames[camera]
+                self._frames[camera] = ((before[0] if before else 0) + 1, packet.jpeg)
+            elif isinstance(packet, Samples):
+                if self._array is not None and number == self._array_at:
+                    self._array.add(packet)
+            elif isinstance(packet, dict) and packet.get("kind") == "source":
+                self._notes[number] = packet
+
+    def _map(self, rows: Sequence[tuple[float, list[float]]]) -> list[list[float]] | None:
+        array = self._array
+        if array is None or not rows:
+            return None
+        values = np.array([values for _, values in rows])
+        top = array.sensor.full_scale or float(np.nanmax(np.abs(values), initial=1e-9))
+        found: list[list[float]] = np.clip(values / top, 0.0, 1.0).tolist()
+        return found
+
+
+def _choose_array(sources: Sequence[Seen]) -> int | None:
+    """Return which source's array is shown: the first without cameras, else the first."""
+    with_array = [i for i, one in enumerate(sources) if one.sensor.channels]
+    bare = [i for i in with_array if not sources[i].cameras]
+    found = bare or with_array
+    return found[0] if found else None

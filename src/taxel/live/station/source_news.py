@@ -1,0 +1,80 @@
+"""How a source does, in its own process: rate, losses, silence. Knows nothing about rings."""
+
+from __future__ import annotations
+
+from collections import deque
+from typing import Any
+
+import numpy as np
+
+from taxel.signals import Frame, Samples
+from taxel.sources.contract import Source
+
+TELL_S = 0.25
+"""How often it is told. Source: our choice."""
+_SPAN_S = 2.0
+"""The rate's span, seconds. Source: our choice."""
+_STALE_S = 0.5
+
+
+class SourceNews:
+    """Counts what a source gives.
+
+    Args:
+        source: The open source.
+        name: What it is called.
+        url: Its address.
+    """
+
+    def __init__(self, source: Source, name: str, url: str) -> None:
+        self._source = source
+        self._name, self._url = name, url
+        self._cameras = len(source.cameras)
+        self._came: deque[tuple[float, int]] = deque()
+        self._last: dict[int, int] = {}
+        self._produced = self._lost = self._unusable = 0
+        self._heard_s = self._told_s = -np.inf
+
+    def add(self, samples: Samples, frames: list[Frame], now_s: float) -> None:
+        """Take in what came."""
+        if len(samples):
+            self._count(-1, samples.counter)
+            self._unusable += int(np.count_nonzero(~samples.usable.all(axis=1)))
+        for frame in frames:
+            self._count(frame.camera, np.array([frame.counter]))
+        count = len(frames) if self._cameras else len(samples)
+        if count:
+            self._heard_s = now_s
+            self._came.append((now_s, count))
+        self._produced += len(samples) + len(frames)
+
+    def due(self, now_s: float) -> bool:
+        """True when it is time to tell."""
+        return now_s - self._told_s >= TELL_S
+
+    def note(self, now_s: float) -> dict[str, Any]:
+        """Return how it does."""
+        self._told_s = now_s
+        while self._came and now_s - self._came[0][0] > _SPAN_S:
+            self._came.popleft()
+        span_s = now_s - self._came[0][0] if self._came else 0.0
+        # The first batch came at the span's beginning, so that it lies outside.
+        came = sum(count for _, count in list(self._came)[1:])
+        rate_hz = came / span_s if span_s > 0 else 0.0
+        info, cameras = self._source.info, self._source.cameras
+        state = "live" if now_s - self._heard_s <= _STALE_S else "stale"
+        return {
+            "kind": "source", "name": self._name, "url": self._url,
+            "kind_of": "cameras" if cameras else "array",
+            "state": "ended" if self._source.ended else state,
+            "rate_hz": rate_hz / max(1, self._cameras),
+            "nominal_hz": cameras[0].rate_hz if cameras else info.rate_hz,
+            "produced": self._produced, "lost": self._lost,
+            "note": f"{self._unusable} rows with missing values" if self._unusable else "",
+        }  # fmt: skip
+
+    def _count(self, stream: int, counter: np.ndarray[Any, np.dtype[np.int64]]) -> None:
+        """Count what the device counted and did not arrive."""
+        steps = np.diff(counter, prepend=self._last.get(stream, int(counter[0]) - 1))
+        self._lost += int(np.clip(steps - 1, 0, None).sum())
+        self._last[stream] = int(counter[-1])

@@ -1,0 +1,96 @@
+"""What a station tells of itself: latencies a stage, and the snapshot that the page shows.
+
+Knows nothing about processes.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from taxel.live.station.beats import Beat
+from taxel.live.station.guard import Guard
+
+STAGES = ("capture", "hand over", "wait", "model", "alarm")
+"""From the shutter to the host, from the host to the monitor, until the model begins, until it
+has decided, until the supervisor has acted."""
+_OVERHEAD = ("hand over", "wait", "alarm")
+_KEPT = 2000
+"""Decisions kept for percentiles. Source: our choice."""
+_WEIGH_S = 1.0
+"""How often percentiles are computed. Source: our choice."""
+
+
+class Latencies:
+    """How long the stages of the newest decisions took."""
+
+    def __init__(self) -> None:
+        self._ms = {stage: deque[float](maxlen=_KEPT) for stage in STAGES}
+        self._weighed: dict[str, list[float]] = {}
+        self._weighed_s = -math.inf
+
+    def add(self, note: dict[str, Any], acted_s: float) -> None:
+        """Take in a decision's note, if it has times."""
+        if "arrival_s" not in note:
+            return
+        steps = (note["time_s"], note["arrival_s"], note["taken_s"], note["began_s"],
+                 note["decided_s"], acted_s)  # fmt: skip
+        for stage, before_s, after_s in zip(STAGES, steps[:-1], steps[1:], strict=True):
+            self._ms[stage].append(1000.0 * (after_s - before_s))
+
+    def clear(self) -> None:
+        """Forget what was measured, such as a start."""
+        for kept in self._ms.values():
+            kept.clear()
+
+    def percentiles_ms(self) -> dict[str, list[float]]:
+        """Return p50, p95 and p99 of each stage, milliseconds."""
+        return {
+            stage: [float(p) for p in np.percentile(np.array(kept), (50, 95, 99))]
+            for stage, kept in self._ms.items()
+            if kept
+        }
+
+    def lately_ms(self, now_s: float) -> dict[str, list[float]]:
+        """Return the same, computed once a second."""
+        if now_s - self._weighed_s > _WEIGH_S:
+            self._weighed_s, self._weighed = now_s, self.percentiles_ms()
+        return self._weighed
+
+    def overhead_ms(self) -> NDArray[np.float64]:
+        """Return what each decision took from the host to the alarm without the model, ms."""
+        parts = np.array([self._ms[stage] for stage in _OVERHEAD])
+        return np.asarray(parts.sum(axis=0), np.float64)
+
+    def whole_ms(self) -> NDArray[np.float64]:
+        """Return what each decision took from the shutter to the alarm, ms."""
+        parts = np.array(list(self._ms.values()))
+        return np.asarray(parts.sum(axis=0), np.float64)
+
+
+def guard_snapshot(guard: Guard, now_s: float) -> dict[str, Any]:
+    """Return state and alarms as the page's link gives them."""
+    word, reason, since_s = guard.shown
+    p = guard.probability
+    return {
+        "time_s": now_s, "state": word, "reason": reason, "since_s": since_s,
+        "probability": p if math.isfinite(p) else None,
+        "alarms": [
+            {"kind": a.kind, "text": a.text, "level": str(a.level), "since_s": a.since_s,
+             "acknowledged": a.acknowledged}
+            for a in guard.alarms.alarms
+        ],
+    }  # fmt: skip
+
+
+def consumer_snapshot(name: str, beat: Beat, now_s: float) -> dict[str, Any]:
+    """Return how one process does, as the page's link gives it."""
+    return {
+        "name": name, "consumed": beat.consumed, "dropped": beat.dropped,
+        "produced": beat.produced, "beat_age_s": now_s - beat.beat_s,
+        "state": beat.work.name.lower(),
+    }  # fmt: skip
