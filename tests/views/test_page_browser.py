@@ -221,9 +221,7 @@ class Browser:
 
     def call(self, method: str, **parameters: object) -> dict:
         self._number += 1
-        self._socket.send(
-            json.dumps({"id": self._number, "method": method, "params": parameters})
-        )
+        self._socket.send(json.dumps({"id": self._number, "method": method, "params": parameters}))
         while True:
             answer = json.loads(self._socket.recv(timeout=20))
             if answer.get("id") == self._number:
@@ -254,7 +252,7 @@ class Browser:
         return value
 
     def key(self, key: str, text: str = "") -> None:
-        code = {"A": 65, " ": 32}.get(key.upper(), 0)
+        code = {"A": 65, " ": 32, "ESCAPE": 27}.get(key.upper(), 0)
         for kind in ("keyDown", "keyUp"):
             self.call("Input.dispatchKeyEvent", type=kind, key=key,
                       text=text if kind == "keyDown" else "", windowsVirtualKeyCode=code)  # fmt: skip

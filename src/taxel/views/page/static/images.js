@@ -11,6 +11,11 @@ function colour(share) {
   return `rgb(${mixed.join(",")})`;
 }
 
+/** The page's unit of size, pixels: page.css lets it follow the screen. */
+function rem() {
+  return parseFloat(getComputedStyle(document.documentElement).fontSize);
+}
+
 /** Make a canvas as sharp as the screen; return [context, width, height] in CSS pixels. */
 function sharp(canvas) {
   const ratio = window.devicePixelRatio || 1;
@@ -50,19 +55,19 @@ export function drawMap(canvas, rows, channels) {
   const [pen, width, height] = sharp(canvas);
   if (!rows || !rows.length || width < 10) return;
   const columns = rows[0].length;
-  const side = 12;
+  const side = rem() * 1.1;
   const w = (width - side) / columns;
   const h = (height - side) / Math.max(rows.length, 12);
   rows.forEach((row, r) => row.forEach((share, c) => cell(pen, side + c * w, r * h, w - 1, h - 1, share === null ? NaN : share)));
   pen.fillStyle = INK;
-  pen.font = "10px system-ui, sans-serif";
+  pen.font = `${rem() * 0.8}px system-ui, sans-serif`;
   pen.textAlign = "center";
   pen.save();
-  pen.translate(8, height / 2);
+  pen.translate(side * 0.5, (height - side) / 2);
   pen.rotate(Math.PI / 2);
   pen.fillText("older → newest", 0, 3);
   pen.restore();
-  pen.fillText(columns === channels.length ? `${columns} sensors` : "", side + (width - side) / 2, height - 2);
+  pen.fillText(columns === channels.length ? `${columns} sensors` : "", side + (width - side) / 2, height - side * 0.15);
 }
 
 /** Return the fingers of a hand's twelve channels, or null for another array. */
@@ -80,7 +85,7 @@ export function drawHand(canvas, row, names) {
   const left = (width - 4 * size * 1.2) / 2;
   const rise = [0.45, 0.12, 0, 0.28];
   pen.textAlign = "center";
-  pen.font = `${Math.max(9, Math.min(13, size * 0.3))}px system-ui, sans-serif`;
+  pen.font = `${Math.min(rem() * 1.05, size * 0.34)}px system-ui, sans-serif`;
   names.forEach((name, finger) => {
     const x = left + finger * size * 1.2 + size * 0.1;
     for (let joint = 0; joint < 3; joint += 1) {

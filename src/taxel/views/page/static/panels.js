@@ -128,7 +128,7 @@ export function drawGripper(gripper) {
     const cells = make("dl", "pairs");
     const add = (name, text, tone = "") => cells.append(make("dt", "", name), make("dd", tone, text));
     add("interlock", gripper.interlock || "–", /open|closed|ready|ok|armed/i.test(gripper.interlock || "") ? "" : "bad");
-    add("armed", gripper.armed ? "● ARMED" : "○ not armed", gripper.armed ? "armed" : "");
+    add("armed", gripper.armed ? "ARMED" : "no", gripper.armed ? "armed" : "");
     add("force", `${number(gripper.force_n)} N`);
     add("commanded", `${number(gripper.commanded_n)} N`);
     add("motion", gripper.motion ?? "–");

@@ -11,9 +11,13 @@ export function colours(channels, isHand) {
   return channels.map((_, i) => (isHand ? FINGERS[Math.floor(i / 3)][2 - (i % 3)] : MANY[i % MANY.length]));
 }
 
+/** The page's unit of size, pixels: page.css lets it follow the screen. */
+function rem() {
+  return parseFloat(getComputedStyle(document.documentElement).fontSize);
+}
+
 function font() {
-  const rem = parseFloat(getComputedStyle(document.documentElement).fontSize);
-  return `${Math.round(rem * 0.85)}px system-ui, sans-serif`;
+  return `${Math.round(rem() * 0.85)}px system-ui, sans-serif`;
 }
 
 /** One chart whose time axis moves; `series` without the time. */
@@ -23,32 +27,43 @@ class Trace {
     this.data = [[], ...series.map(() => [])];
     this.now = 0;
     this.dirty = true;
-    const rem = parseFloat(getComputedStyle(document.documentElement).fontSize);
+    this.series = series;
+    this.options = options;
+    this.build();
+    new ResizeObserver(() => this.fit()).observe(place);
+  }
+
+  build() {
+    const { place, options } = this;
+    this.rem = rem();
     const ticks = () => [-30, -25, -20, -15, -10, -5, 0].map((s) => this.now + s);
+    const ago = (_, all) => all.map((v) => `${Math.round(v - this.now)} s`.replace("-", "−"));
+    this.chart?.destroy();
     this.chart = new uPlot(
       {
         width: Math.max(50, place.clientWidth),
         height: Math.max(40, place.clientHeight),
         legend: { show: false },
         cursor: { drag: { x: false, y: false }, points: { show: false } },
-        padding: [rem * 0.5, rem, 0, 0],
+        padding: [this.rem * 0.5, this.rem, 0, 0],
         scales: { x: { time: false, range: () => [this.now - SHOWN_S, this.now] }, y: { range: options.range } },
-        series: [{}, ...series],
+        series: [{}, ...this.series.map((one) => ({ ...one }))],
         axes: [
-          { ...AXIS, font: font(), size: rem * 2, splits: ticks, values: (_, all) => all.map((v) => `${Math.round(v - this.now)} s`.replace("-", "−")) },
-          { ...AXIS, font: font(), size: rem * 3.6, splits: options.splits, values: options.values },
+          { ...AXIS, font: font(), size: this.rem * 2, splits: ticks, values: ago },
+          { ...AXIS, font: font(), size: this.rem * 3.6, splits: options.splits, values: options.values },
         ],
-        hooks: { drawClear: options.under ? [options.under] : [], draw: options.over ? [options.over] : [] },
+        hooks: { draw: options.over ? [options.over] : [] },
       },
       this.data,
       place,
     );
-    new ResizeObserver(() => this.fit()).observe(place);
   }
 
   fit() {
     const { clientWidth: width, clientHeight: height } = this.place;
-    if (width > 50 && height > 40) this.chart.setSize({ width, height });
+    if (width <= 50 || height <= 40) return;
+    if (rem() !== this.rem) this.build(); // the letters have another size
+    else this.chart.setSize({ width, height });
   }
 
   clear() {
@@ -98,7 +113,7 @@ export function probabilityTrace(place) {
     const pen = u.ctx;
     const { left, top, width, height } = u.bbox;
     pen.font = font().replace(/\d+/, (n) => Number(n) * (window.devicePixelRatio || 1));
-    for (const [name, colour] of [["clear", "#3f8f79"], ["warn", "#f5b301"], ["unstable", "#ff6b5e"]]) {
+    for (const [name, colour] of [["clear", "#5fc3a8"], ["warn", "#f5b301"], ["unstable", "#ff6b5e"]]) {
       if (!Number.isFinite(thresholds[name])) continue;
       const y = u.valToPos(thresholds[name], "y", true);
       line(u, pen, left, y, left + width, y, colour, [6, 4]);
@@ -113,9 +128,11 @@ export function probabilityTrace(place) {
       line(u, pen, x, top, x, top + height, "#c6d0de", [2, 3]);
       const wide = pen.measureText(event.text).width + 8;
       if (x + 3 + wide > free || x + wide > left + width + 4) continue;
-      pen.fillStyle = "#c6d0de";
       pen.textAlign = "left";
       pen.textBaseline = "top";
+      pen.fillStyle = "rgba(10,13,18,0.8)";
+      pen.fillRect(x + 2, top + 1, wide - 2, 1.3 * parseFloat(pen.font));
+      pen.fillStyle = "#c6d0de";
       pen.fillText(event.text, x + 4, top + 2);
       pen.textBaseline = "alphabetic";
       free = x;
@@ -191,19 +208,19 @@ export function overviewPlot(place, overview, onSeek) {
     u.ctx.fill();
   };
   const inks = colours(names, names.length === 12);
-  const rem = parseFloat(getComputedStyle(document.documentElement).fontSize);
+  const unit = rem();
   const chart = new uPlot(
     {
       width: Math.max(50, place.clientWidth),
       height: Math.max(40, place.clientHeight),
       legend: { show: false },
       cursor: { drag: { x: false, y: false }, points: { show: false } },
-      padding: [4, rem, 0, 0],
+      padding: [4, unit, 0, 0],
       scales: { x: { time: false, range: () => [overview.start_s, overview.end_s] } },
       series: [{}, ...names.map((one, i) => ({ label: one.name, stroke: inks[i], width: 1, points: { show: false } }))],
       axes: [
-        { ...AXIS, font: font(), size: rem * 2, values: (_, all) => all.map((v) => `${short(v - overview.start_s)} s`) },
-        { ...AXIS, font: font(), size: rem * 3.6, values: (_, all) => all.map(short) },
+        { ...AXIS, font: font(), size: unit * 2, values: (_, all) => all.map((v) => `${short(v - overview.start_s)} s`) },
+        { ...AXIS, font: font(), size: unit * 3.6, values: (_, all) => all.map(short) },
       ],
       hooks: { drawClear: [under], draw: [over] },
     },
