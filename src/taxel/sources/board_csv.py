@@ -174,7 +174,8 @@ class CsvStream:
             fitted_s = self._fit.of(device_s, came_s)
             self.ledger.clock_ppm = self._rate.add(float(device_s[-1]), float(fitted_s[-1]))
             table = table[:, 1:]
-        values = table.astype(np.float32)
+        with np.errstate(over="ignore"):  # beyond float32 is infinite, and flagged so
+            values = table.astype(np.float32)
         return [
             Scans(
                 seq=seq,
@@ -190,8 +191,9 @@ class CsvStream:
     def _own_time(self, column: NDArray[np.float64], arrival_s: float) -> NDArray[np.float64]:
         """Return the printed clock in seconds, unwrapped; one that steps back began anew."""
         per_second = self._per_second or 1.0
-        whole = np.nan_to_num(column).astype(np.int64)
-        fraction = np.nan_to_num(column) - whole
+        column = np.clip(np.nan_to_num(column), 0.0, 2.0**53)
+        whole = column.astype(np.int64)
+        fraction = column - whole
         raw = (whole & 0xFFFFFFFF).astype(np.uint32)
         near = int(raw[0])
         if self._last is not None:

@@ -44,6 +44,8 @@ class _Board:
     gone_s: float | None = None
     """From when on its missing scans are those of a board that is away."""
     kept: list[tuple[NDArray[np.int64], Scans]] = field(default_factory=list)
+    last: Scans | None = None
+    """Its last scan alone."""
 
 
 class BoardMerge:
@@ -146,6 +148,7 @@ class BoardMerge:
             ticks = ticks + move
         if lead:
             self._follow(int(ticks[-1]), float(scans.fitted_s[-1]), fresh=away)
+        board.last = _part(scans, slice(len(seq) - 1, None))
         board.last_tick = max(board.last_tick, int(ticks[-1]))
         board.last_arrival_s = float(scans.arrival_s[-1])
         board.last_fitted_s = float(scans.fitted_s[-1])
@@ -160,9 +163,8 @@ class BoardMerge:
         """Fill the hole that a slower board leaves; count what a faster one has too much."""
         if move < 0 and ticks[0] + move >= self._next:
             board.ledger.skipped -= move
-        elif move == 1 and board.kept and board.kept[-1][0][-1] == ticks[0] - 1:
-            before, scans = board.kept[-1]
-            board.kept.append((before[-1:] + 1, _part(scans, slice(-1, None))))
+        elif move == 1 and board.last is not None and board.last_tick + 1 == ticks[0] >= self._next:
+            board.kept.append((ticks[:1].copy(), board.last))
             board.ledger.repeated += 1
 
     def _follow(self, tick: int, fitted_s: float, *, fresh: bool) -> None:

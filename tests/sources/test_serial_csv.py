@@ -1,0 +1,139 @@
+"""Sketches that print numbers: columns, names, rate, time, and lines that are no scan."""
+
+import numpy as np
+import pytest
+
+from taxel.signals import Validity
+from taxel.sources.board_csv import CsvStream, numbers_of
+from taxel.sources.board_ledger import Scans
+from taxel.sources.serial_port import Chunk
+
+HZ = 100.0
+
+
+def start(line: str = "1,2,3", **options: object) -> CsvStream:
+    """A stream that has watched 120 equal lines, 10 ms apart."""
+    stream = CsvStream("here", **options)  # type: ignore[arg-type]
+    for i in range(120):
+        stream.feed([Chunk(i / HZ, f"{line}\r\n".encode())])
+    assert stream.ready
+    return stream
+
+
+def come(stream: CsvStream, text: str, arrival_s: float = 2.0) -> list[Scans]:
+    return stream.feed([Chunk(arrival_s, text.encode())])
+
+
+@pytest.mark.parametrize(
+    ("line", "numbers"),
+    [
+        ("1,2,3", [1, 2, 3]),
+        ("1\t-2.5\t3e2", [1, -2.5, 300]),
+        ("  .5   7. ", [0.5, 7]),
+        ("1, 2; 3,", [1, 2, 3]),
+        ("1_000", None),
+        ("0x10,1", None),
+        ("1,,a", None),
+        ("", None),
+    ],
+)
+def test_a_line_is_numbers_or_it_is_none(line: str, numbers: list[float] | None):
+    assert numbers_of(line.encode()) == numbers
+
+
+def test_columns_and_rate_are_measured_at_connecting():
+    stream = start()
+    assert stream.channels == ("c0", "c1", "c2")
+    assert stream.rate_hz == pytest.approx(HZ, rel=0.02)
+
+
+def test_a_header_line_gives_the_names():
+    stream = CsvStream("here")
+    stream.feed([Chunk(0.0, b"rest of a li\nthumb index\n")])
+    for i in range(120):
+        stream.feed([Chunk(i / HZ, b"10 20\n")])
+    assert stream.channels == ("thumb", "index")
+
+
+def test_a_column_of_time_is_the_boards_clock_and_gives_the_rate():
+    stream = CsvStream("here", time="ms")
+    for i in range(130):
+        stream.feed([Chunk(0.3 * (i // 30), f"{i * 20},7\n".encode())])  # in lumps of 0.3 s
+    assert stream.channels == ("c0",)
+    assert stream.rate_hz == pytest.approx(50.0)
+    (scans,) = come(stream, "2600,8\n2620,9\n")
+    assert scans.device_s.tolist() == [2.6, 2.62]
+    assert scans.values.tolist() == [[8], [9]]
+
+
+def test_a_printed_clock_wraps_and_one_that_steps_back_is_a_reboot():
+    stream = start("5,1", time="us", rate_hz=HZ)
+    wrap = 2**32
+    (first,) = come(stream, f"{wrap - 10_000},1\n", 4294.957296 + 1.2)
+    (second,) = come(stream, "0,1\n10000,1\n", 4294.977296 + 1.2)
+    assert np.diff(np.concatenate([first.device_s, second.device_s])) == pytest.approx(0.01)
+    assert stream.ledger.reboots == 0
+    come(stream, "5000000,1\n", 4299.957296 + 1.2)
+    (third,) = come(stream, "70,1\n", 4303.0)
+    assert (stream.ledger.reboots, third.boot) == (1, 1)
+    assert third.device_s[0] == pytest.approx(7e-5)
+
+
+def test_bad_lines_are_counted_and_leave_a_hole_and_words_leave_none():
+    stream = start()
+    (before,) = come(stream, "1,2,3\n")
+    (after,) = come(stream, "1,2\n1,2,3,4\n1,x2,3\nready\n\n4,5,6\n")
+    assert after.seq[0] - before.seq[0] == 4
+    assert stream.ledger.bad == {"line": 1, "columns": 2, "text": 1}
+    assert stream.ledger.lost == 3
+    assert after.values.tolist() == [[4, 5, 6]]
+
+
+def test_nan_and_overflow_are_no_values_and_full_scale_saturates():
+    stream = start(full_scale=1023.0)
+    (scans,) = come(stream, "nan,ovf,1023\n")
+    bad, end = int(Validity.NOT_FINITE), int(Validity.SATURATED)
+    assert scans.flags.tolist() == [[bad, bad, end]]
+
+
+def test_lines_that_come_together_are_one_period_apart():
+    stream = start(rate_hz=HZ)
+    (scans,) = come(stream, "1,2,3\n" * 4, 5.0)
+    np.testing.assert_allclose(scans.fitted_s, [4.97, 4.98, 4.99, 5.0])
+    assert np.isnan(scans.device_s).all()
+    (more,) = come(stream, "1,2,3\n" * 4, 5.001)
+    assert more.fitted_s[0] >= 5.0
+
+
+def test_half_a_line_at_the_start_and_after_a_reconnect_is_no_bad_line():
+    stream = start()
+    stream.feed([Chunk(2.0, b"1,2", gone=False), Chunk(2.1, b"", gone=True)])
+    assert stream.ledger.state == "away"
+    stream.feed([Chunk(2.2, b"", opened=True)])
+    (scans,) = come(stream, "2,3\n7,8,9\n", 2.3)
+    assert scans.values.tolist() == [[7, 8, 9]]
+    assert sum(stream.ledger.bad.values()) == 0
+    assert stream.ledger.reconnects == 1
+
+
+def test_bytes_without_a_line_take_no_memory_and_are_one_bad_line():
+    stream = start()
+    for _ in range(100):
+        assert come(stream, "9" * 1000) == []
+        assert len(stream._rest) <= 5096
+    come(stream, "\n")
+    (scans,) = come(stream, "1,2,3\n")
+    assert len(scans.seq) == 1
+    assert stream.ledger.bad["line"] >= 1
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_any_bytes_at_all_do_no_harm(seed: int):
+    random = np.random.default_rng(seed)
+    stream = CsvStream("here", time=("none", "ms", "us")[seed % 3])
+    letters = np.frombuffer(b"0123456789,,\n\n\r\t .-+eEnaif\x00\xff", np.uint8)
+    for i in range(300):
+        stream.feed([Chunk(i / HZ, random.choice(letters, 30).tobytes())])
+    kinds = sum(stream.ledger.bad.values())
+    assert stream.ledger.scans >= 0
+    assert kinds >= stream.ledger.lost
