@@ -8,12 +8,16 @@ from typing import Any
 import pytest
 from hand_rig import HandEmulator, emulated_hand
 
-from taxel.actions.hand import HandController, hear_hand, obey_hand
+from taxel.actions.actuators import HandActuator, hear_all
+from taxel.actions.hand import HandController
 from taxel.actions.hand_link import HandConfig
 from taxel.actions.interlock import Interlock, InterlockConfig, InterlockState
 from taxel.clock import SystemClock
+from taxel.decisions.stability import Stability, StabilityDecision
 from taxel.errors import BadInput
 from taxel.wire.messages import Ability, Order, State
+
+STABLE = StabilityDecision(Stability.STABLE, "", 0.0, 0.1)
 
 
 class Driven:
@@ -180,13 +184,14 @@ def test_contact_that_the_board_does_not_stop_at_trips_the_interlock_and_stops_t
     lock = Interlock(InterlockConfig(min_n=0.0, max_n=1.0, contact_ma=300.0, contact_s=0.03))
     with rigged() as (board, driven):
         hand = driven.armed()
+        actuator = HandActuator("hand", hand)
 
         def tick() -> bool:
             now = time.monotonic()
             lock.beat(now)
             lock.decision("STABLE", now)
-            hear_hand(lock, hand, now)
-            obey_hand(hand, lock.tick(now), now)
+            assert hear_all(lock, [actuator], now) == {}
+            actuator.tell(STABLE, lock.tick(now), now)
             return lock.state is InterlockState.STOPPED
 
         driven.until(lambda: not tick() and lock.arm(time.monotonic()) == ())

@@ -9,10 +9,12 @@ from pathlib import Path
 import modbus_rig as rig
 import pytest
 
-from taxel.actions.gripper import ForceRange, Motion, hear, obey
+from taxel.actions.actuators import GripperActuator, hear_all
+from taxel.actions.gripper import ForceRange, Motion
 from taxel.actions.interlock import Interlock, InterlockConfig, InterlockState
 from taxel.actions.pge_gripper import PgeConfig, PgeGripper
 from taxel.clock import SystemClock
+from taxel.decisions.stability import Stability, StabilityDecision
 from taxel.errors import BadInput
 
 
@@ -236,13 +238,14 @@ def test_interlock_and_gripper_together_raise_on_a_warning_and_stop_with_the_bus
     force = ForceRange(max_n=50.0, min_n=15.0)
     lock = Interlock(InterlockConfig(min_n=15.0, max_n=40.0, slew_n_s=400.0))
     with rig.pge_on_a_cable() as (cable, pge), gripper(cable.near) as hand:
+        actuator = GripperActuator("gripper", hand, force)
 
         def tick(word: str) -> InterlockState:
             now = time.monotonic()
             lock.beat(now)
             lock.decision(word, now)
-            hear(lock, hand, now)
-            obey(hand, lock.tick(now), force, now)
+            hear_all(lock, [actuator], now)
+            actuator.tell(StabilityDecision(Stability[word], "", now, 0.5), lock.tick(now), now)
             time.sleep(0.005)
             return lock.state
 

@@ -169,11 +169,11 @@ def obey(gripper: Gripper, order: Order, force: ForceRange, now_s: float) -> Non
 
 
 def hear(interlock: Interlock, gripper: Gripper, now_s: float) -> GripperStatus:
-    """Tell the interlock how the gripper is, before its tick; return the gripper's status.
+    """Tell the interlock how a gripper that acts alone is; return the gripper's status.
 
     Args:
         interlock: Is told whether the gripper is well, as of when that was read.
-        gripper: A connected gripper.
+        gripper: A connected gripper. With other actuators beside it use `actuators.hear_all`.
         now_s: This moment, monotonic seconds.
     """
     status = gripper.status()

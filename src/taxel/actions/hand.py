@@ -23,7 +23,6 @@ import numpy as np
 from taxel.actions.bus_worker import BusWorker, Command
 from taxel.actions.gripper import Latency
 from taxel.actions.hand_link import Grip, HandConfig, HandLink
-from taxel.actions.interlock import Interlock, Order, OrderKind
 from taxel.clock import Clock
 from taxel.errors import BadInput
 from taxel.wire import messages as wire
@@ -164,29 +163,3 @@ class HandController:
         self.stop()
         self._link.ending = True
         self._worker.close()
-
-
-def hear_hand(interlock: Interlock, hand: HandController, now_s: float) -> HandStatus:
-    """Tell the interlock of the hand and of each current read since; return the hand's status.
-
-    Args:
-        interlock: With `contact_ma` or `over_ma` set.
-        hand: A connected hand; it is refreshed.
-        now_s: This moment, monotonic seconds.
-    """
-    hand.refresh()
-    status = hand.status()
-    interlock.device(status.ok, min(status.heard_s, now_s))
-    for read_s, size_ma in hand.take_currents():
-        interlock.contact_current(size_ma, min(read_s, now_s))
-    return status
-
-
-def obey_hand(hand: HandController, order: Order, now_s: float) -> None:
-    """Hand an order of the interlock to the hand: STOP stops it.
-
-    HOLD sends nothing: its motors hold without current, and a grip runs out by itself. GRIP
-    sends nothing either: no calibration from motor current to force exists for this hand.
-    """
-    if order.kind is OrderKind.STOP and order.valid(now_s):
-        hand.stop()

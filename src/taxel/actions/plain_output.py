@@ -119,6 +119,11 @@ class UdpOutput:
         except OSError:
             self.dropped += 1
 
+    @property
+    def lost(self) -> int:
+        """What did not get out."""
+        return self.dropped
+
     def close(self) -> None:
         """Close the socket."""
         self._socket.close()
@@ -153,6 +158,11 @@ class CallbackOutput:
         except Exception as error:  # whatever a user's function raises, the tick goes on
             self.failed += 1
             self.last_error = f"{type(error).__name__}: {error}"
+
+    @property
+    def lost(self) -> int:
+        """What was not taken."""
+        return self.failed
 
     def close(self) -> None:
         """Nothing to let go of."""

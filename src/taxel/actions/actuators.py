@@ -1,0 +1,227 @@
+"""One face for everything that can obey an order: grippers, the hand, arms, plain outputs.
+
+The loop of a tick:
+
+    for each word of the decision maker: interlock.beat, interlock.decision
+    hear_all(interlock, actuators, now_s)
+    order = interlock.tick(now_s)
+    for actuator in actuators: actuator.tell(decision, order, now_s)
+
+Nothing here waits or decides. Knows nothing about addresses, pages or models.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, Protocol
+
+from taxel.actions.arm import Arm
+from taxel.actions.gripper import ForceRange, Gripper, obey
+from taxel.actions.interlock import Interlock, Order, OrderKind
+from taxel.actions.plain_output import CallbackOutput, UdpOutput
+from taxel.decisions.stability import Stability, StabilityDecision
+
+if TYPE_CHECKING:
+    from taxel.actions.hand import HandController
+
+
+@dataclass(frozen=True, slots=True)
+class Health:
+    """How an actuator is."""
+
+    fault: str
+    """What is wrong, in words; empty where all is well."""
+    read_s: float
+    """When this was known, monotonic seconds."""
+
+
+class Actuator(Protocol):
+    """Something that obeys orders."""
+
+    name: str
+    """What it is, for a person."""
+    force: ForceRange | None
+    """Its range of force; None where it has none. The interlock's limits come from it."""
+
+    def connect(self) -> None:
+        """Open it; waits for its first answer.
+
+        Raises:
+            BadInput: It is not there, or not what it should be.
+        """
+        ...
+
+    def hear(self, interlock: Interlock, now_s: float) -> Health:
+        """Tell the interlock of currents, where there are any; return how the actuator is."""
+        ...
+
+    def tell(self, decision: StabilityDecision, order: Order, now_s: float) -> None:
+        """Hand on what is decided and ordered now."""
+        ...
+
+    def told(self) -> dict[str, Any]:
+        """Return what a person wants to see, as JSON values: `motion`, `force_n` if any."""
+        ...
+
+    def close(self) -> None:
+        """Let go of it."""
+        ...
+
+
+def hear_all(interlock: Interlock, actuators: Sequence[Actuator], now_s: float) -> dict[str, str]:
+    """Tell the interlock how all actuators are, the worst and the oldest counting.
+
+    Args:
+        interlock: Hears of the device as of the oldest reading.
+        actuators: All that obey; none is well, and never gets old.
+        now_s: This moment, monotonic seconds.
+
+    Returns:
+        Name → what is wrong, for those where something is.
+    """
+    found = [(one.name, one.hear(interlock, now_s)) for one in actuators]
+    faults = {name: health.fault for name, health in found if health.fault}
+    read_s = min((health.read_s for _, health in found), default=now_s)
+    interlock.device(not faults, min(read_s, now_s))
+    return faults
+
+
+class GripperActuator:
+    """A gripper: raises, holds, stops."""
+
+    def __init__(self, name: str, gripper: Gripper, force: ForceRange) -> None:
+        self.name = name
+        self.gripper = gripper
+        self.force: ForceRange | None = force
+        self._range = force
+
+    def connect(self) -> None:
+        self.gripper.connect()
+
+    def hear(self, interlock: Interlock, now_s: float) -> Health:
+        status = self.gripper.status()
+        return Health(status.fault or ("" if status.ok else "not initialised"), status.read_s)
+
+    def tell(self, decision: StabilityDecision, order: Order, now_s: float) -> None:
+        obey(self.gripper, order, self._range, now_s)
+
+    def close(self) -> None:
+        self.gripper.close()
+
+    def told(self) -> dict[str, Any]:
+        status = self.gripper.status()
+        pct = status.force_pct
+        force_n = self._range.newtons(pct) if math.isfinite(pct) else None
+        return {"force_n": force_n, "motion": status.fault or status.motion.value}
+
+
+class HandActuator:
+    """The TENG hand's motors: stops."""
+
+    def __init__(self, name: str, hand: HandController) -> None:
+        self.name = name
+        self.hand = hand
+        self.force: ForceRange | None = None
+
+    def connect(self) -> None:
+        self.hand.connect()
+
+    def hear(self, interlock: Interlock, now_s: float) -> Health:
+        self.hand.refresh()
+        for read_s, size_ma in self.hand.take_currents():
+            interlock.contact_current(size_ma, min(read_s, now_s))
+        status = self.hand.status()
+        return Health(status.fault, status.heard_s)
+
+    def tell(self, decision: StabilityDecision, order: Order, now_s: float) -> None:
+        # HOLD sends nothing: its motors hold without current, and a grip runs out by itself.
+        # GRIP neither: no calibration from motor current to force exists for this hand.
+        if order.kind is OrderKind.STOP and order.valid(now_s):
+            self.hand.stop()
+
+    def close(self) -> None:
+        self.hand.close()
+
+    def told(self) -> dict[str, Any]:
+        status = self.hand.status()
+        state = "unknown" if status.state is None else status.state.name.lower()
+        return {"motion": status.fault or state, "currents_ma": list(status.currents_ma)}
+
+
+class ArmActuator:
+    """An arm: holds on a warning, lowers once when the grasp is unstable, stops.
+
+    Args:
+        name: For a person.
+        arm: Is neither powered nor enabled from here.
+        lower_mm: How far it lowers what is held, millimetres; 0 never lowers.
+    """
+
+    def __init__(self, name: str, arm: Arm, lower_mm: float = 0.0) -> None:
+        self.name = name
+        self.arm = arm
+        self.force: ForceRange | None = None
+        self._lower_mm = lower_mm
+        self._lowered = False
+
+    def connect(self) -> None:
+        self.arm.connect()
+
+    def hear(self, interlock: Interlock, now_s: float) -> Health:
+        status = self.arm.status()
+        return Health(status.fault or ("" if status.ok else "not ready"), status.read_s)
+
+    def tell(self, decision: StabilityDecision, order: Order, now_s: float) -> None:
+        if not order.valid(now_s):
+            return
+        if order.kind is OrderKind.STOP:
+            self.arm.stop()
+        elif order.kind is OrderKind.GRIP and decision.state is Stability.UNSTABLE:
+            self._lower()
+        elif order.kind is OrderKind.GRIP and not self._lowered:
+            self.arm.hold()
+        elif order.kind is OrderKind.HOLD and decision.state is Stability.STABLE:
+            self._lowered = False
+
+    def _lower(self) -> None:
+        """Lower once an alarm: it is over when the grasp is stable again."""
+        if self._lower_mm > 0 and not self._lowered:
+            self._lowered = True
+            self.arm.lower(self._lower_mm)
+
+    def close(self) -> None:
+        self.arm.close()
+
+    def told(self) -> dict[str, Any]:
+        status = self.arm.status()
+        height_mm = status.height_mm if math.isfinite(status.height_mm) else None
+        words = status.fault or ("moving" if status.moving else "still")
+        return {"motion": words, "height_mm": height_mm}
+
+
+class OutputActuator:
+    """A plain output: whatever listens, it tells nothing back."""
+
+    def __init__(
+        self, name: str, output: UdpOutput | CallbackOutput, force: ForceRange | None = None
+    ) -> None:
+        self.name = name
+        self.output = output
+        self.force = force
+
+    def connect(self) -> None:
+        """Nothing to wait for."""
+
+    def hear(self, interlock: Interlock, now_s: float) -> Health:
+        return Health("", math.inf)
+
+    def tell(self, decision: StabilityDecision, order: Order, now_s: float) -> None:
+        self.output.tell(decision, order, now_s)
+
+    def close(self) -> None:
+        self.output.close()
+
+    def told(self) -> dict[str, Any]:
+        return {"motion": f"{self.output.sent} told, {self.output.lost} lost"}
