@@ -186,6 +186,19 @@ def test_while_nobody_reads_the_newest_are_kept_and_the_rest_is_counted(images):
     assert frames[-1].counter - frames[0].counter == len(frames) - 1
 
 
+def test_what_came_while_others_were_opened_is_let_go_and_not_called_dropped(images):
+    """A fast camera waits for the slow one to be measured; its first frames are new ones."""
+    fast = EmulatedCamera(images=images, rate_hz=FAST_HZ, buffers=64)
+    with cameras(fast, EmulatedCamera(images=images, rate_hz=20.0)) as source:
+        opened_s = time.monotonic()
+        frames = watch(source, 0.1)
+        ledger, _ = source.ledgers()
+
+    assert ledger.frames > SLOTS
+    assert ledger.dropped == 0
+    assert frames[0].arrival_s > opened_s - 0.1
+
+
 def test_reading_ends_with_a_frame_or_after_the_timeout(images):
     slow = EmulatedCamera(images=images, rate_hz=20.0)
     with cameras(slow) as source:

@@ -97,11 +97,12 @@ class CameraLink:
         self._restarted = 0
         self._started_s = 0.0
         self._said = b""
+        self._bell = -1
         self._start(again=False)
 
     @property
     def bell(self) -> int:
-        """File descriptor that can be read when a frame came, or when the process died."""
+        """File descriptor that can be read when a frame came; -1 while there is no process."""
         return self._bell
 
     def open(self) -> CameraGiven:
@@ -127,13 +128,23 @@ class CameraLink:
         os.set_blocking(self._stdout, False)
         return rate_hz, images_hz
 
+    def fresh(self) -> None:
+        """Let go of the frames that came while other cameras were being opened."""
+        self._ring.skip()
+
     def silence(self) -> None:
         """Take the rings of the bell that came so far; start the process again if it died."""
+        if self._bell < 0:
+            self._restart()
+            return
         with contextlib.suppress(BlockingIOError):
             while rung := os.read(self._bell, 4096):
                 if len(rung) < 4096:
                     return
-            self._restart()
+            self._listen()
+            self._state, self._why = "no process", "the capture process ended"
+            os.close(self._bell)
+            self._bell = -1
 
     def frames(self) -> list[Frame]:
         """Return the frames since the last call, oldest first; never waits."""
@@ -188,8 +199,6 @@ class CameraLink:
 
     def _restart(self) -> None:
         """Start the process again, at most twice a second; its memory goes on."""
-        self._listen()
-        self._state, self._why = "no process", "the capture process ended"
         if time.monotonic() - self._started_s > _RESTART_S:
             self._end()
             self._restarted += 1
@@ -209,7 +218,8 @@ class CameraLink:
             process.kill()
             process.wait()
         process.stdout.close()
-        os.close(self._bell)
+        if self._bell >= 0:
+            os.close(self._bell)
 
     def _command(self, word: bytes) -> None:
         assert self._process.stdin is not None

@@ -27,6 +27,8 @@ from taxel.sources.camera_link import CameraLedger, CameraLink
 
 WIDTH_PX, HEIGHT_PX = 640, 480
 """Asked for unless the address says otherwise. Source: our choice, docs/decisions/0015."""
+_LOOK_S = 0.05
+"""Longest wait while a capture process is missing, so that it is started again in time."""
 _LIMITS = {"width": (16, 8192), "height": (16, 8192), "rate_hz": (1, 1000)}
 _OPTIONS = (*_LIMITS, "names", "mm_per_px")
 
@@ -93,6 +95,8 @@ class Cameras:
                 _info(number, choice, given[number], link.measured())
                 for number, link in enumerate(self._links)
             )
+            for link in self._links:
+                link.fresh()
             undo.pop_all()
 
     @property
@@ -112,7 +116,10 @@ class Cameras:
         """Wait for a frame of any camera, at most `timeout_s` seconds; there are no scans."""
         poll = select.poll()
         for link in self._links:
-            poll.register(link.bell, select.POLLIN)
+            if link.bell >= 0:
+                poll.register(link.bell, select.POLLIN)
+            else:
+                timeout_s = min(timeout_s, _LOOK_S)
         if self._links:
             poll.poll(max(0.0, timeout_s) * 1e3)
         for link in self._links:
