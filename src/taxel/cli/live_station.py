@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import ExitStack
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from taxel.cli.printing import console, print_json
 from taxel.cli.record import stop_signals
 from taxel.errors import BadInput
+
+if TYPE_CHECKING:
+    from taxel.actions.actuators import Actuator
+    from taxel.actions.gripper import ForceRange
+    from taxel.live.station.station import Station
 
 COLOURS = {
     "STABLE": "green", "WARNING": "yellow", "UNSTABLE": "red", "UNKNOWN": "magenta",
@@ -58,19 +62,26 @@ def live_station(options: StationOptions) -> dict[str, Any]:
         raise BadInput(
             "a new file to record to", f"{options.record}, which exists", "add --overwrite"
         )
-    config = StationConfig(
-        sources=options.sources,
-        bundles=options.bundles,
-        least_confidence=options.least_confidence,
-        interlock=InterlockConfig(min_n=options.least_n, max_n=options.most_n),
-    )
     said = _Said(options)
-    with (
-        stop_signals() as stopped,
-        Station(config) as station,
-        Keys() as keys,
-        _actuator(options, station),
-    ):
+    with ExitStack() as stack:
+        actuators = _open_actuators(options)
+        for actuator in actuators:
+            stack.callback(actuator.close)
+            actuator.connect()
+        force = next((one.force for one in actuators if one.force is not None), _range(options))
+        config = StationConfig(
+            sources=options.sources,
+            bundles=options.bundles,
+            least_confidence=options.least_confidence,
+            interlock=InterlockConfig(min_n=force.least_n, max_n=force.max_n),
+        )
+        stopped = stack.enter_context(stop_signals())
+        station = stack.enter_context(Station(config))
+        keys = stack.enter_context(Keys())
+        for actuator in actuators:
+            station.drive(actuator)
+        if options.gripper == SIMULATED:
+            _drive_simulated(options, station)
         _open_page(options, station)
         if options.record is not None:
             if station.not_recorded and not (options.quiet or options.json):
@@ -96,25 +107,32 @@ def live_station(options: StationOptions) -> dict[str, Any]:
     return result
 
 
-@contextmanager
-def _actuator(options: StationOptions, station: Any) -> Iterator[None]:
-    """Let the interlock's orders reach what was named, for as long as the block lasts."""
+def _range(options: StationOptions) -> ForceRange:
+    """Return what the simulated cup's gripper can do."""
+    from taxel.actions.gripper import ForceRange
+
+    return ForceRange(max_n=options.most_n, min_n=options.least_n)
+
+
+def _open_actuators(options: StationOptions) -> list[Actuator]:
+    """Open what was named, without connecting it."""
+    from taxel.actions.opening import open_actuator
+
+    named = [url for url in (options.gripper, options.tell) if url not in (None, SIMULATED)]
+    return [open_actuator(url) for url in named if url is not None]
+
+
+def _drive_simulated(options: StationOptions, station: Station) -> None:
+    """Let the interlock's orders reach the simulated cup."""
     from taxel.live.station.acting import SimulatedGrip
 
-    if options.gripper is None:
-        yield
-        return
-    if options.gripper == SIMULATED:
-        feeds = [feed for feed in station.feeds if feed.url.startswith("sim://cup-pour")]
-        if not feeds:
-            raise BadInput(
-                f"a source sim://cup-pour with --gripper {SIMULATED}", "none", "name another"
-            )
-        name = feeds[0].worker.name
-        station.drive(SimulatedGrip(lambda force_n: station.order(name, {"grip_n": force_n})))
-        yield
-        return
-    raise BadInput("a gripper that exists", options.gripper, "mend it")
+    feeds = [feed for feed in station.feeds if feed.url.startswith("sim://cup-pour")]
+    if not feeds:
+        raise BadInput(f"a source sim://cup-pour with --gripper {SIMULATED}", "none", "name one")
+    name = feeds[0].worker.name
+    station.drive(
+        SimulatedGrip(lambda force_n: station.order(name, {"grip_n": force_n}), _range(options))
+    )
 
 
 class _Said:
@@ -127,7 +145,7 @@ class _Said:
         self._began_s: float | None = None
         self._answers: dict[str, tuple[str, float]] = {}
 
-    def tell(self, station: Any) -> None:
+    def tell(self, station: Station) -> None:
         events = list(station.events)
         if self._silent or len(events) == self._events:
             return
@@ -139,7 +157,7 @@ class _Said:
         self._events = len(events)
 
 
-def _press(key: str, station: Any) -> None:
+def _press(key: str, station: Station) -> None:
     if key == "q":
         station.stop()
     elif key == "a":
@@ -151,7 +169,7 @@ def _press(key: str, station: Any) -> None:
         console.print(f"not armed: {causes[0]}" if causes else "armed")
 
 
-def _open_page(options: StationOptions, station: Any) -> None:
+def _open_page(options: StationOptions, station: Station) -> None:
     if not options.page:
         return
     from taxel.views.page.station_page import StationPage, show
@@ -167,7 +185,7 @@ def _open_page(options: StationOptions, station: Any) -> None:
     console.print(f"the page: [link={url}]{url}[/link]", soft_wrap=True)
 
 
-def _summary(station: Any) -> dict[str, Any]:
+def _summary(station: Station) -> dict[str, Any]:
     alarms = station.guard.alarms
     return {
         "state": station.guard.shown[0],

@@ -65,6 +65,7 @@ class Guard:
         self._monitors: dict[str, _Monitor] = {}
         self._shown = (NO_GRASP, "", 0.0)
         self._doubt = ""
+        self._told = StabilityDecision(Stability.UNKNOWN, "no input yet", math.nan, math.nan)
 
     def expect(self, name: str, now_s: float) -> None:
         """Watch a monitor from now on, also one that follows a dead one."""
@@ -119,7 +120,7 @@ class Guard:
         """Weigh what was heard; return what the actuator is to do now."""
         silent = self._silent(now_s)
         if self._monitors:
-            decision = self._joined(silent, now_s)
+            decision = self._told = self._joined(silent, now_s)
             # A monitor that waits for its first input is no loss yet.
             self.alarms.watch(decision, armed=self.interlock.armed, now_s=now_s)
             force_n = self._policy.push(decision, now_s) if self._policy else None
@@ -137,6 +138,11 @@ class Guard:
     def shown(self) -> tuple[str, str, float]:
         """The state in one word, why, and since when (monotonic seconds)."""
         return self._shown
+
+    @property
+    def decision(self) -> StabilityDecision:
+        """All monitors' decisions as one, as of the last tick."""
+        return self._told
 
     @property
     def probability(self) -> float:

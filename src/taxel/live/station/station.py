@@ -16,10 +16,10 @@ from pathlib import Path
 from time import monotonic, sleep
 from typing import Any, Self
 
+from taxel.actions.actuators import Actuator, hear_all
 from taxel.actions.grip_policy import GripPolicy
 from taxel.actions.interlock import Interlock, InterlockConfig
 from taxel.live.station.acquisition import Acquisition, acquire
-from taxel.live.station.acting import Actuator
 from taxel.live.station.beats import Beats, Work
 from taxel.live.station.crew import Crew, Worker
 from taxel.live.station.fitting import misfit
@@ -119,7 +119,8 @@ class Station:
         self.guard = Guard(
             Interlock(config.interlock), config.guard, GripPolicy(config.interlock.min_n)
         )
-        self._actuator: Actuator | None = None
+        self._actuators: list[Actuator] = []
+        self._faults: dict[str, str] = {}
         self.latencies = Latencies()
         self._answers: dict[str, dict[str, Any]] = {}
         self.recording = dict(_NO_RECORDING)
@@ -176,8 +177,8 @@ class Station:
         self.guard.new_grasp(self.config.interlock.min_n)
 
     def drive(self, actuator: Actuator) -> None:
-        """Give each tick's order to an actuator; it must return at once."""
-        self._actuator = actuator
+        """Give each tick's order to one more actuator, which is connected."""
+        self._actuators.append(actuator)
 
     def arm(self) -> tuple[str, ...]:
         """Arm the interlock, on behalf of a person at the terminal; return what forbids it."""
@@ -245,15 +246,12 @@ class Station:
         """Hear, weigh, act, tell: once."""
         notes = self._hear(now_s)
         self._look(now_s)
-        interlock = self.guard.interlock
-        if self._actuator is None:
-            interlock.device(True, now_s)
-        else:
-            self._actuator.hear(interlock, now_s)
+        faults = hear_all(self.guard.interlock, self._actuators, now_s)
         order = self.guard.tick(now_s)
-        if self._actuator is not None:
-            self._actuator.obey(order, now_s)
+        for actuator in self._actuators:
+            actuator.tell(self.guard.decision, order, now_s)
         acted_s = monotonic()
+        self._weigh_actuators(faults, now_s)
         for note in notes:
             self.latencies.add(note, acted_s)
             self._on_note(note)
@@ -269,11 +267,12 @@ class Station:
         """Return the state of everything, as the page's link gives it."""
         interlock = self.guard.interlock
         gripper = None
-        if self._actuator is not None:
+        if self._actuators:
             gripper = {
                 "interlock": str(interlock.state), "armed": interlock.armed,
-                "commanded_n": interlock.force_n, "note": interlock.reason,
-                **self._actuator.told(),
+                "commanded_n": interlock.force_n, "force_n": None,
+                "motion": ", ".join(one.name for one in self._actuators),
+                "note": next(iter(self._faults.values()), interlock.reason),
             }  # fmt: skip
         limits = next((one for mind in self._minds for one in mind.told if "warn" in one), {})
         return guard_snapshot(self.guard, now_s) | {
@@ -312,6 +311,14 @@ class Station:
         for wish in _notes(self._requests):
             self._grant(wish)
         return heard
+
+    def _weigh_actuators(self, faults: dict[str, str], now_s: float) -> None:
+        for name in self._faults.keys() - faults.keys():
+            self.guard.over(name, now_s)
+        for name, fault in faults.items():
+            if self._faults.get(name) != fault:
+                self.guard.trouble(name, f"{name}: {fault}", now_s)
+        self._faults = faults
 
     def _weigh_late(self, note: dict[str, Any], now_s: float) -> None:
         late = note.get("late") or {}

@@ -1,0 +1,136 @@
+"""A station in real processes: nothing lost uncounted, faults told, everything ends."""
+
+from __future__ import annotations
+
+import os
+import signal
+from collections.abc import Callable
+from pathlib import Path
+from time import monotonic, sleep
+
+import numpy as np
+import pytest
+
+from taxel.bundles.shipped import CUP_POUR, shipped_bundle
+from taxel.errors import BadBundle, BadSource
+from taxel.live.station.page_link import StationView
+from taxel.live.station.station import Station, StationConfig
+from taxel.recordings.reader import iterate_frames, read_recording
+from taxel.sim.cup_pour import CupPourConfig, list_runs
+from taxel.sources.pour_sets import CAMERA_HZ, write_run
+
+WAIT_S = 40.0
+"""Longest wait on a busy machine; what is waited for usually comes within a second."""
+
+
+@pytest.fixture(scope="module")
+def pour(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("pour")
+    config = CupPourConfig(
+        cups=1, first_cup=901, forces_n=(50.0,), positions=("middle",), still=1.0, duration_s=3.0
+    )
+    (run,) = list_runs(config)
+    write_run(folder, run, config, CAMERA_HZ)
+    return folder / f"{run.name}.mcap"
+
+
+def until(station: Station, holds: Callable[[], bool]) -> None:
+    limit_s = monotonic() + WAIT_S
+    while not holds():
+        assert monotonic() < limit_s, f"shown: {station.guard.shown}"
+        station.tick(monotonic())
+        sleep(0.001)
+
+
+@pytest.mark.data
+def test_a_pair_of_cameras_is_watched_recorded_and_seen_and_every_message_is_accounted_for(
+    pour: Path, tmp_path: Path
+):
+    path = tmp_path / "all.mcap"
+    config = StationConfig(sources=(f"replay://{pour}",), bundles=(shipped_bundle(CUP_POUR),))
+    with Station(config) as station:
+        view = StationView(station.view_config(tmp_path))
+        station.record(path, {"object": "cup"})
+        station.run()
+        snapshot, traces = view.snapshot(), view.traces(float("-inf"))
+        images = [view.frame(camera) for camera in range(2)]
+        view.close()
+    ledger = station.ledger()
+    made = ledger["source"]["produced"]
+    for name in ("monitor", "recorder"):
+        assert ledger[name]["consumed"] + ledger[name]["dropped"] == made, name
+    assert ledger["recorder"]["dropped"] == 0
+    sent, kept = (list(iterate_frames(one)) for one in (pour, path))
+    assert [one.jpeg for one in kept] == [one.jpeg for one in sent]
+    np.testing.assert_allclose(
+        np.diff([one.fitted_s for one in kept]), np.diff([one.fitted_s for one in sent]), atol=1e-6
+    )
+    recording = read_recording(path)
+    assert recording.manifest.labels == {"object": "cup"}
+    assert len(recording.samples) == len(read_recording(pour).samples)
+    assert snapshot["cameras"][0]["name"] == "left"
+    assert snapshot["state"] in ("STABLE", "UNKNOWN", "WARNING", "UNSTABLE")
+    assert len(traces["probability"]["t"]) > 20
+    assert all(image is not None and image[1].startswith(b"\xff\xd8") for image in images)
+
+
+@pytest.mark.data
+def test_a_killed_monitor_is_told_alarmed_and_started_again(pour: Path):
+    config = StationConfig(
+        sources=("sim://cup-pour?kind=still&force_n=50&duration_s=60",),
+        bundles=(shipped_bundle(CUP_POUR),),
+    )
+    with Station(config) as station:
+        station.run(0.0)
+        until(station, lambda: station.guard.shown[0] in ("STABLE", "UNKNOWN", "WARNING"))
+        before = station.workers()["monitor"].pid
+        assert before is not None
+        os.kill(before, signal.SIGKILL)
+        until(station, lambda: station.guard.shown[0] == "STOP")
+        assert any(alarm.kind == "monitor" for alarm in station.guard.alarms.alarms)
+        until(station, lambda: station.guard.shown[0] != "STOP")
+        assert station.workers()["monitor"].pid != before
+    assert station.ledger()["monitor"]["starts"] == 2
+
+
+@pytest.mark.data
+def test_a_full_disk_is_alarmed_and_the_watch_goes_on(tmp_path: Path):
+    config = StationConfig(
+        sources=("sim://cup-pour?kind=still&force_n=50&duration_s=60",),
+        bundles=(shipped_bundle(CUP_POUR),),
+        disk_bytes=300_000,
+    )
+    with Station(config) as station:
+        station.run(0.0)
+        station.record(tmp_path / "all.mcap", {})
+        until(station, lambda: any(a.kind == "recording" for a in station.guard.alarms.alarms))
+        (text,) = [a.text for a in station.guard.alarms.alarms if a.kind == "recording"]
+        assert "the disk is full" in text
+        assert "taxel recover" in text
+        decided = station.ledger()["monitor"]["produced"]
+        until(station, lambda: station.ledger()["monitor"]["produced"] > decided + 3)
+
+
+def test_a_source_that_cannot_be_opened_ends_the_start_in_its_own_words():
+    with (
+        pytest.raises(BadSource, match="a simulator that exists"),
+        Station(StationConfig(sources=("sim://nothing",), bundles=())),
+    ):
+        pass
+
+
+def test_a_bundle_that_fits_no_source_is_refused(tmp_path: Path):
+    config = StationConfig(sources=("sim://teng",), bundles=(shipped_bundle(CUP_POUR),))
+    with pytest.raises(BadBundle, match="2 tactile cameras"), Station(config):
+        pass
+
+
+def test_nothing_is_left_behind():
+    names = set(os.listdir("/dev/shm")) if Path("/dev/shm").exists() else set()
+    with Station(StationConfig(sources=("sim://teng?seconds=1",), bundles=())) as station:
+        station.run()
+        children = station.workers()
+    assert all(child.exitcode == 0 for child in children.values())
+    if names:
+        mine = set(os.listdir("/dev/shm")) - names
+        assert not {name for name in mine if str(os.getpid()) in name}
