@@ -13,6 +13,8 @@ from collections import deque
 from pathlib import Path
 
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from taxel.errors import BadSource
 from taxel.sources import v4l2_structs as v4l2
@@ -443,3 +445,14 @@ def test_a_real_mapping_gives_the_files_bytes(tmp_path: Path):
 )
 def test_a_jpeg_is_whole_with_both_marks_and_loses_its_padding(data: bytes, whole: bytes):
     assert whole_jpeg(data) == whole
+
+
+@settings(max_examples=300, deadline=None)
+@given(st.lists(st.sampled_from([b"\xff", b"\xd8", b"\xd9", b"\x00", b"\xff\xd8", b"\xff\xd9"])))
+def test_whatever_a_driver_leaves_in_a_buffer_only_a_whole_beginning_of_it_is_taken(parts):
+    data = b"".join(parts)
+    whole = whole_jpeg(data)
+
+    assert data.startswith(whole)
+    assert whole == b"" or (whole[:2] == b"\xff\xd8" and whole[-2:] == b"\xff\xd9")
+    assert b"\xff\xd9" not in data[len(whole) :] or not data.startswith(b"\xff\xd8")

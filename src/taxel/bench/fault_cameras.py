@@ -39,12 +39,18 @@ def camera_rows() -> list[Row]:
         MissingExtra: The simulator, whose images are shown, is not installed.
     """
     images = (gel_images(40, 0), gel_images(40, 1))
-    frozen = [_until_frozen(images, number) for number in range(ROUNDS)]
+    doubted: list[str] = []
+    frozen = [_until_frozen(images, number, doubted) for number in range(ROUNDS)]
     gone = [_until_gone(images, number) for number in range(ROUNDS)]
     behind_s = _behind(images)
+    said = f"such as: {doubted[0]}" if doubted else "a busy processor can cause some"
     process = f"worst of {ROUNDS} rounds through real capture processes at {RATE_HZ:g} Hz"
     return [
         row("camera frozen: frames until UNKNOWN", max(frozen), "frames", "<=", 3, process),
+        Row(
+            name="cameras well: moments doubted", value=float(len(doubted)), unit="moments",
+            goal="", ok=None, note=f"in {ROUNDS} rounds, before the fault; {said}",
+        ),
         row("camera gone: time until UNKNOWN", max(gone), "s", "<=", 0.1, process),
         row(
             "one camera 2 frames late: reported", float("right" in behind_s), "1 = yes", ">=", 1,
@@ -70,11 +76,18 @@ def _fault(kind: FaultKind) -> CameraFault:
     return CameraFault(kind=kind, first=_FIRST, frames=_LASTING)
 
 
-def _until_frozen(images: Sequence[tuple[bytes, ...]], number: int) -> float:
-    """Return how many frames without a new image came before that was told."""
+def _until_frozen(images: Sequence[tuple[bytes, ...]], number: int, doubted: list[str]) -> float:
+    """Return how many frames without a new image came before that was told.
+
+    What is doubted while both cameras are well is added to `doubted`.
+    """
     with _open(images, _fault("frozen"), number) as source:
-        repeated = 0
+        repeated, seen = 0, set()
         for frame, new, doubt in _watch(source):
+            if frame is not None:
+                seen.add(frame.camera)
+            if doubt and not repeated and len(seen) == 2:
+                doubted.append(doubt)
             if frame is not None and frame.camera == 1:
                 repeated = 0 if new else repeated + 1
             if doubt == "the right camera is frozen":
