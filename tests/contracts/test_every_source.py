@@ -23,6 +23,25 @@ URLS = {
     "replay": "replay://{folder}/recorded.mcap",
     "bare file": "{folder}/recorded.mcap",
 }
+ELSEWHERE = {
+    "serial": (
+        "tests/sources/test_serial_contract.py",
+        "test_each_scan_comes_once_oldest_first_however_it_is_read",
+        "test_time_starts_at_opening_and_never_runs_backwards",
+        "test_a_scan_is_not_given_before_it_arrives",
+        "test_all_that_is_due_comes_at_once",
+        "test_the_timeout_is_kept",
+        "test_leaving_the_block_closes_it_and_nothing_comes_after",
+    ),
+    "camera": (
+        "tests/sources/test_camera_source.py",
+        "test_frames_come_whole_once_in_order_and_on_time",
+        "test_reading_ends_with_a_frame_or_after_the_timeout",
+        "test_closing_ends_the_processes_and_the_source",
+    ),
+}
+"""Schemes of real devices, which keep to no manual clock: the file that opens them, and the
+claims in it that stand for the ones here."""
 Opener = Callable[[ManualClock, str], Source]
 
 
@@ -63,7 +82,14 @@ def read_all(source: Source, timeout_s: float = 0.1) -> tuple[Samples, list[Mark
 
 
 def test_every_scheme_is_under_contract():
-    assert {url.partition("://")[0] for url in URLS.values() if "://" in url} == set(SCHEMES)
+    """Here, or in a file of its own that still holds the claims named for it."""
+    here = {url.partition("://")[0] for url in URLS.values() if "://" in url}
+    assert here | set(ELSEWHERE) == set(SCHEMES)
+    assert not here & set(ELSEWHERE)
+    for name, *claims in ELSEWHERE.values():
+        text = (Path(__file__).parents[2] / name).read_text()
+        for claim in claims:
+            assert f"def {claim}(" in text, f"{name} no longer claims {claim}"
 
 
 @pytest.mark.parametrize("speed", ["1", "7.5", "max"])

@@ -37,8 +37,8 @@ _A_SECOND = {"ms": 1e3, "us": 1e6}
 class CsvStream:
     """One board that prints a line of numbers for each scan.
 
-    Until it is `ready` it watches for a second: the usual number of columns, their names,
-    and the rate at which lines come. Then a line with another number of columns, or with
+    Until it is `ready` it watches for a second (for three lines where the rate is known): the
+    usual number of columns, their names, and the rate at which lines come. Then a line with another number of columns, or with
     what is no number, is bad, counted, and leaves a missing scan; a line of words leaves none.
 
     Args:
@@ -136,7 +136,7 @@ class CsvStream:
         watched = self._watched
         watched.append((arrival_s, numbers))
         span_s = arrival_s - watched[0][0]
-        if len(watched) < _LEAST_LINES or span_s < _MEASURED_S:
+        if len(watched) < _LEAST_LINES or (not self._known_rate and span_s < _MEASURED_S):
             return
         (columns, _), *_ = Counter(len(row) for _, row in watched).most_common(1)
         timed = self._per_second is not None
@@ -203,6 +203,7 @@ class CsvStream:
             self.ledger.reboots += 1
             self._boot += 1
             self._restart()
+            ticks = unwrap(raw, int(raw[0]))
         self._last = (int(ticks[-1]), arrival_s)
         device_s = np.maximum.accumulate((ticks + fraction) / per_second)
         device_s = np.maximum(device_s, self._last_device_s)

@@ -134,7 +134,8 @@ class EmulatedBoard:
 
 def value_at(tick: int, board: int, channel: int) -> int:
     """Return the counts of a scan, 1…1022: never at an end of ten bits, and another for each of
-    1022 ticks in a row."""
+    1022 ticks in a row.
+    """
     return 1 + (5 * tick + 131 * channel + 17 * board) % 1022
 
 
