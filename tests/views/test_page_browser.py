@@ -1,7 +1,7 @@
 """The page in a real browser, headless Chromium, driven over its own debugging socket.
 
-Run as a program it serves the simulators' page to look at, or writes its pictures:
-python tests/views/test_page_browser.py [FOLDER]. The states it walks through are invented.
+Run as a program it writes the page's pictures, fed by the simulators or a recording:
+python tests/views/test_page_browser.py FOLDER [RECORDING]. The states shown are invented.
 """
 
 import base64
@@ -21,15 +21,15 @@ from websockets.sync.client import connect
 
 from taxel.signals import Samples
 from taxel.sources.opening import open_source
-from taxel.views.page.server import PageServer, serve_page
+from taxel.views.page.server import serve_page
 
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser")
 needs_chromium = pytest.mark.skipif(CHROMIUM is None, reason="chromium is not installed")
-FLAGS = (
-    "--headless=new --no-sandbox --disable-gpu --disable-quic --no-first-run --hide-scrollbars "
-    "--disable-background-networking --disable-component-update --disable-sync "
-    "--disable-extensions --mute-audio --remote-debugging-port=0"
-).split()
+FLAGS = [
+    "--headless=new", "--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run",
+    "--hide-scrollbars", "--disable-background-networking", "--disable-component-update",
+    "--disable-sync", "--disable-extensions", "--mute-audio", "--remote-debugging-port=0",
+]  # fmt: skip
 STATES = {
     "STABLE": ("", 0.08), "WARNING": ("", 0.62), "UNSTABLE": ("", 0.93),
     "UNKNOWN": ("camera right has been frozen for 0.24 s", None),
@@ -254,8 +254,11 @@ class Browser:
     def key(self, key: str, text: str = "") -> None:
         code = {"A": 65, " ": 32, "ESCAPE": 27}.get(key.upper(), 0)
         for kind in ("keyDown", "keyUp"):
-            self.call("Input.dispatchKeyEvent", type=kind, key=key,
-                      text=text if kind == "keyDown" else "", windowsVirtualKeyCode=code)  # fmt: skip
+            typed = text if kind == "keyDown" else ""
+            self.call(
+                "Input.dispatchKeyEvent", type=kind, key=key, text=typed,
+                windowsVirtualKeyCode=code,
+            )  # fmt: skip
 
     def picture(self, path: Path) -> None:
         image = self.call("Page.captureScreenshot", format="png")["data"]
@@ -281,8 +284,9 @@ class Browser:
         if event.get("method") == "Runtime.exceptionThrown":
             details = event["params"]["exceptionDetails"]
             self.complaints.append(str(details.get("exception", details))[:400])
-        if event.get("method") == "Log.entryAdded":
-            self.complaints.append(event["params"]["entry"]["text"])
+        entry = event["params"]["entry"] if event.get("method") == "Log.entryAdded" else {}
+        if entry.get("level") == "error" and "favicon" not in entry["text"]:
+            self.complaints.append(entry["text"])
 
     def _end(self) -> None:
         self._process.terminate()
@@ -291,6 +295,202 @@ class Browser:
         except subprocess.TimeoutExpired:
             self._process.kill()
             self._process.wait()
+
+
+@pytest.fixture(scope="module")
+def browser(tmp_path_factory):
+    if CHROMIUM is None:
+        pytest.skip("chromium is not installed")
+    with Browser(tmp_path_factory.mktemp("chromium")) as opened:
+        yield opened
+
+
+@pytest.fixture
+def station():
+    made = SimStation(None, None)
+    made._array = {"name": "own", "channels": ["a", "b"], "unit": "V", "rows": 12}
+    yield made
+    made.close()
+
+
+@pytest.fixture
+def opened(browser, station):
+    """A page on a station without cameras, in its first state."""
+    browser.complaints.clear()
+    with serve_page(station) as server:
+        browser.open(server.url)
+        browser.until(f"{WORD} === 'STABLE'")
+        yield server
+        browser.open("about:blank")
+    assert browser.complaints == []
+
+
+WORD = "document.getElementById('word')?.textContent"
+
+
+def hidden(panel: str) -> str:
+    return f"document.getElementById('{panel}').hidden"
+
+
+def test_the_key_is_taken_out_of_the_address_and_never_into_a_request(browser, opened):
+    assert browser.ask("location.href") == opened.origin + "/"
+    assert browser.ask("document.cookie") == ""
+
+
+@pytest.mark.parametrize("state", list(STATES))
+def test_each_state_differs_in_word_sign_and_pattern_not_in_colour_alone(
+    browser, opened, station, state
+):
+    station.become(state)
+
+    browser.until(f"{WORD} === '{state}'")
+    look = "getComputedStyle(document.getElementById('state'))"
+    assert browser.ask("document.getElementById('symbol').getAttribute('href')") == f"#sym-{state}"
+    has_pattern = browser.ask(f"{look}.backgroundImage !== 'none' || {look}.borderStyle !== 'solid'"
+                              f" || {look}.borderColor !== {look}.backgroundColor")  # fmt: skip
+    assert has_pattern == (state != "STABLE")
+    assert browser.ask("document.getElementById('spoken').textContent").startswith(state)
+
+
+def test_a_state_that_is_no_word_of_ours_is_shown_as_unknown(browser, opened, station):
+    STATES["FINE"] = ("", 0.1)
+    station.state = "FINE"
+    try:
+        browser.until(f"{WORD} === 'UNKNOWN'")
+    finally:
+        station.state = "STABLE"
+        del STATES["FINE"]
+
+
+def test_a_station_that_stands_still_is_stale_within_a_second_though_messages_still_come(
+    browser, opened, station
+):
+    """The server lives and pushes on; what it shows no longer moves."""
+    station.frozen_s = time.monotonic()
+    stood = browser.ask(
+        "new Promise(done => { const start = performance.now();"
+        " const look = () => { const word = document.getElementById('word').textContent;"
+        " if (word === 'STALE') done(performance.now() - start); else setTimeout(look, 10); };"
+        " look(); })"
+    )
+
+    assert stood < 1000
+    assert browser.ask("document.getElementById('board').classList.contains('lost')")
+    assert browser.ask("document.title") == "STALE – taxel"
+    station.frozen_s = None
+    browser.until(f"{WORD} === 'STABLE'")
+
+
+def test_a_server_that_is_gone_is_no_connection_never_the_last_state(browser, station):
+    with serve_page(station) as server:
+        browser.open(server.url)
+        browser.until(f"{WORD} === 'STABLE'")
+    browser.until(f"{WORD} === 'NO CONNECTION'", within_s=3)
+    assert browser.ask("getComputedStyle(document.getElementById('probability')).opacity") == "0.32"
+    browser.open("about:blank")
+
+
+def test_without_the_key_the_page_says_what_is_missing(browser, station):
+    with serve_page(station) as server:
+        browser.call("Network.clearBrowserCookies")
+        browser.open(server.origin)
+        browser.until("document.getElementById('reason')?.textContent.startsWith('needed the key')")
+        assert browser.ask(WORD) == "NO CONNECTION"
+        browser.open("about:blank")
+
+
+@pytest.mark.parametrize("key", ["a", " "])
+def test_a_key_acknowledges_and_the_alarm_says_so(browser, opened, station, key):
+    station.become("WARNING")
+    browser.until("!document.getElementById('acknowledge').disabled")
+    browser.key(key, key)
+
+    browser.until("document.getElementById('acknowledge').disabled")
+    assert station.said == ["acknowledge"]
+    assert "acknowledged" in str(browser.ask("document.querySelector('#alarmlist').textContent"))
+
+
+def test_r_records_with_the_labels_that_were_typed_and_r_in_a_field_is_a_letter(
+    browser, opened, station
+):
+    browser.until("!!document.querySelector('#labels input')")
+    browser.ask("document.querySelector('#labels input[name=object]').focus()")
+    for letter in "ar":
+        browser.key(letter, letter)
+    browser.key("Escape")
+    browser.key("r", "r")
+    browser.until("!document.getElementById('recmark').hidden")
+    browser.key("r", "r")
+    browser.until("document.getElementById('recmark').hidden")
+
+    assert station.said == [("record", True, {"object": "ar"}), ("record", False, {})]
+
+
+def test_panels_that_do_not_apply_are_not_shown(browser, opened):
+    browser.until(f"!{hidden('sensors')}")
+    assert browser.ask(hidden("cameras"))
+    assert browser.ask(hidden("replay"))
+    assert browser.ask(hidden("handpanel"))  # two channels are no hand
+    assert not browser.ask(hidden("probability"))
+
+
+def test_the_gripper_is_shown_without_any_control(browser, opened):
+    browser.until("!!document.querySelector('#gripper dd')")
+    assert (
+        browser.ask("document.querySelectorAll('#gripper :is(button, input, select, a)').length")
+        == 0
+    )
+
+
+def test_the_sound_button_says_that_it_waits_then_sounds_then_is_muted(browser, opened):
+    told = "document.getElementById('sound').textContent"
+    assert str(browser.ask(told)).startswith("Click to enable sound")
+    browser.key("x", "x")
+    browser.until(f"{told}.startsWith('Sound on')")
+    time.sleep(0.75)  # the press that enables sound does not mute it
+    browser.key("m", "m")
+    browser.until(f"{told}.startsWith('MUTED')")
+
+
+def test_the_word_fits_its_field_at_every_size(browser, opened, station):
+    fits = (
+        "(() => { const field = document.querySelector('.words').getBoundingClientRect();"
+        " const letters = document.createRange();"
+        " letters.selectNodeContents(document.getElementById('word'));"
+        " return letters.getBoundingClientRect().right <= field.right; })()"
+    )
+    try:
+        for width, height in ((800, 900), (1280, 720), (1920, 1080), (3840, 2160)):
+            browser.size(width, height)
+            for state in ("UNKNOWN", "UNSTABLE", "WARNING"):
+                station.become(state)
+                browser.until(f"{WORD} === '{state}'")
+                assert browser.ask(fits), (width, state)
+            if width >= 1000:
+                assert browser.ask("document.documentElement.scrollHeight <= innerHeight"), width
+    finally:
+        browser.size(1280, 720)
+
+
+@needs_chromium
+def test_both_simulators_are_seen_images_map_and_traces(browser):
+    browser.complaints.clear()
+    station = SimStation("sim://cup-pour?duration_s=2", "sim://teng")
+    lit = (
+        "(() => {{ const c = document.querySelector('{0}'); if (!c) return 0;"
+        " const drawn = c.getContext('2d').getImageData(0, 0, c.width, c.height);"
+        " return new Set(drawn.data).size; }})()"
+    )
+    try:
+        with serve_page(station) as server:
+            browser.open(server.url)
+            for canvas in ("#cameras figure:nth-child(2) canvas", "#map", "#hand",
+                           "#probability canvas", "#sensors canvas"):  # fmt: skip
+                browser.until(f"{lit.format(canvas)} > 8")
+            browser.open("about:blank")
+    finally:
+        station.close()
+    assert browser.complaints == []
 
 
 def look(folder: Path) -> None:
@@ -327,7 +527,25 @@ def look(folder: Path) -> None:
         shutil.rmtree(profile, ignore_errors=True)
 
 
+def look_at(recording: Path, folder: Path) -> None:
+    """Write a picture of a recording's replay."""
+    from taxel.views.page.replay_link import ReplayLink
+
+    link = ReplayLink(recording)
+    with serve_page(link) as server, Browser(folder / "profile") as browser:
+        browser.open(server.url)
+        browser.until(f"{WORD} === 'REPLAY'")
+        link.seek((link.overview()["start_s"] + link.overview()["end_s"]) / 2)
+        time.sleep(1)
+        browser.picture(folder / f"replay-{recording.stem}.png")
+        print(browser.complaints)
+    shutil.rmtree(folder / "profile", ignore_errors=True)
+
+
 if __name__ == "__main__":
     target = Path(sys.argv[1])
     target.mkdir(exist_ok=True)
-    look(target)
+    if len(sys.argv) == 2:
+        look(target)
+    for name in sys.argv[2:]:
+        look_at(Path(name), target)

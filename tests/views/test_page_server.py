@@ -1,4 +1,4 @@
-"""A real server on this machine: who gets in, what gets through, and that slow pages hurt nobody."""
+"""A real server on this machine: who gets in, what gets through; slow pages hurt nobody."""
 
 import json
 import os
@@ -103,6 +103,14 @@ def push(socket) -> dict:
         if isinstance(message, str) and "number" in (given := json.loads(message)):
             socket.send(json.dumps({"do": "seen", "number": given["number"]}))
             return given
+
+
+def say_all(socket, messages: list[str]) -> None:
+    """Send messages, then look on until the server ends it."""
+    for message in messages:
+        socket.send(message)
+    while True:
+        push(socket)
 
 
 def answer(socket) -> dict:
@@ -249,10 +257,7 @@ def test_nonsense_is_counted_and_answered_and_the_page_lives_on(server, station,
 def test_a_message_too_long_to_hold_and_a_flood_each_close_the_page(server, station):
     for send in (["x" * 100_000], ['{"do":"nothing"}'] * (int(MESSAGES_HZ) + 100)):
         with page(server) as socket, pytest.raises(ConnectionClosed) as closed:
-            for message in send:
-                socket.send(message)
-            while True:
-                push(socket)
+            say_all(socket, send)
         assert closed.value.rcvd is None or closed.value.rcvd.code in (1008, 1009)
 
     with page(server) as socket:
@@ -317,8 +322,7 @@ def test_stopping_ends_open_pages_and_the_thread_and_frees_the_port():
         push(socket)
         server.stop()
         with pytest.raises(ConnectionClosed):
-            while True:
-                push(socket)
+            say_all(socket, [])
 
     assert not server.running
     with socket_at(port):

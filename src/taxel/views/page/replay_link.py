@@ -1,9 +1,8 @@
 """A recording as a station that a person winds to and fro: overview, cursor, images at the cursor.
 
-The file is read once, chunk by chunk, with every check sum. Kept: where each chunk lies, when each
-image was taken, and the array at 100 scans a second at most; images are read again when they are
-looked at. Nothing is judged here: the state of a replay is UNKNOWN and the page says REPLAY. Knows
-nothing about browsers.
+Images are read again from the file when they are looked at (replay_index.py remembers where).
+Nothing is judged here: the state of a replay is UNKNOWN and the page says REPLAY. Knows nothing
+about browsers.
 """
 
 from __future__ import annotations
@@ -11,25 +10,18 @@ from __future__ import annotations
 import threading
 from bisect import bisect_right
 from collections import OrderedDict
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from mcap.opcode import Opcode
 from numpy.typing import NDArray
 
 from taxel.clock import Clock, SystemClock
-from taxel.errors import BadRecording
-from taxel.recordings.chunk_content import ChunkContent, decode_chunk
+from taxel.recordings.chunk_content import ChunkContent
 from taxel.recordings.manifest import Manifest
-from taxel.recordings.mcap_file import MAGIC, RECORD_HEAD
 from taxel.recordings.reader import read_manifest
-from taxel.recordings.walk import Damaged, damaged, open_chunk, walk
-from taxel.signals import Mark, Samples
+from taxel.views.page.replay_index import read_chunk, read_index
 
-_KEPT_HZ = 100.0
-"""Scans a second that are kept for traces and the map. Source: the common time grid's rate."""
 _SHOWN_S = 30.0
 """Of traces before the cursor, seconds."""
 _MAP_ROWS = 12
@@ -39,28 +31,6 @@ _MOST_SERIES = 12
 """Channels drawn in the overview, the first of them."""
 _CHUNKS_KEPT = 4
 """Opened chunks in memory, about 0.1 s of images each."""
-
-
-@dataclass(frozen=True, slots=True)
-class _Place:
-    """Where a chunk's payload lies in the file, bytes."""
-
-    offset: int
-    length: int
-
-
-@dataclass(frozen=True, slots=True)
-class _Index:
-    """What is remembered of a recording after one reading."""
-
-    time_s: NDArray[np.float64]
-    values: NDArray[np.float32]
-    marks: list[Mark]
-    chunks: list[_Place]
-    frame_s: list[NDArray[np.float64]]
-    """A camera each: when its images were taken, ascending."""
-    frame_at: list[NDArray[np.int64]]
-    """A camera each, shape (n, 3): chunk, which of its images, bytes of JPEG."""
 
 
 class ReplayLink:
@@ -78,8 +48,8 @@ class ReplayLink:
         self._path = path
         self._clock = clock or SystemClock()
         self._manifest = read_manifest(path)
-        self._index = _read_index(path, self._manifest)
-        self._start_s, self._end_s = _span(self._index, path)
+        self._index = read_index(path, self._manifest)
+        self._start_s, self._end_s = self._index.start_s, self._index.end_s
         self._low, self._span = _scale(self._manifest, self._index.values)
         self._lock = threading.Lock()
         self._cursor_s = self._start_s
@@ -244,17 +214,7 @@ class ReplayLink:
             if number in self._opened:
                 self._opened.move_to_end(number)
                 return self._opened[number]
-        place = self._index.chunks[number]
-        manifest = self._manifest
-        try:
-            with self._path.open("rb") as file:
-                file.seek(place.offset)
-                payload = file.read(place.length)
-            content = decode_chunk(
-                open_chunk(payload), len(manifest.sensor.channels), len(manifest.cameras)
-            )
-        except (OSError, Damaged, ValueError) as error:
-            raise damaged(self._path, f"it changed while it was looked at: {error}") from error
+        content = read_chunk(self._path, self._index.chunks[number], self._manifest)
         with self._lock:
             self._opened[number] = content
             while len(self._opened) > _CHUNKS_KEPT:
@@ -278,66 +238,6 @@ class ReplayLink:
             }
             for camera, time_s, at in sizes
         ]
-
-
-def _read_index(path: Path, manifest: Manifest) -> _Index:
-    chunks: list[_Place] = []
-    scans: list[tuple[NDArray[np.float64], NDArray[np.float32]]] = []
-    marks: list[Mark] = []
-    frames: list[list[tuple[float, int, int, int]]] = [[] for _ in manifest.cameras]
-    last_kept_s, at = -np.inf, len(MAGIC)
-    try:
-        for record in walk(path):
-            at += RECORD_HEAD.size
-            if record.opcode == Opcode.CHUNK:
-                content = decode_chunk(
-                    open_chunk(record.payload), len(manifest.sensor.channels), len(frames)
-                )
-                samples = content.samples(len(manifest.sensor.channels))
-                if len(samples):
-                    time_s, values = _thin(samples, last_kept_s)
-                    last_kept_s = float(time_s[-1]) if len(time_s) else last_kept_s
-                    scans.append((time_s, values))
-                marks += content.marks
-                for which, frame in enumerate(content.frames):
-                    where = (frame.fitted_s, len(chunks), which, len(frame.jpeg))
-                    frames[frame.camera].append(where)
-                chunks.append(_Place(at, len(record.payload)))
-            at += len(record.payload)
-    except (Damaged, ValueError) as error:
-        if isinstance(error, BadRecording):
-            raise
-        raise damaged(path, str(error)) from error
-    time_s = np.concatenate([part[0] for part in scans]) if scans else np.zeros(0)
-    width = len(manifest.sensor.channels)
-    values = np.concatenate([part[1] for part in scans]) if scans else np.zeros((0, width))
-    order = np.argsort(time_s, kind="stable")
-    found = [np.array(sorted(rows), np.float64).reshape(-1, 4) for rows in frames]
-    return _Index(
-        time_s=time_s[order],
-        values=values[order].astype(np.float32),
-        marks=sorted(marks, key=lambda mark: mark.start_s),
-        chunks=chunks,
-        frame_s=[rows[:, 0] for rows in found],
-        frame_at=[rows[:, 1:].astype(np.int64) for rows in found],
-    )
-
-
-def _thin(samples: Samples, last_kept_s: float) -> tuple[NDArray[np.float64], NDArray[np.float32]]:
-    """Return the first scan of each hundredth of a second; what may not be used is NaN."""
-    slots = np.floor(samples.fitted_s * _KEPT_HZ)
-    before = np.concatenate([[np.floor(last_kept_s * _KEPT_HZ)], slots[:-1]])
-    kept = slots != before
-    values = np.where(samples.usable[kept], samples.values[kept], np.float32(np.nan))
-    return samples.fitted_s[kept], values.astype(np.float32)
-
-
-def _span(index: _Index, path: Path) -> tuple[float, float]:
-    times = [part for part in (index.time_s, *index.frame_s) if len(part)]
-    if not times:
-        raise BadRecording("a recording with scans or images", f"{path}, which has none",
-                           "record it again")  # fmt: skip
-    return float(min(part[0] for part in times)), float(max(part[-1] for part in times))
 
 
 def _scale(
