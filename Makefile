@@ -12,7 +12,7 @@ $(INSTALLED): pyproject.toml constraints-cpu.txt
 	touch $(INSTALLED)
 
 demo: $(INSTALLED)
-	$(BIN)/taxel demo
+	$(BIN)/taxel demo --seconds 60
 
 test: $(INSTALLED)
 	$(BIN)/python -m pytest -n 2

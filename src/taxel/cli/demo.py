@@ -1,4 +1,4 @@
-"""`taxel demo`: the TENG hand end to end on the simulator, and what to look at."""
+"""`taxel demo`: the TENG hand end to end on the simulator, then both systems live on a page."""
 
 from __future__ import annotations
 
@@ -16,7 +16,10 @@ _MARK = "made-by-taxel-demo"
 
 @dataclass(frozen=True, kw_only=True)
 class Demo:
-    """Simulate, train, compare with the thesis, and predict live: about a minute, offline."""
+    """Simulate, train, compare with the thesis, predict live: about a minute, offline.
+
+    Then the operator's page on a simulated cup and the simulated hand.
+    """
 
     output: Path = Path("demo")
     """Folder to write to; an earlier demo's is replaced."""
@@ -24,11 +27,16 @@ class Demo:
     """Scans of each shape and of each material (the thesis: about 160,000)."""
     live_seconds: float = 60.0
     """Seconds of live prediction, on the simulator's own clock."""
+    seconds: float | None = None
+    """How long the operator's page stays open, seconds; 0 leaves it out. Without this it stays
+    until q or Ctrl-C, where there is a terminal."""
     seed: int = 0
     """Seed of everything random."""
 
     def run(self) -> None:
         """Run all steps."""
+        if self.seconds is not None and not self.seconds >= 0:
+            raise BadInput("--seconds of at least 0", f"{self.seconds:g}", "give a longer time")
         started = time.monotonic()
         self._clear()
         self._say(1, "simulate", "sim://teng: six sessions of grasps, recorded as MCAP")
@@ -42,6 +50,29 @@ class Demo:
         self._say(4, "live", f"{self.live_seconds:g} s of grasps it has never seen")
         self._live(bundles)
         self._what_to_look_at(time.monotonic() - started)
+        seconds = self.seconds
+        if seconds is None and not console.is_terminal:
+            seconds = 0.0
+        if seconds is None or seconds > 0:
+            how_long = "until q or Ctrl-C" if seconds is None else f"for {seconds:g} s"
+            self._say(5, "the operator's page", f"a cup that is filled, and the hand, {how_long}")
+            self._page(bundles, seconds)
+
+    def _page(self, bundles: list[Path], seconds: float | None) -> None:
+        from taxel.bundles.shipped import CUP_POUR, shipped_bundle
+        from taxel.cli.live_station import SIMULATED, StationOptions, live_station
+
+        options = StationOptions(
+            bundles=(shipped_bundle(CUP_POUR), *bundles),
+            sources=(f"sim://cup-pour?seed={self.seed}", f"sim://teng?seed={self.seed + 1}"),
+            seconds=seconds,
+            least_confidence=0.5,
+            page=True,
+            gripper=SIMULATED,
+            arm=True,
+            recordings=self.output / "recordings",
+        )
+        live_station(options)
 
     def _clear(self) -> None:
         if self.output.exists():
@@ -108,6 +139,8 @@ class Demo:
             ("one session's recording", f"taxel info {out}/honest/session-1.mcap"),
             ("the same live, in your time",
              f"taxel live {bundles_of(out)} sim://teng --seconds 60"),
+            ("a cup, a gripper, a page",
+             "taxel live cup-pour sim://cup-pour --page --gripper sim --arm"),
             ("your own sensor", "docs/how-to/own-array.md"),
         ):  # fmt: skip
             console.print(f"  {what:<30} {command}", soft_wrap=True)

@@ -23,7 +23,6 @@ COLOURS = {
 _KEYS = "keys: q end · a acknowledge · n new grasp"
 SIMULATED = "sim"
 """Names the gripper of the simulated cup."""
-_RECORDINGS = Path("recordings")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -37,6 +36,8 @@ class StationOptions:
     record: Path | None = None
     labels: dict[str, str] = field(default_factory=dict)
     overwrite: bool = False
+    recordings: Path = Path("recordings")
+    """Folder of recordings that are started from the page."""
     page: bool = False
     page_host: str = "127.0.0.1"
     page_port: int = 0
@@ -83,6 +84,7 @@ def live_station(options: StationOptions) -> dict[str, Any]:
         if options.gripper == SIMULATED:
             _drive_simulated(options, station)
         _open_page(options, station)
+        _open_rerun(options, station)
         if options.record is not None:
             if station.not_recorded and not (options.quiet or options.json):
                 console.print(f"not recorded: the array {station.not_recorded} (one a file)")
@@ -174,8 +176,7 @@ def _open_page(options: StationOptions, station: Station) -> None:
         return
     from taxel.views.page.station_page import StationPage, show
 
-    folder = options.record.parent if options.record is not None else _RECORDINGS
-    view = station.view_config(folder)
+    view = station.view_config(options.recordings)
     (url,) = station.add_process(
         "page", show,
         lambda place: StationPage(
@@ -183,6 +184,15 @@ def _open_page(options: StationOptions, station: Station) -> None:
         ),
     )  # fmt: skip
     console.print(f"the page: [link={url}]{url}[/link]", soft_wrap=True)
+
+
+def _open_rerun(options: StationOptions, station: Station) -> None:
+    if not options.rerun:
+        return
+    from taxel.views.rerun_bridge import RerunJob, stream
+
+    view = station.view_config(options.recordings)
+    station.add_process("rerun", stream, lambda place: RerunJob(place=place, view=view))
 
 
 def _summary(station: Station) -> dict[str, Any]:

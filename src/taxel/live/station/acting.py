@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from typing import Any
 
 from taxel.actions.actuators import Health
 from taxel.actions.gripper import ForceRange
@@ -38,6 +39,10 @@ class SimulatedGrip:
         if order.kind is OrderKind.GRIP and order.valid(now_s) and order.force_n != self._sent_n:
             self._sent_n = order.force_n
             self._send(order.force_n)
+
+    def told(self) -> dict[str, Any]:
+        force_n = self._sent_n if math.isfinite(self._sent_n) else None
+        return {"motion": "simulated", "force_n": force_n}
 
     def close(self) -> None:
         """Nothing to let go of."""

@@ -270,9 +270,9 @@ class Station:
         if self._actuators:
             gripper = {
                 "interlock": str(interlock.state), "armed": interlock.armed,
-                "commanded_n": interlock.force_n, "force_n": None,
-                "motion": ", ".join(one.name for one in self._actuators),
+                "commanded_n": interlock.force_n, "force_n": None, "motion": "",
                 "note": next(iter(self._faults.values()), interlock.reason),
+                **self._actuators[0].told(),
             }  # fmt: skip
         limits = next((one for mind in self._minds for one in mind.told if "warn" in one), {})
         return guard_snapshot(self.guard, now_s) | {
