@@ -1,0 +1,130 @@
+"""Stream a station to a Rerun viewer, from a process of its own.
+
+It reads the station's rings, whose writers never wait: a slow viewer, which stalls whoever logs
+to it, stalls nobody but this process, and what it has missed it has missed. Knows nothing about
+sensors.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from time import sleep
+from typing import Any
+
+import numpy as np
+
+from taxel.errors import MissingExtra
+from taxel.live.station.packets import Packet, unpack
+from taxel.live.station.page_link import ViewConfig
+from taxel.live.station.recording import apart
+from taxel.live.station.ring import RingReader
+from taxel.live.station.worker import Place, Pulse, at_work
+from taxel.signals import Frame, Samples
+
+_PAUSE_S = 0.02
+_MOST = 64
+"""Messages of a ring taken at once: older ones are dropped by the ring, not queued here."""
+_ROW_S = 0.01
+"""Time between logged rows of an array. Source: the common grid, docs/decisions/0003."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RerunJob:
+    """What is streamed, and where to."""
+
+    place: Place
+    view: ViewConfig
+    save: Path | None = None
+    """Write a file instead of opening a viewer."""
+
+
+def stream(job: RerunJob) -> None:
+    """Stream until asked to end; the entry point of the process.
+
+    Raises:
+        MissingExtra: rerun-sdk is not installed.
+    """
+    with at_work(job.place) as pulse:
+        try:
+            import rerun
+        except ModuleNotFoundError as error:
+            raise MissingExtra("rerun-sdk", "rerun", "a Rerun viewer") from error
+        rerun.init("taxel")
+        if job.save is not None:
+            rerun.save(job.save)
+        else:
+            rerun.spawn()
+        pulse.report("opened")
+        bridge = _Bridge(rerun, job.view)
+        try:
+            while not pulse.stopping:
+                bridge.follow(pulse)
+                pulse.beat()
+                sleep(_PAUSE_S)
+            bridge.follow(pulse)
+        finally:
+            bridge.close()
+            rerun.disconnect()
+
+
+class _Bridge:
+    """Logs what the rings hold."""
+
+    def __init__(self, rerun: Any, view: ViewConfig) -> None:
+        self._rerun = rerun
+        self._view = view
+        names = apart([camera for one in view.sources for camera in one.cameras])
+        self._cameras = [camera.name for camera in names]
+        self._sources = [RingReader(one.ring) for one in view.sources]
+        self._decisions = [RingReader(name) for name in view.decisions]
+        self._row_s = [-np.inf] * len(view.sources)
+        self._word = ""
+
+    def follow(self, pulse: Pulse) -> None:
+        first = 0
+        for number, (seen, reader) in enumerate(
+            zip(self._view.sources, self._sources, strict=True)
+        ):
+            for content in reader.take()[-_MOST:]:
+                self._log(number, first, unpack(content))
+            first += len(seen.cameras)
+        for reader in self._decisions:
+            for content in reader.take():
+                self._decision(unpack(content))
+        readers = (*self._sources, *self._decisions)
+        pulse.consumed = sum(one.taken for one in readers)
+        pulse.dropped = sum(one.lost for one in readers)
+
+    def _log(self, number: int, first_camera: int, packet: Packet) -> None:
+        rerun = self._rerun
+        if isinstance(packet, Frame):
+            rerun.set_time("time", duration=packet.fitted_s)
+            name = self._cameras[first_camera + packet.camera]
+            image = rerun.EncodedImage(contents=packet.jpeg, media_type="image/jpeg")
+            rerun.log(f"cameras/{name}", image)
+        elif isinstance(packet, Samples):
+            sensor = self._view.sources[number].sensor
+            for time_s, values in zip(packet.fitted_s.tolist(), packet.values, strict=True):
+                if time_s - self._row_s[number] >= _ROW_S:
+                    self._row_s[number] = time_s
+                    rerun.set_time("time", duration=time_s)
+                    rerun.log(f"arrays/{sensor.name}", rerun.Scalars(values.astype(np.float64)))
+
+    def _decision(self, note: Packet) -> None:
+        rerun = self._rerun
+        if not isinstance(note, dict) or "time_s" not in note:
+            return
+        rerun.set_time("time", duration=note["time_s"])
+        if note["kind"] == "answer":
+            rerun.log(f"answers/{note['target']}", rerun.TextLog(note["label"]))
+            return
+        if note["p"] is not None:
+            rerun.log("grasp/probability", rerun.Scalars([note["p"]]))
+        if note["state"] != self._word:
+            self._word = note["state"]
+            rerun.log("grasp/state", rerun.TextLog(f"{self._word} {note['reason']}".strip()))
+
+    def close(self) -> None:
+        for one in (*self._sources, *self._decisions):
+            one.close()
