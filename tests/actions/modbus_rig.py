@@ -74,7 +74,7 @@ class Cable:
 class PgeEmulator:
     """The registers of a PGE, with fingers behind them, on a pymodbus server of its own thread."""
 
-    def __init__(self, port: str, device_id: int = 1, initialised: bool = True) -> None:
+    def __init__(self, port: str, device_id: int, initialised: bool, set_pct: int) -> None:
         self.fingers = Fingers(FingersConfig(closing_s=0.2, latency_s=0.005))
         self.initialised = initialised
         self.busy = False
@@ -82,7 +82,9 @@ class PgeEmulator:
         self.writes: list[tuple[int, int]] = []
         self._device = SimDevice(
             device_id,
-            simdata=[SimData(_FIRST, values=[0] * 0x103, datatype=DataType.REGISTERS)],
+            simdata=[
+                SimData(_FIRST, values=[0, set_pct] + [0] * 0x101, datatype=DataType.REGISTERS)
+            ],
             action=self._action,
         )
         self._port = port
@@ -138,11 +140,11 @@ class PgeEmulator:
 
 @contextmanager
 def pge_on_a_cable(
-    device_id: int = 1, initialised: bool = True
+    device_id: int = 1, initialised: bool = True, set_pct: int = 0
 ) -> Iterator[tuple[Cable, PgeEmulator]]:
     """A cable with a PGE at its far end."""
     cable = Cable()
-    pge = PgeEmulator(cable.far, device_id, initialised)
+    pge = PgeEmulator(cable.far, device_id, initialised, set_pct)
     try:
         yield cable, pge
     finally:

@@ -43,13 +43,14 @@ class Heard:
 
     def __init__(self) -> None:
         self.calls: list[tuple[object, ...]] = []
+        self.set_pct = math.nan
 
     def connect(self) -> None: ...
 
     def close(self) -> None: ...
 
     def status(self) -> GripperStatus:
-        return GripperStatus()
+        return GripperStatus(force_pct=self.set_pct)
 
     def grip(self, force_pct: float, expires_s: float = math.inf) -> None:
         self.calls.append(("grip", force_pct, expires_s))
@@ -76,6 +77,16 @@ def test_each_kind_of_order_asks_for_one_thing(kind: OrderKind, asked: list[obje
     assert gripper.calls == asked
     obey(gripper, Order(kind, 32.5, "", 2.0), PGE_50, 2.0)
     assert gripper.calls == asked  # expired: nothing more
+
+
+def test_an_order_never_lowers_the_force_that_is_set() -> None:
+    gripper = Heard()
+    gripper.set_pct = 80.0
+    obey(gripper, Order(OrderKind.GRIP, 32.5, "", 2.0), PGE_50, 1.0)
+    assert gripper.calls == []
+    gripper.set_pct = 59.0
+    obey(gripper, Order(OrderKind.GRIP, 32.5, "", 2.0), PGE_50, 1.0)
+    assert gripper.calls == [("grip", 60.0, 2.0)]
 
 
 def caught(config: FingersConfig | None = None) -> tuple[SimGripper, ManualClock]:

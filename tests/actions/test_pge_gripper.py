@@ -257,3 +257,24 @@ def test_interlock_and_gripper_together_raise_on_a_warning_and_stop_with_the_bus
         cable.pull()
         assert until(lambda: tick("WARNING") is InterlockState.STOPPED) < 0.25
         assert lock.arm(time.monotonic()) != ()
+
+
+def test_a_raise_begins_at_the_force_that_the_gripper_was_set_to_before() -> None:
+    """60 % are 32.5 N: the first raise must not fall back to the least force."""
+    force = ForceRange(max_n=50.0, min_n=15.0)
+    lock = Interlock(InterlockConfig(min_n=15.0, max_n=50.0, slew_n_s=100.0))
+    with rig.pge_on_a_cable(set_pct=60) as (cable, pge), gripper(cable.near) as hand:
+        actuator = GripperActuator("gripper", hand, force)
+        for word in ("STABLE", "STABLE", *["WARNING"] * 20):
+            now = time.monotonic()
+            lock.beat(now)
+            lock.decision(word, now)
+            assert hear_all(lock, [actuator], now) == {}
+            lock.arm(now)
+            actuator.tell(StabilityDecision(Stability[word], "", now, 0.5), lock.tick(now), now)
+            time.sleep(0.005)
+        until(lambda: hand.latency.commands > 0)
+
+        forces = [value for register, value in pge.writes if register == 0x0101]
+        assert min(forces) >= 60
+        assert forces == sorted(forces)

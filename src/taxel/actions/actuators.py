@@ -89,7 +89,11 @@ def hear_all(interlock: Interlock, actuators: Sequence[Actuator], now_s: float) 
 
 
 class GripperActuator:
-    """A gripper: raises, holds, stops."""
+    """A gripper: raises, holds, stops.
+
+    The interlock is told the force that is set, so that a raise begins there: down only where
+    `Interlock.release` allows it, up always.
+    """
 
     def __init__(self, name: str, gripper: Gripper, force: ForceRange) -> None:
         self.name = name
@@ -102,6 +106,8 @@ class GripperActuator:
 
     def hear(self, interlock: Interlock, now_s: float) -> Health:
         status = self.gripper.status()
+        if math.isfinite(status.force_pct):
+            interlock.release(self._range.newtons(status.force_pct))
         return Health(status.fault or ("" if status.ok else "not initialised"), status.read_s)
 
     def tell(self, decision: StabilityDecision, order: Order, now_s: float) -> None:

@@ -152,6 +152,9 @@ class ForceRange:
 def obey(gripper: Gripper, order: Order, force: ForceRange, now_s: float) -> None:
     """Hand an order of the interlock to a gripper; an expired one does nothing.
 
+    A GRIP with less than the force that is set already does nothing either: whoever set more
+    did so on purpose.
+
     Args:
         gripper: A connected gripper.
         order: What `Interlock.tick` returned.
@@ -161,7 +164,9 @@ def obey(gripper: Gripper, order: Order, force: ForceRange, now_s: float) -> Non
     if not order.valid(now_s):
         return
     if order.kind is OrderKind.GRIP:
-        gripper.grip(force.pct(order.force_n), order.expires_s)
+        pct = force.pct(order.force_n)
+        if not pct < gripper.status().force_pct:
+            gripper.grip(pct, order.expires_s)
     elif order.kind is OrderKind.HOLD:
         gripper.hold()
     elif order.kind is OrderKind.STOP:

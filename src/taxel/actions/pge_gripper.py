@@ -1,7 +1,7 @@
 """A DH-Robotics PGE gripper over Modbus RTU: 115200 baud, 8N1, id 1 as delivered.
 
     0x0100  initialise: 1, or 0xA5 to look for both end stops      write
-    0x0101  force, 20 to 100 %                                     write
+    0x0101  force, 20 to 100 %                                     write, read at connect
     0x0103  position, 0 closed to 1000 open, per mille             write
     0x0104  speed, 1 to 100 %                                      write
     0x0200  0 not initialised, 1 initialised                       read
@@ -175,6 +175,8 @@ class _Bus:
             raise BusError(f"the port {config.port} cannot be opened")
         self._force = self._position = None  # it may have been switched off: believe nothing
         initialised, _, _ = self._read()
+        (set_pct,) = self._ask("read", FORCE, 1).registers
+        self._force = set_pct if MIN_PCT <= set_pct <= MAX_PCT else None
         if self._may_initialise and not initialised:
             self._write(INITIALISE, 1)
         # Once only: a gripper that lost its power with an object in it must not open by itself.
@@ -198,7 +200,6 @@ class _Bus:
     def do(self, command: Command) -> bool:
         if command.stops:
             return self._stop()
-        self.look()
         wanted = (int(command.value), CLOSED_PERMILLE)
         if not self.status.initialised or wanted == (self._force, self._position):
             return False
@@ -225,11 +226,8 @@ class _Bus:
                 client.close()  # type: ignore[no-untyped-call]
 
     def _read(self) -> tuple[int, int, int]:
-        reply = self._ask("read", INITIALISED, 3)
-        values = reply.registers
-        if len(values) != 3:
-            raise BusError(f"asked for 3 registers, the gripper sent {len(values)}")
-        return values[0], values[1], values[2]
+        initialised, state, position = self._ask("read", INITIALISED, 3).registers
+        return initialised, state, position
 
     def _write(self, register: int, value: int) -> None:
         self._ask("write", register, value)
@@ -260,6 +258,8 @@ class _Bus:
             raise BusError(f"the gripper refuses to {what} register {register:#06x}")
         if reply.function_code != expected:
             raise BusError("a late reply came instead of the one awaited")
+        if what == "read" and len(reply.registers) != number:
+            raise BusError(f"asked for {number} registers, the gripper sent {len(reply.registers)}")
         if what == "write" and (reply.address, *reply.registers) != (register, number):
             raise BusError("the gripper repeats another value than was written")
         return reply
