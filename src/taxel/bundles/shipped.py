@@ -25,3 +25,14 @@ def shipped_bundle(name: str) -> Path:
         known = ", ".join(sorted(one.stem for one in _FOLDER.glob("*.taxel"))) or "none"
         raise BadBundle(f"a bundle that comes with taxel ({known})", repr(name), "name a file")
     return path
+
+
+def find_bundle(path: Path) -> Path:
+    """Return the file that a user names: their own, or one that comes with taxel by its bare name.
+
+    A file that exists goes first; a name that is neither is returned as it is, so that reading
+    it tells what is wrong.
+    """
+    ready = _FOLDER / f"{path.name}.taxel"
+    bare = path.parent == Path() and not path.suffix
+    return ready if bare and not path.exists() and ready.exists() else path

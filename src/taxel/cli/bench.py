@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import asdict, dataclass
+from importlib import import_module
 from pathlib import Path
 from typing import Literal
 
@@ -15,7 +16,7 @@ from taxel.cli.printing import console, print_json, progress
 class Bench:
     """Measure what taxel promises, in this run, on this machine."""
 
-    name: tyro.conf.Positional[Literal["teng", "transitions"]]
+    name: tyro.conf.Positional[Literal["teng", "transitions", "faults", "closed-loop", "soak"]]
     """Which figures."""
     full: bool = False
     """Also measure what takes longer than a few minutes, and keep it with a stamp."""
@@ -26,10 +27,9 @@ class Bench:
 
     def run(self) -> None:
         """Measure and print."""
-        from taxel.bench import teng, transitions
         from taxel.bench.rows import measure, rows_table, store, stored
 
-        bench = {"teng": teng, "transitions": transitions}[self.name]
+        bench = import_module(f"taxel.bench.{self.name.replace('-', '_')}")
         with progress() as bar:
             task = bar.add_task("starting", total=None)
 

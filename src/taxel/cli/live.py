@@ -7,6 +7,7 @@ from pathlib import Path
 
 import tyro
 
+from taxel.bundles.shipped import find_bundle
 from taxel.cli.live_station import StationOptions
 from taxel.cli.pairs import Pairs, parse_pairs
 from taxel.cli.printing import console, print_json
@@ -18,7 +19,7 @@ class Live:
     """Tell what is in the hand, window by window, with confidence, latency and the map."""
 
     bundle: tyro.conf.Positional[Path]
-    """A bundle, as taxel bundle writes it."""
+    """A bundle, as taxel bundle writes it; or one that comes with taxel: cup-pour."""
     source: tyro.conf.Positional[str]
     """A source: sim://teng, replay://FILE, or a recording's file."""
     seconds: float | None = None
@@ -65,7 +66,8 @@ class Live:
         from taxel.bundles.grasp import is_grasp_bundle
         from taxel.bundles.reader import read_bundle
         from taxel.cli.live_grasps import live_grasps
-        from taxel.cli.live_station import live_station
+        from taxel.bundles.shipped import find_bundle
+from taxel.cli.live_station import live_station
         from taxel.decisions.recognition import RecogniseConfig
         from taxel.live.recogniser import Recogniser
         from taxel.live.session import run_session
@@ -80,10 +82,11 @@ class Live:
         if self._needs_station():
             live_station(self._station())
             return
-        if is_grasp_bundle(self.bundle):
-            live_grasps(self.bundle, self.source, self.seconds, self.quiet, self.json)
+        bundle = find_bundle(self.bundle)
+        if is_grasp_bundle(bundle):
+            live_grasps(bundle, self.source, self.seconds, self.quiet, self.json)
             return
-        bundles = [read_bundle(path) for path in (self.bundle, *self.also)]
+        bundles = [read_bundle(find_bundle(path)) for path in (self.bundle, *self.also)]
         config = RecogniseConfig(least_confidence=self.least_confidence)
         with open_source(self.source) as source:
             recognisers = [Recogniser(bundle, source.info, config) for bundle in bundles]
@@ -121,7 +124,7 @@ class Live:
 
     def _station(self) -> StationOptions:
         return StationOptions(
-            bundles=(self.bundle, *self.also),
+            bundles=tuple(find_bundle(path) for path in (self.bundle, *self.also)),
             sources=(self.source, *self.beside),
             seconds=self.seconds,
             least_confidence=self.least_confidence,
