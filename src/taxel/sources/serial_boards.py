@@ -191,6 +191,8 @@ class SerialBoards:
                 self._merge.put(index, scans)
             if any(chunk.gone for chunk in chunks):
                 self._merge.gone(index)
+            if any(chunk.opened for chunk in chunks):
+                self._asked_s = -math.inf  # ask for the hello at once
 
     def _ask(self, every_s: float = _ASK_S) -> None:
         """Ask boards whose hello is wanted for it."""
