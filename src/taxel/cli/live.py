@@ -66,8 +66,7 @@ class Live:
         from taxel.bundles.grasp import is_grasp_bundle
         from taxel.bundles.reader import read_bundle
         from taxel.cli.live_grasps import live_grasps
-        from taxel.bundles.shipped import find_bundle
-from taxel.cli.live_station import live_station
+        from taxel.cli.live_station import live_station
         from taxel.decisions.recognition import RecogniseConfig
         from taxel.live.recogniser import Recogniser
         from taxel.live.session import run_session
