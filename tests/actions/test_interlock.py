@@ -214,8 +214,9 @@ def test_a_stop_that_a_broken_clock_caused_can_be_armed_again() -> None:
     assert rig.lock.arm(rig.now) == ()
 
 
-def test_disarming_ends_all_orders() -> None:
-    rig = Rig().into(RAISED)
+@pytest.mark.parametrize("start", [READY, RAISED, HOLDING])
+def test_disarming_ends_all_orders(start: InterlockState) -> None:
+    rig = Rig().into(start)
     rig.lock.disarm(rig.now)
 
     assert rig.step("UNSTABLE").kind is NONE
