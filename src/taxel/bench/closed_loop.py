@@ -22,7 +22,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from taxel.actions.grip_policy import GripPolicy, PixelDifference, PixelDifferenceConfig
-from taxel.bench.rows import Row, row
+from taxel.bench.rows import Row, missing, row
 from taxel.bundles.grasp import GraspBundle, read_grasp_bundle
 from taxel.decisions.stability import StabilityConfig
 from taxel.live.closed_loop import (
@@ -182,6 +182,10 @@ def loop_rows(pours: Sequence[JudgedPour]) -> list[Row]:
 
 
 def _goal_rows(name: str, scores: LoopScores) -> list[Row]:
+    if not (scores.preventable and scores.holds):
+        what = f"{name}: preventable drops prevented, unseen cups"
+        why = f"needed drops and pours that hold; {_of(scores)}"
+        return [missing(what, "share", f">= {PREVENTED}", why)]
     low, high = scores.needless_interval
     return [
         row(f"{name}: preventable drops prevented, unseen cups", scores.prevented_share, "share",

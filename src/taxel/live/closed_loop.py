@@ -22,9 +22,9 @@ from taxel.actions.grip_policy import GripPolicy, PixelDifference
 from taxel.frame_codec import decode_jpeg
 from taxel.live.grasp_monitor import GraspMonitor
 from taxel.sim.cups import PourRun
-from taxel.sim.grip_response import GripResponseConfig
+from taxel.sim.grip_response import GrippedPour, GripResponseConfig
 from taxel.sim.pour_state import TRUTH_CHANNELS
-from taxel.sources.pour_sets import ARRIVAL_S, CAMERA_HZ
+from taxel.sources.pour_sets import ARRIVAL_S, CAMERA_HZ, FINE
 from taxel.sources.stepped_pour import SteppedPour
 from taxel.windows.pairs import FramePairer, FrameSet
 
@@ -216,15 +216,19 @@ def replay_loop(
         commands: Oldest first.
         stop_pouring_s: When the person stops, seconds since the grasp.
     """
-    pour, notes, waiting = open_pour(run, config), _Notes(run), list(commands)
-    while not pour.ended and not notes.dropped:
-        _, samples = pour.step(look=False)
-        notes.add(samples.values[0], pour.force_n)
-        while waiting and waiting[0].time_s < pour.time_s + 1.0 / config.frame_hz:
-            pour.grip(waiting[0].force_n, max(waiting[0].time_s - pour.time_s, 0.0))
+    pour, notes, waiting = GrippedPour(run, config.response), _Notes(run), list(commands)
+    for index in range(round(config.duration_s * config.frame_hz)):
+        for _ in range(FINE if index else 0):
+            pour.step(1.0 / (config.frame_hz * FINE))
+        notes.add(pour.sim.state.astype(np.float32), pour.gripper.force_n)
+        if notes.dropped:
+            break
+        time_s, next_s = index / config.frame_hz, (index + 1) / config.frame_hz
+        while waiting and waiting[0].time_s < next_s:
+            pour.gripper.command(waiting[0].force_n, max(waiting[0].time_s - time_s, 0.0))
             notes.commands.append(waiting.pop(0))
-        if pour.time_s >= stop_pouring_s:
-            pour.stop_pouring()
+        if time_s >= stop_pouring_s:
+            pour.sim.pour(False)
     return notes.track(config)
 
 

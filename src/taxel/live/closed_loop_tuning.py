@@ -26,11 +26,11 @@ from taxel.processes import WORKERS, side_by_side
 from taxel.sim.cups import PourRun
 from taxel.sources.pour_sets import ARRIVAL_S
 
-WARN = (0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 0.95, 0.98, 0.99, 0.995)
+WARN = (0.1, 0.3, 0.5, 0.7, 0.8, 0.9, 0.95, 0.98, 0.99)
 """Thresholds that are tried, 0…1."""
-RAISE_S = (0.0, 0.05, 0.1)
+RAISE_S = (0.0, 0.05)
 """Debounces that are tried, seconds."""
-PIXELS = (0.5, 1.0, 2.0, 3.0, 4.0, 6.0, 8.0, 10.0, 12.0, 14.0, 16.0, 18.0, 20.0, 24.0, 28.0)
+PIXELS = (1.0, 2.0, 4.0, 6.0, 8.0, 10.0, 12.0, 14.0, 16.0, 20.0)
 """Thresholds on a difference of pixels that are tried, per cent of the brightness."""
 
 
