@@ -191,6 +191,29 @@ def test_the_whole_path_with_simulated_devices_raises_lowers_and_stops() -> None
     assert {action.order for action in heard} == {"none", "hold", "grip", "stop"}
 
 
+def test_a_stop_is_told_to_an_arm_once_and_again_only_while_it_moves() -> None:
+    clock = ManualClock()
+    arm = SimArm(ArmLimits(), clock)
+    stops = []
+    actuator = ArmActuator("arm", arm)
+    actuator.connect()
+    arm.lower(100.0)
+    clock.advance(0.5)
+    arm.stop = lambda: stops.append(clock.now_s())  # type: ignore[method-assign]
+    for _ in range(3):  # a controller that does not listen yet
+        clock.advance(0.01)
+        actuator.tell(told(Stability.UNKNOWN), Order(OrderKind.STOP, 1.0, "", math.inf), 0.0)
+    del arm.stop
+    for _ in range(100):
+        clock.advance(0.01)
+        actuator.tell(told(Stability.UNKNOWN), Order(OrderKind.STOP, 1.0, "", math.inf), 0.0)
+    assert len(stops) == 3
+    assert arm.status().height_mm > 370
+    arm.stop = lambda: stops.append(clock.now_s())  # type: ignore[method-assign]
+    actuator.tell(told(Stability.UNKNOWN), Order(OrderKind.STOP, 1.0, "", math.inf), 0.0)
+    assert len(stops) == 3
+
+
 def test_an_expired_order_moves_no_arm() -> None:
     clock = ManualClock()
     arm = ArmActuator("arm", SimArm(ArmLimits(), clock), lower_mm=20.0)

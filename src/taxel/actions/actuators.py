@@ -171,6 +171,7 @@ class ArmActuator:
         self.force: ForceRange | None = None
         self._lower_mm = lower_mm
         self._lowered = False
+        self._stopped = False
 
     def connect(self) -> None:
         self.arm.connect()
@@ -183,8 +184,12 @@ class ArmActuator:
         if not order.valid(now_s):
             return
         if order.kind is OrderKind.STOP:
-            self.arm.stop()
-        elif order.kind is OrderKind.GRIP and decision.state is Stability.UNSTABLE:
+            if not self._stopped or self.arm.status().moving:
+                self.arm.stop()
+            self._stopped = True
+            return
+        self._stopped = False
+        if order.kind is OrderKind.GRIP and decision.state is Stability.UNSTABLE:
             self._lower()
         elif order.kind is OrderKind.GRIP and not self._lowered:
             self.arm.hold()

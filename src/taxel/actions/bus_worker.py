@@ -83,6 +83,7 @@ class BusWorker:
         self._bell = threading.Condition()
         self._waiting: Command | None = None
         self._ended = False
+        self._looked_s = -math.inf
         self._fault = "not connected"
         self._tried = threading.Event()
         self._took_s: deque[float] = deque(maxlen=_KEPT)
@@ -173,8 +174,15 @@ class BusWorker:
                 self._count(self._clock.now_s() - command.given_s)
         if ended:
             return False
-        self._device.look()
+        self._look_if_due()
         return True
+
+    def _look_if_due(self) -> None:
+        """Look, unless commands come faster than looks are wanted."""
+        now_s = self._clock.now_s()
+        if not 0 <= now_s - self._looked_s < self._look_s:
+            self._looked_s = now_s
+            self._device.look()
 
     def _keep(self, command: Command) -> None:
         """Try a stop again once the device is back; anything else only while it is valid."""
