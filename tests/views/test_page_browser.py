@@ -113,7 +113,7 @@ class SimStation:
             "sources": [
                 {"name": "pour", "url": "sim://cup-pour", "kind": "cameras",
                  "state": "frozen" if late else "live", "rate_hz": cameras / run_s / 2,
-                 "nominal_hz": 25, "produced": cameras, "lost": 3,
+                 "nominal_hz": 60, "produced": cameras, "lost": 3,
                  "note": "right: the same image 6 times" if late else ""},
                 {"name": "teng", "url": "sim://teng", "kind": "array", "state": "live",
                  "rate_hz": scans / run_s, "nominal_hz": 1000, "produced": scans, "lost": 0,
@@ -493,6 +493,16 @@ def test_both_simulators_are_seen_images_map_and_traces(browser):
     assert browser.complaints == []
 
 
+def wait_for_touch(station: SimStation, browser: Browser) -> None:
+    """Wait, 6 s at most, for a moment in which the hand is pressed and both images are live."""
+    until_s = time.monotonic() + 6
+    while time.monotonic() < until_s:
+        live = browser.ask("!document.querySelector('.quiet')")
+        if live and station._scans[-1][1].mean() > 1.5:
+            return
+        time.sleep(0.01)
+
+
 def look(folder: Path) -> None:
     """Write a picture of each state in two sizes."""
     station = SimStation("sim://cup-pour", "sim://teng")
@@ -502,10 +512,11 @@ def look(folder: Path) -> None:
             browser.open(server.url)
             for state in ("STABLE", "WARNING", "UNSTABLE", "UNKNOWN", "STOP", "STABLE", "WARNING"):
                 station.become(state)
-                time.sleep(5)
+                time.sleep(4)
                 for width, height in ((1280, 720), (1920, 1080)):
                     browser.size(width, height)
                     time.sleep(0.7)
+                    wait_for_touch(station, browser)
                     browser.picture(folder / f"{state}-{height}.png")
             browser.size(800, 1000)
             time.sleep(0.7)

@@ -26,7 +26,7 @@ _SHOWN_S = 30.0
 """Of traces before the cursor, seconds."""
 _MAP_ROWS = 12
 _BINS = 600
-"""Of the overview. Source: our choice; about one for two pixels."""
+"""Of the overview, at most. Source: our choice; about one for two pixels."""
 _MOST_SERIES = 12
 """Channels drawn in the overview, the first of them."""
 _CHUNKS_KEPT = 4
@@ -69,7 +69,10 @@ class ReplayLink:
         A recording without an array shows its images' bytes instead: a picture that fills with
         detail, as on contact, grows.
         """
-        bins = np.linspace(self._start_s, self._end_s, _BINS + 1)
+        index = self._index
+        moments = max(len(index.time_s), *(len(time_s) for time_s in index.frame_s), 0)
+        number = max(1, min(_BINS, moments // 2))  # an empty bin would be a gap that is none
+        bins = np.linspace(self._start_s, self._end_s, number + 1)
         return {
             "start_s": self._start_s,
             "end_s": self._end_s,
@@ -138,7 +141,7 @@ class ReplayLink:
             "array": {
                 "name": sensor.name,
                 "channels": list(sensor.channels),
-                "unit": "/".join(dict.fromkeys(sensor.units)),
+                "unit": sensor.units[0] if len(set(sensor.units)) == 1 else "mixed units",
                 "rows": _MAP_ROWS,
             }
             if sensor.channels

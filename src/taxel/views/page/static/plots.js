@@ -168,6 +168,13 @@ export function short(value) {
   return String(Number(value.toFixed(big >= 100 ? 0 : big >= 10 ? 1 : 2)));
 }
 
+/** Return round times after a start, a dozen at most. */
+function ticks(start, end) {
+  const steps = [0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1, 2, 5, 10, 20, 30, 60, 120, 300, 600, 1800, 3600];
+  const step = steps.find((one) => (end - start) / one <= 12) ?? (end - start) / 12;
+  return Array.from({ length: Math.floor((end - start) / step + 1e-9) + 1 }, (_, i) => start + i * step);
+}
+
 /** The whole recording: bands for labels, an envelope a channel, a line at the cursor. */
 export function overviewPlot(place, overview, onSeek) {
   const state = { cursor: overview.start_s };
@@ -219,7 +226,7 @@ export function overviewPlot(place, overview, onSeek) {
       scales: { x: { time: false, range: () => [overview.start_s, overview.end_s] } },
       series: [{}, ...names.map((one, i) => ({ label: one.name, stroke: inks[i], width: 1, points: { show: false } }))],
       axes: [
-        { ...AXIS, font: font(), size: unit * 2, values: (_, all) => all.map((v) => `${short(v - overview.start_s)} s`) },
+        { ...AXIS, font: font(), size: unit * 2, splits: () => ticks(overview.start_s, overview.end_s), values: (_, all) => all.map((v) => `${short(v - overview.start_s)} s`) },
         { ...AXIS, font: font(), size: unit * 3.6, values: (_, all) => all.map(short) },
       ],
       hooks: { drawClear: [under], draw: [over] },
