@@ -237,6 +237,13 @@ def test_the_middle_of_the_best_plateau_is_chosen() -> None:
     assert choose(curve, LoopGoal()) == 3
 
 
+def test_the_middle_is_that_of_the_debounce_with_the_widest_plateau() -> None:
+    good, bad = scored(1.0, 0.01), scored(0.9, 0.0)
+    family = [0.0] * 5 + [0.1] * 5
+    curve = [good, good, bad, bad, bad, bad, good, good, good, bad]
+    assert choose(curve, LoopGoal(), family) == 7
+
+
 def test_tuning_finds_the_threshold_that_saves_the_cup_and_leaves_the_other_alone() -> None:
     """Probabilities are made up: the cup that drops shows 0.75 from 2 s on, the still one 0.45."""
     time_s = np.arange(29, 360) / 60

@@ -116,5 +116,6 @@ def test_a_force_that_is_no_number_is_refused() -> None:
         assert isinstance(source, SimPour)
         source.read()
         source.frames()
+        assert source.commanded_n == 15.0
         with pytest.raises(BadInput):
             source.grip(float("nan"))

@@ -12,6 +12,7 @@ Source: docs/decisions/0017.
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
@@ -95,7 +96,7 @@ def tune_loop(
     ]
     scores = _scores(jobs, workers)
     curve = [CurvePoint(stability=a, scores=b) for a, b in zip(grid, scores, strict=True)]
-    point = choose([one.scores for one in curve], goal)
+    point = choose([one.scores for one in curve], goal, [one.stability.raise_s for one in curve])
     return curve[point].stability, curve
 
 
@@ -146,11 +147,18 @@ def stability_at(warn: float, raise_s: float) -> StabilityConfig:
     )
 
 
-def choose(scores: Sequence[LoopScores], goal: LoopGoal) -> int:
+def choose(
+    scores: Sequence[LoopScores], goal: LoopGoal, family: Sequence[float] | None = None
+) -> int:
     """Return which alternative exceeds the goal least; then, which errs least.
 
-    Among equals the middle one: its neighbours on both sides do as well, so that cups never
-    seen are least likely to fall off the plateau.
+    Among equals the middle of the family with most of them: its neighbours on both sides do
+    as well, so that cups never seen are least likely to fall off the plateau.
+
+    Args:
+        scores: Of each alternative, in order of its threshold within a family.
+        goal: The limits.
+        family: Which family each belongs to, such as its debounce; one by default.
     """
 
     def merit(one: LoopScores) -> tuple[float, float]:
@@ -161,6 +169,9 @@ def choose(scores: Sequence[LoopScores], goal: LoopGoal) -> int:
 
     best = min(merit(one) for one in scores)
     equals = [place for place, one in enumerate(scores) if merit(one) == best]
+    if family is not None:
+        largest = Counter(family[place] for place in equals).most_common(1)[0][0]
+        equals = [place for place in equals if family[place] == largest]
     return equals[(len(equals) - 1) // 2]
 
 

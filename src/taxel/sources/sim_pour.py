@@ -98,6 +98,12 @@ class SimPour:
         self._frames_given += len(given)
         return given
 
+    @property
+    def commanded_n(self) -> float:
+        """The force that the gripper obeys now, newtons; at a grasp's start that grasp's own."""
+        assert self._pour is not None  # opened with its first moment
+        return self._pour.commanded_n
+
     def grip(self, force_n: float) -> None:
         """Command a grip force of the grasp whose frames were given last.
 
