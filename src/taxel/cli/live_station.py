@@ -74,7 +74,9 @@ def live_station(options: StationOptions) -> dict[str, Any]:
             sources=options.sources,
             bundles=options.bundles,
             least_confidence=options.least_confidence,
-            interlock=InterlockConfig(min_n=force.least_n, max_n=force.max_n),
+            interlock=InterlockConfig(
+                min_n=force.least_n, max_n=max(force.least_n, min(force.max_n, options.most_n))
+            ),
         )
         stopped = stack.enter_context(stop_signals())
         station = stack.enter_context(Station(config))

@@ -174,7 +174,9 @@ class Station:
         """Tell every monitor that the next moments are a new grasp's settled first ones."""
         for mind in self._minds:
             mind.to.put(pack({"do": "new grasp"}))
-        self.guard.new_grasp(self.config.interlock.min_n)
+        least_n = self.config.interlock.min_n
+        self.guard.new_grasp(least_n)
+        self.guard.interlock.release(least_n)
 
     def drive(self, actuator: Actuator) -> None:
         """Give each tick's order to one more actuator, which is connected."""

@@ -1,0 +1,93 @@
+"""`taxel live` with a recorder, a gripper or an output: a station, from the command line."""
+
+from __future__ import annotations
+
+import json
+import socket
+from pathlib import Path
+
+import pytest
+
+from taxel.bundles.shipped import CUP_POUR, find_bundle, shipped_bundle
+from taxel.cli.main import main
+from taxel.errors import BadBundle
+from taxel.recordings.reader import iterate_frames
+from taxel.sim.cup_pour import CupPourConfig, list_runs
+from taxel.sources.pour_sets import CAMERA_HZ, write_run
+
+
+@pytest.fixture(scope="module")
+def pour(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("pour")
+    config = CupPourConfig(
+        cups=1, first_cup=902, forces_n=(50.0,), positions=("middle",), still=1.0, duration_s=2.0
+    )
+    (run,) = list_runs(config)
+    write_run(folder, run, config, CAMERA_HZ)
+    return folder / f"{run.name}.mcap"
+
+
+def test_a_pour_is_watched_recorded_and_told_to_another_program(
+    pour: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+):
+    path = tmp_path / "all.mcap"
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as ear:
+        ear.bind(("127.0.0.1", 0))
+        ear.settimeout(5.0)
+        port = ear.getsockname()[1]
+        main(["live", CUP_POUR, str(pour), "--record", str(path), "--label", "object=cup",
+              "--tell", f"udp://127.0.0.1:{port}", "--json"])  # fmt: skip
+        told = json.loads(ear.recv(4096))
+    result = json.loads(capsys.readouterr().out)
+    assert told["schema"] == "taxel-action-1"
+    assert told["state"] in ("UNKNOWN", "STABLE", "WARNING", "UNSTABLE")
+    made = result["processes"]["source"]["produced"]
+    assert result["processes"]["recorder"]["consumed"] == made
+    assert set(result["latency_ms"]) == {"capture", "hand over", "wait", "model", "alarm"}
+    assert len(list(iterate_frames(path))) == len(list(iterate_frames(pour)))
+
+
+@pytest.mark.parametrize(
+    ("words", "told"),
+    [
+        (["--arm", "--page"], "needed --gripper with --arm"),
+        (["--gripper", "pge:///dev/nothing"], "max_force_n"),
+        (["--gripper", "pge:///dev/nothing?max_force_n=50"], "/dev/nothing"),
+        (["--gripper", "what://x"], "an actuator's address"),
+        (["--gripper", "sim"], "a source sim://cup-pour with --gripper sim"),
+        (["--tell", "udp://8.8.8.8:5005"], "an address of this machine"),
+        (["--record", "{pour}"], "which exists"),
+        (["--record", "x.mcap", "--label", "cup"], "--label NAME=VALUE"),
+        (["--beside", "sim://nothing"], "a simulator that exists"),
+        (["--page", "--least-n", "60"], "N"),
+    ],
+)
+def test_what_cannot_be_is_told_in_one_line_before_anything_runs(
+    words: list[str],
+    told: str,
+    pour: Path,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
+):
+    monkeypatch.chdir(tmp_path)
+    given = [word.format(pour=pour) for word in words]
+    with pytest.raises(SystemExit) as ended:
+        main(["live", CUP_POUR, str(pour), *given, "--seconds", "1"])
+    assert ended.value.code == 2
+    lines = capsys.readouterr().err.strip().splitlines()
+    assert len(lines) == 1
+    assert told in lines[0]
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_bundle_that_comes_with_taxel_is_named_without_a_path_and_a_file_goes_first(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
+    assert find_bundle(Path(CUP_POUR)) == shipped_bundle(CUP_POUR)
+    assert find_bundle(Path("runs/cup-pour")) == Path("runs/cup-pour")
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / CUP_POUR).touch()
+    assert find_bundle(Path(CUP_POUR)) == Path(CUP_POUR)
+    with pytest.raises(BadBundle, match="cup-pour"):
+        shipped_bundle("nothing")
