@@ -52,6 +52,8 @@ class View:
     png: Path | None = None
     """Write a figure to this file (.png) instead, of that time or moment; of cameras' last moment
     within it unless --at or --frame chooses. Needs taxel[train]."""
+    page: bool = False
+    """A recording on the operator's page, with a time cursor; its address is printed."""
     json: bool = False
     """Print the summary as JSON."""
 
@@ -60,6 +62,9 @@ class View:
         from taxel.sources.opening import at_full_speed, open_source
 
         self._check()
+        if self.page:
+            self._replay_page()
+            return
         drawn = self.png is not None
         watched = console.is_terminal and not (self.json or drawn or self._chosen())
         with open_source(self.source if watched else at_full_speed(self.source)) as source:
@@ -71,6 +76,17 @@ class View:
                 show(source, self.seconds)
             else:
                 self._summarise(source)
+
+    def _replay_page(self) -> None:
+        """Serve the recording's page until Ctrl-C."""
+        from taxel.views.page.replay_link import ReplayLink
+        from taxel.views.page.server import run_page
+
+        path = Path(self.source.removeprefix("replay://"))
+        if not path.is_file():
+            raise BadInput("a recording's file with --page", repr(self.source), "name one")
+        link = ReplayLink(path)
+        run_page(link, on_open=lambda url: console.print(f"the page: {url}", soft_wrap=True))
 
     def _check(self) -> None:
         """Refuse, before anything is opened, what cannot be meant."""

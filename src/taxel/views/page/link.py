@@ -8,8 +8,9 @@ from __future__ import annotations
 
 from typing import Any, Protocol, runtime_checkable
 
-STATES = ("STABLE", "WARNING", "UNSTABLE", "UNKNOWN", "STOP")
-"""The words a snapshot's state may be; the page shows any other as UNKNOWN."""
+STATES = ("STABLE", "WARNING", "UNSTABLE", "UNKNOWN", "STOP", "NONE")
+"""The words a snapshot's state may be; the page shows any other as UNKNOWN. NONE: nothing
+watches a grasp, and the page names what is in the hand instead."""
 
 
 class StationLink(Protocol):

@@ -39,8 +39,17 @@ export function shown(fresh, snapshot, nowMs) {
     return { kind: "LOST", word: "STALE", reason: `nothing new for ${duration(age / 1000)}: the grasp is not watched` };
   }
   if (snapshot.replay) return { kind: "REPLAY", word: "REPLAY", reason: "a recording: this is not now" };
+  if (snapshot.state === "NONE") return hand(snapshot);
   if (!WORDS.includes(snapshot.state)) return { kind: "UNKNOWN", word: "UNKNOWN", reason: "the station gave no state" };
   return { kind: snapshot.state, word: snapshot.state, reason: snapshot.reason || "" };
+}
+
+/** Where nothing watches a grasp, the large field names what is in the hand. */
+function hand(snapshot) {
+  const answer = (snapshot.answers || [])[0];
+  const named = answer && answer.label && answer.label !== "UNKNOWN";
+  const word = named ? String(answer.label).toUpperCase() : "NOT TOLD";
+  return { kind: "HAND", word, reason: answer ? `${answer.target}; no grasp is watched` : "no grasp is watched" };
 }
 
 /** Return "warning", "danger", "lost" or "": what should sound. */
