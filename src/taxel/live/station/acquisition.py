@@ -75,7 +75,7 @@ def _pump(
     source: Source, writer: RingWriter, orders: RingReader, pulse: Pulse, job: Acquisition
 ) -> None:
     ended = False
-    news = SourceNews(source, job.place.name, job.url)
+    news = SourceNews(source, job.url)
     while not pulse.stopping:
         if source.ended and not ended:
             ended = True

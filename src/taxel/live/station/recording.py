@@ -133,7 +133,7 @@ class _Desk:
         self._readers = readers
         self._news = news
         self._recorder: Recorder | None = None
-        self._path = Path()
+        self._path: Path | None = None
         self._began_s = 0.0
         self._lost_before = 0
         self._error = ""
@@ -222,7 +222,7 @@ class _Desk:
         self._told_s = now_s
         recorder = self._recorder
         note: dict[str, Any] = {
-            "kind": "recording", "on": recorder is not None, "path": str(self._path),
+            "kind": "recording", "on": recorder is not None, "path": str(self._path or ""),
             "seconds": now_s - self._began_s if recorder is not None else 0.0,
             "bytes": recorder.size if recorder is not None else 0,
             "error": self._error, "lost": self._lost() - self._lost_before, "kept": self._kept,

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import deque
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -17,18 +18,26 @@ _SPAN_S = 2.0
 _STALE_S = 0.5
 
 
+def short_name(url: str) -> str:
+    """Return what a person calls a source: the simulator's name, a recording's, or its kind."""
+    scheme, found, rest = url.partition("://")
+    name = (rest if found else scheme).partition("?")[0]
+    if scheme == "sim":
+        return name
+    return {"serial": "boards", "camera": "cameras"}.get(scheme if found else "", Path(name).stem)
+
+
 class SourceNews:
     """Counts what a source gives.
 
     Args:
         source: The open source.
-        name: What it is called.
         url: Its address.
     """
 
-    def __init__(self, source: Source, name: str, url: str) -> None:
+    def __init__(self, source: Source, url: str) -> None:
         self._source = source
-        self._name, self._url = name, url
+        self._name, self._url = short_name(url), url
         self._cameras = len(source.cameras)
         self._came: deque[tuple[float, int]] = deque()
         self._last: dict[int, int] = {}

@@ -286,6 +286,7 @@ class Station:
             "consumers": [
                 consumer_snapshot(worker.name, self._beats.read(worker.row), now_s)
                 for worker in self._crew.workers
+                if all(worker is not feed.worker for feed in self.feeds)
             ],
             "latency_ms": self.latencies.lately_ms(now_s),
             "gripper": gripper,
