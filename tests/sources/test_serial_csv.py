@@ -79,6 +79,16 @@ def test_a_printed_clock_wraps_and_one_that_steps_back_is_a_reboot():
     assert third.device_s[0] == pytest.approx(7e-5)
 
 
+def test_a_printed_clock_that_leaps_ahead_of_the_hosts_began_anew():
+    """As where what lay in a buffer came first: else each later scan would lie in the future."""
+    stream = CsvStream("here", time="ms", rate_hz=HZ)
+    for i in range(60):
+        stream.feed([Chunk(i / HZ, f"{10 * i},1\n".encode())])
+    (scans,) = come(stream, "9000,1\n9010,1\n", 0.61)
+    assert stream.ledger.reboots == 1
+    assert scans.fitted_s.max() <= 0.61
+
+
 def test_bad_lines_are_counted_and_leave_a_hole_and_words_leave_none():
     stream = start()
     (before,) = come(stream, "1,2,3\n")
@@ -109,7 +119,7 @@ def test_half_a_line_at_the_start_and_after_a_reconnect_is_no_bad_line():
     stream = start()
     stream.feed([Chunk(2.0, b"1,2", gone=False), Chunk(2.1, b"", gone=True)])
     assert stream.ledger.state == "away"
-    stream.feed([Chunk(2.2, b"", opened=True)])
+    stream.feed([Chunk(2.2, b"", opened=True), Chunk(2.21, b"5,5,5\n6,6,6\n")])  # stale
     (scans,) = come(stream, "2,3\n7,8,9\n", 2.3)
     assert scans.values.tolist() == [[7, 8, 9]]
     assert sum(stream.ledger.bad.values()) == 0

@@ -38,5 +38,5 @@ def test_boards_are_listed_by_the_name_that_stays_and_mainboard_ports_are_not(
 
 
 def test_a_machine_without_boards_has_none(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
-    monkeypatch.setattr(list_ports, "comports", lambda: [])
+    monkeypatch.setattr(list_ports, "comports", list)
     assert list_boards(tmp_path / "none") == []

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import tempfile
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import numpy as np
@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from taxel.bench.rows import Row, row
 from taxel.sources.board_emulation import EmulatedBoard, RunningBoard
+from taxel.sources.contract import Source
 from taxel.sources.fitted_time import FittedTime
 from taxel.sources.opening import open_source
 from taxel.wire.framing import FrameDecoder
@@ -25,6 +26,8 @@ _CHANCE = 2.0**-16
 """What a check of 16 bits lets pass of random damage."""
 _DELIMITER_AND_CHECK = 4
 _ROUNDS = 10
+_LONGEST_S = 5.0
+"""What is waited for at most: a board that never returns shows as this."""
 _FRAMES = 20_000
 _DAMAGED = 1_000_000
 _NOISE = 1_000_000
@@ -52,15 +55,11 @@ def _replugged() -> Row:
         open_source(f"serial://{board.port.path}") as source,
     ):
         for _ in range(_ROUNDS):
-            while not _good(source.read().validity):
-                pass
+            _read_until(source, _good)
             board.unplug()
-            while _good(validity := source.read().validity) or not len(validity):
-                pass
-            shown |= set(np.unique(validity[-1]).tolist())
+            shown |= set(np.unique(_read_until(source, _away)[-1]).tolist())
             back_s = board.replug()
-            while not _good(source.read().validity):
-                pass
+            _read_until(source, _good)
             took_s.append(time.monotonic() - back_s)
     return row(
         "board unplugged and replugged: data again after its return",
@@ -73,8 +72,21 @@ def _replugged() -> Row:
     )
 
 
-def _good(validity: NDArray[np.uint8]) -> bool:
-    return bool(len(validity)) and not validity[-1].any()
+def _read_until(source: Source, right: Callable[[NDArray[np.uint8]], bool]) -> NDArray[np.uint8]:
+    """Read on until the flags of what came are right, or for `_LONGEST_S`; return them."""
+    end_s = time.monotonic() + _LONGEST_S
+    flags = source.read().validity
+    while not right(flags) and time.monotonic() < end_s:
+        flags = source.read().validity
+    return flags
+
+
+def _good(flags: NDArray[np.uint8]) -> bool:
+    return bool(len(flags)) and not flags[-1].any()
+
+
+def _away(flags: NDArray[np.uint8]) -> bool:
+    return bool(len(flags)) and bool(flags[-1].all())
 
 
 def _kept() -> Row:

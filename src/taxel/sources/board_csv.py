@@ -31,6 +31,10 @@ _LONGEST_LINE = 4096
 _MEASURED_S = 1.0
 """How long lines are watched at connecting, seconds. Our choice: 2 % at 50 Hz."""
 _LEAST_LINES = 3
+_STALE_S = 0.03
+"""What comes so soon after opening may have lain in a buffer since who knows when, seconds."""
+_JUMP_S = 1.0
+"""A printed clock that gains this on the host's, or steps back by it, began anew, seconds."""
 _A_SECOND = {"ms": 1e3, "us": 1e6}
 
 
@@ -38,8 +42,9 @@ class CsvStream:
     """One board that prints a line of numbers for each scan.
 
     Until it is `ready` it watches for a second (for three lines where the rate is known): the
-    usual number of columns, their names, and the rate at which lines come. Then a line with another number of columns, or with
-    what is no number, is bad, counted, and leaves a missing scan; a line of words leaves none.
+    usual number of columns, their names, and the rate at which lines come. Then a line with
+    another number of columns, or with what is no number, is bad, counted, and leaves a
+    missing scan; a line of words leaves none.
 
     Args:
         path: Its port, for the ledger.
@@ -74,7 +79,8 @@ class CsvStream:
         self._boot = 0
         self._bad = {"line": 0, "columns": 0, "text": 0}
         self._last: tuple[int, float] | None = None
-        self._last_fitted_s = self._last_device_s = -math.inf
+        self._last_fitted_s = self._last_device_s = self._stale_until_s = -math.inf
+        self._least_delay_s = math.inf
         self._fit, self._rate = FittedTime(), ClockRate()
 
     @property
@@ -89,6 +95,8 @@ class CsvStream:
             if chunk.gone or chunk.opened:
                 self._port_changed(chunk)
                 continue
+            if chunk.arrival_s < self._stale_until_s:
+                continue
             self.ledger.received_bytes += len(chunk.data)
             self.heard = (self.heard + chunk.data)[:200]
             done += self._lines(self._split(chunk.data), chunk.arrival_s)
@@ -97,6 +105,7 @@ class CsvStream:
 
     def _port_changed(self, chunk: Chunk) -> None:
         self._rest, self._whole_lines = b"", False
+        self._stale_until_s = chunk.arrival_s + _STALE_S
         if chunk.gone:
             self.ledger.state = "away"
         elif self.ready:
@@ -171,7 +180,7 @@ class CsvStream:
             self._last_fitted_s = float(fitted_s[-1])
         else:
             device_s = self._own_time(table[:, 0], arrival_s)
-            fitted_s = self._fit.of(device_s, came_s)
+            fitted_s = np.minimum(self._fit.of(device_s, came_s), came_s)
             self.ledger.clock_ppm = self._rate.add(float(device_s[-1]), float(fitted_s[-1]))
             table = table[:, 1:]
         with np.errstate(over="ignore"):  # beyond float32 is infinite, and flagged so
@@ -199,7 +208,8 @@ class CsvStream:
         if self._last is not None:
             near = self._last[0] + round((arrival_s - self._last[1]) * per_second)
         ticks = unwrap(raw, near)
-        if self._last is not None and ticks[0] < self._last[0] - per_second:
+        back = self._last is not None and ticks[0] < self._last[0] - _JUMP_S * per_second
+        if back or self._gained(arrival_s - float(ticks[-1]) / per_second):
             self.ledger.reboots += 1
             self._boot += 1
             self._restart()
@@ -207,12 +217,17 @@ class CsvStream:
         self._last = (int(ticks[-1]), arrival_s)
         device_s = np.maximum.accumulate((ticks + fraction) / per_second)
         device_s = np.maximum(device_s, self._last_device_s)
+        self._least_delay_s = min(self._least_delay_s, arrival_s - float(device_s[-1]))
         self._last_device_s = float(device_s[-1])
         return np.asarray(device_s)
 
+    def _gained(self, delay_s: float) -> bool:
+        """Whether the printed clock is further ahead of the host's than ever a scan was."""
+        return delay_s < self._least_delay_s - _JUMP_S and self._least_delay_s < math.inf
+
     def _restart(self) -> None:
         self._fit, self._rate = FittedTime(), ClockRate()
-        self._last_device_s = -math.inf
+        self._last_device_s, self._least_delay_s = -math.inf, math.inf
 
 
 def numbers_of(line: bytes) -> list[float] | None:

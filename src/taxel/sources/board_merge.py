@@ -27,6 +27,11 @@ _SLIP = 0.75
 half, so that jitter at the border does not send it to and fro. Our choice."""
 _PIECE = 64
 """Scans placed at once: resonators 1 % apart move by less than a tick in so many."""
+_MOST_OFF = 0.05
+"""A period this much off the nominal one is not believed, as a fraction: a fit may still be
+learning. Our choice: ten times a resonator's error."""
+_MOST_MISSING_S = 60.0
+"""Rows without any scan that one call gives at most, seconds of them: bounds its memory."""
 _SLOPE_POINTS = 20
 _SLOPE_STEP_S = 0.5
 
@@ -67,7 +72,7 @@ class BoardMerge:
         ]
         self._width = edges[-1]
         self._none = Samples.empty(self._width)
-        self._period_s = 1.0 / rate_hz
+        self._period_s = self._nominal_s = 1.0 / rate_hz
         self._wait_s = max(WAIT_S if len(channels) > 1 else WAIT_ALONE_S, 2.5 * self._period_s)
         self._anchor: tuple[int, float] | None = None
         self._slope: list[tuple[int, float]] = []
@@ -113,6 +118,8 @@ class BoardMerge:
             if looked_s - board.last_arrival_s <= self._wait_s and board.ledger.state == "running"
         ]
         overdue = math.floor(self._position(looked_s - self._wait_s)) + 1
+        known = max(board.last_tick for board in self._boards) + 1
+        overdue = min(overdue, max(known, self._next) + round(_MOST_MISSING_S / self._period_s))
         end = max(overdue, min(ends)) if ends else overdue
         if end <= self._next:
             return self._none
@@ -121,6 +128,7 @@ class BoardMerge:
     def _begin_at(self, tick: int, scans: Scans) -> None:
         """Begin the grid; the first row is two ticks on, so that all boards can be in it."""
         self._anchor = (tick, float(scans.fitted_s[0]))
+        self._boards[0].offset = 0  # rows are numbered as the first board counts
         self._next = self._first = tick + (2 if len(self._boards) > 1 else 0)
         for board in self._boards:
             board.last_arrival_s = float(scans.arrival_s[-1])  # none is late yet
@@ -179,7 +187,9 @@ class BoardMerge:
                 slope.pop(0)
         first_tick, first_s = slope[0]
         if fitted_s - first_s >= 2 * _SLOPE_STEP_S and tick > first_tick:
-            self._period_s = (fitted_s - first_s) / (tick - first_tick)
+            measured_s = (fitted_s - first_s) / (tick - first_tick)
+            if abs(measured_s / self._nominal_s - 1.0) < _MOST_OFF:
+                self._period_s = measured_s
 
     def _rows(self, start: int, end: int, now_s: float) -> Samples:
         n = end - start

@@ -265,7 +265,8 @@ class BoardStream:
         ledger.state = "running"
         self._last = (int(seq[-1]), int(t_us[-1]), float(arrival_s[-1]))
         device_s = t_us.astype(np.float64) * 1e-6
-        fitted_s = self._fit.of(device_s, arrival_s)
+        # No scan was taken after it came, whatever a fit that still learns may say.
+        fitted_s = np.minimum(self._fit.of(device_s, arrival_s), arrival_s)
         ledger.clock_ppm = self._rate.add(float(device_s[-1]), float(fitted_s[-1]))
         top = (1 << hello.adc_bits) - 1
         ends = counts >= top
