@@ -129,6 +129,7 @@ def full_disk_rows() -> list[Row]:
         )
         with Station(config) as station:
             station.record(path, {})
+            station.run(0.0)
             began_s = monotonic()
             alarmed_s = _until(
                 station, lambda: any(a.kind == "recording" for a in station.guard.alarms.alarms)

@@ -82,7 +82,7 @@ def read_options(name: str, options: dict[str, str]) -> SerialOptions:
         time=_one_of(left, "time", ("none", "ms", "us")),
         unit=left.pop("unit", "count"),
         full_scale=_number(left, "full_scale", -math.inf, math.inf),
-        zero_is_end=_one_of(left, "zero", ("saturated", "good")) == "saturated",
+        zero_is_end=_one_of(left, "zero", ("good", "saturated")) == "saturated",
         name=left.pop("name", "boards"),
         wait_s=_number(left, "wait_s", 0.1, 600.0) or HELLO_S,
         bundle_s=BUNDLE_S if bundle_ms is None else bundle_ms / 1000.0,
