@@ -1,0 +1,1 @@
+"""Known forces in, newtons out: curves, noise, drift, and later recordings corrected by them."""

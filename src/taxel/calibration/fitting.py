@@ -1,0 +1,219 @@
+"""Fit force-to-voltage curves, tell how sure they are, and judge them on presses held out.
+
+Knows nothing about recordings, baselines or time.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import least_squares
+
+from taxel.calibration.curves import FORMS, Curve, Form, volts_of
+
+FEWEST_PRESSES = 5
+"""A curve of three parameters needs more presses than it has parameters; then an error can
+be estimated at all. Our choice."""
+FEWEST_FORCES = 3
+"""Forces that differ by 10 % or more. Our choice."""
+BANDS = 8
+"""Forces are put in at most so many bands to be held out whole. Our choice."""
+DRAWS = 200
+"""Bootstrap draws: enough for two digits of a 95 % interval. Our choice."""
+
+Forces = NDArray[np.float64]
+Volts = NDArray[np.float64]
+
+
+class NoCurve(ValueError):
+    """These presses give no rising curve; the message says why."""
+
+
+def fit_curve(form: Form, force_n: Forces, volts: Volts) -> Curve:
+    """Return the least-squares curve of presses.
+
+    Args:
+        form: Which.
+        force_n: Shape (presses,), newtons.
+        volts: Shape (presses,), volts above the baseline.
+
+    Raises:
+        NoCurve: Too few presses, or volts that do not rise with force.
+    """
+    if len(force_n) < len(FORMS[form]) or distinct(force_n) < 2:
+        raise NoCurve(f"{len(force_n)} presses at {distinct(force_n)} forces")
+    try:
+        if form == "line":
+            slope, offset = np.polyfit(force_n, volts, 1)
+            return Curve(form=form, parameters=(float(offset), float(slope)))
+        found = _solve(form, _start(form, force_n, volts), force_n, volts)
+        return Curve(form=form, parameters=tuple(map(float, np.exp(found))))
+    except ValueError as error:
+        raise NoCurve("volts do not rise with force") from error
+
+
+def _start(form: Form, force_n: Forces, volts: Volts) -> NDArray[np.float64]:
+    """Return logarithms of parameters to begin with."""
+    top = float(np.max(volts))
+    if top <= 0:
+        raise ValueError("no volts above the baseline")
+    if form == "power":
+        return np.log([max(float(np.median(volts)), top / 10) / float(np.median(force_n)), 0.7])
+    half = force_n[int(np.argmin(np.abs(volts - 0.63 * top)))]
+    return np.log([1.05 * top, max(float(half), 1e-3), 0.8])
+
+
+def _solve(
+    form: Form, start: NDArray[np.float64], force_n: Forces, volts: Volts
+) -> NDArray[np.float64]:
+    """Return logarithms of the best parameters: all are positive in these forms."""
+    # Bounds keep a curve without a bend from running to infinity: top at most 100 times the
+    # largest volts, exponents 0.1 to 5.
+    low, high = start - math.log(100.0), start + math.log(100.0)
+    low[-1], high[-1] = math.log(0.1), math.log(5.0)
+
+    def errors(parameters: NDArray[np.float64]) -> NDArray[np.float64]:
+        return volts_of(form, np.exp(parameters), force_n) - volts
+
+    inside = np.clip(start, low + 1e-6, high - 1e-6)
+    return np.asarray(least_squares(errors, inside, bounds=(low, high), max_nfev=200).x)
+
+
+def choose_form(presses: Sequence[tuple[Forces, Volts]]) -> tuple[Form, dict[Form, float]]:
+    """Return the form that fits all sensors best by AICc summed over them, and each one's sum.
+
+    One form for an array: sensors of one make are alike, and a form chosen for each by
+    itself would follow its noise.
+    """
+    scores: dict[Form, float] = {}
+    for form in FORMS:
+        total = 0.0
+        for force_n, volts in presses:
+            try:
+                curve = fit_curve(form, force_n, volts)
+            except NoCurve:
+                total += 1e6
+                continue
+            n, k = len(volts), len(curve.parameters) + 1
+            residual = max(float(np.mean((curve.volts(force_n) - volts) ** 2)), 1e-18)
+            correction = 2 * k * (k + 1) / (n - k - 1) if n > k + 1 else 1e3
+            total += n * math.log(residual) + 2 * k + correction
+        scores[form] = total
+    return min(scores, key=lambda form: scores[form]), scores
+
+
+def r_squared(curve: Curve, force_n: Forces, volts: Volts) -> float:
+    """Return the share of the variance of `volts` that the curve explains, at most 1."""
+    spread = float(np.sum((volts - volts.mean()) ** 2))
+    return 1.0 - float(np.sum((curve.volts(force_n) - volts) ** 2)) / max(spread, 1e-18)
+
+
+def band(
+    curve: Curve,
+    force_n: Forces,
+    volts: Volts,
+    grid_n: Forces,
+    rng: np.random.Generator,
+    draws: int = DRAWS,
+) -> tuple[Volts, Volts]:
+    """Return the curve's 95 % confidence band at `grid_n`, volts: presses drawn anew."""
+    found = []
+    for _ in range(draws):
+        index = rng.integers(0, len(force_n), len(force_n))
+        if distinct(force_n[index]) < FEWEST_FORCES:
+            continue
+        try:
+            if curve.form == "line":
+                drawn = fit_curve("line", force_n[index], volts[index])
+                found.append(drawn.volts(grid_n))
+                continue
+            best = _solve(curve.form, np.log(curve.parameters), force_n[index], volts[index])
+            found.append(volts_of(curve.form, np.exp(best), grid_n))
+        except ValueError:
+            continue
+    if len(found) < draws // 2:
+        nothing = np.full(len(grid_n), np.nan)
+        return nothing, nothing
+    low, high = np.percentile(found, [2.5, 97.5], axis=0)
+    return low, high
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class HeldOut:
+    """Newtons told for presses that a curve was not fitted on, beside a straight line's."""
+
+    force_n: Forces
+    """Shape (presses,), what the gauge showed."""
+    told_n: Forces
+    """What the curve of the other presses says, kept within the calibrated forces."""
+    line_n: Forces
+    """What a straight line through the other presses says: the trivial baseline."""
+
+
+def hold_out(form: Form, force_n: Forces, volts: Volts, folds: NDArray[np.int64]) -> HeldOut:
+    """Return what is told of each fold's presses by the curve of all others.
+
+    A fold whose curve cannot be fitted tells nothing: NaN.
+
+    Args:
+        form: Which.
+        force_n: Shape (presses,).
+        volts: Shape (presses,).
+        folds: Shape (presses,): which fold each press is held out in.
+    """
+    told, line = np.full(len(force_n), np.nan), np.full(len(force_n), np.nan)
+    for fold in np.unique(folds):
+        out = folds == fold
+        for kind, into in ((form, told), ("line", line)):
+            try:
+                curve = fit_curve(kind, force_n[~out], volts[~out])  # type: ignore[arg-type]
+            except NoCurve:
+                continue
+            into[out] = np.minimum(curve.force_n(volts[out]), force_n[~out].max())
+    return HeldOut(force_n=force_n, told_n=told, line_n=line)
+
+
+def bands_of(force_n: Forces) -> NDArray[np.int64]:
+    """Return which band of like forces each press belongs to, from 0, at most `BANDS`.
+
+    Forces that lie within 10 % of the one before them share a band.
+    """
+    order = np.argsort(force_n, kind="stable")
+    ranked = force_n[order]
+    new = np.concatenate([[False], ranked[1:] > ranked[:-1] * 1.1])
+    bands = np.cumsum(new)
+    if bands[-1] >= BANDS:
+        bands = bands * BANDS // (bands[-1] + 1)
+    elif bands[-1] == 0:
+        bands = np.arange(len(ranked)) * min(BANDS, len(ranked)) // len(ranked)
+    placed = np.zeros(len(force_n), np.int64)
+    placed[order] = bands
+    return placed
+
+
+def distinct(force_n: Forces) -> int:
+    """Return how many forces there are that differ by more than 10 %."""
+    if len(force_n) == 0:
+        return 0
+    ranked = np.sort(force_n)
+    return 1 + int(np.sum(ranked[1:] > ranked[:-1] * 1.1))
+
+
+def mean_error(
+    told_n: Forces, force_n: Forces, rng: np.random.Generator, draws: int = DRAWS
+) -> tuple[float, float, float]:
+    """Return the mean absolute error and its 95 % interval, newtons: presses drawn anew.
+
+    NaN where nothing was told.
+    """
+    errors = np.abs(told_n - force_n)
+    errors = errors[np.isfinite(errors)]
+    if len(errors) == 0:
+        return math.nan, math.nan, math.nan
+    means = errors[rng.integers(0, len(errors), (draws, len(errors)))].mean(axis=1)
+    low, high = np.percentile(means, [2.5, 97.5])
+    return float(errors.mean()), float(low), float(high)
