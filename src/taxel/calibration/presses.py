@@ -136,9 +136,7 @@ def _script(rows: list[tuple[str, dict[str, str], float, float]], sensor: Sensor
         if "reference_v" in labels:
             channel = _channel(labels["sensor"], sensor, where) if "sensor" in labels else None
             volts = _number(labels["reference_v"], "reference_v", where)
-            references.append(
-                Reference(channel=channel, volts=volts, start_s=start_s, end_s=end_s)
-            )
+            references.append(Reference(channel=channel, volts=volts, start_s=start_s, end_s=end_s))
             continue
         force_n = _number(labels.get("force_n", ""), "force_n", where)
         if not 0 < force_n <= LARGEST_FORCE_N:

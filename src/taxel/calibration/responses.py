@@ -166,7 +166,7 @@ def _press(
     end = np.uint8(Validity.SATURATED)
     high = samples.values[part, press.channel] > base[press.channel] + height / 2
     saturated = bool((((samples.validity[part, press.channel] & end) != 0) & high).any())
-    if not samples.usable[part, press.channel].all():
+    if not samples[part].usable[:, press.channel].all():
         height = math.nan
     clear = height > _CLEAR * noise[press.channel] and not saturated
     area = float(own.sum())

@@ -1,0 +1,239 @@
+"""What a calibration file says, as one HTML page and as lines for a terminal.
+
+No script, no link to another file. Knows nothing about recordings or how figures were made.
+"""
+
+from __future__ import annotations
+
+import base64
+import html
+import os
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from taxel.errors import RecordingFailed
+
+Document = Mapping[str, Any]
+
+COLUMNS = (
+    "sensor", "curve", "R²", "tells N", "V/N", "hysteresis %", "repeat %", "noise mV",
+    "hum mV", "drift mV/h", "rise ms", "error N", "line N",
+)  # fmt: skip
+"""Of the table of sensors."""
+NOTES = (
+    "tells N: from where the curve stands three noises above rest (below the smallest press that "
+    "is the curve's word alone) to where 95 % of presses lie within half of the force",
+    "V/N: slope at the middle force; hysteresis: falling less rising forces, share of the span",
+    "rise: 10 to 90 %, gauge and sensor together; noise: rms at the full rate; hum: 50 and 60 Hz",
+    "error N: mean error of presses held out, forces the sensor tells; line N: the same of a "
+    "straight line, the trivial baseline",
+)
+"""What the columns mean."""
+
+_STYLE = """
+body{font:15px/1.5 system-ui,sans-serif;max-width:1180px;margin:2rem auto;padding:0 1rem;
+color:#1b1f24}
+table{border-collapse:collapse;margin:.6rem 0 1.4rem;font-size:13px;
+font-variant-numeric:tabular-nums}
+th,td{padding:.2rem .55rem;border-bottom:1px solid #dde1e6;text-align:right;white-space:nowrap}
+th:first-child,td:first-child{text-align:left}thead th{border-bottom:2px solid #8894a3}
+.scroll{overflow-x:auto}figure{margin:1rem 0}img{max-width:100%}figcaption,small{color:#566170}
+code{background:#f0f2f5;padding:.1rem .3rem;border-radius:3px}
+@media(prefers-color-scheme:dark){body{background:#15181c;color:#e4e7eb}code{background:#272c33}
+th,td{border-color:#343b44}img{background:#fff;border-radius:4px}}
+"""
+
+
+def sensor_row(one: Mapping[str, Any]) -> list[str]:
+    """Return one sensor's cells, in the order of `COLUMNS`."""
+    rest, noise = one["rest"], one["noise"]
+    errors = one["errors"][-1] if one["errors"] else None
+    span = None
+    if one["curve"] is not None and one["volts"]:
+        span = max(one["volts"])
+    told = "–"
+    if one["largest_n"] is not None:
+        told = f"{_below(one)}{one['smallest_n']:.2g} … {one['largest_n']:.2g}"
+    hysteresis = one["hysteresis"]
+    return [
+        one["channel"],
+        one["why_none"] or ", ".join(f"{value:.3g}" for value in one["curve"].values()),
+        _text(one["r2"], "{:.3f}"),
+        told,
+        _text(one["sensitivity"][1][1] if one["sensitivity"] else None, "{:.3g}"),
+        _with_ends(hysteresis["mean_pct"], hysteresis["low_pct"], hysteresis["high_pct"], "{:+.1f}"),
+        _text(None if span is None else _share(one["repeatability_v"], span), "{:.1f}"),
+        _text(_milli(noise["rms_v"]), "{:.1f}"),
+        f"{_text(_milli(noise['hum_50_v']), '{:.1f}')} / {_text(_milli(noise['hum_60_v']), '{:.1f}')}",
+        "–" if rest is None else _text(_milli(rest["per_hour"]), "{:+.0f}"),
+        _text(_milli(one["rise_s"][0]), "{:.0f}"),
+        "–" if errors is None else _text(errors["curve_n"][0], "{:.3f}"),
+        "–" if errors is None else _text(errors["line_n"][0], "{:.3f}"),
+    ]
+
+
+def findings(document: Document) -> list[str]:
+    """Return what holds for the whole array, one plain line each."""
+    channels = document["channels"]
+    pressed = [one for one in channels if one["curve"] is not None]
+    scores = document["form_scores_aicc"]
+    others = ", ".join(f"{form} {score:.0f}" for form, score in scores.items())
+    low, high = document["forces_n"]
+    lines = [
+        f"{len(pressed)} of {len(channels)} sensors have a curve; form {document['form']} "
+        f"(AICc: {others}); forces {low:.2f} to {high:.2f} N, read at the press's "
+        f"{document['measure']}"
+    ]
+    for errors in document["errors"]:
+        lines.append(
+            f"error of held-out presses, {errors['split']} ({errors['presses']} presses): "
+            f"{_interval(errors['curve_n'])} N; straight line {_interval(errors['line_n'])} N"
+        )
+    for result in [document["at_one_force"], *document["references"]]:
+        lines.append(_uniform(result))
+    named = document["ghosts"]["named"]
+    lines.append(
+        "ghosts above 0.5 %: " + ("; ".join(named[:6]) + ("; …" if len(named) > 6 else "")
+                                  if named else "none that are sure")  # fmt: skip
+    )
+    falls = [one["fall_s"][0] for one in pressed if one["fall_s"][0] is not None]
+    if falls:
+        lines.append(
+            f"under a force that stays the signal sinks with a time constant of "
+            f"{1000 * min(falls):.0f} to {1000 * max(falls):.0f} ms"
+        )
+    floor = [one["channel"] for one in channels if (one["noise"]["at_floor"] or 0.0) > 0.2]
+    if floor:
+        lines.append(
+            "at rest these read 0 in more than a fifth of the scans, which hides noise, drift "
+            f"and small ghosts: {', '.join(floor)}"
+        )
+    lost = sum(one["saturated"] for one in channels), sum(one["unusable"] for one in channels)
+    if any(lost):
+        lines.append(
+            f"left out: {lost[0]} presses at the converter's end, {lost[1]} with unusable values"
+        )
+    return lines
+
+
+def write_page(path: Path, document: Document, command: str) -> None:
+    """Write the page, whole or not at all.
+
+    Args:
+        path: The file to write.
+        document: What the calibration file holds.
+        command: What made it.
+
+    Raises:
+        RecordingFailed: The disk refused.
+    """
+    from taxel.calibration import figures
+
+    sensor = document["sensor"]
+    title = f"Sensors of {sensor['name']} {sensor['serial']}".strip()
+    head = "".join(f"<th>{html.escape(name)}</th>" for name in COLUMNS)
+    body = "".join(
+        "<tr>" + "".join(f"<td>{html.escape(cell)}</td>" for cell in sensor_row(one)) + "</tr>"
+        for one in document["channels"]
+    )
+    conditions = ", ".join(f"{k} {v}" for k, v in document["conditions"].items()) or "not known"
+    sources = "; ".join(
+        f"{one['source']}, {one['presses']} presses" for one in document["made_from"]
+    )
+    parts = [
+        f"<h1>{html.escape(title)}</h1>",
+        f"<p>{html.escape(document['created'])}; {html.escape(sources)}. "
+        f"Conditions: {html.escape(conditions)}.</p>",
+        "<ul>" + "".join(f"<li>{html.escape(one)}</li>" for one in findings(document)) + "</ul>",
+        f'<div class="scroll"><table><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table>'
+        "</div>",
+        f"<p><small>{'. '.join(map(html.escape, NOTES))}.</small></p>",
+        "<h2>Force to voltage</h2>",
+        _figure(figures.curves(document), "Volts above the baseline over the gauge's newtons."),
+        "<h2>Error on presses that were not fitted on</h2>",
+        _figure(
+            figures.errors_by_force(document),
+            "Where the blue line meets the dotted one, the sensor tells no force.",
+        ),
+        "<h2>Uniformity</h2>",
+        _figure(
+            figures.uniformity(document),
+            "Dashed: median. Red diamonds: named as outliers. Grey arrows: the converter was at "
+            "its end, so the value says “at least”.",
+        ),
+        "<h2>Ghosts between channels</h2>",
+        _figure(figures.ghosts(document), "Area of each channel while another one is pressed."),
+        "<h2>At rest</h2>",
+        _figure(figures.rest(document), "Noise and hum; drift with its 95 % interval."),
+        f"<h2>How this was made</h2><p><code>{html.escape(command)}</code></p>"
+        f"<p><small>{html.escape(document['software'])}; calibration "
+        f"{document['sha256'][:12]}.</small></p>",
+    ]
+    page = (
+        f'<!doctype html><html lang="en"><meta charset="utf-8"><title>{html.escape(title)}</title>'
+        '<meta name="viewport" content="width=device-width,initial-scale=1">'
+        f"<style>{_STYLE}</style><body>{''.join(parts)}</body></html>\n"
+    )
+    part = path.with_name(path.name + ".part")
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        part.write_text(page, encoding="utf-8")
+        os.replace(part, path)
+    except OSError as error:
+        part.unlink(missing_ok=True)
+        raise RecordingFailed(
+            f"needed to write {path}; got {error.strerror or error}; choose another place."
+        ) from error
+
+
+def _uniform(result: Mapping[str, Any]) -> str:
+    ends = sum(result["at_least"])
+    if result["spread_pct"] is None:
+        return f"at {result['at']}: {ends} channels at the converter's end, nothing to compare"
+    text = (
+        f"at {result['at']}: channels alike within {result['spread_pct']:.2g} % (standard "
+        f"deviation), {result['range_pct']:.2g} % from lowest to highest"
+    )
+    far = ", ".join(
+        f"{name}" for name in result["outliers"]
+    )
+    return text + (f"; far off: {far}" if far else "; none far off")
+
+
+def _figure(png: bytes, caption: str) -> str:
+    data = base64.b64encode(png).decode()
+    return (
+        f'<figure><img alt="{html.escape(caption)}" src="data:image/png;base64,{data}">'
+        f"<figcaption>{html.escape(caption)}</figcaption></figure>"
+    )
+
+
+def _below(one: Mapping[str, Any]) -> str:
+    """Return "≤ " where the smallest force told is the curve's word alone."""
+    return "≤ " if one["smallest_n"] < min(one["force_n"]) else ""
+
+
+def _interval(interval: Sequence[float | None]) -> str:
+    value, low, high = interval
+    return f"{_text(value, '{:.3f}')} [{_text(low, '{:.3f}')}, {_text(high, '{:.3f}')}]"
+
+
+def _with_ends(
+    value: float | None, low: float | None, high: float | None, form: str
+) -> str:
+    if value is None:
+        return "–"
+    return f"{form.format(value)} [{_text(low, form)}, {_text(high, form)}]"
+
+
+def _text(value: float | None, form: str) -> str:
+    return "–" if value is None else form.format(value)
+
+
+def _milli(value: float | None) -> float | None:
+    return None if value is None else 1000.0 * value
+
+
+def _share(value: float | None, of: float) -> float | None:
+    return None if value is None or of <= 0 else 100.0 * value / of
