@@ -4,6 +4,7 @@
 #define LONGEST_TICK_US 32768UL /* timer 1: 65,536 halves of a microsecond */
 #define ADC_CLOCKS 13           /* a conversion. Source: the ATmega2560's datasheet */
 #define STEP_US 7               /* from a conversion's end to the next one's start; measured, 0020 */
+#define BYTE_US 13              /* to pack, check and send a byte, all interrupts; measured, 0020 */
 #define SCAN_US 12              /* from the timer's interrupt to the first start, and the end */
 
 uint8_t daq_plan(const uint8_t *channels, uint8_t count, uint8_t ground_reads, daq_step *steps) {
@@ -28,8 +29,12 @@ uint8_t daq_timing_of(const daq *board, uint16_t rate_hz, daq_timing *timing) {
   uint32_t scan_us =
       SCAN_US + board->steps * (STEP_US + (uint32_t)ADC_CLOCKS * board->prescaler / 16);
   uint32_t frame = 10UL + 2UL * board->channels + 6;
-  /* Ten bits a byte; a tenth stays free for heartbeats and answers. */
-  if (scan_us > period_us || frame * rate_hz * 100 > board->baud * 9) return 0;
+  uint32_t busy_us = board->steps * STEP_US + frame * BYTE_US;
+  /* Ten bits a byte; a tenth of the line and a twentieth of the processor stay free. */
+  if (scan_us > period_us || frame * rate_hz * 100 > board->baud * 9 ||
+      busy_us * 20 > period_us * 19) {
+    return 0;
+  }
   uint16_t parts = 1;
   while (period_us % parts || period_us / parts > LONGEST_TICK_US) parts++;
   timing->rate_hz = rate_hz;

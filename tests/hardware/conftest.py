@@ -12,8 +12,7 @@ from pathlib import Path
 
 import pytest
 
-
-
+from taxel.bench.board_emulator import INSTALL, Firmware, build_firmware, missing_parts
 
 FIRMWARE = Path(__file__).parents[2] / "firmware"
 STRICT = ("-std=c11", "-Wall", "-Wextra", "-Werror", "-g", "-O1",
@@ -30,7 +29,8 @@ class HostProgram:
 
     def ask(self, line: str) -> str:
         """Return the answer to a line."""
-        assert self._process.stdin is not None and self._process.stdout is not None
+        assert self._process.stdin is not None
+        assert self._process.stdout is not None
         self._process.stdin.write(line + "\n")
         self._process.stdin.flush()
         answer = self._process.stdout.readline()
@@ -39,7 +39,8 @@ class HostProgram:
 
     def close(self) -> None:
         """End it; a complaint of a sanitizer is a failure."""
-        assert self._process.stdin is not None and self._process.stdout is not None
+        assert self._process.stdin is not None
+        assert self._process.stdout is not None
         self._process.stdin.close()
         self._process.stdout.close()
         assert self._process.wait(10) == 0
@@ -109,3 +110,10 @@ def daq(daq_program: Path) -> Iterator[HostProgram]:
     yield from _running(daq_program)
 
 
+@pytest.fixture(scope="session")
+def firmware() -> Firmware:
+    """The firmware built for the ATmega2560, and the emulator."""
+    missing = missing_parts()
+    if missing:
+        pytest.skip(f"no {', '.join(missing)}: {INSTALL}")
+    return build_firmware()

@@ -1,11 +1,18 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 #include "taxel_frame.h"
 
+#ifdef __AVR__
+#include <util/crc16.h>
+
+/* The same in 17 instructions; the shifts below would take over a hundred there. */
+uint16_t taxel_crc(uint16_t crc, uint8_t byte) { return _crc_xmodem_update(crc, byte); }
+#else
 uint16_t taxel_crc(uint16_t crc, uint8_t byte) {
   uint8_t x = (uint8_t)((crc >> 8) ^ byte);
   x ^= (uint8_t)(x >> 4);
   return (uint16_t)((crc << 8) ^ ((uint16_t)x << 12) ^ ((uint16_t)x << 5) ^ x);
 }
+#endif
 
 static uint16_t crc_of(const uint8_t *bytes, uint8_t size) {
   uint16_t crc = 0xFFFF;

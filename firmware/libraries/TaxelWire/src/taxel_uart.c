@@ -26,11 +26,6 @@ ISR(USART0_RX_vect) {
   came_to = next;
 }
 
-static void put(uint8_t byte) {
-  sending[sent_to] = byte;
-  sent_to = (uint8_t)(sent_to + 1);
-}
-
 static void go(void) {
   uint8_t sreg = SREG;
   cli();
@@ -45,7 +40,8 @@ void taxel_uart_begin(uint32_t baud) {
   UBRR0H = (uint8_t)(divider >> 8);
   UBRR0L = (uint8_t)divider;
   UCSR0B = _BV(RXEN0) | _BV(TXEN0) | _BV(RXCIE0);
-  put(0);
+  sending[0] = 0;
+  sent_to = 1;
   go();
 }
 
@@ -54,8 +50,10 @@ uint8_t taxel_uart_send(const uint8_t *payload, uint8_t size) {
   uint8_t length = taxel_frame(payload, size, frame);
   uint8_t room = (uint8_t)(sent_from - sent_to - 1);
   if (length == 0 || room <= length) return 0;
-  put(0);
-  for (uint8_t i = 0; i < length; i++) put(frame[i]);
+  uint8_t to = sent_to;
+  sending[to++] = 0;
+  for (uint8_t i = 0; i < length; i++) sending[to++] = frame[i];
+  sent_to = to; /* only now does the interrupt see them */
   go();
   return 1;
 }
