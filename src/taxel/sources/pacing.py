@@ -5,8 +5,10 @@ Knows nothing about where samples come from.
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Iterator
 from dataclasses import replace
+from itertools import islice
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,6 +22,10 @@ Stretch = tuple[Samples, list[Mark]]
 
 _BUNDLE_S = 0.005
 """Scans that come within this time are given together, as USB does: 5 at 1 kHz. Our choice."""
+_AHEAD = 6
+"""Frames fetched before they fall due: three moments of two cameras. Our choice."""
+_SPARE_S = 0.006
+"""Idle time that fetching ahead needs, seconds: a chunk takes 1 to 4 ms. Our choice."""
 _BURST_FRAMES = 64
 """As above, for a source without scans. Our choice."""
 _BURST_SCANS = 4096
@@ -60,6 +66,8 @@ class Pacer:
         clock: The clock to wait on.
         speed: A factor of real time; infinity gives all that is there.
         frames: The cameras' frames on the same clock, oldest first.
+        ahead: Fetch the next frames and stretches while nothing is due, as a recording's can be
+            and those of a simulator that is being acted on cannot.
     """
 
     def __init__(
@@ -69,8 +77,12 @@ class Pacer:
         clock: Clock,
         speed: float,
         frames: Iterator[Frame] | None = None,
+        *,
+        ahead: bool = False,
     ) -> None:
         self._stretches = stretches
+        self._later: deque[Stretch] = deque()
+        self._may_fetch_ahead = ahead
         self._clock = clock
         self._speed = speed
         self._opened_s = clock.now_s()
@@ -82,9 +94,10 @@ class Pacer:
         self._scans_given_s = self._frames_given_s = -np.inf
         self._over = False
         self._frames = iter(()) if frames is None else frames
+        self._ahead: deque[Frame] = deque()
         self._given_frames: list[Frame] = []
-        self._next_frame = next(self._frames, None)
-        self._first_frame_s = self._next_frame.fitted_s if self._next_frame else np.inf
+        first = self._next_frame
+        self._first_frame_s = first.fitted_s if first else np.inf
         self._fetch()
 
     @property
@@ -118,6 +131,8 @@ class Pacer:
         if self._speed == np.inf:
             return self._take_burst()
         scan_s, frame_s = self._scan_due_s(), self._frame_due_s()
+        if self._may_fetch_ahead and min(scan_s, frame_s) > self._clock.now_s() + _SPARE_S:
+            self._fetch_ahead()
         now_s = self._clock.now_s()
         if min(scan_s, frame_s) > now_s:
             # Scans are given some at a time; no frame waits for that.
@@ -146,9 +161,25 @@ class Pacer:
     def close(self) -> None:
         """Give nothing more, and let go of the stream."""
         self._over = True
-        self._next_frame, self._frames, self._given_frames = None, iter(()), []
+        self._frames, self._given_frames = iter(()), []
+        self._ahead.clear()
         self._head, self._marks = self._none, []
         self._stretches = iter(())
+        self._later.clear()
+
+    def _fetch_ahead(self) -> None:
+        """Fetch while there is time: reading a frame then delays none that is due."""
+        if len(self._ahead) < _AHEAD:
+            self._ahead.extend(islice(self._frames, _AHEAD - len(self._ahead)))
+        elif not self._later:
+            self._later.extend(islice(self._stretches, 1))
+
+    @property
+    def _next_frame(self) -> Frame | None:
+        """The next frame to give; fetched now where none was fetched ahead."""
+        if not self._ahead:
+            self._ahead.extend(islice(self._frames, 1))
+        return self._ahead[0] if self._ahead else None
 
     def _scan_due_s(self) -> float:
         return float(self._due_s[0]) if len(self._head) else np.inf
@@ -168,7 +199,7 @@ class Pacer:
             )
             self._given_frames.append(moved)
             self._frames_given_s = moved.fitted_s
-            self._next_frame = next(self._frames, None)
+            self._ahead.popleft()
             self._fetch()
 
     def _take_burst(self) -> Samples:
@@ -207,7 +238,7 @@ class Pacer:
         """
         waiting: list[Mark] = []
         while not len(self._head) and not self._over:
-            stretch = next(self._stretches, None)
+            stretch = self._later.popleft() if self._later else next(self._stretches, None)
             if stretch is None:
                 self._over = True
                 break

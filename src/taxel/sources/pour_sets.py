@@ -9,7 +9,7 @@ from __future__ import annotations
 import os
 import shutil
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -187,7 +187,8 @@ def video_frames(
             while latest[camera][0] < shown:
                 latest[camera] = (latest[camera][0] + 1, encode_jpeg(next(video.images)))
             frames.append(frame_of(camera, latest[camera][1], shown, video.times, float(time_s)))
-        yield frames, Samples.from_values(track.truth[index : index + 1], track.time_s[[index]])
+        scan = Samples.from_values(track.truth[index : index + 1], track.time_s[[index]])
+        yield frames, replace(scan, counter=np.array([index]))
 
 
 def frame_of(camera: int, jpeg: bytes, shown: int, times: CameraTimes, time_s: float) -> Frame:

@@ -53,7 +53,7 @@ class Replay:
         # Frames are read on their own: a recording's scans and frames lie in different
         # chunks, and neither may wait for the other.
         frames = iterate_frames(path) if manifest.cameras else iter(())
-        self._pacer = Pacer(stretches, len(self._info.channels), clock, speed, frames)
+        self._pacer = Pacer(stretches, len(self._info.channels), clock, speed, frames, ahead=True)
 
     @property
     def info(self) -> SensorInfo:

@@ -8,6 +8,8 @@ files or waiting.
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -125,7 +127,8 @@ class SteppedPour:
         if look:
             for eye, motion in zip(self._eyes, self._motions, strict=True):
                 frames.append(eye.look(motion, self._fine_s[until], index, time_s))
-        return frames, Samples.from_values(self._truth[index : index + 1], np.array([time_s]))
+        scan = Samples.from_values(self._truth[index : index + 1], np.array([time_s]))
+        return frames, replace(scan, counter=np.array([index]))
 
     def track(self) -> PourTrack:
         """Return the truth so far, and how the gels moved."""

@@ -118,6 +118,7 @@ class _GraspWatcher:
                 self._watch(sets, taken_s, pulse)
                 sets = []
                 self._monitor.reset()
+                self._writer.put(pack({"kind": "new grasp"}))
         self._watch(sets, taken_s, pulse)
 
     def spoil(self) -> None:

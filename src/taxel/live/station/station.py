@@ -121,6 +121,7 @@ class Station:
         )
         self._actuators: list[Actuator] = []
         self._faults: dict[str, str] = {}
+        self._releasing = False
         self.latencies = Latencies()
         self._answers: dict[str, dict[str, Any]] = {}
         self.recording = dict(_NO_RECORDING)
@@ -174,9 +175,6 @@ class Station:
         """Tell every monitor that the next moments are a new grasp's settled first ones."""
         for mind in self._minds:
             mind.to.put(pack({"do": "new grasp"}))
-        least_n = self.config.interlock.min_n
-        self.guard.new_grasp(least_n)
-        self.guard.interlock.release(least_n)
 
     def drive(self, actuator: Actuator) -> None:
         """Give each tick's order to one more actuator, which is connected."""
@@ -198,6 +196,11 @@ class Station:
     def ledger(self) -> dict[str, dict[str, int]]:
         """Return, for each process, what it made, took in and lost."""
         return self._crew.ledger() if self._final is None else self._final
+
+    def last_beat_s(self, name: str) -> float:
+        """Return when a process last gave a sign of life, monotonic seconds."""
+        row = next(worker.row for worker in self._crew.workers if worker.name == name)
+        return self._beats.read(row).beat_s
 
     def view_config(self, recordings: Path) -> ViewConfig:
         """Return what the page needs to see this station.
@@ -250,6 +253,8 @@ class Station:
         self._look(now_s)
         faults = hear_all(self.guard.interlock, self._actuators, now_s)
         order = self.guard.tick(now_s)
+        if self._releasing:
+            self._releasing = not self.guard.interlock.release(self.config.interlock.min_n)
         for actuator in self._actuators:
             actuator.tell(self.guard.decision, order, now_s)
         acted_s = monotonic()
@@ -299,7 +304,9 @@ class Station:
         for mind in self._minds:
             for note in _notes(mind.heard):
                 heard.append(note)
-                if note["kind"] == "grasp":
+                if note["kind"] == "new grasp":
+                    self._begin_grasp()
+                elif note["kind"] == "grasp":
                     self.guard.decide(mind.worker.name, note)
                     self._weigh_late(note, now_s)
                 else:
@@ -314,6 +321,11 @@ class Station:
         for wish in _notes(self._requests):
             self._grant(wish)
         return heard
+
+    def _begin_grasp(self) -> None:
+        """Begin again at the least force, once the new grasp is calm: that is the robot's doing."""
+        self.guard.new_grasp(self.config.interlock.min_n)
+        self._releasing = True
 
     def _weigh_actuators(self, faults: dict[str, str], now_s: float) -> None:
         for name in self._faults.keys() - faults.keys():
