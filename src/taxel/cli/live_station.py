@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from contextlib import ExitStack
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -75,16 +75,15 @@ def live_station(options: StationOptions) -> dict[str, Any]:
             actuator.connect()
         force = next((one.force for one in actuators if one.force is not None), _range(options))
         simulated = options.gripper == SIMULATED
+        interlock = InterlockConfig(
+            min_n=force.least_n, max_n=max(force.least_n, min(force.max_n, options.most_n))
+        )
         config = StationConfig(
             sources=options.sources,
             bundles=options.bundles,
             least_confidence=options.least_confidence,
             guard=GuardConfig(silent_s=_PATIENT_S) if simulated else GuardConfig(),
-            interlock=InterlockConfig(
-                min_n=force.least_n,
-                max_n=max(force.least_n, min(force.max_n, options.most_n)),
-                watchdog_s=_PATIENT_S if simulated else InterlockConfig.watchdog_s,
-            ),
+            interlock=replace(interlock, watchdog_s=_PATIENT_S) if simulated else interlock,
         )
         stopped = stack.enter_context(stop_signals())
         station = stack.enter_context(Station(config))
