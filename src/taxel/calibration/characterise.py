@@ -197,7 +197,7 @@ def characterise(
         sensor=sensor,
         measure=measure,
         form=form,
-        form_scores=dict(scores),
+        form_scores={str(name): score for name, score in scores.items()},
         sensors=sensors,
         forces_n=(float(every.min()), float(every.max())),
         at_one_force=_at_one_force(sensors, sensor),
@@ -248,7 +248,7 @@ class _Presses:
 
     @property
     def good(self) -> NDArray[np.bool_]:
-        return ~self.saturated & np.isfinite(self.all_volts)
+        return np.asarray(~self.saturated & np.isfinite(self.all_volts))
 
     @property
     def force_n(self) -> Array:
@@ -406,12 +406,14 @@ def _held_out(own: _Presses, form: Form, largest_n: float) -> tuple[tuple[str, H
     found = [
         (split, hold_out(form, own.force_n, own.volts, folds)) for split, folds in own.splits()
     ]
-    split, first = found[0]
-    inside = first.only(first.force_n <= largest_n)
+    split, folds = own.splits()[0]
+    inside = own.force_n <= largest_n
+    # The line gets its best chance: laid through the presses of this range alone.
+    alone = hold_out(form, own.force_n[inside], own.volts[inside], folds[inside])
     within = HeldOut(
-        force_n=inside.force_n,
-        told_n=np.minimum(inside.told_n, largest_n),
-        line_n=np.minimum(inside.line_n, largest_n),
+        force_n=alone.force_n,
+        told_n=np.minimum(found[0][1].told_n[inside], largest_n),
+        line_n=np.minimum(alone.line_n, largest_n),
     )
     found.append((f"{split}, {TOLD_ONLY}", within))
     return tuple(found)

@@ -19,6 +19,8 @@ matplotlib.use("Agg")
 from matplotlib import pyplot as plt
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.patches import Rectangle
 
 from taxel.calibration.curves import Curve
 
@@ -45,10 +47,10 @@ def curves(document: Document) -> bytes:
     for axes in grid[-1]:
         axes.set_xlabel("N", fontsize=8)
     handles = [
-        plt.Line2D([], [], marker="^", ls="", color=_UP, ms=4, label="rising forces"),
-        plt.Line2D([], [], marker="v", ls="", color=_DOWN, ms=4, label="falling forces"),
-        plt.Line2D([], [], color="black", lw=1.2, label="curve, 95 % band"),
-        plt.Rectangle((0, 0), 1, 1, color="#e3ecd9", label="forces it tells"),
+        Line2D([], [], marker="^", ls="", color=_UP, ms=4, label="rising forces"),
+        Line2D([], [], marker="v", ls="", color=_DOWN, ms=4, label="falling forces"),
+        Line2D([], [], color="black", lw=1.2, label="curve, 95 % band"),
+        Rectangle((0, 0), 1, 1, color="#e3ecd9", label="forces it tells"),
     ]
     figure.legend(handles=handles, loc="outside upper center", ncols=4, fontsize=8, frameon=False)
     return _png(figure)
@@ -94,6 +96,7 @@ def errors_by_force(document: Document) -> bytes:
     ticks = [float(f"{one:.2g}") for one in force]
     axes.set_xticks(ticks, [f"{one:g}" for one in ticks], fontsize=8)
     axes.minorticks_off()
+    axes.yaxis.set_major_formatter(lambda value, _: f"{value:g}")
     axes.spines[["top", "right"]].set_visible(False)
     axes.grid(alpha=0.25)
     axes.legend(fontsize=8, frameon=False)
@@ -153,6 +156,8 @@ def ghosts(document: Document) -> bytes:
     shown = axes.imshow(share, cmap=colours, vmin=-largest, vmax=largest)
     for row, column in np.argwhere(np.isfinite(share)):
         value = share[row, column]
+        if abs(value) < 0.05:
+            continue
         axes.text(column, row, f"{value:.1f}", ha="center", va="center", fontsize=6,
                   color="white" if abs(value) > 0.7 * largest else "black")  # fmt: skip
     ticks = range(len(names))

@@ -194,7 +194,7 @@ def _refit(
         step = np.linalg.solve(damped, side[..., None])[..., 0]
         # No draw wanders further than a factor of 100, as in the fit itself.
         logs = np.clip(logs + np.clip(step, -0.5, 0.5), centre - 4.6, centre + 4.6)
-    return np.exp(logs)
+    return np.asarray(np.exp(logs))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -231,7 +231,7 @@ def hold_out(form: Form, force_n: Forces, volts: Volts, folds: NDArray[np.int64]
         out = folds == fold
         for kind, into in ((form, told), ("line", line)):
             try:
-                curve = fit_curve(kind, force_n[~out], volts[~out])  # type: ignore[arg-type]
+                curve = fit_curve(kind, force_n[~out], volts[~out])
             except NoCurve:
                 continue
             into[out] = np.minimum(curve.force_n(volts[out]), force_n[~out].max())

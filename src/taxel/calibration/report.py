@@ -21,6 +21,8 @@ COLUMNS = (
     "hum mV", "drift mV/h", "rise ms", "error N", "line N",
 )  # fmt: skip
 """Of the table of sensors."""
+NARROW = tuple(name for name in COLUMNS if name not in ("curve", "hum mV"))
+"""Those of them that fit a terminal."""
 NOTES = (
     "tells N: from where the curve stands three noises above rest (below the smallest press that "
     "is the curve's word alone) to where 95 % of presses lie within half of the force",
@@ -62,15 +64,26 @@ def sensor_row(one: Mapping[str, Any]) -> list[str]:
         _text(one["r2"], "{:.3f}"),
         told,
         _text(one["sensitivity"][1][1] if one["sensitivity"] else None, "{:.3g}"),
-        _with_ends(hysteresis["mean_pct"], hysteresis["low_pct"], hysteresis["high_pct"], "{:+.1f}"),
+        _with_ends(
+            hysteresis["mean_pct"], hysteresis["low_pct"], hysteresis["high_pct"], "{:+.1f}"
+        ),
         _text(None if span is None else _share(one["repeatability_v"], span), "{:.1f}"),
         _text(_milli(noise["rms_v"]), "{:.1f}"),
-        f"{_text(_milli(noise['hum_50_v']), '{:.1f}')} / {_text(_milli(noise['hum_60_v']), '{:.1f}')}",
+        " / ".join(_text(_milli(noise[hum]), "{:.1f}") for hum in ("hum_50_v", "hum_60_v")),
         "–" if rest is None else _text(_milli(rest["per_hour"]), "{:+.0f}"),
         _text(_milli(one["rise_s"][0]), "{:.0f}"),
         "–" if errors is None else _text(errors["curve_n"][0], "{:.3f}"),
         "–" if errors is None else _text(errors["line_n"][0], "{:.3f}"),
     ]
+
+
+def narrow_row(one: Mapping[str, Any]) -> list[str]:
+    """Return one sensor's cells, in the order of `NARROW`; intervals are left out."""
+    cells = dict(zip(COLUMNS, sensor_row(one), strict=True))
+    if one["why_none"]:
+        cells["tells N"] = one["why_none"]
+    cells["hysteresis %"] = cells["hysteresis %"].partition(" ")[0]
+    return [cells[name] for name in NARROW]
 
 
 def findings(document: Document) -> list[str]:
@@ -93,10 +106,8 @@ def findings(document: Document) -> list[str]:
     for result in [document["at_one_force"], *document["references"]]:
         lines.append(_uniform(result))
     named = document["ghosts"]["named"]
-    lines.append(
-        "ghosts above 0.5 %: " + ("; ".join(named[:6]) + ("; …" if len(named) > 6 else "")
-                                  if named else "none that are sure")  # fmt: skip
-    )
+    more = "; …" if len(named) > 6 else ""
+    lines.append(f"ghosts above 0.5 %: {'; '.join(named[:6]) or 'none that are sure'}{more}")
     falls = [one["fall_s"][0] for one in pressed if one["fall_s"][0] is not None]
     if falls:
         lines.append(
@@ -195,9 +206,7 @@ def _uniform(result: Mapping[str, Any]) -> str:
         f"at {result['at']}: channels alike within {result['spread_pct']:.2g} % (standard "
         f"deviation), {result['range_pct']:.2g} % from lowest to highest"
     )
-    far = ", ".join(
-        f"{name}" for name in result["outliers"]
-    )
+    far = ", ".join(f"{name}" for name in result["outliers"])
     return text + (f"; far off: {far}" if far else "; none far off")
 
 
@@ -219,9 +228,7 @@ def _interval(interval: Sequence[float | None]) -> str:
     return f"{_text(value, '{:.3f}')} [{_text(low, '{:.3f}')}, {_text(high, '{:.3f}')}]"
 
 
-def _with_ends(
-    value: float | None, low: float | None, high: float | None, form: str
-) -> str:
+def _with_ends(value: float | None, low: float | None, high: float | None, form: str) -> str:
     if value is None:
         return "–"
     return f"{form.format(value)} [{_text(low, form)}, {_text(high, form)}]"

@@ -204,7 +204,7 @@ def _base(
 
 def _rise_s(raw: NDArray[np.float64], peak: int, height: float, rate_hz: float) -> float:
     """Return the time from 10 to 90 %, between scans where they allow, seconds."""
-    light = np.convolve(raw, np.ones(3) / 3.0, mode="same")[: peak + 1]
+    light = np.asarray(np.convolve(raw, np.ones(3) / 3.0, mode="same")[: peak + 1], np.float64)
     tenth = _crossing(light, 0.1 * height)
     most = _crossing(light, 0.9 * height)
     if not (math.isfinite(tenth) and math.isfinite(most)):

@@ -156,9 +156,7 @@ class ForceGauge:
                                  labels={"reference_v": f"{volts:g}"})]  # fmt: skip
         yield self.rest(1.0), []
 
-    def press(
-        self, sensor: int, force_n: float, heavier_n: float = 0.0
-    ) -> tuple[Samples, Mark]:
+    def press(self, sensor: int, force_n: float, heavier_n: float = 0.0) -> tuple[Samples, Mark]:
         """Press one sensor and let go, then rest; return the scans and the press's mark.
 
         Args:
@@ -172,8 +170,8 @@ class ForceGauge:
         gain = math.exp(self._rng.normal(0.0, gauge.scatter))
         gain *= 1.0 + gauge.memory * max(heavier_n - force_n, 0.0) / 5.0
         length_s = 2 * gauge.rise_s + gauge.hold_s
-        time_s = np.arange(round((length_s + gauge.rest_s) * self._hand.rate_hz))
-        time_s = time_s / self._hand.rate_hz
+        scans = round((length_s + gauge.rest_s) * self._hand.rate_hz)
+        time_s = np.arange(scans, dtype=np.float64) / self._hand.rate_hz
         up = _smooth_step(time_s / gauge.rise_s)
         down = _smooth_step((time_s - gauge.rise_s - gauge.hold_s) / gauge.rise_s)
         touch = full_voltage(self._session, gauge.material, pressed_n) * (up - down)
