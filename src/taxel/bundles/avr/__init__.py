@@ -1,0 +1,1 @@
+"""The image network as 8-bit C for the ATmega2560."""

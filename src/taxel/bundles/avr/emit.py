@@ -1,0 +1,228 @@
+"""Write the C of a network in integers: sizes, numbers in flash, and the run-time beside them.
+
+Knows nothing about how the numbers were found or how C is compiled.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from math import floor
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from taxel.bundles.avr.integers import (
+    CERTAIN,
+    EXP_TABLE,
+    IntegerNetwork,
+    Layer,
+    quantise_counts,
+    run_integers,
+)
+from taxel.bundles.avr.quantise import ADC_BITS, Converter
+from taxel.bundles.contract import Contract
+from taxel.decisions.recognition import RecogniseConfig
+from taxel.errors import BadBundle, RecordingFailed
+
+_RUNTIME = Path(__file__).with_name("runtime")
+RUNTIME = ("taxel_cnn.h", "taxel_cnn.c", "taxel_window.h", "taxel_window.c")
+"""Files that are the same for every network."""
+_MOST_IN_A_ROW = 255 * 8
+"""The C loops count eights in one byte."""
+_TIME_SLACK = 1e-6
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class BoardWindow:
+    """What `taxel_window.c` must know, in converter counts and ticks."""
+
+    stride: int
+    tick_hz: int
+    gate_counts: int
+    """A row counts where a channel lies above; −1 takes all rows."""
+    end_counts: int
+    """From here on a value stands at the converter's end."""
+    gap_ticks: int
+    """Rows further apart never share a window."""
+    least_confidence: int
+    """Below this, of 255, the answer is not given."""
+
+
+def board_window(contract: Contract, converter: Converter, full_scale: float | None) -> BoardWindow:
+    """Return a bundle's window as a board cuts it.
+
+    Args:
+        contract: The bundle's.
+        converter: The board's.
+        full_scale: The sensor's largest value, volts; None where unknown.
+
+    Raises:
+        BadBundle: The window needs what `taxel_window.c` cannot do.
+    """
+    window = contract.window
+    for wrong, got in (
+        (window.layout != "B", "layout A"),
+        (window.pad, "padded windows"),
+        (window.tare, "windows tared by their first row"),
+        (set(contract.units) != {"V"}, f"units {', '.join(sorted(set(contract.units)))}"),
+    ):
+        if wrong:
+            raise BadBundle("whole windows of 12 scans or so, in volts", got,
+                            "train with another window")  # fmt: skip
+    tick_hz = window.grid_hz or contract.rate_hz
+    if tick_hz != round(tick_hz) or 1_000_000 % round(tick_hz) or not 31 <= tick_hz <= 500:
+        raise BadBundle(
+            "31 to 500 rows/s, a whole number that divides 1,000,000", f"{tick_hz:g}",
+            "train with --grid 100",
+        )  # fmt: skip
+    top = 2**ADC_BITS - 1
+    end = top if full_scale is None else int(converter.counts(np.full(1, full_scale))[0])
+    gate = -1 if window.gate is None else converter.last_below(window.gate)
+    return BoardWindow(
+        stride=window.stride,
+        tick_hz=round(tick_hz),
+        gate_counts=gate,
+        end_counts=end,
+        gap_ticks=floor(window.max_gap_s * tick_hz + _TIME_SLACK),
+        least_confidence=round(RecogniseConfig().least_confidence * CERTAIN + 0.5),
+    )
+
+
+def write_c(
+    folder: Path,
+    network: IntegerNetwork,
+    window: BoardWindow,
+    converter: Converter,
+    contract: Contract,
+    check: NDArray[np.uint16],
+) -> list[Path]:
+    """Write `taxel_model.h`, `taxel_weights.h` and the run-time; return the files.
+
+    Args:
+        folder: Made where it does not exist; files of these names are replaced.
+        network: In integers.
+        window: As the board cuts it.
+        converter: The board's.
+        contract: What the bundle says of itself.
+        check: A window of counts, shape (rows, columns), whose answer the board checks at boot.
+
+    Raises:
+        BadBundle: The network is too large for the loops.
+        RecordingFailed: The disk refused.
+    """
+    flat = network.hidden.weights.shape[1]
+    if flat > _MOST_IN_A_ROW or max(network.rows, network.columns) > 128:
+        raise BadBundle(
+            f"at most {_MOST_IN_A_ROW} values before the hidden layer and sides of at most 128",
+            f"{flat} and {network.rows}×{network.columns}", "train on smaller windows",
+        )  # fmt: skip
+    texts = {
+        "taxel_model.h": _model(network, window, converter, contract),
+        "taxel_weights.h": _weights(network, check),
+        **{name: (_RUNTIME / name).read_text() for name in RUNTIME},
+    }
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        for name, text in texts.items():
+            (folder / name).write_text(text)
+    except OSError as error:
+        raise RecordingFailed(
+            f"needed to write {folder}; got {error.strerror or error}; "
+            "make room or choose another place."
+        ) from error
+    return [folder / name for name in texts]
+
+
+def _model(
+    network: IntegerNetwork, window: BoardWindow, converter: Converter, contract: Contract
+) -> str:
+    """Return sizes, window and names: what a sketch may include anywhere."""
+    low, high = network.input_ends
+    sizes = {
+        "TAXEL_ROWS": network.rows,
+        "TAXEL_COLUMNS": network.columns,
+        "TAXEL_FILTERS_1": len(network.first.biases),
+        "TAXEL_FILTERS_2": len(network.second.biases),
+        "TAXEL_HIDDEN": len(network.hidden.biases),
+        "TAXEL_CLASSES": len(network.last_biases),
+        "TAXEL_SIGNED_INPUT": int(network.signed),
+        "TAXEL_INPUT_LEAST": low,
+        "TAXEL_INPUT_LARGEST": high,
+        "TAXEL_EXP_SHIFT": network.exp_shift,
+        "TAXEL_EXP_MULTIPLIER": f"{network.exp_multiplier}U",
+        "TAXEL_STRIDE": window.stride,
+        "TAXEL_TICK_HZ": window.tick_hz,
+        "TAXEL_GATE_COUNTS": f"({window.gate_counts})",
+        "TAXEL_END_COUNTS": f"{window.end_counts}U",
+        "TAXEL_GAP_TICKS": f"{window.gap_ticks}UL",
+        "TAXEL_LEAST_CONFIDENCE": window.least_confidence,
+        "TAXEL_MODEL_REFERENCE_MV": f"{converter.reference_mv}U",
+    }
+    lines = [f"#define {name} {value}" for name, value in sizes.items()]
+    classes = ", ".join(_quoted(name) for name in contract.classes)
+    channels = ", ".join(_quoted(name) for name in contract.channels)
+    return (
+        f"{_head(contract)}"
+        "#ifndef TAXEL_MODEL_H\n#define TAXEL_MODEL_H\n\n" + "\n".join(lines) + "\n\n"
+        f"/* What it tells, and its classes in the order of their numbers. */\n"
+        f"#define TAXEL_TARGET {_quoted(contract.target)}\n"
+        f"#define TAXEL_CLASS_NAMES {classes}\n"
+        f"/* The window's columns, in order. */\n"
+        f"#define TAXEL_CHANNEL_NAMES {channels}\n\n#endif\n"
+    )
+
+
+def _weights(network: IntegerNetwork, check: NDArray[np.uint16]) -> str:
+    """Return the numbers, which only `taxel_cnn.c` includes."""
+    parts = ["/* Written by taxel bundle --target avr; included by taxel_cnn.c alone. */\n"]
+    for name, layer in (("first", network.first), ("second", network.second),
+                        ("hidden", network.hidden)):  # fmt: skip
+        parts.append(_array("int8_t", f"{name}_weights", layer.weights))
+        parts.append(_filters(name, layer))
+    parts.append(_array("int8_t", "last_weights", network.last_weights))
+    parts.append(_array("int32_t", "last_biases", network.last_biases))
+    parts.append(_array("int32_t", "input_factor", network.input_factor))
+    parts.append(_array("int32_t", "input_offset", network.input_offset))
+    image = quantise_counts(network, check[None])
+    answer = run_integers(network, image)
+    parts.append(_array("taxel_input", "check_image", image))
+    parts.append(_array("int32_t", "check_logits", answer.logits))
+    parts.append(f"#define TAXEL_CHECK_CONFIDENCE {answer.confidence[0]}\n")
+    parts.append("#define TAXEL_EXPS " + ", ".join(f"{one}U" for one in EXP_TABLE) + "\n")
+    return "\n".join(parts)
+
+
+def _filters(name: str, layer: Layer) -> str:
+    rows = zip(layer.biases, layer.multipliers, layer.shifts, strict=True)
+    body = "".join(f"  {{{bias}, {multiplier}U, {shift}}},\n" for bias, multiplier, shift in rows)
+    return f"static const filter {name}_filters[] PROGMEM = {{\n{body}}};\n"
+
+
+def _array(kind: str, name: str, values: NDArray[Any]) -> str:
+    flat = values.ravel().tolist()
+    body = "".join(f"  {_joined(flat[i : i + 18])},\n" for i in range(0, len(flat), 18))
+    return f"static const {kind} {name}[] PROGMEM = {{\n{body}}};\n"
+
+
+def _joined(values: Iterable[int]) -> str:
+    return ", ".join(map(str, values))
+
+
+def _quoted(text: str) -> str:
+    """Return a C string; what is not plain ASCII becomes a question mark."""
+    plain = "".join(one if " " <= one <= "~" and one not in '"\\' else "?" for one in text)
+    return f'"{plain}"'
+
+
+def _head(contract: Contract) -> str:
+    return (
+        "/* Written by taxel bundle --target avr: change the bundle, not this file.\n"
+        f" * Trained on data {contract.data_digest[:12]} with {_plain(contract.software)}. */\n"
+    )
+
+
+def _plain(text: str) -> str:
+    return text.replace("*/", "")

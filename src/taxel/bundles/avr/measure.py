@@ -1,0 +1,180 @@
+"""Compile the C and run it: on this machine, and on an emulated ATmega2560 whose clocks count.
+
+The emulator's program lies in `firmware/teng_classify/emulate` of a checkout and links libsimavr,
+which is under the GPL: it runs as a process of its own. Knows nothing about bundles or accuracy.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import shutil
+import subprocess
+import tempfile
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from taxel.bundles.avr.integers import Answers
+from taxel.errors import BadInput
+
+CLOCK_HZ = 16_000_000
+"""Of the Arduino Mega 2560."""
+HARNESS = Path(__file__).parents[4] / "firmware" / "teng_classify" / "emulate"
+AVR_PACKAGES = "gcc-avr avr-libc libsimavr-dev libelf-dev gcc"
+_SIMAVR = Path("/usr/include/simavr")
+_LONGEST_S = 600.0
+_STRICT = ("-std=gnu11", "-Wall", "-Wextra", "-Werror")
+_AVR = ("-mmcu=atmega2560", "-DF_CPU=16000000UL", "-Os", *_STRICT)
+"""-Os is what the Arduino IDE compiles with."""
+
+
+class _Answer(ctypes.Structure):
+    _fields_ = (("best", ctypes.c_uint8), ("confidence", ctypes.c_uint8))
+
+
+@dataclass(frozen=True, slots=True)
+class OnBoard:
+    """What an emulated ATmega2560 did."""
+
+    answers: Answers
+    clocks: NDArray[np.int64]
+    """Shape (n,): from the window in 8 bits to the answer."""
+    flash_bytes: int
+    """Of a program that only classifies: network, run-time, and the chip's start."""
+    ram_bytes: int
+    """Its variables, a window of raw counts among them, and the deepest stack."""
+
+    @property
+    def milliseconds(self) -> float:
+        """The slowest window at 16 MHz."""
+        return 1000.0 * int(self.clocks.max()) / CLOCK_HZ
+
+
+def without_host() -> str:
+    """Return why C cannot be compiled for this machine; empty where it can."""
+    return "" if shutil.which("gcc") else "no gcc: apt install gcc"
+
+
+def without_board() -> str:
+    """Return why no board can be emulated here; empty where one can."""
+    if not HARNESS.is_dir():
+        return "no emulator's program: it comes with a checkout, not with pip"
+    libraries = _SIMAVR.is_dir()
+    if libraries and all(shutil.which(tool) for tool in ("gcc", "avr-gcc", "avr-size")):
+        return ""
+    return f"no emulator: apt install {AVR_PACKAGES}"
+
+
+def run_on_host(folder: Path, counts: NDArray[np.uint16], classes: int) -> Answers:
+    """Return what the C that `write_c` wrote says on this machine.
+
+    Args:
+        folder: With the C.
+        counts: Windows, shape (n, rows, columns).
+        classes: How many there are.
+
+    Raises:
+        BadInput: There is no gcc, or it refuses the C.
+        OverflowError: A sum left 24 bits.
+    """
+    c = host_library(folder)
+    logits = (ctypes.c_int32 * classes).in_dll(c, "taxel_logits")
+    every = np.zeros((len(counts), 2 + classes), np.int64)
+    wide = np.ascontiguousarray(counts, np.uint16)
+    for number, window in enumerate(wide):
+        for row in range(window.shape[0]):
+            c.taxel_set_row(ctypes.c_uint8(row), ctypes.c_void_p(window[row].ctypes.data))
+        answer = c.taxel_classify()
+        every[number] = answer.best, answer.confidence, *logits
+    if overflows := ctypes.c_uint32.in_dll(c, "taxel_overflows").value:
+        raise OverflowError(f"{overflows} sums left 24 bits")
+    return _answers(every)
+
+
+def host_library(folder: Path) -> ctypes.CDLL:
+    """Return the C that `write_c` wrote, compiled for this machine; loaded, and gone from the disk.
+
+    Raises:
+        BadInput: There is no gcc, or it refuses the C.
+    """
+    if missing := without_host():
+        raise BadInput("a C compiler", missing, "install it")
+    with tempfile.TemporaryDirectory(prefix="taxel-") as scratch:
+        library = Path(scratch) / "network.so"
+        sources = [str(folder / name) for name in ("taxel_cnn.c", "taxel_window.c")]
+        _compile(["gcc", "-O2", *_STRICT, "-shared", "-fPIC", "-o", str(library), *sources])
+        c = ctypes.CDLL(str(library))
+    for name in ("taxel_self_check", "taxel_window_push", "taxel_doubt"):
+        getattr(c, name).restype = ctypes.c_uint8
+    c.taxel_classify.restype = _Answer
+    return c
+
+
+def run_on_board(
+    folder: Path, counts: NDArray[np.uint16], classes: int, options: tuple[str, ...] = ()
+) -> OnBoard:
+    """Return what the C says on an emulated ATmega2560, and what it takes.
+
+    Args:
+        folder: With the C.
+        counts: Windows, shape (n, rows, columns), n ≥ 1; 25 a second or so are emulated.
+        classes: How many there are.
+        options: More of the compiler's, such as ("-DTAXEL_PLAIN_C",).
+
+    Raises:
+        BadInput: There is no emulator here, or a compiler refuses.
+    """
+    if missing := without_board():
+        raise BadInput("an emulated ATmega2560", missing, "install it, or leave the figures out")
+    with tempfile.TemporaryDirectory(prefix="taxel-") as scratch:
+        elf, emulator = Path(scratch) / "windows.elf", Path(scratch) / "run_windows"
+        _compile(["avr-gcc", *_AVR, *options, f"-I{folder}", "-o", str(elf),
+                  str(HARNESS / "windows_avr.c"), str(folder / "taxel_cnn.c")])  # fmt: skip
+        _compile(["gcc", "-O2", "-isystem", str(_SIMAVR), "-o", str(emulator),
+                  str(HARNESS / "run_windows.c"), "-lsimavr", "-lelf"])  # fmt: skip
+        sizes = _compile(["avr-size", str(elf)]).splitlines()[1].split()
+        done = subprocess.run(
+            [emulator, elf, str(counts[0].size), str(classes)],
+            input=counts.astype("<u2").tobytes(), capture_output=True, check=False,
+            timeout=_LONGEST_S,
+        )  # fmt: skip
+    lines = [line.split() for line in done.stdout.decode().splitlines()]
+    rows = [line for line in lines if len(line) == 4 + classes and line[0].isdigit()]
+    if done.returncode or len(rows) != len(counts):
+        raise BadInput(
+            f"answers for {len(counts)} windows from the emulator",
+            f"{len(rows)} ({done.stderr.decode().strip()[-200:]})", "report this as a fault",
+        )  # fmt: skip
+    every = np.array(rows, np.int64)
+    text, data, bss = (int(one) for one in sizes[:3])
+    return OnBoard(
+        answers=_answers(np.delete(every, (2, 3), axis=1)),
+        clocks=every[:, 2],
+        flash_bytes=text + data,
+        ram_bytes=data + bss + int(every[:, 3].max()),
+    )
+
+
+def _answers(every: NDArray[np.int64]) -> Answers:
+    """Return answers of rows (best, confidence, logits…)."""
+    return Answers(
+        every[:, 0].astype(np.intp), every[:, 1].astype(np.uint8), every[:, 2:].astype(np.int32)
+    )
+
+
+def equal_windows(one: Answers, other: Answers) -> NDArray[np.bool_]:
+    """Return which windows' answers are the same to the last bit, shape (n,)."""
+    same = (one.best == other.best) & (one.confidence == other.confidence)
+    found: NDArray[np.bool_] = same & (one.logits == other.logits).all(axis=1)
+    return found
+
+
+def _compile(command: list[str]) -> str:
+    done = subprocess.run(command, capture_output=True, text=True, check=False, timeout=_LONGEST_S)
+    if done.returncode:
+        lines = (done.stderr.strip() or "no word").splitlines()
+        said = next((line for line in lines if "error" in line), lines[0])
+        raise BadInput(f"{command[0]} to compile the network", said, "report this as a fault")
+    return done.stdout
