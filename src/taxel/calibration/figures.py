@@ -151,9 +151,8 @@ def ghosts(document: Document) -> bytes:
     largest = max(float(np.percentile(np.abs(known), 99)) if len(known) else 0.0, 0.5)
     size = 2.2 + 0.36 * len(names)
     figure, axes = plt.subplots(figsize=(size + 1.0, size), layout="constrained")
-    colours = plt.colormaps["RdBu_r"].copy()
-    colours.set_bad("#e8eaed")
-    shown = axes.imshow(share, cmap=colours, vmin=-largest, vmax=largest)
+    axes.set_facecolor("#e8eaed")  # where nothing is known, and on the diagonal
+    shown = axes.imshow(share, cmap="RdBu_r", vmin=-largest, vmax=largest)
     for row, column in np.argwhere(np.isfinite(share)):
         value = share[row, column]
         if abs(value) < 0.05:
