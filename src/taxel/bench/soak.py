@@ -5,6 +5,7 @@ The whole figure takes ten minutes, so that it is measured by `--full` and shown
 
 from __future__ import annotations
 
+import contextlib
 import tempfile
 from collections.abc import Callable
 from pathlib import Path
@@ -76,7 +77,7 @@ def soak_rows(seconds: float, settled_s: float) -> list[Row]:
 
 
 def _memory_row(memory: list[tuple[float, float]], settled_s: float, how_long: str) -> Row:
-    name = f"{how_long} of both systems: memory of all processes, largest change"
+    name = f"{how_long} of both systems: own memory of all processes and rings, largest change"
     kept = np.array([(t, m) for t, m in memory if t >= settled_s])
     if len(kept) < 4:
         return missing(name, "%", "<= 2", "too short")
@@ -115,17 +116,18 @@ def _book_rows(ledger: dict[str, dict[str, int]], recording: dict[str, Any],
 
 
 def _memory_mib(station: Station) -> float:
-    """Return what this process and the station's hold, shared pages counted once each."""
-    import psutil
+    """Return what this process and the station's hold themselves, and the rings.
 
+    Pages of programs and files come and go as the system likes, so they are not counted.
+    """
     total = 0
-    for pid in [None, *(process.pid for process in station.workers().values())]:
-        try:
-            process = psutil.Process(pid)
-            total += process.memory_full_info().pss
-        except psutil.Error:
-            continue
-    return total / 2**20
+    for pid in ["self", *(process.pid for process in station.workers().values())]:
+        with contextlib.suppress(OSError):
+            for line in Path(f"/proc/{pid}/smaps_rollup").read_text().splitlines():
+                name, _, rest = line.partition(":")
+                if name in ("Pss_Anon", "Pss_Shmem"):
+                    total += int(rest.split()[0])
+    return total / 1024
 
 
 def _hand_bundle(folder: Path) -> Path:

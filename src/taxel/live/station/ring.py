@@ -49,7 +49,8 @@ class Ring:
             raise BadInput("a ring of at least 64 bytes, a multiple of 8", str(size), "round it")
         self._memory = shared_memory.SharedMemory(create=True, size=_PLACES + size)
         self.name = self._memory.name
-        bytes_of(self._memory)[:_PLACES] = bytes(_PLACES)
+        # Every page is written to now: the memory is there, and cannot be refused later.
+        bytes_of(self._memory)[: _PLACES + size] = bytes(_PLACES + size)
 
     def close(self) -> None:
         """Give the memory back; readers and writers that are still attached keep theirs."""

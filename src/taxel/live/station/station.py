@@ -37,9 +37,9 @@ TICK_S = 0.001
 """How often the supervisor looks. Source: our choice: half of it is in every alarm's latency."""
 _TELL_S = 0.05
 """How often the page is told. Source: our choice."""
-_RING_BYTES = 32 * 2**20
-"""Of a source: twelve seconds of two cameras at 60 Hz. Source: our choice."""
-_NOTE_BYTES = 2**20
+_RING_BYTES = 16 * 2**20
+"""Of a source: six seconds of two cameras at 60 Hz. Source: our choice."""
+_NOTE_BYTES = 2**18
 _EVENTS = 200
 _NO_RECORDING: dict[str, Any] = {"on": False, "path": "", "seconds": 0.0, "bytes": 0, "error": ""}
 
