@@ -62,8 +62,7 @@ typedef struct {
   sensor ina[MOTORS];
   motor motors[MOTORS];
   enum i2c_fault fault;
-  int selected, reading;
-  void *twi;
+  int selected, addressing;
 } emulated;
 
 /* parts.c: analog pins */

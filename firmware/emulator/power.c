@@ -22,6 +22,7 @@
 #define TCCR4A 0xA0
 #define OCR4A 0xA8
 #define TWCR 0xBC
+#define TWSR 0xB9
 #define TWINT 0x80
 
 #define PEAK_S 0.015  /* fading time of the start-up peak */
@@ -117,6 +118,7 @@ static void on_bus(struct avr_irq_t *irq, uint32_t value, void *param) {
   emulated *board = param;
   avr_twi_msg_irq_t message = {.u.v = value};
   uint8_t kind = message.u.twi.msg;
+  board->addressing = (kind & TWI_COND_START) != 0;
   if (board->fault == I2C_SILENT || board->fault == I2C_HANGS) return;
   if (kind & TWI_COND_STOP) board->selected = -1;
   if (kind & TWI_COND_START) {
@@ -144,6 +146,16 @@ static void on_bus(struct avr_irq_t *irq, uint32_t value, void *param) {
   }
 }
 
+/* simavr 1.6 says "data sent" (28, 30) after an address to write to, where the chip says
+ * "address sent" (18, 20). */
+static void on_status(struct avr_irq_t *irq, uint32_t value, void *param) {
+  (void)irq;
+  emulated *board = param;
+  if (!board->addressing) return;
+  board->addressing = 0;
+  if (value == 0x28 || value == 0x30) board->avr->data[TWSR] -= 0x10;
+}
+
 void hold_the_bus(emulated *board) {
   /* A clock line held low: what the firmware waits for never comes. */
   if (board->fault == I2C_HANGS) board->avr->data[TWCR] &= (uint8_t)~TWINT;
@@ -158,6 +170,10 @@ void sensors_lose_power(emulated *board) {
 }
 
 void attach_power(emulated *board) {
+  /* simavr 1.6 never clears TWINT for a program that polls it. */
+  for (avr_io_t *io = board->avr->io_port; io; io = io->next) {
+    if (!strcmp(io->kind, "twi")) ((avr_twi_t *)io)->twi.raise_sticky = 0;
+  }
   static const uint8_t addresses[MOTORS] = {0x40, 0x41, 0x44, 0x45};
   for (int m = 0; m < MOTORS; m++) {
     board->ina[m].address = addresses[m];
@@ -168,4 +184,6 @@ void attach_power(emulated *board) {
   sensors_lose_power(board);
   avr_irq_register_notify(avr_io_getirq(board->avr, AVR_IOCTL_TWI_GETIRQ(0), TWI_IRQ_OUTPUT),
                           on_bus, board);
+  avr_irq_register_notify(avr_io_getirq(board->avr, AVR_IOCTL_TWI_GETIRQ(0), TWI_IRQ_STATUS),
+                          on_status, board);
 }

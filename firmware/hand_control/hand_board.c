@@ -74,9 +74,6 @@ static void drive_all(void) {
   for (uint8_t m = 0; m < HAND_MOTORS; m++) drive(m, it.motor[m].on);
 }
 
-/* The main loop hangs: off now, and with the next one the chip resets. */
-ISR(WDT_vect) { motors_off(); }
-
 void taxel_on_tick(void) { ticks++; }
 
 static uint32_t ticks_now(void) {
@@ -187,7 +184,6 @@ static void every_millisecond(uint32_t now_ms) {
   checked = (uint8_t)((checked + 1) % sizeof addresses);
   tell(now_ms);
   wdt_reset();
-  WDTCSR |= _BV(WDIE); /* the watchdog's interrupt clears it: a whole tick sets it again */
 }
 
 void hand_begin_board(void) {
@@ -207,7 +203,6 @@ void hand_begin_board(void) {
   say_hello();
   set_sleep_mode(SLEEP_MODE_IDLE);
   wdt_enable(WDTO_60MS);
-  WDTCSR |= _BV(WDIE);
 }
 
 void hand_run_board(void) {

@@ -2,8 +2,9 @@
  *
  * The hand's registers: a tick of 1 ms in which every current is read, judged and acted on.
  *
- * The chip's own watchdog stands behind it: 60 ms without a whole tick and its interrupt switches the
- * motors off, 60 more and the chip resets, which leaves every driver's input to its pull-down.
+ * The chip's own watchdog stands behind it: 60 ms without a whole tick and the chip resets, which
+ * leaves every driver's input to its pull-down. It resets at once, without its interrupt first:
+ * that would never come, nor the reset after it, where the program hangs with interrupts off.
  */
 #ifndef HAND_BOARD_H
 #define HAND_BOARD_H
