@@ -114,6 +114,18 @@ def _find() -> type[Verb]:
     return Find
 
 
+def _calibrate() -> type[Verb]:
+    from taxel.cli.calibrate import Calibrate
+
+    return Calibrate
+
+
+def _flash() -> type[Verb]:
+    from taxel.cli.flash import Flash
+
+    return Flash
+
+
 def _doctor() -> type[Verb]:
     from taxel.cli.doctor import Doctor
 
@@ -130,6 +142,8 @@ VERBS: dict[str, tuple[str, Callable[[], type[Verb]]]] = {
     "demo": ("see the TENG hand work end to end, without hardware", _demo),
     "find": ("list boards and cameras by serial number", _find),
     "doctor": ("say what this machine lacks for live work", _doctor),
+    "flash": ("write the firmware to a board", _flash),
+    "calibrate": ("known forces to curves, and what a sensor array is worth", _calibrate),
     "simulate": ("write recordings of a simulated sensor", _simulate),
     "record": ("record a source to an MCAP file", _record),
     "recover": ("save what is sound in a damaged or unfinished recording", _recover),
