@@ -4,11 +4,15 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Literal
 
 import tyro
 
 from taxel.cli.printing import console, print_json
 from taxel.errors import BadInput
+
+BOARD_BUNDLE = "network.taxel"
+"""The bundle that stands beside its C."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -18,9 +22,20 @@ class Bundle:
     trained: tyro.conf.Positional[Path]
     """A run's folder, as taxel train writes it."""
     output: Path
-    """The file to write, by custom NAME.taxel."""
+    """The file to write, by custom NAME.taxel; for avr a folder, such as a copy of
+    firmware/teng_classify."""
+    target: Literal["live", "avr"] = "live"
+    """live: a file for taxel live. avr: the same, and C for an Arduino Mega 2560 beside it, which
+    tells on the board itself (networks of the model cnn2d)."""
     data: Path | None = None
-    """Recordings to measure parity on; those that the run was trained on unless given."""
+    """Recordings to measure parity on, and for avr the scales of 8 bits; those that the run was
+    trained on unless given."""
+    test: Path | None = None
+    """avr: labelled recordings that the network has not seen, to measure on what 8 bits lose;
+    those of --data unless given."""
+    reference_mv: int | None = None
+    """avr: the voltage that the board's converter compares with, millivolts, such as 5000, or 3300
+    with 3.3 V on the pin AREF; as the recordings say unless given."""
     json: bool = False
     """Print JSON."""
 
@@ -31,6 +46,8 @@ class Bundle:
         from taxel.training.run import load_run
         from taxel.windows.dataset import load_dataset
 
+        if self.target == "live" and (self.test or self.reference_mv):
+            raise BadInput("--test and --reference-mv with --target avr", "them without", "say it")
         trained = load_run(self.trained)
         data = self.data or Path(trained.data)
         if not data.exists():
@@ -38,9 +55,13 @@ class Bundle:
                 "recordings to measure parity on", f"no {data}", "name some with --data FOLDER"
             )
         windows = load_dataset(data, trained.contract.window).windows[:2000]
+        path = self.output if self.target == "live" else self.output / BOARD_BUNDLE
         contract = write_bundle(
-            self.output, trained.networks, trained.contract, windows.values, windows.mask
+            path, trained.networks, trained.contract, windows.values, windows.mask
         )
+        if self.target == "avr":
+            self._write_avr(path, data)
+            return
         assert contract.parity is not None
         if self.json:
             print_json(
@@ -59,3 +80,18 @@ class Bundle:
         hand = contract.channels == SENSORS
         source = "sim://teng --seconds 20" if hand else "replay://RECORDING"
         console.print(f"next: taxel live {self.output} {source}")
+
+    def _write_avr(self, bundle: Path, data: Path) -> None:
+        """Write the bundle's network as C and print what it costs."""
+        from dataclasses import asdict
+
+        from taxel.bundles.avr.write import write_avr
+
+        report = write_avr(
+            bundle, self.output, data, test=self.test, reference_mv=self.reference_mv
+        )
+        if self.json:
+            print_json(asdict(report) | {"points_lost": report.points_lost})
+            return
+        for line in report.lines():
+            console.print(line)
