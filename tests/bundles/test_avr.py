@@ -32,6 +32,7 @@ from taxel.bundles.avr.write import compare, model_of, reference_of, write_avr
 from taxel.bundles.contract import Contract
 from taxel.bundles.reader import read_bundle
 from taxel.bundles.writer import write_bundle
+from taxel.cli.main import main
 from taxel.errors import BadBundle, BadInput
 from taxel.evaluation.crossval import Job, fit_model
 from taxel.evaluation.splits import by_group
@@ -40,8 +41,8 @@ from taxel.models.cnn2d import Cnn2d
 from taxel.recordings.reader import list_recordings, read_recording
 from taxel.signals import SensorInfo
 from taxel.sources.data_sets import simulate_presets
-from taxel.training.loop import new_network
-from taxel.training.run import contract_of
+from taxel.training.loop import TrainConfig, new_network
+from taxel.training.run import Run, contract_of, save_run
 from taxel.windows.config import TENG_WINDOW, WindowConfig
 from taxel.windows.dataset import Dataset, load_dataset
 from taxel.windows.scaling import Scaling
@@ -74,6 +75,12 @@ class Trained:
         )
         assert isinstance(fitted.model, tuple)
         contract = contract_of(self.dataset, "shape", "cnn2d", fitted.model, fitted.scaling, {})
+        run = Run(
+            networks=fitted.model, contract=contract, train=TrainConfig(), history=(),
+            data=str(self.data),
+        )  # fmt: skip
+        self.run = folder / "run"
+        save_run(self.run, run)
         self.path = folder / "shape.taxel"
         write_bundle(self.path, fitted.model, contract, values[:50], self.dataset.windows.mask[:50])
         self.bundle = read_bundle(self.path)
@@ -429,3 +436,23 @@ def test_the_converters_reference_is_read_or_asked_for() -> None:
         reference_of(sensor())
     with pytest.raises(BadInput, match="3300 mV and 5000 mV"):
         reference_of(sensor(a="reference 5000 mV", b="reference 3300 mV"))
+
+
+def test_the_command_writes_a_folder_and_its_report(
+    trained: Trained, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    output = tmp_path / "board"
+    order = ["bundle", str(trained.run), "--target", "avr", "--output", str(output), "--json"]
+
+    main([*order, "--test", str(trained.data), "--reference-mv", "3300"])
+    report = json.loads(capsys.readouterr().out)
+    assert report["reference_mv"] == 3300
+    assert report["points_lost"] <= 1.0
+    written = read_bundle(output / "network.taxel").contract
+    assert written.classes == trained.bundle.contract.classes
+    with pytest.raises(SystemExit) as ended:
+        main(["bundle", str(trained.run), "--output", str(output), "--reference-mv", "5000"])
+    said = capsys.readouterr().err
+    assert ended.value.code == 2
+    assert "--target avr" in said
+    assert said.count("\n") == 1
