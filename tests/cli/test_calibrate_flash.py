@@ -2,6 +2,7 @@
 
 import json
 import os
+import shutil
 import stat
 from collections.abc import Callable
 from pathlib import Path
@@ -325,6 +326,36 @@ def test_no_tool_no_port_and_a_held_port_are_one_line_each(
         finally:
             os.close(held)
     assert not log.exists()
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(
+    not all(map(shutil.which, ("make", "avr-gcc", "avr-objcopy")))
+    or not Path("/usr/share/arduino/hardware/arduino/avr").is_dir(),
+    reason="needs: apt install make gcc-avr avr-libc arduino-core-avr",
+)
+def test_the_repository_s_own_firmware_is_built_with_the_name_that_was_asked_for(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Real make and compiler; only avrdude is replaced, by one that keeps what it is handed."""
+    (tmp_path / "bin").mkdir()
+    fake = tmp_path / "bin" / "avrdude"
+    kept = tmp_path / "kept.hex"
+    fake.write_text(
+        f'#!/bin/sh\nfor one in "$@"; do case "$one" in flash:w:*:i) one="${{one#flash:w:}}"; '
+        f'cp "${{one%:i}}" "{kept}";; esac; done\n'
+    )
+    fake.chmod(0o755)
+    monkeypatch.setenv("PATH", f"{tmp_path / 'bin'}:{os.environ['PATH']}")
+    path = tmp_path / "by-id-board"
+    with RunningBoard(EmulatedBoard(board=7, board_id="TENG-seven"), path):
+        main(["flash", "mega", "teng_daq", "--port", str(path), "--board-number", "7",
+              "--board-id", "TENG-seven", "--tool", "avrdude"])  # fmt: skip
+
+    rows = kept.read_text().split()
+    assert all(row.startswith(":") for row in rows)
+    image = b"".join(bytes.fromhex(row[9:-2]) for row in rows if row[7:9] == "00")
+    assert b"TENG-seven\0" in image
 
 
 def test_dry_run_prints_commands_and_runs_none(

@@ -48,6 +48,9 @@ from taxel.signals import Samples, SensorInfo, Validity
 _GRID = 41
 """Points at which a curve's band is given."""
 
+MOST_AT_END = 0.1
+"""Share of a force's presses at the converter's end from which on that force is left out whole,
+and all above it. Our choice, docs/decisions/0022."""
 TOLD_ONLY = "forces it tells"
 """Name of the presses whose force lies in the range that their sensor tells."""
 
@@ -96,7 +99,7 @@ class SensorResult:
     held_out: tuple[tuple[str, HeldOut], ...]
     """Which presses were held out together, and what was told of them; empty without a curve."""
     saturated: int
-    """Presses left out since the converter was at its end."""
+    """Presses left out since the converter was at its end, in them or in others of such force."""
     unusable: int
     """Presses left out since a value in them was missing, stale or not finite."""
     r2: float
@@ -248,7 +251,18 @@ class _Presses:
 
     @property
     def good(self) -> NDArray[np.bool_]:
-        return np.asarray(~self.saturated & np.isfinite(self.all_volts))
+        """Presses of one sensor to fit on. From the force on at which the converter is at its
+        end in a tenth of the presses, all are left out: those below the end would be the weak ones.
+        """
+        good = np.asarray(~self.saturated & np.isfinite(self.all_volts))
+        if not self.saturated.any():
+            return good
+        bands = bands_of(self.all_force_n)
+        ended = [b for b in np.unique(bands) if self.saturated[bands == b].mean() >= MOST_AT_END]
+        if not ended:
+            return good
+        limit_n = float(self.all_force_n[bands == min(ended)].min())
+        return np.asarray(good & (self.all_force_n < limit_n))
 
     @property
     def force_n(self) -> Array:
@@ -327,7 +341,7 @@ def _sensor(
         volts=volts,
         rising=own.rising,
         held_out=held,
-        saturated=int(own.saturated.sum()),
+        saturated=int((np.isfinite(own.all_volts) & ~own.good).sum()),
         unusable=int((~np.isfinite(own.all_volts)).sum()),
         r2=nan if curve is None else r_squared(curve, force_n, volts),
         grid_n=grid,

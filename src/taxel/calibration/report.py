@@ -81,7 +81,7 @@ def narrow_row(one: Mapping[str, Any]) -> list[str]:
     """Return one sensor's cells, in the order of `NARROW`; intervals are left out."""
     cells = dict(zip(COLUMNS, sensor_row(one), strict=True))
     if one["why_none"]:
-        cells["tells N"] = one["why_none"]
+        cells["tells N"] = "no curve"
     cells["hysteresis %"] = cells["hysteresis %"].partition(" ")[0]
     return [cells[name] for name in NARROW]
 
@@ -98,6 +98,11 @@ def findings(document: Document) -> list[str]:
         f"(AICc: {others}); forces {low:.2f} to {high:.2f} N, read at the press's "
         f"{document['measure']}"
     ]
+    reasons: dict[str, list[str]] = {}
+    for one in channels:
+        if one["curve"] is None:
+            reasons.setdefault(one["why_none"], []).append(one["channel"])
+    lines += [f"no curve for {', '.join(names)}: {why}" for why, names in reasons.items()]
     for errors in document["errors"]:
         lines.append(
             f"error of held-out presses, {errors['split']} ({errors['presses']} presses): "
@@ -123,7 +128,8 @@ def findings(document: Document) -> list[str]:
     lost = sum(one["saturated"] for one in channels), sum(one["unusable"] for one in channels)
     if any(lost):
         lines.append(
-            f"left out: {lost[0]} presses at the converter's end, {lost[1]} with unusable values"
+            f"left out: {lost[0]} presses of forces at which the converter is at its end, "
+            f"{lost[1]} with unusable values"
         )
     return lines
 

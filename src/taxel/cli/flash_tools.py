@@ -75,7 +75,7 @@ def find_sketch(name: str, firmware: Path | None) -> Sketch:
         if not path.is_file() or not 0 < path.stat().st_size <= _LARGEST_BINARY_BYTES:
             raise BadInput("a built sketch (.hex, .elf)", f"{path}, which is none", "build it")
         return Sketch(path=path, built=True, version=None)
-    if name in SKETCHES:
+    if name in SKETCHES or not path.is_dir():
         path = (firmware or _own_firmware()) / name
     if not (path / f"{path.name}.ino").is_file():
         raise BadInput(
