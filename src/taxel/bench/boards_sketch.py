@@ -129,8 +129,13 @@ def run_sketch(
     return Sketch(sent, [one for one in _wanted(chip, scans, sensor) if one[0] < until])
 
 
-def build_sketch(network: Path, elf: Path) -> Path:
+def build_sketch(network: Path, elf: Path, options: tuple[str, ...] = ()) -> Path:
     """Compile `teng_classify` with a network's C; return the program.
+
+    Args:
+        network: Folder with the C.
+        elf: The program to write.
+        options: More of the compiler's, such as ("-DTAXEL_CHANNELS=1,4,7,10",).
 
     Raises:
         BadInput: It does not compile.
@@ -143,7 +148,7 @@ def build_sketch(network: Path, elf: Path) -> Path:
     ]
     command = [
         "avr-gcc", "-mmcu=atmega2560", "-DF_CPU=16000000L", "-Os", "-std=gnu11", "-Wall", "-Wextra",
-        "-Werror", f"-I{network}", f"-I{wire}", f"-I{sketch}", "-o", str(elf), *map(str, sources),
+        "-Werror", *options, f"-I{network}", f"-I{wire}", f"-I{sketch}", "-o", str(elf), *map(str, sources),
     ]  # fmt: skip
     done = subprocess.run(command, capture_output=True, text=True, check=False)
     if done.returncode:
