@@ -5,8 +5,9 @@ from dataclasses import dataclass
 
 import pytest
 
-from taxel.calibration.characterise import Characterisation, Taken, characterise
+from taxel.calibration.characterise import characterise
 from taxel.calibration.presses import script_of_marks
+from taxel.calibration.results import Characterisation, Taken
 from taxel.signals import Mark, Samples
 from taxel.sim.force_gauge import ForceGauge, GaugeConfig
 from taxel.sim.teng_hand import TengHandConfig

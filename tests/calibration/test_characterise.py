@@ -7,8 +7,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from taxel.calibration.characterise import Taken, characterise
+from taxel.calibration.characterise import characterise
 from taxel.calibration.presses import Script, script_of_marks
+from taxel.calibration.results import Taken
 from taxel.errors import BadDataset
 from taxel.sim import teng_constants as constants
 from taxel.sim.force_gauge import GaugeConfig

@@ -17,8 +17,8 @@ from pathlib import Path
 from typing import Any
 
 from taxel import __version__
-from taxel.calibration.characterise import Characterisation, SensorResult
 from taxel.calibration.curves import FORMS, Curve
+from taxel.calibration.results import Characterisation, SensorResult
 from taxel.errors import BadInput, RecordingFailed
 from taxel.signals import SensorInfo
 

@@ -21,7 +21,7 @@ from taxel.recordings.reader import read_recording
 from taxel.signals import Samples, SensorInfo
 
 if TYPE_CHECKING:
-    from taxel.calibration.characterise import Taken
+    from taxel.calibration.results import Taken
 
 FORCES_N = (0.5, 0.75, 1.0, 1.5, 2.0, 3.0, 4.0, 5.0)
 """0.5 to 5 N as in the TENG thesis, section 3.4; the steps are our choice."""
@@ -137,8 +137,8 @@ class Calibrate:
         self, paths: tuple[Path, ...], tables: tuple[Path, ...]
     ) -> tuple[list[Taken], SensorInfo, list[dict[str, Any]]]:
         from taxel.calibration.apply import rate_of
-        from taxel.calibration.characterise import Taken
         from taxel.calibration.presses import script_of_marks, script_of_table
+        from taxel.calibration.results import Taken
 
         if tables and len(tables) != len(paths):
             raise BadInput(
@@ -179,8 +179,8 @@ class Calibrate:
 
     def _simulated(self, address: str) -> tuple[list[Taken], SensorInfo, list[dict[str, Any]]]:
         """Press each sensor of the simulated hand with the simulated gauge."""
-        from taxel.calibration.characterise import Taken
         from taxel.calibration.presses import script_of_marks
+        from taxel.calibration.results import Taken
         from taxel.recordings.manifest import Manifest
         from taxel.recordings.writer import Recorder
         from taxel.sim.force_gauge import ForceGauge, GaugeConfig
