@@ -5,13 +5,13 @@
  *   start MOTORS SENSORS            sensor 0 for all motors where SENSORS is 1
  *   beat NOW_MS                     a heartbeat of the host
  *   do NOW_MS SEQ ORDER EXPIRES_MS A B C
- *   read NOW_MS SENSOR GOOD MA
- *   tick NOW_MS
+ *   ms NOW_MS GOOD MA GOOD MA …     a tick, then a reading of each sensor
  *
- * Answer: result of "do", or 1 where "tick" says that a grip ran out, or 0; the state; and for each
+ * Answer: result of "do", or 1 where a tick says that a grip ran out, or 0; the state; and for each
  * motor its direction and where it is.
  */
 #include <stdio.h>
+#include <stdlib.h>
 #include <string.h>
 
 #include "hand_logic.h"
@@ -41,10 +41,13 @@ int main(void) {
       taxel_command command = {(uint8_t)order, (uint16_t)expires, (uint16_t)a, (uint16_t)b,
                                (uint16_t)c};
       result = hand_obey(&it, &head, &command, now);
-    } else if (sscanf(line, "read %u %u %u %u", &now, &a, &b, &c) == 4) {
-      hand_reading(&it, (uint8_t)a, (uint8_t)b, (uint16_t)c, now);
-    } else if (sscanf(line, "tick %u", &now) == 1) {
+    } else if (!strncmp(line, "ms ", 3)) {
+      now = (unsigned)strtoul(strtok(line + 3, " "), NULL, 10);
       result = hand_tick(&it, now);
+      for (uint8_t s = 0; s < config.sensors; s++) {
+        uint8_t good = (uint8_t)atoi(strtok(NULL, " "));
+        hand_reading(&it, s, good, (uint16_t)atoi(strtok(NULL, " ")), now);
+      }
     } else {
       return 1;
     }

@@ -242,7 +242,8 @@ class EmulatedBoards:
         wave = tenths_of_millivolts(setup.volts).astype(np.int64)
         row = found["cycle"].astype(np.int64) * setup.volts_hz // CYCLES_S
         tenths = wave[np.minimum(row, len(wave) - 1), found["pin"]]
-        return np.minimum(tenths * 1024 // (10 * reference_mv), 1023)
+        counts: NDArray[np.int64] = np.minimum(tenths * 1024 // (10 * reference_mv), 1023)
+        return counts
 
     def __enter__(self) -> Self:
         return self

@@ -32,7 +32,7 @@ from taxel.wire.messages import (
 
 MOTORS = 4
 CONTACT_MA = 700
-"""At which a grip stops a motor; the emulated motors run at 300 mA and stall at 1500. Our choice."""
+"""At which a grip stops a motor; emulated ones run at 300 mA and stall at 1500. Our choice."""
 _STEP_S = 0.005
 _TINY_S = 1e-6
 """The emulator counts whole microseconds."""
