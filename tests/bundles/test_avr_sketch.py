@@ -1,5 +1,6 @@
 """The sketch that classifies on the board says what Python says of the same converter counts."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -13,6 +14,7 @@ from taxel.recordings.reader import list_recordings, read_recording
 from taxel.sources.data_sets import simulate_presets
 from taxel.windows.config import TENG_WINDOW
 from taxel.windows.dataset import load_dataset
+from taxel.wire.messages import Heartbeat, Hello, State, unpack
 
 needs_boards = pytest.mark.skipif(
     bool(missing_parts()), reason=f"no {', '.join(missing_parts())}: {INSTALL}"
@@ -53,6 +55,39 @@ def test_the_sketch_tells_every_window_as_python_does(
     ticks = np.array([one.seq for one in found.sent])
     times = np.array([one.t_us for one in found.sent])
     np.testing.assert_array_equal(np.diff(times), np.diff(ticks) * 10_000)
+
+    others = [message for payload in found.payloads if (message := unpack(payload)) is not None]
+    assert len(others) + len(found.sent) == len(found.payloads)
+    hello, beats = others[0], [one for one in others if isinstance(one, Heartbeat)]
+    assert isinstance(hello, Hello)
+    assert (hello.rate_hz, hello.channels, hello.abilities) == (100, 0, 8)
+    assert max(np.diff([one.t_us for one in beats])) <= 100_000
+    assert {(one.state, one.dropped, one.bad) for one in beats} == {(State.IDLE, 0, 0)}
+
+
+@needs_boards
+def test_a_sketch_that_computes_otherwise_says_fault_and_no_class(
+    chip: OnChip, recordings: Path, tmp_path: Path
+) -> None:
+    """One number of the network changed: the window stored with it no longer gives its sums."""
+    for file in chip.folder.iterdir():
+        (tmp_path / file.name).write_text(file.read_text())
+    weights = tmp_path / "taxel_weights.h"
+    start = "last_biases[] PROGMEM = {\n  "
+    weights.write_text(weights.read_text().replace(start, start + "1 + "))
+    recording = read_recording(list_recordings(recordings)[0])
+    found = run_sketch(
+        build_firmware(),
+        replace(chip, folder=tmp_path),
+        recording.samples.values[:400],
+        recording.manifest.sensor,
+        tmp_path,
+    )
+
+    assert found.wanted
+    assert found.sent == []
+    beats = [one for one in map(unpack, found.payloads) if isinstance(one, Heartbeat)]
+    assert {one.state for one in beats} == {State.FAULT}
 
 
 def test_a_decision_is_read_as_the_c_packs_it() -> None:

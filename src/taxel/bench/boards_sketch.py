@@ -55,6 +55,8 @@ class Sketch:
     sent: list[BoardDecision]
     wanted: list[tuple[int, int | None, int, int]]
     """Tick of the last row, class or None, confidence, reason."""
+    payloads: list[bytes]
+    """All messages that it sent."""
 
     @property
     def wrong(self) -> int:
@@ -119,14 +121,14 @@ def run_sketch(
     with EmulatedBoards(firmware, [BoardSetup(elf=elf, volts=pins, volts_hz=TICK_HZ)]) as boards:
         boards.run(len(volts) / TICK_HZ)
         conversions, said = boards.conversions(0), boards.bytes_sent(0)
-    found = [unpack_decision(payload) for payload in FrameDecoder().feed(said)]
-    sent = [one for one in found if one is not None]
+    payloads = FrameDecoder().feed(said)
+    sent = [one for one in map(unpack_decision, payloads) if one is not None]
     kept = conversions["count"][conversions["pin"] != _GROUND_PIN]
     columns = volts.shape[1]
     scans = kept[: len(kept) // columns * columns].reshape(-1, columns)
     # What ended with the last rows may still have been on its way.
     until = max(len(scans) - columns, sent[-1].seq + 1 if sent else 0)
-    return Sketch(sent, [one for one in _wanted(chip, scans, sensor) if one[0] < until])
+    return Sketch(sent, [one for one in _wanted(chip, scans, sensor) if one[0] < until], payloads)
 
 
 def build_sketch(network: Path, elf: Path, options: tuple[str, ...] = ()) -> Path:
@@ -148,7 +150,8 @@ def build_sketch(network: Path, elf: Path, options: tuple[str, ...] = ()) -> Pat
     ]
     command = [
         "avr-gcc", "-mmcu=atmega2560", "-DF_CPU=16000000L", "-Os", "-std=gnu11", "-Wall", "-Wextra",
-        "-Werror", *options, f"-I{network}", f"-I{wire}", f"-I{sketch}", "-o", str(elf), *map(str, sources),
+        "-Werror", *options, f"-I{network}", f"-I{wire}", f"-I{sketch}", "-o", str(elf),
+        *map(str, sources),
     ]  # fmt: skip
     done = subprocess.run(command, capture_output=True, text=True, check=False)
     if done.returncode:
