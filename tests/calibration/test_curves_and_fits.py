@@ -106,6 +106,19 @@ def test_the_band_covers_the_truth_about_as_often_as_it_says(curve: Curve) -> No
     assert 0.85 <= np.mean(inside) <= 1.0  # 95 % in the limit; a bootstrap of 32 falls short
 
 
+def test_a_band_of_few_forces_stays_near_its_presses() -> None:
+    """Three forces at which the curve still bends: every draw has to be fitted to its end."""
+    rng = np.random.default_rng(7)
+    force_n = np.repeat([0.5, 0.75, 1.0], 6) * np.exp(rng.normal(0.0, 0.02, 18))
+    curve = Curve(form="saturating", parameters=(3.9, 0.5, 0.8))
+    volts = curve.volts(force_n) * np.exp(rng.normal(0.0, 0.015, 18))
+    found = fit_curve("saturating", force_n, volts)
+
+    low, high = band(found, force_n, volts, np.array([0.5, 0.75, 1.0]), rng)
+
+    assert (high - low).max() < 0.2
+
+
 def test_presses_held_out_are_judged_by_a_curve_that_never_saw_them() -> None:
     curve = CURVES[1]
     volts = curve.volts(FORCES)

@@ -1,5 +1,6 @@
 """`taxel calibrate` and `taxel flash` end to end: what they write, and what they refuse."""
 
+import io
 import json
 import os
 import shutil
@@ -178,6 +179,24 @@ def test_an_edited_calibration_is_refused(
                     "--output", str(tmp_path / "x.mcap")], capsys)  # fmt: skip
 
     assert "check sum" in line
+
+
+def test_a_board_without_a_single_press_gives_no_calibration_and_keeps_the_raw_recording(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """The whole way from a port to the file, with a person who gives up at the first question."""
+    monkeypatch.setattr("taxel.calibration.guided.REST_S", 0.3)
+    monkeypatch.setattr("sys.stdin", io.StringIO("q\n"))
+    path = tmp_path / "by-id-board"
+    with RunningBoard(EmulatedBoard(), path):
+        line = refused(["calibrate", f"serial://{path}", "--output", str(tmp_path / "c.json"),
+                        "--sensors", "b0-c2"], capsys)  # fmt: skip
+
+    assert "presses of known force" in line
+    assert sorted(one.name for one in tmp_path.iterdir()) == ["c.mcap"]
+    raw = read_recording(tmp_path / "c.mcap")
+    assert raw.statistics["lost_scans"] == 0
+    assert len(raw.samples) > 1000  # the rest before, and a second after
 
 
 # ---------------------------------------------------------------------------------- taxel flash

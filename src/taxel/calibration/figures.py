@@ -67,9 +67,12 @@ def _curve(axes: Axes, one: Mapping[str, Any], form: str) -> None:
                   transform=axes.transAxes)  # fmt: skip
         return
     if one["largest_n"] is not None:
-        low = max(one["smallest_n"] or 0.0, 0.0)
-        axes.axvspan(low, one["largest_n"], color="#e3ecd9", lw=0)
-    if one["curve"] is not None:
+        low = max(one["smallest_n"], float(force.min()))  # below, it is the curve's word alone
+        axes.axvspan(low, max(one["largest_n"], low), color="#e3ecd9", lw=0)
+    if one["curve"] is None:
+        why = "no curve:\n" + one["why_none"].replace(", ", ",\n")
+        axes.text(0.5, 0.05, why, ha="center", va="bottom", fontsize=6.5, transform=axes.transAxes)
+    else:
         at = np.linspace(0.0, float(force.max()), 200)
         curve = Curve.of(form, one["curve"])  # type: ignore[arg-type]
         grid = _numbers(one["grid_n"])

@@ -24,10 +24,10 @@ BANDS = 8
 """Forces are put in at most so many bands to be held out whole. Our choice."""
 DRAWS = 200
 """Bootstrap draws: enough for two digits of a 95 % interval. Our choice."""
-_STEPS = 12
-"""Gauss–Newton steps of a draw: it starts next to its answer. Our choice."""
-_DAMPING = 1e-9
-"""Of those steps, relative. Our choice."""
+_STEPS = 20
+"""Steps of a draw: it starts next to its answer. Our choice."""
+_DAMPING = 1e-3
+"""Relative, at the first of these steps. Our choice."""
 
 Forces = NDArray[np.float64]
 Volts = NDArray[np.float64]
@@ -184,24 +184,35 @@ def _weighted_lines(force_n: Forces, volts: Volts, weight: NDArray[np.float64]) 
 def _refit(
     curve: Curve, force_n: Forces, volts: Volts, weight: NDArray[np.float64]
 ) -> NDArray[np.float64]:
-    """Return the parameters of each draw, shape (draws, parameters): damped Gauss–Newton steps
-    from the curve of all presses, for all draws at once.
+    """Return the parameters of each draw, shape (draws, parameters): Levenberg–Marquardt steps
+    from the curve of all presses, for all draws at once; a step that is no better is not taken.
     """
     logs = np.tile(np.log(curve.parameters), (len(weight), 1))
-    centre = logs[0]
+    centre, damping = logs[0], np.full(len(weight), _DAMPING)
+
+    def left(parameters: NDArray[np.float64]) -> tuple[Volts, Volts]:
+        told = np.stack([volts_of(curve.form, one, force_n) for one in np.exp(parameters)])
+        return volts - told, np.einsum("dp,dp->d", weight, (volts - told) ** 2)
+
+    off, loss = left(logs)
     for _ in range(_STEPS):
         slopes = _jacobian(curve.form, logs, force_n)
-        parameters = np.exp(logs)
-        told = np.stack([volts_of(curve.form, one, force_n) for one in parameters])
         weighted = slopes * weight[..., None]
         normal = np.einsum("dpi,dpj->dij", weighted, slopes)
-        side = np.einsum("dpi,dp->di", weighted, volts - told)
-        damped = normal + np.eye(logs.shape[1]) * (
-            _DAMPING * np.trace(normal, axis1=1, axis2=2)[:, None, None] + 1e-300
-        )
+        side = np.einsum("dpi,dp->di", weighted, off)
+        scale = np.einsum("dii->di", normal) + 1e-12 * np.trace(normal, axis1=1, axis2=2)[:, None]
+        damped = normal + np.eye(logs.shape[1]) * (damping[:, None] * scale + 1e-300)[..., None]
         step = np.linalg.solve(damped, side[..., None])[..., 0]
         # No draw wanders further than a factor of 100, as in the fit itself.
-        logs = np.clip(logs + np.clip(step, -0.5, 0.5), centre - 4.6, centre + 4.6)
+        tried = np.clip(logs + np.clip(step, -0.5, 0.5), centre - 4.6, centre + 4.6)
+        off_there, loss_there = left(tried)
+        better = loss_there <= loss
+        logs[better], off[better], loss[better] = (
+            tried[better],
+            off_there[better],
+            loss_there[better],
+        )
+        damping = np.where(better, damping / 5.0, damping * 5.0)
     return np.asarray(np.exp(logs))
 
 

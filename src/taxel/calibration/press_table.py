@@ -76,18 +76,22 @@ class PressTable:
 
     @property
     def force_n(self) -> Array:
+        """Forces of presses to fit on, newtons."""
         return np.asarray(self.all_force_n[self.good])
 
     @property
     def volts(self) -> Array:
+        """Their volts above the baseline."""
         return np.asarray(self.all_volts[self.good])
 
     @property
     def rising(self) -> NDArray[np.bool_]:
+        """Whether they were part of a rising series."""
         return np.asarray(self.all_rising[self.good])
 
     @property
     def rounds(self) -> NDArray[np.int64]:
+        """Which round each belongs to."""
         return np.asarray(self.all_rounds[self.good])
 
     @property

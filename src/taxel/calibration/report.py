@@ -60,7 +60,9 @@ def sensor_row(one: Mapping[str, Any]) -> list[str]:
     hysteresis = one["hysteresis"]
     return [
         one["channel"],
-        one["why_none"] or ", ".join(f"{value:.3g}" for value in one["curve"].values()),
+        "none"
+        if one["curve"] is None
+        else ", ".join(f"{value:.3g}" for value in one["curve"].values()),
         _text(one["r2"], "{:.3f}"),
         told,
         _text(one["sensitivity"][1][1] if one["sensitivity"] else None, "{:.3g}"),
