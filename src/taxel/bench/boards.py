@@ -95,8 +95,8 @@ def chain_rows(firmware: Firmware, seconds: float) -> list[Row]:
         row(f"{name}: converter values in frames that differ from the waveform",
             done.wrong_values, "values", "<=", 0.0, f"{done.frame_values} values"),
         row(f"{name}: rows of the recording that are no scan, bit for bit", done.wrong_rows,
-            "rows", "<=", 0.0, f"{done.rows} rows; {moved} scans left out or repeated, since the "
-            f"resonators differ by {PPM[1]:g} and {PPM[2]:g} ppm"),
+            "rows", "<=", 0.0, f"{done.rows} rows; {moved} scans left out or repeated to keep the boards "
+            f"in step, whose resonators differ by {PPM[1]:g} and {PPM[2]:g} ppm"),
         row(f"{name}: values missing in the recording", done.missing, "values", "<=", 0.0),
         _clock_row(name, done),
     ]  # fmt: skip
@@ -124,7 +124,7 @@ def _clock_row(name: str, done: ChainResult) -> Row:
         unit="ppm",
         goal="",
         ok=None,
-        note=f"found {each} for 0, {-PPM[1]:g} and {-PPM[2]:g}; arrivals come in steps of 5 ms",
+        note=f"found {each} for 0, {-PPM[1]:g} and {-PPM[2]:g}; looks 3 to 7 ms apart",
     )
 
 

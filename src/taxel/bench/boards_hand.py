@@ -125,7 +125,7 @@ class VirtualHost:
         assert self.result(number) == Result.DONE, self.result(number)
 
     def close_fingers(self, seconds: float = _CLOSING_S) -> None:
-        """Open the fingers for a moment, so that there is way to go, then close them."""
+        """Close the fingers for some time, refreshing the grip."""
         self.grip()
         refresh_s = self.boards.now_s
         until_s = self.boards.now_s + seconds
@@ -209,6 +209,7 @@ def _bring_about(host: VirtualHost, name: str, motor: int) -> tuple[float, set[i
         return now_s, {motor}
     if name == "silence":
         host.grip(lasts_ms=5000)
+        host.beat()
         host.run(0.3, beats=False)
         return host.beat_sent_s, every
     if name == "over-current":

@@ -34,7 +34,9 @@ from taxel.wire.messages import Data, Heartbeat, Message, unpack
 CHANNELS = (1, 4, 7, 10)
 """The analog pins of a board's four sensors. Source: Balapan 2025, section 3.2."""
 _SLICE_S = 0.005
-"""How long the boards run between two looks of the host, virtual seconds. Our choice."""
+_UNEVEN_S = 0.002
+"""How long the boards run between two looks of the host, more or less, virtual seconds. Uneven,
+as on a real machine: evenly, arrivals would show resonators' errors in whole ticks only. Our choice."""
 _CATCH_UP_S = 30.0
 """How long the host may take to read what was sent, real seconds. Our choice."""
 _REFERENCE_MV = 5000
@@ -131,8 +133,9 @@ def _record(boards: EmulatedBoards, path: Path, seconds: float, count: int) -> l
     with SerialBoards(ports, {}, clock) as source:
         manifest = Manifest.started_now(source.info, {}, {}, now_s=clock.now_s())
         with Recorder(path, manifest) as recorder:
+            random = np.random.default_rng(0)
             while boards.now_s < seconds:
-                boards.run(_SLICE_S)
+                boards.run(float(random.uniform(_SLICE_S - _UNEVEN_S, _SLICE_S + _UNEVEN_S)))
                 _catch_up(source, boards, recorder)
             for _ in range(20):  # the last rows are given when they are old enough
                 boards.run(_SLICE_S)
