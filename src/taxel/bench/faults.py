@@ -11,11 +11,16 @@ import tempfile
 from collections.abc import Callable
 from pathlib import Path
 from time import monotonic, sleep
+from typing import Any
 
 import numpy as np
 
+from taxel.actions.actuators import Health
+from taxel.actions.gripper import ForceRange
+from taxel.actions.interlock import Interlock, Order, OrderKind
 from taxel.bench.rows import Row, row
 from taxel.bundles.shipped import CUP_POUR, shipped_bundle
+from taxel.decisions.stability import Stability, StabilityDecision
 from taxel.live.station.guard import STOP
 from taxel.live.station.station import TICK_S, Station, StationConfig
 
@@ -58,22 +63,25 @@ def monitor_rows() -> list[Row]:
     rows = []
     config = StationConfig(sources=(_STILL,), bundles=(shipped_bundle(CUP_POUR),), drill=True)
     with Station(config) as station:
+        witness = _Witness()
+        station.drive(witness)
         station.run(0.0)
         for what, bring_about in (("killed", _kill), ("stopped", _halt), ("hung", _hang)):
-            took_s = [_drill(station, bring_about) for _ in range(DRILLS)]
+            took_s = [_drill(station, witness, bring_about) for _ in range(DRILLS)]
             in_time = sum(one <= _LIMIT_S for one in took_s)
             rows.append(
                 row(
-                    f"monitor {what}: STOP and an alarm within 100 ms", in_time,
-                    f"of {DRILLS}", ">=", DRILLS,
+                    f"monitor {what} while armed: STOP ordered, shown and alarmed in 100 ms",
+                    in_time, f"of {DRILLS}", ">=", DRILLS,
                     f"median {1000 * np.median(took_s):.0f} ms, longest "
-                    f"{1000 * max(took_s):.0f} ms; shown: STOP; started again by itself",
+                    f"{1000 * max(took_s):.0f} ms; armed again by hand each time; a monitor that "
+                    "settles on a new grasp is UNKNOWN and may be silent for 1 s",
                 )
             )  # fmt: skip
-        _until(station, lambda: station.guard.shown[0] == "STABLE")
+        _until(station, lambda: _calm(station) and not station.arm())
         station.order("monitor", {"do": "nan"})
         began_s = monotonic()
-        took = _until(station, lambda: station.guard.shown[0] == "UNKNOWN")
+        took = _until(station, lambda: station.guard.decision.state is Stability.UNKNOWN)
         stable = _ever(station, 1.0, lambda: station.guard.shown[0] == "STABLE")
         rows.append(
             row("model gives NaN: UNKNOWN within", 1000 * (took - began_s), "ms", "<=", 100.0,
@@ -92,7 +100,7 @@ def slow_page_rows() -> list[Row]:
     with tempfile.TemporaryDirectory(prefix="taxel-") as scratch:
         config = StationConfig(sources=(_STILL,), bundles=(shipped_bundle(CUP_POUR),))
         with Station(config) as station:
-            view = station.view_config(Path(scratch))
+            view = station.view_config()
             station.add_process("page", show, lambda place: StationPage(place=place, view=view))
             station.record(Path(scratch) / "all.mcap", {})
             station.run(3.0)
@@ -108,9 +116,9 @@ def slow_page_rows() -> list[Row]:
     lost += ledger["recorder"]["dropped"] + ledger["monitor"]["dropped"]
     before_ms, after_ms = found["page running"][0], found["page stopped"][0]
     return [
-        row("page stopped for 8 s: frames lost by source, monitor or recorder", lost, "frames",
-            "<=", 0.0, f"{ledger['source']['produced']} messages made"),
-        row("page stopped: median time from the shutter to the alarm, over that with it running",
+        row("page process stopped for 8 s: frames lost by source, monitor or recorder", lost,
+            "frames", "<=", 0.0, f"{ledger['source']['produced']} messages made"),
+        row("page process stopped: median time to the alarm, over that with it running",
             after_ms / before_ms, "ratio", "<=", 1.1, f"{after_ms:.1f} against {before_ms:.1f} ms"),
     ]  # fmt: skip
 
@@ -194,19 +202,54 @@ def _sleep_lateness_ms() -> float:
     return float(1000.0 * np.percentile(late, 99))
 
 
-def _drill(station: Station, bring_about: Callable[[Station], None]) -> float:
-    """Bring a fault about in a watching station; return how long it took to be told, seconds."""
-    _until(station, lambda: station.guard.shown[0] == "STABLE")
+class _Witness:
+    """An actuator that notes when it is first told to stop."""
+
+    def __init__(self) -> None:
+        self.name = "witness"
+        self.force: ForceRange | None = None
+        self.stopped_s: float | None = None
+
+    def connect(self) -> None:
+        """Nothing to open."""
+
+    def hear(self, interlock: Interlock, now_s: float) -> Health:
+        return Health("", now_s)
+
+    def tell(self, decision: StabilityDecision, order: Order, now_s: float) -> None:
+        if order.kind is OrderKind.STOP:
+            self.stopped_s = monotonic() if self.stopped_s is None else self.stopped_s
+        else:
+            self.stopped_s = None
+
+    def told(self) -> dict[str, Any]:
+        return {"motion": "", "force_n": None}
+
+    def close(self) -> None:
+        """Nothing to let go of."""
+
+
+def _drill(station: Station, witness: _Witness, bring_about: Callable[[Station], None]) -> float:
+    """Bring a fault about in an armed station; return how long until STOP was ordered, shown
+    and alarmed, seconds.
+    """
+    _until(station, lambda: _calm(station) and not station.arm())
+    _until(station, lambda: witness.stopped_s is None and _calm(station))
     station.acknowledge()
+    process = station.workers()["monitor"]
     brought_s = monotonic()
     bring_about(station)
-    told_s = _until(station, lambda: _told(station))
-    process = station.workers()["monitor"]
+    told_s = _until(station, lambda: _told(station) and witness.stopped_s is not None)
     # One that hangs is told to at the end of its present step: it begins at its last beat.
     began_s = max(brought_s, station.last_beat_s("monitor"))
     if process.exitcode is None:
         process.kill()
     return told_s - began_s
+
+
+def _calm(station: Station) -> bool:
+    """True where the monitor says STABLE, whatever an interlock that has stopped shows."""
+    return station.guard.decision.state is Stability.STABLE
 
 
 def _told(station: Station) -> bool:

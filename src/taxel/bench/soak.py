@@ -17,6 +17,7 @@ import numpy as np
 from taxel.bench.rows import Row, missing, row
 from taxel.bundles.shipped import CUP_POUR, shipped_bundle
 from taxel.live.station.station import Station, StationConfig
+from taxel.recordings.reader import iterate_blocks
 
 MINUTES = 10.0
 _SETTLED_S = 60.0
@@ -56,7 +57,7 @@ def soak_rows(seconds: float, settled_s: float) -> list[Row]:
         bundles = (shipped_bundle(CUP_POUR), _hand_bundle(Path(scratch)))
         config = StationConfig(sources=_SOURCES, bundles=bundles)
         with Station(config) as station:
-            view = station.view_config(Path(scratch))
+            view = station.view_config()
             station.add_process("page", show, lambda place: StationPage(place=place, view=view))
             station.record(Path(scratch) / "soak.mcap", {})
             began_s = monotonic()
@@ -70,10 +71,15 @@ def soak_rows(seconds: float, settled_s: float) -> list[Row]:
             station.run(seconds, on_tick=look)
         ledger = station.ledger()
         recording = station.recording
+        skipped = station.skipped
+        in_file = _file_rows(Path(scratch) / "soak.mcap", recording, how_long)
     return [
         _memory_row(memory, settled_s, how_long),
-        *_book_rows(ledger, recording, how_long),
-    ]
+        *_book_rows(ledger, how_long),
+        *in_file,
+        Row(name=f"{how_long}: sets of frames that the monitor let go, behind", value=skipped,
+            unit="sets", goal="", ok=None, note="the newest go first; 60 sets a second come"),
+    ]  # fmt: skip
 
 
 def _memory_row(memory: list[tuple[float, float]], settled_s: float, how_long: str) -> Row:
@@ -88,8 +94,7 @@ def _memory_row(memory: list[tuple[float, float]], settled_s: float, how_long: s
     return row(name, change, "%", "<=", 2.0, f"MiB by quarters: {each}")
 
 
-def _book_rows(ledger: dict[str, dict[str, int]], recording: dict[str, Any],
-               how_long: str) -> list[Row]:  # fmt: skip
+def _book_rows(ledger: dict[str, dict[str, int]], how_long: str) -> list[Row]:
     made = {name: one["produced"] for name, one in ledger.items() if name.startswith("source")}
     followers = {
         "monitor 1": made["source 1"],
@@ -104,15 +109,42 @@ def _book_rows(ledger: dict[str, dict[str, int]], recording: dict[str, Any],
             row(f"{how_long}: made less (taken in by {name} + dropped)", abs(off), "messages",
                 "<=", 0.0, f"{produced} made, {one['consumed']} taken in, {one['dropped']} dropped")
         )  # fmt: skip
-    unwritten = ledger["recorder"]["consumed"] - ledger["recorder"]["produced"]
-    rows.append(
-        row(f"{how_long}: taken in by the recorder and not in the file", unwritten, "messages",
-            "<=", 0.0, str(recording.get("error") or "no error"))
-    )  # fmt: skip
     starts = sum(one["starts"] for one in ledger.values()) - len(ledger)
     rows.append(row(f"{how_long}: processes that had to be started again", starts, "times", "<=",
                     0.0))  # fmt: skip
     return rows
+
+
+def _file_rows(path: Path, recording: dict[str, Any], how_long: str) -> list[Row]:
+    """Read the recording; count what the devices' own counters say is missing in it."""
+    scans, holes, last = 0, 0, None
+    frames, frame_holes = [0, 0], 0
+    before: list[int | None] = [None, None]
+    for block in iterate_blocks(path):
+        counter = block.samples.counter
+        if len(counter):
+            steps = np.diff(counter, prepend=counter[0] - 1 if last is None else last)
+            holes += int(np.clip(steps - 1, 0, None).sum())
+            scans, last = scans + len(counter), int(counter[-1])
+        for frame in block.frames:
+            old = before[frame.camera]
+            # A repeated image keeps its count; each pour counts from 0.
+            frame_holes += max(0, frame.counter - old - 1) if old is not None else 0
+            before[frame.camera] = frame.counter
+            frames[frame.camera] += 1
+    told = recording["ledger"]
+    off = abs(told["scans"] - scans) + sum(
+        abs(one["frames"] - count)
+        for one, count in zip(told["cameras"].values(), frames, strict=True)
+    )
+    return [
+        row(f"{how_long}: scans missing in the file by the board's own count", holes, "scans", "<=",
+            0.0, f"{scans} in it"),
+        row(f"{how_long}: images missing in the file by the cameras' own counts", frame_holes,
+            "images", "<=", 0.0, f"{frames[0]} and {frames[1]} frames in it"),
+        row(f"{how_long}: told as recorded and not read back", off, "scans and frames", "<=", 0.0,
+            str(recording.get("error") or "no error")),
+    ]  # fmt: skip
 
 
 def _memory_mib(station: Station) -> float:

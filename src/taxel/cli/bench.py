@@ -16,7 +16,9 @@ from taxel.cli.printing import console, print_json, progress
 class Bench:
     """Measure what taxel promises, in this run, on this machine."""
 
-    name: tyro.conf.Positional[Literal["teng", "transitions", "faults", "closed-loop", "soak", "boards"]]
+    name: tyro.conf.Positional[
+        Literal["teng", "transitions", "faults", "closed-loop", "soak", "boards"]
+    ]
     """Which figures."""
     full: bool = False
     """Also measure what takes longer than a few minutes, and keep it with a stamp."""

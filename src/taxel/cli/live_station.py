@@ -2,10 +2,16 @@
 
 from __future__ import annotations
 
-from contextlib import ExitStack
+import queue
+import socket
+import threading
+from contextlib import ExitStack, suppress
 from dataclasses import dataclass, field, replace
 from pathlib import Path
+from secrets import token_urlsafe
 from typing import TYPE_CHECKING, Any
+
+from rich.markup import escape
 
 from taxel.cli.printing import console, print_json
 from taxel.cli.record import stop_signals
@@ -67,8 +73,10 @@ def live_station(options: StationOptions) -> dict[str, Any]:
         raise BadInput(
             "a new file to record to", f"{options.record}, which exists", "add --overwrite"
         )
-    said = _Said(options)
     with ExitStack() as stack:
+        printer = _Printer()
+        stack.callback(printer.close)
+        said = _Said(options, printer)
         actuators = _open_actuators(options)
         for actuator in actuators:
             stack.callback(actuator.close)
@@ -82,6 +90,7 @@ def live_station(options: StationOptions) -> dict[str, Any]:
             sources=options.sources,
             bundles=options.bundles,
             least_confidence=options.least_confidence,
+            recordings=options.recordings,
             guard=GuardConfig(silent_s=_PATIENT_S) if simulated else GuardConfig(),
             interlock=replace(interlock, watchdog_s=_PATIENT_S) if simulated else interlock,
         )
@@ -98,6 +107,10 @@ def live_station(options: StationOptions) -> dict[str, Any]:
             if station.not_recorded and not (options.quiet or options.json):
                 console.print(f"not recorded: the array {station.not_recorded} (one a file)")
             station.record(options.record, options.labels, overwrite=options.overwrite)
+        for url in station.unwatched:
+            console.print(
+                f"[yellow]not watched: {url}: no bundle is left for it[/]", soft_wrap=True
+            )
         armed = [not options.arm]
 
         def on_tick(_: float) -> None:
@@ -115,6 +128,8 @@ def live_station(options: StationOptions) -> dict[str, Any]:
         print_json(result)
     else:
         _print_summary(result)
+    if station.failed or station.recording.get("error"):
+        raise SystemExit(1)
     return result
 
 
@@ -146,26 +161,50 @@ def _drive_simulated(options: StationOptions, station: Station) -> None:
     )
 
 
+class _Printer:
+    """Prints in a thread of its own: a terminal that stands still must not stop the supervisor."""
+
+    def __init__(self) -> None:
+        self._lines: queue.Queue[str | None] = queue.Queue(maxsize=256)
+        self._thread = threading.Thread(target=self._run, name="taxel printer", daemon=True)
+        self._thread.start()
+
+    def say(self, line: str) -> None:
+        """Print a line soon; drop it where too many wait."""
+        with suppress(queue.Full):
+            self._lines.put_nowait(line)
+
+    def close(self) -> None:
+        """Print what waits, for a second at most."""
+        with suppress(queue.Full):
+            self._lines.put(None, timeout=1.0)
+        self._thread.join(1.0)
+
+    def _run(self) -> None:
+        while (line := self._lines.get()) is not None:
+            console.print(line)
+
+
 class _Said:
     """Prints what has changed, once."""
 
-    def __init__(self, options: StationOptions) -> None:
+    def __init__(self, options: StationOptions, printer: _Printer) -> None:
         self._silent = options.quiet or options.json
-        self._events = 0
-        self._alarms: set[int] = set()
+        self._told = 0
         self._began_s: float | None = None
-        self._answers: dict[str, tuple[str, float]] = {}
+        self._printer = printer
 
     def tell(self, station: Station) -> None:
-        events = list(station.events)
-        if self._silent or len(events) == self._events:
+        newest = station.events[-1][0] if station.events else 0
+        if self._silent or newest == self._told:
             return
-        for time_s, text in events[self._events :]:
+        for number, time_s, text in station.events:
+            if number <= self._told:
+                continue
             self._began_s = time_s if self._began_s is None else self._began_s
-            word = text.partition(":")[0]
-            colour = COLOURS.get(word, "cyan")
-            console.print(f"{time_s - self._began_s:8.2f} s  [{colour}]{text}[/]")
-        self._events = len(events)
+            colour = COLOURS.get(text.partition(":")[0], "cyan")
+            self._printer.say(f"{time_s - self._began_s:8.2f} s  [{colour}]{escape(text)}[/]")
+        self._told = newest
 
 
 def _press(key: str, station: Station) -> None:
@@ -177,7 +216,8 @@ def _press(key: str, station: Station) -> None:
         station.new_grasp()
     elif key == "m":
         causes = station.arm()
-        console.print(f"not armed: {causes[0]}" if causes else "armed")
+        words = f"not armed: {causes[0]}" if causes else "armed"
+        station.say(words)
 
 
 def _open_page(options: StationOptions, station: Station) -> None:
@@ -185,14 +225,26 @@ def _open_page(options: StationOptions, station: Station) -> None:
         return
     from taxel.views.page.station_page import StationPage, show
 
-    view = station.view_config(options.recordings)
+    view = station.view_config()
+    # Drawn once: a page that is started again is found under the same address.
+    token, port = token_urlsafe(32), options.page_port or _free_port(options.page_host)
     (url,) = station.add_process(
         "page", show,
         lambda place: StationPage(
-            place=place, view=view, host=options.page_host, port=options.page_port
+            place=place, view=view, host=options.page_host, port=port, token=token
         ),
     )  # fmt: skip
     console.print(f"the page: [link={url}]{url}[/link]", soft_wrap=True)
+
+
+def _free_port(host: str) -> int:
+    family = socket.AF_INET6 if ":" in host else socket.AF_INET
+    with socket.socket(family, socket.SOCK_STREAM) as probe:
+        try:
+            probe.bind((host, 0))
+        except OSError:
+            return 0  # the page itself says what is wrong with the address
+        return int(probe.getsockname()[1])
 
 
 def _open_rerun(options: StationOptions, station: Station) -> None:
@@ -200,7 +252,7 @@ def _open_rerun(options: StationOptions, station: Station) -> None:
         return
     from taxel.views.rerun_bridge import RerunJob, stream
 
-    view = station.view_config(options.recordings)
+    view = station.view_config()
     station.add_process("rerun", stream, lambda place: RerunJob(place=place, view=view))
 
 
@@ -208,7 +260,8 @@ def _summary(station: Station) -> dict[str, Any]:
     alarms = station.guard.alarms
     return {
         "state": station.guard.shown[0],
-        "events": [{"time_s": time_s, "text": text} for time_s, text in station.events],
+        "events": [{"time_s": time_s, "text": text} for _, time_s, text in station.events],
+        "given_up": station.failed,
         "alarms": alarms.as_json(),
         "latency_ms": {
             stage: dict(zip(("p50", "p95", "p99"), values, strict=True))

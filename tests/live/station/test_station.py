@@ -49,7 +49,7 @@ def test_a_pair_of_cameras_is_watched_recorded_and_seen_and_every_message_is_acc
     path = tmp_path / "all.mcap"
     config = StationConfig(sources=(f"replay://{pour}",), bundles=(shipped_bundle(CUP_POUR),))
     with Station(config) as station:
-        view = StationView(station.view_config(tmp_path))
+        view = StationView(station.view_config())
         station.record(path, {"object": "cup"})
         station.run()
         snapshot, traces = view.snapshot(), view.traces(float("-inf"))

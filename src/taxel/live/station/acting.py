@@ -16,7 +16,7 @@ from taxel.decisions.stability import StabilityDecision
 
 
 class SimulatedGrip:
-    """Sends a raised force to the simulated cup's gripper, once each.
+    """Sends a raised force to the simulated cup's gripper, once each and never a lower one.
 
     Args:
         send: Sends a force, newtons, to the process that simulates the cup.
@@ -36,9 +36,14 @@ class SimulatedGrip:
         return Health("", now_s)
 
     def tell(self, decision: StabilityDecision, order: Order, now_s: float) -> None:
-        if order.kind is OrderKind.GRIP and order.valid(now_s) and order.force_n != self._sent_n:
+        higher = not order.force_n <= self._sent_n  # also where nothing was sent yet
+        if order.kind is OrderKind.GRIP and order.valid(now_s) and higher:
             self._sent_n = order.force_n
             self._send(order.force_n)
+
+    def new_grasp(self) -> None:
+        """The simulated gripper begins anew by itself: the next raise is to be sent whole."""
+        self._sent_n = math.nan
 
     def told(self) -> dict[str, Any]:
         force_n = self._sent_n if math.isfinite(self._sent_n) else None

@@ -98,6 +98,16 @@ class Crew:
             found.append((worker, how))
         return found
 
+    def silent(self, now_s: float, longest_s: float) -> list[Worker]:
+        """Return those that run and have given no sign of life for longer than some seconds."""
+        found = []
+        for worker in self.workers:
+            beat = self._beats.read(worker.row)
+            alive = worker.process is not None and worker.process.exitcode is None
+            if alive and beat.work is Work.RUNNING and now_s - beat.beat_s > longest_s:
+                found.append(worker)
+        return found
+
     def again(self, worker: Worker) -> bool:
         """Start a dead process again; False where that was tried often enough."""
         often = len(worker.began_s) > _RESTARTS
@@ -110,13 +120,15 @@ class Crew:
 
     def close(self) -> None:
         """Ask all to end, wait, kill those that do not."""
+        for worker in self.workers:  # nobody waits for one that is dead
+            if worker.process is not None and worker.process.exitcode not in (None, 0):
+                self._beats.fail(worker.row)
         self._beats.stop()
-        until_s = monotonic() + _END_S
         for worker in self.workers:
             process = worker.process
             if process is None or worker.given_up:
                 continue
-            process.join(max(0.05, until_s - monotonic()))
+            process.join(_END_S)
             if process.is_alive():
                 process.kill()
                 process.join()

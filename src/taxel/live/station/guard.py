@@ -19,6 +19,8 @@ STOP = "STOP"
 """Shown when the monitor itself is not to be trusted, or the interlock has stopped."""
 NO_GRASP = "NONE"
 """Shown where nothing watches a grasp."""
+_LEAST_N = 0.1
+"""A policy begins above nothing, newtons. Source: our choice."""
 _FAULT = "the monitor is silent"
 _WORST = (Stability.STABLE, Stability.UNKNOWN, Stability.WARNING, Stability.UNSTABLE)
 
@@ -72,10 +74,10 @@ class Guard:
         nothing = StabilityDecision(Stability.UNKNOWN, "no input yet", now_s, math.nan)
         self._monitors[name] = _Monitor(nothing, now_s)
 
-    def new_grasp(self, start_n: float) -> None:
-        """Begin another grasp: the force falls back to its first by the robot's own doing."""
+    def new_grasp(self) -> None:
+        """Begin another grasp, at the force that is set now."""
         if self._policy is not None:
-            self._policy.reset(start_n)
+            self._policy.reset(max(self.interlock.force_n, _LEAST_N))
 
     def decide(self, name: str, note: dict[str, Any]) -> None:
         """Take in a monitor's newest note."""
@@ -123,7 +125,7 @@ class Guard:
             decision = self._told = self._joined(silent, now_s)
             # A monitor that waits for its first input is no loss yet.
             self.alarms.watch(decision, armed=self.interlock.armed, now_s=now_s)
-            force_n = self._policy.push(decision, now_s) if self._policy else None
+            force_n = self._asked_n(decision, now_s)
             self.interlock.decision(decision.state.name, now_s, force_n)
             self._alarm_of_silence(silent, now_s)
             if not silent:
@@ -150,6 +152,17 @@ class Guard:
         found = [m.decision.probability for m in self._monitors.values()]
         usable = [p for p in found if math.isfinite(p)]
         return max(usable) if usable else math.nan
+
+    def _asked_n(self, decision: StabilityDecision, now_s: float) -> float | None:
+        """Return the force that the policy asks for; it begins at the force that is set."""
+        policy, set_n = self._policy, self.interlock.force_n
+        if policy is None:
+            return None
+        if not self.interlock.armed:
+            policy.reset(max(set_n, _LEAST_N))
+            return None
+        policy.force_n = max(policy.force_n, set_n)
+        return policy.push(decision, now_s)
 
     def _silent(self, now_s: float) -> str:
         for name, monitor in self._monitors.items():

@@ -65,7 +65,7 @@ def infer(job: Inference) -> None:
         RingReader(job.orders) as orders,
         RingWriter(job.decisions) as writer,
     ):
-        watchers = [_watcher(path, job, writer) for path in job.bundles]
+        watchers = [_watcher(path, job, writer, i) for i, path in enumerate(job.bundles)]
         pulse.report("opened", [watcher.what for watcher in watchers])
         settle_memory()
         looked_s = 0.0
@@ -73,7 +73,8 @@ def infer(job: Inference) -> None:
             pulse.beat()
             content = reader.take()
             if not content and not orders.waiting:
-                if pulse.stopping and pulse.work_of(job.source_row) in (Work.ENDED, Work.FAILED):
+                source = pulse.work_of(job.source_row)
+                if pulse.stopping and (pulse.orphaned or source in (Work.ENDED, Work.FAILED)):
                     break
                 now_s = monotonic()
                 if now_s - looked_s >= _LOOK_S:
@@ -94,16 +95,19 @@ def infer(job: Inference) -> None:
 class _GraspWatcher:
     """A grasp monitor on the ring's frames."""
 
-    def __init__(self, path: Path, job: Inference, writer: RingWriter) -> None:
+    def __init__(self, path: Path, job: Inference, writer: RingWriter, number: int) -> None:
         bundle = read_grasp_bundle(path)
+        self._who = f"{job.place.name}/{number}"
         self._monitor = GraspMonitor(bundle, job.cameras)
         self._pairer = FramePairer(len(job.cameras))
         self._writer = writer
         self._state: Stability | None = None
         self._skipped = 0
         stability = bundle.contract.stability
-        self.what = {"kind": "grasp", "bundle": path.name, "rule": bundle.contract.rule,
-                     "warn": stability.warn, "unstable": stability.unstable}  # fmt: skip
+        self.what = {
+            "kind": "grasp", "who": self._who, "bundle": path.name, "rule": bundle.contract.rule,
+            "warn": stability.warn, "unstable": stability.unstable,
+        }  # fmt: skip
 
     def take(self, packets: list[Packet], taken_s: float, pulse: Pulse) -> None:
         """Watch what came; of many sets the newest few."""
@@ -114,7 +118,7 @@ class _GraspWatcher:
                 found = self._pairer.push(packet)
                 if found is not None:
                     sets.append(found)
-            elif isinstance(packet, Mark) or _asks(packet, "new grasp"):
+            elif _ends_grasp(packet) or _asks(packet, "new grasp"):
                 self._watch(sets, taken_s, pulse)
                 sets = []
                 self._monitor.reset()
@@ -153,7 +157,8 @@ class _GraspWatcher:
         self, state: Stability, reason: str, since_s: float, p: float, times: dict[str, float]
     ) -> None:
         note: dict[str, Any] = {
-            "kind": "grasp", "state": state.name, "reason": reason, "skipped": self._skipped,
+            "kind": "grasp", "who": self._who, "state": state.name, "reason": reason,
+            "skipped": self._skipped,
             "since_s": since_s if since_s == since_s else None,
             "p": p if p == p else None, "late": self._monitor.late(), **times,
         }  # fmt: skip
@@ -163,15 +168,16 @@ class _GraspWatcher:
 class _RecogniseWatcher:
     """A recogniser on the ring's scans."""
 
-    def __init__(self, path: Path, job: Inference, writer: RingWriter) -> None:
+    def __init__(self, path: Path, job: Inference, writer: RingWriter, number: int) -> None:
         bundle = read_bundle(path)
+        who = f"{job.place.name}/{number}"
         config = RecogniseConfig(least_confidence=job.least_confidence)
         self._recogniser = Recogniser(bundle, job.sensor, config)
         contract = bundle.contract
         self._vote = GraspVote(contract.classes, contract.window.max_gap_s)
         self._target = contract.target
         self._writer = writer
-        self.what = {"kind": "answer", "bundle": path.name, "target": contract.target,
+        self.what = {"kind": "answer", "who": who, "bundle": path.name, "target": contract.target,
                      "classes": list(contract.classes)}  # fmt: skip
 
     def take(self, packets: list[Packet], taken_s: float, pulse: Pulse) -> None:
@@ -210,11 +216,11 @@ class _NanHead:
 _Watcher = _GraspWatcher | _RecogniseWatcher
 
 
-def _watcher(path: Path, job: Inference, writer: RingWriter) -> _Watcher:
-    made: Callable[[Path, Inference, RingWriter], _Watcher] = (
+def _watcher(path: Path, job: Inference, writer: RingWriter, number: int) -> _Watcher:
+    made: Callable[[Path, Inference, RingWriter, int], _Watcher] = (
         _GraspWatcher if is_grasp_bundle(path) else _RecogniseWatcher
     )
-    return made(path, job, writer)
+    return made(path, job, writer, number)
 
 
 def _orders(orders: RingReader, drill: bool, watchers: list[_Watcher]) -> list[Packet]:
@@ -228,6 +234,11 @@ def _orders(orders: RingReader, drill: bool, watchers: list[_Watcher]) -> list[P
             for watcher in watchers:
                 watcher.spoil()
     return found
+
+
+def _ends_grasp(packet: Packet) -> bool:
+    """True for a mark that tells a grasp's outcome; a hand's marks in the same file do not."""
+    return isinstance(packet, Mark) and "outcome" in packet.labels
 
 
 def _number(value: float) -> float | None:

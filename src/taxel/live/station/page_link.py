@@ -10,8 +10,6 @@ import math
 from collections import deque
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from datetime import datetime
-from pathlib import Path
 from time import monotonic, sleep
 from typing import Any
 
@@ -50,8 +48,6 @@ class ViewConfig:
     decisions: tuple[str, ...]
     status: str
     requests: str
-    recordings: Path
-    """Folder of recordings that are started from the page."""
 
 
 @dataclass(slots=True)
@@ -151,9 +147,7 @@ class StationView:
         """Start or stop recording; wait until it is so, or why not."""
         with RingReader(self._config.status) as status:
             if on:
-                stamp = datetime.now().strftime("%Y-%m-%d_%H-%M-%S")
-                path = self._config.recordings / f"{stamp}.mcap"
-                self._requests.put(pack({"do": "record", "path": str(path), "labels": labels}))
+                self._requests.put(pack({"do": "record", "labels": labels}))
             else:
                 self._requests.put(pack({"do": "end"}))
             until_s = monotonic() + _WISH_S

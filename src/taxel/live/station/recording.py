@@ -106,14 +106,15 @@ def record(job: Recording) -> None:
         resource.setrlimit(resource.RLIMIT_FSIZE, (job.largest_bytes, hard))
     with contextlib.ExitStack() as stack:
         pulse = stack.enter_context(at_work(job.place))
-        orders = stack.enter_context(RingReader(job.orders, from_oldest=True))
+        # From here on: one that follows a dead recorder must not do what that was told to.
+        orders = stack.enter_context(RingReader(job.orders))
         news = stack.enter_context(RingWriter(job.news))
         readers = [stack.enter_context(RingReader(one.ring)) for one in job.sources]
         pulse.report("opened")
         settle_memory()
         desk = _Desk(job, readers, news)
         while True:
-            last_look = pulse.stopping and _sources_ended(job, pulse)
+            last_look = pulse.stopping and (pulse.orphaned or _sources_ended(job, pulse))
             for order in orders.take():
                 desk.obey(unpack(order))
             busy = desk.follow(pulse)

@@ -14,9 +14,11 @@ nothing about what the messages mean.
 
 from __future__ import annotations
 
+import shutil
 import struct
 import zlib
 from multiprocessing import shared_memory
+from pathlib import Path
 from typing import Self
 
 from taxel.errors import BadInput
@@ -24,9 +26,23 @@ from taxel.errors import BadInput
 _MESSAGE = struct.Struct("<IIQ")
 _PLACES = 64
 """Bytes before the messages: head, tail and count, with room."""
+_SHARED = Path("/dev/shm")
 _HEAD, _TAIL, _COUNT = 0, 1, 2
 _LOOKS = 1000
 """Looks at a message whose check sum fails before it is given up. Our choice."""
+
+
+def _need_room(size: int) -> None:
+    """Refuse a ring that shared memory cannot hold: writing to it would end the process.
+
+    Raises:
+        BadInput: There is too little.
+    """
+    if _SHARED.exists() and (free := shutil.disk_usage(_SHARED).free) < size + _PLACES:
+        raise BadInput(
+            f"{size / 2**20:.0f} MiB of shared memory in {_SHARED}", f"{free / 2**20:.0f} MiB free",
+            "enlarge it (docker run --shm-size=256m)",
+        )  # fmt: skip
 
 
 def bytes_of(memory: shared_memory.SharedMemory) -> memoryview:
@@ -47,6 +63,7 @@ class Ring:
     def __init__(self, size: int) -> None:
         if size < 64 or size % 8:
             raise BadInput("a ring of at least 64 bytes, a multiple of 8", str(size), "round it")
+        _need_room(size)
         self._memory = shared_memory.SharedMemory(create=True, size=_PLACES + size)
         self.name = self._memory.name
         # Every page is written to now: the memory is there, and cannot be refused later.

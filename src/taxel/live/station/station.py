@@ -11,21 +11,25 @@ import contextlib
 from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from datetime import datetime
 from multiprocessing.process import BaseProcess
 from pathlib import Path
 from time import monotonic, sleep
 from typing import Any, Self
+from urllib.parse import parse_qsl
 
 from taxel.actions.actuators import Actuator, hear_all
-from taxel.actions.grip_policy import GripPolicy
-from taxel.actions.interlock import Interlock, InterlockConfig
+from taxel.actions.grip_policy import GripPolicy, GripPolicyConfig
+from taxel.actions.interlock import Interlock, InterlockConfig, Order, OrderKind
+from taxel.errors import BadSource
 from taxel.live.station.acquisition import Acquisition, acquire
+from taxel.live.station.acting import SimulatedGrip
 from taxel.live.station.beats import Beats, Work
 from taxel.live.station.crew import Crew, Worker
 from taxel.live.station.fitting import misfit
 from taxel.live.station.guard import Guard, GuardConfig
 from taxel.live.station.inference import Inference, infer
-from taxel.live.station.packets import pack, unpack
+from taxel.live.station.packets import Packet, pack, unpack
 from taxel.live.station.page_link import Seen, ViewConfig
 from taxel.live.station.recording import Recording, choose_recorded, record
 from taxel.live.station.ring import Ring, RingReader, RingWriter
@@ -41,6 +45,11 @@ _RING_BYTES = 16 * 2**20
 """Of a source: six seconds of two cameras at 60 Hz. Source: our choice."""
 _NOTE_BYTES = 2**18
 _EVENTS = 200
+_SILENT_S = 2.5
+"""Silence of any process that is told, seconds: a simulator may take one second for a grasp. Our
+choice; of a monitor it is told much earlier (`GuardConfig`)."""
+_HUNG_S = 5.0
+"""Silence after which a monitor's process is ended and started again, seconds. Our choice."""
 _NO_RECORDING: dict[str, Any] = {"on": False, "path": "", "seconds": 0.0, "bytes": 0, "error": ""}
 
 
@@ -55,6 +64,8 @@ class StationConfig:
     interlock: InterlockConfig = field(
         default_factory=lambda: InterlockConfig(min_n=15.0, max_n=50.0)
     )
+    recordings: Path = Path("recordings")
+    """Folder of recordings that are started from the page."""
     drill: bool = False
     """Let processes obey orders to go wrong, for `taxel bench faults`."""
     disk_bytes: int | None = None
@@ -89,7 +100,12 @@ class _Mind:
     @property
     def watches(self) -> bool:
         """True where one of them watches a grasp."""
-        return any(one["kind"] == "grasp" for one in self.told)
+        return bool(self.watchers)
+
+    @property
+    def watchers(self) -> list[str]:
+        """Names of those that watch a grasp."""
+        return [one["who"] for one in self.told if one["kind"] == "grasp"]
 
 
 Listener = Callable[[dict[str, Any]], None]
@@ -116,9 +132,9 @@ class Station:
         self._crew = Crew(self._beats, patient=config.drill)
         self.feeds: list[_Feed] = []
         self._minds: list[_Mind] = []
-        self.guard = Guard(
-            Interlock(config.interlock), config.guard, GripPolicy(config.interlock.min_n)
-        )
+        limits = config.interlock
+        policy = GripPolicy(max(limits.min_n, 0.1), GripPolicyConfig(most_n=limits.max_n))
+        self.guard = Guard(Interlock(limits), config.guard, policy)
         self._actuators: list[Actuator] = []
         self._faults: dict[str, str] = {}
         self._releasing = False
@@ -126,12 +142,20 @@ class Station:
         self._answers: dict[str, dict[str, Any]] = {}
         self.recording = dict(_NO_RECORDING)
         """The recorder's newest note."""
-        self.events: deque[tuple[float, str]] = deque(maxlen=_EVENTS)
-        """What happened, (monotonic seconds, words)."""
+        self.events: deque[tuple[int, float, str]] = deque(maxlen=_EVENTS)
+        """What happened last: (running number, monotonic seconds, words)."""
+        self._event_number = 0
+        self.skipped = 0
+        """Sets of frames that monitors let go because they had fallen behind."""
+        self.refused_wishes = 0
+        """Wishes of the page that were none."""
+        self.unwatched: tuple[str, ...] = ()
+        """Sources with cameras that no bundle watches."""
         self.not_recorded = ""
         """Names of arrays that a recording of this station does not hold."""
         self._told_s = 0.0
         self._word = ""
+        self._mute: set[str] = set()
         self._stopped = False
         self._coming: list[Worker] = []
         self._final: dict[str, dict[str, int]] | None = None
@@ -189,6 +213,10 @@ class Station:
         for alarm in self.guard.alarms.alarms:
             self.guard.alarms.acknowledge(alarm.number, monotonic())
 
+    def say(self, text: str) -> None:
+        """Add words to the events, such as what a person did."""
+        self._happened(monotonic(), text)
+
     def stop(self) -> None:
         """End `run` at its next tick."""
         self._stopped = True
@@ -202,12 +230,8 @@ class Station:
         row = next(worker.row for worker in self._crew.workers if worker.name == name)
         return self._beats.read(row).beat_s
 
-    def view_config(self, recordings: Path) -> ViewConfig:
-        """Return what the page needs to see this station.
-
-        Args:
-            recordings: Folder of recordings that are started from the page.
-        """
+    def view_config(self) -> ViewConfig:
+        """Return what the page needs to see this station."""
         return ViewConfig(
             sources=tuple(
                 Seen(url=feed.url, ring=feed.ring, sensor=feed.sensor, cameras=feed.cameras)
@@ -216,7 +240,6 @@ class Station:
             decisions=tuple(mind.decisions for mind in self._minds),
             status=self._status_name,
             requests=self._requests_name,
-            recordings=recordings,
         )
 
     def add_process(
@@ -242,10 +265,18 @@ class Station:
                 break
             self.tick(now_s)
             on_tick(now_s)
-            works = [self._beats.read(feed.worker.row).work for feed in self.feeds]
-            if all(work in (Work.ENDED, Work.FAILED) for work in works):
+            if all(self._over(feed.worker) for feed in self.feeds):
                 break
             sleep(max(0.0, now_s + TICK_S - monotonic()))
+
+    def _over(self, worker: Worker) -> bool:
+        """True once a source has ended by itself, or was given up."""
+        return worker.given_up or self._beats.read(worker.row).work is Work.ENDED
+
+    @property
+    def failed(self) -> str:
+        """Names of the processes that were given up; empty where none was."""
+        return ", ".join(worker.name for worker in self._crew.workers if worker.given_up)
 
     def tick(self, now_s: float) -> None:
         """Hear, weigh, act, tell: once."""
@@ -253,8 +284,7 @@ class Station:
         self._look(now_s)
         faults = hear_all(self.guard.interlock, self._actuators, now_s)
         order = self.guard.tick(now_s)
-        if self._releasing:
-            self._releasing = not self.guard.interlock.release(self.config.interlock.min_n)
+        self._release(order)
         for actuator in self._actuators:
             actuator.tell(self.guard.decision, order, now_s)
         acted_s = monotonic()
@@ -265,7 +295,7 @@ class Station:
         word, reason, _ = self.guard.shown
         if word != self._word:
             self._word = word
-            self.events.append((now_s, f"{word}{': ' if reason else ''}{reason}"))
+            self._happened(now_s, f"{word}{': ' if reason else ''}{reason}")
         if now_s - self._told_s >= _TELL_S:
             self._told_s = now_s
             self._status_to.put(pack(self.snapshot(now_s)))
@@ -296,7 +326,7 @@ class Station:
             "latency_ms": self.latencies.lately_ms(now_s),
             "gripper": gripper,
             "recording": {key: self.recording.get(key) for key in _NO_RECORDING},
-            "events": [list(event) for event in self.events],
+            "events": [[time_s, text] for _, time_s, text in self.events],
         }  # fmt: skip
 
     def _hear(self, now_s: float) -> list[dict[str, Any]]:
@@ -307,25 +337,41 @@ class Station:
                 if note["kind"] == "new grasp":
                     self._begin_grasp()
                 elif note["kind"] == "grasp":
-                    self.guard.decide(mind.worker.name, note)
+                    self.guard.decide(note["who"], note)
+                    self.skipped = max(self.skipped, int(note["skipped"]))
                     self._weigh_late(note, now_s)
                 else:
                     self._answers[note["target"]] = note
             if mind.watches:
                 beat = self._beats.read(mind.worker.row)
-                self.guard.beat(mind.worker.name, beat.beat_s, beat.patience_s)
+                for who in mind.watchers:
+                    self.guard.beat(who, beat.beat_s, beat.patience_s)
         for note in _notes(self._news):
             self.recording = note
             self._weigh_recording(note, now_s)
             self._on_note(note)
-        for wish in _notes(self._requests):
-            self._grant(wish)
+        for content in self._requests.take():
+            try:
+                self._grant(unpack(content))
+            except (ValueError, KeyError, TypeError, IndexError, UnicodeDecodeError):
+                self.refused_wishes += 1
         return heard
 
     def _begin_grasp(self) -> None:
         """Begin again at the least force, once the new grasp is calm: that is the robot's doing."""
-        self.guard.new_grasp(self.config.interlock.min_n)
+        self.guard.new_grasp()
         self._releasing = True
+        for actuator in self._actuators:
+            if isinstance(actuator, SimulatedGrip):
+                actuator.new_grasp()
+
+    def _release(self, order: Order) -> None:
+        """Let the interlock's force begin anew; never once this grasp was raised or stopped."""
+        if order.kind in (OrderKind.GRIP, OrderKind.STOP):
+            self._releasing = False
+        elif self._releasing and self.guard.interlock.release(self.config.interlock.min_n):
+            self._releasing = False
+            self.guard.new_grasp()
 
     def _weigh_actuators(self, faults: dict[str, str], now_s: float) -> None:
         for name in self._faults.keys() - faults.keys():
@@ -349,30 +395,63 @@ class Station:
         elif note.get("lost"):
             self.guard.trouble("recording", f"the recorder lost {note['lost']} messages", now_s)
 
-    def _grant(self, wish: dict[str, Any]) -> None:
-        """Do what the page may ask: it cannot arm or move anything."""
-        if wish.get("do") == "acknowledge":
+    def _grant(self, wish: Packet) -> None:
+        """Do what the page may ask: it cannot arm or move anything, nor say where to record.
+
+        Raises:
+            KeyError, TypeError, ValueError: It is no wish.
+        """
+        if not isinstance(wish, dict):
+            raise TypeError("a wish is a note")
+        if wish["do"] == "acknowledge":
             self.acknowledge()
-        elif wish.get("do") == "record":
-            self.record(Path(wish["path"]), dict(wish.get("labels", {})))
-        elif wish.get("do") == "end":
+        elif wish["do"] == "record":
+            labels = {str(key): str(value) for key, value in dict(wish["labels"]).items()}
+            stamp = datetime.now().strftime("%Y-%m-%d_%H-%M-%S")
+            self.record(self.config.recordings / f"{stamp}.mcap", labels)
+        elif wish["do"] == "end":
             self.end_recording()
 
     def _look(self, now_s: float) -> None:
         """See which processes have died; start them again."""
         for worker, how in self._crew.dead():
-            self.guard.died(worker.name)
+            for who in self._watchers_of(worker):
+                self.guard.died(who)
             text = f"{worker.name} ended by {how}"
-            self.guard.trouble(worker.name, text, now_s)
-            self.events.append((now_s, text))
-            if self._crew.again(worker):
+            again = self._crew.again(worker)
+            if again:
                 self._coming.append(worker)
+            else:
+                text += ", too often: given up"
+            self.guard.trouble(worker.name, text, now_s)
+            self._happened(now_s, text)
+        self._look_for_silence(now_s)
         for worker in list(self._coming):
             if self._beats.read(worker.row).work is Work.RUNNING:
                 self._coming.remove(worker)
                 self.guard.over(worker.name, now_s)
-                if any(mind.worker is worker and mind.watches for mind in self._minds):
-                    self.guard.expect(worker.name, now_s)
+                for who in self._watchers_of(worker):
+                    self.guard.expect(who, now_s)
+
+    def _look_for_silence(self, now_s: float) -> None:
+        """Tell which processes are alive and say nothing; end a monitor that stays so."""
+        silent = {worker.name: worker for worker in self._crew.silent(now_s, _SILENT_S)}
+        for name in silent.keys() - self._mute:
+            self.guard.trouble(name, f"{name} gives no sign of life", now_s)
+            self._happened(now_s, f"{name} gives no sign of life")
+        for name in self._mute - silent.keys():
+            self.guard.over(name, now_s)
+        self._mute = set(silent)
+        for worker in self._crew.silent(now_s, _HUNG_S):
+            if self._watchers_of(worker) and worker.process is not None:
+                worker.process.kill()
+
+    def _watchers_of(self, worker: Worker) -> list[str]:
+        return [who for mind in self._minds if mind.worker is worker for who in mind.watchers]
+
+    def _happened(self, now_s: float, text: str) -> None:
+        self._event_number += 1
+        self.events.append((self._event_number, now_s, text))
 
     # Starting and ending.
 
@@ -383,6 +462,7 @@ class Station:
         self._requests_name = self._ring()
         self._requests = self._stack.enter_context(RingReader(self._requests_name))
         for number, url in enumerate(self.config.sources):
+            _check_pace(url)
             self._start_feed(url, number)
         for feed in self.feeds:
             feed.sensor, feed.cameras = self._crew.opened(feed.worker)
@@ -393,8 +473,8 @@ class Station:
         now_s = monotonic()
         for mind in self._minds:
             mind.told = self._crew.opened(mind.worker)[0]
-            if mind.watches:
-                self.guard.expect(mind.worker.name, now_s)
+            for who in mind.watchers:
+                self.guard.expect(who, now_s)
         self._crew.opened(recorder)
         settle_memory()
 
@@ -420,7 +500,14 @@ class Station:
             fitting = [index for index, one in enumerate(why) if one is None]
             if not fitting:
                 raise next(one for one in why if one is not None)
-            chosen[fitting[0]] = (*chosen.get(fitting[0], ()), path)
+            # Named twice, it watches two sources.
+            index = min(fitting, key=lambda i: chosen.get(i, ()).count(path))
+            chosen[index] = (*chosen.get(index, ()), path)
+        self.unwatched = tuple(
+            feed.url
+            for index, feed in enumerate(self.feeds)
+            if feed.cameras and index not in chosen
+        )
         return chosen
 
     def _start_mind(self, feed: _Feed, paths: tuple[Path, ...], number: int) -> None:
@@ -465,8 +552,28 @@ class Station:
         self._crew.close()
         with contextlib.suppress(AttributeError):  # where it never came to a start
             self._hear(monotonic())
+        if self.recording.get("on"):
+            part = f"{self.recording['path']}.part"
+            self.recording["error"] = (
+                f"needed the recorder to complete {self.recording['path']}; got its end without "
+                f"that; run: taxel recover {part} --output {self.recording['path']}."
+            )
         self._final = self._crew.ledger()
         self._stack.close()
+
+
+def _check_pace(url: str) -> None:
+    """Refuse a source that runs faster or slower than the world: its stamps are not now.
+
+    Raises:
+        BadSource: Its address asks for another speed than 1.
+    """
+    asked = dict(parse_qsl(url.partition("?")[2])).get("speed", "1")
+    if asked != "1":
+        raise BadSource(
+            "speed=1 where several processes run", f"speed={asked}",
+            "leave it out, or run taxel live without --page, --record, --gripper and --beside",
+        )  # fmt: skip
 
 
 def _notes(reader: RingReader) -> list[dict[str, Any]]:

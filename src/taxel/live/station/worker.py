@@ -53,7 +53,12 @@ class Pulse:
     @property
     def stopping(self) -> bool:
         """True once this process shall end: it was asked to, or nobody is there to ask."""
-        return self._ended_here or self._board.stopping or os.getppid() != self._place.parent
+        return self._ended_here or self._board.stopping or self.orphaned
+
+    @property
+    def orphaned(self) -> bool:
+        """True once the supervisor is gone: nobody will say that anybody else has ended."""
+        return os.getppid() != self._place.parent
 
     @property
     def may_begin(self) -> bool:
@@ -99,8 +104,7 @@ def at_work(place: Place, *, urgent: bool = False) -> Iterator[Pulse]:
         signal.signal(signal.SIGTERM, pulse.end_here)
         if hasattr(signal, "SIGHUP"):
             signal.signal(signal.SIGHUP, signal.SIG_IGN)
-    if urgent:
-        hurry()
+    hurry(_URGENT if urgent else 0)
     pulse.beat(Work.STARTING)
     try:
         yield pulse
@@ -114,10 +118,10 @@ def at_work(place: Place, *, urgent: bool = False) -> Iterator[Pulse]:
         pulse.close()
 
 
-def hurry() -> None:
-    """Run before other processes where the system allows it."""
+def hurry(niceness: int = _URGENT) -> None:
+    """Run before other processes where the system allows it; 0 runs like any other."""
     with contextlib.suppress(OSError, AttributeError):
-        os.setpriority(os.PRIO_PROCESS, 0, _URGENT)
+        os.setpriority(os.PRIO_PROCESS, 0, niceness)
 
 
 def settle_memory() -> None:
