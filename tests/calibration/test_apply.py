@@ -15,7 +15,7 @@ from taxel.recordings.reader import read_recording
 from taxel.recordings.writer import Recorder
 from taxel.signals import Samples, Validity
 from taxel.sim.force_gauge import ForceGauge, GaugeConfig
-from taxel.sim.teng_hand import TengHandConfig
+from taxel.sim.teng_hand import GraspStream, TengHandConfig
 
 
 @pytest.fixture(scope="module")
@@ -84,6 +84,33 @@ def test_newtons_at_a_press_s_peak_are_those_of_the_gauge(
     untouched = done.samples.values[:1000].max(axis=0)
     assert np.delete(untouched, 1).max() < 0.02
     assert untouched[1] < 0.2  # the nearly silent sensor: its noise is worth more force
+
+
+@pytest.mark.parametrize(
+    ("material", "low", "high"),
+    [("plastic", 0.55, 0.9), ("glass", 1.4, 2.6), ("aluminium", 1.6, 3)],
+)
+def test_newtons_hold_for_the_material_and_the_speed_that_were_calibrated_and_no_other(
+    calibration: Calibration, material: str, low: float, high: float
+) -> None:
+    """Grasps told with a plastic tip's curve: what docs/how-to/calibrate.md warns of, measured."""
+    hand = TengHandConfig(
+        seed=0, rate_hz=250.0, humidity_pct=(50.0, 50.0), force_n=(0.5, 1.5), moving=0.0
+    )
+    stream = GraspStream(hand, shape="cylinder", material=material)
+    parts, marks = [], []
+    for _ in range(25):
+        samples, own = stream.next_block()
+        parts.append(samples)
+        marks += own
+    done = correct(Samples.join(parts), stream.info, calibration, "N", 250.0).samples
+    ratios = []
+    for mark in marks:
+        first = (done.fitted_s >= mark.start_s) & (done.fitted_s <= mark.start_s + 0.35)
+        told = np.median(np.delete(done.values[first].max(axis=0), 1))
+        ratios.append(float(told) / float(mark.groups["force_n"]))
+
+    assert low < np.median(ratios) < high, np.median(ratios)
 
 
 def test_more_force_than_a_sensor_tells_is_at_least_what_it_tells(
