@@ -95,8 +95,8 @@ def chain_rows(firmware: Firmware, seconds: float) -> list[Row]:
         row(f"{name}: converter values in frames that differ from the waveform",
             done.wrong_values, "values", "<=", 0.0, f"{done.frame_values} values"),
         row(f"{name}: rows of the recording that are no scan, bit for bit", done.wrong_rows,
-            "rows", "<=", 0.0, f"{done.rows} rows; {moved} scans left out or repeated to keep the boards "
-            f"in step, whose resonators differ by {PPM[1]:g} and {PPM[2]:g} ppm"),
+            "rows", "<=", 0.0, f"{done.rows} rows; {moved} scans left out or repeated to keep "
+            f"boards in step whose resonators differ by {PPM[1]:g} and {PPM[2]:g} ppm"),
         row(f"{name}: values missing in the recording", done.missing, "values", "<=", 0.0),
         _clock_row(name, done),
     ]  # fmt: skip

@@ -35,8 +35,9 @@ CHANNELS = (1, 4, 7, 10)
 """The analog pins of a board's four sensors. Source: Balapan 2025, section 3.2."""
 _SLICE_S = 0.005
 _UNEVEN_S = 0.002
-"""How long the boards run between two looks of the host, more or less, virtual seconds. Uneven,
-as on a real machine: evenly, arrivals would show resonators' errors in whole ticks only. Our choice."""
+"""How long the boards run between two looks of the host, more or less, virtual seconds. Uneven, as
+on a real machine: evenly, arrivals would show resonators' errors in whole ticks only. Our choice.
+"""
 _CATCH_UP_S = 30.0
 """How long the host may take to read what was sent, real seconds. Our choice."""
 _REFERENCE_MV = 5000
