@@ -5,6 +5,7 @@ from __future__ import annotations
 import itertools
 import os
 import random
+import time
 import tty
 from pathlib import Path
 
@@ -22,6 +23,7 @@ from taxel.bench.boards_sensors import (
     run_damage,
     run_wide,
 )
+from taxel.clock import SystemClock
 from taxel.errors import BadSource
 from taxel.sources.serial_boards import SerialBoards
 from taxel.wire.framing import FrameDecoder, frame_of
@@ -88,7 +90,7 @@ def test_scans_count_ticks_and_begin_when_the_tick_was_due(firmware: Firmware):
 
 def test_the_rate_is_changed_through_the_real_source_and_values_stay_exact(firmware: Firmware):
     with EmulatedBoards(firmware, [one_board(firmware)]) as boards:
-        clock = VirtualClock(boards)
+        clock = VirtualClock(boards, readers=True)
         options = {"rate_hz": "250"}
         with SerialBoards(str(boards.port(0)), options, clock) as source:
             assert source.info.rate_hz == 250
@@ -101,11 +103,28 @@ def test_the_rate_is_changed_through_the_real_source_and_values_stay_exact(firmw
     assert np.array_equal([frame.values for frame in frames], scans[: len(frames)])
 
 
+def test_boards_run_in_real_time_too(firmware: Firmware):
+    """As a stand-in for hardware: any program may open the port."""
+    with (
+        EmulatedBoards(firmware, [one_board(firmware)], live=True) as boards,
+        SerialBoards(str(boards.port(0)), {}, SystemClock()) as source,
+    ):
+        began_s, rows = time.monotonic(), 0
+        while rows < 300 and time.monotonic() - began_s < 20.0:
+            rows += len(source.read(0.1))
+        took_s = time.monotonic() - began_s
+        (ledger,) = source.boards()
+    assert rows >= 300
+    assert took_s > 0.2
+    assert (ledger["lost"], ledger["dropped"]) == (0, 0)
+    assert sum(ledger["bad"].values()) <= 1  # the frame that was under way when the port was opened
+
+
 def test_a_rate_that_the_converter_cannot_do_is_refused_by_the_board(firmware: Firmware):
     with EmulatedBoards(firmware, [one_board(firmware)]) as boards:
         options = {"rate_hz": "2000", "wait_s": "1"}
         with pytest.raises(BadSource, match="2000"):
-            SerialBoards(str(boards.port(0)), options, VirtualClock(boards))
+            SerialBoards(str(boards.port(0)), options, VirtualClock(boards, readers=True))
 
 
 def test_damaged_commands_are_counted_and_change_nothing(firmware: Firmware):

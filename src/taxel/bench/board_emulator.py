@@ -9,9 +9,12 @@ what the boards say.
 from __future__ import annotations
 
 import fcntl
+import os
 import shutil
 import subprocess
 import tempfile
+import termios
+import time
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -38,6 +41,8 @@ _PARTS = {
 PINS = 16
 CYCLES_S = 16_000_000
 """Cycles a second of the boards' processors."""
+_READERS_S = 1.0
+"""How long `wait_for_readers` waits for a reader that does not read, real seconds. Our choice."""
 _CONVERSION = np.dtype(
     [
         ("cycle", "<u8"),
@@ -225,6 +230,21 @@ class EmulatedBoards:
         self._take(self._line())
         return self.events[-1]
 
+    def wait_for_readers(self) -> None:
+        """Wait, in real time, until others have read what the ports hold; a second at most."""
+        until_s = time.monotonic() + _READERS_S
+        while time.monotonic() < until_s:
+            time.sleep(0.0002)  # the reader's turn
+            if not any(self._unread(n) for n in range(len(self._setups))):
+                return
+
+    def _unread(self, board: int) -> int:
+        fd = os.open(self.port(board), os.O_RDONLY | os.O_NOCTTY | os.O_NONBLOCK)
+        try:
+            return int.from_bytes(fcntl.ioctl(fd, termios.FIONREAD, bytes(4)), "little")
+        finally:
+            os.close(fd)
+
     def conversions(self, board: int) -> NDArray[np.void]:
         """Return all that a board's converter did: cycle, pin, tenths_mv, count, prescaler."""
         return np.fromfile(self._file(board, "log"), _CONVERSION)
@@ -281,10 +301,16 @@ class EmulatedBoards:
 
 
 class VirtualClock:
-    """The emulator's time as a clock: whoever sleeps on it lets the boards run."""
+    """The emulator's time as a clock: whoever sleeps on it lets the boards run.
 
-    def __init__(self, boards: EmulatedBoards) -> None:
+    Args:
+        boards: Whose time it is.
+        readers: Other threads read the ports: time does not run ahead of them.
+    """
+
+    def __init__(self, boards: EmulatedBoards, *, readers: bool = False) -> None:
         self._boards = boards
+        self._readers = readers
 
     def now_s(self) -> float:
         """Return the boards' virtual time, seconds."""
@@ -294,3 +320,5 @@ class VirtualClock:
         """Let the boards run for a duration, seconds."""
         if duration_s > 0:
             self._boards.run(duration_s)
+            if self._readers:
+                self._boards.wait_for_readers()

@@ -194,7 +194,7 @@ def drill(firmware: Firmware, name: str, times: int, seed: int = 0) -> Drill:
             off_ms.append(1000.0 * (_all_off_s(host, concerned) - since_s))
             if name == "contact":
                 assert running(boards) == set(range(MOTORS)) - concerned, "others stopped too"
-            host.run(0.3, beats=name != "silence")
+            host.run(0.06, beats=name != "silence")
             state = host.state
     return Drill(name=name, off_ms=off_ms, state=state)
 

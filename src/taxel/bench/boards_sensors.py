@@ -129,7 +129,7 @@ def run_chain(firmware: Firmware, seconds: float, ppm: tuple[float, ...]) -> Cha
 
 def _record(boards: EmulatedBoards, path: Path, seconds: float, count: int) -> list[dict[str, Any]]:
     """Record through the real source until the time is over; return its ledgers."""
-    clock = VirtualClock(boards)
+    clock = VirtualClock(boards, readers=True)
     ports = ",".join(str(boards.port(n)) for n in range(count))
     with SerialBoards(ports, {}, clock) as source:
         manifest = Manifest.started_now(source.info, {}, {}, now_s=clock.now_s())
