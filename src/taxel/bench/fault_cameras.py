@@ -46,12 +46,18 @@ def camera_rows() -> list[Row]:
     said = f"such as: {doubted[0]}" if doubted else "a busy processor can cause some"
     process = f"worst of {ROUNDS} rounds through real capture processes at {RATE_HZ:g} Hz"
     return [
-        row("camera frozen: frames until the watcher doubts it (UNKNOWN)", max(frozen), "frames", "<=", 3, process),
+        row(
+            "camera frozen: frames until the watcher doubts it (UNKNOWN)", max(frozen), "frames",
+            "<=", 3, process,
+        ),
         Row(
             name="cameras well: moments doubted", value=float(len(doubted)), unit="moments",
             goal="", ok=None, note=f"in {ROUNDS} rounds, before the fault; {said}",
         ),
-        row("camera gone: time until the watcher doubts it (UNKNOWN)", max(gone), "s", "<=", 0.1, process),
+        row(
+            "camera gone: time until the watcher doubts it (UNKNOWN)", max(gone), "s", "<=", 0.1,
+            process,
+        ),
         row(
             "one camera 2 frames late: reported", float("right" in behind_s), "1 = yes", ">=", 1,
             f"{2 / RATE_HZ * 1e3:.0f} ms late, told as {behind_s.get('right', 0.0) * 1e3:.0f} ms",

@@ -6,7 +6,7 @@ from typing import Any
 
 import pytest
 
-from taxel.actions.grip_policy import GripPolicy
+from taxel.actions.grip_policy import GripPolicy, GripPolicyConfig
 from taxel.actions.interlock import Interlock, InterlockConfig, InterlockState, OrderKind
 from taxel.live.station.guard import Guard, GuardConfig
 
@@ -20,9 +20,10 @@ def note(state: str, **more: Any) -> dict[str, Any]:
 class Rig:
     """A guard with monitors that beat every millisecond unless told otherwise."""
 
-    def __init__(self, *names: str) -> None:
-        interlock = Interlock(InterlockConfig(min_n=15.0, max_n=50.0))
-        self.guard = Guard(interlock, policy=GripPolicy(15.0))
+    def __init__(self, *names: str, least_n: float = 15.0, most_n: float = 50.0) -> None:
+        interlock = Interlock(InterlockConfig(min_n=least_n, max_n=most_n))
+        policy = GripPolicy(least_n, GripPolicyConfig(most_n=most_n))
+        self.guard = Guard(interlock, policy=policy)
         self.now_s = 100.0
         self.silent: set[str] = set()
         self.names = names
@@ -144,3 +145,36 @@ def test_the_alarm_of_an_unstable_grasp_waits_for_a_person_when_it_is_over():
     rig.run(0.01)
     (alarm,) = rig.guard.alarms.alarms
     assert (alarm.kind, alarm.on, alarm.acknowledged) == ("grasp", False, False)
+
+
+def test_a_strong_gripper_is_raised_to_its_own_limit():
+    rig = Rig("one", least_n=60.0, most_n=300.0)
+    rig.guard.decide("one", note("STABLE"))
+    rig.run(0.1)
+    rig.guard.interlock.arm(rig.now_s)
+    rig.guard.decide("one", note("UNSTABLE"))
+    order = rig.run(5.0)
+    assert (order.kind, order.force_n) == (OrderKind.GRIP, 300.0)
+
+
+def test_a_raise_begins_at_the_force_that_the_robot_has_set():
+    rig = Rig("one")
+    rig.guard.decide("one", note("STABLE"))
+    rig.run(0.1)
+    assert rig.guard.interlock.release(30.0)
+    rig.guard.interlock.arm(rig.now_s)
+    rig.guard.decide("one", note("WARNING"))
+    order = rig.run(0.25)
+    assert order.kind is OrderKind.GRIP
+    assert order.force_n == 40.0
+
+
+def test_warnings_before_arming_raise_nothing_afterwards():
+    rig = Rig("one")
+    rig.guard.decide("one", note("WARNING"))
+    rig.run(3.0)
+    rig.guard.decide("one", note("STABLE"))
+    rig.run(0.1)
+    rig.guard.interlock.arm(rig.now_s)
+    rig.guard.decide("one", note("WARNING"))
+    assert rig.run(0.25).force_n == 25.0

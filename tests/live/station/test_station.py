@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import os
 import signal
+import subprocess
+import sys
 from collections.abc import Callable
 from pathlib import Path
 from time import monotonic, sleep
@@ -14,6 +16,7 @@ import pytest
 from taxel.bundles.shipped import CUP_POUR, shipped_bundle
 from taxel.errors import BadBundle, BadSource
 from taxel.live.station.page_link import StationView
+from taxel.live.station.ring import RingWriter
 from taxel.live.station.station import Station, StationConfig
 from taxel.recordings.reader import iterate_frames, read_recording
 from taxel.sim.cup_pour import CupPourConfig, list_runs
@@ -109,6 +112,129 @@ def test_a_full_disk_is_alarmed_and_the_watch_goes_on(tmp_path: Path):
         assert "taxel recover" in text
         decided = station.ledger()["monitor"]["produced"]
         until(station, lambda: station.ledger()["monitor"]["produced"] > decided + 3)
+
+
+@pytest.mark.data
+def test_a_recorder_that_died_is_followed_by_one_that_leaves_finished_recordings_alone(
+    tmp_path: Path,
+):
+    path = tmp_path / "a.mcap"
+    path.touch()
+    with Station(StationConfig(sources=("sim://teng",), bundles=())) as station:
+        station.run(0.0)
+        station.record(path, {}, overwrite=True)
+        until(station, lambda: station.recording["on"] and station.recording["kept"] > 5)
+        station.end_recording()
+        until(station, lambda: not station.recording["on"])
+        whole = path.read_bytes()
+        recorder = station.workers()["recorder"]
+        recorder.kill()
+        until(station, lambda: station.ledger()["recorder"]["starts"] == 2)
+        until(station, lambda: station.ledger()["recorder"]["consumed"] > 20)
+        assert any(alarm.kind == "recorder" for alarm in station.guard.alarms.alarms)
+    assert path.read_bytes() == whole
+
+
+@pytest.mark.data
+def test_a_recording_that_its_recorder_did_not_complete_is_told_as_such(tmp_path: Path):
+    with Station(StationConfig(sources=("sim://teng",), bundles=())) as station:
+        station.run(0.0)
+        station.record(tmp_path / "a.mcap", {})
+        until(station, lambda: station.recording["on"] and station.recording["kept"] > 5)
+        station.workers()["recorder"].kill()
+        station.workers()["recorder"].join()
+    assert "taxel recover" in station.recording["error"]
+
+
+@pytest.mark.data
+def test_a_process_that_hangs_is_told_although_it_is_alive():
+    with Station(StationConfig(sources=("sim://teng",), bundles=())) as station:
+        station.run(0.5)
+        pid = station.workers()["recorder"].pid
+        assert pid is not None
+        os.kill(pid, signal.SIGSTOP)
+        until(station, lambda: any(a.kind == "recorder" for a in station.guard.alarms.alarms))
+        os.kill(pid, signal.SIGCONT)
+        until(station, lambda: not any(a.on for a in station.guard.alarms.alarms))
+
+
+def test_a_source_that_fails_is_started_again_and_given_up_in_words(
+    pour: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
+    """A recording cut in its middle makes the replay raise each time it gets there."""
+    path = tmp_path / "cut.mcap"
+    whole = bytearray(pour.read_bytes())
+    middle = len(whole) // 2
+    whole[middle : middle + 64] = bytes(64)
+    path.write_bytes(whole)
+    monkeypatch.setattr("taxel.live.station.crew._RESTARTS", 1)
+    with Station(StationConfig(sources=(f"replay://{path}",), bundles=())) as station:
+        station.run(60.0)
+    assert station.failed == "source"
+    assert any("given up" in text for _, _, text in station.events)
+
+
+_ORPHANS = """
+import os, sys, time
+from taxel.live.station.ring import RingWriter
+from taxel.live.station.station import Station, StationConfig
+if __name__ == "__main__":
+    with Station(StationConfig(sources=("sim://teng",), bundles=())) as station:
+        print(*[p.pid for p in station.workers().values()], flush=True)
+        station.run(60.0)
+"""
+
+
+@pytest.mark.data
+def test_every_process_ends_when_supervisor_and_source_are_killed(tmp_path: Path):
+    script = tmp_path / "orphans.py"
+    script.write_text(_ORPHANS)
+    with subprocess.Popen(
+        [sys.executable, str(script)], stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True
+    ) as station:
+        assert station.stdout is not None
+        pids = [int(word) for word in station.stdout.readline().split()]
+        os.kill(pids[0], signal.SIGKILL)
+        station.kill()
+        station.wait()
+    limit_s = monotonic() + WAIT_S
+    while any(_lives(pid) for pid in pids):
+        assert monotonic() < limit_s, "a process has outlived its supervisor"
+        sleep(0.05)
+
+
+def _lives(pid: int) -> bool:
+    try:
+        state = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0]
+    except OSError:
+        return False
+    return state != "Z"
+
+
+def test_two_monitors_of_one_source_are_told_apart(pour: Path, tmp_path: Path):
+    other = tmp_path / "other.taxel"
+    other.write_bytes(shipped_bundle(CUP_POUR).read_bytes())
+    config = StationConfig(sources=(f"replay://{pour}",), bundles=(shipped_bundle(CUP_POUR), other))
+    heard: set[str] = set()
+    with Station(config, on_note=lambda note: heard.add(note.get("who", ""))) as station:
+        station.run(2.0)
+    assert {"monitor/0", "monitor/1"} <= heard
+
+
+def test_a_wish_that_is_none_is_counted_and_changes_nothing():
+    with Station(StationConfig(sources=("sim://teng",), bundles=())) as station:
+        station.run(0.0)
+        with RingWriter(station.view_config().requests) as page:
+            for wish in (b"N{", b"Nnull", b'N{"do":"record"}', b'N{"do":["x"]}', b"S", b"F1"):
+                page.put(wish)
+        until(station, lambda: station.refused_wishes >= 5)
+        assert not station.recording["on"]
+
+
+def test_a_source_at_another_speed_is_refused(pour: Path):
+    config = StationConfig(sources=(f"replay://{pour}?speed=max",), bundles=())
+    with pytest.raises(BadSource, match="speed=1"), Station(config):
+        pass
 
 
 def test_a_source_that_cannot_be_opened_ends_the_start_in_its_own_words():

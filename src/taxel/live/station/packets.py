@@ -47,7 +47,18 @@ def pack(value: Packet) -> bytes:
 
 
 def unpack(content: bytes) -> Packet:
-    """Return the value of one message."""
+    """Return the value of one message.
+
+    Raises:
+        ValueError: The bytes are none.
+    """
+    try:
+        return _unpack(content)
+    except (struct.error, IndexError, TypeError, KeyError) as error:
+        raise ValueError(f"needed a packet; got {len(content)} bytes that are none") from error
+
+
+def _unpack(content: bytes) -> Packet:
     kind = content[0]
     if kind == _KIND_FRAME:
         _, camera, counter, device_s, arrival_s, fitted_s = _FRAME.unpack_from(content)

@@ -353,7 +353,7 @@ class Station:
         for content in self._requests.take():
             try:
                 self._grant(unpack(content))
-            except (ValueError, KeyError, TypeError, IndexError, UnicodeDecodeError):
+            except (ValueError, KeyError, TypeError):
                 self.refused_wishes += 1
         return heard
 
