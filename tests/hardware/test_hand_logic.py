@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import random
 from dataclasses import dataclass
 from typing import Any
 
 import pytest
 
+from taxel.actions.interlock import Interlock, InterlockConfig
 from taxel.wire.messages import Order, Result, State
 
 LIMIT_MA = 700
@@ -282,3 +284,41 @@ def test_times_may_wrap(hand: Any):
     it.beating = False
     it.run(97)
     assert (it.state, it.on) == (State.STOPPED, [0] * 4)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_board_and_interlock_agree_about_what_stops_and_when_arming_is_allowed(
+    hand: Any, seed: int
+):
+    """The same troubles to both: what stops the host's interlock has the motors off 3 ms later."""
+    chance = random.Random(seed)
+    limits = InterlockConfig(min_n=1.0, max_n=2.0, watchdog_s=0.095, over_ma=2500.0)
+    interlock, it = Interlock(limits), Hand(hand)
+    stopped_ms = moving_ms = refused = 0
+    for trouble in chance.choices(("none", "none", "silent", "over", "lost"), k=14):
+        who = chance.randrange(4)
+        it.beating = trouble != "silent"
+        it.ma = [3000 if trouble == "over" and s == who else 300 for s in range(4)]
+        it.good = [not (trouble == "lost" and s == who) for s in range(4)]
+        for _ in range(chance.randrange(120, 200)):
+            it.run(1)
+            now_s = it.now_ms / 1000.0
+            if it.beating and it.now_ms % 40 == 0:
+                interlock.beat(now_s)
+            interlock.device(True, now_s)
+            interlock.contact_current(float(max(it.ma)), now_s)
+            interlock.fault_gone("i2c") if all(it.good) else interlock.fault("i2c", now_s)
+            interlock.tick(now_s)
+            stopped_ms = 0 if interlock.armed else stopped_ms + 1
+            moving_ms += any(it.on)
+            assert stopped_ms <= 3 or not any(it.on), interlock.reason
+            assert not any(it.on) or it.state == State.MOVING
+        causes, result = interlock.arm(it.now_ms / 1000.0), it.do(Order.ARM)
+        refused += bool(causes)
+        assert (result == Result.DONE) == (not causes)
+        assert (it.state in (State.ARMED, State.MOVING)) == interlock.armed
+        if not causes:
+            stopped_ms = 0
+            assert it.grip(closed=chance.choice((0, 1000))) == Result.DONE
+    assert moving_ms > 100
+    assert refused

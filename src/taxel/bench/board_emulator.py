@@ -92,7 +92,9 @@ def build_firmware() -> Firmware:
         )
     missing = missing_parts()
     if missing:
-        raise BadInput("tools of the emulated boards", f"no {', '.join(missing)}", INSTALL)
+        raise BadInput(
+            "tools of the emulated boards", f"no {', '.join(missing)}", f"run: {INSTALL}"
+        )
     build = FOLDER / "build"
     build.mkdir(exist_ok=True)
     with (build / ".lock").open("w") as lock:
