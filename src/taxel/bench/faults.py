@@ -22,7 +22,8 @@ from taxel.bench.rows import Row, row
 from taxel.bundles.shipped import CUP_POUR, shipped_bundle
 from taxel.decisions.stability import Stability, StabilityDecision
 from taxel.live.station.guard import STOP
-from taxel.live.station.station import TICK_S, Station, StationConfig
+from taxel.live.station.station import TICK_S, Station
+from taxel.live.station.wiring import StationConfig
 
 DRILLS = 20
 """Of each kind. Source: issue of live work."""

@@ -16,7 +16,8 @@ import numpy as np
 
 from taxel.bench.rows import Row, missing, row
 from taxel.bundles.shipped import CUP_POUR, shipped_bundle
-from taxel.live.station.station import Station, StationConfig
+from taxel.live.station.station import Station
+from taxel.live.station.wiring import StationConfig
 from taxel.recordings.reader import iterate_blocks
 
 MINUTES = 10.0

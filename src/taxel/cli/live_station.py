@@ -64,7 +64,8 @@ def live_station(options: StationOptions) -> dict[str, Any]:
     """Run a station until its time is over, its sources have ended, or the user stops it."""
     from taxel.actions.interlock import InterlockConfig
     from taxel.live.station.guard import GuardConfig
-    from taxel.live.station.station import Station, StationConfig
+    from taxel.live.station.station import Station
+    from taxel.live.station.wiring import StationConfig
     from taxel.views.keys import Keys
 
     if options.arm and options.gripper is None:
@@ -104,10 +105,10 @@ def live_station(options: StationOptions) -> dict[str, Any]:
         _open_page(options, station)
         _open_rerun(options, station)
         if options.record is not None:
-            if station.not_recorded and not (options.quiet or options.json):
-                console.print(f"not recorded: the array {station.not_recorded} (one a file)")
+            if station.wiring.not_recorded and not (options.quiet or options.json):
+                console.print(f"not recorded: the array {station.wiring.not_recorded} (one a file)")
             station.record(options.record, options.labels, overwrite=options.overwrite)
-        for url in station.unwatched:
+        for url in station.wiring.unwatched:
             console.print(
                 f"[yellow]not watched: {url}: no bundle is left for it[/]", soft_wrap=True
             )
@@ -152,7 +153,7 @@ def _drive_simulated(options: StationOptions, station: Station) -> None:
     """Let the interlock's orders reach the simulated cup."""
     from taxel.live.station.acting import SimulatedGrip
 
-    feeds = [feed for feed in station.feeds if feed.url.startswith("sim://cup-pour")]
+    feeds = [feed for feed in station.wiring.feeds if feed.url.startswith("sim://cup-pour")]
     if not feeds:
         raise BadInput(f"a source sim://cup-pour with --gripper {SIMULATED}", "none", "name one")
     name = feeds[0].worker.name

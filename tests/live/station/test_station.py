@@ -17,7 +17,8 @@ from taxel.bundles.shipped import CUP_POUR, shipped_bundle
 from taxel.errors import BadBundle, BadSource
 from taxel.live.station.page_link import StationView
 from taxel.live.station.ring import RingWriter
-from taxel.live.station.station import Station, StationConfig
+from taxel.live.station.station import Station
+from taxel.live.station.wiring import StationConfig
 from taxel.recordings.reader import iterate_frames, read_recording
 from taxel.sim.cup_pour import CupPourConfig, list_runs
 from taxel.sources.pour_sets import CAMERA_HZ, write_run
@@ -177,7 +178,8 @@ def test_a_source_that_fails_is_started_again_and_given_up_in_words(
 _ORPHANS = """
 import os, sys, time
 from taxel.live.station.ring import RingWriter
-from taxel.live.station.station import Station, StationConfig
+from taxel.live.station.station import Station
+from taxel.live.station.wiring import StationConfig
 if __name__ == "__main__":
     with Station(StationConfig(sources=("sim://teng",), bundles=())) as station:
         print(*[p.pid for p in station.workers().values()], flush=True)

@@ -10,32 +10,25 @@ from __future__ import annotations
 import contextlib
 from collections import deque
 from collections.abc import Callable
-from dataclasses import dataclass, field
 from datetime import datetime
 from multiprocessing.process import BaseProcess
 from pathlib import Path
 from time import monotonic, sleep
 from typing import Any, Self
-from urllib.parse import parse_qsl
 
 from taxel.actions.actuators import Actuator, hear_all
 from taxel.actions.grip_policy import GripPolicy, GripPolicyConfig
-from taxel.actions.interlock import Interlock, InterlockConfig, Order, OrderKind
-from taxel.errors import BadSource
-from taxel.live.station.acquisition import Acquisition, acquire
+from taxel.actions.interlock import Interlock, Order, OrderKind
 from taxel.live.station.acting import SimulatedGrip
 from taxel.live.station.beats import Beats, Work
 from taxel.live.station.crew import Crew, Worker
-from taxel.live.station.fitting import misfit
-from taxel.live.station.guard import Guard, GuardConfig
-from taxel.live.station.inference import Inference, infer
+from taxel.live.station.guard import Guard
 from taxel.live.station.packets import Packet, pack, unpack
-from taxel.live.station.page_link import Seen, ViewConfig
-from taxel.live.station.recording import Recording, choose_recorded, record
-from taxel.live.station.ring import Ring, RingReader, RingWriter
+from taxel.live.station.page_link import ViewConfig
+from taxel.live.station.ring import RingReader, RingWriter
 from taxel.live.station.telling import Latencies, consumer_snapshot, guard_snapshot
+from taxel.live.station.wiring import StationConfig, Wiring
 from taxel.live.station.worker import Place, hurry, settle_memory
-from taxel.signals import CameraInfo, SensorInfo
 
 TICK_S = 0.001
 """How often the supervisor looks. Source: our choice: half of it is in every alarm's latency."""
@@ -51,61 +44,6 @@ choice; of a monitor it is told much earlier (`GuardConfig`)."""
 _HUNG_S = 5.0
 """Silence after which a monitor's process is ended and started again, seconds. Our choice."""
 _NO_RECORDING: dict[str, Any] = {"on": False, "path": "", "seconds": 0.0, "bytes": 0, "error": ""}
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class StationConfig:
-    """What runs."""
-
-    sources: tuple[str, ...]
-    bundles: tuple[Path, ...]
-    least_confidence: float = 0.5
-    guard: GuardConfig = field(default_factory=GuardConfig)
-    interlock: InterlockConfig = field(
-        default_factory=lambda: InterlockConfig(min_n=15.0, max_n=50.0)
-    )
-    recordings: Path = Path("recordings")
-    """Folder of recordings that are started from the page."""
-    drill: bool = False
-    """Let processes obey orders to go wrong, for `taxel bench faults`."""
-    disk_bytes: int | None = None
-    """Where the disk ends, for drills."""
-
-
-@dataclass(slots=True)
-class _Feed:
-    """One open source."""
-
-    url: str
-    ring: str
-    to: RingWriter
-    worker: Worker
-    sensor: SensorInfo = field(
-        default_factory=lambda: SensorInfo(name="none", channels=(), units=(), rate_hz=0.0)
-    )
-    cameras: tuple[CameraInfo, ...] = ()
-
-
-@dataclass(slots=True)
-class _Mind:
-    """One inference process."""
-
-    worker: Worker
-    decisions: str
-    heard: RingReader
-    to: RingWriter
-    told: list[dict[str, Any]] = field(default_factory=list)
-    """What each bundle is."""
-
-    @property
-    def watches(self) -> bool:
-        """True where one of them watches a grasp."""
-        return bool(self.watchers)
-
-    @property
-    def watchers(self) -> list[str]:
-        """Names of those that watch a grasp."""
-        return [one["who"] for one in self.told if one["kind"] == "grasp"]
 
 
 Listener = Callable[[dict[str, Any]], None]
@@ -130,8 +68,6 @@ class Station:
         self._stack = contextlib.ExitStack()
         self._beats = self._stack.enter_context(Beats())
         self._crew = Crew(self._beats, patient=config.drill)
-        self.feeds: list[_Feed] = []
-        self._minds: list[_Mind] = []
         limits = config.interlock
         policy = GripPolicy(max(limits.min_n, 0.1), GripPolicyConfig(most_n=limits.max_n))
         self.guard = Guard(Interlock(limits), config.guard, policy)
@@ -149,10 +85,6 @@ class Station:
         """Sets of frames that monitors let go because they had fallen behind."""
         self.refused_wishes = 0
         """Wishes of the page that were none."""
-        self.unwatched: tuple[str, ...] = ()
-        """Sources with cameras that no bundle watches."""
-        self.not_recorded = ""
-        """Names of arrays that a recording of this station does not hold."""
         self._told_s = 0.0
         self._word = ""
         self._mute: set[str] = set()
@@ -180,24 +112,22 @@ class Station:
 
     def order(self, name: str, note: dict[str, Any]) -> None:
         """Send an order to a source's or a monitor's process."""
-        ends = [(mind.worker, mind.to) for mind in self._minds]
-        ends += [(feed.worker, feed.to) for feed in self.feeds]
-        for worker, to in ends:
-            if worker.name == name:
-                to.put(pack(note))
+        to = self.wiring.send_to(name)
+        if to is not None:
+            to.put(pack(note))
 
     def record(self, path: Path, labels: dict[str, str], *, overwrite: bool = False) -> None:
         """Begin to record all sources; news tell how it goes."""
         note = {"do": "record", "path": str(path), "labels": labels, "overwrite": overwrite}
-        self._to_recorder.put(pack(note))
+        self.wiring.to_recorder.put(pack(note))
 
     def end_recording(self) -> None:
         """Complete the recording under way."""
-        self._to_recorder.put(pack({"do": "end"}))
+        self.wiring.to_recorder.put(pack({"do": "end"}))
 
     def new_grasp(self) -> None:
         """Tell every monitor that the next moments are a new grasp's settled first ones."""
-        for mind in self._minds:
+        for mind in self.wiring.minds:
             mind.to.put(pack({"do": "new grasp"}))
 
     def drive(self, actuator: Actuator) -> None:
@@ -232,15 +162,7 @@ class Station:
 
     def view_config(self) -> ViewConfig:
         """Return what the page needs to see this station."""
-        return ViewConfig(
-            sources=tuple(
-                Seen(url=feed.url, ring=feed.ring, sensor=feed.sensor, cameras=feed.cameras)
-                for feed in self.feeds
-            ),
-            decisions=tuple(mind.decisions for mind in self._minds),
-            status=self._status_name,
-            requests=self._requests_name,
-        )
+        return self.wiring.view_config()
 
     def add_process(
         self, name: str, entry: Callable[[Any], None], job: Callable[[Place], Any]
@@ -265,7 +187,7 @@ class Station:
                 break
             self.tick(now_s)
             on_tick(now_s)
-            if all(self._over(feed.worker) for feed in self.feeds):
+            if all(self._over(feed.worker) for feed in self.wiring.feeds):
                 break
             sleep(max(0.0, now_s + TICK_S - monotonic()))
 
@@ -311,7 +233,7 @@ class Station:
                 "note": next(iter(self._faults.values()), interlock.reason),
                 **self._actuators[0].told(),
             }  # fmt: skip
-        limits = next((one for mind in self._minds for one in mind.told if "warn" in one), {})
+        limits = next((one for mind in self.wiring.minds for one in mind.told if "warn" in one), {})
         return guard_snapshot(self.guard, now_s) | {
             "thresholds": {key: limits[key] for key in ("warn", "unstable") if key in limits},
             "answers": [
@@ -321,7 +243,7 @@ class Station:
             "consumers": [
                 consumer_snapshot(worker.name, self._beats.read(worker.row), now_s)
                 for worker in self._crew.workers
-                if all(worker is not feed.worker for feed in self.feeds)
+                if all(worker is not feed.worker for feed in self.wiring.feeds)
             ],
             "latency_ms": self.latencies.lately_ms(now_s),
             "gripper": gripper,
@@ -331,7 +253,7 @@ class Station:
 
     def _hear(self, now_s: float) -> list[dict[str, Any]]:
         heard = []
-        for mind in self._minds:
+        for mind in self.wiring.minds:
             for note in _notes(mind.heard):
                 heard.append(note)
                 if note["kind"] == "new grasp":
@@ -346,7 +268,7 @@ class Station:
                 beat = self._beats.read(mind.worker.row)
                 for who in mind.watchers:
                     self.guard.beat(who, beat.beat_s, beat.patience_s)
-        for note in _notes(self._news):
+        for note in _notes(self.wiring.news):
             self.recording = note
             self._weigh_recording(note, now_s)
             self._on_note(note)
@@ -415,7 +337,7 @@ class Station:
     def _look(self, now_s: float) -> None:
         """See which processes have died; start them again."""
         for worker, how in self._crew.dead():
-            for who in self._watchers_of(worker):
+            for who in self.wiring.watchers_of(worker):
                 self.guard.died(who)
             text = f"{worker.name} ended by {how}"
             again = self._crew.again(worker)
@@ -430,7 +352,7 @@ class Station:
             if self._beats.read(worker.row).work is Work.RUNNING:
                 self._coming.remove(worker)
                 self.guard.over(worker.name, now_s)
-                for who in self._watchers_of(worker):
+                for who in self.wiring.watchers_of(worker):
                     self.guard.expect(who, now_s)
 
     def _look_for_silence(self, now_s: float) -> None:
@@ -443,11 +365,8 @@ class Station:
             self.guard.over(name, now_s)
         self._mute = set(silent)
         for worker in self._crew.silent(now_s, _HUNG_S):
-            if self._watchers_of(worker) and worker.process is not None:
+            if self.wiring.watchers_of(worker) and worker.process is not None:
                 worker.process.kill()
-
-    def _watchers_of(self, worker: Worker) -> list[str]:
-        return [who for mind in self._minds if mind.worker is worker for who in mind.watchers]
 
     def _happened(self, now_s: float, text: str) -> None:
         self._event_number += 1
@@ -457,93 +376,14 @@ class Station:
 
     def _start(self) -> None:
         hurry()
-        self._status_name = self._ring()
-        self._status_to = self._stack.enter_context(RingWriter(self._status_name))
-        self._requests_name = self._ring()
-        self._requests = self._stack.enter_context(RingReader(self._requests_name))
-        for number, url in enumerate(self.config.sources):
-            _check_pace(url)
-            self._start_feed(url, number)
-        for feed in self.feeds:
-            feed.sensor, feed.cameras = self._crew.opened(feed.worker)
-        chosen = self._assign()
-        for index, paths in chosen.items():
-            self._start_mind(self.feeds[index], paths, index)
-        recorder = self._start_recorder()
+        self.wiring = wiring = Wiring(self.config, self._stack, self._crew)
+        self._status_to = self._stack.enter_context(RingWriter(wiring.status))
+        self._requests = self._stack.enter_context(RingReader(wiring.requests))
         now_s = monotonic()
-        for mind in self._minds:
-            mind.told = self._crew.opened(mind.worker)[0]
+        for mind in wiring.minds:
             for who in mind.watchers:
                 self.guard.expect(who, now_s)
-        self._crew.opened(recorder)
         settle_memory()
-
-    def _start_feed(self, url: str, number: int) -> None:
-        ring, orders = self._ring(_RING_BYTES), self._ring()
-        name = f"source {number + 1}" if len(self.config.sources) > 1 else "source"
-
-        def job(place: Place) -> Acquisition:
-            return Acquisition(place=place, url=url, ring=ring, orders=orders)
-
-        to = self._stack.enter_context(RingWriter(orders))
-        self.feeds.append(_Feed(url, ring, to, self._crew.add(name, acquire, job)))
-
-    def _assign(self) -> dict[int, tuple[Path, ...]]:
-        """Return the bundles of each source: each bundle goes to the first that it fits.
-
-        Raises:
-            BadBundle: It fits none.
-        """
-        chosen: dict[int, tuple[Path, ...]] = {}
-        for path in self.config.bundles:
-            why = [misfit(path, feed.sensor, feed.cameras) for feed in self.feeds]
-            fitting = [index for index, one in enumerate(why) if one is None]
-            if not fitting:
-                raise next(one for one in why if one is not None)
-            # Named twice, it watches two sources.
-            index = min(fitting, key=lambda i: chosen.get(i, ()).count(path))
-            chosen[index] = (*chosen.get(index, ()), path)
-        self.unwatched = tuple(
-            feed.url
-            for index, feed in enumerate(self.feeds)
-            if feed.cameras and index not in chosen
-        )
-        return chosen
-
-    def _start_mind(self, feed: _Feed, paths: tuple[Path, ...], number: int) -> None:
-        decisions, orders = self._ring(), self._ring()
-        name = f"monitor {number + 1}" if len(self.feeds) > 1 else "monitor"
-
-        def job(place: Place) -> Inference:
-            return Inference(
-                place=place, bundles=paths, sensor=feed.sensor, cameras=feed.cameras,
-                ring=feed.ring, source_row=feed.worker.row, decisions=decisions,
-                least_confidence=self.config.least_confidence, orders=orders,
-                drill=self.config.drill,
-            )  # fmt: skip
-
-        heard = self._stack.enter_context(RingReader(decisions))
-        to = self._stack.enter_context(RingWriter(orders))
-        self._minds.append(_Mind(self._crew.add(name, infer, job), decisions, heard, to))
-
-    def _start_recorder(self) -> Worker:
-        orders, news = self._ring(), self._ring()
-        self._to_recorder = self._stack.enter_context(RingWriter(orders))
-        self._news = self._stack.enter_context(RingReader(news))
-        sources, self.not_recorded = choose_recorded(
-            [(f.ring, f.worker.row, f.sensor, f.cameras) for f in self.feeds]
-        )
-
-        def job(place: Place) -> Recording:
-            return Recording(
-                place=place, sources=sources, orders=orders, news=news,
-                largest_bytes=self.config.disk_bytes,
-            )  # fmt: skip
-
-        return self._crew.add("recorder", record, job)
-
-    def _ring(self, size: int = _NOTE_BYTES) -> str:
-        return self._stack.enter_context(Ring(size)).name
 
     def close(self) -> None:
         """End every process, the sources first; what is recorded is completed."""
@@ -560,20 +400,6 @@ class Station:
             )
         self._final = self._crew.ledger()
         self._stack.close()
-
-
-def _check_pace(url: str) -> None:
-    """Refuse a source that runs faster or slower than the world: its stamps are not now.
-
-    Raises:
-        BadSource: Its address asks for another speed than 1.
-    """
-    asked = dict(parse_qsl(url.partition("?")[2])).get("speed", "1")
-    if asked != "1":
-        raise BadSource(
-            "speed=1 where several processes run", f"speed={asked}",
-            "leave it out, or run taxel live without --page, --record, --gripper and --beside",
-        )  # fmt: skip
 
 
 def _notes(reader: RingReader) -> list[dict[str, Any]]:

@@ -1,0 +1,225 @@
+"""What a station runs, and its processes wired to each other by rings.
+
+Knows nothing about supervising them.
+"""
+
+from __future__ import annotations
+
+import contextlib
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+from urllib.parse import parse_qsl
+
+from taxel.actions.interlock import InterlockConfig
+from taxel.errors import BadSource
+from taxel.live.station.acquisition import Acquisition, acquire
+from taxel.live.station.crew import Crew, Worker
+from taxel.live.station.fitting import misfit
+from taxel.live.station.guard import GuardConfig
+from taxel.live.station.inference import Inference, infer
+from taxel.live.station.page_link import Seen, ViewConfig
+from taxel.live.station.recording import Recording, choose_recorded, record
+from taxel.live.station.ring import Ring, RingReader, RingWriter
+from taxel.live.station.worker import Place
+from taxel.signals import CameraInfo, SensorInfo
+
+_RING_BYTES = 16 * 2**20
+"""Of a source: six seconds of two cameras at 60 Hz. Source: our choice."""
+_NOTE_BYTES = 2**18
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class StationConfig:
+    """What runs."""
+
+    sources: tuple[str, ...]
+    bundles: tuple[Path, ...]
+    least_confidence: float = 0.5
+    guard: GuardConfig = field(default_factory=GuardConfig)
+    interlock: InterlockConfig = field(
+        default_factory=lambda: InterlockConfig(min_n=15.0, max_n=50.0)
+    )
+    recordings: Path = Path("recordings")
+    """Folder of recordings that are started from the page."""
+    drill: bool = False
+    """Let processes obey orders to go wrong, for `taxel bench faults`."""
+    disk_bytes: int | None = None
+    """Where the disk ends, for drills."""
+
+
+@dataclass(slots=True)
+class Feed:
+    """One open source."""
+
+    url: str
+    ring: str
+    to: RingWriter
+    worker: Worker
+    sensor: SensorInfo = field(
+        default_factory=lambda: SensorInfo(name="none", channels=(), units=(), rate_hz=0.0)
+    )
+    cameras: tuple[CameraInfo, ...] = ()
+
+
+@dataclass(slots=True)
+class Mind:
+    """One inference process."""
+
+    worker: Worker
+    decisions: str
+    heard: RingReader
+    to: RingWriter
+    told: list[dict[str, Any]] = field(default_factory=list)
+    """What each bundle is."""
+
+    @property
+    def watches(self) -> bool:
+        """True where one of them watches a grasp."""
+        return bool(self.watchers)
+
+    @property
+    def watchers(self) -> list[str]:
+        """Names of those that watch a grasp."""
+        return [one["who"] for one in self.told if one["kind"] == "grasp"]
+
+
+class Wiring:
+    """Starts sources, then the monitors that fit them, and the recorder.
+
+    Args:
+        config: What runs.
+        stack: Ends what is opened here.
+        crew: Starts processes.
+
+    Raises:
+        BadSource: A source cannot be opened.
+        BadBundle: A bundle is damaged, or fits none of the sources.
+    """
+
+    def __init__(self, config: StationConfig, stack: contextlib.ExitStack, crew: Crew) -> None:
+        self._config, self._stack, self._crew = config, stack, crew
+        self.feeds: list[Feed] = []
+        self.minds: list[Mind] = []
+        self.unwatched: tuple[str, ...] = ()
+        """Sources with cameras that no bundle watches."""
+        self.not_recorded = ""
+        """Names of arrays that a recording does not hold."""
+        self.status = self.ring()
+        """Ring of the station's own snapshots."""
+        self.requests = self.ring()
+        """Ring of the page's wishes."""
+        for number, url in enumerate(config.sources):
+            _check_pace(url)
+            self._start_feed(url, number)
+        for feed in self.feeds:
+            feed.sensor, feed.cameras = crew.opened(feed.worker)
+        for index, paths in self._assign().items():
+            self._start_mind(self.feeds[index], paths, index)
+        recorder = self._start_recorder()
+        for mind in self.minds:
+            mind.told = crew.opened(mind.worker)[0]
+        crew.opened(recorder)
+
+    def view_config(self) -> ViewConfig:
+        """Return what a page needs to see this station."""
+        return ViewConfig(
+            sources=tuple(
+                Seen(url=feed.url, ring=feed.ring, sensor=feed.sensor, cameras=feed.cameras)
+                for feed in self.feeds
+            ),
+            decisions=tuple(mind.decisions for mind in self.minds),
+            status=self.status,
+            requests=self.requests,
+        )
+
+    def send_to(self, name: str) -> RingWriter | None:
+        """Return the ring of orders of a source's or a monitor's process."""
+        ends = [(mind.worker, mind.to) for mind in self.minds]
+        ends += [(feed.worker, feed.to) for feed in self.feeds]
+        return next((to for worker, to in ends if worker.name == name), None)
+
+    def watchers_of(self, worker: Worker) -> list[str]:
+        """Return the names of the grasp monitors in a process."""
+        return [who for mind in self.minds if mind.worker is worker for who in mind.watchers]
+
+    def _start_feed(self, url: str, number: int) -> None:
+        ring, orders = self.ring(_RING_BYTES), self.ring()
+        name = f"source {number + 1}" if len(self._config.sources) > 1 else "source"
+
+        def job(place: Place) -> Acquisition:
+            return Acquisition(place=place, url=url, ring=ring, orders=orders)
+
+        to = self._stack.enter_context(RingWriter(orders))
+        self.feeds.append(Feed(url, ring, to, self._crew.add(name, acquire, job)))
+
+    def _assign(self) -> dict[int, tuple[Path, ...]]:
+        """Return the bundles of each source: each bundle goes to the first that it fits.
+
+        Raises:
+            BadBundle: It fits none.
+        """
+        chosen: dict[int, tuple[Path, ...]] = {}
+        for path in self._config.bundles:
+            why = [misfit(path, feed.sensor, feed.cameras) for feed in self.feeds]
+            fitting = [index for index, one in enumerate(why) if one is None]
+            if not fitting:
+                raise next(one for one in why if one is not None)
+            # Named twice, it watches two sources.
+            index = min(fitting, key=lambda i: chosen.get(i, ()).count(path))
+            chosen[index] = (*chosen.get(index, ()), path)
+        self.unwatched = tuple(
+            feed.url
+            for index, feed in enumerate(self.feeds)
+            if feed.cameras and index not in chosen
+        )
+        return chosen
+
+    def _start_mind(self, feed: Feed, paths: tuple[Path, ...], number: int) -> None:
+        decisions, orders = self.ring(), self.ring()
+        name = f"monitor {number + 1}" if len(self.feeds) > 1 else "monitor"
+
+        def job(place: Place) -> Inference:
+            return Inference(
+                place=place, bundles=paths, sensor=feed.sensor, cameras=feed.cameras,
+                ring=feed.ring, source_row=feed.worker.row, decisions=decisions,
+                least_confidence=self._config.least_confidence, orders=orders,
+                drill=self._config.drill,
+            )  # fmt: skip
+
+        heard = self._stack.enter_context(RingReader(decisions))
+        to = self._stack.enter_context(RingWriter(orders))
+        self.minds.append(Mind(self._crew.add(name, infer, job), decisions, heard, to))
+
+    def _start_recorder(self) -> Worker:
+        orders, news = self.ring(), self.ring()
+        self.to_recorder = self._stack.enter_context(RingWriter(orders))
+        self.news = self._stack.enter_context(RingReader(news))
+        sources, self.not_recorded = choose_recorded(
+            [(f.ring, f.worker.row, f.sensor, f.cameras) for f in self.feeds]
+        )
+
+        def job(place: Place) -> Recording:
+            return Recording(
+                place=place, sources=sources, orders=orders, news=news,
+                largest_bytes=self._config.disk_bytes,
+            )  # fmt: skip
+
+        return self._crew.add("recorder", record, job)
+
+    def ring(self, size: int = _NOTE_BYTES) -> str:
+        return self._stack.enter_context(Ring(size)).name
+
+
+def _check_pace(url: str) -> None:
+    """Refuse a source that runs faster or slower than the world: its stamps are not now.
+
+    Raises:
+        BadSource: Its address asks for another speed than 1.
+    """
+    asked = dict(parse_qsl(url.partition("?")[2])).get("speed", "1")
+    if asked != "1":
+        raise BadSource(
+            "speed=1 where several processes run", f"speed={asked}",
+            "leave it out, or run taxel live without --page, --record, --gripper and --beside",
+        )  # fmt: skip
