@@ -43,6 +43,8 @@ CYCLES_S = 16_000_000
 """Cycles a second of the boards' processors."""
 _READERS_S = 1.0
 """How long `wait_for_readers` waits for a reader that does not read, real seconds. Our choice."""
+_TURN_S = 0.003
+"""What the system and a reading thread are given to pass bytes on, real seconds. Our choice."""
 _CONVERSION = np.dtype(
     [
         ("cycle", "<u8"),
@@ -232,11 +234,33 @@ class EmulatedBoards:
         self._take(self._line())
         return self.events[-1]
 
+    def wait_for_holders(self) -> None:
+        """Wait, in real time, until another program or thread holds each port; a second at most.
+
+        Opening a port throws away what is in it, so boards should not run before.
+        """
+        until_s = time.monotonic() + _READERS_S
+        while time.monotonic() < until_s:
+            if all(self._held(n) for n in range(len(self._setups))):
+                break
+            time.sleep(_TURN_S)
+        time.sleep(10 * _TURN_S)  # from the lock to the end of opening
+
+    def _held(self, board: int) -> bool:
+        fd = os.open(self.port(board), os.O_RDONLY | os.O_NOCTTY | os.O_NONBLOCK)
+        try:
+            fcntl.flock(fd, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            return True
+        finally:
+            os.close(fd)
+        return False
+
     def wait_for_readers(self) -> None:
         """Wait, in real time, until others have read what the ports hold; a second at most."""
         until_s = time.monotonic() + _READERS_S
         while time.monotonic() < until_s:
-            time.sleep(0.0002)  # the reader's turn
+            time.sleep(_TURN_S)
             if not any(self._unread(n) for n in range(len(self._setups))):
                 return
 
@@ -313,6 +337,7 @@ class VirtualClock:
     def __init__(self, boards: EmulatedBoards, *, readers: bool = False) -> None:
         self._boards = boards
         self._readers = readers
+        self._began = False
 
     def now_s(self) -> float:
         """Return the boards' virtual time, seconds."""
@@ -321,6 +346,9 @@ class VirtualClock:
     def sleep(self, duration_s: float) -> None:
         """Let the boards run for a duration, seconds."""
         if duration_s > 0:
+            if self._readers and not self._began:
+                self._boards.wait_for_holders()
+            self._began = True
             self._boards.run(duration_s)
             if self._readers:
                 self._boards.wait_for_readers()
