@@ -32,7 +32,7 @@ from taxel.wire.messages import Ability, Command, Data, Heartbeat, Hello, Order,
 
 @pytest.fixture(scope="module")
 def chain(firmware: Firmware) -> ChainResult:
-    return run_chain(firmware, 3.0, (0.0, 40.0, -25.0))
+    return run_chain(firmware, 2.0, (0.0, 40.0, -25.0))
 
 
 def one_board(firmware: Firmware, **changes: object) -> BoardSetup:
@@ -46,12 +46,12 @@ def test_three_boards_lose_no_frame_between_the_converter_and_the_recording(chai
         assert not any(board["bad"].values())
         assert board["scans"] > 3000
     assert 0 <= chain.scans - chain.frames <= 6  # scans still in the boards at the end
-    assert chain.rows > 3000
+    assert chain.rows > 2000
     assert chain.missing == 0
 
 
 def test_every_converter_value_reaches_frames_and_recording_bit_for_bit(chain: ChainResult):
-    assert chain.frame_values > 36_000
+    assert chain.frame_values > 35_000
     assert chain.wrong_values == 0
     assert chain.wrong_rows == 0
 
