@@ -6,7 +6,7 @@ import pytest
 
 from taxel.actions.bus_worker import Command
 from taxel.actions.hand_link import Grip, HandConfig, HandLink
-from taxel.bench.board_emulator import EmulatedBoards, Firmware, VirtualClock
+from taxel.bench.board_emulator import BoardSetup, EmulatedBoards, Firmware, VirtualClock
 from taxel.bench.boards_hand import (
     CONTACT_MA,
     MOTORS,
@@ -50,6 +50,20 @@ def test_the_hand_says_who_it_is_and_what_its_motors_draw(firmware: Firmware):
     assert (hello.board_id, hello.channels) == ("HAND", 0)
     newest = [m for m in host.heard if isinstance(m, Current)][-1]
     assert newest.milliamps == pytest.approx([300] * MOTORS, abs=2)
+
+
+def test_with_the_thesis_single_sensor_contact_of_one_finger_stops_all(firmware: Firmware):
+    one = BoardSetup(elf=firmware.elf("hand_control_1"), sensors=1)
+    with EmulatedBoards(firmware, [one]) as boards, VirtualHost(boards) as host:
+        host.ready()
+        host.order(Order.GRIP, 1000, 0b0011, 1000, 1200)  # two fingers run at 600 mA together
+        host.run(0.25)
+        assert running(boards) == {0, 1}
+        boards.tell("contact 0 1 1")
+        touched_s = boards.now_s
+        host.run(0.02)
+        assert running(boards) == set()
+        assert max(e.at_s for e in boards.events if e.what == "motor") - touched_s <= 0.01
 
 
 def test_a_hand_whose_sensors_fail_arms_only_when_they_are_back(firmware: Firmware):
