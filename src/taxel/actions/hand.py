@@ -2,7 +2,7 @@
 
 What keeps the hand safe when something dies:
 
-- the board stops its motors when it hears no heartbeat of the host for 200 ms;
+- the board stops its motors when it hears no heartbeat of the host for 95 ms;
 - the host's thread beats only while its owner calls `refresh`: a hung owner stops the hand too;
 - each grip names the current at which the board itself stops a motor (contact), and runs out
   unless it is refreshed; the interlock's `contact_ma` stands behind that, for a board that does

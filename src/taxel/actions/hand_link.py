@@ -37,8 +37,8 @@ class HandConfig:
     """The board's number in its hand, or EVERY_BOARD where it is alone on the port."""
     baud: int = 500_000
     """Baud. Source: protocol/SPEC.md."""
-    beat_s: float = 0.05
-    """Time between heartbeats, seconds; the board waits for 0.2 s."""
+    beat_s: float = 0.025
+    """Time between heartbeats, seconds; the board waits for 0.095 s."""
     owner_s: float = 0.1
     """No heartbeat is sent when `refresh` was last called longer ago, seconds."""
     silent_s: float = 0.25

@@ -11,6 +11,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 from taxel.bench.board_emulator import Firmware, build_firmware
+from taxel.bench.boards_cnn import cnn_rows
 from taxel.bench.boards_hand import Drill, drill
 from taxel.bench.boards_sensors import (
     ChainResult,
@@ -64,6 +65,7 @@ def quick_steps() -> list[tuple[str, Measure]]:
         ("three boards for five seconds", lambda: chain_rows(firmware, _QUICK_S)),
         ("sixteen channels on one board", lambda: wide_rows(firmware)),
         ("the hand's motors", lambda: hand_rows(firmware)),
+        ("the image network on the board", cnn_rows),
     ]
 
 
