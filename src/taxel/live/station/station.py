@@ -375,7 +375,7 @@ class Station:
     # Starting and ending.
 
     def _start(self) -> None:
-        hurry()
+        self._stack.callback(hurry, hurry())
         self.wiring = wiring = Wiring(self.config, self._stack, self._crew)
         self._status_to = self._stack.enter_context(RingWriter(wiring.status))
         self._requests = self._stack.enter_context(RingReader(wiring.requests))

@@ -118,10 +118,17 @@ def at_work(place: Place, *, urgent: bool = False) -> Iterator[Pulse]:
         pulse.close()
 
 
-def hurry(niceness: int = _URGENT) -> None:
-    """Run before other processes where the system allows it; 0 runs like any other."""
+def hurry(niceness: int = _URGENT) -> int:
+    """Run before other processes where the system allows it; 0 runs like any other.
+
+    Returns:
+        The niceness before, to go back to.
+    """
+    before = 0
     with contextlib.suppress(OSError, AttributeError):
+        before = os.getpriority(os.PRIO_PROCESS, 0)
         os.setpriority(os.PRIO_PROCESS, 0, niceness)
+    return before
 
 
 def settle_memory() -> None:
