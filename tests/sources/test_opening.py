@@ -14,8 +14,8 @@ from taxel.sources.opening import at_full_speed, open_source
 BAD = {
     "sim://hand": "sim://teng",
     "sim://": "sim://, replay://",
-    "serial:///dev/ttyUSB0": "sim://, replay://",
-    "camera://0": "sim://, replay://",
+    "serial:///dev/no-such-board": "/dev/no-such-board",
+    "camera:///dev/no-such-camera": "/dev/no-such-camera",
     "": "sim://, replay://",
     "nonsense": "sim://, replay://",
     "sim://[": "sim://teng",
