@@ -34,9 +34,6 @@ TICK_S = 0.001
 """How often the supervisor looks. Source: our choice: half of it is in every alarm's latency."""
 _TELL_S = 0.05
 """How often the page is told. Source: our choice."""
-_RING_BYTES = 16 * 2**20
-"""Of a source: six seconds of two cameras at 60 Hz. Source: our choice."""
-_NOTE_BYTES = 2**18
 _EVENTS = 200
 _SILENT_S = 2.5
 """Silence of any process that is told, seconds: a simulator may take one second for a grasp. Our
@@ -44,8 +41,6 @@ choice; of a monitor it is told much earlier (`GuardConfig`)."""
 _HUNG_S = 5.0
 """Silence after which a monitor's process is ended and started again, seconds. Our choice."""
 _NO_RECORDING: dict[str, Any] = {"on": False, "path": "", "seconds": 0.0, "bytes": 0, "error": ""}
-
-
 Listener = Callable[[dict[str, Any]], None]
 """Called with each note of a monitor, a recogniser or the recorder."""
 
