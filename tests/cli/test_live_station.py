@@ -47,6 +47,16 @@ def test_a_pour_is_watched_recorded_and_told_to_another_program(
     assert len(list(iterate_frames(path))) == len(list(iterate_frames(pour)))
 
 
+def test_what_a_person_must_know_stands_beside_the_json_not_in_it(
+    pour: Path, capsys: pytest.CaptureFixture[str]
+):
+    main(["live", CUP_POUR, str(pour), "--beside", str(pour), "--page", "--json", "--seconds", "1"])
+    out, err = capsys.readouterr()
+    assert json.loads(out)["processes"]["monitor 1"]["consumed"] > 0
+    assert "the page: http://127.0.0.1:" in err
+    assert f"nothing watches {pour}: name one more bundle" in err
+
+
 @pytest.mark.parametrize(
     ("words", "told"),
     [

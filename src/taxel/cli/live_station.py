@@ -11,6 +11,7 @@ from pathlib import Path
 from secrets import token_urlsafe
 from typing import TYPE_CHECKING, Any
 
+from rich.console import Console
 from rich.markup import escape
 
 from taxel.cli.printing import console, print_json
@@ -105,13 +106,12 @@ def live_station(options: StationOptions) -> dict[str, Any]:
         _open_page(options, station)
         _open_rerun(options, station)
         if options.record is not None:
-            if station.wiring.not_recorded and not (options.quiet or options.json):
-                console.print(f"not recorded: the array {station.wiring.not_recorded} (one a file)")
+            if station.wiring.not_recorded:
+                left = station.wiring.not_recorded
+                _note(options, f"a recording holds one array: {left} is left out")
             station.record(options.record, options.labels, overwrite=options.overwrite)
         for url in station.wiring.unwatched:
-            console.print(
-                f"[yellow]not watched: {url}: no bundle is left for it[/]", soft_wrap=True
-            )
+            _note(options, f"nothing watches {url}: name one more bundle with --also")
         armed = [not options.arm]
 
         def on_tick(_: float) -> None:
@@ -160,6 +160,12 @@ def _drive_simulated(options: StationOptions, station: Station) -> None:
     station.drive(
         SimulatedGrip(lambda force_n: station.order(name, {"grip_n": force_n}), _range(options))
     )
+
+
+def _note(options: StationOptions, text: str) -> None:
+    """Say what a person must know, beside the JSON where that is asked for."""
+    out = Console(stderr=True) if options.json else console
+    out.print(text, soft_wrap=True, markup=False)
 
 
 class _Printer:
@@ -235,7 +241,7 @@ def _open_page(options: StationOptions, station: Station) -> None:
             place=place, view=view, host=options.page_host, port=port, token=token
         ),
     )  # fmt: skip
-    console.print(f"the page: [link={url}]{url}[/link]", soft_wrap=True)
+    _note(options, f"the page: {url}")
 
 
 def _free_port(host: str) -> int:
@@ -287,6 +293,11 @@ def _print_summary(result: dict[str, Any]) -> None:
         console.print(f"  median latency, ms: {' · '.join(parts)}")
     recording = result["recording"]
     if recording.get("error"):
-        console.print(f"[red]{recording['error']}[/]")
+        console.print(recording["error"], style="red", markup=False)
     elif recording.get("ledger"):
-        console.print(f"  recorded: {recording['path']}, {recording['kept']} messages")
+        ledger = recording["ledger"]
+        parts = [f"{ledger['scans']} scans"] if ledger["scans"] else []
+        parts += [
+            f"{name} {one['frames']} frames" for name, one in ledger.get("cameras", {}).items()
+        ]
+        console.print(f"  recorded: {recording['path']}: {', '.join(parts)}", markup=False)

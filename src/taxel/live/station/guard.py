@@ -123,7 +123,6 @@ class Guard:
         silent = self._silent(now_s)
         if self._monitors:
             decision = self._told = self._joined(silent, now_s)
-            # A monitor that waits for its first input is no loss yet.
             self.alarms.watch(decision, armed=self.interlock.armed, now_s=now_s)
             force_n = self._asked_n(decision, now_s)
             self.interlock.decision(decision.state.name, now_s, force_n)

@@ -139,7 +139,8 @@ class _Desk:
         self._lost_before = 0
         self._error = ""
         self._told_s = 0.0
-        self._kept = self._past = 0
+        self._kept = 0
+        """Packets handed to the recording under way."""
 
     def obey(self, order: Packet) -> None:
         """Begin or end a recording."""
@@ -157,11 +158,9 @@ class _Desk:
         for one, reader in zip(self._job.sources, self._readers, strict=True):
             for content in reader.take(256):
                 busy = True
-                if self._recorder is None:
-                    self._past += 1
-                    continue
-                self._write(one, unpack(content))
-                pulse.beat()
+                if self._recorder is not None:
+                    self._write(self._recorder, one, unpack(content))
+                    pulse.beat()
         pulse.consumed = sum(reader.taken for reader in self._readers)
         pulse.dropped = self._lost()
         pulse.produced = self._kept
@@ -194,20 +193,18 @@ class _Desk:
             self._error = str(error)
             return
         self._path, self._began_s, self._error = path, monotonic(), ""
-        self._lost_before, self._kept, self._past = self._lost(), 0, 0
+        self._lost_before, self._kept = self._lost(), 0
 
-    def _write(self, one: Recorded, packet: Packet) -> None:
-        recorder = self._recorder
-        if recorder is None:
-            return
+    def _write(self, recorder: Recorder, one: Recorded, packet: Packet) -> None:
         try:
-            if isinstance(packet, Samples):
-                if one.array:
-                    recorder.write(packet)
+            if isinstance(packet, Samples) and one.array:
+                recorder.write(packet)
             elif isinstance(packet, Frame):
                 recorder.frame(replace(packet, camera=packet.camera + one.first_camera))
             elif isinstance(packet, Mark):
                 recorder.mark(packet)
+            else:
+                return
             self._kept += 1
         except TaxelError as error:
             self._error = str(error)
