@@ -11,8 +11,9 @@ from pathlib import Path
 
 from taxel.errors import BadDataset
 from taxel.evaluation.baselines import trivial_accuracies
-from taxel.evaluation.crossval import Job, Pooled, pool, run_fold
+from taxel.evaluation.crossval import FoldResult, Job, Pooled, pool, predictions_of, run_fold
 from taxel.evaluation.splits import Split, WindowFold, parse_split
+from taxel.training.predictions import Predictions
 from taxel.training.recipes import Recipe
 from taxel.windows.dataset import Dataset, load_dataset, recut
 
@@ -31,6 +32,8 @@ class Checked:
     """Library model → its result on the same windows and folds."""
     trivial: dict[str, float]
     """Trivial baseline → accuracy, 0…1."""
+    predictions: Predictions
+    """What the recipe's own model said of each test window."""
 
 
 def check_recipe(
@@ -58,9 +61,9 @@ def check_recipe(
     check_gate(dataset)
     split = parse_split(recipe.split, dataset, recipe.target, folds, recipe.train.seed)
     training = _overlapping(path, dataset, split, recipe)
-    pooled = _pooled(dataset, split, _job(recipe, recipe.model), training, on_step)
+    results = _results(dataset, split, _job(recipe, recipe.model), training, on_step)
     beside = {
-        name: _pooled(dataset, split, _job(recipe, name), None, on_step)
+        name: pool(dataset, split, _results(dataset, split, _job(recipe, name), None, on_step))
         for name in bars
         if name != recipe.model
     }
@@ -68,9 +71,10 @@ def check_recipe(
     return Checked(
         dataset=dataset,
         recipe=recipe,
-        pooled=pooled,
+        pooled=pool(dataset, split, results),
         bars=beside,
         trivial=trivial_accuracies(dataset, recipe.target, split.folds),
+        predictions=predictions_of(dataset, split, results, recipe.target),
     )
 
 
@@ -100,15 +104,15 @@ def _overlapping(path: Path, dataset: Dataset, split: Split, recipe: Recipe) -> 
     return recut(path, dataset, recipe.train_stride, recipe.train_steps or recipe.window.steps)
 
 
-def _pooled(
+def _results(
     dataset: Dataset,
     split: Split,
     job: Job,
     training: Dataset | None,
     on_step: Callable[[str], None],
-) -> Pooled:
+) -> list[FoldResult]:
     results = []
     for fold in split.folds:
         on_step(f"{job.model} · {split.name} · {fold.name}")
         results.append(run_fold(dataset, fold, job, training=training))
-    return pool(dataset, split, results)
+    return results

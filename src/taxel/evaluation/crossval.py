@@ -18,6 +18,7 @@ from taxel.evaluation.splits import Fold, Split, TrialFold
 from taxel.models.catalogue import Baseline, find_model
 from taxel.models.library import Estimator
 from taxel.training.loop import Epoch, Labelled, TrainConfig, fit, new_network, predict
+from taxel.training.predictions import Predictions
 from taxel.windows.dataset import Dataset
 from taxel.windows.scaling import Scaling, ScalingKind, fit_scaling
 from taxel.windows.windower import Windows
@@ -196,6 +197,29 @@ def pool(dataset: Dataset, split: Split, results: Sequence[FoldResult]) -> Poole
         interval_group=key,
         trial_accuracy=float((joined.argmax(axis=1) == trial_y).mean()),
         fold_accuracies=tuple(result.scores.accuracy for result in results),
+    )
+
+
+def predictions_of(
+    dataset: Dataset, split: Split, results: Sequence[FoldResult], target: str
+) -> Predictions:
+    """Return the folds' test predictions with the trials that they belong to, for a run."""
+    test = np.concatenate([result.test for result in results])
+    trained = [
+        np.bincount(dataset.trial[fold.windows(dataset)[0]], minlength=len(dataset.trials))
+        for fold in split.folds
+    ]
+    return Predictions(
+        split=split.name,
+        classes=tuple(dataset.classes(target)),
+        trials=dataset.trials,
+        folds=tuple(result.name for result in results),
+        trained=np.array(trained, np.intp),
+        trial=dataset.trial[test],
+        start_s=dataset.windows.start_s[test],
+        fold=np.repeat(np.arange(len(results)), [len(result.test) for result in results]),
+        y=np.concatenate([result.y for result in results]),
+        probabilities=np.concatenate([result.probabilities for result in results]),
     )
 
 

@@ -1,0 +1,151 @@
+"""What a cross-validation predicted for each test window, and how it is kept beside a run.
+
+`predictions.npz` holds the arrays, `predictions.json` the trials and names; nothing in them is
+pickled. Knows nothing about how folds were made or models fitted.
+"""
+
+from __future__ import annotations
+
+import json
+import zipfile
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from taxel.errors import BadInput
+from taxel.labels.trials import Trial
+
+_ARRAYS = "predictions.npz"
+_NAMES = "predictions.json"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Predictions:
+    """Test windows, each told once by a model that was not trained on its fold."""
+
+    split: str
+    """The split's name, such as "session held out"."""
+    classes: tuple[str, ...]
+    trials: tuple[Trial, ...]
+    folds: tuple[str, ...]
+    """Names of the folds."""
+    trained: NDArray[np.intp]
+    """Shape (folds, trials): how many of a trial's windows were on the training side."""
+    trial: NDArray[np.intp]
+    """Shape (n,): each test window's index into `trials`."""
+    start_s: NDArray[np.float64]
+    """Shape (n,): time of the window's first row on its recording's clock, seconds."""
+    fold: NDArray[np.intp]
+    """Shape (n,): index into `folds`."""
+    y: NDArray[np.intp]
+    """Shape (n,): true class, an index into `classes`."""
+    probabilities: NDArray[np.float64]
+    """Shape (n, classes)."""
+
+    def __len__(self) -> int:
+        return len(self.y)
+
+    @property
+    def correct(self) -> NDArray[np.bool_]:
+        """Whether each window was told right, shape (n,)."""
+        return np.asarray(self.probabilities.argmax(axis=1) == self.y)
+
+    def groups(self) -> list[str]:
+        """Return the groups that every trial has."""
+        common = set.intersection(*(set(trial.groups) for trial in self.trials))
+        return sorted(common)
+
+    def group(self, key: str) -> NDArray[np.str_]:
+        """Return each test window's group, shape (n,).
+
+        Raises:
+            BadInput: A trial has no such group.
+        """
+        if key not in self.groups():
+            raise BadInput(
+                f"the group {key!r} on every trial",
+                f"trials with the groups {', '.join(self.groups())}",
+                "name one of those",
+            )
+        return np.array([trial.groups[key] for trial in self.trials])[self.trial]
+
+
+def save_predictions(folder: Path, predictions: Predictions) -> None:
+    """Write both files into a folder that exists."""
+    names = {
+        "split": predictions.split,
+        "classes": predictions.classes,
+        "folds": predictions.folds,
+        "trials": [_trial_to_json(trial) for trial in predictions.trials],
+    }
+    (folder / _NAMES).write_text(json.dumps(names, indent=1, sort_keys=True) + "\n")
+    np.savez_compressed(
+        folder / _ARRAYS,
+        trained=predictions.trained,
+        trial=predictions.trial,
+        start_s=predictions.start_s,
+        fold=predictions.fold,
+        y=predictions.y,
+        probabilities=predictions.probabilities,
+    )
+
+
+def load_predictions(folder: Path) -> Predictions | None:
+    """Read a run's predictions; None where it was saved without any.
+
+    Raises:
+        BadInput: They are damaged, or their parts do not fit one another.
+    """
+    if not (folder / _NAMES).exists() and not (folder / _ARRAYS).exists():
+        return None
+    try:
+        names: dict[str, Any] = json.loads((folder / _NAMES).read_text())
+        with np.load(folder / _ARRAYS, allow_pickle=False) as arrays:
+            found = Predictions(
+                split=str(names["split"]),
+                classes=tuple(names["classes"]),
+                trials=tuple(Trial(**trial) for trial in names["trials"]),
+                folds=tuple(names["folds"]),
+                trained=arrays["trained"].astype(np.intp),
+                trial=arrays["trial"].astype(np.intp),
+                start_s=arrays["start_s"].astype(np.float64),
+                fold=arrays["fold"].astype(np.intp),
+                y=arrays["y"].astype(np.intp),
+                probabilities=arrays["probabilities"].astype(np.float64),
+            )
+        _check(found)
+    except (OSError, ValueError, KeyError, TypeError, EOFError, zipfile.BadZipFile) as error:
+        raise BadInput(
+            f"predictions that can be read in {folder}",
+            f"damaged ones ({error})",
+            "train the run again with: taxel train",
+        ) from error
+    return found
+
+
+def _check(found: Predictions) -> None:
+    n = len(found)
+    shapes = {
+        "trained": (len(found.folds), len(found.trials)),
+        "trial": (n,),
+        "start_s": (n,),
+        "fold": (n,),
+        "probabilities": (n, len(found.classes)),
+    }
+    for name, shape in shapes.items():
+        if getattr(found, name).shape != shape:
+            raise ValueError(f"{name} of shape {getattr(found, name).shape}, not {shape}")
+    limits = {"trial": len(found.trials), "fold": len(found.folds), "y": len(found.classes)}
+    for name, limit in limits.items():
+        values = getattr(found, name)
+        if n == 0 or values.min() < 0 or values.max() >= limit:
+            raise ValueError(f"{name} outside 0 … {limit - 1}")
+    if not np.isfinite(found.probabilities).all():
+        raise ValueError("a probability that is not finite")
+
+
+def _trial_to_json(trial: Trial) -> dict[str, Any]:
+    return asdict(trial) | {"labels": dict(trial.labels), "groups": dict(trial.groups)}
