@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Annotated
 
@@ -61,6 +61,7 @@ class Train:
         from taxel.evaluation.checked import check_recipe
         from taxel.evaluation.final import train_on_all
         from taxel.models.catalogue import find_network
+        from taxel.training.environment import Made
         from taxel.training.run import save_run
 
         recipe = self.recipe.resolve()
@@ -92,6 +93,9 @@ class Train:
                     resume=self.resume,
                     on_epoch=lambda e: on_step(f"all data · epoch {e.number} · loss {e.loss:.4f}"),
                 )
+                run = replace(run, made=Made.now())
+                if self.check:
+                    run = replace(run, predictions=checked.predictions, trivial=checked.trivial)
                 save_run(self.output, run)
             except TaxelError:
                 raise
@@ -121,3 +125,5 @@ class Train:
             f"tells {recipe.target}: {', '.join(run.contract.classes)}"
         )
         console.print(f"next: taxel bundle {self.output} --output {self.output}.taxel")
+        if self.check:
+            console.print(f"or:   taxel report {self.output} --output report.html")

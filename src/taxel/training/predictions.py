@@ -81,7 +81,7 @@ def save_predictions(folder: Path, predictions: Predictions) -> None:
         "folds": predictions.folds,
         "trials": [_trial_to_json(trial) for trial in predictions.trials],
     }
-    (folder / _NAMES).write_text(json.dumps(names, indent=1, sort_keys=True) + "\n")
+    (folder / _NAMES).write_text(json.dumps(names, sort_keys=True) + "\n")
     np.savez_compressed(
         folder / _ARRAYS,
         trained=predictions.trained,

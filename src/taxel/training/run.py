@@ -1,8 +1,9 @@
-"""A run: one folder with trained weights and all that is needed to use or repeat them.
+"""A run: one folder with trained weights and all that is needed to use, judge or repeat them.
 
-`run.json` holds the resolved configuration, the data's digest, the accuracy and
-the history; `weights-K.safetensors` holds the K-th network. Knows nothing about
-how accuracy was measured.
+`run.json` holds the resolved configuration, the data's digest, the accuracy, the
+history and how it was made; `weights-K.safetensors` holds the K-th network;
+`predictions.*` hold what a cross-validation said, where there was one. A run that
+was only evaluated has no weights. Knows nothing about how accuracy was measured.
 """
 
 from __future__ import annotations
@@ -11,7 +12,7 @@ import json
 import os
 import shutil
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -22,7 +23,9 @@ from taxel.bundles.contract import Contract, contract_from_json, contract_to_jso
 from taxel.errors import BadInput, RecordingFailed, TaxelError
 from taxel.models.catalogue import count_parameters, find_network
 from taxel.training.checkpoints import load_weights, save_weights
+from taxel.training.environment import Made
 from taxel.training.loop import Epoch, TrainConfig
+from taxel.training.predictions import Predictions, load_predictions, save_predictions
 from taxel.windows.dataset import Dataset
 from taxel.windows.scaling import Scaling
 
@@ -38,6 +41,12 @@ class Run:
     history: tuple[Epoch, ...]
     data: str
     """The data set's path, as it was given."""
+    predictions: Predictions | None = None
+    """What the cross-validation said of each test window; None where there was none."""
+    trivial: Mapping[str, float] = field(default_factory=dict)
+    """Trivial baseline → accuracy on the same folds, 0…1."""
+    made: Made = Made()  # noqa: RUF009  # frozen
+    """With which command, versions and processor."""
 
 
 def contract_of(
@@ -100,15 +109,23 @@ def _write_run(temporary: Path, run: Run) -> None:
         "history": [asdict(epoch) for epoch in run.history],
         "data": run.data,
         "members": len(run.networks),
+        "trivial": dict(run.trivial),
+        "made": asdict(run.made),
     }
+    if run.predictions is not None:
+        save_predictions(temporary, run.predictions)
     (temporary / "run.json").write_text(json.dumps(about, indent=1, sort_keys=True) + "\n")
 
 
-def load_run(folder: Path) -> Run:
+def load_run(folder: Path, *, weights: bool = True) -> Run:
     """Read a run's folder.
 
+    Args:
+        folder: Where `save_run` wrote it; by an older version too.
+        weights: False leaves the networks out, for those who read results only.
+
     Raises:
-        BadInput: The folder is no run, or is damaged.
+        BadInput: The folder is no run, is damaged, or has no weights to load.
     """
     try:
         about: dict[str, Any] = json.loads((folder / "run.json").read_text())
@@ -118,20 +135,34 @@ def load_run(folder: Path) -> Run:
         raise BadInput(
             f"a run in {folder}", f"none that can be read ({error})", "train one with: taxel train"
         ) from error
+    if weights and not members:
+        raise BadInput(
+            f"a run with trained weights in {folder}",
+            f"one of {contract.model} that was only evaluated",
+            "train one with: taxel train",
+        )
+    networks = _load_networks(folder, contract, members) if weights else ()
+    train = about["train"]
+    return Run(
+        networks=networks,
+        contract=contract,
+        train=_train_config(train),
+        history=tuple(Epoch(**epoch) for epoch in about["history"]),
+        data=about["data"],
+        predictions=load_predictions(folder),
+        trivial=about.get("trivial", {}),
+        made=Made(**about.get("made", {})),
+    )
+
+
+def _load_networks(folder: Path, contract: Contract, members: int) -> tuple[nn.Module, ...]:
     build = find_network(contract.model).build
     networks = []
     for index in range(members):
         network = build(contract.window.steps, len(contract.channels), len(contract.classes))
         load_weights(folder / f"weights-{index}.safetensors", network)
         networks.append(network.eval())
-    train = about["train"]
-    return Run(
-        networks=tuple(networks),
-        contract=contract,
-        train=_train_config(train),
-        history=tuple(Epoch(**epoch) for epoch in about["history"]),
-        data=about["data"],
-    )
+    return tuple(networks)
 
 
 def _train_config(raw: dict[str, Any]) -> TrainConfig:
