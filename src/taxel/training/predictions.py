@@ -103,7 +103,8 @@ def load_predictions(folder: Path) -> Predictions | None:
         return None
     try:
         names: dict[str, Any] = json.loads((folder / _NAMES).read_text())
-        with np.load(folder / _ARRAYS, allow_pickle=False) as arrays:
+        # Opened here, for np.load leaves a damaged file open.
+        with (folder / _ARRAYS).open("rb") as raw, np.load(raw, allow_pickle=False) as arrays:
             found = Predictions(
                 split=str(names["split"]),
                 classes=tuple(names["classes"]),
