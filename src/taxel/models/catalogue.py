@@ -15,8 +15,11 @@ from torch import nn
 from taxel.errors import BadInput
 from taxel.models.cnn1d import Cnn1d
 from taxel.models.cnn2d import Cnn2d
+from taxel.models.cnn3d import Cnn3d
 from taxel.models.forest import CourseForest
+from taxel.models.inception_time import InceptionTime
 from taxel.models.library import Estimator, ExtraTrees, MiniRocketRidge
+from taxel.models.lstm import Lstm
 from taxel.models.touchnet import TouchNet
 from taxel.windows.scaling import ScalingKind
 
@@ -67,6 +70,24 @@ MODELS: dict[str, Network | Baseline] = {
         source="ours, docs/decisions/0011",
         build=TouchNet,
         scaling="none",
+    ),
+    "lstm": Network(
+        summary="one LSTM over the rows of a window",
+        source="TENG thesis, section 2.5.3; sizes: docs/decisions/0024",
+        build=Lstm,
+        scaling="full-scale",
+    ),
+    "cnn3d": Network(
+        summary="3D CNN over time × fingers × phalanges",
+        source="TENG thesis, section 2.5.3; sizes: docs/decisions/0024",
+        build=Cnn3d,
+        scaling="full-scale",
+    ),
+    "inception-time": Network(
+        summary="InceptionTime: convolutions of several lengths, six modules deep",
+        source="Ismail Fawaz et al., Data Mining and Knowledge Discovery 2020; ours in PyTorch",
+        build=InceptionTime,
+        scaling="standard",
     ),
     "course-forest": Network(
         summary="extremely randomised trees on each channel's course, for short sequences",
