@@ -1,0 +1,273 @@
+"""Two runs on the same test windows: is one better, and for how many sessions can that be said?
+
+Windows of one session are alike, so that a test over windows finds differences where there are
+none. The test over whole groups is the one to believe. Knows nothing about folders or screens.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.stats import binomtest
+
+from taxel.errors import BadInput
+from taxel.evaluation.metrics import RESAMPLES
+from taxel.training.predictions import Predictions
+from taxel.training.run import Run
+
+LEVEL = 0.05
+"""A difference is claimed below this p. Source: convention."""
+_EXACT_GROUPS = 16
+"""Up to so many groups all 2^n sign changes are gone through."""
+_DRAWN = 50_000
+"""Sign changes drawn where there are more groups. Source: our choice, docs/decisions/0025."""
+_SLACK_S = 1e-6
+"""Windows whose starts differ by less are the same, seconds: hides float rounding."""
+
+
+@dataclass(frozen=True, slots=True)
+class GroupPair:
+    """Both runs on the windows of one group."""
+
+    name: str
+    windows: int
+    first: float
+    """Accuracy of the first run, 0…1."""
+    second: float
+    """Accuracy of the second run, 0…1."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Paired:
+    """What can be said of two runs."""
+
+    target: str
+    split: str
+    group: str
+    """The group that is taken as a whole."""
+    coarsest: str
+    """The coarsest group there is, which a claim should be made over."""
+    windows: int
+    first: float
+    """Accuracy of the first run, 0…1."""
+    second: float
+    """Accuracy of the second run, 0…1."""
+    difference: float
+    """Second minus first, −1…1."""
+    interval: tuple[float, float]
+    """95 % of the difference, whole groups resampled; NaN where there is one only."""
+    only_first: int
+    """Windows that the first run alone tells right."""
+    only_second: int
+    """Windows that the second run alone tells right."""
+    p_windows: float
+    """McNemar's exact test over windows; too sure where windows of a group are alike."""
+    p_groups: float
+    """Sign-flip permutation test over groups; the one to believe."""
+    smallest_p: float
+    """The least that `p_groups` could be with so many groups."""
+    groups: tuple[GroupPair, ...]
+
+    @property
+    def verdict(self) -> str:
+        """Return in plain words what may be claimed."""
+        return _verdict(self)
+
+
+def compare_runs(first: Run, second: Run, group: str | None = None) -> Paired:
+    """Return the paired tests of two runs.
+
+    Args:
+        first: A run with predictions.
+        second: Another, on the same recordings, target, split and folds.
+        group: The group that is taken as a whole; the session, else the file, else the
+            recording, else the trial, unless given.
+
+    Raises:
+        BadInput: A run has no predictions, or the two were not tested alike.
+    """
+    ours, theirs = _alike(first, second)
+    coarsest = coarsest_group(ours)
+    key = group or coarsest
+    names, index = np.unique(ours.group(key), return_inverse=True)
+    right, other = ours.correct, theirs.correct
+    count = np.bincount(index)
+    wins = np.bincount(index, weights=right), np.bincount(index, weights=other)
+    changed = wins[1] - wins[0]
+    only_first, only_second = int((right & ~other).sum()), int((other & ~right).sum())
+    return Paired(
+        target=first.contract.target,
+        split=ours.split,
+        group=key,
+        coarsest=coarsest,
+        windows=len(ours),
+        first=float(right.mean()),
+        second=float(other.mean()),
+        difference=float(changed.sum() / len(ours)),
+        interval=difference_interval(changed, count),
+        only_first=only_first,
+        only_second=only_second,
+        p_windows=mcnemar(only_first, only_second),
+        p_groups=sign_flip(changed),
+        smallest_p=min(1.0, 2.0 ** (1 - len(names))),
+        groups=tuple(
+            GroupPair(str(name), int(n), float(a / n), float(b / n))
+            for name, n, a, b in zip(names, count, *wins, strict=True)
+        ),
+    )
+
+
+def mcnemar(only_first: int, only_second: int) -> float:
+    """Return the exact two-sided p of McNemar's test; 1 where the two never differ."""
+    both = only_first + only_second
+    return float(binomtest(only_first, both, 0.5).pvalue) if both else 1.0
+
+
+def sign_flip(changed: NDArray[np.float64], seed: int = 0) -> float:
+    """Return the two-sided p of a sign-flip permutation test.
+
+    If neither run were better, each group's difference could as well have had the other
+    sign. All 2^n signs are gone through; with many groups, signs are drawn.
+
+    Args:
+        changed: Windows gained (or lost) in each group, shape (groups,).
+        seed: Seed of drawn signs.
+    """
+    n, found = len(changed), abs(float(changed.sum()))
+    if n <= _EXACT_GROUPS:
+        bits = np.arange(2**n)[:, None] >> np.arange(n) & 1
+        sums = (1 - 2 * bits) @ changed
+        return float((np.abs(sums) >= found - 1e-9).mean())
+    signs = np.random.default_rng(seed).choice([-1.0, 1.0], (_DRAWN, n))
+    as_large = int((np.abs(signs @ changed) >= found - 1e-9).sum())
+    return (as_large + 1) / (_DRAWN + 1)
+
+
+def difference_interval(
+    changed: NDArray[np.float64], count: NDArray[np.intp], seed: int = 0
+) -> tuple[float, float]:
+    """Return 95 % of the difference when whole groups are drawn again; NaN with one group.
+
+    Args:
+        changed: Windows gained in each group, shape (groups,).
+        count: Windows in each group, shape (groups,).
+        seed: Seed of the resampling.
+    """
+    n = len(changed)
+    if n < 2:
+        return float("nan"), float("nan")
+    drawn = np.random.default_rng(seed).integers(0, n, (RESAMPLES, n))
+    low, high = np.percentile(changed[drawn].sum(axis=1) / count[drawn].sum(axis=1), [2.5, 97.5])
+    return float(low), float(high)
+
+
+def coarsest_group(predictions: Predictions) -> str:
+    """Return the coarsest group that every trial has and that has two values: session first."""
+    for key in ("session", "file", "recording"):
+        if key in predictions.groups() and len(set(predictions.group(key))) > 1:
+            return key
+    return "trial"
+
+
+def _alike(first: Run, second: Run) -> tuple[Predictions, Predictions]:
+    """Return both runs' predictions in one order, once they are found to be comparable."""
+    one, two = first.predictions, second.predictions
+    if one is None or two is None:
+        raise BadInput(
+            "two runs with test predictions",
+            f"none in the {'first' if one is None else 'second'}",
+            "train again without --no-check",
+        )
+    said = {
+        "recordings": (first.contract.data_digest[:12], second.contract.data_digest[:12]),
+        "target": (first.contract.target, second.contract.target),
+        "classes": (", ".join(one.classes), ", ".join(two.classes)),
+        "split": (one.split, two.split),
+    }
+    for what, (ours, theirs) in said.items():
+        if ours != theirs:
+            raise BadInput(
+                f"two runs of the same {what}", f"{ours} and {theirs}",
+                "train one of them again on what the other had",
+            )  # fmt: skip
+    one, two = _ordered(one), _ordered(two)
+    places = [[p.trials[t].recording for t in p.trial] for p in (one, two)]
+    if places[0] != places[1] or not np.allclose(one.start_s, two.start_s, rtol=0, atol=_SLACK_S):
+        raise BadInput(
+            "two runs with the same test windows",
+            f"{len(one)} and {len(two)} that do not all start together",
+            "train both with the same --steps, --stride, --gate and --grid",
+        )
+    folds = [[p.folds[f] for f in p.fold] for p in (one, two)]
+    if folds[0] != folds[1]:
+        raise BadInput(
+            "two runs with the same folds", "windows that were told in different folds",
+            "train both with the same --seed and --folds",
+        )  # fmt: skip
+    return one, two
+
+
+def _ordered(found: Predictions) -> Predictions:
+    """Return the same predictions in the order of recordings and time."""
+    names = np.array([found.trials[trial].recording for trial in found.trial])
+    order = np.lexsort((found.start_s, names))
+    return Predictions(
+        split=found.split,
+        classes=found.classes,
+        trials=found.trials,
+        folds=found.folds,
+        trained=found.trained,
+        trial=found.trial[order],
+        start_s=found.start_s[order],
+        fold=found.fold[order],
+        y=found.y[order],
+        probabilities=found.probabilities[order],
+    )
+
+
+def _verdict(found: Paired) -> str:
+    n, points = len(found.groups), 100 * found.difference
+    groups = f"{n} {found.group}s"
+    said = []
+    if not found.only_first and not found.only_second:
+        said.append("The two runs are right and wrong on the very same windows.")
+    elif n < 2:
+        said.append(
+            f"No difference can be claimed: all windows are of one {found.group}, which says "
+            "nothing of another."
+        )
+    elif found.p_groups < LEVEL:
+        better = "second" if points > 0 else "first"
+        low, high = (100 * bound for bound in found.interval)
+        said.append(
+            f"The {better} run is better by {abs(points):.1f} points over {groups} (second minus "
+            f"first, 95 %: {low:+.1f} to {high:+.1f}), p = {_p(found.p_groups)}."
+        )
+    elif found.smallest_p >= LEVEL:
+        said.append(
+            f"No difference can be claimed with {groups}: the smallest possible p is "
+            f"{_p(found.smallest_p)}. Record more of them."
+        )
+    else:
+        said.append(
+            f"No difference can be claimed: p = {_p(found.p_groups)} over {groups} (the smallest "
+            f"possible is {_p(found.smallest_p)})."
+        )
+    if found.p_groups >= LEVEL and found.p_windows < LEVEL:
+        said.append(
+            f"The test over windows alone says p = {_p(found.p_windows)}, but windows of one "
+            f"{found.group} are alike: it promises too much."
+        )
+    if found.group != found.coarsest:
+        said.append(
+            f"A {found.group} is no {found.coarsest}: those of one {found.coarsest} are alike too."
+        )
+    if "leaks" in found.split:
+        said.append("The split leaks: whatever is better here need not be on new recordings.")
+    return " ".join(said)
+
+
+def _p(value: float) -> str:
+    return "below 0.0001" if value < 1e-4 else f"{value:.2g}"
