@@ -6,6 +6,7 @@ about samples' values, files or models.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import Literal
 
@@ -20,6 +21,10 @@ GATE_V = 1.55
 """Contact threshold, volts. Source: TENG thesis, section 3.5.1."""
 FULL_SCALE_V = 3.3
 """Largest voltage, for scaling to 0…1. Source: TENG thesis, section 3.6.1."""
+
+WAVELET = "db2"
+"""Wavelet to denoise by where one is asked for: the shortest that takes a slope for signal
+and not for noise. Source: our choice, docs/decisions/0024."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -48,6 +53,13 @@ class WindowConfig:
     """True: the window's first row is taken from all its rows."""
     channels: tuple[str, ...] | None = None
     """Names of the channels to take, in this order; None takes all."""
+    wavelet: str | None = None
+    """Name of the wavelet that each channel of a finished window is denoised by, such as
+    "db2"; needs PyWavelets. None leaves windows as they are."""
+    segment: float | None = None
+    """Values of a finished window that are not above this are background and set to 0, in the
+    channels' unit, for channels that rest at 0; after the wavelet, before `tare`. None keeps
+    all."""
 
     def __post_init__(self) -> None:
         if self.steps < 1 or self.stride < 1:
@@ -56,6 +68,10 @@ class WindowConfig:
             )
         if self.layout == "A" and self.gate is None:
             raise ValueError("needed a gate for layout A; got None")
+        if self.layout == "A" and self.wavelet is not None:
+            raise ValueError("needed layout B for a wavelet: in A a column is no channel; got A")
+        if self.segment is not None and not math.isfinite(self.segment):
+            raise ValueError(f"needed a finite level for segment; got {self.segment}")
 
 
 TENG_WINDOW = WindowConfig(gate=GATE_V)

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from taxel.signals import UNUSABLE, Samples, SensorInfo, Validity
 from taxel.windows.config import WindowConfig
+from taxel.windows.denoise import cleaner
 from taxel.windows.gate import above_gate
 from taxel.windows.grid import Grid, Rows
 
@@ -89,11 +90,14 @@ class Windower:
         sensor: The array that the samples come from.
 
     Raises:
-        ValueError: The array lacks a channel that the configuration names.
+        ValueError: The array lacks a channel that the configuration names, or a window is
+            too short for its wavelet.
+        MissingExtra: The configuration asks for a wavelet, and PyWavelets is not installed.
     """
 
     def __init__(self, config: WindowConfig, sensor: SensorInfo) -> None:
         self._config = config
+        self._clean = cleaner(config)
         self._columns = sensor.indices(config.channels) if config.channels else None
         self._channels = len(sensor.only(config.channels).channels)
         self._grid = Grid(config.grid_hz, sensor.rate_hz, config.max_age_s)
@@ -192,12 +196,14 @@ class Windower:
         if not parts:
             return _no_windows(steps, channels)
         cut = parts[0] if len(parts) == 1 else Windows.join(parts)
-        if not self._single and not self._config.tare:
+        if not self._single and not self._config.tare and self._clean is None:
             return cut
         values, mask = cut.values, cut.mask
         if self._single:
             values = values.reshape(len(cut), steps, channels)
             mask = np.asarray(mask.reshape(len(cut), steps, channels).all(axis=2))
+        if self._clean is not None:
+            values = self._clean(values, mask)
         if self._config.tare:
             values = (values - values[:, :1]) * mask[:, :, None]
         return Windows(values, mask, cut.usable, cut.saturated, cut.start_s, cut.end_s)
