@@ -1,0 +1,110 @@
+"""Models side by side, and what cleaning gives, as tables. Knows nothing about how it was made."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+from rich.box import SIMPLE_HEAD
+from rich.console import Group, RenderableType
+from rich.table import Table
+from rich.text import Text
+
+from taxel.evaluation.cleaning_gains import BASE, NOTHING, Gain
+from taxel.evaluation.model_comparison import ModelResult, TrivialResult
+from taxel.views.results import with_interval
+
+
+def model_tables(
+    results: Sequence[ModelResult], trivial: Sequence[TrivialResult]
+) -> RenderableType:
+    """Return one table a target and split, trivial baselines below the models.
+
+    Args:
+        results: As `compare_models` gives them.
+        trivial: As above.
+    """
+    parts: list[RenderableType] = []
+    for beside in trivial:
+        own = [one for one in results
+               if (one.target, one.pooled.split) == (beside.target, beside.split)]  # fmt: skip
+        table = _table(
+            f"{beside.target} · split: {beside.split} · {beside.windows} windows",
+            ("model", "accuracy [95 %]", "by trial", "parameters", "s a fold", "µs a window"),
+        )
+        for one in own:
+            table.add_row(
+                one.model,
+                with_interval(one.pooled),
+                f"{one.pooled.trial_accuracy:.4f}",
+                "–" if one.parameters is None else f"{one.parameters:,}",
+                f"{one.fold_s:.1f}",
+                f"{one.inference_us:,.0f}",
+            )
+        for name, accuracy in beside.accuracies.items():
+            table.add_row(name, f"{accuracy:.4f}", "", "", "", "", style="dim")
+        parts.append(table)
+    group = results[0].pooled.interval_group
+    return Group(
+        *parts,
+        Text(
+            f"Intervals: 95 %, every {group} as a whole resampled. Seconds to fit one fold and "
+            "predict its test part, one thread. µs: the median for one window on one thread, "
+            "networks in ONNX Runtime as live, library models (parameters –) as they are."
+        ),
+    )
+
+
+def cleaning_tables(gains: Sequence[Gain], trivial: Sequence[TrivialResult]) -> RenderableType:
+    """Return one table a target: each way of cleaning or changing windows against nothing.
+
+    Args:
+        gains: As `compare_cleaning` gives them.
+        trivial: As above.
+    """
+    parts: list[RenderableType] = []
+    for beside in trivial:
+        own = [one for one in gains if one.target == beside.target]
+        table = _table(
+            f"{beside.target} · {BASE} · split: {beside.split} · {len(own[0].by_run)} runs",
+            ("windows", "accuracy", "by trial", "difference, points [95 %]", "p", "each run"),
+        )
+        table.add_column("what it gives")
+        for one in own:
+            plain = one.way == NOTHING
+            table.add_row(
+                one.way,
+                f"{one.accuracy:.4f}",
+                f"{one.trial_accuracy:.4f}",
+                "" if plain else _points(one),
+                "" if plain else f"{one.p:.3f}",
+                "" if plain else " ".join(f"{100 * each:+.1f}" for each in one.by_run),
+                one.verdict,
+            )
+        for name, accuracy in beside.accuracies.items():
+            table.add_row(name, f"{accuracy:.4f}", "", "", "", "", "", style="dim")
+        parts.append(table)
+    return Group(
+        *parts,
+        Text(
+            f"Each way alone, paired with nothing on the same windows and folds; intervals and p "
+            f"(sign-flip) over {gains[0].groups} held-out groups. A claim is made where p is below "
+            f"0.05 / {gains[0].ways}, for {gains[0].ways} ways were tried. Trivial baselines: of "
+            "the first run's recordings."
+        ),
+    )
+
+
+def _points(one: Gain) -> str:
+    low, high = one.interval
+    if math.isnan(low):
+        return f"{100 * one.difference:+.1f} [one group]"
+    return f"{100 * one.difference:+.1f} [{100 * low:+.1f}, {100 * high:+.1f}]"
+
+
+def _table(title: str, columns: Sequence[str]) -> Table:
+    table = Table(title=title, title_justify="left", title_style="bold", box=SIMPLE_HEAD,
+                  pad_edge=False)  # fmt: skip
+    for index, column in enumerate(columns):
+        table.add_column(column, justify="right" if index else "left", no_wrap=True)
+    return table
