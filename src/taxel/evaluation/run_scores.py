@@ -1,0 +1,155 @@
+"""What a run's stored predictions are worth: scores, intervals by group, reliability.
+
+Knows nothing about recordings, networks or pages.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from taxel.evaluation.metrics import Scores, accuracy_interval, by_trial, score
+from taxel.evaluation.paired import coarsest_group
+from taxel.training.predictions import Predictions
+
+BINS = 10
+"""Bins of confidence in a reliability diagram. Source: our choice, the usual one."""
+_MOST_GROUPS = 40
+"""A group with more values than this is too fine to be drawn or listed."""
+
+
+@dataclass(frozen=True, slots=True)
+class GroupAccuracy:
+    """The test windows of one group."""
+
+    name: str
+    windows: int
+    accuracy: float
+    """0…1."""
+
+
+@dataclass(frozen=True, slots=True)
+class GroupInterval:
+    """95 % of the accuracy when whole groups are drawn again, 0…1; NaN with one group."""
+
+    low: float
+    high: float
+    groups: int
+
+
+@dataclass(frozen=True, slots=True)
+class ReliabilityBin:
+    """Test windows told with about the same confidence."""
+
+    confidence: float
+    """Mean of the largest probability, 0…1."""
+    accuracy: float
+    """Share told right, 0…1."""
+    windows: int
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RunScores:
+    """A run's test predictions, judged."""
+
+    scores: Scores
+    group: str
+    """The coarsest group, by which `by_group` is cut."""
+    intervals: dict[str, GroupInterval]
+    """Group → interval, the coarsest first."""
+    by_group: tuple[GroupAccuracy, ...]
+    trial_accuracy: float
+    """Share of trials told right when their windows are joined, 0…1."""
+    fold_accuracies: tuple[float, ...]
+    reliability: tuple[ReliabilityBin, ...]
+    calibration_error: float
+    """Expected calibration error: mean distance of confidence and accuracy, 0…1."""
+
+
+def judge(predictions: Predictions) -> RunScores:
+    """Return all that can be said of a run's test predictions."""
+    y, probabilities, correct = predictions.y, predictions.probabilities, predictions.correct
+    main = coarsest_group(predictions)
+    owner = predictions.group(main)
+    names, index = np.unique(owner, return_inverse=True)
+    shares = np.bincount(index, weights=correct) / np.bincount(index)
+    _, trial_y, joined = by_trial(predictions.trial, y, probabilities)
+    bins = reliability(probabilities, correct)
+    return RunScores(
+        scores=score(y, probabilities),
+        group=main,
+        intervals={
+            key: _interval(correct, predictions.group(key))
+            for key in dict.fromkeys((main, *split_groups(predictions), "trial"))
+        },
+        by_group=tuple(
+            GroupAccuracy(str(name), int(count), float(share))
+            for name, count, share in zip(names, np.bincount(index), shares, strict=True)
+        ),
+        trial_accuracy=float((joined.argmax(axis=1) == trial_y).mean()),
+        fold_accuracies=tuple(
+            float(correct[predictions.fold == fold].mean())
+            for fold in range(len(predictions.folds))
+            if (predictions.fold == fold).any()
+        ),
+        reliability=bins,
+        calibration_error=sum(b.windows * abs(b.confidence - b.accuracy) for b in bins) / len(y),
+    )
+
+
+def reliability(
+    probabilities: NDArray[np.float64], correct: NDArray[np.bool_]
+) -> tuple[ReliabilityBin, ...]:
+    """Return accuracy against confidence, bins of equal width, empty ones left out.
+
+    Args:
+        probabilities: Shape (n, classes).
+        correct: Shape (n,).
+    """
+    confidence = probabilities.max(axis=1)
+    place = np.minimum((confidence * BINS).astype(int), BINS - 1)
+    return tuple(
+        ReliabilityBin(
+            float(confidence[place == one].mean()),
+            float(correct[place == one].mean()),
+            int((place == one).sum()),
+        )
+        for one in np.unique(place)
+    )
+
+
+def split_groups(predictions: Predictions) -> list[str]:
+    """Return the groups that a reader of the split wants to see: few values, no numbers.
+
+    The coarsest group always stands first, whatever its values look like.
+    """
+    first = coarsest_group(predictions)
+    found = [first]
+    for key in predictions.groups():
+        values = sorted({trial.groups[key] for trial in predictions.trials})
+        if key not in (first, "trial", "recording") and 2 <= len(values) <= _MOST_GROUPS:
+            same = _partition(predictions, key) == _partition(predictions, first)
+            if not same and not all(map(is_number, values)):
+                found.append(key)
+    return found
+
+
+def is_number(text: str) -> bool:
+    """Return whether a group's value is a measured figure, such as a temperature."""
+    try:
+        float(text)
+    except ValueError:
+        return False
+    return True
+
+
+def _interval(correct: NDArray[np.bool_], groups: NDArray[np.str_]) -> GroupInterval:
+    return GroupInterval(*accuracy_interval(correct, groups), len(np.unique(groups)))
+
+
+def _partition(predictions: Predictions, key: str) -> list[int]:
+    """Return each trial's group as a number of its own, in order of appearance."""
+    seen: dict[str, int] = {}
+    return [seen.setdefault(trial.groups[key], len(seen)) for trial in predictions.trials]

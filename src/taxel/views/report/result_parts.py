@@ -1,0 +1,274 @@
+"""Accuracies of runs: beside each other, trivial baselines and the thesis, and each run's own.
+
+Knows nothing about recordings or how runs were trained.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+
+from taxel.evaluation.paired import Paired
+from taxel.evaluation.run_scores import RunScores
+from taxel.evaluation.teng_table import PUBLISHED, TASKS
+from taxel.training.run import Run
+from taxel.views.compare_table import interval_text
+from taxel.views.report.charts import Axis, Dot, Line, dot_chart, line_chart, matrix
+from taxel.views.report.page import (
+    Html,
+    band,
+    figure,
+    join,
+    number,
+    percent,
+    split_name,
+    table,
+    tag,
+)
+from taxel.views.results import HEADINGS
+from taxel.windows.config import TENG_WINDOW
+
+
+def accuracies(
+    runs: Mapping[str, Run], judged: Mapping[str, RunScores], inks: Mapping[str, str]
+) -> Html:
+    """Return runs of one data set, target and split beside their trivial baselines.
+
+    Args:
+        runs: Name → run.
+        judged: Name → its predictions, judged.
+        inks: Name → its colour on the page.
+    """
+    first = next(iter(runs.values()))
+    assert first.predictions is not None
+    trivial = dict(first.trivial)
+    dots = [
+        Dot(
+            f"{name} ({run.contract.model})" if run.contract.model not in name else name,
+            judged[name].scores.accuracy,
+            *_main_interval(judged[name]),
+            inks[name],
+        )
+        for name, run in runs.items()
+    ]
+    dots += [Dot(name, value, colour="var(--grey)") for name, value in trivial.items()]
+    group = judged[next(iter(runs))].group
+    rows: list[list[object]] = [
+        [
+            name,
+            run.contract.model,
+            percent(judged[name].scores.accuracy),
+            band(*_main_interval(judged[name])),
+            percent(judged[name].trial_accuracy),
+            number(judged[name].scores.loss, 3),
+            number(judged[name].scores.roc_auc, 3),
+            number(judged[name].scores.f1, 3),
+            f"{run.contract.parameters:,}" if run.contract.parameters else "–",
+        ]
+        for name, run in runs.items()
+    ]
+    rows += [[name, "", percent(value), "", "", "", "", "", ""] for name, value in trivial.items()]
+    return join(
+        [
+            tag(
+                "h3",
+                join([first.contract.target, ", split: ", split_name(first.predictions.split)]),
+            ),
+            figure(
+                dot_chart(dots),
+                f"Accuracy over all test windows with 95 % intervals, whole {group}s resampled. "
+                "Grey: trivial baselines, which see no touch or hardly any.",
+            ),
+            _cleared(judged, trivial),
+            table(
+                ["run", "model", "windows", f"95 % by {group}", "whole trials", "loss, nats",
+                 "ROC-AUC", "F1", "parameters"],
+                rows,
+                quiet=range(len(runs), len(rows)),
+            ),
+        ]
+    )  # fmt: skip
+
+
+def _cleared(judged: Mapping[str, RunScores], trivial: Mapping[str, float]) -> Html:
+    """Say whether each run stands clear of the best trivial baseline."""
+    if not trivial:
+        return Html("")
+    best = max(trivial, key=lambda name: trivial[name])
+    said, bad = [], False
+    for name, own in judged.items():
+        accuracy, (low, _) = own.scores.accuracy, _main_interval(own)
+        if accuracy <= trivial[best]:
+            bad = True
+            said.append(f"{name} does not reach the baseline “{best}” ({percent(trivial[best])})")
+        elif math.isfinite(low) and low <= trivial[best]:
+            said.append(
+                f"{name} is above the baseline “{best}” ({percent(trivial[best])}), but its "
+                "interval is not"
+            )
+        else:
+            said.append(f"{name} stands clear of every baseline, the best being “{best}”")
+    return tag("p", "; ".join(said) + ".", "note leaks" if bad else "note")
+
+
+def published_beside(runs: Mapping[str, Run], judged: Mapping[str, RunScores]) -> Html:
+    """Return Table 4.1's values beside the runs that follow the thesis's recipe; else nothing."""
+    ours = {
+        name: run
+        for name, run in runs.items()
+        if run.contract.model in PUBLISHED
+        and run.contract.window == TENG_WINDOW
+        and run.contract.target in TASKS
+    }
+    if not ours:
+        return Html("")
+    head = ["metric"]
+    for name, run in ours.items():
+        head += [f"{HEADINGS[run.contract.model]}, thesis", name]
+    rows: list[list[object]] = []
+    for metric in (
+        "Mean K-Fold Acc", "Multi-Class ROC-AUC", "Precision", "Recall", "F1-Score"
+    ):  # fmt: skip
+        row: list[object] = [metric]
+        for name, run in ours.items():
+            value = _metric(judged[name], metric)
+            published = number(PUBLISHED[run.contract.model][metric])
+            row += [tag("span", published, "published"), number(value)]
+        rows.append(row)
+    return join(
+        [
+            Html("<h3>Beside the thesis</h3>"),
+            tag(
+                "p",
+                join(
+                    [
+                        "The thesis (Balapan, 2025, Table 4.1) splits windows at random, which "
+                        "leaks, and does not say whether its values are of shape or of material. "
+                        "Its other rows need a test part of their own: ",
+                        tag("code", "taxel evaluate teng-table"),
+                        ".",
+                    ]
+                ),
+            ),
+            table(head, rows),
+        ]
+    )
+
+
+def each_run(name: str, run: Run, own: RunScores, ink: str) -> Html:
+    """Return one run's confusion, reliability, groups and learning curve, in its colour."""
+    assert run.predictions is not None
+    intervals = [
+        [key, str(one.groups), band(one.low, one.high) or "one group: none"]
+        for key, one in own.intervals.items()
+    ]
+    parts: list[object] = [
+        figure(matrix(run.predictions.classes, own.scores.confusion), "All test windows."),
+        figure(_reliability(own, ink), _trust(own)),
+    ]
+    if run.history:
+        parts.append(figure(_learning(run, ink), "Training on all recordings, for use."))
+    few = [Dot(f"{g.name} · {g.windows}", g.accuracy, colour=ink) for g in own.by_group[:40]]
+    return join(
+        [
+            tag("h3", name),
+            tag("div", join(parts), "side"),
+            figure(
+                dot_chart(few),
+                f"Accuracy in each {own.group} (windows), told by a model that was not trained on "
+                "it; folds: "
+                + ", ".join(percent(value) for value in own.fold_accuracies)
+                + "."
+                + (f" {len(own.by_group) - 40} more not shown." if len(own.by_group) > 40 else ""),
+            ),
+            tag("p", "How sure the accuracy is depends on what is taken as one independent thing:"),
+            table(["resampled whole", "how many", "95 % of the accuracy"], intervals),
+        ]
+    )
+
+
+def comparison(found: Paired, first: str, second: str) -> Html:
+    """Return two runs' paired test."""
+    n = len(found.groups)
+    return join(
+        [
+            Html("<h3>"), f"{second} against {first}", Html("</h3>"),
+            tag("p", found.verdict, "note"),
+            table(
+                ["", first, second, "difference, points [95 %]", f"p over {n} {found.group}s",
+                 "smallest possible", "p over windows"],
+                [["accuracy", percent(found.first), percent(found.second),
+                  f"{100 * found.difference:+.1f}{interval_text(found)}",
+                  f"{found.p_groups:.2g}", f"{found.smallest_p:.2g}", f"{found.p_windows:.2g}"]],
+            ),
+        ]
+    )  # fmt: skip
+
+
+def _metric(own: RunScores, name: str) -> float:
+    scores = own.scores
+    return {
+        "Mean K-Fold Acc": sum(own.fold_accuracies) / len(own.fold_accuracies),
+        "Multi-Class ROC-AUC": scores.roc_auc,
+        "Precision": scores.precision,
+        "Recall": scores.recall,
+        "F1-Score": scores.f1,
+    }[name]
+
+
+def _main_interval(own: RunScores) -> tuple[float, float]:
+    one = own.intervals[own.group]
+    return one.low, one.high
+
+
+def _reliability(own: RunScores, ink: str) -> Html:
+    line = Line(
+        name="reliability",
+        x=[one.confidence for one in own.reliability],
+        y=[one.accuracy for one in own.reliability],
+        colour=ink,
+    )
+    axes = (
+        Axis(label="probability it gives its answer", low=0, high=1),
+        Axis(label="share told right", low=0, high=1),
+    )
+    return line_chart([line], *axes, diagonal=True, size=(360, 280))
+
+
+def _trust(own: RunScores) -> str:
+    windows = sum(one.windows for one in own.reliability)
+    says = sum(one.confidence * one.windows for one in own.reliability) / windows
+    off = says - own.scores.accuracy
+    kind = (
+        "too sure"
+        if off > 0.02
+        else "not sure enough"
+        if off < -0.02
+        else "about as sure as it may be"
+    )
+    return (
+        f"It gives its answers {percent(says)} on average and is right in "
+        f"{percent(own.scores.accuracy)}: {kind}. Expected calibration error "
+        f"{own.calibration_error:.3f}."
+    )
+
+
+def _learning(run: Run, ink: str) -> Html:
+    history = run.history
+    lines = [
+        Line(
+            name="training", x=[e.number for e in history], y=[e.loss for e in history], colour=ink
+        )
+    ]
+    most = max(1e-3, *(epoch.loss for epoch in history))
+    return line_chart(
+        lines,
+        Axis(label="epoch", low=1, high=max(2, len(history)), ticks=_epochs(len(history))),
+        Axis(label="loss, nats", low=0, high=most * 1.05),
+        size=(360, 280),
+    )
+
+
+def _epochs(count: int) -> Sequence[float]:
+    step = max(1, round(count / 6))
+    return [1.0, *range(1 + step, count + 1, step)] if count > 1 else [1.0, 2.0]
