@@ -150,3 +150,15 @@ def test_cutting_again_keeps_the_trials_and_their_windows_owners(tmp_path: Path)
         assert trial.recording == "two.mcap"
         assert trial.start_s <= first / 100 + 1e-6
         assert last / 100 <= trial.end_s + 1e-6
+
+
+def test_two_labels_joined_are_one_to_tell(tmp_path: Path):
+    marks = [
+        Mark(start_s=start / 100, end_s=(start + 59) / 100, labels={"shape": s, "material": m})
+        for start, s, m in [(0, "sphere", "glass"), (60, "sphere", "plastic")]
+    ]
+    record(tmp_path, "a", marks)
+    dataset = load_dataset(tmp_path, CONFIG, target="shape+material")
+    assert dataset.classes("shape+material") == ["sphere glass", "sphere plastic"]
+    with pytest.raises(BadDataset, match="size"):
+        load_dataset(tmp_path, CONFIG, target="shape+size")

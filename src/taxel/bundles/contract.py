@@ -10,14 +10,16 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, fields
+from dataclasses import MISSING, asdict, dataclass, fields, replace
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from taxel.errors import BadBundle
 from taxel.signals import SensorInfo
 from taxel.windows.config import WindowConfig
+from taxel.windows.reference import Reference
 from taxel.windows.scaling import Scaling
 
 FORMAT = 1
@@ -59,6 +61,9 @@ class Contract:
     parity: float | None
     """Largest difference of a probability between the training framework and ONNX Runtime;
     None for a run that was not exported yet."""
+    reference: Reference | None = None
+    """The level of the reference touches that the scaling holds for; None where it was
+    trained on values as measured."""
 
     def check_sensor(self, sensor: SensorInfo) -> None:
         """Refuse a sensor that this bundle was not made for.
@@ -86,6 +91,28 @@ class Contract:
             )
 
 
+def at_level(contract: Contract, level: NDArray[np.float32]) -> Contract:
+    """Return the contract for a session, pad or gel whose reference touches have another level.
+
+    Args:
+        contract: One that was trained with reference touches.
+        level: That level, shape (channels,), as `taxel.windows.reference.touch_level` gives it.
+
+    Raises:
+        BadBundle: The bundle was trained without reference touches.
+    """
+    if contract.reference is None:
+        raise BadBundle(
+            "a bundle trained with reference touches", "one without",
+            "train it with --recipe teng-referenced, or with --reference",
+        )  # fmt: skip
+    return replace(
+        contract,
+        scaling=contract.scaling.at_level(contract.reference.level, level),
+        reference=replace(contract.reference, level=level),
+    )
+
+
 def contract_to_json(contract: Contract) -> str:
     """Return the contract as JSON text."""
     data = asdict(contract)
@@ -95,6 +122,8 @@ def contract_to_json(contract: Contract) -> str:
         "offset": [float(value) for value in contract.scaling.offset],
         "factor": [float(value) for value in contract.scaling.factor],
     }
+    if contract.reference is not None:
+        data["reference"]["level"] = [float(value) for value in contract.reference.level]
     return json.dumps(data, indent=1, sort_keys=True)
 
 
@@ -109,6 +138,8 @@ def contract_from_json(text: str) -> Contract:
         if data.pop("format") != FORMAT:
             raise ValueError("another format")
         known = {field.name for field in fields(Contract)}
+        data = {field.name: field.default for field in fields(Contract)
+                if field.default is not MISSING} | data  # fmt: skip
         if set(data) != known:
             raise ValueError(f"the fields {sorted(set(data) ^ known)} differ")
         scaling = data["scaling"]
@@ -121,6 +152,9 @@ def contract_from_json(text: str) -> Contract:
         if window["channels"] is not None:
             window["channels"] = tuple(window["channels"])
         data["window"] = WindowConfig(**window)
+        if data["reference"] is not None:
+            level = np.array(data["reference"]["level"], np.float32)
+            data["reference"] = Reference(touches=data["reference"]["touches"], level=level)
         for key in ("classes", "channels", "units"):
             data[key] = tuple(data[key])
         return Contract(**data)

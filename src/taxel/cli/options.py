@@ -28,7 +28,7 @@ class RecipeOptions:
     model: str | None = None
     """Model's name; see them with: taxel models."""
     target: str | None = None
-    """The label to tell, such as shape, material, sign or object."""
+    """The label to tell, such as shape, material, sign or object, or two joined: shape+material."""
     split: str | None = None
     """How accuracy is measured: random (leaks), group:KEY or
     order:KEY:LAST[:END] (train up to LAST, test above it, up to END)."""
@@ -49,6 +49,10 @@ class RecipeOptions:
     """Pad and mask sequences that are shorter than a window."""
     tare: bool | None = None
     """Take the window's first row from all its rows."""
+    reference: str | None = None
+    """Bring each session to one level by its first touches of a known object, KEY=VALUE:COUNT such
+    as object=cylinder-glass:3; those touches are neither learned from nor tested. "none" does
+    not."""
     epochs: int | None = None
     """Passes over the training windows."""
     members: int | None = None
@@ -63,6 +67,7 @@ class RecipeOptions:
             BadInput: There is no such recipe, or a change does not fit.
         """
         from taxel.training.recipes import find_recipe
+        from taxel.windows.reference import parse_reference
 
         self._check_counts()
         recipe = find_recipe(self.recipe)
@@ -73,6 +78,8 @@ class RecipeOptions:
         ):
             raise BadInput("a gate for layout A", "none", "give one with --gate")
         window = replace(recipe.window, **changes)
+        if window.reference is not None:
+            parse_reference(window.reference)
         if self.steps is not None and self.stride is None:
             window = replace(window, stride=self.steps)
         train = replace(recipe.train, seed=self.seed)
@@ -112,6 +119,8 @@ class RecipeOptions:
             "tare": self.tare,
         }
         changes: dict[str, Any] = {k: v for k, v in given.items() if v is not None}
+        if self.reference is not None:
+            changes["reference"] = None if self.reference == "none" else self.reference
         if self.gate is not None:
             changes["gate"] = None if self.gate == "none" else self._gate(self.gate)
         if self.grid is not None:

@@ -66,6 +66,13 @@ RECIPES: dict[str, Recipe] = {
         target="shape",
         split="group:session",
     ),
+    "teng-referenced": Recipe(
+        summary="the TENG hand, each session brought to the level of three known touches",
+        window=replace(TENG_WINDOW, reference="object=cylinder-glass:3"),
+        model="cnn2d",
+        target="shape",
+        split="group:session",
+    ),
     "teng-glove": Recipe(
         summary="the TENG glove, five TENG channels and three angles",
         window=_GLOVE_WINDOW,

@@ -72,6 +72,7 @@ def contract_of(
         accuracy=dict(accuracy),
         software=f"taxel {__version__}",
         parity=None,
+        reference=dataset.reference,
     )
 
 

@@ -61,6 +61,12 @@ class WindowConfig:
     channels' unit, for channels that rest at 0; after the wavelet, before `tare`. None keeps
     all."""
 
+    reference: str | None = None
+    """Reference touches, "KEY=VALUE:COUNT" such as "object=cylinder-glass:3": a data set's
+    sessions are each brought to one level by their first touches of a known object, which are
+    then left out; a bundle is brought to a new session by taxel adapt. None takes values as
+    they are. Source: our choice, docs/decisions/0026."""
+
     def __post_init__(self) -> None:
         if self.steps < 1 or self.stride < 1:
             raise ValueError(

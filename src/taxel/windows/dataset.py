@@ -18,6 +18,7 @@ from taxel.labels.trials import Trial, trials_of
 from taxel.recordings.reader import list_recordings, read_recording
 from taxel.signals import SensorInfo
 from taxel.windows.config import WindowConfig
+from taxel.windows.reference import Reference, parse_reference, session_levels
 from taxel.windows.windower import Windows, cut_windows
 
 _TIME_SLACK_S = 1e-6
@@ -42,6 +43,8 @@ class Dataset:
     """SHA-256 over the recordings' values, hexadecimal."""
     notes: tuple[str, ...]
     """What a reader must know: windows left out and why, windows padded."""
+    reference: Reference | None = None
+    """The level that all sessions were brought to; None where values are as measured."""
 
     def __len__(self) -> int:
         return len(self.windows)
@@ -84,7 +87,8 @@ def load_dataset(
     Args:
         path: A folder of recordings, or one.
         config: What a window is.
-        target: The label that every trial must have; None asks for none.
+        target: The label that every trial must have, or several joined by "+", such as
+            "shape+material"; None asks for none.
         where: Only trials whose label or group has this value, such as {"task": "shape"}.
 
     Raises:
@@ -157,7 +161,14 @@ def _assemble(
         )
     used, trial = np.unique(trial, return_inverse=True)
     kept = tuple(trials[index] for index in used)
+    reference = None
+    if config.reference is not None:
+        windows, trial, kept, reference = _referred(windows, trial, kept, config.reference)
+        notes.append(
+            f"each session brought to one level by {reference.touches}: these touches are left out"
+        )
     if target is not None:
+        kept = tuple(_with_joined_label(one, target) for one in kept)
         _check_target(kept, target)
     return Dataset(
         windows=windows,
@@ -167,6 +178,30 @@ def _assemble(
         config=config,
         digest=digest,
         notes=tuple(notes),
+        reference=reference,
+    )
+
+
+def _referred(
+    windows: Windows, trial: NDArray[np.intp], trials: tuple[Trial, ...], text: str
+) -> tuple[Windows, NDArray[np.intp], tuple[Trial, ...], Reference]:
+    """Bring each session to one level; leave out the touches that told it."""
+    touches = parse_reference(text)
+    levels, used = session_levels(windows.values, windows.mask, trial, trials, touches)
+    usual = np.exp(np.log(np.unique(levels, axis=0)).mean(axis=0))
+    left = ~used[trial]
+    if not left.any():
+        raise BadDataset(
+            "windows beside the reference touches", "none", "record grasps to learn from too"
+        )
+    factor = (usual / levels)[trial[left]]
+    values = (windows.values[left] * factor[:, None, :]).astype(np.float32)
+    kept, owner = np.unique(trial[left], return_inverse=True)
+    return (
+        replace(windows[left], values=values),
+        owner.astype(np.intp),
+        tuple(trials[index] for index in kept),
+        Reference(touches=text, level=usual.astype(np.float32)),
     )
 
 
@@ -229,6 +264,15 @@ def _nothing(path: Path, config: WindowConfig, where: Mapping[str, str] | None) 
         f"none in {path}",
         "look at the recordings with taxel info, or choose fewer steps or a lower gate",
     )
+
+
+def _with_joined_label(trial: Trial, target: str) -> Trial:
+    """Return the trial with "a+b" as a label where it has both; as it is otherwise."""
+    parts = target.split("+")
+    if len(parts) < 2 or any(part not in trial.labels for part in parts):
+        return trial
+    joined = " ".join(trial.labels[part] for part in parts)
+    return replace(trial, labels={**trial.labels, target: joined})
 
 
 def _check_target(trials: tuple[Trial, ...], target: str) -> None:

@@ -5,7 +5,7 @@ Knows nothing about models or files.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
@@ -37,6 +37,16 @@ class Scaling:
         if not mask.all():
             scaled *= mask[:, :, None]
         return scaled
+
+    def at_level(self, old: NDArray[np.float32], new: NDArray[np.float32]) -> Scaling:
+        """Return the scaling that gives of values at a new level what this one gives of the old.
+
+        Args:
+            old: The level that this scaling holds for, shape (channels,).
+            new: The level of what will be scaled, shape (channels,).
+        """
+        change = (new / old).astype(np.float32)
+        return replace(self, offset=self.offset * change, factor=self.factor / change)
 
 
 def fit_scaling(

@@ -1,0 +1,106 @@
+"""Reference touches bring sessions to one level."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from taxel.bundles.contract import at_level, contract_from_json, contract_to_json
+from taxel.errors import BadBundle, BadDataset, BadInput
+from taxel.recordings.manifest import Manifest
+from taxel.recordings.writer import Recorder
+from taxel.signals import Mark, Samples, SensorInfo
+from taxel.training.run import contract_of
+from taxel.windows.config import WindowConfig
+from taxel.windows.dataset import load_dataset
+from taxel.windows.reference import parse_reference, touch_level
+from taxel.windows.scaling import fit_scaling
+
+GAINS = {"a": np.array([1.0, 2.0, 0.0]), "b": np.array([3.0, 0.5, 0.0])}
+WINDOW = WindowConfig(steps=4, stride=4, grid_hz=None, reference="object=block:2")
+
+
+@pytest.fixture
+def sessions(tmp_path: Path) -> Path:
+    """Two sessions whose channels differ in gain only; four trials of eight scans each."""
+    sensor = SensorInfo(name="pad", channels=("x", "y", "z"), units=("V",) * 3, rate_hz=100.0)
+    course = np.tile([0.5, 1.0, 0.7, 0.2], 2)[:, None]
+    for name, gain in GAINS.items():
+        manifest = Manifest.started_now(sensor, groups={"session": name}, now_s=0.0)
+        with Recorder(tmp_path / f"{name}.mcap", manifest) as recorder:
+            for index, touched in enumerate(["ball", "block", "block", "block"]):
+                own = course * (gain if touched == "block" else 0.5 * gain)
+                time_s = (index * 10 + np.arange(8)) / 100.0
+                recorder.write(Samples.from_values(own, time_s))
+                recorder.mark(
+                    Mark(
+                        start_s=float(time_s[0]),
+                        end_s=float(time_s[-1]),
+                        labels={"kind": touched},
+                        groups={"object": touched},
+                    )
+                )
+    return tmp_path
+
+
+def test_sessions_that_differ_in_gain_alone_become_one(sessions: Path):
+    dataset = load_dataset(sessions, WINDOW)
+    names = dataset.group("session")[dataset.trial]
+    first, second = (dataset.windows.values[names == name] for name in GAINS)
+    np.testing.assert_allclose(first, second, rtol=1e-5)
+    assert first.std(axis=1)[:, :2].min() > 0
+
+
+def test_touches_that_set_the_level_are_neither_learned_from_nor_tested(sessions: Path):
+    dataset = load_dataset(sessions, WINDOW)
+    assert [trial.labels["kind"] for trial in dataset.trials] == ["ball", "block"] * 2
+    assert dataset.trials[1].start_s == pytest.approx(0.3), "the first two blocks are left out"
+    assert "object=block:2" in dataset.notes[-1]
+
+
+def test_a_silent_channel_stays_as_it_is(sessions: Path):
+    dataset = load_dataset(sessions, WINDOW)
+    assert dataset.reference is not None
+    assert dataset.reference.level[2] == 1.0
+    assert not dataset.windows.values[:, :, 2].any()
+
+
+def test_a_session_with_too_few_touches_is_told(sessions: Path):
+    with pytest.raises(BadDataset, match=r"needed 4 touches of object=block .* got 3 in a"):
+        load_dataset(sessions, replace(WINDOW, reference="object=block:4"))
+
+
+@pytest.mark.parametrize("text", ["object", "object=block", "=block:3", "object=block:0", "a=b:c"])
+def test_a_reference_that_names_no_touches_is_told(text: str):
+    with pytest.raises(BadInput, match="KEY=VALUE:COUNT"):
+        parse_reference(text)
+
+
+def test_a_contract_brought_to_a_session_sees_in_it_what_training_saw(sessions: Path):
+    dataset = load_dataset(sessions, WINDOW)
+    windows = dataset.windows
+    scaling = fit_scaling("standard", windows.values, windows.mask, None)
+    contract = contract_of(dataset, "kind", "cnn2d", (), scaling, {})
+    contract = contract_from_json(contract_to_json(contract))
+    plain = load_dataset(sessions, replace(WINDOW, reference=None))
+    in_b = plain.group("session")[plain.trial] == "b"
+    block = np.array([trial.labels["kind"] == "block" for trial in plain.trials])[plain.trial]
+    touches = plain.windows[in_b & block][:4]
+    level = touch_level(touches.values, touches.mask)
+    moved = at_level(contract, level)
+    seen = moved.scaling.apply(plain.windows[in_b].values[-2:], plain.windows[in_b].mask[-2:])
+    wanted = scaling.apply(windows.values[-2:], windows.mask[-2:])
+    np.testing.assert_allclose(seen, wanted, rtol=1e-4, atol=1e-5)
+    assert moved.reference is not None
+    np.testing.assert_array_equal(moved.reference.level, level)
+
+
+def test_a_bundle_without_reference_cannot_be_brought_to_a_session(sessions: Path):
+    dataset = load_dataset(sessions, replace(WINDOW, reference=None))
+    scaling = fit_scaling("none", dataset.windows.values, dataset.windows.mask, None)
+    contract = contract_of(dataset, "kind", "cnn2d", (), scaling, {})
+    with pytest.raises(BadBundle, match="without"):
+        at_level(contract, np.ones(3, np.float32))
