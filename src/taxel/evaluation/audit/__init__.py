@@ -1,0 +1,1 @@
+"""Find leakage in recordings and in splits, and say what each leak alone gives."""

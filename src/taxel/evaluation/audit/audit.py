@@ -1,0 +1,125 @@
+"""Look for every kind of leak in a data set, and in a split of it where one is given.
+
+Knows nothing about files, screens or how single checks work.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+from taxel.evaluation.audit.case import Case, Reading
+from taxel.evaluation.audit.copies import near_copies, same_rows
+from taxel.evaluation.audit.finding import Audit, Finding, holm, sort_findings
+from taxel.evaluation.audit.gaps import Gap, measure_gaps
+from taxel.evaluation.audit.nuisances import read_first, read_length, read_level, read_place
+from taxel.evaluation.audit.origins import read_origins
+from taxel.evaluation.audit.scaled import scaled_run, scaled_values
+from taxel.evaluation.audit.shared import (
+    future_labels,
+    one_class_folds,
+    shared_copies,
+    shared_moments,
+    shared_names,
+)
+from taxel.evaluation.audit.sides import Sides
+from taxel.evaluation.audit.telling import trial_folds
+from taxel.evaluation.audit.touch_set import (
+    Pieces,
+    TouchSet,
+    counts,
+    cut_pieces,
+    honest_key,
+    usual_steps,
+)
+
+STEPS = 9
+"""How often `audit` says what it looks for."""
+
+
+def audit(
+    touch: TouchSet,
+    data: str,
+    split: tuple[Pieces, Sides] | None = None,
+    *,
+    run: Path | None = None,
+    steps: int | None = None,
+    seed: int = 0,
+    on_step: Callable[[str], None] = lambda _: None,
+) -> Audit:
+    """Return all findings.
+
+    Args:
+        touch: The labelled trials.
+        data: Their name for the reader.
+        split: Pieces and their sides; None audits the recordings by themselves.
+        run: A run's folder whose stored scaling is looked at.
+        steps: Rows of a window; `usual_steps` unless given.
+        seed: Of folds, trees and labels dealt out.
+        on_step: Called with what is looked for next.
+
+    Raises:
+        BadInput: The run is none, or of other channels.
+    """
+    case = make_case(touch, split, steps or usual_steps(touch), seed)
+    facts: list[Finding] = []
+    if run is not None:
+        facts.append(scaled_run(case, run))
+    on_step("copies")
+    same = same_rows(touch)
+    facts.append(shared_copies(case, "duplicates", same, "hold the same rows"))
+    near, turned = near_copies(touch, same)
+    facts.append(shared_copies(case, "near-duplicates", near,
+                               "are copies but for scale, offset or noise"))  # fmt: skip
+    facts.append(shared_copies(case, "augmented copies", turned, "are copies turned round"))
+    on_step("scaling")
+    facts.append(scaled_values(case))
+    if case.sides is not None:
+        on_step("both sides")
+        facts += [*shared_moments(case), *shared_names(case), one_class_folds(case),
+                  future_labels(case)]  # fmt: skip
+    waiting: list[Reading | Gap] = []
+    for name, read in _READ.items():
+        on_step(name)
+        waiting.append(read(case))
+    on_step("origins")
+    waiting += read_origins(case)
+    on_step("random windows beside held-out trials")
+    waiting += measure_gaps(case)
+    corrected = holm([one.told.p if isinstance(one, Reading) else one.p for one in waiting])
+    facts += [one.finding(p) for one, p in zip(waiting, corrected, strict=True)]
+    return Audit(
+        data=data,
+        kind=touch.kind,
+        target=touch.target,
+        classes=counts(touch),
+        split="" if case.sides is None else case.sides.name,
+        read_on=_read_on(case),
+        findings=sort_findings(facts),
+        notes=touch.notes,
+    )
+
+
+_READ: dict[str, Callable[[Case], Reading]] = {
+    "length": read_length, "place": read_place, "first rows": read_first, "level": read_level,
+}  # fmt: skip
+
+
+def make_case(
+    touch: TouchSet, split: tuple[Pieces, Sides] | None, steps: int, seed: int
+) -> Case:
+    """Return what every check is given."""
+    key = honest_key(touch)
+    pieces, sides = split if split is not None else (cut_pieces(touch, steps, steps), None)
+    folds = trial_folds(touch.y, None if key is None else touch.group(key), seed)
+    plain = trial_folds(touch.y, None, seed)
+    if sides is not None and sides.whole_trials(pieces):
+        folds = plain = sides.trial_folds(pieces)
+    return Case(touch=touch, pieces=pieces, sides=sides, key=key, folds=folds, plain=plain,
+                seed=seed, steps=steps)  # fmt: skip
+
+
+def _read_on(case: Case) -> str:
+    if case.whole and case.sides is not None:
+        return case.sides.name
+    return "whole trials held out" if case.key is None else f"{case.key} held out"

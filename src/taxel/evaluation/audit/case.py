@@ -1,0 +1,75 @@
+"""One audit under way: the trials, their pieces, and how nuisances are cross-validated.
+
+Knows nothing about single checks.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from taxel.evaluation.audit.finding import Finding, Verdict
+from taxel.evaluation.audit.sides import Sides
+from taxel.evaluation.audit.telling import Fold, Told
+from taxel.evaluation.audit.touch_set import Pieces, TouchSet
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Case:
+    """What every check is given."""
+
+    touch: TouchSet
+    pieces: Pieces
+    """What the split moves; windows where there is none."""
+    sides: Sides | None
+    """The split; None where the recordings are audited by themselves."""
+    key: str | None
+    """The group that is held out whole where the split does not say; None for trials."""
+    folds: list[Fold]
+    """Trials on either side, for what a trial shows: the split's own where it moves whole trials,
+    else folds that hold out `key`."""
+    plain: list[Fold]
+    """The same for what a trial is called: the split's own, else folds of single trials."""
+    seed: int
+    steps: int
+    """Rows of a window."""
+
+    @property
+    def groups(self) -> NDArray[np.str_] | None:
+        """Shape (trials,): what is held out whole."""
+        return None if self.key is None else self.touch.group(self.key)
+
+    @property
+    def whole(self) -> bool:
+        """Whether a split is given that moves whole trials only."""
+        return self.sides is not None and self.sides.whole_trials(self.pieces)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Reading:
+    """A nuisance's figure, whose verdict waits for the correction of all p values."""
+
+    kind: str
+    told: Told
+    decide: Callable[[bool], tuple[Verdict, str, str]]
+    """Whether it counts → verdict, what is said, and what to do."""
+    examples: tuple[str, ...] = ()
+
+    def finding(self, p: float) -> Finding:
+        """Return the finding, given p after correction."""
+        verdict, said, mend = self.decide(self.told.counts(p))
+        return Finding(
+            kind=self.kind, verdict=verdict, said=said, mend=mend, alone=self.told.accuracy,
+            majority=self.told.majority, auc=self.told.auc, p=p, examples=self.examples,
+        )  # fmt: skip
+
+
+def rows_folds(folds: list[Fold], trial: NDArray[np.intp]) -> list[Fold]:
+    """Return folds of trials as folds of rows that belong to trials."""
+    return [
+        (np.flatnonzero(np.isin(trial, train)), np.flatnonzero(np.isin(trial, test)))
+        for train, test in folds
+    ]

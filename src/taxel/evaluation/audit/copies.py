@@ -1,0 +1,178 @@
+"""Trials that are copies of others: the same values, nearly the same, or mirrored.
+
+Copies share runs of rows, whatever place they start at. Near copies are rescaled, offset or
+have noise added: their course is far more alike than that of any honest neighbour. Mirrored
+ones are so after time, sign or image is turned round. Knows nothing about labels' meaning.
+"""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from collections.abc import Callable
+from itertools import combinations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from taxel.evaluation.audit.touch_set import TouchSet
+
+RUN = 6
+"""Rows in a run that two trials must share. Our choice, docs/decisions/0023."""
+SHARED = 0.2
+"""Share of a trial's runs that make it a copy. Our choice, decision 23."""
+BINS = 48
+"""Moments to which a trial is averaged before courses are compared."""
+ALIKE = 0.995
+"""Least correlation of near copies."""
+RATIO = 0.03
+"""A near copy's distance over that of the tenth nearest trial, at most: honest neighbours have
+others about as near. Our choice, decision 23."""
+_TENTH = 10
+_FAINT = 0.2
+"""Size of a trial's change over the median one, below which it has no course. Our choice."""
+_MANY = 2000
+"""Trials of which courses are compared; beyond, an even choice of them."""
+
+Pairs = dict[tuple[int, int], float]
+"""Pairs of trials (lower number first) → how alike they are, 0…1."""
+
+
+def same_rows(touch: TouchSet) -> Pairs:
+    """Return pairs of different trials that share runs of rows; 1 is all of the shorter one's."""
+    run = min(RUN, min(len(rows) for rows in touch.rows))
+    owners: dict[int, set[int]] = defaultdict(set)
+    sizes = []
+    for index, rows in enumerate(touch.rows):
+        own = set(_runs(rows, run).tolist())
+        sizes.append(len(own))
+        for one in own:
+            owners[one].add(index)
+    shared: dict[tuple[int, int], int] = defaultdict(int)
+    for holders in owners.values():
+        if 1 < len(holders) <= _TENTH:  # what stands in many trials is rest, not a copy
+            for pair in combinations(sorted(holders), 2):
+                shared[pair] += 1
+    return {
+        (a, b): count / min(sizes[a], sizes[b])
+        for (a, b), count in shared.items()
+        if count >= SHARED * min(sizes[a], sizes[b]) and not _overlap(touch, a, b)
+    }
+
+
+def near_copies(touch: TouchSet, known: Pairs) -> tuple[Pairs, Pairs]:
+    """Return near copies as they are, and those that match only after turning round.
+
+    Args:
+        touch: The trials.
+        known: Pairs not to name again.
+    """
+    index = np.unique(np.linspace(0, len(touch) - 1, min(len(touch), _MANY)).round().astype(int))
+    courses = _courses(touch, index)
+    plain = _signatures(courses)
+    straight = _outliers(plain, plain, plain, touch, index, known)
+    turned: Pairs = {}
+    for turn in _turns(touch):
+        other = _signatures(turn(courses))
+        for pair, alike in _outliers(plain, other, plain, touch, index, known | straight).items():
+            turned[pair] = max(alike, turned.get(pair, 0.0))
+    return straight, turned
+
+
+def _runs(rows: NDArray[np.float32], run: int) -> NDArray[np.uint64]:
+    """Return one number for each run of rows that says something, shape (m,)."""
+    rng = np.random.default_rng(0)
+    factors = rng.integers(1, 2**63, rows.shape[1], dtype=np.uint64) | np.uint64(1)
+    bits = np.ascontiguousarray(rows).view(np.uint32).astype(np.uint64)
+    with np.errstate(over="ignore"):
+        mixed = (bits ^ (bits >> np.uint64(7))) * factors
+        of_row = np.bitwise_xor.reduce(mixed * (mixed >> np.uint64(29) | np.uint64(1)), axis=1)
+        found = np.zeros(len(rows) - run + 1, np.uint64)
+        for k in range(run):
+            found = found * np.uint64(0x9E3779B97F4A7C15) + of_row[k : k + len(found)]
+    fresh = np.concatenate([[False], of_row[1:] != of_row[:-1]])
+    changes = np.convolve(fresh, np.ones(run), "valid") - fresh[: len(found)]
+    return found[changes >= min(run - 1, (run + 1) // 2)]
+
+
+def _courses(touch: TouchSet, index: NDArray[np.intp]) -> NDArray[np.float64]:
+    """Return trials averaged to equally many moments, shape (n, bins, channels)."""
+    bins = int(min(BINS, np.median([len(rows) for rows in touch.rows])))
+    found = np.zeros((len(index), bins, touch.rows[0].shape[1]))
+    for place, trial in enumerate(index):
+        rows = touch.rows[trial].astype(np.float64)
+        edges = np.linspace(0, len(rows), bins + 1)
+        first = np.minimum(np.floor(edges[:-1]).astype(int), len(rows) - 1)
+        stop = np.maximum(np.ceil(edges[1:]).astype(int), first + 1)
+        sums = np.concatenate([np.zeros((1, rows.shape[1])), rows.cumsum(axis=0)])
+        found[place] = (sums[stop] - sums[first]) / (stop - first)[:, None]
+    return found
+
+
+def _signatures(courses: NDArray[np.float64]) -> NDArray[np.float32]:
+    """Return what changes within trials, without offset and gain, shape (n, d), each of length 1.
+
+    A trial in which hardly anything changes has no course of its own: zeros.
+    """
+    spread = courses.std(axis=(0, 1))
+    own = (courses - courses.mean(axis=1, keepdims=True)) / np.where(spread > 0, spread, 1.0)
+    flat = own.reshape(len(own), -1)
+    size = np.linalg.norm(flat, axis=1, keepdims=True)
+    faint = size < _FAINT * np.median(size)
+    return np.asarray(np.where(faint, 0.0, flat / np.where(size > 0, size, 1.0)), np.float32)
+
+
+def _outliers(
+    own: NDArray[np.float32],
+    other: NDArray[np.float32],
+    plain: NDArray[np.float32],
+    touch: TouchSet,
+    index: NDArray[np.intp],
+    known: Pairs,
+) -> Pairs:
+    """Return pairs far nearer than the tenth nearest of the plain courses."""
+    found: Pairs = {}
+    tenth = min(_TENTH, max(1, len(own) // 3))
+    usable = np.linalg.norm(plain, axis=1) > 0
+    for start in range(0, len(own), 256):
+        block = own[start : start + 256] @ other.T
+        usual = own[start : start + 256] @ plain.T
+        for place, (row, honest) in enumerate(zip(block, usual, strict=True), start):
+            row[place] = honest[place] = -1.0
+            if not usable[place]:
+                continue
+            limit = 1.0 - np.partition(honest, -tenth)[-tenth]
+            for near in np.flatnonzero((row >= ALIKE) & (1.0 - row <= RATIO * limit)):
+                a, b = sorted((int(index[place]), int(index[near])))
+                if (a, b) not in known and not _overlap(touch, a, b):
+                    found[a, b] = float(row[near])
+    return found
+
+
+def _turns(touch: TouchSet) -> list[Callable[[NDArray[np.float64]], NDArray[np.float64]]]:
+    """Return the ways in which a copy may be turned round; none is a plain copy again."""
+    turns: list[Callable[[NDArray[np.float64]], NDArray[np.float64]]] = [
+        lambda c: c[:, ::-1], lambda c: -c, lambda c: c[:, :, ::-1],
+    ]  # fmt: skip
+    if touch.squares is None:
+        channels = touch.rows[0].shape[1]
+        turns += [lambda c, k=k: np.roll(c, k, axis=2) for k in range(1, min(channels, 13))]  # type: ignore[misc]
+        return turns
+    high, wide = touch.squares
+    cameras = len(touch.views) // (high * wide)
+
+    def images(c: NDArray[np.float64]) -> NDArray[np.float64]:
+        return c.reshape(*c.shape[:2], cameras, high, wide)
+
+    return [
+        lambda c: c[:, ::-1],
+        lambda c: images(c)[..., ::-1].reshape(c.shape),
+        lambda c: images(c)[..., ::-1, :].reshape(c.shape),
+        lambda c: images(c)[..., ::-1, ::-1].reshape(c.shape),
+        lambda c: images(c)[:, :, ::-1].reshape(c.shape),
+    ]
+
+
+def _overlap(touch: TouchSet, a: int, b: int) -> bool:
+    """Return whether two trials are overlapping stretches of one recording."""
+    one, two = touch.trials[a], touch.trials[b]
+    return one.recording == two.recording and one.start_s < two.end_s and two.start_s < one.end_s

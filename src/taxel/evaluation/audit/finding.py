@@ -1,0 +1,112 @@
+"""What an audit says: findings, each with its verdict, its accuracy and what to do.
+
+Knows nothing about how leaks are found.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Literal
+
+Verdict = Literal["leak", "hazard", "note", "clear", "not checked"]
+"""leak: must be mended, whatever is claimed; hazard: becomes a leak under a split that allows it;
+note: worth a sentence beside the result; clear: looked for and not found."""
+
+ALARMS: tuple[Verdict, ...] = ("leak", "hazard")
+MEANING: dict[Verdict, str] = {
+    "leak": "an accuracy measured here is not to be believed until this is mended",
+    "hazard": "becomes a leak under a split that allows it",
+    "note": "say it beside the result",
+    "clear": "looked for, not found",
+    "not checked": "the recordings do not say what this needs",
+}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Finding:
+    """One kind of leak, looked for."""
+
+    kind: str
+    """Short name, the same in every audit; listed in docs/how-to/audit.md."""
+    verdict: Verdict
+    said: str
+    """What was found, in plain words, one sentence."""
+    mend: str = ""
+    """What to do about it; empty where nothing is to be done."""
+    alone: float | None = None
+    """Accuracy that the leak alone gives, 0…1: nothing else was seen."""
+    majority: float | None = None
+    """Share of the commonest class in the same test parts: the best single answer."""
+    auc: float | None = None
+    """Area under the ROC curve of the leak alone, where there are two classes."""
+    p: float | None = None
+    """Chance of so high a figure where labels are dealt out anew, after Holm's correction."""
+    examples: tuple[str, ...] = ()
+    """A few of what was found, by name."""
+
+    @property
+    def alarm(self) -> bool:
+        """Whether it is more than a note."""
+        return self.verdict in ALARMS
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Audit:
+    """All that was looked for in one data set, under one split or none."""
+
+    data: str
+    kind: str
+    """array or camera."""
+    target: str
+    classes: dict[str, int]
+    """Class → trials."""
+    split: str
+    """The split's name; empty where the recordings were audited by themselves."""
+    read_on: str
+    """How nuisances were cross-validated, such as "object held out"."""
+    findings: tuple[Finding, ...]
+    """Alarms first."""
+    notes: tuple[str, ...] = field(default=())
+
+    @property
+    def alarms(self) -> tuple[Finding, ...]:
+        """Leaks and hazards."""
+        return tuple(one for one in self.findings if one.alarm)
+
+    @property
+    def verdict(self) -> str:
+        """One sentence for a reader in a hurry."""
+        leaks = sum(one.verdict == "leak" for one in self.findings)
+        hazards = sum(one.verdict == "hazard" for one in self.findings)
+        where = f"under the split {self.split!r}" if self.split else "in these recordings"
+        if leaks:
+            more = f", and {hazards} more would leak under a careless split" if hazards else ""
+            return f"{leaks} leak{'s' * (leaks > 1)} {where}{more}: do not publish yet."
+        if hazards:
+            verb = "waits" if hazards == 1 else "wait"
+            hazard = f"hazard{'s' * (hazards > 1)}"
+            return f"No leak {where}; {hazards} {hazard} {verb} for a careless split."
+        return f"No leak found {where}."
+
+
+ORDER: tuple[Verdict, ...] = ("leak", "hazard", "note", "clear", "not checked")
+
+
+def sort_findings(findings: list[Finding]) -> tuple[Finding, ...]:
+    """Return findings by verdict, and among equals the more telling ones first."""
+    return tuple(
+        sorted(findings, key=lambda one: (ORDER.index(one.verdict), -(one.alone or 0.0), one.kind))
+    )
+
+
+def holm(p: list[float]) -> list[float]:
+    """Return p values after Holm's correction for as many tests as there are.
+
+    Source: S. Holm, "A simple sequentially rejective multiple test procedure", 1979.
+    """
+    order = sorted(range(len(p)), key=lambda i: p[i])
+    found, least = [1.0] * len(p), 0.0
+    for rank, index in enumerate(order):
+        least = max(least, min(1.0, (len(p) - rank) * p[index]))
+        found[index] = least
+    return found

@@ -1,0 +1,158 @@
+"""What a trial shows without touch: its length, place, first row, and its level.
+
+Touch itself may stand in a first row or in a level, so that those two are compared with the
+middle row and with what is left without the level. Knows nothing about files.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from taxel.evaluation.audit.case import Case, Reading, rows_folds
+from taxel.evaluation.audit.finding import Verdict
+from taxel.evaluation.audit.telling import Told, predict, told
+from taxel.evaluation.audit.touch_set import TouchSet
+
+AT_REST = 0.8
+"""A first row farther from the trial's middle than this share of its rows lies before contact.
+Our choice, docs/decisions/0023."""
+AHEAD = 0.10
+"""Accuracy by which a first row in touch must beat the middle row. Our choice, decision 23."""
+MOSTLY = 0.8
+"""Share of the way from majority to 1 that a level must go to be suspected; what is left without
+it must go half of that at most. Our choice, decision 23."""
+
+
+def read_length(case: Case) -> Reading:
+    """Return how well a trial's length tells the label."""
+    touch = case.touch
+    features = np.array([[t[-1] - t[0], len(t)] for t in touch.time_s])
+    found = tell_trials(case, features)
+    middle = [
+        f"{name}: {np.median([len(touch.rows[i]) for i in np.flatnonzero(touch.y == c)]):g} rows"
+        for c, name in enumerate(touch.classes)
+    ]
+
+    def decide(counts: bool) -> tuple[Verdict, str, str]:
+        if not counts:
+            return "clear", "A trial's length does not tell the label.", ""
+        return (
+            "leak",
+            "The label can be told from how long a trial is, without any touch.",
+            "cut crops of one length at the same places of every trial, and print a control "
+            "that sees the length only",
+        )
+
+    return Reading(kind="length", told=found, decide=decide, examples=tuple(middle[:4]))
+
+
+def read_place(case: Case) -> Reading:
+    """Return how well a window's place within its trial tells the label."""
+    touch, pieces = case.touch, case.pieces
+    start = np.array([t[0] for t in touch.time_s])[pieces.trial]
+    place = np.stack([pieces.first, pieces.start_s(touch) - start], axis=1)
+    y = touch.y[pieces.trial]
+    folds = rows_folds(case.folds, pieces.trial)
+    found = told(predict(place, y, folds, case.seed), y, pieces.trial, case.groups, folds)
+
+    def decide(counts: bool) -> tuple[Verdict, str, str]:
+        if not counts:
+            return "clear", "A window's place in its trial does not tell the label.", ""
+        return (
+            "leak",
+            "The label can be told from when within its trial a window was taken.",
+            "take windows at the same places of every trial, whatever its label and length",
+        )
+
+    return Reading(kind="place", told=found, decide=decide)
+
+
+def read_first(case: Case) -> Reading:
+    """Return how well a trial's first row or frame tells the label."""
+    touch = case.touch
+    what = "frame" if touch.kind == "camera" else "row"
+    first = tell_trials(case, np.stack([rows[0] for rows in touch.rows]))
+    middle = tell_trials(case, np.stack([rows[len(rows) // 2] for rows in touch.rows]))
+    before = starts_at_rest(touch)
+
+    def decide(counts: bool) -> tuple[Verdict, str, str]:
+        if not counts:
+            return "clear", f"A trial's first {what} does not tell the label.", ""
+        mend = f"take each trial's first {what} from it (tare), hold out sessions, and print a " \
+               f"control that sees the first {what} only"  # fmt: skip
+        if before:
+            return ("leak", f"The first {what} tells the label before contact: drift or setting, "
+                    "not touch.", mend)  # fmt: skip
+        if first.accuracy >= middle.accuracy + AHEAD:
+            return ("leak", f"The first {what} tells the label better than the middle one "
+                    f"({middle.accuracy:.3f}): something at the start gives it away.", mend)  # fmt: skip
+        return ("note", f"The first {what} tells the label; trials begin in touch, so this may be "
+                f"touch itself (the middle one: {middle.accuracy:.3f}).",
+                f"print a control that sees the first {what} only")  # fmt: skip
+
+    return Reading(kind="first " + what, told=first, decide=decide)
+
+
+def read_level(case: Case) -> Reading:
+    """Return how well the channels' means, or the mean image, tell the label."""
+    touch = case.touch
+    what = "mean image" if touch.kind == "camera" else "channels' means"
+    means = [rows.mean(axis=0) for rows in touch.rows]
+    level = tell_trials(case, np.stack(means))
+    moved = np.stack([sum_up(rows - m) for rows, m in zip(touch.rows, means, strict=True)])
+    without = tell_trials(case, moved)
+    first = tell_trials(case, np.stack([rows[0] for rows in touch.rows]))
+    before = starts_at_rest(touch)
+
+    def decide(counts: bool) -> tuple[Verdict, str, str]:
+        if not counts:
+            return "clear", f"The {what} do not tell the label.", ""
+        way, rest, start = _way(level), _way(without), _way(first)
+        if way >= MOSTLY and rest <= way / 2 and (start >= way / 2 or not before):
+            return (
+                "leak",
+                f"The {what} alone tell the label, and without them little is left "
+                f"({without.accuracy:.3f}): the label sits in the level, not in touch.",
+                "take each trial's level at rest from it, hold out sessions, and print a control "
+                f"that sees the {what} only",
+            )
+        return ("note", f"The {what} tell the label; without them {without.accuracy:.3f} is left, "
+                "so this may be touch itself.",
+                f"print a control that sees the {what} only")  # fmt: skip
+
+    return Reading(kind="mean image" if touch.kind == "camera" else "channel means",
+                   told=level, decide=decide)  # fmt: skip
+
+
+def tell_trials(case: Case, features: NDArray[np.floating]) -> Told:
+    """Return how well one row of features a trial tells the label, under the case's folds."""
+    y = case.touch.y
+    found = predict(features, y, case.folds, case.seed)
+    return told(found, y, np.arange(len(y)), case.groups, case.folds)
+
+
+def starts_at_rest(touch: TouchSet) -> bool:
+    """Return whether trials begin before contact: their first row is unlike most others."""
+    spread = np.concatenate([rows[:: max(1, len(rows) // 16)] for rows in touch.rows]).std(axis=0)
+    shares = []
+    for rows in touch.rows:
+        scaled = rows / np.where(spread > 0, spread, 1.0)
+        far = np.linalg.norm(scaled - np.median(scaled, axis=0), axis=1)
+        shares.append((far[1:] < far[0]).mean())
+    return float(np.mean(shares)) >= AT_REST
+
+
+def sum_up(rows: NDArray[np.float32]) -> NDArray[np.float32]:
+    """Return the statistics that the strong model sees, shape (9 · channels,)."""
+    steps = np.diff(rows, axis=0) if len(rows) > 1 else np.zeros_like(rows)
+    parts = [
+        rows.mean(axis=0), rows.std(axis=0), rows.min(axis=0), rows.max(axis=0),
+        rows[-1] - rows[0], np.abs(steps).mean(axis=0), *np.percentile(rows, (10, 50, 90), axis=0),
+    ]  # fmt: skip
+    return np.concatenate(parts).astype(np.float32)
+
+
+def _way(one: Told) -> float:
+    """Return how far from the majority class to 1 an accuracy goes, 0…1."""
+    return (one.accuracy - one.majority) / max(1e-9, 1.0 - one.majority)

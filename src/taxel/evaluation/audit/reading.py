@@ -1,0 +1,274 @@
+"""Read what is to be audited: recordings of arrays or cameras, or a known set's own files.
+
+Videos are decoded frame by frame and kept as small grey squares only. Knows nothing about
+splits or checks.
+"""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from taxel.errors import BadDataset, BadTable
+from taxel.evaluation.audit.touch_set import TouchSet, checked
+from taxel.labels.trials import Trial, trials_of
+from taxel.recordings.importing import import_rows
+from taxel.recordings.known import KNOWN, KNOWN_VIDEOS
+from taxel.recordings.manifest import NO_ARRAY, Manifest
+from taxel.recordings.reader import list_recordings, read_recording
+from taxel.recordings.video_rows import VideoRow
+from taxel.signals import Mark, Samples
+from taxel.windows.pours import frame_sets
+
+SQUARES = (6, 8)
+"""Rows and columns that a camera's frame is shrunk to. Source: the first-frame control of
+`slip_crops`, docs/decisions/0023."""
+LARGEST_RATE_HZ = 150.0
+"""Faster arrays are thinned to about the windows' grid of 100 Hz (docs/decisions/0003)."""
+_GRID_HZ = 100.0
+LEAST_ROWS = 3
+"""A shorter trial shows neither a start nor a change."""
+_VIDEO_HZ = 25.0
+"""Nominal, of a GelSight Mini; only the order of a video's frames matters here."""
+_SQUARES = SQUARES[0] * SQUARES[1]
+
+Progress = Callable[[str, int, int], None]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Read:
+    """One recording's rows, before they are cut into trials."""
+
+    name: str
+    manifest: Manifest
+    marks: list[Mark]
+    rows: NDArray[np.float32]
+    time_s: NDArray[np.float64]
+    files: dict[str, str]
+
+
+def read_touch(path: Path, target: str | None, on_progress: Progress) -> TouchSet:
+    """Read a folder of recordings, or the own files of a data set that taxel knows.
+
+    Args:
+        path: The folder.
+        target: The label to be told; the first one with two classes unless given.
+        on_progress: Called with what is read, how many are done, and how many there are.
+
+    Raises:
+        BadRecording: A recording is damaged, or there is none.
+        BadTable: A known set's file cannot be read.
+        BadDataset: Sensors differ, or labels or trials are missing.
+    """
+    videos = _known_videos(path)
+    if videos is not None:
+        return _assemble(_read_videos(videos, on_progress), "camera", target,
+                         tuple(v for v in videos[0].files for _ in range(_SQUARES)))  # fmt: skip
+    with tempfile.TemporaryDirectory(prefix="taxel-audit-") as scratch:
+        folder = _imported(path, Path(scratch) / "made", on_progress)
+        paths = list_recordings(folder)
+        cameras = read_recording(paths[0]).manifest.cameras
+        if cameras:
+            views = tuple(camera.name for camera in cameras for _ in range(_SQUARES))
+            reads = [_camera_recording(p, len(cameras)) for p in
+                     _announced(paths, "recordings", on_progress)]  # fmt: skip
+            return _assemble(reads, "camera", target, views)
+        reads = [_array_recording(p) for p in _announced(paths, "recordings", on_progress)]
+        return _assemble(reads, "array", target, ("array",) * reads[0].rows.shape[1])
+
+
+def _announced(paths: Sequence[Path], what: str, on_progress: Progress) -> Iterator[Path]:
+    for done, path in enumerate(paths, 1):
+        yield path
+        on_progress(what, done, len(paths))
+
+
+def _known_videos(path: Path) -> list[VideoRow] | None:
+    if not path.is_dir() or any(path.glob("*.mcap*")):
+        return None
+    for rows in KNOWN_VIDEOS.values():
+        try:
+            return rows(path)
+        except BadTable:
+            continue
+    return None
+
+
+def _imported(path: Path, output: Path, on_progress: Progress) -> Path:
+    """Return a folder of recordings: the one given, or a known set's files imported anew."""
+    if not path.is_dir() or any(path.glob("*.mcap*")):
+        return path
+    for known in KNOWN.values():
+        try:
+            rows = known.rows(path)
+        except BadTable:
+            continue
+        import_rows(rows, output, progress=lambda n, of: on_progress("files", n, of))
+        return output
+    return path
+
+
+def _array_recording(path: Path) -> _Read:
+    recording = read_recording(path)
+    samples, sensor = recording.samples, recording.manifest.sensor
+    if sensor.rate_hz > LARGEST_RATE_HZ:
+        samples = samples[:: max(1, round(sensor.rate_hz / _GRID_HZ))]
+    files = {
+        "sensor's name": sensor.name, "sensor's serial": sensor.serial,
+        "rate": f"{sensor.rate_hz:g} Hz", "full scale": str(sensor.full_scale),
+        "software": recording.manifest.software,
+        **{f"detail {key}": value for key, value in sensor.details.items()},
+    }  # fmt: skip
+    return _Read(name=path.name, manifest=recording.manifest, marks=recording.marks,
+                 rows=_finite(samples), time_s=samples.fitted_s, files=files)  # fmt: skip
+
+
+def _finite(samples: Samples) -> NDArray[np.float32]:
+    usable = samples.usable & np.isfinite(samples.values)
+    return np.where(usable, samples.values, np.float32(0.0))
+
+
+def _camera_recording(path: Path, cameras: int) -> _Read:
+    recording = read_recording(path)
+    if len(recording.manifest.cameras) != cameras:
+        raise BadDataset(f"{cameras} cameras in every recording", f"others in {path.name}",
+                         "put them in folders of their own")  # fmt: skip
+    rows, times, shown = [], [], [b""] * cameras
+    grey = [np.zeros(_SQUARES, np.float32)] * cameras
+    for found in frame_sets(path, cameras):
+        fresh = [frame.jpeg != shown[i] for i, frame in enumerate(found.frames)]
+        if not any(fresh):
+            continue  # a camera slower than its stream repeats its image
+        for i, frame in enumerate(found.frames):
+            if fresh[i]:
+                shown[i], grey[i] = frame.jpeg, _small_jpeg(frame.jpeg)
+        rows.append(np.concatenate(grey))
+        times.append(found.time_s)
+    files = {"software": recording.manifest.software}
+    for camera in recording.manifest.cameras:
+        files |= {
+            f"{camera.name}: serial": camera.serial,
+            f"{camera.name}: size": f"{camera.width}×{camera.height}",
+            f"{camera.name}: rate": f"{camera.rate_hz:g} Hz",
+            **{f"{camera.name}: {key}": value for key, value in camera.details.items()},
+        }
+    return _Read(name=path.name, manifest=recording.manifest, marks=recording.marks,
+                 rows=np.array(rows, np.float32).reshape(len(rows), cameras * _SQUARES),
+                 time_s=np.array(times), files=files)  # fmt: skip
+
+
+def _small_jpeg(jpeg: bytes) -> NDArray[np.float32]:
+    import cv2
+
+    grey = cv2.imdecode(np.frombuffer(jpeg, np.uint8), cv2.IMREAD_REDUCED_GRAYSCALE_4)
+    return _small(grey)
+
+
+def _small(grey: NDArray[np.uint8]) -> NDArray[np.float32]:
+    import cv2
+
+    size = (SQUARES[1], SQUARES[0])
+    shrunk = cv2.resize(np.asarray(grey, np.float32), size, interpolation=cv2.INTER_AREA)
+    return np.asarray(shrunk, np.float32).ravel()
+
+
+def _read_videos(rows: list[VideoRow], on_progress: Progress) -> list[_Read]:
+    reads = []
+    for done, row in enumerate(rows, 1):
+        greys = [_small_video(file) for file in row.files.values()]
+        count = min(map(len, greys))
+        if not count:
+            raise BadTable("videos with frames", f"none in {row.name}", "copy them again")
+        files = {f"{name}: bytes of a frame": f"{file.stat().st_size / count:.0f}"
+                 for name, file in row.files.items()}  # fmt: skip
+        reads.append(
+            _Read(
+                name=f"{row.name}.mcap",
+                manifest=Manifest(sensor=NO_ARRAY, labels=row.labels, groups=row.groups),
+                marks=[],
+                rows=np.concatenate([grey[:count] for grey in greys], axis=1),
+                time_s=np.arange(count) / (row.rate_hz or _VIDEO_HZ),
+                files=files,
+            )
+        )
+        on_progress("videos", done, len(rows))
+    return reads
+
+
+def _small_video(path: Path) -> NDArray[np.float32]:
+    import cv2
+
+    video = cv2.VideoCapture(str(path))
+    rows = []
+    while (read := video.read())[0]:
+        rows.append(_small(np.asarray(cv2.cvtColor(read[1], cv2.COLOR_BGR2GRAY), np.uint8)))
+    video.release()
+    return np.array(rows, np.float32).reshape(len(rows), _SQUARES)
+
+
+def _assemble(
+    reads: Sequence[_Read], kind: str, target: str | None, views: tuple[str, ...]
+) -> TouchSet:
+    trials: list[Trial] = []
+    rows, times, created, files = [], [], [], []
+    short = 0
+    for read in reads:
+        if read.rows.shape[1] != len(views):
+            raise BadDataset(f"{len(views)} channels in every recording",
+                             f"{read.rows.shape[1]} in {read.name}",
+                             "put recordings of different sensors into different folders",
+                             )  # fmt: skip
+        if not len(read.rows):
+            continue
+        bounds = float(read.time_s[0]), float(read.time_s[-1])
+        for trial in trials_of(Path(read.name), read.manifest, read.marks, *bounds):
+            inside = slice(*np.searchsorted(read.time_s, (trial.start_s - 1e-6, trial.end_s + 1e-6)))
+            if inside.stop - inside.start < LEAST_ROWS:
+                short += 1
+                continue
+            trials.append(trial)
+            rows.append(read.rows[inside])
+            times.append(read.time_s[inside])
+            created.append(read.manifest.created)
+            files.append(read.files)
+    target, notes = _target(trials, target)
+    if short:
+        notes += (f"{short} trials have fewer than {LEAST_ROWS} rows: left out",)
+    labelled = np.flatnonzero([target in trial.labels for trial in trials])
+    if len(labelled) < len(trials):
+        notes += (f"{len(trials) - len(labelled)} trials lack the label {target!r}: left out",)
+    whole = TouchSet(
+        kind="camera" if kind == "camera" else "array",
+        target=target,
+        trials=tuple(trials),
+        rows=tuple(rows),
+        time_s=tuple(times),
+        views=views,
+        squares=SQUARES if kind == "camera" else None,
+        created=tuple(created),
+        files=tuple(files),
+        notes=notes,
+    )
+    return checked(whole.only(labelled))
+
+
+def _target(trials: list[Trial], wanted: str | None) -> tuple[str, tuple[str, ...]]:
+    known = {name: {t.labels[name] for t in trials if name in t.labels}
+             for name in sorted({name for trial in trials for name in trial.labels})}  # fmt: skip
+    if wanted is not None:
+        if wanted not in known:
+            raise BadDataset(f"the label {wanted!r}", f"the labels {', '.join(known) or 'none'}",
+                             "name one of those with --target")  # fmt: skip
+        return wanted, ()
+    usable = [name for name, values in known.items() if len(values) > 1]
+    if not usable:
+        raise BadDataset("a label with at least two classes",
+                         f"the labels {', '.join(known) or 'none'}",
+                         "label the recordings, or name another folder")  # fmt: skip
+    others = f"audited for {usable[0]!r}; other labels: {', '.join(usable[1:])} (--target)"
+    return usable[0], (others,) if len(usable) > 1 else ()

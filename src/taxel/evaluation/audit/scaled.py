@@ -1,0 +1,143 @@
+"""Scaling or statistics that were fitted on the test part too.
+
+Two ways to see it: values that stand at mean 0 and deviation 1 over everything, and a run's
+stored scaling that fits all windows rather than the training ones. Knows nothing about models.
+"""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+from sklearn.neighbors import KNeighborsClassifier
+
+from taxel.errors import BadInput
+from taxel.evaluation.audit.case import Case, rows_folds
+from taxel.evaluation.audit.finding import Finding
+from taxel.evaluation.audit.telling import majority
+from taxel.evaluation.audit.touch_set import Pieces, TouchSet
+
+_NEAR = 1e-3
+"""Deviations within which an offset or a factor counts as equal. Our choice, decision 23."""
+_MOST = 0.8
+"""Share of channels that must be so."""
+
+Table = NDArray[np.float64]
+
+
+def scaled_values(case: Case) -> Finding:
+    """Return the finding on values that were standardised as a whole before any split."""
+    touch = case.touch
+    offset, spread = _figures(touch, np.arange(len(touch)))
+    alive = spread > 0
+    plain = (np.abs(offset) < _NEAR) & (np.abs(spread - 1.0) < _NEAR) & alive
+    if plain.sum() < max(2, _MOST * alive.sum()):
+        return Finding(kind="scaling", verdict="clear",
+                       said="The values were not standardised as a whole.")  # fmt: skip
+    inner, outer, usual = _near_neighbours(case)
+    return Finding(
+        kind="scaling", verdict="leak", alone=outer, majority=usual,
+        said="The values have mean 0 and deviation 1 over all recordings: they were scaled with the "
+             f"test part in view (a plain neighbour rule: {outer:.3f} so, {inner:.3f} fitted "
+             "within the fold).",
+        mend="keep raw values, and fit scaling on the training part of each fold",
+    )  # fmt: skip
+
+
+def scaled_run(case: Case, run: Path) -> Finding:
+    """Return the finding on a run's stored scaling.
+
+    Raises:
+        BadInput: The folder holds no run of an array recogniser, or of other channels.
+    """
+    offset, factor, kind = _stored(run, case.touch)
+    if kind != "standard":
+        return Finding(kind="scaling of the run", verdict="clear",
+                       said=f"The run's scaling is {kind!r}: nothing in it is fitted.")  # fmt: skip
+    everything = np.arange(len(case.pieces))
+    whole = _distance(offset, factor, *_piece_figures(case.touch, case.pieces, everything))
+    folds = case.sides.folds if case.sides is not None else rows_folds(
+        case.folds, case.pieces.trial)  # fmt: skip
+    parts = [_distance(offset, factor, *_piece_figures(case.touch, case.pieces, train))
+             for train, _ in folds]  # fmt: skip
+    nearest = min(parts)
+    inner, outer, usual = _near_neighbours(case)
+    if nearest <= max(_NEAR, whole):
+        return Finding(kind="scaling of the run", verdict="clear",
+                       said="The run's scaling fits a training part better than all windows.")  # fmt: skip
+    if whole > 0.02:
+        return Finding(kind="scaling of the run", verdict="not checked",
+                       said="The run's scaling fits neither all windows nor a training part: it is "
+                            "from other recordings or windows.",
+                       mend="name the recordings that it was trained on")  # fmt: skip
+    claims = case.sides is not None
+    return Finding(
+        kind="scaling of the run", verdict="leak" if claims else "note", alone=outer, majority=usual,
+        said="The run's scaling is the one of all windows "
+             f"({whole:.4f} deviations away, the nearest training part {nearest:.4f}): it has seen "
+             f"every test part (a plain neighbour rule: {outer:.3f} so, {inner:.3f} within the fold)."
+             + ("" if claims else " Right for use; no figure may come from this run itself."),
+        mend="quote accuracies of models refitted in each fold, never of this run",
+    )  # fmt: skip
+
+
+def _stored(run: Path, touch: TouchSet) -> tuple[Table, Table, str]:
+    try:
+        contract = json.loads((run / "run.json").read_text())["contract"]
+        scaling = contract["scaling"]
+        offset, factor = np.array(scaling["offset"], float), np.array(scaling["factor"], float)
+        kind = str(scaling["kind"])
+    except (OSError, ValueError, KeyError, TypeError) as error:
+        raise BadInput("a run's folder for --run", f"{run} ({error})",
+                       "train one with: taxel train") from error  # fmt: skip
+    if offset.shape != (len(touch.views),):
+        raise BadInput(f"a run of {len(touch.views)} channels", f"one of {offset.size} in {run}",
+                       "name a run of these recordings and of all their channels")  # fmt: skip
+    return offset, factor, kind
+
+
+def _figures(touch: TouchSet, trials: NDArray[np.intp]) -> tuple[Table, Table]:
+    """Return mean and deviation of each channel over some trials' rows."""
+    count = sum(len(touch.rows[i]) for i in trials)
+    sums = sum(touch.rows[i].sum(axis=0, dtype=np.float64) for i in trials)
+    mean = np.asarray(sums / count)
+    squares = sum(((touch.rows[i] - mean) ** 2).sum(axis=0) for i in trials)
+    return mean, np.sqrt(np.asarray(squares / count))
+
+
+def _piece_figures(
+    touch: TouchSet, pieces: Pieces, which: NDArray[np.intp]
+) -> tuple[Table, Table]:
+    rows = np.concatenate(
+        [touch.rows[pieces.trial[i]][pieces.first[i] : pieces.stop[i]] for i in which]
+    ).astype(np.float64)
+    return rows.mean(axis=0), rows.std(axis=0)
+
+
+def _distance(offset: Table, factor: Table, mean: Table, spread: Table) -> float:
+    """Return how far a scaling is from a fitted one, median over channels, deviations."""
+    alive = spread > 0
+    off = np.abs(offset - mean)[alive] / spread[alive]
+    return float(np.median(np.maximum(off, np.abs(factor[alive] * spread[alive] - 1.0))))
+
+
+def _near_neighbours(case: Case) -> tuple[float, float, float]:
+    """Return a neighbour rule's accuracy on means and deviations: scaled within, outside; majority."""
+    touch = case.touch
+    features = np.stack([np.concatenate([r.mean(axis=0), r.std(axis=0)]) for r in touch.rows])
+    y = touch.y
+    inner = outer = total = 0
+    for train, test in case.folds:
+        for where in (train, np.arange(len(y))):
+            mean, spread = features[where].mean(axis=0), features[where].std(axis=0)
+            scaled = (features - mean) / np.where(spread > 0, spread, 1.0)
+            rule = KNeighborsClassifier(min(5, len(train))).fit(scaled[train], y[train])
+            right = int((rule.predict(scaled[test]) == y[test]).sum())
+            if where is train:
+                inner += right
+            else:
+                outer += right
+        total += len(test)
+    return inner / total, outer / total, majority(y, case.folds)

@@ -1,0 +1,261 @@
+"""What stands on both sides of a split: moments, trials, sessions, objects, views, copies.
+
+Each is a fact, not a guess, so that one piece is enough for an alarm. The accuracy beside it is
+what looking up the label of the training part's own gives, and the majority elsewhere. Knows
+nothing about values.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from taxel.evaluation.audit.case import Case
+from taxel.evaluation.audit.copies import Pairs
+from taxel.evaluation.audit.finding import Finding
+from taxel.evaluation.audit.sides import Sides
+from taxel.evaluation.audit.telling import majority, trial_folds
+from taxel.evaluation.audit.touch_set import OBJECTS, SESSIONS, Pieces, TouchSet
+
+Partners = Sequence[NDArray[np.intp]]
+"""For each test piece of a fold: the training pieces that give it away."""
+
+
+def shared_moments(case: Case) -> list[Finding]:
+    """Return the findings on overlap, and on views of one moment in different folds."""
+    assert case.sides is not None
+    start, end = case.pieces.start_s(case.touch), case.pieces.end_s(case.touch)
+    recording = np.array([trial.recording for trial in case.touch.trials])[case.pieces.trial]
+    view = case.pieces.view
+
+    def partners(train: NDArray[np.intp], test: NDArray[np.intp], other_view: bool) -> Partners:
+        by_name = {name: train[recording[train] == name] for name in set(recording[test])}
+        found = []
+        for piece in test:
+            near = by_name[recording[piece]]
+            near = near[(start[near] < end[piece]) & (start[piece] < end[near])]
+            differs = (view[near] != view[piece]) & (view[near] != "") & (view[piece] != "")
+            found.append(near[differs == other_view])
+        return found
+
+    overlap = _looked_up(case, [partners(*fold, False) for fold in case.sides.folds])
+    findings = [
+        _fact(
+            "overlap", overlap, "windows of the test part share rows with training windows",
+            "No window shares rows with the other side.",
+            "split by recording or trial first, and cut windows afterwards",
+        )
+    ]  # fmt: skip
+    if len(set(view)) > 1:
+        views = _looked_up(case, [partners(*fold, True) for fold in case.sides.folds])
+        findings.append(
+            _fact(
+                "views", views,
+                "pieces of the test part are seen by another finger or camera in training",
+                "Fingers or cameras of one moment stay together.",
+                "keep all views of one trial on one side",
+            )
+        )  # fmt: skip
+    else:
+        findings.append(Finding(kind="views", verdict="clear",
+                                said="All fingers or cameras of a moment stay together."))  # fmt: skip
+    return findings
+
+
+def shared_names(case: Case) -> list[Finding]:
+    """Return the findings on trials, sessions and objects on both sides."""
+    assert case.sides is not None
+    touch, pieces = case.touch, case.pieces
+    trial = np.array([t.groups["trial"] for t in touch.trials])
+    findings = [
+        _name(case, "trial", "trial", trial,
+              "give every trial, with all of its windows, to one side")
+    ]  # fmt: skip
+    sessions = touch.keys(SESSIONS)
+    if not sessions:
+        findings.append(
+            Finding(kind="same session", verdict="not checked",
+                    said="The recordings name no session (or day, operator, device).",
+                    mend="record it as a group; without it nobody can hold one out")
+        )  # fmt: skip
+    for key in sessions:
+        values = touch.group(key)
+        assert values is not None
+        findings.append(
+            _name(case, "same session" if key == "session" else f"same {key}", key, values,
+                  f"hold out whole {key}s, as with --split group:{key}")
+        )  # fmt: skip
+    for key in dict.fromkeys((*touch.keys(OBJECTS), *case.sides.claimed)):
+        values = touch.group(key)
+        if values is None or key in sessions:
+            continue
+        claimed = key in case.sides.claimed
+        kind = "same object" if key in OBJECTS else f"same {key}"
+        found = _name(case, kind, key, values, f"hold out whole {key}s")
+        if not claimed and found.alarm and values[pieces.trial].size:
+            found = Finding(
+                kind=found.kind, verdict="note", alone=found.alone, majority=found.majority,
+                said=f"The same {key}s stand on both sides: the figure holds for known {key}s only.",
+                mend=f"say so, or hold out whole {key}s and add --unseen {key}",
+            )  # fmt: skip
+        findings.append(found)
+    return findings
+
+
+def shared_copies(case: Case, kind: str, pairs: Pairs, what: str) -> Finding:
+    """Return the finding on copies: across sides, within the test part, or anywhere.
+
+    Args:
+        case: The audit.
+        kind: Its name.
+        pairs: Trials that are copies of each other.
+        what: What they are, such as "hold the same rows".
+    """
+    touch = case.touch
+    names = [trial.groups["trial"] for trial in touch.trials]
+    if not pairs:
+        return Finding(kind=kind, verdict="clear", said=f"No two trials {what}.")
+    partners: dict[int, set[int]] = {}
+    for a, b in pairs:
+        partners.setdefault(a, set()).add(b)
+        partners.setdefault(b, set()).add(a)
+    shown = sorted(pairs, key=lambda pair: -pairs[pair])[:3]
+    examples = tuple(f"{names[a]} and {names[b]} ({100 * pairs[a, b]:.1f} % alike)"
+                     for a, b in shown)  # fmt: skip
+    case, sides = (case, case.sides) if case.sides is not None else _by_trials(case)
+    across: list[Partners] = []
+    twice = 0
+    for train, test in sides.folds:
+        own = [case.pieces.trial[train], case.pieces.trial[test]]
+        across.append([train[np.isin(own[0], list(partners.get(t, ())))] for t in own[1]])
+        twice += sum(bool(partners.get(t, set()) & set(own[1].tolist())) for t in own[1])
+    mend = "keep one of each, or give all copies of a trial to the side of their original"
+    alone, usual, count, total = _looked_up(case, across)
+    if case.sides is None or sides.name == _ANY:
+        said = f"{len(pairs)} pairs of trials {what}: a split of trials puts them on both sides."
+    elif count:
+        said = f"{count} of {total} test pieces have a copy in training: trials {what}."
+    elif twice:
+        said = f"{twice} of {total} test pieces count more than once: trials {what}."
+        mend = "test on originals only, and make copies of the training part alone"
+    else:
+        return Finding(kind=kind, verdict="note", examples=examples, mend="say so",
+                       said=f"{len(pairs)} pairs of trials {what}; none across the sides.",
+                       )  # fmt: skip
+    return Finding(kind=kind, verdict="leak", said=said, mend=mend, alone=alone, majority=usual,
+                   examples=examples)  # fmt: skip
+
+
+def one_class_folds(case: Case) -> Finding:
+    """Return the finding on folds whose test part holds one class, or whose training lacks one."""
+    assert case.sides is not None
+    y = case.touch.y[case.pieces.trial]
+    every = set(y.tolist())
+    names = case.touch.classes
+    said, right, total = [], 0, 0
+    for number, (train, test) in enumerate(case.sides.folds, 1):
+        tested, trained = set(y[test].tolist()), set(y[train].tolist())
+        right += int(np.bincount(y[test]).max())
+        total += len(test)
+        if len(tested) == 1 and len(every) > 1:
+            said.append(f"the test part of fold {number} holds {names[y[test[0]]]!r} only")
+        if tested - trained:
+            said.append(f"the training part of fold {number} lacks {names[min(tested - trained)]!r}")
+        elif len(trained) == 1:
+            said.append(f"the training part of fold {number} holds {names[y[train[0]]]!r} only")
+    if not said:
+        return Finding(kind="one-class folds", verdict="clear",
+                       said="Every fold tests several classes, all of them trained.")  # fmt: skip
+    more = f", and {len(said) - 1} more" if len(said) > 1 else ""
+    return Finding(
+        kind="one-class folds", verdict="leak", alone=right / total,
+        majority=majority(y, case.sides.folds),
+        said=f"{said[0][0].upper()}{said[0][1:]}{more}: one answer a fold is right without touch.",
+        mend="deal out groups so that each fold holds every class, or pool the folds' predictions",
+        examples=tuple(said[:3]),
+    )  # fmt: skip
+
+
+def future_labels(case: Case) -> Finding:
+    """Return the finding on windows that reach beyond the moment whose label they carry."""
+    assert case.sides is not None
+    label_s = case.pieces.label_s
+    if np.isnan(label_s).all():
+        return Finding(kind="future", verdict="not checked",
+                       said="The split does not say for which moment a window is labelled.",
+                       mend="add a column label_s to the table of --folds")  # fmt: skip
+    over = case.pieces.end_s(case.touch) - label_s
+    late = over > 1e-3
+    if not late.any():
+        return Finding(kind="future", verdict="clear",
+                       said="No window reaches beyond the moment whose label it carries.")
+    y = case.touch.y[case.pieces.trial]
+    right = total = 0
+    for train, test in case.sides.folds:
+        usual = np.bincount(y[train]).argmax()
+        right += int((late[test] | (y[test] == usual)).sum())
+        total += len(test)
+    return Finding(
+        kind="future", verdict="leak", alone=right / total,
+        majority=majority(y, case.sides.folds),
+        said=f"{int(late.sum())} of {len(late)} windows hold moments after the one whose label they "
+             f"carry, up to {np.nanmax(over):.2f} s: they have seen the answer.",
+        mend="end each window at or before the moment that it is to tell",
+    )  # fmt: skip
+
+
+_ANY = "single trials, dealt out at random"
+
+
+def _by_trials(case: Case) -> tuple[Case, Sides]:
+    from dataclasses import replace
+
+    n = len(case.touch)
+    whole = Pieces(
+        trial=np.arange(n), first=np.zeros(n, np.intp),
+        stop=np.array([len(rows) for rows in case.touch.rows], np.intp), view=np.full(n, ""),
+        label_s=np.full(n, np.nan),
+    )  # fmt: skip
+    sides = Sides(name=_ANY, claimed=(),
+                  folds=tuple(trial_folds(case.touch.y, None, case.seed)))  # fmt: skip
+    return replace(case, pieces=whole, sides=sides), sides
+
+
+def _name(case: Case, kind: str, key: str, values: NDArray[np.str_], mend: str) -> Finding:
+    assert case.sides is not None
+    own = values[case.pieces.trial]
+    partners = []
+    for train, test in case.sides.folds:
+        members = {name: train[own[train] == name] for name in set(own[test])}
+        partners.append([members[name] for name in own[test]])
+    what = f"pieces of the test part come from a {key} that training has seen"
+    return _fact(kind, _looked_up(case, partners), what, f"No {key} stands on both sides.", mend)
+
+
+def _looked_up(case: Case, partners: Sequence[Partners]) -> tuple[float, float, int, int]:
+    """Return accuracy, majority's accuracy, how many test pieces have partners, and how many."""
+    assert case.sides is not None
+    y = case.touch.y[case.pieces.trial]
+    right = count = total = 0
+    for (train, test), own in zip(case.sides.folds, partners, strict=True):
+        usual = int(np.bincount(y[train]).argmax())
+        for piece, found in zip(test, own, strict=True):
+            named = int(np.bincount(y[found]).argmax()) if len(found) else usual
+            right += named == y[piece]
+            count += len(found) > 0
+        total += len(test)
+    return right / total, majority(y, case.sides.folds), count, total
+
+
+def _fact(
+    kind: str, looked_up: tuple[float, float, int, int], what: str, clear: str, mend: str
+) -> Finding:
+    alone, usual, count, total = looked_up
+    if not count:
+        return Finding(kind=kind, verdict="clear", said=clear)
+    return Finding(kind=kind, verdict="leak", said=f"{count} of {total} {what}.", mend=mend,
+                   alone=alone, majority=usual)  # fmt: skip
+
+

@@ -1,0 +1,202 @@
+"""How well something tells the label: cross-validated, and against labels dealt out anew.
+
+Predictions are made once, by a model that never saw the test trials. Then the trials' labels are
+dealt out anew, within the groups that were held out where a group has several classes and
+between whole groups otherwise, and the figure is compared with those. Knows nothing about
+where features or folds come from.
+
+Source: permutation of labels within exchangeability blocks, A. Winkler et al., NeuroImage 2014;
+rule and margins: docs/decisions/0023.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from sklearn.ensemble import ExtraTreesClassifier
+from sklearn.model_selection import StratifiedGroupKFold, StratifiedKFold
+
+TREES = 100
+FOLDS = 5
+DRAWS = 4999
+"""Labels dealt out anew: the least p is 1/5000, and 50 corrected tests can still reach 0.01."""
+SURE = 0.01
+"""Largest p, after Holm's correction, at which something counts. Our choice, decision 23."""
+MARGIN = 0.05
+"""Accuracy above the majority class from which something counts. Our choice, decision 23."""
+AUC = 0.75
+"""Area from which something counts though classes are unequal. Our choice, decision 23."""
+
+Fold = tuple[NDArray[np.intp], NDArray[np.intp]]
+"""Indices of training and test trials."""
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Told:
+    """How well something alone tells the label."""
+
+    accuracy: float
+    majority: float
+    auc: float | None
+    """None with more than two classes."""
+    p: float
+    """Before any correction."""
+
+    def counts(self, p: float) -> bool:
+        """Return whether it is a finding, given p after correction."""
+        enough = self.accuracy >= self.majority + MARGIN or (self.auc or 0.0) >= AUC
+        return p < SURE and enough
+
+
+def trial_folds(y: NDArray[np.intp], groups: NDArray[np.str_] | None, seed: int) -> list[Fold]:
+    """Return folds that hold out whole groups, or whole trials where there are none."""
+    if groups is None:
+        count = max(2, min(FOLDS, int(np.bincount(y).min())))
+        splitter = StratifiedKFold(count, shuffle=True, random_state=seed)
+        return [(train, test) for train, test in splitter.split(y, y)]
+    count = min(FOLDS, len(set(groups)))
+    grouped = StratifiedGroupKFold(count, shuffle=True, random_state=seed)
+    return [(train, test) for train, test in grouped.split(y, y, groups) if len(test)]
+
+
+def trees(seed: int) -> ExtraTreesClassifier:
+    """Return the model that reads nuisances and touch alike."""
+    return ExtraTreesClassifier(TREES, min_samples_leaf=2, random_state=seed, n_jobs=1)
+
+
+def predict(
+    features: NDArray[np.floating], y: NDArray[np.intp], folds: Sequence[Fold], seed: int = 0
+) -> Array:
+    """Return each row's probabilities by a model that never saw its fold, shape (n, classes).
+
+    Rows that no fold tests stay NaN.
+    """
+    classes = int(y.max()) + 1
+    found = np.full((len(y), classes), np.nan)
+    for train, test in folds:
+        model = trees(seed).fit(features[train], y[train])
+        found[test] = 0.0
+        found[np.ix_(test, model.classes_)] = model.predict_proba(features[test])
+    return found
+
+
+def look_up(
+    names: NDArray[np.str_], y: NDArray[np.intp], folds: Sequence[Fold]
+) -> Array:
+    """Return shares of the classes among training rows of the same name, shape (n, classes).
+
+    A name that training never saw gets the shares of all training rows.
+    """
+    classes = int(y.max()) + 1
+    found = np.full((len(y), classes), np.nan)
+    for train, test in folds:
+        every = np.bincount(y[train], minlength=classes) / len(train)
+        known = {name: np.bincount(y[train][names[train] == name], minlength=classes)
+                 for name in set(names[train])}  # fmt: skip
+        for row in test:
+            own = known.get(names[row])
+            found[row] = every if own is None else own / own.sum() + 1e-6 * every
+    return found
+
+
+def majority(y: NDArray[np.intp], folds: Sequence[Fold]) -> float:
+    """Return the share of the commonest class in all test parts: the best single answer."""
+    tested = np.concatenate([y[test] for _, test in folds])
+    return float(np.bincount(tested).max() / len(tested))
+
+
+def told(
+    probability: Array,
+    y: NDArray[np.intp],
+    units: NDArray[np.intp],
+    groups: NDArray[np.str_] | None,
+    folds: Sequence[Fold],
+    seed: int = 0,
+) -> Told:
+    """Return how well probabilities tell the label, and by what chance.
+
+    Args:
+        probability: Shape (n, classes), from `predict` or `look_up`.
+        y: Shape (n,), each row's class.
+        units: Shape (n,): the trial of each row, which has one label.
+        groups: Shape (trials,): what was held out whole; None where trials were.
+        folds: Those that the probabilities are from.
+        seed: Of the labels dealt out.
+    """
+    tested = np.isfinite(probability[:, 0])
+    classes = probability.shape[1]
+    trials = int(units.max()) + 1
+    label = np.zeros(trials, np.intp)
+    label[units] = y
+    named = probability[tested].argmax(axis=1)
+    votes = np.zeros((trials, classes))
+    np.add.at(votes, (units[tested], named), 1.0)
+    used = np.flatnonzero(votes.sum(axis=1))
+    binary = classes == 2
+    score = np.zeros(trials)
+    if binary:
+        np.add.at(score, units[tested], probability[tested, 1])
+        score /= np.maximum(votes.sum(axis=1), 1.0)
+    own = label[used]
+    drawn = deal_out(own, None if groups is None else groups[used], DRAWS, seed)
+    total = votes[used].sum()
+    right = votes[used][np.arange(len(used)), own].sum()
+    by_chance = votes[used][np.arange(len(used)), drawn].sum(axis=1)
+    p = _p(right, by_chance)
+    auc = None
+    if binary and 0 < own.sum() < len(own):
+        auc = float(_auc(own[None], score[used])[0])
+        p = min(1.0, 2 * min(p, _p(auc, _auc(drawn, score[used]))))
+    return Told(accuracy=float(right / total), majority=majority(y, folds), auc=auc, p=p)
+
+
+def deal_out(
+    label: NDArray[np.intp], groups: NDArray[np.str_] | None, draws: int, seed: int
+) -> NDArray[np.intp]:
+    """Return labels dealt out anew, shape (draws, trials).
+
+    Without groups: among all trials. With groups of which at least half of the trials lie in
+    ones that hold several classes: within each group. Otherwise whole groups swap their
+    labels: each trial gets the commonest class of the group that its own was given.
+    """
+    rng = np.random.default_rng(seed)
+    if groups is None:
+        return rng.permuted(np.tile(label, (draws, 1)), axis=1)
+    names, index = np.unique(groups, return_inverse=True)
+    members = [np.flatnonzero(index == number) for number in range(len(names))]
+    mixed = [own for own in members if len(set(label[own])) > 1]
+    if sum(map(len, mixed)) >= len(label) / 2:
+        drawn = np.tile(label, (draws, 1))
+        for own in mixed:
+            drawn[:, own] = rng.permuted(drawn[:, own], axis=1)
+        return drawn
+    of_group = np.array([np.bincount(label[own]).argmax() for own in members])
+    return np.asarray(rng.permuted(np.tile(of_group, (draws, 1)), axis=1)[:, index], np.intp)
+
+
+def gap_p(difference: Array, seed: int = 0) -> float:
+    """Return the chance of so high a mean where each unit's sign is drawn: a sign-flip test.
+
+    Args:
+        difference: Shape (units,): accuracy one way less accuracy the other.
+        seed: Of the signs.
+    """
+    signs = np.random.default_rng(seed).choice((-1.0, 1.0), (DRAWS, len(difference)))
+    return _p(float(difference.mean()), (signs * difference).mean(axis=1))
+
+
+def _p(value: float, by_chance: Array) -> float:
+    return float((1 + (by_chance >= value - 1e-12).sum()) / (1 + len(by_chance)))
+
+
+def _auc(label: NDArray[np.intp], score: Array) -> Array:
+    """Return the area for each row of labels, shape (draws,)."""
+    _, index, count = np.unique(score, return_inverse=True, return_counts=True)
+    rank = (np.cumsum(count) - (count - 1) / 2)[index]
+    positive = label.sum(axis=1)
+    below = (label * rank).sum(axis=1) - positive * (positive + 1) / 2
+    return np.asarray(below / np.maximum(positive * (label.shape[1] - positive), 1))

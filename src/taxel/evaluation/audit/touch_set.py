@@ -1,0 +1,212 @@
+"""What is audited: labelled trials of an array or of tactile cameras, in one shape.
+
+A camera's frame becomes a row of small grey squares, so that every check is written once for
+both systems. Knows nothing about files, splits or checks.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from taxel.errors import BadDataset
+from taxel.labels.trials import Trial
+from taxel.signals import SensorInfo
+from taxel.windows.config import WindowConfig
+from taxel.windows.dataset import Dataset
+from taxel.windows.windower import Windows
+
+SESSIONS = (
+    "session", "sitting", "power_on", "day", "date", "visit", "operator", "person", "subject",
+    "participant", "user", "lab", "rig", "station", "sensor", "device", "pad", "gel", "batch",
+)  # fmt: skip
+"""Groups that say where, when or by whom a trial was recorded; they must tell no class."""
+OBJECTS = ("object", "cup", "item", "specimen")
+"""Groups that say what was touched; they may well tell the class."""
+LEAST_TRIALS = 8
+"""Fewer labelled trials allow no statement. Source: our choice, docs/decisions/0023."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TouchSet:
+    """Labelled trials; all sequences share their first axis, one entry a trial."""
+
+    kind: Literal["array", "camera"]
+    target: str
+    """The label that is to be told."""
+    trials: tuple[Trial, ...]
+    rows: tuple[NDArray[np.float32], ...]
+    """Each shape (rows, channels), oldest first: units of the array, or grey levels 0…255."""
+    time_s: tuple[NDArray[np.float64], ...]
+    """Each shape (rows,): the recording's fitted clock, seconds."""
+    views: tuple[str, ...]
+    """One a channel: the camera that it belongs to; all alike for an array."""
+    squares: tuple[int, int] | None
+    """Rows and columns of a camera's small frame; None for an array."""
+    created: tuple[str, ...]
+    """When each trial's recording began, wall time, ISO 8601; empty where it is not known."""
+    files: tuple[Mapping[str, str], ...]
+    """What the file says beside labels and groups: serial number, rate, size …"""
+    notes: tuple[str, ...] = ()
+
+    def __len__(self) -> int:
+        return len(self.trials)
+
+    @property
+    def classes(self) -> list[str]:
+        """The label's values, sorted."""
+        return sorted({trial.labels[self.target] for trial in self.trials})
+
+    @property
+    def y(self) -> NDArray[np.intp]:
+        """Shape (trials,): each one's class as an index into `classes`."""
+        index = {name: number for number, name in enumerate(self.classes)}
+        return np.array([index[trial.labels[self.target]] for trial in self.trials], np.intp)
+
+    def only(self, kept: NDArray[np.intp]) -> TouchSet:
+        """Return some of the trials, in the order given."""
+        return replace(
+            self,
+            trials=tuple(self.trials[i] for i in kept),
+            rows=tuple(self.rows[i] for i in kept),
+            time_s=tuple(self.time_s[i] for i in kept),
+            created=tuple(self.created[i] for i in kept),
+            files=tuple(self.files[i] for i in kept),
+        )
+
+    def group(self, key: str) -> NDArray[np.str_] | None:
+        """Return each trial's group, shape (trials,); None where a trial has none."""
+        if any(key not in trial.groups for trial in self.trials):
+            return None
+        return np.array([trial.groups[key] for trial in self.trials])
+
+    def keys(self, wanted: tuple[str, ...]) -> list[str]:
+        """Return those of some groups that every trial has."""
+        return [key for key in wanted if self.group(key) is not None]
+
+
+def checked(touch: TouchSet) -> TouchSet:
+    """Return the set, or refuse one that allows no statement.
+
+    Raises:
+        BadDataset: There are too few trials, or one class only.
+    """
+    if len(touch) < LEAST_TRIALS or len(touch.classes) < 2:
+        raise BadDataset(
+            f"at least {LEAST_TRIALS} trials of at least two classes of {touch.target!r}",
+            f"{len(touch)} of {', '.join(touch.classes) or 'none'}",
+            "record or import more of them",
+        )
+    return touch
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Pieces:
+    """Stretches of trials that a split moves; n of them."""
+
+    trial: NDArray[np.intp]
+    """Shape (n,): index into `TouchSet.trials`."""
+    first: NDArray[np.intp]
+    """Shape (n,): the first row within the trial."""
+    stop: NDArray[np.intp]
+    """Shape (n,): one past the last row."""
+    view: NDArray[np.str_]
+    """Shape (n,): the one camera or finger that the piece shows; empty for all."""
+    label_s: NDArray[np.float64]
+    """Shape (n,): the moment that the piece is labelled for; NaN where none is named."""
+
+    def __len__(self) -> int:
+        return len(self.trial)
+
+    def start_s(self, touch: TouchSet) -> NDArray[np.float64]:
+        """Return the time of each first row, shape (n,)."""
+        pairs = zip(self.trial, self.first, strict=True)
+        return np.array([touch.time_s[t][i] for t, i in pairs])
+
+    def end_s(self, touch: TouchSet) -> NDArray[np.float64]:
+        """Return the time of each last row, shape (n,)."""
+        pairs = zip(self.trial, self.stop, strict=True)
+        return np.array([touch.time_s[t][i - 1] for t, i in pairs])
+
+
+_LEAST_PURE = 8
+_QUARTER, _SHORT, _LONG = 4, 16, 256
+"""A window is a quarter of the middle trial, at most 256 rows and no longer than nine trials of
+ten; of trials shorter than 16 rows it is the whole. Source: our choice, docs/decisions/0023."""
+
+
+def usual_steps(touch: TouchSet) -> int:
+    """Return how many rows a window has unless the user says so."""
+    lengths = [len(rows) for rows in touch.rows]
+    middle, low = int(np.median(lengths)), int(np.percentile(lengths, 10))
+    return max(lengths) if middle < _SHORT else max(2, min(middle // _QUARTER, low, _LONG))
+
+
+def cut_pieces(touch: TouchSet, steps: int, stride: int) -> Pieces:
+    """Return all windows; a trial shorter than one is one as a whole."""
+    trial, first, stop = [], [], []
+    for index, rows in enumerate(touch.rows):
+        for start in range(0, max(1, len(rows) - steps + 1), stride):
+            trial.append(index)
+            first.append(start)
+            stop.append(min(start + steps, len(rows)))
+    n = len(trial)
+    return Pieces(
+        trial=np.array(trial, np.intp), first=np.array(first, np.intp),
+        stop=np.array(stop, np.intp), view=np.full(n, ""), label_s=np.full(n, np.nan),
+    )  # fmt: skip
+
+
+def as_dataset(touch: TouchSet, pieces: Pieces, steps: int, stride: int) -> Dataset:
+    """Return the pieces as a data set without values, for `splits.parse_split`."""
+    n = len(pieces)
+    windows = Windows(
+        np.zeros((n, 1, 1), np.float32), np.ones((n, 1), bool), np.ones(n, np.float32),
+        np.zeros(n, np.float32), pieces.start_s(touch), pieces.end_s(touch),
+    )  # fmt: skip
+    return Dataset(
+        windows=windows,
+        trial=pieces.trial,
+        trials=touch.trials,
+        sensor=SensorInfo(name="audit", channels=("-",), units=("1",), rate_hz=0.0),
+        config=WindowConfig(steps=steps, stride=stride),
+        digest="",
+        notes=(),
+    )
+
+
+def honest_key(touch: TouchSet) -> str | None:
+    """Return the group to hold out whole: the first that every class has at least two of.
+
+    Sessions come first, then objects, then others with several trials a group; None where only
+    the trials themselves remain. Groups of one class each need to be eight at least: fewer can be
+    dealt out anew in too few ways to be sure of anything.
+    """
+    others = [key for key in sorted(touch.trials[0].groups) if key not in SESSIONS + OBJECTS]
+    for key in touch.keys((*SESSIONS, *OBJECTS, *_files_of_several(touch, others))):
+        groups = touch.group(key)
+        if groups is None or len(set(groups)) > 0.75 * len(touch):
+            continue
+        names = set(groups)
+        pure = all(len(set(touch.y[groups == name])) == 1 for name in names)
+        if pure and len(names) < _LEAST_PURE:
+            continue
+        if all(len(set(groups[touch.y == c])) > 1 for c in range(len(touch.classes))):
+            return key
+    return None
+
+
+def _files_of_several(touch: TouchSet, keys: list[str]) -> tuple[str, ...]:
+    """Return groups that name files or runs of several trials."""
+    known = ("run", "file", "recording")
+    return tuple(key for key in known if key in keys)
+
+
+def counts(touch: TouchSet) -> dict[str, int]:
+    """Return how many trials each class has."""
+    return dict(sorted(Counter(t.labels[touch.target] for t in touch.trials).items()))
