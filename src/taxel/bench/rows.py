@@ -74,17 +74,22 @@ def missing(name: str, unit: str, goal: str, why: str) -> Row:
     return Row(name=name, value=None, unit=unit, goal=goal, ok=None, note=why)
 
 
-def store(bench: str, rows: Iterable[Row], data: str) -> list[Row]:
+def store(bench: str, rows: Iterable[Row], data: str, *, only: str = "") -> list[Row]:
     """Keep slow rows with commit, data hash, time and command; return them stamped.
 
     Args:
         bench: The bench's name.
         rows: What was measured.
         data: Digest of the recordings that were used.
+        only: What `--only` chose: rows kept earlier under other names stay as they are.
     """
     when = datetime.now(UTC).strftime("%Y-%m-%d")
     stamp = f"commit {_commit()}, data {data[:12]}, {when}, taxel bench {bench} --full"
+    stamp += f" --only {only}" if only else ""
     stamped = [replace(one, stamp=stamp) for one in rows]
+    if only:
+        new = {one.name for one in stamped}
+        stamped = [one for one in stored(bench) if one.name not in new] + stamped
     STORE.mkdir(exist_ok=True)
     path = STORE / f"{bench}.json"
     temporary = path.with_name(path.name + ".part")

@@ -5,11 +5,13 @@ from __future__ import annotations
 from dataclasses import asdict, dataclass
 from importlib import import_module
 from pathlib import Path
-from typing import Literal
+from types import ModuleType
+from typing import Any, Literal
 
 import tyro
 
 from taxel.cli.printing import console, print_json, progress
+from taxel.errors import BadInput
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -17,11 +19,13 @@ class Bench:
     """Measure what taxel promises, in this run, on this machine."""
 
     name: tyro.conf.Positional[
-        Literal["teng", "transitions", "faults", "closed-loop", "soak", "boards"]
+        Literal["teng", "transitions", "faults", "closed-loop", "soak", "boards", "audit"]
     ]
     """Which figures."""
     full: bool = False
     """Also measure what takes longer than a few minutes, and keep it with a stamp."""
+    only: str = ""
+    """Only the measurements whose name holds this text; rows kept of others stay as they are."""
     data: Path | None = None
     """Folder that holds teng-glove/, icub-grasp/ and gelsight-slip/, for --full."""
     json: bool = False
@@ -38,13 +42,25 @@ class Bench:
             def on_step(line: str) -> None:
                 bar.update(task, description=line, advance=1)
 
-            rows = measure(bench.quick_steps(), on_step)
-            if self.full:
-                slow = measure(bench.full_steps(self.data), on_step)
-                rows += store(self.name, slow, bench.data_digest(self.data))
+            quick = self._chosen(bench.quick_steps())
+            slow = self._chosen(bench.full_steps(self.data)) if self.full else []
+            if self.only and not quick + slow:
+                raise BadInput("a measurement's name for --only", repr(self.only), _named(bench))
+            rows = measure(quick, on_step)
+            if slow:
+                digest = bench.data_digest(self.data)
+                rows += store(self.name, measure(slow, on_step), digest, only=self.only)
             else:
                 rows += stored(self.name)
         if self.json:
             print_json([asdict(one) for one in rows])
         else:
             console.print(rows_table(rows))
+
+    def _chosen(self, steps: list[tuple[str, Any]]) -> list[tuple[str, Any]]:
+        return [step for step in steps if self.only in step[0]]
+
+
+def _named(bench: ModuleType) -> str:
+    names = [name for name, _ in [*bench.quick_steps(), *bench.full_steps(None)]]
+    return f"one of: {'; '.join(names)} (some with --full)"

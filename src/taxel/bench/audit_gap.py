@@ -1,0 +1,54 @@
+"""Rows of `taxel bench audit --full`: the gap between the splits, and what closes it.
+
+Knows nothing about how they are printed.
+"""
+
+from __future__ import annotations
+
+import tempfile
+from pathlib import Path
+
+from taxel.bench.rows import Row, row
+from taxel.evaluation.honest_gap import TARGETS, Step, closed, honest_gap
+from taxel.sources.data_sets import simulate_presets
+
+SCANS = 160_000
+"""Scans a class. Source: TENG thesis, section 3.5.1."""
+SETS = (0, 1, 2)
+"""Seeds of the simulated sets."""
+OURS = "3 reference touches"
+WEAK = {"shape": (0.99, 0.77), "material": (0.66, 0.48), "shape+material": (0.65, 0.36)}
+"""Random windows and held-out sessions of small CNNs. Source: docs/decisions/0005."""
+
+
+def gap_rows() -> list[Row]:
+    """Measure the ladder on three simulated sets: a quarter of an hour."""
+    with tempfile.TemporaryDirectory(prefix="taxel-") as scratch:
+        for seed in SETS:
+            simulate_presets(Path(scratch) / str(seed), ("honest",), SCANS, seed)
+        steps = honest_gap([Path(scratch) / str(seed) / "honest" for seed in SETS])
+    rows = []
+    for target in TARGETS:
+        own = [one for one in steps if one.target == target]
+        high, low = WEAK[target]
+        ours = next(s for s in own if (s.rung.name, s.rung.split) == (OURS, "session"))
+        name = f"sim honest, {target}, session held out, {OURS}"
+        rows += [
+            row(f"{name}: share of the gap to random windows closed", closed(own, target, OURS),
+                "of 1", ">=", 0.5, "both ends measured in this run"),
+            row(f"{name}: accuracy", ours.accuracy, "accuracy", ">=", (high + low) / 2,
+                f"half-way from {low:.2f} to {high:.2f}; {_note(ours)}"),
+        ]  # fmt: skip
+        rows += [_rung(one) for one in own if one is not ours]
+    return rows
+
+
+def _rung(one: Step) -> Row:
+    split = "random windows (leaks)" if one.rung.split == "random" else "session held out"
+    name = f"sim honest, {one.target}, {split}, {one.rung.name}: accuracy"
+    return Row(name=name, value=one.accuracy, unit="accuracy", goal="", ok=None, note=_note(one))
+
+
+def _note(one: Step) -> str:
+    each = ", ".join(f"{value:.3f}" for value in one.by_set)
+    return f"{one.rung.model}; sets {each}; whole grasps {one.trial_accuracy:.3f}"
