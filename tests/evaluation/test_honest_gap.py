@@ -16,7 +16,7 @@ from taxel.training.loop import TrainConfig
 @pytest.fixture(scope="module")
 def sessions(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("gap") / "honest"
-    config = checked_config(seed=3, sessions=4, scans_per_class=40_000, rate_hz=100.0)
+    config = checked_config(seed=3, sessions=4, scans_per_class=25_000, rate_hz=100.0)
     write_sessions(folder, config, lambda _: None)
     return folder
 
