@@ -31,8 +31,8 @@ class Compare:
         from taxel.evaluation.paired import compare_runs
         from taxel.training.run import load_run
 
-        runs = [load_run(path, weights=False) for path in (self.first, self.second)]
-        found = compare_runs(*runs, group=self.group)
+        first, second = (load_run(path, weights=False) for path in (self.first, self.second))
+        found = compare_runs(first, second, self.group)
         if self.json:
             print_json(asdict(found) | {"verdict": found.verdict})
             return

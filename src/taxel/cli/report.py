@@ -15,6 +15,7 @@ from taxel.errors import BadInput
 if TYPE_CHECKING:
     from collections.abc import Callable
 
+    from taxel.evaluation.audit.finding import Audit
     from taxel.evaluation.data_card import DataCard
     from taxel.training.run import Run
 
@@ -39,11 +40,18 @@ class Report:
     printed with --json."""
     sweep: tuple[Path, ...] = ()
     """Files that taxel sweep printed with --json."""
+    audit: bool = False
+    """Look for leaks in the recordings under the runs' own splits, now; takes minutes."""
+    audited: tuple[Path, ...] = ()
+    """Files that taxel audit printed with --json."""
     latency: bool = True
     """Measure how long a window takes through ONNX Runtime, now."""
     claims: Path | None = None
     """Write the card of both papers' claims to this Markdown file, from the stored rows of
-    taxel bench; needs no run."""
+    taxel bench; needs no run. With --keep, results are stored first."""
+    keep: tuple[Path, ...] = ()
+    """With --claims: files that taxel evaluate teng-table or transition-tables, or taxel bench,
+    printed with --json, whose values are kept in the package for the card."""
     json: bool = False
     """Print JSON: what was written."""
 
@@ -56,6 +64,8 @@ class Report:
                 "at least one run, or a file with --tables or --sweep", "none",
                 "train a run with: taxel train DATA --output RUN",
             )  # fmt: skip
+        if self.keep and self.claims is None:
+            raise BadInput("--claims FILE beside --keep", "none", "name the card's file")
         for path in (self.output, self.claims):
             if path is not None and path.is_dir():
                 raise BadInput("a file to write", f"the folder {path}", "name a file in it")
@@ -64,8 +74,10 @@ class Report:
             self._page(self.output)
             written.append(str(self.output))
         if self.claims is not None:
-            from taxel.bench.claims_card import write_claims_card
+            from taxel.bench.claims_card import keep_for_claims, write_claims_card
 
+            if self.keep:
+                keep_for_claims({path.name: _read(path) for path in self.keep})
             write_claims_card(self.claims)
             written.append(str(self.claims))
         if self.json:
@@ -79,9 +91,11 @@ class Report:
         from taxel.training.environment import Made
         from taxel.training.run import load_run
         from taxel.views.report import RunPage, write_run_report
+        from taxel.views.report.audit_part import read_audit
         from taxel.views.report.measured_parts import read_sweep
 
         tables = {path.name: _read(path) for path in self.tables}
+        audits = [read_audit(_read(path), path.name) for path in self.audited]
         sweeps = {path.name: read_sweep(_read(path), path.name) for path in self.sweep}
         paths = dict(zip(_names(self.runs), self.runs, strict=True))
         with progress() as bar:
@@ -98,11 +112,14 @@ class Report:
                 if self.latency and (path / "weights-0.safetensors").exists():
                     on_step(f"latency · {name}")
                     latencies[name] = time_run(load_run(path))
+            if self.audit:
+                audits += self._audits(runs, paths, on_step)
             write_run_report(
                 output,
                 RunPage(
                     runs=runs,
                     card=self._card(runs, on_step),
+                    audits=audits,
                     latencies=latencies,
                     sweeps=sweeps,
                     tables=tables,
@@ -120,6 +137,24 @@ class Report:
         if first is None or not Path(first.data).exists():
             return None
         return data_card(Path(first.data), on_step)
+
+    def _audits(
+        self, runs: dict[str, Run], paths: dict[str, Path], on_step: Callable[[str], None]
+    ) -> list[Audit]:
+        """Audit each data set, target and split once."""
+        from taxel.evaluation.audit_of_run import audit_run
+
+        found: dict[tuple[str, str, str], Audit] = {}
+        for name, run in runs.items():
+            split = run.predictions.split if run.predictions is not None else ""
+            kind = (run.contract.data_digest, run.contract.target, split)
+            data = self.data or Path(run.data)
+            if not data.exists():
+                raise BadInput("the recordings, to audit them", f"no {data}", "name --data FOLDER")
+            if kind not in found:
+                on_step(f"audit · {name}")
+                found[kind] = audit_run(run, data, paths[name], on_step)
+        return list(found.values())
 
 
 def _names(paths: tuple[Path, ...]) -> list[str]:

@@ -72,8 +72,12 @@ class Paired:
 
     @property
     def verdict(self) -> str:
-        """Return in plain words what may be claimed."""
-        return _verdict(self)
+        """What may be claimed, in plain words."""
+        return self.say("the first run", "the second run")
+
+    def say(self, first: str, second: str) -> str:
+        """Return what may be claimed in plain words, with the runs' names."""
+        return _verdict(self, first, second)
 
 
 def compare_runs(first: Run, second: Run, group: str | None = None) -> Paired:
@@ -95,7 +99,7 @@ def compare_runs(first: Run, second: Run, group: str | None = None) -> Paired:
     right, other = ours.correct, theirs.correct
     count = np.bincount(index)
     wins = np.bincount(index, weights=right), np.bincount(index, weights=other)
-    changed = wins[1] - wins[0]
+    changed = (wins[1] - wins[0]).astype(np.float64)
     only_first, only_second = int((right & ~other).sum()), int((other & ~right).sum())
     return Paired(
         target=first.contract.target,
@@ -227,7 +231,7 @@ def _ordered(found: Predictions) -> Predictions:
     )
 
 
-def _verdict(found: Paired) -> str:
+def _verdict(found: Paired, first: str, second: str) -> str:
     n, points = len(found.groups), 100 * found.difference
     groups = f"{n} {found.group}s"
     said = []
@@ -239,11 +243,12 @@ def _verdict(found: Paired) -> str:
             "nothing of another."
         )
     elif found.p_groups < LEVEL:
-        better = "second" if points > 0 else "first"
+        better = second if points > 0 else first
+        better = better[0].upper() + better[1:] if better.startswith("the ") else better
         low, high = (100 * bound for bound in found.interval)
         said.append(
-            f"The {better} run is better by {abs(points):.1f} points over {groups} (second minus "
-            f"first, 95 %: {low:+.1f} to {high:+.1f}), p = {_p(found.p_groups)}."
+            f"{better} is better by {abs(points):.1f} points over {groups} (second minus first, "
+            f"95 %: {low:+.1f} to {high:+.1f}), p = {_p(found.p_groups)}."
         )
     elif found.smallest_p >= LEVEL:
         said.append(

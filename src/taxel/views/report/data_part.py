@@ -16,6 +16,8 @@ from taxel.views.report.page import Html, join, key, split_name, table, tag, tex
 
 _WIDE = 30
 """Groups side by side in a drawn split; more are left to the recordings' own list."""
+_LONG = 6
+"""Letters beyond which headings of a drawn split stand upright."""
 
 
 def card_of_recordings(card: DataCard, run: Run | None) -> Html:
@@ -85,7 +87,8 @@ def drawn_split(found: Predictions) -> Html:
             ("color-mix(in srgb,var(--c0) 16%,transparent)", "trained on"),
             ("var(--c1)", "tested (windows)"),
             (
-                "repeating-linear-gradient(135deg,var(--c1) 0 4px,var(--c0) 4px 8px)",
+                "linear-gradient(135deg,color-mix(in srgb,var(--c1) 60%,var(--page)) 50%,"
+                "color-mix(in srgb,var(--c0) 40%,var(--page)) 50%)",
                 "both sides",
             ),
         ]
@@ -97,7 +100,7 @@ def drawn_split(found: Predictions) -> Html:
     shared = {name: _on_both(found, name) for name in [*keys, "trial"]}
     if keys:
         parts.append(tag("p", legend))
-    said = [f"{count} of {of} {name}s" for name, (count, of) in shared.items() if count]
+    said = [f"{name} ({count} of {of})" for name, (count, of) in shared.items() if count]
     if said:
         parts.append(
             tag(
@@ -115,7 +118,9 @@ def drawn_split(found: Predictions) -> Html:
 def _sides(found: Predictions, name: str) -> Html:
     values = np.array([trial.groups[name] for trial in found.trials])
     columns = sorted(set(values.tolist()), key=_natural)
-    head = "".join(f"<th>{text(_tail(column, columns))}</th>" for column in columns)
+    names = [_tail(column, columns) for column in columns]
+    kind = "tall" if max(map(len, names)) > _LONG else ""
+    head = join([tag("th", one, kind) for one in names])
     rows = []
     for index, fold in enumerate(found.folds):
         tested = np.bincount(found.trial[found.fold == index], minlength=len(found.trials))

@@ -46,6 +46,7 @@ th{font-weight:600;color:var(--soft)}thead th{border-bottom:2px solid var(--stro
 th:first-child,td:first-child{text-align:left;padding-left:0}
 .words td,.words th{text-align:left}.words td:last-child{white-space:normal}
 td.wrap{white-space:normal;text-align:left;min-width:16rem}
+.said{display:inline-block;white-space:normal;text-align:left;min-width:20rem;max-width:34rem}
 tr.quiet td,.quiet,.published,.trivial{color:var(--soft)}
 .good{color:var(--good)}.bad{color:var(--bad)}
 .leaks{background:var(--warn);color:var(--warn-ink);padding:.05rem .4rem;border-radius:4px}
@@ -56,7 +57,8 @@ border-radius:0 6px 6px 0;max-width:80ch}
 .tile{background:var(--card);border-radius:8px;padding:.6rem .9rem;min-width:9rem}
 .tile b{display:block;font-size:1.5rem;line-height:1.2;font-variant-numeric:tabular-nums}
 .tile span{color:var(--soft);font-size:13px}
-.side{display:flex;flex-wrap:wrap;gap:.5rem 2rem;align-items:flex-start}
+.side{display:flex;flex-wrap:wrap;gap:.5rem 1.6rem;align-items:flex-start}
+.side figure{max-width:300px}.side figure.free{max-width:100%}
 figure{margin:.8rem 0}figcaption,small{color:var(--soft);font-size:13px;max-width:70ch}
 figcaption{margin-top:.2rem}
 svg{max-width:100%;height:auto;display:block;font:12px system-ui,sans-serif}
@@ -67,8 +69,8 @@ overflow-wrap:anywhere}pre{background:var(--card);padding:.7rem .9rem;border-rad
 overflow-x:auto;font-size:13px;white-space:pre-wrap;overflow-wrap:anywhere}
 .key{display:inline-block;width:.8em;height:.8em;border-radius:2px;margin:0 .3em 0 .9em;
 vertical-align:-.05em}.key:first-child{margin-left:0}
-table.matrix td,table.matrix th{padding:.28rem .5rem;text-align:center;border:0}
-table.matrix th:first-child,table.matrix td:first-child{text-align:right}
+table.matrix td,table.matrix th{padding:.28rem .4rem;text-align:center;border:0;
+vertical-align:middle}table.matrix th:first-child,table.matrix td:first-child{text-align:right}
 table.matrix thead th{border:0}table.matrix td{border-radius:3px}
 table.matrix td small{font-size:11px;color:inherit;opacity:.75}
 table.sides{border-collapse:separate;border-spacing:2px}
@@ -77,8 +79,11 @@ min-width:1.5rem}table.sides th{border:0;padding:.1rem .35rem;font-size:12px;tex
 table.sides th:first-child{text-align:left}
 .train{background:color-mix(in srgb,var(--c0) 16%,transparent);color:var(--soft)}
 .test{background:var(--c1);color:var(--page);font-weight:600}
-.both{background:repeating-linear-gradient(135deg,var(--c1) 0 5px,
-color-mix(in srgb,var(--c0) 45%,var(--page)) 5px 10px);color:var(--page);font-weight:600}
+.both{background:repeating-linear-gradient(135deg,
+color-mix(in srgb,var(--c1) 42%,var(--page)) 0 6px,
+color-mix(in srgb,var(--c0) 22%,var(--page)) 6px 12px);font-weight:600}
+table.sides th.tall{writing-mode:vertical-rl;transform:rotate(180deg);text-align:left;
+vertical-align:bottom;padding:.3rem .1rem}
 """
 
 
@@ -155,10 +160,10 @@ def table(
     return Html(f'<div class="scroll"><table{_kind(kind)}>{top}<tbody>{body}</tbody></table></div>')
 
 
-def figure(drawing: str, caption: object = "") -> Html:
-    """Return a drawing (SVG or HTML) with what it shows."""
+def figure(drawing: str, caption: object = "", kind: str = "") -> Html:
+    """Return a drawing (SVG or HTML) with what it shows; its class is `kind`."""
     said = tag("figcaption", caption) if caption else ""
-    return Html(f"<figure>{drawing}{said}</figure>")
+    return Html(f"<figure{_kind(kind)}>{drawing}{said}</figure>")
 
 
 def png_figure(png: bytes, caption: str) -> Html:

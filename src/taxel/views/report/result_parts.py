@@ -159,11 +159,11 @@ def each_run(name: str, run: Run, own: RunScores, ink: str) -> Html:
     """Return one run's confusion, reliability, groups and learning curve, in its colour."""
     assert run.predictions is not None
     intervals = [
-        [key, str(one.groups), band(one.low, one.high) or "one group: none"]
+        [key, str(one.groups), band(one.low, one.high) if one.groups > 2 else "too few to say"]
         for key, one in own.intervals.items()
     ]
     parts: list[object] = [
-        figure(matrix(run.predictions.classes, own.scores.confusion), "All test windows."),
+        figure(matrix(run.predictions.classes, own.scores.confusion), "All test windows.", "free"),
         figure(_reliability(own, ink), _trust(own)),
     ]
     if run.history:
@@ -175,8 +175,8 @@ def each_run(name: str, run: Run, own: RunScores, ink: str) -> Html:
             tag("div", join(parts), "side"),
             figure(
                 dot_chart(few),
-                f"Accuracy in each {own.group} (windows), told by a model that was not trained on "
-                "it; folds: "
+                f"Accuracy in each {own.group} (and its windows), each window told by a model "
+                "that did not train on it; folds: "
                 + ", ".join(percent(value) for value in own.fold_accuracies)
                 + "."
                 + (f" {len(own.by_group) - 40} more not shown." if len(own.by_group) > 40 else ""),
@@ -193,7 +193,7 @@ def comparison(found: Paired, first: str, second: str) -> Html:
     return join(
         [
             Html("<h3>"), f"{second} against {first}", Html("</h3>"),
-            tag("p", found.verdict, "note"),
+            tag("p", found.say(first, second), "note"),
             table(
                 ["", first, second, "difference, points [95 %]", f"p over {n} {found.group}s",
                  "smallest possible", "p over windows"],
@@ -232,7 +232,7 @@ def _reliability(own: RunScores, ink: str) -> Html:
         Axis(label="probability it gives its answer", low=0, high=1),
         Axis(label="share told right", low=0, high=1),
     )
-    return line_chart([line], *axes, diagonal=True, size=(360, 280))
+    return line_chart([line], *axes, diagonal=True, size=(300, 240))
 
 
 def _trust(own: RunScores) -> str:
@@ -265,7 +265,7 @@ def _learning(run: Run, ink: str) -> Html:
         lines,
         Axis(label="epoch", low=1, high=max(2, len(history)), ticks=_epochs(len(history))),
         Axis(label="loss, nats", low=0, high=most * 1.05),
-        size=(360, 280),
+        size=(300, 240),
     )
 
 

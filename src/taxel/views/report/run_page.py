@@ -12,12 +12,14 @@ from pathlib import Path
 from typing import Any
 
 from taxel.errors import BadInput
+from taxel.evaluation.audit.finding import Audit
 from taxel.evaluation.data_card import DataCard
 from taxel.evaluation.latency import Latency
 from taxel.evaluation.paired import compare_runs
 from taxel.evaluation.run_scores import RunScores, judge
 from taxel.training.environment import Made
 from taxel.training.run import Run
+from taxel.views.report.audit_part import audit_part
 from taxel.views.report.data_part import card_of_recordings, card_of_run, drawn_split
 from taxel.views.report.measured_parts import (
     SweepPoint,
@@ -49,8 +51,7 @@ class RunPage:
     """Name → run, with predictions or without."""
     card: DataCard | None = None
     """Of the recordings; None where they are not at hand."""
-    audit: Html | None = None
-    """The audit, as a part of a page; None where there was none."""
+    audits: Sequence[Audit] = ()
     latencies: Mapping[str, Latency] = field(default_factory=dict)
     sweeps: Mapping[str, Sequence[SweepPoint]] = field(default_factory=dict)
     """File → robustness curves."""
@@ -126,8 +127,8 @@ def _sections(page: RunPage, judged: Mapping[str, RunScores]) -> list[tuple[str,
         drawn = [drawn_split(run.predictions) for (run, *_) in
                  (list(own.values()) for own in alike) if run.predictions is not None]  # fmt: skip
         parts.append(("split", "Split", join(drawn)))
-    if page.audit is not None:
-        parts.append(("audit", "Audit", page.audit))
+    if page.audits:
+        parts.append(("audit", "Audit", join([audit_part(one) for one in page.audits])))
     if alike:
         inside = [accuracies(own, judged, inks) for own in alike]
         inside.append(published_beside({n: r for n, r in page.runs.items() if n in judged}, judged))

@@ -210,8 +210,12 @@ def _events(own: Row) -> list[object]:
 
 
 def _slips(data: Row) -> Html:
-    rows = data["rows"]
-    fields = [name for name, value in rows[0].items() if isinstance(value, float)]
+    rows = [
+        {"name": row["name"]}
+        | {f"{part}: {name}": value for part, own in row.items() if isinstance(own, dict)
+           for name, value in own.items() if isinstance(value, float)}
+        for row in data["rows"]
+    ]  # fmt: skip
     return join(
         [
             tag(
@@ -220,11 +224,12 @@ def _slips(data: Row) -> Html:
                 f"frames, {data['folds']} folds, whole objects held out.",
             ),
             table(
-                ["model", *(name.replace("_", " ") for name in fields)],
-                [[row["name"], *(number(row[name], 3) for name in fields)] for row in rows],
+                list(rows[0]),
+                [[one if i == 0 else number(one, 3) for i, one in enumerate(row.values())]
+                 for row in rows],
             ),
         ]
-    )
+    )  # fmt: skip
 
 
 def _teng(section: Row) -> Html:
@@ -245,8 +250,8 @@ def _teng(section: Row) -> Html:
     dots = []
     for model in models:
         pooled = section["columns"][model]["pooled"]
-        ends = [float("nan") if end is None else end for end in pooled["interval"]]
-        dots.append(Dot(HEADINGS.get(model, model), pooled["scores"]["accuracy"], *ends))
+        low, high = (float("nan") if end is None else float(end) for end in pooled["interval"])
+        dots.append(Dot(HEADINGS.get(model, model), pooled["scores"]["accuracy"], low, high))
     dots += [Dot(name, value, colour="var(--grey)") for name, value in section["trivial"].items()]
     about = [
         f"{section['task']}, preset {section['preset']}, split: ", split_name(section["split"])

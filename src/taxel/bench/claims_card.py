@@ -1,0 +1,250 @@
+"""The card of claims: both papers' numbers beside the stored rows that answer them, as Markdown.
+
+Knows nothing about how rows were measured.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import asdict, replace
+from datetime import UTC, datetime
+from pathlib import Path
+from textwrap import wrap
+from typing import Any
+
+from taxel.bench.rows import STORE, Row, stored
+from taxel.errors import BadInput, RecordingFailed
+from taxel.evaluation.claims import (
+    EVERY_CUP,
+    NOT_YET,
+    ONE_CUP,
+    Claim,
+    Link,
+    Part,
+    all_parts,
+    grasp_row,
+    table_row,
+)
+from taxel.training.environment import environment
+
+MEASURED_FOR_CLAIMS = "claims"
+"""Name of the store of rows that no bench holds: each value of the papers' tables."""
+COMMAND = "taxel report --claims docs/reference/claims.md"
+_NONE = "not measured"
+_WIDTH = 110
+"""Letters in a line of text."""
+
+
+def claims_card(rows: Iterable[Row] | None = None) -> str:
+    """Return the card as Markdown.
+
+    Args:
+        rows: Rows to join with the claims; all that are stored unless given.
+    """
+    known = {one.name: one for one in (all_stored() if rows is None else rows)}
+    parts = all_parts()
+    claims = [claim for part in parts for claim in part.claims]
+    answered = sum(_answered(claim, known) for claim in claims)
+    lines = [
+        "# Claims card",
+        "",
+        *wrap(
+            f"Written by `{COMMAND}` from stored rows; do not edit by hand. Every number that the "
+            "two papers claim of their own systems (not what they cite of others, nor dimensions "
+            "and settings), beside ours under their split and under the honest one. What nobody "
+            f"measured here says so, with the reason. {answered} of {len(claims)} claims are "
+            "answered.",
+            _WIDTH,
+            break_on_hyphens=False,
+        ),
+        "",
+        *wrap(
+            "All of ours are on simulated recordings of the same kinds: neither paper's "
+            "recordings are public. Below each table: commit, data and command of its rows.",
+            _WIDTH,
+        ),
+        "",
+    ]
+    for part in parts:
+        lines += _part(part, known)
+    return "\n".join(lines).rstrip() + "\n"
+
+
+def write_claims_card(path: Path) -> None:
+    """Write the card, whole or not at all.
+
+    Raises:
+        RecordingFailed: The disk refused.
+    """
+    _write(path, claims_card())
+
+
+def keep_for_claims(results: Mapping[str, Any]) -> int:
+    """Keep each value of saved results as a row that the card can join; return how many.
+
+    Args:
+        results: File's name → parsed JSON of `taxel evaluate teng-table --json`,
+            `transition-tables --json`, or of any `taxel bench … --json`.
+
+    Raises:
+        BadInput: A file holds none of these.
+        RecordingFailed: The disk refused.
+    """
+    found = {one.name: one for one in stored(MEASURED_FOR_CLAIMS)}
+    added = [row for name, data in results.items() for row in _rows_of(data, name)]
+    found |= {one.name: one for one in added}
+    text = json.dumps([asdict(one) for one in found.values()], indent=1, ensure_ascii=False)
+    _write(STORE / f"{MEASURED_FOR_CLAIMS}.json", text + "\n")
+    return len(added)
+
+
+def all_stored() -> list[Row]:
+    """Return the rows of all stores; a bench's own row wins over one kept for the card."""
+    names = sorted(path.stem for path in STORE.glob("*.json"))
+    names.sort(key=lambda name: name != MEASURED_FOR_CLAIMS)
+    return [one for name in names for one in stored(name)]
+
+
+def _rows_of(data: Any, name: str) -> list[Row]:
+    day = datetime.now(UTC).strftime("%Y-%m-%d")
+    stamp = f"commit {environment().get('commit', 'unknown')}, {day}, "
+    try:
+        if isinstance(data, dict) and {"rows", "baselines", "steps"} <= set(data):
+            return _transition_rows(data, stamp + "taxel evaluate transition-tables")
+        if isinstance(data, list) and data and {"columns", "preset"} <= set(data[0]):
+            return _table_rows(data, stamp + "taxel evaluate teng-table")
+        if isinstance(data, list) and data and {"name", "value", "goal"} <= set(data[0]):
+            rows = [Row(**one) for one in data]
+            return [one if one.stamp else replace(one, stamp=stamp + "taxel bench")
+                    for one in rows if one.value is not None]  # fmt: skip
+    except (KeyError, TypeError) as error:
+        raise BadInput(f"a whole result in {name}", f"one that lacks {error}", "write it again") \
+            from error  # fmt: skip
+    raise BadInput(
+        f"what taxel evaluate teng-table, transition-tables or taxel bench prints with --json in "
+        f"{name}",
+        "something else",
+        "write it again",
+    )
+
+
+def _table_rows(sections: Sequence[Mapping[str, Any]], stamp: str) -> list[Row]:
+    rows = []
+    for section in sections:
+        where = section["preset"], section["task"], section["split"]
+        for model, column in section["columns"].items():
+            values = dict(column["rows"]) | {
+                "all sessions told once": column["pooled"]["scores"]["accuracy"]
+            }
+            low, high = column["pooled"]["interval"]
+            for row, value in values.items():
+                if value is None:
+                    continue
+                unit = "ms" if "ms" in row else "nats" if "Loss" in row else "of 1"
+                told = row == "all sessions told once" and low is not None
+                note = f"95 % by session {low:.3f} … {high:.3f}" if told else ""
+                rows.append(Row(name=table_row(*where, model, row), value=value, unit=unit,
+                                goal="", ok=None, note=note, stamp=stamp))  # fmt: skip
+    return rows
+
+
+def _transition_rows(data: Mapping[str, Any], stamp: str) -> list[Row]:
+    rows = []
+    for one in data["rows"]:
+        if one["weights"] == "RANDOM":
+            continue  # its accuracy says nothing of a trained backbone
+        for what, scores in ((ONE_CUP, one["single"]), (EVERY_CUP, one["every_cup"])):
+            if scores is not None:
+                low, high = scores["interval"]
+                rows.append(Row(name=grasp_row(one["plan"]["model"], one["plan"]["frames"], what),
+                                value=scores["accuracy"], unit="accuracy", goal="", ok=None,
+                                note=f"95 % {low:.3f} … {high:.3f}; rule {data['rule']}",
+                                stamp=stamp))  # fmt: skip
+    for step in data["steps"]:
+        rows.append(Row(name=grasp_row(step["model"], step["frames"], "a streaming step"),
+                        value=step["stream_ms"], unit="ms", goal="", ok=None,
+                        note=f"{step['engine']}, {step['threads']} thread(s)",
+                        stamp=stamp))  # fmt: skip
+    return rows
+
+
+def _part(part: Part, known: Mapping[str, Row]) -> list[str]:
+    lines = [f"## {part.title}", "", *wrap(part.about, _WIDTH), ""]
+    lines += ["| where | claim | claimed | ours, their split | ours, honest split | command |",
+              "|---|---|---:|---:|---:|---|"]  # fmt: skip
+    stamps: dict[str, None] = {}
+    for claim in part.claims:
+        used = [known[link.row] for link in (*claim.theirs, *claim.honest) if link.row in known]
+        stamps |= dict.fromkeys(one.stamp for one in used if one.stamp)
+        said = [one.stamp.rpartition(", ")[2] for one in used if one.stamp]
+        command = " ".join(f"`{one}`" for one in dict.fromkeys(said)) or _default(claim, part)
+        theirs, honest = _cells(claim, known)
+        cells = claim.where, claim.what, claim.claimed, theirs, honest, command
+        lines.append(f"| {' | '.join(cells)} |")
+    lines += ["", *(f"- {_command(stamp)}" for stamp in stamps)]
+    return [*lines, ""] if stamps else lines
+
+
+def _default(claim: Claim, part: Part) -> str:
+    if claim.ours:
+        return "`taxel models`"
+    if not claim.theirs and not claim.honest and claim.why not in ("", NOT_YET):
+        return "–"
+    return f"`{claim.command or part.command}`"
+
+
+def _cells(claim: Claim, known: Mapping[str, Row]) -> tuple[str, str]:
+    if claim.ours:
+        return claim.ours, "the same"
+    theirs, honest = _values(claim.theirs, known), _values(claim.honest, known)
+    if not theirs and not honest:
+        return f"{_NONE}: {claim.why}" if claim.why else _NONE, _NONE
+    if claim.theirs == claim.honest:
+        return theirs, "the same"
+    return theirs or "–", honest or "–"
+
+
+def _values(links: Sequence[Link], known: Mapping[str, Row]) -> str:
+    said = []
+    for link in links:
+        row = known.get(link.row)
+        if row is not None and row.value is not None:
+            said.append(f"{link.label} {_value(row)}".strip())
+    return ", ".join(said)
+
+
+def _value(row: Row) -> str:
+    assert row.value is not None
+    if row.unit in ("accuracy", "share"):
+        return f"{100 * row.value:.1f} %"
+    if row.unit == "of 1":
+        return f"{row.value:.4f}"
+    digits = 2 if abs(row.value) < 100 else 0
+    unit = f" {row.unit}" if row.unit not in ("nats",) else ""
+    return f"{row.value:.{4 if row.unit == 'nats' else digits}f}{unit}"
+
+
+def _answered(claim: Claim, known: Mapping[str, Row]) -> bool:
+    links = (*claim.theirs, *claim.honest)
+    return bool(claim.ours) or any(link.row in known for link in links)
+
+
+def _command(stamp: str) -> str:
+    """Return a stamp with its command as code."""
+    before, found, command = stamp.rpartition("taxel ")
+    return f"{before}`{found}{command}`" if found else stamp
+
+
+def _write(path: Path, text: str) -> None:
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        temporary = path.with_name(path.name + ".part")
+        temporary.write_text(text, encoding="utf-8")
+        os.replace(temporary, path)
+    except OSError as error:
+        raise RecordingFailed(
+            f"needed to write {path}; got {error.strerror or error}; "
+            "make room or choose another place."
+        ) from error

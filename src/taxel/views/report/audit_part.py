@@ -1,0 +1,94 @@
+"""An audit as part of a page: its verdict, each alarm and note, and what was looked for in vain.
+
+Knows nothing about how leaks are found.
+"""
+
+from __future__ import annotations
+
+from dataclasses import fields
+from typing import Any
+
+from taxel.errors import BadInput
+from taxel.evaluation.audit.finding import MEANING, Audit, Finding
+from taxel.views.report.page import Html, join, number, percent, split_name, table, tag
+
+_KIND = {"leak": "bad", "hazard": "bad", "note": "", "clear": "good", "not checked": "quiet"}
+
+
+def audit_part(audit: Audit) -> Html:
+    """Return the verdict, a table of what was found, and the names of what was not."""
+    told = [one for one in audit.findings if one.verdict in ("leak", "hazard", "note")]
+    clear = [one.kind for one in audit.findings if one.verdict == "clear"]
+    unchecked = [one for one in audit.findings if one.verdict == "not checked"]
+    leaks = any(one.verdict == "leak" for one in audit.findings)
+    parts: list[object] = [
+        tag("p", audit.verdict, "note leaks" if leaks else "note"),
+        tag(
+            "p",
+            join(
+                [
+                    f"{audit.data}: {sum(audit.classes.values())} trials told apart by "
+                    f"{audit.target}",
+                    join([", split: ", split_name(audit.split)]) if audit.split else "",
+                    f"; nuisances read with {audit.read_on}.",
+                ]
+            ),
+        ),
+    ]
+    if told:
+        parts.append(
+            table(
+                ["verdict", "kind", "alone", "majority", "p", "what was found, and what to do"],
+                [_row(one) for one in told],
+            )
+        )
+    if clear:
+        parts.append(tag("p", f"Looked for and not found: {', '.join(clear)}."))
+    parts += [tag("p", f"Not checked, {one.kind}: {one.said}", "quiet") for one in unchecked]
+    parts += [tag("p", note, "quiet") for note in audit.notes]
+    return join(parts)
+
+
+def _row(one: Finding) -> list[object]:
+    said = join([one.said, f" {one.mend}" if one.mend else ""])
+    examples = tag("small", f" ({'; '.join(one.examples)})") if one.examples else ""
+    shown = Html(f'<span class="{_KIND[one.verdict]}" title="{MEANING[one.verdict]}">')
+    return [
+        join([shown, one.verdict, Html("</span>")]),
+        one.kind,
+        percent(one.alone),
+        percent(one.majority),
+        number(one.p, 4),
+        join([Html('<span class="said">'), said, examples, Html("</span>")]),
+    ]
+
+
+def read_audit(data: Any, name: str) -> Audit:
+    """Return the audit that `taxel audit --json` printed.
+
+    Args:
+        data: The parsed JSON.
+        name: The file's name, for the message.
+
+    Raises:
+        BadInput: It is something else.
+    """
+    try:
+        known = {field.name for field in fields(Audit)} & set(data)
+        own = {key: data[key] for key in known - {"findings"}}
+        inside = {field.name for field in fields(Finding)}
+        findings = tuple(
+            Finding(
+                **{key: tuple(value) if isinstance(value, list) else value
+                   for key, value in one.items() if key in inside}
+            )
+            for one in data["findings"]
+        )  # fmt: skip
+        if not all(one.verdict in MEANING for one in findings):
+            raise ValueError("an unknown verdict")
+        return Audit(**own | {"findings": findings, "notes": tuple(data.get("notes", ()))})
+    except (TypeError, KeyError, ValueError, AttributeError) as error:
+        raise BadInput(
+            f"what taxel audit --json prints in {name}", f"something else ({error})",
+            "write it again with: taxel audit … --json",
+        ) from error  # fmt: skip

@@ -1,0 +1,197 @@
+"""`taxel report`: from a training to a page, from stored rows to the card of claims."""
+
+import json
+from pathlib import Path
+
+import pytest
+import tyro
+
+from taxel.bench import claims_card as card
+from taxel.bench.rows import Row
+from taxel.cli.report import Report
+from taxel.cli.simulate import Simulate
+from taxel.cli.train import Train
+from taxel.errors import BadInput
+from taxel.evaluation.claims import all_parts, table_row
+from taxel.evaluation.teng_table import ROWS
+
+CARD = Path(__file__).parents[2] / "docs" / "reference" / "claims.md"
+
+
+@pytest.fixture(scope="module")
+def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder with recordings in data/ and a run in run/."""
+    folder = tmp_path_factory.mktemp("made")
+    words = ["teng", "--output", str(folder / "data"), "--scans-per-class", "3000"]
+    tyro.cli(Simulate, args=[*words, "--sessions", "3", "--json"]).run()
+    words = [str(folder / "data"), "--output", str(folder / "run"), "--epochs", "1"]
+    tyro.cli(Train, args=[*words, "--folds", "3", "--json"]).run()
+    return folder
+
+
+def report(*words: str | Path) -> None:
+    tyro.cli(Report, args=[str(word) for word in words]).run()
+
+
+def test_a_trained_run_becomes_a_page(
+    made: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+):
+    page = tmp_path / "new" / "report.html"
+    capsys.readouterr()  # what the fixture printed
+    report(made / "run", "--output", page, "--json")
+
+    assert json.loads(capsys.readouterr().out) == {"written": [str(page)]}
+    said = page.read_text(encoding="utf-8")
+    for part in ("data", "split", "results", "runs", "latency", "made"):
+        assert f'<h2 id="{part}"' in said, part
+    assert "temperature_c" in said
+    assert "not those of the run" not in said
+    assert not list(page.parent.glob("*.part"))
+
+
+def test_a_page_is_made_though_the_recordings_are_gone(made: Path, tmp_path: Path):
+    import shutil
+
+    shutil.copytree(made / "run", tmp_path / "run")
+    about = tmp_path / "run" / "run.json"
+    about.write_text(about.read_text().replace(str(made / "data"), "elsewhere"))
+    report(tmp_path / "run", "--no-latency", "--output", tmp_path / "r.html")
+
+    said = (tmp_path / "r.html").read_text(encoding="utf-8")
+    assert "not at hand" in said
+    assert '<h2 id="latency"' not in said
+
+
+@pytest.mark.slow
+def test_the_audit_of_a_run_is_on_its_page(made: Path, tmp_path: Path):
+    report(made / "run", "--audit", "--no-latency", "--output", tmp_path / "r.html")
+
+    said = (tmp_path / "r.html").read_text(encoding="utf-8")
+    assert '<h2 id="audit"' in said
+    assert "session held out" in said
+
+
+def test_the_audit_takes_the_sides_that_the_run_was_tested_on(made: Path):
+    from taxel.evaluation.audit.reading import read_touch
+    from taxel.evaluation.audit_of_run import sides_of
+    from taxel.training.run import load_run
+
+    run = load_run(made / "run", weights=False)
+    touch = read_touch(made / "data", "shape", lambda *_: None)
+    assert run.predictions is not None
+    pieces, sides = sides_of(run.predictions, touch, 12)
+
+    sessions = touch.group("session")[pieces.trial]
+    assert sides.claimed == ("session",)
+    assert len(sides.folds) == 3
+    for train, test in sides.folds:
+        assert len(set(sessions[test])) == 1
+        assert not set(sessions[train]) & set(sessions[test])
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        ([], "a file to write"),
+        (["--output", "r.html"], "at least one run"),
+        (["nowhere", "--output", "r.html"], "a run in"),
+        (["--tables", "nowhere.json", "--output", "r.html"], "JSON that can be read"),
+        (["--keep", "a.json", "--output", "r.html", "--tables", "b.json"], "--claims FILE"),
+        (["--claims", "."], "a file to write"),
+    ],
+)
+def test_what_cannot_be_reported_is_refused_in_one_line(
+    words: list[str], said: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(BadInput, match=said):
+        report(*words)
+
+    assert not list(tmp_path.iterdir())
+
+
+def test_the_same_run_twice_is_refused(made: Path, tmp_path: Path):
+    with pytest.raises(BadInput, match="each run once"):
+        report(made / "run", made / "run", "--output", tmp_path / "r.html")
+
+
+def test_the_card_in_the_docs_is_what_the_command_writes_now(tmp_path: Path):
+    """Where this fails, run: taxel report --claims docs/reference/claims.md."""
+    report("--claims", tmp_path / "claims.md")
+
+    assert CARD.read_text(encoding="utf-8") == (tmp_path / "claims.md").read_text(encoding="utf-8")
+
+
+def test_every_row_of_table_4_1_and_of_tables_1_to_3_is_on_the_card():
+    what = [claim.what for part in all_parts() for claim in part.claims]
+
+    for row in ROWS:
+        assert f"1D CNN: {row}" in what
+        assert f"2D CNN: {row}" in what
+    assert sum("k = " in one for one in what) == 10
+    assert sum(one.endswith(": parameters") for one in what) == 11
+
+
+def test_a_claim_without_a_row_says_so_and_why():
+    said = card.claims_card(rows=[])
+
+    assert "98.90 % | not measured" in said
+    assert "no trained weights" in said
+    assert "sees no light" in said
+
+
+def test_a_stored_row_fills_its_cell_and_names_its_command():
+    name = table_row("honest", "shape", "session held out", "cnn2d", "Test Accuracy")
+    stamp = "commit abc, 2026-01-01, taxel evaluate teng-table"
+    row = Row(name=name, value=0.7654, unit="of 1", goal="", ok=None, stamp=stamp)
+
+    said = card.claims_card(rows=[row])
+
+    (line,) = (one for one in said.splitlines() if "2D CNN: Test Accuracy" in one)
+    assert line.split(" | ")[2:] == ["0.9983", "–", "shape 0.7654",
+                                     "`taxel evaluate teng-table` |"]  # fmt: skip
+    assert "- commit abc, 2026-01-01, `taxel evaluate teng-table`" in said
+
+
+def test_results_are_kept_as_rows_and_a_later_one_replaces_an_earlier(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
+    monkeypatch.setattr(card, "STORE", tmp_path)
+    monkeypatch.setattr("taxel.bench.rows.STORE", tmp_path)
+    column = {"rows": dict.fromkeys(ROWS, 0.5) | {"Test Loss": None},
+              "pooled": {"scores": {"accuracy": 0.6}, "interval": [0.5, 0.7]}}  # fmt: skip
+    section = {"preset": "honest", "task": "shape", "split": "session held out",
+               "columns": {"cnn2d": column}}  # fmt: skip
+
+    assert card.keep_for_claims({"t.json": [section]}) == len(ROWS)
+    column["rows"]["Test Accuracy"] = 0.75
+    card.keep_for_claims({"t.json": [section]})
+
+    rows = {one.name: one.value for one in card.all_stored()}
+    assert len(rows) == len(ROWS)
+    name = table_row("honest", "shape", "session held out", "cnn2d", "Test Accuracy")
+    assert rows[name] == 0.75
+
+
+def test_only_results_that_are_known_are_kept(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setattr(card, "STORE", tmp_path)
+    with pytest.raises(BadInput, match=r"x\.json"):
+        card.keep_for_claims({"x.json": {"a": 1}})
+
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_network_without_trained_weights_has_no_accuracy_on_the_card(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
+    monkeypatch.setattr(card, "STORE", tmp_path)
+    monkeypatch.setattr("taxel.bench.rows.STORE", tmp_path)
+    scores = {"accuracy": 0.97, "interval": [0.9, 0.99]}
+    row = {"plan": {"model": "densenet121+lstm", "frames": 8}, "weights": "RANDOM",
+           "single": scores, "every_cup": scores}  # fmt: skip
+    step = {"model": "densenet121+lstm", "frames": 8, "engine": "ort", "threads": 1,
+            "stream_ms": 20.0}  # fmt: skip
+    tables = {"rule": "change", "rows": [row], "baselines": [], "steps": [step]}
+
+    assert card.keep_for_claims({"t.json": tables}) == 1
+    assert [one.unit for one in card.all_stored()] == ["ms"]

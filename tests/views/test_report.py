@@ -1,0 +1,443 @@
+"""The page of results: whole, self-contained, honest about splits and about what is missing."""
+
+import re
+from html.parser import HTMLParser
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from taxel.bundles.contract import Contract
+from taxel.errors import BadInput
+from taxel.evaluation.audit.finding import Audit, Finding
+from taxel.evaluation.data_card import DataCard, Nuisance
+from taxel.evaluation.latency import Latency
+from taxel.evaluation.run_scores import judge, reliability, split_groups
+from taxel.evaluation.teng_table import ROWS
+from taxel.labels.trials import Trial
+from taxel.training.environment import Made
+from taxel.training.loop import Epoch, TrainConfig
+from taxel.training.predictions import Predictions
+from taxel.training.run import Run
+from taxel.views.report import RunPage, write_run_report
+from taxel.views.report.audit_part import read_audit
+from taxel.views.report.charts import Axis, Dot, Line, dot_chart, line_chart, matrix
+from taxel.views.report.measured_parts import read_sweep
+from taxel.views.report.page import Html, band, percent, table, tag, text
+from taxel.views.report.saved_parts import saved_part
+from taxel.windows.config import TENG_WINDOW
+from taxel.windows.scaling import Scaling
+
+SWEEP = [
+    {"fault": "noise", "level": 20.0, "unit": "dB", "accuracy": 0.8, "low": 0.7, "high": 0.9},
+    {"fault": "noise", "level": 0.0, "unit": "dB", "accuracy": 0.5, "low": 0.4, "high": 0.6},
+]
+
+
+class Tags(HTMLParser):
+    """Collects tags, and whether each that opens is closed in order."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.open: list[str] = []
+        self.seen: list[str] = []
+        self.wrong: list[str] = []
+
+    def handle_starttag(self, tag: str, attrs: Any) -> None:
+        self.seen.append(tag)
+        if tag not in {"meta", "br", "img"}:
+            self.open.append(tag)
+
+    def handle_startendtag(self, tag: str, attrs: Any) -> None:
+        self.seen.append(tag)
+
+    def handle_endtag(self, tag: str) -> None:
+        if not self.open or self.open.pop() != tag:
+            self.wrong.append(tag)
+
+
+def make_run(
+    model: str = "cnn2d",
+    accuracy: float = 0.8,
+    *,
+    split: str = "session held out",
+    leaky: bool = False,
+    sessions: int = 3,
+) -> Run:
+    rng = np.random.default_rng(0)
+    classes = ("cylinder", "rectangle", "sphere")
+    trials = tuple(
+        Trial(
+            recording=f"session-{s}.mcap",
+            start_s=10.0 * g,
+            end_s=10.0 * g + 9.0,
+            labels={"shape": classes[g % 3]},
+            groups={
+                "session": f"session-{s}",
+                "object": f"{classes[g % 3]}-<steel>",
+                "grasp": f"session-{s}/{g}",
+                "temperature_c": f"{20 + s}.5",
+                "recording": f"session-{s}",
+                "trial": f"session-{s}#{g}",
+            },
+        )
+        for s in range(sessions)
+        for g in range(6)
+    )
+    trial = np.repeat(np.arange(len(trials)), 5)
+    y = np.array([t % 6 % 3 for t in trial])
+    told = np.where(rng.random(len(y)) < accuracy, y, (y + 1) % 3)
+    probabilities = np.full((len(y), 3), 0.1)
+    probabilities[np.arange(len(y)), told] = 0.8
+    tested = np.zeros((sessions, len(trials)), int)
+    fold = trial // 6 if not leaky else np.arange(len(y)) % sessions
+    np.add.at(tested, (fold, trial), 1)
+    scaling = Scaling(kind="none", offset=np.zeros(12, np.float32), factor=np.ones(12, np.float32))
+    return Run(
+        networks=(),
+        contract=Contract(
+            target="shape",
+            classes=classes,
+            window=TENG_WINDOW,
+            scaling=scaling,
+            channels=tuple(f"c{i}" for i in range(12)),
+            units=("V",) * 12,
+            rate_hz=1000.0,
+            model=model,
+            parameters=5987,
+            data_digest="ab" * 32,
+            accuracy={},
+            software="taxel",
+            parity=None,
+        ),
+        train=TrainConfig(),
+        history=(Epoch(1, 1.1, None, None), Epoch(2, 0.7, None, None)),
+        data="nowhere",
+        predictions=Predictions(
+            split=split,
+            classes=classes,
+            trials=trials,
+            folds=tuple(f"without session-{s}" for s in range(sessions)),
+            trained=5 - tested,
+            trial=trial,
+            start_s=np.arange(len(y)) * 0.12,
+            fold=fold,
+            y=y,
+            probabilities=probabilities,
+        ),
+        trivial={"majority": 0.34, "channel means": 0.6},
+        made=Made(command="taxel train 'my data' --output r", environment={"torch": "2"}),
+    )
+
+
+CARD = DataCard(
+    recordings=3,
+    hours=0.5,
+    megabytes=2.0,
+    sensors={"teng": "12 channels in V"},
+    details={"wiring": "three-boards"},
+    classes={"shape": {"sphere": 4}},
+    groups={"session": 3},
+    nuisances=(Nuisance(name="temperature_c", values=(20.5, 21.5, 33.0)),),
+    lost="0 of 10 scans lost",
+    written="taxel 0.1.0",
+    digest="ab" * 32,
+)
+AUDIT = Audit(
+    data="data",
+    kind="array",
+    target="shape",
+    classes={"sphere": 4},
+    split="session held out",
+    read_on="session held out",
+    findings=(
+        Finding(kind="length", verdict="leak", said="The length tells it.", alone=0.9, p=0.01),
+        Finding(kind="order", verdict="clear", said="Nothing."),
+    ),
+)
+
+
+def page_of(tmp_path: Path, **parts: Any) -> str:
+    path = tmp_path / "report.html"
+    write_run_report(path, RunPage(**parts))
+    return path.read_text(encoding="utf-8")
+
+
+@pytest.fixture(scope="module")
+def whole(tmp_path_factory: pytest.TempPathFactory) -> str:
+    """A page with every part."""
+    return page_of(
+        tmp_path_factory.mktemp("page"),
+        runs={"first & only": make_run(), "second": make_run("cnn1d", 0.5)},
+        card=CARD,
+        audits=[AUDIT],
+        latencies={
+            "second": Latency(median_ms=0.02, p95_ms=0.03, p99_ms=0.04, kilobytes=80, calls=500)
+        },
+        sweeps={"s.json": read_sweep(SWEEP, "s.json")},
+        tables={"t.json": transition_tables()},
+        made=Made(command="taxel report r"),
+    )
+
+
+def transition_tables() -> dict[str, Any]:
+    """What `taxel evaluate transition-tables --json` prints, for one model."""
+    scores = {"accuracy": 0.97, "interval": [0.95, 0.98], "balanced": 0.96, "auc": 0.99,
+              "windows": 100}  # fmt: skip
+    rows = [
+        {
+            "plan": {"tables": tables, "model": "densenet121+lstm", "frames": frames,
+                     "published": published},
+            "weights": "file:w",
+            "parameters": 8126801,
+            "published_ms": 31.84,
+            "published_mb": 62.72,
+            "size_mb": 31.0,
+            "single": scores,
+            "every_cup": scores if frames == 8 else None,
+            "training_s": 1.0,
+        }
+        for tables, frames, published in (([1, 2, 3], 8, 98.9), ([3], 4, 94.03))
+    ]  # fmt: skip
+    return {
+        "rule": "change",
+        "unstable": 0.5,
+        "rows": rows,
+        "baselines": [{"name": "difference of pixels", "single": scores, "every_cup": scores}],
+        "steps": [{"model": "densenet121+lstm", "frames": 8, "engine": "ort", "threads": 1,
+                   "stream_ms": 21.5, "window_ms": 90.0}],
+    }  # fmt: skip
+
+
+def test_the_page_needs_no_script_and_no_other_file(whole: str):
+    assert "<script" not in whole
+    assert not re.findall(r"""(?:src|href)=["'](?!#|data:)""", whole)
+    assert "@import" not in whole
+    assert "url(" not in whole
+
+
+def test_every_tag_of_the_page_is_closed(whole: str):
+    tags = Tags()
+    tags.feed(whole)
+
+    assert tags.wrong == []
+    assert tags.open == []
+    assert {"table", "svg", "figure", "nav"} <= set(tags.seen)
+
+
+def test_every_link_at_the_head_leads_to_a_part(whole: str):
+    links = re.findall(r'href="#([^"]+)"', whole)
+
+    assert len(links) >= 9
+    assert all(f'<h2 id="{link}"' in whole for link in links)
+
+
+def test_the_page_says_what_must_stand_beside_an_accuracy(whole: str):
+    for said in (
+        "session held out",
+        "best trivial baseline",
+        "95 % by session",
+        "Expected calibration error",
+        "thesis",
+        "temperature_c",
+        "Looked for and not found: order",
+        "The length tells it.",
+        "smallest possible",
+        "40,460",
+        "taxel train &#x27;my data&#x27; --output r",
+        "taxel report r",
+    ):
+        assert said in whole, said
+
+
+def test_names_are_escaped(whole: str):
+    assert "first &amp; only" in whole
+    assert "<steel>" not in whole
+
+
+def test_published_values_stand_beside_the_thesis_recipe_only(tmp_path: Path):
+    from dataclasses import replace
+
+    run = make_run()
+    other = replace(run, contract=replace(run.contract, window=replace(TENG_WINDOW, stride=6)))
+
+    assert "Beside the thesis" in page_of(tmp_path, runs={"r": run})
+    assert "Beside the thesis" not in page_of(tmp_path, runs={"r": other})
+
+
+def test_a_run_below_a_trivial_baseline_is_said_to_be(tmp_path: Path):
+    assert "does not reach the baseline “channel means”" in page_of(
+        tmp_path, runs={"weak": make_run(accuracy=0.4)}
+    )
+    assert "stands clear of every baseline" in page_of(
+        tmp_path, runs={"good": make_run(accuracy=0.99)}
+    )
+
+
+def test_a_split_with_trials_on_both_sides_is_marked(tmp_path: Path):
+    leaky = make_run(split="random windows (leaks)", leaky=True)
+
+    said = page_of(tmp_path, runs={"r": leaky})
+
+    assert '<span class="leaks">random windows (leaks)</span>' in said
+    assert 'class="both"' in said
+    assert "trial (18 of 18)" in said
+
+
+def test_a_session_split_has_no_session_on_both_sides(tmp_path: Path):
+    said = page_of(tmp_path, runs={"r": make_run()})
+
+    assert "On both sides of a fold: object (3 of 3)." in said
+
+
+def test_recordings_of_another_digest_are_warned_of(tmp_path: Path):
+    from dataclasses import replace
+
+    said = page_of(tmp_path, runs={"r": make_run()}, card=replace(CARD, digest="cd" * 32))
+
+    assert "not those of the run" in said
+
+
+def test_a_run_without_predictions_still_gives_a_page(tmp_path: Path):
+    from dataclasses import replace
+
+    said = page_of(tmp_path, runs={"old": replace(make_run(), predictions=None, trivial={})})
+
+    assert "not at hand" in said
+    assert '<h2 id="results"' not in said
+
+
+def test_runs_that_cannot_be_compared_say_why_on_the_page(tmp_path: Path):
+    from dataclasses import replace
+
+    run = make_run()
+    assert run.predictions is not None
+    moved = replace(
+        run, predictions=replace(run.predictions, fold=run.predictions.fold[::-1].copy())
+    )
+
+    assert "same folds" in page_of(tmp_path, runs={"a": run, "b": moved})
+
+
+def test_a_saved_table_of_cameras_stands_beside_the_published_values():
+    title, inside = saved_part(transition_tables(), "t.json")
+
+    assert title == "Grasp transitions: Tables 1 to 3"
+    assert "98.90" in inside
+    assert "31.84" in inside
+    assert "97.0 [95.0, 98.0]" in inside
+    assert "difference of pixels" in inside
+    assert "parity with the paper" in inside
+
+
+def test_saved_warnings_and_slips_and_table_4_1_are_known():
+    events = {
+        "clusters": 5, "runs": 10, "events": 4, "lead_median_s": None,
+        "lead_interval_s": [None, None], "lead_p5_s": None, "lead_p95_s": None,
+        "missed_share": 0.5, "false_alarms_per_min": 2.0, "false_alarms_poisson": [1.0, 3.0],
+        "early_share": 0.0,
+    }  # fmt: skip
+    warned = [{"name": "gel+lstm", "windows": {"balanced": 0.9, "auc": None}, "events": events,
+               "by": {"force": {"15": events}}, "thresholds": []}]  # fmt: skip
+    slips = {"trials": 150, "objects": 29, "crops_a_trial": 3, "crop": 48, "folds": 5,
+             "rows": [{"name": "ours", "trials": {"accuracy": 0.92, "auc": 0.97}}]}  # fmt: skip
+    column = {"rows": dict.fromkeys(ROWS, 0.91),
+              "pooled": {"scores": {"accuracy": 0.91}, "interval": [None, None]}}  # fmt: skip
+    teng = [{"preset": "honest", "task": "shape", "split": "session held out",
+             "columns": {"cnn2d": column}, "trivial": {"majority": 0.3}}]  # fmt: skip
+
+    assert "by force" in saved_part(warned, "w")[1]
+    assert "0.920" in saved_part(slips, "s")[1]
+    assert "0.9983" in saved_part(teng, "t")[1]
+
+
+@pytest.mark.parametrize("data", [{}, [], [{"columns": 1, "preset": 2}], {"rows": []}, 3])
+def test_a_saved_file_of_another_kind_is_refused_by_name(data: Any):
+    with pytest.raises(BadInput, match=r"x\.json"):
+        saved_part(data, "x.json")
+
+
+@pytest.mark.parametrize(
+    "rows",
+    [[], {}, 1, [{"fault": "n"}], [{**SWEEP[0], "accuracy": 1.5}], [{**SWEEP[0], "level": "a"}]],
+)
+def test_a_sweep_of_another_kind_is_refused_by_name(rows: Any):
+    with pytest.raises(BadInput, match=r"x\.json"):
+        read_sweep(rows, "x.json")
+
+
+def test_an_audit_comes_back_from_its_json():
+    from dataclasses import asdict
+
+    assert read_audit(asdict(AUDIT) | {"verdict": AUDIT.verdict}, "a.json") == AUDIT
+    with pytest.raises(BadInput, match=r"a\.json"):
+        read_audit([1], "a.json")
+
+
+def test_reliability_of_honest_probabilities_lies_on_the_diagonal():
+    rng = np.random.default_rng(0)
+    sure = rng.uniform(0.5, 1.0, 20_000)
+    found = reliability(np.stack([sure, 1 - sure], axis=1), rng.random(20_000) < sure)
+
+    assert [one.windows for one in found] == pytest.approx([4000] * 5, rel=0.1)
+    assert all(abs(one.confidence - one.accuracy) < 0.03 for one in found)
+
+
+def test_groups_to_draw_are_few_and_no_measured_figures():
+    predictions = make_run().predictions
+    assert predictions is not None
+
+    assert split_groups(predictions) == ["session", "grasp", "object"]
+
+
+def test_scores_of_a_run_know_every_session_once():
+    predictions = make_run().predictions
+    assert predictions is not None
+    own = judge(predictions)
+
+    assert sum(one.windows for one in own.by_group) == len(predictions)
+    assert own.scores.accuracy == pytest.approx(
+        sum(one.accuracy * one.windows for one in own.by_group) / len(predictions)
+    )
+    assert own.intervals["session"].groups == 3
+
+
+def test_cells_and_captions_are_escaped_and_html_is_kept():
+    assert "&lt;b&gt;" in table(["<b>"], [["<i>", Html("<u>x</u>")]])
+    assert "<u>x</u>" in table([], [[Html("<u>x</u>")]])
+    assert tag("p", "a & b") == "<p>a &amp; b</p>"
+    assert text(Html("<p>")) == "<p>"
+    assert percent(float("nan")) == percent(None) == "–"
+    assert band(float("nan"), float("nan")) == ""
+
+
+def test_a_chart_places_points_where_its_axes_say():
+    drawn = line_chart(
+        [Line(name="a", x=[0, 10], y=[0, 1], low=[0, 0.5], high=[0.5, 1])],
+        Axis(label="x", low=0, high=10),
+        Axis(label="y", low=0, high=1),
+        size=(480, 280),
+    )
+    (points,) = re.findall(r'<polyline points="([^"]+)"', drawn)
+
+    assert points == "56.0,236.0 466.0,12.0"
+    assert "<polygon" in drawn
+
+
+def test_a_value_that_is_not_finite_is_left_out_of_a_chart():
+    drawn = line_chart(
+        [Line(name="a", x=[0, 1, 2], y=[0, float("nan"), 1])],
+        Axis(label="x", low=0, high=2),
+        Axis(label="y", low=0, high=1),
+    )
+
+    assert "nan" not in drawn
+    assert "nan" not in dot_chart([Dot("a", float("nan"))]).replace("nan</text>", "")
+
+
+def test_a_matrix_shows_shares_of_the_true_class():
+    drawn = matrix(["a", "b"], [[3, 1], [0, 0]])
+
+    assert "0.75<br><small>3</small>" in drawn
+    assert "0.25<br><small>1</small>" in drawn
