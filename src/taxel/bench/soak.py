@@ -165,18 +165,11 @@ def _memory_mib(station: Station) -> float:
 
 def _hand_bundle(folder: Path) -> Path:
     """Train a small recogniser of shapes on simulated grasps; return its bundle."""
-    from dataclasses import replace
-
-    from taxel.bundles.writer import write_bundle
-    from taxel.evaluation.final import train_on_all
+    from taxel.evaluation.final import train_bundle
     from taxel.sources.data_sets import simulate_presets
     from taxel.training.recipes import find_recipe
-    from taxel.windows.dataset import load_dataset
 
     simulate_presets(folder, ("honest",), 20_000, 0)
-    recipe = replace(find_recipe("teng"), target="shape")
-    run = train_on_all(folder / "honest", recipe, {}, checkpoints=folder / "checkpoints")
-    windows = load_dataset(folder / "honest", recipe.window).windows[:500]
     path = folder / "shape.taxel"
-    write_bundle(path, run.networks, run.contract, windows.values, windows.mask)
+    train_bundle(folder / "honest", find_recipe("teng"), path)
     return path

@@ -102,19 +102,12 @@ class Demo:
         console.print(teng_sections(sections))
 
     def _bundle(self, target: str) -> Path:
-        from taxel.bundles.writer import write_bundle
-        from taxel.evaluation.final import train_on_all
+        from taxel.evaluation.final import train_bundle
         from taxel.training.recipes import find_recipe
-        from taxel.training.run import save_run
-        from taxel.windows.dataset import load_dataset
 
-        data = self.output / "honest"
         recipe = replace(find_recipe("teng"), target=target)
-        run = train_on_all(data, recipe, {}, checkpoints=self.output / "checkpoints")
-        save_run(self.output / target, run)
-        windows = load_dataset(data, recipe.window).windows[:1000]
         path = self.output / f"{target}.taxel"
-        contract = write_bundle(path, run.networks, run.contract, windows.values, windows.mask)
+        contract = train_bundle(self.output / "honest", recipe, path, self.output / target)
         console.print(
             f"  {path}: {path.stat().st_size:,} bytes, {contract.parameters:,} parameters, "
             f"differs from PyTorch by at most {contract.parity:.0e}"

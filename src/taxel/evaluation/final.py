@@ -13,13 +13,18 @@ from pathlib import Path
 
 from torch import nn
 
+from taxel.bundles.contract import Contract
+from taxel.bundles.writer import write_bundle
 from taxel.evaluation.checked import check_gate
 from taxel.models.catalogue import find_network
 from taxel.training.loop import Epoch, Labelled, fit, new_network
 from taxel.training.recipes import Recipe
-from taxel.training.run import Run, contract_of
+from taxel.training.run import Run, contract_of, save_run
 from taxel.windows.dataset import load_dataset, recut
 from taxel.windows.scaling import fit_scaling
+
+_PARITY_WINDOWS = 1000
+"""Windows that a bundle's export is compared on. Source: our choice."""
 
 
 def train_on_all(
@@ -89,6 +94,22 @@ def train_on_all(
         history=tuple(history),
         data=str(path),
     )
+
+
+def train_bundle(path: Path, recipe: Recipe, bundle: Path, run: Path | None = None) -> Contract:
+    """Train a recipe on all recordings and write its bundle; return the bundle's contract.
+
+    Args:
+        path: A folder of recordings.
+        recipe: Window, model, target and training.
+        bundle: The file to write.
+        run: A folder to keep the run in, too.
+    """
+    trained = train_on_all(path, recipe, {}, checkpoints=bundle.with_suffix(".checkpoints"))
+    if run is not None:
+        save_run(run, trained)
+    windows = load_dataset(path, recipe.window).windows[:_PARITY_WINDOWS]
+    return write_bundle(bundle, trained.networks, trained.contract, windows.values, windows.mask)
 
 
 def _job_text(recipe: Recipe, digest: str) -> str:
