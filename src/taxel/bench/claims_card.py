@@ -109,7 +109,7 @@ def all_stored() -> list[Row]:
 
 def _rows_of(data: Any, name: str) -> list[Row]:
     day = datetime.now(UTC).strftime("%Y-%m-%d")
-    stamp = f"commit {environment().get('commit', 'unknown')}, {day}, "
+    stamp = f"kept at commit {environment().get('commit', 'unknown')}, {day}, "
     try:
         if isinstance(data, dict) and {"rows", "baselines", "steps"} <= set(data):
             return _transition_rows(data, stamp + "taxel evaluate transition-tables")
@@ -211,7 +211,8 @@ def _values(links: Sequence[Link], known: Mapping[str, Row]) -> str:
     for link in links:
         row = known.get(link.row)
         if row is not None and row.value is not None:
-            said.append(f"{link.label} {_value(row)}".strip())
+            shown = f"{100 * row.value:.1f} %" if link.percent else _value(row)
+            said.append(f"{link.label} {shown}".strip())
     return ", ".join(said)
 
 

@@ -23,6 +23,8 @@ TABLE_4_1 = "Table 4.1"
 NOT_YET = "no row is stored yet"
 ONE_CUP, EVERY_CUP = "one cup held out", "every cup held out"
 RANDOM, SESSION = "random windows (leaks)", "session held out"
+_TWO_DIGITS = ("Precision", "Recall", "F1-Score")
+"""Rows that the thesis prints with two digits."""
 _STAND_IN = "efficientnet-lite0"
 """The backbone whose trained weights are at hand; the paper's four need --weights."""
 _NO_WEIGHTS = "no trained weights of this backbone at hand (--weights)"
@@ -36,6 +38,8 @@ class Link:
     """The row's name in any of the stored benches."""
     label: str = ""
     """Printed before the value, such as "shape"."""
+    percent: bool = False
+    """Print a share as per cent, as the claim is."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -102,8 +106,8 @@ def _thesis_text() -> Part:
                 where=where,
                 what=name,
                 claimed=claimed,
-                theirs=tuple(Link(row, preset) for preset, row in rows),
-                honest=(Link(_pooled(task, model)),),
+                theirs=tuple(Link(row, preset, percent=True) for preset, row in rows),
+                honest=(Link(_pooled(task, model), percent=True),),
             )
         )
     return Part(
@@ -136,7 +140,7 @@ def _thesis_table() -> Part:
                 Claim(
                     where="Table 4.1, 4.3",
                     what=f"{short} CNN: {row}",
-                    claimed=f"{values[row]:.4f}",
+                    claimed=f"{values[row]:.{2 if row in _TWO_DIGITS else 4}f}",
                     theirs=both[0],
                     honest=both[1],
                 )
