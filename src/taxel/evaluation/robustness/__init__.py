@@ -1,0 +1,1 @@
+"""Robustness curves: what a recogniser still tells when touch, sensor or surroundings get worse."""

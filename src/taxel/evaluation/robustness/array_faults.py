@@ -1,0 +1,348 @@
+"""Faults of a sensor array, made on its scans before grid, gate and windows see them.
+
+Each fault takes one recording's scans and gives what the array would have delivered: values
+as the converter would show them, times as they would be stamped, validity as a driver
+would mark it. A fault holds for the whole recording, reference touches included. Knows
+nothing about windows or models.
+
+Source: our choice of faults and levels, docs/decisions/0029; hum and its third harmonic as
+in docs/decisions/0005.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from taxel.errors import BadInput
+from taxel.signals import Samples, SensorInfo, Validity, flag_values
+
+THIRD_HARMONIC = 0.3
+"""Of the hum, as a share of it. Source: docs/decisions/0005."""
+BURST_S = 0.1
+"""Mean length of a burst of lost scans, seconds. Our choice: a USB stall."""
+_FLAGS_OF_VALUES = np.uint8(Validity.SATURATED | Validity.NOT_FINITE)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Touched:
+    """One recording's scans with what a fault must know of them."""
+
+    samples: Samples
+    sensor: SensorInfo
+    contact: NDArray[np.bool_]
+    """Shape (n,): True where something is touched."""
+    full: NDArray[np.float64]
+    """Shape (channels,): full scale; where unknown, the span of the channel's own values."""
+    lowest: NDArray[np.float64]
+    """Shape (channels,): what the converter cannot fall below: 0 where no value is negative and
+    the full scale is known, minus infinity otherwise."""
+
+
+Make = Callable[[Touched, float, np.random.Generator], Samples]
+
+
+@dataclass(frozen=True, slots=True)
+class ArrayFault:
+    """One way in which an array gets worse."""
+
+    summary: str
+    unit: str
+    levels: tuple[float, ...]
+    """The mildest first."""
+    limits: tuple[float, float]
+    """Smallest and largest level that means anything."""
+    make: Make
+    draws: int = 1
+    """Passes with other random choices, where one would say little."""
+
+
+def touched(
+    samples: Samples, sensor: SensorInfo, gate: float | None, spans: NDArray[np.float64]
+) -> Touched:
+    """Return a recording as faults need it.
+
+    Args:
+        samples: The scans.
+        sensor: The array.
+        gate: Contact threshold in the channels' unit; None takes what lies in a touch.
+        spans: Shape (touches, 2): start and end of each touch, seconds.
+    """
+    values = np.where(samples.usable, samples.values, np.nan).astype(np.float64)
+    with np.errstate(invalid="ignore"):
+        if gate is not None:
+            contact = (values > gate).any(axis=1)
+        else:
+            place = np.searchsorted(spans[:, 0], samples.fitted_s, side="right") - 1
+            contact = (place >= 0) & (samples.fitted_s <= spans[np.maximum(place, 0), 1])
+        low = np.nanmin(values, axis=0, initial=np.inf)
+        high = np.nanmax(values, axis=0, initial=-np.inf)
+    span = np.where(np.isfinite(high - low) & (high > low), high - low, 1.0)
+    known = sensor.full_scale is not None
+    full = np.full(len(span), float(sensor.full_scale)) if sensor.full_scale is not None else span
+    lowest = np.where(known & (low >= 0), 0.0, -np.inf)
+    return Touched(samples=samples, sensor=sensor, contact=contact, full=full, lowest=lowest)
+
+
+def noise(one: Touched, level: float, random: np.random.Generator) -> Samples:
+    """Normal noise on every channel; level: signal over noise, dB.
+
+    The signal is the mean square of all channels of one unit over the scans in contact.
+    """
+    values = np.where(one.samples.usable, one.samples.values, 0.0)[one.contact]
+    power = np.square(values, dtype=np.float64).mean(axis=0) if len(values) else one.full**2
+    units = np.array(one.sensor.units)
+    shared = np.array([power[units == unit].mean() for unit in units])
+    sigma = np.sqrt(shared) * 10 ** (-level / 20)
+    return _shown(
+        one, one.samples.values + random.normal(0.0, 1.0, one.samples.values.shape) * sigma
+    )
+
+
+def hum(mains_hz: float) -> Make:
+    """Return mains hum with its third harmonic; level: its peak, per cent of full scale.
+
+    Each channel has a phase of its own. Scans slower than the mains fold it to lower rates.
+    """
+
+    def make(one: Touched, level: float, random: np.random.Generator) -> Samples:
+        phase = random.uniform(0, 2 * np.pi, len(one.full))
+        turn = 2 * np.pi * mains_hz * one.samples.fitted_s[:, None] + phase
+        wave = np.sin(turn) + THIRD_HARMONIC * np.sin(3 * turn)
+        return _shown(one, one.samples.values + level / 100 * one.full * wave)
+
+    return make
+
+
+def dead(one: Touched, level: float, random: np.random.Generator) -> Samples:
+    """Channels that read 0, as a broken wire on a grounded pin; level: how many."""
+    values = one.samples.values.copy()
+    values[:, _some(one, level, random)] = 0.0
+    return _shown(one, values)
+
+
+def missing(one: Touched, level: float, random: np.random.Generator) -> Samples:
+    """Channels that are marked missing, their values NaN; level: how many."""
+    chosen = _some(one, level, random)
+    values, validity = one.samples.values.copy(), one.samples.validity.copy()
+    values[:, chosen] = np.nan
+    validity[:, chosen] |= np.uint8(Validity.MISSING | Validity.NOT_FINITE)
+    return replace(one.samples, values=values, validity=validity)
+
+
+def stuck(one: Touched, level: float, random: np.random.Generator) -> Samples:
+    """Channels that stand for ever at one of their own values in contact; level: how many."""
+    values = one.samples.values.copy()
+    rows = np.flatnonzero(one.contact)
+    row = int(random.choice(rows)) if len(rows) else 0
+    chosen = _some(one, level, random)
+    values[:, chosen] = values[row, chosen]
+    return _shown(one, values)
+
+
+def swapped(one: Touched, level: float, random: np.random.Generator) -> Samples:
+    """Pairs of channels in each other's place, as plugs are; level: how many pairs."""
+    chosen = random.permutation(len(one.full))[: 2 * round(level)]
+    columns = np.arange(len(one.full))
+    columns[chosen[0::2]], columns[chosen[1::2]] = chosen[1::2], chosen[0::2]
+    return one.samples.only(columns.tolist())
+
+
+def drift(one: Touched, level: float, random: np.random.Generator) -> Samples:
+    """A gain that fades alike in all channels; level: loss, per cent a minute."""
+    return _shown(one, one.samples.values * np.exp(-level / 100 * _minutes(one))[:, None])
+
+
+def channel_drift(one: Touched, level: float, random: np.random.Generator) -> Samples:
+    """A gain that drifts in each channel at its own rate, up or down; level: per cent a minute.
+
+    Rates are drawn evenly between minus and plus the level.
+    """
+    rate = random.uniform(-1.0, 1.0, len(one.full)) * level / 100
+    return _shown(one, one.samples.values * np.exp(_minutes(one)[:, None] * rate))
+
+
+def skew(one: Touched, level: float, random: np.random.Generator) -> Samples:
+    """A board whose clock is slow, so that its scans lie further apart; level: ppm.
+
+    The host's clock fit knows their true times; where scans are rows, windows last longer.
+    """
+    time_s = one.samples.fitted_s
+    step = 1.0 + level * 1e-6
+    count = int((len(time_s) - 1) / step) + 1
+    place = np.arange(count) * step
+    index = np.arange(len(time_s))
+    taken_s = np.interp(place, index, time_s)
+    part = one.samples[np.floor(place).astype(np.intp)]
+    return replace(
+        _shown(replace(one, samples=part), _at(one.samples.values, place)),
+        counter=np.arange(count, dtype=np.int64),
+        fitted_s=taken_s,
+        arrival_s=np.interp(place, index, one.samples.arrival_s),
+    )
+
+
+def jitter(one: Touched, level: float, random: np.random.Generator) -> Samples:
+    """Scans that are taken at uneven moments but stamped evenly; level: deviation, ms."""
+    period_s = 1.0 / one.sensor.rate_hz
+    n = len(one.samples)
+    place = np.arange(n) + random.normal(0.0, level / 1000 / period_s, n)
+    return _shown(one, _at(one.samples.values, np.clip(place, 0, n - 1)))
+
+
+def loss(one: Touched, level: float, random: np.random.Generator) -> Samples:
+    """Single scans that never arrive; level: per cent of all."""
+    return one.samples[random.random(len(one.samples)) >= level / 100]
+
+
+def burst_loss(one: Touched, level: float, random: np.random.Generator) -> Samples:
+    """Scans lost in bursts of 0.1 s on average; level: per cent of all."""
+    n, share = len(one.samples), level / 100
+    mean = max(1.0, BURST_S * one.sensor.rate_hz)
+    kept = np.ones(n, bool)
+    at = 0
+    while share > 0 and at < n:  # bursts and the stretches between them, both geometric
+        at += int(random.geometric(min(1.0, share / (1 - share) / mean)))
+        length = int(random.geometric(1.0 / mean))
+        kept[at : at + length] = False
+        at += length
+    return one.samples[kept]
+
+
+def offset(one: Touched, level: float, random: np.random.Generator) -> Samples:
+    """A baseline that stands too high in all channels; level: per cent of full scale."""
+    return _shown(one, one.samples.values + level / 100 * one.full)
+
+
+def saturation(one: Touched, level: float, random: np.random.Generator) -> Samples:
+    """A converter whose range ends early; level: per cent of full scale that is missing.
+
+    Values at its new end are marked saturated. Without a known full scale the range of each
+    channel's own values is what shrinks.
+    """
+    good = np.where(one.samples.usable, one.samples.values, -np.inf)
+    top = one.full if one.sensor.full_scale is not None else good.max(axis=0, initial=-np.inf)
+    end = (top - level / 100 * one.full).astype(np.float32)
+    values = np.minimum(one.samples.values, end)
+    validity = one.samples.validity.copy()
+    validity[one.samples.usable & (values >= end)] |= np.uint8(Validity.SATURATED)
+    return replace(one.samples, values=values, validity=validity)
+
+
+ARRAY_FAULTS: Mapping[str, ArrayFault] = {
+    "noise": ArrayFault(
+        "normal noise, signal over noise", "dB", (40, 30, 25, 20, 15, 10, 5), (-20, 80), noise
+    ),
+    "hum": ArrayFault(
+        "mains hum of 50 Hz with its third harmonic",
+        "% of full scale",
+        (0.5, 1, 2, 5, 10),
+        (0, 100),
+        hum(50.0),
+    ),
+    "hum-60": ArrayFault(
+        "mains hum of 60 Hz with its third harmonic",
+        "% of full scale",
+        (0.5, 1, 2, 5, 10),
+        (0, 100),
+        hum(60.0),
+    ),
+    "dead": ArrayFault("channels that read 0", "channels", (1, 2, 3, 4), (0, 4096), dead, 4),
+    "missing": ArrayFault("channels marked missing", "channels", (1, 2, 3, 4), (0, 4096), missing),
+    "stuck": ArrayFault(
+        "channels that stand at one value", "channels", (1, 2, 3, 4), (0, 4096), stuck, 4
+    ),
+    "swapped": ArrayFault(
+        "pairs of channels in each other's place", "pairs", (1, 2, 3), (0, 2048), swapped, 4
+    ),
+    "drift": ArrayFault(
+        "gain that fades in all channels", "%/min", (0.5, 1, 2, 5, 10), (-100, 100), drift
+    ),
+    "channel-drift": ArrayFault(
+        "gain that drifts in each channel",
+        "%/min",
+        (0.5, 1, 2, 5, 10),
+        (0, 100),
+        channel_drift,
+        2,
+    ),
+    "skew": ArrayFault(
+        "a clock that is slow", "ppm", (100, 1000, 10_000, 50_000), (0, 500_000), skew
+    ),
+    "jitter": ArrayFault(
+        "uneven scans, stamped evenly", "ms", (1, 2, 5, 10, 20), (0, 10_000), jitter
+    ),
+    "loss": ArrayFault("single scans lost", "%", (1, 5, 10, 20, 40), (0, 99), loss),
+    "burst-loss": ArrayFault(
+        "scans lost in bursts of 0.1 s", "%", (1, 5, 10, 20, 40), (0, 90), burst_loss
+    ),
+    "offset": ArrayFault(
+        "a baseline too high", "% of full scale", (1, 2, 5, 10, 20), (-100, 100), offset
+    ),
+    "saturation": ArrayFault(
+        "a range that ends early", "% of full scale", (5, 10, 20, 30, 40), (0, 100), saturation
+    ),
+}
+"""Name → fault."""
+
+
+def find_array_fault(name: str) -> ArrayFault:
+    """Return a fault by name.
+
+    Raises:
+        BadInput: There is none of this name.
+    """
+    if name not in ARRAY_FAULTS:
+        known = "; ".join(f"{key} ({one.summary}, {one.unit})" for key, one in ARRAY_FAULTS.items())
+        raise BadInput(f"faults among {known}", repr(name), "name one of them")
+    return ARRAY_FAULTS[name]
+
+
+def check_level(name: str, fault: ArrayFault, level: float, channels: int) -> None:
+    """Refuse a level that means nothing.
+
+    Raises:
+        BadInput: It lies outside the fault's limits, or asks for more channels than there are.
+    """
+    low, high = fault.limits
+    if fault.unit == "channels":
+        high = channels
+    if fault.unit == "pairs":
+        high = channels // 2
+    whole = fault.unit not in ("channels", "pairs") or level == round(level)
+    if not (low <= level <= high and whole):
+        words = "whole numbers" if fault.unit in ("channels", "pairs") else "levels"
+        raise BadInput(
+            f"{words} of {name} within {low:g} and {high:g} {fault.unit}",
+            f"{level:g}", "choose others with --levels",
+        )  # fmt: skip
+
+
+def _shown(one: Touched, values: NDArray[np.floating]) -> Samples:
+    """Return the scans with other values, as the converter would show and mark them."""
+    limit = np.inf if one.sensor.full_scale is None else one.sensor.full_scale
+    shown = np.clip(values, one.lowest, limit).astype(np.float32)
+    kept = one.samples.validity & ~_FLAGS_OF_VALUES
+    return replace(
+        one.samples, values=shown, validity=kept | flag_values(shown, one.sensor.full_scale)
+    )
+
+
+def _some(one: Touched, level: float, random: np.random.Generator) -> NDArray[np.intp]:
+    """Return the columns of some channels, chosen at random."""
+    return np.asarray(random.permutation(len(one.full))[: round(level)], np.intp)
+
+
+def _minutes(one: Touched) -> NDArray[np.float64]:
+    return np.asarray((one.samples.fitted_s - one.samples.fitted_s[0]) / 60.0)
+
+
+def _at(values: NDArray[np.float32], place: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return values between scans, by straight lines; place in scans, shape (m,)."""
+    before = np.floor(place).astype(np.intp)
+    after = np.minimum(before + 1, len(values) - 1)
+    share = (place - before)[:, None]
+    return np.asarray((1 - share) * values[before] + share * values[after])

@@ -1,0 +1,104 @@
+"""A recogniser's accuracy over faults of its array: one point a fault and level.
+
+Knows nothing about files, screens or how recognisers are trained.
+"""
+
+from __future__ import annotations
+
+import zlib
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from taxel.decisions.recognition import RecogniseConfig
+from taxel.evaluation.robustness.array_faults import (
+    ARRAY_FAULTS,
+    ArrayFault,
+    Touched,
+    check_level,
+    find_array_fault,
+    touched,
+)
+from taxel.evaluation.robustness.curve import CLEAN, Answers, Point, point_of
+from taxel.evaluation.robustness.touches import ANSWER_ALL, Model, Recorded, judge
+
+
+def sweep_array(
+    model: Model,
+    touches: Sequence[Recorded],
+    plan: Mapping[str, Sequence[float]],
+    *,
+    config: RecogniseConfig = ANSWER_ALL,
+    seed: int = 0,
+    on_point: Callable[[Point], None] = lambda _: None,
+) -> list[Point]:
+    """Return the point without faults, then one a fault and level.
+
+    Args:
+        model: What tells.
+        touches: Recordings that it was not trained on.
+        plan: Fault → levels, as `plan_array` gives them.
+        config: When an answer may be given.
+        seed: Seed of everything that a fault draws.
+        on_point: Called with each point.
+
+    Raises:
+        BadInput: A fault or level is unknown.
+        BadBundle, BadDataset: As `judge` says.
+    """
+    points: list[Point] = []
+
+    def add(answers: Answers, fault: str, level: float, unit: str) -> None:
+        points.append(point_of(answers, fault, level, unit))
+        on_point(points[-1])
+
+    add(judge(model, touches, config), CLEAN, 0.0, "")
+    known = [_touched(one, model.contract.window.gate) for one in touches]
+    for name, levels in plan.items():
+        fault = find_array_fault(name)
+        for level in levels:
+            check_level(name, fault, level, len(known[0].full))
+            passes = [
+                judge(model, list(_faulted(touches, known, name, fault, level, seed, draw)), config)
+                for draw in range(fault.draws)
+            ]
+            add(Answers.join(passes), name, level, fault.unit)
+    return points
+
+
+def plan_array(
+    faults: Sequence[str] = (), levels: Sequence[float] = ()
+) -> dict[str, tuple[float, ...]]:
+    """Return fault → levels.
+
+    Args:
+        faults: Names; all unless given.
+        levels: For every fault named; each fault's own unless given.
+
+    Raises:
+        BadInput: A fault is unknown.
+    """
+    names = faults or tuple(ARRAY_FAULTS)
+    return {name: tuple(levels) or find_array_fault(name).levels for name in names}
+
+
+def _faulted(
+    touches: Sequence[Recorded],
+    known: Sequence[Touched],
+    name: str,
+    fault: ArrayFault,
+    level: float,
+    seed: int,
+    draw: int,
+) -> Iterator[Recorded]:
+    """Yield the recordings with the fault; what it draws is the same at every level."""
+    for index, (one, about) in enumerate(zip(touches, known, strict=True)):
+        random = np.random.default_rng([seed, draw, index, zlib.crc32(name.encode())])
+        samples = fault.make(about, level, random)
+        yield replace(one, samples=samples)
+
+
+def _touched(one: Recorded, gate: float | None) -> Touched:
+    spans = np.array([(trial.start_s, trial.end_s) for trial in one.trials])
+    return touched(one.samples, one.sensor, gate, spans)

@@ -1,0 +1,173 @@
+"""One point of a robustness curve: how bad it was, and what was still told right.
+
+Knows nothing about faults, recordings or models.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from taxel.evaluation.metrics import accuracy_interval, by_trial
+
+CLEAN = "none"
+"""Name of the point without any fault."""
+FALL = 0.05
+"""Loss of accuracy at which a fault counts as reached, 0…1. Source: docs/decisions/0029."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Point:
+    """What is told at one level of one fault."""
+
+    fault: str
+    """Its name; "none" where nothing was changed."""
+    level: float
+    """How bad, in `unit`."""
+    unit: str
+    accuracy: float
+    """Share right of the windows that were answered, 0…1; of cameras: balanced over stable and
+    unstable moments. NaN where none was."""
+    low: float
+    """95 % interval by resampling whole sessions or cups; NaN where there is one only."""
+    high: float
+    answered: float
+    """Share of the windows that were answered, not UNKNOWN, 0…1; NaN without windows."""
+    windows: int
+    """Windows (of cameras: moments) inside a touch of known kind."""
+    grasps: float
+    """Share right of all grasps, each by its answered windows joined; one of which nothing was
+    answered is not right. Of cameras: share of gross slips warned of before they happened. NaN
+    where there is none."""
+    told: float
+    """Share of the grasps (of cameras: recordings) of which anything was answered, 0…1."""
+    outside: float
+    """Windows cut where nothing was touched, a minute of recording; of cameras: false alarms a
+    minute of grasps that hold."""
+
+
+@dataclass(frozen=True, slots=True)
+class Answers:
+    """What a recogniser told of a set of recordings."""
+
+    y: NDArray[np.intp]
+    """Shape (n,): true class of each window."""
+    probabilities: NDArray[np.float64]
+    """Shape (n, classes)."""
+    answered: NDArray[np.bool_]
+    """Shape (n,): False where live the answer is UNKNOWN."""
+    trial: NDArray[np.intp]
+    """Shape (n,): each window's touch."""
+    session: NDArray[np.str_]
+    """Shape (n,)."""
+    grasps: NDArray[np.str_]
+    """Shape (touches,): the session of each touch that was to be told, windows or not."""
+    outside: int
+    """Windows cut outside any touch."""
+    minutes: float
+    """Length of the recordings."""
+
+    @staticmethod
+    def join(parts: Sequence[Answers]) -> Answers:
+        """Return the answers of several passes over the same recordings as one."""
+        return Answers(
+            np.concatenate([one.y for one in parts]),
+            np.concatenate([one.probabilities for one in parts]),
+            np.concatenate([one.answered for one in parts]),
+            _apart([one.trial for one in parts]),
+            np.concatenate([one.session for one in parts]),
+            np.concatenate([one.grasps for one in parts]),
+            sum(one.outside for one in parts),
+            sum(one.minutes for one in parts),
+        )
+
+    @property
+    def right(self) -> NDArray[np.bool_]:
+        """Shape (n,): True where the likeliest class is the true one."""
+        found: NDArray[np.bool_] = self.probabilities.argmax(axis=1) == self.y
+        return found
+
+    def right_grasps(self) -> NDArray[np.bool_]:
+        """Return whether each grasp with an answered window is told right by all of them."""
+        told = self.answered
+        if not told.any():
+            return np.zeros(0, bool)
+        _, y, joined = by_trial(self.trial[told], self.y[told], self.probabilities[told])
+        right: NDArray[np.bool_] = joined.argmax(axis=1) == y
+        return right
+
+
+def point_of(answers: Answers, fault: str, level: float, unit: str) -> Point:
+    """Return the point that answers make."""
+    told, right = answers.answered, answers.right
+    low, high = float("nan"), float("nan")
+    if told.any():
+        low, high = accuracy_interval(right[told], answers.session[told])
+    whole, grasps = answers.right_grasps(), len(answers.grasps)
+    return Point(
+        fault=fault,
+        level=level,
+        unit=unit,
+        accuracy=_mean(right[told]),
+        low=low,
+        high=high,
+        answered=_mean(told),
+        windows=len(told),
+        grasps=int(whole.sum()) / grasps if grasps else float("nan"),
+        told=len(whole) / grasps if grasps else float("nan"),
+        outside=answers.outside / answers.minutes if answers.minutes else float("nan"),
+    )
+
+
+def reached(points: Sequence[Point], base: float, fall: float = FALL) -> float | None:
+    """Return the first level at which accuracy has fallen, by straight lines between points.
+
+    Args:
+        points: Of one fault, the mildest first.
+        base: Accuracy without the fault, 0…1.
+        fall: How far, 0…1.
+
+    Returns:
+        None where it never falls so far within the levels, or where nothing is answered.
+    """
+    level, value = None, base
+    for one in points:
+        if np.isnan(one.accuracy):
+            return None
+        if one.accuracy <= base - fall:
+            if level is None:
+                return one.level
+            share = (value - (base - fall)) / (value - one.accuracy)
+            return level + share * (one.level - level)
+        level, value = one.level, one.accuracy
+    return None
+
+
+def fall_text(points: Sequence[Point], base: float) -> str:
+    """Return in words where accuracy has fallen by five points, or answers end.
+
+    Args:
+        points: Of one fault, the mildest first.
+        base: Accuracy without the fault, 0…1.
+    """
+    unit = points[0].unit
+    level = reached(points, base)
+    if level is not None:
+        return f"{level:.3g} {unit}"
+    silent = [one.level for one in points if np.isnan(one.accuracy)]
+    if silent:
+        return f"not before {silent[0]:g} {unit}, where nothing is answered"
+    return f"not up to {points[-1].level:g} {unit}"
+
+
+def _mean(flags: NDArray[np.bool_]) -> float:
+    return float(flags.mean()) if len(flags) else float("nan")
+
+
+def _apart(numbers: list[NDArray[np.intp]]) -> NDArray[np.intp]:
+    """Return the numbers of several passes, none shared between two passes."""
+    top = 1 + max((int(one.max()) for one in numbers if len(one)), default=0)
+    return np.concatenate([one + index * top for index, one in enumerate(numbers)])

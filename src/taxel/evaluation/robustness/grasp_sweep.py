@@ -1,0 +1,237 @@
+"""What a grasp bundle still tells over faults of its cameras: by moment, and by slip.
+
+Each recording is watched by the live path itself, frame by frame. Knows nothing about how
+bundles are trained.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import re
+import zlib
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from taxel.bundles.grasp import GraspBundle, read_grasp_bundle
+from taxel.decisions.stability import Stability
+from taxel.errors import BadDataset, BadInput
+from taxel.evaluation.events import RESAMPLES, RunOutcome, StateTrack, judge
+from taxel.evaluation.robustness.curve import CLEAN, Point
+from taxel.evaluation.robustness.image_faults import IMAGE_FAULTS, find_image_fault
+from taxel.evaluation.transition_data import truth_moments
+from taxel.labels.rules import RULES
+from taxel.labels.slip import label_truth
+from taxel.live.grasp_monitor import GraspMonitor
+from taxel.processes import side_by_side
+from taxel.recordings.reader import iterate_frames
+from taxel.signals import Frame
+from taxel.sim.pour_state import TRUTH_CHANNELS
+from taxel.training.frame_labels import truth_of
+from taxel.windows.pairs import FramePairer
+from taxel.windows.pours import Pour
+
+ALARMS = (Stability.WARNING, Stability.UNSTABLE)
+_SLIP_RULE = re.compile(r"slip > (\d+(?:\.\d+)?) um")
+
+
+@dataclass(frozen=True, slots=True)
+class Watched:
+    """What was told of one recording."""
+
+    cup: str
+    """What is resampled: the cup, or the recording where none is named."""
+    unstable: NDArray[np.bool_]
+    """Shape (n,): truly unstable, at each moment since the first answer was possible."""
+    states: NDArray[np.int8]
+    """Shape (n,): numbers of `Stability`."""
+    outcome: RunOutcome
+
+
+def watch(
+    bundle: GraspBundle,
+    pour: Pour,
+    fault: str = CLEAN,
+    level: float = 0.0,
+    seed: int = 0,
+) -> Watched:
+    """Return what a bundle tells of one recording with one fault.
+
+    Args:
+        bundle: Features, head and thresholds.
+        pour: A recording with the physics truth.
+        fault: Name of a fault, or "none".
+        level: In the fault's unit.
+        seed: Of what the fault draws; the same draws at every level.
+
+    Raises:
+        BadBundle: The bundle was not made for such cameras.
+        BadDataset: The recording has no truth.
+    """
+    frames: Iterable[Frame] = iterate_frames(pour.path)
+    if fault != CLEAN:
+        words = [seed, zlib.crc32(fault.encode()), zlib.crc32(pour.name.encode())]
+        frames = find_image_fault(fault).make(frames, level, np.random.default_rng(words))
+    monitor = GraspMonitor(bundle, pour.cameras)
+    pairer = FramePairer(len(pour.cameras))
+    times, states = [], []
+    for frame in frames:
+        monitor.see(frame)
+        found = pairer.push(frame)
+        if found is None:
+            continue
+        answer = monitor.push(found)
+        times.append(answer.time_s)
+        states.append(int(answer.decision.state))
+    if len(times) < 2:
+        times, states = (
+            [float(pour.time_s[0]), float(pour.time_s[-1])],
+            [int(Stability.UNKNOWN)] * 2,
+        )
+    time_s, told = np.array(times), np.array(states, np.int8)
+    first = max(bundle.contract.settle[1], bundle.contract.frames)
+    judged = time_s >= pour.time_s[min(first, len(pour) - 1)]
+    true = truth_labels(pour, bundle.contract.rule)
+    place = np.searchsorted(pour.time_s, time_s + 1e-6, side="right") - 1
+    onset_s, event_s = truth_moments(pour)
+    outcome = judge(StateTrack(states=told, time_s=time_s, onset_s=onset_s, event_s=event_s,
+                               groups=pour.groups))  # fmt: skip
+    return Watched(
+        pour.groups.get("cup", pour.name),
+        true[np.maximum(place, 0)][judged],
+        told[judged],
+        outcome,
+    )
+
+
+def truth_labels(pour: Pour, rule: str) -> NDArray[np.bool_]:
+    """Return the moments that a bundle's rule calls unstable, shape (n,).
+
+    Raises:
+        BadDataset: The recording has no truth.
+        BadInput: The rule looks at images: a fault would change what is right.
+    """
+    truth = truth_of(pour)
+    own = _SLIP_RULE.fullmatch(rule)
+    if own is not None:
+        return np.asarray(truth[:, TRUTH_CHANNELS.index("slip")] > float(own[1]))
+    if rule not in RULES or RULES[rule].needs != "truth":
+        raise BadInput(
+            "a bundle whose rule is slip, told by physics truth", repr(rule),
+            "train one with --rule gross-slip",
+        )  # fmt: skip
+    return label_truth(truth, rule).astype(bool)
+
+
+def sweep_grasps(
+    bundle_file: Path,
+    pours: Sequence[Pour],
+    plan: Mapping[str, Sequence[float]],
+    *,
+    seed: int = 0,
+    workers: int = 1,
+    on_point: Callable[[Point], None] = lambda _: None,
+) -> list[Point]:
+    """Return the point without faults, then one a fault and level.
+
+    Args:
+        bundle_file: The grasp bundle.
+        pours: Recordings with physics truth of cups that it was not trained on.
+        plan: Fault → levels, as `plan_images` gives them.
+        seed: Seed of everything that a fault draws.
+        workers: Processes at a time.
+        on_point: Called with each point.
+
+    Raises:
+        BadInput: A fault or level is unknown.
+        BadBundle, BadDataset: As `watch` says.
+    """
+    if not pours:
+        raise BadDataset("recordings of tactile cameras", "none", "name others with --data")
+    points: list[Point] = []
+    levels = [(CLEAN, 0.0, "")]
+    for name, own in plan.items():
+        fault = find_image_fault(name)
+        for level in own:
+            low, high = fault.limits
+            if not low <= level <= high:
+                raise BadInput(
+                    f"levels of {name} within {low:g} and {high:g} {fault.unit}",
+                    f"{level:g}", "choose others with --levels",
+                )  # fmt: skip
+            levels.append((name, level, fault.unit))
+    for name, level, unit in levels:
+        jobs = [(bundle_file, pour, name, level, seed) for pour in pours]
+        points.append(grasp_point(side_by_side(_watch, jobs, workers=workers), name, level, unit))
+        on_point(points[-1])
+    return points
+
+
+def pours_digest(pours: Sequence[Pour]) -> str:
+    """Return the digest that a bundle trained on just these recordings holds."""
+    return hashlib.sha256("".join(pour.digest for pour in pours).encode()).hexdigest()
+
+
+def plan_images(
+    faults: Sequence[str] = (), levels: Sequence[float] = ()
+) -> dict[str, tuple[float, ...]]:
+    """Return fault → levels; all faults, or each fault's own levels, unless given.
+
+    Raises:
+        BadInput: A fault is unknown.
+    """
+    names = faults or tuple(IMAGE_FAULTS)
+    return {name: tuple(levels) or find_image_fault(name).levels for name in names}
+
+
+def grasp_point(watched: Sequence[Watched], fault: str, level: float, unit: str) -> Point:
+    """Return the point that watched recordings make; its interval resamples cups."""
+    cups = sorted({one.cup for one in watched})
+    counts = np.zeros((len(cups), 4))  # right and all, of unstable and of stable moments
+    moments = answered = 0
+    for one in watched:
+        told = one.states != Stability.UNKNOWN
+        alarm = np.isin(one.states, ALARMS)
+        moments, answered = moments + len(told), answered + int(told.sum())
+        row = counts[cups.index(one.cup)]
+        row += [
+            (alarm & one.unstable & told).sum(), (one.unstable & told).sum(),
+            (~alarm & ~one.unstable & told).sum(), (~one.unstable & told).sum(),
+        ]  # fmt: skip
+    drawn = np.random.default_rng(0).integers(0, len(cups), (RESAMPLES, len(cups)))
+    low, high = float("nan"), float("nan")
+    if len(cups) > 1:
+        shares = _balanced(counts[drawn].sum(axis=1))
+        shares = shares[np.isfinite(shares)]
+        if len(shares):
+            low, high = (float(bound) for bound in np.percentile(shares, [2.5, 97.5]))
+    events = [one.outcome for one in watched if one.outcome.event]
+    held = [one.outcome for one in watched if not one.outcome.event]
+    minutes = sum(one.judged_s for one in held) / 60
+    return Point(
+        fault=fault,
+        level=level,
+        unit=unit,
+        accuracy=float(_balanced(counts.sum(axis=0)[None])[0]),
+        low=low,
+        high=high,
+        answered=answered / moments if moments else float("nan"),
+        windows=moments,
+        grasps=float(np.mean([not one.missed for one in events])) if events else float("nan"),
+        told=float(np.mean([(one.states != Stability.UNKNOWN).any() for one in watched])),
+        outside=sum(one.false_alarms for one in held) / minutes if minutes else float("nan"),
+    )
+
+
+def _balanced(counts: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return balanced accuracy of counts (…, 4); NaN where a side is missing."""
+    with np.errstate(invalid="ignore", divide="ignore"):
+        return np.asarray(0.5 * (counts[..., 0] / counts[..., 1] + counts[..., 2] / counts[..., 3]))
+
+
+def _watch(file: Path, pour: Pour, fault: str, level: float, seed: int) -> Watched:
+    """Watch one recording in a process of its own, to which no open bundle can be handed."""
+    return watch(read_grasp_bundle(file), pour, fault, level, seed)

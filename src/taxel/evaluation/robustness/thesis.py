@@ -1,0 +1,37 @@
+"""What the TENG thesis says of real-world trials, to stand beside ours.
+
+Source: TENG thesis, sections 4.3 and 4.4; its text has no table of them, and no number a
+condition. Knows nothing about how ours were measured.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True, slots=True)
+class Claim:
+    """One sentence of the thesis, as a number where it gives one."""
+
+    what: str
+    section: str
+    published: str
+    conditions: tuple[str, ...]
+    """Conditions of ours that stand beside it; empty where nothing of ours can."""
+
+
+CLAIMS: tuple[Claim, ...] = (
+    Claim(
+        "shape and material, 20 to 35 °C, changing light, now and then dust or moisture", "4.4",
+        "above 95 %", ("temperature", "dust", "moisture"),
+    ),
+    Claim(
+        "misclassified, for altered surfaces or extreme temperatures", "4.4",
+        "below 3 % of trials", ("temperature", "dust", "moisture"),
+    ),
+    Claim("moving objects (conveyor belt)", "4.1", "“remains robust”, no number", ("moving",)),
+    Claim("changing light", "4.4", "within the first line", ()),
+)  # fmt: skip
+"""In the thesis's order of weight. Light does not reach a triboelectric pad: no row of ours."""
+LEAST = 0.95
+"""Accuracy that section 4.4 claims, 0…1."""

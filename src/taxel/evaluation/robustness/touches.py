@@ -1,0 +1,270 @@
+"""Recorded touch under test, and what a recogniser tells of it: as live, before anything is cut.
+
+The same grid, gate, windows and validity as live; windows with input that cannot be used
+are UNKNOWN. A session is brought to the recogniser's level by its own reference touches.
+Knows nothing about faults.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from taxel.bundles.contract import Contract
+from taxel.bundles.reader import Bundle
+from taxel.decisions.recognition import RecogniseConfig
+from taxel.errors import BadDataset
+from taxel.evaluation.crossval import Job, fit_model
+from taxel.evaluation.robustness.curve import Answers
+from taxel.labels.trials import Trial, trials_of
+from taxel.recordings.manifest import Manifest
+from taxel.recordings.reader import list_recordings, read_recording
+from taxel.signals import Mark, Samples, SensorInfo
+from taxel.training.recipes import Recipe
+from taxel.training.run import contract_of
+from taxel.windows.dataset import load_dataset, recut
+from taxel.windows.reference import ReferenceTouches, parse_reference, touch_level
+from taxel.windows.windower import Windows, cut_windows
+
+ANSWER_ALL = RecogniseConfig(least_confidence=0.0)
+"""UNKNOWN only for input that cannot be used, so that curves of any number of classes compare.
+Source: our choice, docs/decisions/0029."""
+_TIME_SLACK_S = 1e-6
+"""A window this little outside its touch still belongs to it, seconds: hides float rounding."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Recorded:
+    """One recording of an array, with its touches."""
+
+    samples: Samples
+    sensor: SensorInfo
+    trials: tuple[Trial, ...]
+
+    @property
+    def session(self) -> str:
+        """The session that all of it belongs to; the recording where none is named."""
+        groups = self.trials[0].groups
+        return groups.get("session", groups["recording"])
+
+
+@dataclass(frozen=True, slots=True)
+class Model:
+    """Whatever turns windows into probabilities, with what it needs and gives."""
+
+    contract: Contract
+    probabilities: Callable[
+        [NDArray[np.float32], NDArray[np.bool_]], NDArray[np.float32] | NDArray[np.float64]
+    ]
+    """(unscaled windows (n, steps, channels), mask (n, steps)) → (n, classes)."""
+
+
+def bundle_model(bundle: Bundle) -> Model:
+    """Return a bundle as what is judged."""
+    return Model(bundle.contract, bundle.probabilities)
+
+
+def train_model(path: Path, recipe: Recipe) -> Model:
+    """Train a recipe on all recordings of a folder.
+
+    Raises:
+        BadDataset: The recordings do not make such a data set.
+    """
+    dataset = load_dataset(path, recipe.window, target=recipe.target)
+    source = dataset
+    if recipe.train_stride is not None:
+        rows = recipe.train_steps or recipe.window.steps
+        source = recut(path, dataset, recipe.train_stride, rows)
+    classes = len(dataset.classes(recipe.target))
+    job = Job(model=recipe.model, target=recipe.target, train=recipe.train, members=recipe.members)
+    fitted = fit_model(
+        source.windows, source.class_numbers(recipe.target), classes,
+        dataset.sensor.full_scale, job, steps=recipe.window.steps,
+    )  # fmt: skip
+    networks = fitted.model if isinstance(fitted.model, tuple) else ()
+    contract = contract_of(dataset, recipe.target, recipe.model, networks, fitted.scaling, {})
+    return Model(contract, fitted.probabilities)
+
+
+def read_touches(path: Path) -> tuple[list[Recorded], str]:
+    """Return a folder's recordings, and the digest that a data set of them has.
+
+    Raises:
+        BadRecording: One is damaged.
+        BadDataset: None holds scans.
+    """
+    found, digest = [], hashlib.sha256()
+    for file in list_recordings(path):
+        recording = read_recording(file)
+        digest.update(recording.samples.values.tobytes())
+        if len(recording.samples):
+            found.append(recorded(file, recording.manifest, recording.samples, recording.marks))
+    if not found:
+        raise BadDataset("recordings of an array", f"none with scans in {path}", "name others")
+    return found, digest.hexdigest()
+
+
+def recorded(file: Path, manifest: Manifest, samples: Samples, marks: list[Mark]) -> Recorded:
+    """Return one recording under test."""
+    first_s, last_s = float(samples.fitted_s[0]), float(samples.fitted_s[-1])
+    trials = trials_of(file, manifest, marks, first_s, last_s)
+    return Recorded(samples=samples, sensor=manifest.sensor, trials=tuple(trials))
+
+
+def judge(
+    model: Model, touches: Sequence[Recorded], config: RecogniseConfig = ANSWER_ALL
+) -> Answers:
+    """Return what a model tells of recordings.
+
+    Reference touches of a bundle that needs them set each session's level and are not judged.
+    Touches of a kind that the model does not know are left out.
+
+    Args:
+        model: What tells.
+        touches: The recordings.
+        config: When an answer may be given.
+
+    Raises:
+        BadBundle: The model was not made for such an array.
+        BadDataset: A touch lacks the target, no touch is of a known kind, or a session has
+            too few reference touches.
+    """
+    contract = model.contract
+    number = {name: index for index, name in enumerate(contract.classes)}
+    sessions: dict[str, list[_Cut]] = {}
+    outside, seconds = 0, 0.0
+    for one in touches:
+        contract.check_sensor(one.sensor)
+        windows = cut_windows(one.samples, contract.window, one.sensor)
+        owner = _owners(windows, one.trials)
+        outside += int((owner < 0).sum())
+        seconds += float(one.samples.fitted_s[-1] - one.samples.fitted_s[0])
+        sessions.setdefault(one.session, []).append(_Cut(windows, owner, one.trials))
+    parts, grasps = [], []
+    told = 0
+    for name, cuts in sessions.items():
+        factor, used = _level(contract, name, cuts)
+        for cut, reference in zip(cuts, used, strict=True):
+            labels = [_label(trial, contract.target) for trial in cut.trials]
+            y = np.array([number.get(label, -1) for label in labels], np.intp)
+            y[reference] = -1
+            kept = (cut.owner >= 0) & (y[cut.owner] >= 0)
+            parts.append(
+                _told(model, cut.windows[kept], y[cut.owner[kept]], cut.owner[kept] + told,
+                      name, factor, config)
+            )  # fmt: skip
+            grasps += [name] * int((y >= 0).sum())
+            told += len(cut.trials)
+    if not grasps:
+        raise BadDataset(
+            f"touches of a {contract.target} that the bundle knows: {', '.join(contract.classes)}",
+            "none beside reference touches", "choose recordings of those",
+        )  # fmt: skip
+    y, found, answered, trial, session = (
+        np.concatenate(arrays) for arrays in zip(*parts, strict=True)
+    )
+    return Answers(
+        y, found, answered, trial, session, np.array(grasps), outside, seconds / 60
+    )  # fmt: skip
+
+
+@dataclass(frozen=True, slots=True)
+class _Cut:
+    windows: Windows
+    owner: NDArray[np.intp]
+    trials: tuple[Trial, ...]
+
+
+def _told(
+    model: Model,
+    windows: Windows,
+    y: NDArray[np.intp],
+    trial: NDArray[np.intp],
+    session: str,
+    factor: NDArray[np.float32] | None,
+    config: RecogniseConfig,
+) -> tuple[NDArray[np.intp], NDArray[np.float64], NDArray[np.bool_], NDArray[np.intp],
+           NDArray[np.str_]]:  # fmt: skip
+    """Return class, probabilities, whether answered, touch and session of each window."""
+    found = np.zeros((len(windows), len(model.contract.classes)))
+    answered = (windows.usable >= config.least_usable) & (
+        windows.saturated <= config.most_saturated
+    )
+    if factor is None:
+        answered[:] = False
+    elif len(windows):
+        values = (windows.values * factor).astype(np.float32)
+        found = np.asarray(model.probabilities(values, windows.mask), np.float64)
+        with np.errstate(invalid="ignore"):
+            answered &= found.max(axis=1) >= config.least_confidence
+        answered &= np.isfinite(found).all(axis=1)
+    return y, np.nan_to_num(found), answered, trial, np.full(len(y), session)
+
+
+def _level(
+    contract: Contract, session: str, cuts: Sequence[_Cut]
+) -> tuple[NDArray[np.float32] | None, list[list[int]]]:
+    """Return what a session's values are multiplied by, and which touches told it.
+
+    None where its reference touches give no window that can be used: nothing can be told then.
+    """
+    unused: list[list[int]] = [[] for _ in cuts]
+    if contract.reference is None or contract.window.reference is None:
+        return np.ones(1, np.float32), unused
+    touches = parse_reference(contract.window.reference)
+    first = _first_touches(cuts, touches)
+    if len(first) < touches.count:
+        raise BadDataset(
+            f"{touches.count} touches of {touches.key}={touches.value} in each session",
+            f"{len(first)} in {session}", "record them, or use a bundle that needs none",
+        )  # fmt: skip
+    values, mask = [], []
+    for place, index in first:
+        unused[place].append(index)
+        cut = cuts[place]
+        own = (cut.owner == index) & (cut.windows.usable >= 1.0)
+        values.append(cut.windows.values[own])
+        mask.append(cut.windows.mask[own])
+    joined = np.concatenate(values)
+    if not len(joined):
+        return None, unused
+    return contract.reference.level / touch_level(joined, np.concatenate(mask)), unused
+
+
+def _first_touches(cuts: Sequence[_Cut], touches: ReferenceTouches) -> list[tuple[int, int]]:
+    """Return (recording, touch) of the first touches of the known object, by their time."""
+    found = [
+        (place, index)
+        for place, cut in enumerate(cuts)
+        for index, trial in sorted(enumerate(cut.trials), key=lambda one: one[1].start_s)
+        if touches.matches(trial)
+    ]
+    return found[: touches.count]
+
+
+def _owners(windows: Windows, trials: Sequence[Trial]) -> NDArray[np.intp]:
+    """Return the touch that each window lies in as a whole, or -1, shape (n,)."""
+    starts = np.array([trial.start_s for trial in trials]) - _TIME_SLACK_S
+    ends = np.array([trial.end_s for trial in trials]) + _TIME_SLACK_S
+    owner = np.searchsorted(starts, windows.start_s, side="right") - 1
+    inside = (owner >= 0) & (windows.end_s <= ends[np.maximum(owner, 0)])
+    return np.where(inside, owner, -1).astype(np.intp)
+
+
+def _label(trial: Trial, target: str) -> str:
+    """Return a touch's value of the target, or of the labels that it joins by "+"."""
+    if target in trial.labels:
+        return trial.labels[target]
+    parts = target.split("+")
+    if any(part not in trial.labels for part in parts):
+        raise BadDataset(
+            f"the label {target!r} on every touch",
+            f"{trial.groups['trial']} with {', '.join(trial.labels) or 'none'}",
+            "label the recording, or choose another bundle",
+        )
+    return " ".join(trial.labels[part] for part in parts)

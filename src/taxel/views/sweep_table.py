@@ -1,0 +1,97 @@
+"""Robustness curves in the terminal: each fault's levels beside the recogniser without any.
+
+Knows nothing about how they were measured.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from itertools import groupby
+
+from rich.box import SIMPLE_HEAD
+from rich.console import Group, RenderableType
+from rich.table import Table
+from rich.text import Text
+
+from taxel.evaluation.robustness.curve import FALL, Point, fall_text
+
+_CAMERA_COLUMNS = ("balanced accuracy [95 %]", "moments", "slips warned", "false alarms/min")
+_ARRAY_COLUMNS = ("accuracy [95 %]", "windows", "grasps right", "outside/min")
+
+
+def sweep_table(points: Sequence[Point], about: str, *, cameras: bool = False) -> RenderableType:
+    """Return the curves as one table, and at which level each falls by five points.
+
+    Args:
+        points: The point without faults first.
+        about: What was judged on what, one line.
+        cameras: True for a grasp bundle.
+    """
+    accuracy, windows, grasps, outside = _CAMERA_COLUMNS if cameras else _ARRAY_COLUMNS
+    table = Table(box=SIMPLE_HEAD, pad_edge=False)
+    table.add_column("fault", no_wrap=True)
+    for column in ("level", accuracy, "change", "answered", windows, grasps, outside):
+        table.add_column(column, justify="right", no_wrap=True)
+    base = points[0]
+    for fault, group in groupby(points, key=lambda one: one.fault):
+        own = list(group)
+        heads = [fault, own[0].unit] if len(own) > 1 else [f"{fault}, {own[0].unit}".strip(", ")]
+        for index, one in enumerate(own):
+            change = 100 * (one.accuracy - base.accuracy)
+            table.add_row(
+                heads[index] if index < len(heads) else "",
+                f"{one.level:g}" if one.unit else "",
+                _accuracy(one),
+                "" if one is base or math.isnan(change) else f"{change:+.1f}",
+                _percent(one.answered),
+                f"{one.windows:,}",
+                _percent(one.grasps),
+                "–" if math.isnan(one.outside) else f"{one.outside:.1f}",
+                style=_style(change),
+            )
+        table.add_section()
+    return Group(Text(about, style="bold"), table, *_falls(points), *_notes(cameras))
+
+
+def _falls(points: Sequence[Point]) -> list[Text]:
+    if len(points) < 2:
+        return []
+    lines = [Text(f"accuracy falls by {100 * FALL:g} points at:")]
+    for fault, group in groupby(points[1:], key=lambda one: one.fault):
+        own = list(group)
+        lines.append(Text(f"  {fault:<14} {fall_text(own, points[0].accuracy)}"))
+    return lines
+
+
+def _notes(cameras: bool) -> list[Text]:
+    if cameras:
+        words = (
+            "accuracy: stable and unstable moments weigh alike; of moments whose state is known. "
+            "slips warned: gross slips with an alarm before them. Interval: cups resampled."
+        )
+    else:
+        words = (
+            "accuracy: of windows that were answered; answered: not UNKNOWN for input that cannot "
+            "be used. grasps right: of all, one without any answer is not right. outside: windows "
+            "cut where nothing was touched. Interval: sessions resampled."
+        )
+    return [Text(words, style="dim")]
+
+
+def _accuracy(one: Point) -> str:
+    if math.isnan(one.accuracy):
+        return "nothing answered"
+    if math.isnan(one.low):
+        return f"{one.accuracy:.3f}"
+    return f"{one.accuracy:.3f} [{one.low:.3f}, {one.high:.3f}]"
+
+
+def _percent(value: float) -> str:
+    return "–" if math.isnan(value) else f"{100 * value:.1f} %"
+
+
+def _style(change: float) -> str:
+    if math.isnan(change) or change <= -100 * FALL:
+        return "red"
+    return "yellow" if change <= -40 * FALL else ""
