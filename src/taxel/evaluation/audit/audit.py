@@ -105,9 +105,7 @@ _READ: dict[str, Callable[[Case], Reading]] = {
 }  # fmt: skip
 
 
-def make_case(
-    touch: TouchSet, split: tuple[Pieces, Sides] | None, steps: int, seed: int
-) -> Case:
+def make_case(touch: TouchSet, split: tuple[Pieces, Sides] | None, steps: int, seed: int) -> Case:
     """Return what every check is given."""
     key = honest_key(touch)
     pieces, sides = split if split is not None else (cut_pieces(touch, steps, steps), None)

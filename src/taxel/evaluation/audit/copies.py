@@ -30,6 +30,8 @@ others about as near. Our choice, decision 23."""
 _TENTH = 10
 _FAINT = 0.2
 """Size of a trial's change over the median one, below which it has no course. Our choice."""
+_ENDS = 2
+"""Moments at either end that are left out."""
 _MANY = 2000
 """Trials of which courses are compared; beyond, an even choice of them."""
 
@@ -91,12 +93,12 @@ def _runs(rows: NDArray[np.float32], run: int) -> NDArray[np.uint64]:
             found = found * np.uint64(0x9E3779B97F4A7C15) + of_row[k : k + len(found)]
     fresh = np.concatenate([[False], of_row[1:] != of_row[:-1]])
     changes = np.convolve(fresh, np.ones(run), "valid") - fresh[: len(found)]
-    return found[changes >= min(run - 1, (run + 1) // 2)]
+    return np.asarray(found[changes >= min(run - 1, (run + 1) // 2)], np.uint64)
 
 
 def _courses(touch: TouchSet, index: NDArray[np.intp]) -> NDArray[np.float64]:
     """Return trials averaged to equally many moments, shape (n, bins, channels)."""
-    bins = int(min(BINS, np.median([len(rows) for rows in touch.rows])))
+    bins = min(BINS, int(np.median([len(rows) for rows in touch.rows])))
     found = np.zeros((len(index), bins, touch.rows[0].shape[1]))
     for place, trial in enumerate(index):
         rows = touch.rows[trial].astype(np.float64)
@@ -113,6 +115,8 @@ def _signatures(courses: NDArray[np.float64]) -> NDArray[np.float32]:
 
     A trial in which hardly anything changes has no course of its own: zeros.
     """
+    if courses.shape[1] > 4 * _ENDS:  # a jump at an end is the first frame's affair
+        courses = courses[:, _ENDS:-_ENDS]
     spread = courses.std(axis=(0, 1))
     own = (courses - courses.mean(axis=1, keepdims=True)) / np.where(spread > 0, spread, 1.0)
     flat = own.reshape(len(own), -1)

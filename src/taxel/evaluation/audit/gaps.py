@@ -38,6 +38,8 @@ class Gap:
     """One careless way of splitting beside a careful one."""
 
     kind: str
+    of: str
+    """What the careless way has on both sides: trial, session …"""
     high: float
     """Accuracy the careless way, 0…1."""
     low: float
@@ -61,7 +63,8 @@ class Gap:
         elif self.split_does is False:
             verdict, told = "clear", f"{told}; this split keeps them apart."
         else:
-            told = f"{told}: {100 * (self.high - self.low):.1f} points that a new one will not give."
+            told = f"{told}: {100 * (self.high - self.low):.1f} points that a new {self.of} " \
+                   "will not give."  # fmt: skip
         return Finding(
             kind=self.kind, verdict=verdict, said=told, alone=self.high, majority=self.majority,
             mend="" if verdict == "clear" else self.mend, p=p,
@@ -86,7 +89,8 @@ def measure_gaps(case: Case) -> list[Gap]:
         high, low, p = _compare(loose, held, y, pieces.trial, case.seed)
         gaps.append(
             Gap(
-                kind="window leak", high=high, low=low, p=p, majority=majority(y, by_trial),
+                kind="window leak", of="trial", high=high, low=low, p=p,
+                majority=majority(y, by_trial),
                 loosely="windows of a trial dealt out at random", strictly="whole trials held out",
                 mend="split whole trials, and cut windows afterwards",
                 split_does=None if case.sides is None else not case.whole,
@@ -101,7 +105,8 @@ def measure_gaps(case: Case) -> list[Gap]:
         high, low, p = _compare(held, strict, y, np.asarray(units, np.intp), case.seed)
         gaps.append(
             Gap(
-                kind=f"{case.key} leak", high=high, low=low, p=p, majority=majority(y, by_group),
+                kind=f"{case.key} leak", of=str(case.key), high=high, low=low, p=p,
+                majority=majority(y, by_group),
                 loosely=f"trials of one {case.key} on both sides",
                 strictly=f"whole {case.key}s held out",
                 mend=f"hold out whole {case.key}s and quote that figure",

@@ -19,6 +19,8 @@ AT_REST = 0.8
 Our choice, docs/decisions/0023."""
 AHEAD = 0.10
 """Accuracy by which a first row in touch must beat the middle row. Our choice, decision 23."""
+_DIGITS = 3
+"""Of what is left without the level, in deviations: beyond, rounding gives the level away."""
 MOSTLY = 0.8
 """Share of the way from majority to 1 that a level must go to be suspected; what is left without
 it must go half of that at most. Our choice, decision 23."""
@@ -85,44 +87,59 @@ def read_first(case: Case) -> Reading:
             return ("leak", f"The first {what} tells the label before contact: drift or setting, "
                     "not touch.", mend)  # fmt: skip
         if first.accuracy >= middle.accuracy + AHEAD:
-            return ("leak", f"The first {what} tells the label better than the middle one "
-                    f"({middle.accuracy:.3f}): something at the start gives it away.", mend)  # fmt: skip
-        return ("note", f"The first {what} tells the label; trials begin in touch, so this may be "
-                f"touch itself (the middle one: {middle.accuracy:.3f}).",
-                f"print a control that sees the first {what} only")  # fmt: skip
+            return (
+                "leak",
+                f"The first {what} tells the label better than the middle one "
+                f"({middle.accuracy:.3f}): something at the start gives it away.",
+                mend,
+            )
+        return (
+            "note",
+            f"The first {what} tells the label; trials begin in touch, so this may be touch "
+            f"itself (the middle one: {middle.accuracy:.3f}).",
+            f"print a control that sees the first {what} only",
+        )
 
-    return Reading(kind="first " + what, told=first, decide=decide)
+    return Reading(kind="first frame", told=first, decide=decide)
 
 
 def read_level(case: Case) -> Reading:
     """Return how well the channels' means, or the mean image, tell the label."""
     touch = case.touch
-    what = "mean image" if touch.kind == "camera" else "channels' means"
-    means = [rows.mean(axis=0) for rows in touch.rows]
+    one = touch.kind == "camera"
+    what, tell, no = ("mean image", "tells", "does not") if one else (
+        "channels' means", "tell", "do not")  # fmt: skip
+    means = [rows.mean(axis=0, dtype=np.float64) for rows in touch.rows]
     level = tell_trials(case, np.stack(means))
-    moved = np.stack([sum_up(rows - m) for rows, m in zip(touch.rows, means, strict=True)])
+    spread = np.concatenate(touch.rows).std(axis=0)
+    moved = np.stack(
+        [sum_up(np.round((rows - m) / np.where(spread > 0, spread, 1.0), _DIGITS))
+         for rows, m in zip(touch.rows, means, strict=True)]
+    )  # fmt: skip
     without = tell_trials(case, moved)
     first = tell_trials(case, np.stack([rows[0] for rows in touch.rows]))
     before = starts_at_rest(touch)
 
     def decide(counts: bool) -> tuple[Verdict, str, str]:
         if not counts:
-            return "clear", f"The {what} do not tell the label.", ""
+            return "clear", f"The {what} {no} tell the label.", ""
         way, rest, start = _way(level), _way(without), _way(first)
         if way >= MOSTLY and rest <= way / 2 and (start >= way / 2 or not before):
             return (
                 "leak",
-                f"The {what} alone tell the label, and without them little is left "
-                f"({without.accuracy:.3f}): the label sits in the level, not in touch.",
+                f"The {what} alone {tell} the label, and without that level little is left "
+                f"({without.accuracy:.3f}): the label does not sit in touch.",
                 "take each trial's level at rest from it, hold out sessions, and print a control "
                 f"that sees the {what} only",
             )
-        return ("note", f"The {what} tell the label; without them {without.accuracy:.3f} is left, "
-                "so this may be touch itself.",
-                f"print a control that sees the {what} only")  # fmt: skip
+        return (
+            "note",
+            f"The {what} {tell} the label; without that level {without.accuracy:.3f} is left, so "
+            "this may be touch itself.",
+            f"print a control that sees the {what} only",
+        )
 
-    return Reading(kind="mean image" if touch.kind == "camera" else "channel means",
-                   told=level, decide=decide)  # fmt: skip
+    return Reading(kind="level", told=level, decide=decide)
 
 
 def tell_trials(case: Case, features: NDArray[np.floating]) -> Told:
@@ -143,14 +160,14 @@ def starts_at_rest(touch: TouchSet) -> bool:
     return float(np.mean(shares)) >= AT_REST
 
 
-def sum_up(rows: NDArray[np.float32]) -> NDArray[np.float32]:
+def sum_up(rows: NDArray[np.floating]) -> NDArray[np.float32]:
     """Return the statistics that the strong model sees, shape (9 · channels,)."""
     steps = np.diff(rows, axis=0) if len(rows) > 1 else np.zeros_like(rows)
     parts = [
         rows.mean(axis=0), rows.std(axis=0), rows.min(axis=0), rows.max(axis=0),
         rows[-1] - rows[0], np.abs(steps).mean(axis=0), *np.percentile(rows, (10, 50, 90), axis=0),
     ]  # fmt: skip
-    return np.concatenate(parts).astype(np.float32)
+    return np.asarray(np.concatenate(parts), np.float32)
 
 
 def _way(one: Told) -> float:

@@ -55,7 +55,7 @@ def _read_key(case: Case, key: str, values: NDArray[np.str_]) -> Reading:
     def decide(counts: bool) -> tuple[Verdict, str, str]:
         if not counts:
             return "clear", f"{key!r} alone does not tell the label.", ""
-        several = "several of them each" if session else "each value"
+        several = f"several {key}s each" if session else "every setting"
         if case.sides is not None:
             verdict: Verdict = "leak" if session or found.accuracy >= FINGERPRINT else "note"
         elif nested and found.accuracy >= FINGERPRINT and _few(y, values):
@@ -73,8 +73,7 @@ def _read_key(case: Case, key: str, values: NDArray[np.str_]) -> Reading:
 
     examples = [f"{name}: {', '.join(touch.classes[c] for c in sorted(set(y[values == name])))}"
                 for name in sorted(set(values))[:3]]  # fmt: skip
-    kind = "session" if session else "metadata"
-    return Reading(kind=f"{kind}: {key}", told=found, decide=decide, examples=tuple(examples))
+    return Reading(kind=f"name: {key}", told=found, decide=decide, examples=tuple(examples))
 
 
 def _few(y: NDArray[np.intp], values: NDArray[np.str_]) -> bool:

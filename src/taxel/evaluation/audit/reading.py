@@ -33,6 +33,7 @@ LARGEST_RATE_HZ = 150.0
 _GRID_HZ = 100.0
 LEAST_ROWS = 3
 """A shorter trial shows neither a start nor a change."""
+_SLACK_S = 1e-6
 _VIDEO_HZ = 25.0
 """Nominal, of a GelSight Mini; only the order of a video's frames matters here."""
 _SQUARES = SQUARES[0] * SQUARES[1]
@@ -166,7 +167,10 @@ def _small_jpeg(jpeg: bytes) -> NDArray[np.float32]:
     import cv2
 
     grey = cv2.imdecode(np.frombuffer(jpeg, np.uint8), cv2.IMREAD_REDUCED_GRAYSCALE_4)
-    return _small(grey)
+    if grey is None:
+        raise BadDataset("frames that are JPEG images", "one that is none",
+                         "look at the recording with: taxel view")  # fmt: skip
+    return _small(np.asarray(grey, np.uint8))
 
 
 def _small(grey: NDArray[np.uint8]) -> NDArray[np.float32]:
@@ -227,7 +231,8 @@ def _assemble(
             continue
         bounds = float(read.time_s[0]), float(read.time_s[-1])
         for trial in trials_of(Path(read.name), read.manifest, read.marks, *bounds):
-            inside = slice(*np.searchsorted(read.time_s, (trial.start_s - 1e-6, trial.end_s + 1e-6)))
+            ends = (trial.start_s - _SLACK_S, trial.end_s + _SLACK_S)
+            inside = slice(*np.searchsorted(read.time_s, ends))
             if inside.stop - inside.start < LEAST_ROWS:
                 short += 1
                 continue

@@ -17,10 +17,12 @@ from taxel.errors import BadInput
 from taxel.evaluation.audit.case import Case, rows_folds
 from taxel.evaluation.audit.finding import Finding
 from taxel.evaluation.audit.telling import majority
-from taxel.evaluation.audit.touch_set import Pieces, TouchSet
+from taxel.evaluation.audit.touch_set import TouchSet
 
 _NEAR = 1e-3
 """Deviations within which an offset or a factor counts as equal. Our choice, decision 23."""
+_FAR = 0.02
+"""Deviations beyond which a scaling was fitted on something else. Our choice, decision 23."""
 _MOST = 0.8
 """Share of channels that must be so."""
 
@@ -39,8 +41,8 @@ def scaled_values(case: Case) -> Finding:
     inner, outer, usual = _near_neighbours(case)
     return Finding(
         kind="scaling", verdict="leak", alone=outer, majority=usual,
-        said="The values have mean 0 and deviation 1 over all recordings: they were scaled with the "
-             f"test part in view (a plain neighbour rule: {outer:.3f} so, {inner:.3f} fitted "
+        said="The values have mean 0 and deviation 1 over all recordings: they were scaled with "
+             f"the test part in view (a plain neighbour rule: {outer:.3f} so, {inner:.3f} fitted "
              "within the fold).",
         mend="keep raw values, and fit scaling on the training part of each fold",
     )  # fmt: skip
@@ -52,50 +54,49 @@ def scaled_run(case: Case, run: Path) -> Finding:
     Raises:
         BadInput: The folder holds no run of an array recogniser, or of other channels.
     """
-    offset, factor, kind = _stored(run, case.touch)
+    offset, factor, kind, known = _stored(run, case.touch)
     if kind != "standard":
         return Finding(kind="scaling of the run", verdict="clear",
                        said=f"The run's scaling is {kind!r}: nothing in it is fitted.")  # fmt: skip
-    everything = np.arange(len(case.pieces))
-    whole = _distance(offset, factor, *_piece_figures(case.touch, case.pieces, everything))
     folds = case.sides.folds if case.sides is not None else rows_folds(
         case.folds, case.pieces.trial)  # fmt: skip
-    parts = [_distance(offset, factor, *_piece_figures(case.touch, case.pieces, train))
-             for train, _ in folds]  # fmt: skip
-    nearest = min(parts)
+    whole = _distance(case, offset, factor, np.arange(len(case.pieces)))
+    nearest = min(_distance(case, offset, factor, train) for train, _ in folds)
     inner, outer, usual = _near_neighbours(case)
-    if nearest <= max(_NEAR, whole):
+    if nearest <= whole <= _FAR:
         return Finding(kind="scaling of the run", verdict="clear",
-                       said="The run's scaling fits a training part better than all windows.")  # fmt: skip
-    if whole > 0.02:
+                       said="The run's scaling fits a training part better than all windows.",
+                       )  # fmt: skip
+    if whole > min(_FAR, nearest / 2):
         return Finding(kind="scaling of the run", verdict="not checked",
                        said="The run's scaling fits neither all windows nor a training part: it is "
                             "from other recordings or windows.",
                        mend="name the recordings that it was trained on")  # fmt: skip
-    claims = case.sides is not None
+    refitted = case.sides is None or case.sides.name in known
     return Finding(
-        kind="scaling of the run", verdict="leak" if claims else "note", alone=outer, majority=usual,
+        kind="scaling of the run", verdict="note" if refitted else "leak", alone=outer,
+        majority=usual,
         said="The run's scaling is the one of all windows "
              f"({whole:.4f} deviations away, the nearest training part {nearest:.4f}): it has seen "
-             f"every test part (a plain neighbour rule: {outer:.3f} so, {inner:.3f} within the fold)."
-             + ("" if claims else " Right for use; no figure may come from this run itself."),
-        mend="quote accuracies of models refitted in each fold, never of this run",
+             f"every test part (a neighbour rule: {outer:.3f} so, {inner:.3f} within the fold).",
+        mend="quote accuracies of models refitted in each fold, never of this run itself",
     )  # fmt: skip
 
 
-def _stored(run: Path, touch: TouchSet) -> tuple[Table, Table, str]:
+def _stored(run: Path, touch: TouchSet) -> tuple[Table, Table, str, list[str]]:
     try:
         contract = json.loads((run / "run.json").read_text())["contract"]
         scaling = contract["scaling"]
         offset, factor = np.array(scaling["offset"], float), np.array(scaling["factor"], float)
         kind = str(scaling["kind"])
+        known = list(contract["accuracy"])  # splits by which it was cross-validated, refitted
     except (OSError, ValueError, KeyError, TypeError) as error:
         raise BadInput("a run's folder for --run", f"{run} ({error})",
                        "train one with: taxel train") from error  # fmt: skip
     if offset.shape != (len(touch.views),):
         raise BadInput(f"a run of {len(touch.views)} channels", f"one of {offset.size} in {run}",
                        "name a run of these recordings and of all their channels")  # fmt: skip
-    return offset, factor, kind
+    return offset, factor, kind, known
 
 
 def _figures(touch: TouchSet, trials: NDArray[np.intp]) -> tuple[Table, Table]:
@@ -107,24 +108,26 @@ def _figures(touch: TouchSet, trials: NDArray[np.intp]) -> tuple[Table, Table]:
     return mean, np.sqrt(np.asarray(squares / count))
 
 
-def _piece_figures(
-    touch: TouchSet, pieces: Pieces, which: NDArray[np.intp]
-) -> tuple[Table, Table]:
-    rows = np.concatenate(
-        [touch.rows[pieces.trial[i]][pieces.first[i] : pieces.stop[i]] for i in which]
-    ).astype(np.float64)
-    return rows.mean(axis=0), rows.std(axis=0)
+def _distance(case: Case, offset: Table, factor: Table, which: NDArray[np.intp]) -> float:
+    """Return how far a scaling is from that of some pieces, or of their whole trials: deviations.
 
-
-def _distance(offset: Table, factor: Table, mean: Table, spread: Table) -> float:
-    """Return how far a scaling is from a fitted one, median over channels, deviations."""
-    alive = spread > 0
-    off = np.abs(offset - mean)[alive] / spread[alive]
-    return float(np.median(np.maximum(off, np.abs(factor[alive] * spread[alive] - 1.0))))
+    The median over channels; the lesser of the two, since a run may have had other windows.
+    """
+    pieces, touch = case.pieces, case.touch
+    rows = [touch.rows[pieces.trial[i]][pieces.first[i] : pieces.stop[i]] for i in which]
+    cut = np.concatenate(rows).astype(np.float64)
+    whole = _figures(touch, np.unique(pieces.trial[which]))
+    found = []
+    for mean, spread in ((cut.mean(axis=0), cut.std(axis=0)), whole):
+        alive = spread > 0
+        off = np.abs(offset - mean)[alive] / spread[alive]
+        change = np.abs(factor[alive] * spread[alive] - 1.0)
+        found.append(float(np.median(np.maximum(off, change))))
+    return min(found)
 
 
 def _near_neighbours(case: Case) -> tuple[float, float, float]:
-    """Return a neighbour rule's accuracy on means and deviations: scaled within, outside; majority."""
+    """Return a neighbour rule's accuracy scaled within the fold and outside, and the majority."""
     touch = case.touch
     features = np.stack([np.concatenate([r.mean(axis=0), r.std(axis=0)]) for r in touch.rows])
     y = touch.y

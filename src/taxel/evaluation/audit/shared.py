@@ -8,6 +8,7 @@ nothing about values.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,7 +18,7 @@ from taxel.evaluation.audit.copies import Pairs
 from taxel.evaluation.audit.finding import Finding
 from taxel.evaluation.audit.sides import Sides
 from taxel.evaluation.audit.telling import majority, trial_folds
-from taxel.evaluation.audit.touch_set import OBJECTS, SESSIONS, Pieces, TouchSet
+from taxel.evaluation.audit.touch_set import OBJECTS, SESSIONS, Pieces
 
 Partners = Sequence[NDArray[np.intp]]
 """For each test piece of a fold: the training pieces that give it away."""
@@ -59,8 +60,8 @@ def shared_moments(case: Case) -> list[Finding]:
             )
         )  # fmt: skip
     else:
-        findings.append(Finding(kind="views", verdict="clear",
-                                said="All fingers or cameras of a moment stay together."))  # fmt: skip
+        together = "All fingers or cameras of a moment stay together."
+        findings.append(Finding(kind="views", verdict="clear", said=together))
     return findings
 
 
@@ -97,7 +98,7 @@ def shared_names(case: Case) -> list[Finding]:
         if not claimed and found.alarm and values[pieces.trial].size:
             found = Finding(
                 kind=found.kind, verdict="note", alone=found.alone, majority=found.majority,
-                said=f"The same {key}s stand on both sides: the figure holds for known {key}s only.",
+                said=f"The same {key}s stand on both sides: the figure holds for known ones only.",
                 mend=f"say so, or hold out whole {key}s and add --unseen {key}",
             )  # fmt: skip
         findings.append(found)
@@ -124,6 +125,7 @@ def shared_copies(case: Case, kind: str, pairs: Pairs, what: str) -> Finding:
     shown = sorted(pairs, key=lambda pair: -pairs[pair])[:3]
     examples = tuple(f"{names[a]} and {names[b]} ({100 * pairs[a, b]:.1f} % alike)"
                      for a, b in shown)  # fmt: skip
+    whole = case.sides is None
     case, sides = (case, case.sides) if case.sides is not None else _by_trials(case)
     across: list[Partners] = []
     twice = 0
@@ -133,7 +135,7 @@ def shared_copies(case: Case, kind: str, pairs: Pairs, what: str) -> Finding:
         twice += sum(bool(partners.get(t, set()) & set(own[1].tolist())) for t in own[1])
     mend = "keep one of each, or give all copies of a trial to the side of their original"
     alone, usual, count, total = _looked_up(case, across)
-    if case.sides is None or sides.name == _ANY:
+    if whole:
         said = f"{len(pairs)} pairs of trials {what}: a split of trials puts them on both sides."
     elif count:
         said = f"{count} of {total} test pieces have a copy in training: trials {what}."
@@ -162,7 +164,8 @@ def one_class_folds(case: Case) -> Finding:
         if len(tested) == 1 and len(every) > 1:
             said.append(f"the test part of fold {number} holds {names[y[test[0]]]!r} only")
         if tested - trained:
-            said.append(f"the training part of fold {number} lacks {names[min(tested - trained)]!r}")
+            lacks = names[min(tested - trained)]
+            said.append(f"the training part of fold {number} lacks {lacks!r}")
         elif len(trained) == 1:
             said.append(f"the training part of fold {number} holds {names[y[train[0]]]!r} only")
     if not said:
@@ -189,8 +192,11 @@ def future_labels(case: Case) -> Finding:
     over = case.pieces.end_s(case.touch) - label_s
     late = over > 1e-3
     if not late.any():
-        return Finding(kind="future", verdict="clear",
-                       said="No window reaches beyond the moment whose label it carries.")
+        return Finding(
+            kind="future",
+            verdict="clear",
+            said="No window reaches beyond the moment whose label it carries.",
+        )
     y = case.touch.y[case.pieces.trial]
     right = total = 0
     for train, test in case.sides.folds:
@@ -200,25 +206,20 @@ def future_labels(case: Case) -> Finding:
     return Finding(
         kind="future", verdict="leak", alone=right / total,
         majority=majority(y, case.sides.folds),
-        said=f"{int(late.sum())} of {len(late)} windows hold moments after the one whose label they "
-             f"carry, up to {np.nanmax(over):.2f} s: they have seen the answer.",
+        said=f"{int(late.sum())} of {len(late)} windows hold moments after the one whose label "
+             f"they carry, up to {np.nanmax(over):.2f} s: they have seen the answer.",
         mend="end each window at or before the moment that it is to tell",
     )  # fmt: skip
 
 
-_ANY = "single trials, dealt out at random"
-
-
 def _by_trials(case: Case) -> tuple[Case, Sides]:
-    from dataclasses import replace
-
     n = len(case.touch)
     whole = Pieces(
         trial=np.arange(n), first=np.zeros(n, np.intp),
         stop=np.array([len(rows) for rows in case.touch.rows], np.intp), view=np.full(n, ""),
         label_s=np.full(n, np.nan),
     )  # fmt: skip
-    sides = Sides(name=_ANY, claimed=(),
+    sides = Sides(name="single trials", claimed=(),
                   folds=tuple(trial_folds(case.touch.y, None, case.seed)))  # fmt: skip
     return replace(case, pieces=whole, sides=sides), sides
 
@@ -257,5 +258,3 @@ def _fact(
         return Finding(kind=kind, verdict="clear", said=clear)
     return Finding(kind=kind, verdict="leak", said=f"{count} of {total} {what}.", mend=mend,
                    alone=alone, majority=usual)  # fmt: skip
-
-

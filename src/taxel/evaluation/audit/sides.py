@@ -155,13 +155,13 @@ def _pieces_of(
     if np.isnan(start):
         return [(i, 0, len(touch.rows[i]), view, label) for i in own]
     for i in own:
-        time_s = touch.time_s[i]
-        if not time_s[0] - _SLACK_S <= start <= time_s[-1] + _SLACK_S:
+        time_s, trial = touch.time_s[i], touch.trials[i]
+        if not min(trial.start_s, time_s[0]) - _SLACK_S <= start <= time_s[-1] + _SLACK_S:
             continue
         first = int(np.searchsorted(time_s, start - _SLACK_S))
         if not np.isnan(end):
             stop = int(np.searchsorted(time_s, end + _SLACK_S, side="right"))
-        elif first == 0 and abs(start - touch.trials[i].start_s) <= _SLACK_S:
+        elif start <= max(trial.start_s, time_s[0]) + _SLACK_S:
             stop = len(time_s)
         else:
             stop = min(first + steps, len(time_s))

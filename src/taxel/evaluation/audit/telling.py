@@ -11,6 +11,7 @@ rule and margins: docs/decisions/0023.
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -19,7 +20,7 @@ from numpy.typing import NDArray
 from sklearn.ensemble import ExtraTreesClassifier
 from sklearn.model_selection import StratifiedGroupKFold, StratifiedKFold
 
-TREES = 100
+TREES = 50
 FOLDS = 5
 DRAWS = 4999
 """Labels dealt out anew: the least p is 1/5000, and 50 corrected tests can still reach 0.01."""
@@ -54,13 +55,12 @@ class Told:
 
 def trial_folds(y: NDArray[np.intp], groups: NDArray[np.str_] | None, seed: int) -> list[Fold]:
     """Return folds that hold out whole groups, or whole trials where there are none."""
-    if groups is None:
-        count = max(2, min(FOLDS, int(np.bincount(y).min())))
-        splitter = StratifiedKFold(count, shuffle=True, random_state=seed)
-        return [(train, test) for train, test in splitter.split(y, y)]
-    count = min(FOLDS, len(set(groups)))
-    grouped = StratifiedGroupKFold(count, shuffle=True, random_state=seed)
-    return [(train, test) for train, test in grouped.split(y, y, groups) if len(test)]
+    count = min(FOLDS, len(y if groups is None else set(groups)))
+    kind = StratifiedKFold if groups is None else StratifiedGroupKFold
+    splitter = kind(count, shuffle=True, random_state=seed)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", UserWarning)  # a class with fewer trials than folds
+        return [(train, test) for train, test in splitter.split(y, y, groups) if len(test)]
 
 
 def trees(seed: int) -> ExtraTreesClassifier:
@@ -84,9 +84,7 @@ def predict(
     return found
 
 
-def look_up(
-    names: NDArray[np.str_], y: NDArray[np.intp], folds: Sequence[Fold]
-) -> Array:
+def look_up(names: NDArray[np.str_], y: NDArray[np.intp], folds: Sequence[Fold]) -> Array:
     """Return shares of the classes among training rows of the same name, shape (n, classes).
 
     A name that training never saw gets the shares of all training rows.

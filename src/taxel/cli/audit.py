@@ -1,0 +1,108 @@
+"""`taxel audit`: leakage in recordings and in a split of them, before a reviewer finds it."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import tyro
+
+from taxel.cli.printing import console, print_json, progress
+from taxel.errors import BadInput
+
+if TYPE_CHECKING:
+    from taxel.evaluation.audit.sides import Sides
+    from taxel.evaluation.audit.touch_set import Pieces, TouchSet
+
+
+@dataclass(frozen=True, kw_only=True)
+class Audit:
+    """Find leakage in recordings, or in a split of them; say what each leak alone gives.
+
+    Without a split the recordings are audited by themselves: what tells the label without touch,
+    and what a careless split would add. The exit code is 0 whatever is found.
+    """
+
+    data: tyro.conf.Positional[Path]
+    """A folder of recordings of an array or of cameras, or of a public data set's own files
+    (teng-glove, icub-grasp, gelsight-slip)."""
+    target: str | None = None
+    """The label that is to be told; the first with two classes unless given."""
+    split: str | None = None
+    """One of taxel's own splits: random, group:KEY or order:KEY:LAST[:END]."""
+    folds: Path | None = None
+    """A split as a table (CSV): recording, fold or side (train, test), and if need be start_s,
+    end_s and label_s (seconds on the recording's clock) and view (one camera or finger)."""
+    unseen: tuple[str, ...] = ()
+    """Groups that the split claims to hold out, such as object; group:KEY claims its own."""
+    trained: Annotated[Path | None, tyro.conf.arg(name="run")] = None
+    """A run's folder, as taxel train writes it: was its scaling fitted on the test part too?"""
+    parts: int = 5
+    """Folds that --split makes."""
+    steps: int | None = None
+    """Rows (or frames) of a window; a quarter of the usual trial unless given."""
+    seed: int = 0
+    """Seed of folds, trees and labels dealt out anew."""
+    all: bool = False
+    """Also list what was looked for and not found."""
+    json: bool = False
+    """Print JSON; accuracies are shares, 0 to 1."""
+
+    def run(self) -> None:
+        """Read, look for everything, and print."""
+        from taxel.evaluation.audit.audit import STEPS, audit
+        from taxel.evaluation.audit.reading import read_touch
+
+        self._check()
+        with progress() as bar:
+            task = bar.add_task("reading", total=None)
+            touch = read_touch(
+                self.data,
+                self.target,
+                lambda what, n, of: bar.update(
+                    task, description=f"reading {what}", completed=n, total=of
+                ),
+            )
+            bar.update(task, completed=0, total=STEPS)
+            found = audit(
+                touch,
+                str(self.data),
+                self._sides(touch),
+                run=self.trained,
+                steps=self.steps,
+                seed=self.seed,
+                on_step=lambda line: bar.update(task, description=line, advance=1),
+            )
+        if self.json:
+            print_json(asdict(found) | {"verdict": found.verdict, "alarms": len(found.alarms)})
+            return
+        from taxel.views.audit_table import audit_table
+
+        console.print(audit_table(found, everything=self.all))
+
+    def _check(self) -> None:
+        if self.split is not None and self.folds is not None:
+            raise BadInput("--split or --folds", "both", "give one of them")
+        if self.unseen and self.split is None and self.folds is None:
+            raise BadInput("a split beside --unseen", "none", "add --split or --folds")
+        if self.steps is not None and self.steps < 2:
+            raise BadInput("--steps of at least 2", str(self.steps), "choose more")
+        if not 2 <= self.parts <= 100 or not 0 <= self.seed < 2**31:
+            raise BadInput("--parts within 2 and 100, and a --seed of at least 0",
+                           f"{self.parts} and {self.seed}", "mend them")  # fmt: skip
+
+    def _sides(self, touch: TouchSet) -> tuple[Pieces, Sides] | None:
+        from taxel.evaluation.audit.sides import named_sides, table_sides
+        from taxel.evaluation.audit.touch_set import usual_steps
+
+        steps = self.steps or usual_steps(touch)
+        for key in self.unseen:
+            if touch.group(key) is None:
+                known = ", ".join(sorted(touch.trials[0].groups))
+                raise BadInput(f"groups among {known} for --unseen", repr(key), "name one of them")
+        if self.split is not None:
+            return named_sides(touch, self.split, steps, self.parts, self.seed, self.unseen)
+        if self.folds is not None:
+            return table_sides(touch, self.folds, steps, self.unseen)
+        return None

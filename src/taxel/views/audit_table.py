@@ -1,0 +1,90 @@
+"""An audit in the terminal: the verdict, what alone gives which accuracy, and what to do.
+
+Knows nothing about how leaks are found.
+"""
+
+from __future__ import annotations
+
+from rich.box import SIMPLE_HEAD
+from rich.console import Group, RenderableType
+from rich.table import Table
+from rich.text import Text
+
+from taxel.evaluation.audit.finding import MEANING, Audit, Finding
+
+_STYLE = {"leak": "bold red", "hazard": "yellow", "note": "cyan", "clear": "green",
+          "not checked": "dim"}  # fmt: skip
+
+
+def audit_table(found: Audit, *, everything: bool = False) -> RenderableType:
+    """Return an audit for a stranger to read.
+
+    Args:
+        found: What `audit` gave.
+        everything: Also list what was looked for and not found.
+    """
+    shown = [one for one in found.findings if everything or one.verdict in ("leak", "hazard",
+                                                                            "note")]  # fmt: skip
+    parts: list[RenderableType] = [
+        Text(found.verdict, style="bold red" if found.alarms else "bold green"),
+        Text(_what(found), style="dim"),
+    ]
+    parts += [Text(note, style="dim") for note in found.notes]
+    if shown:
+        parts += [_figures(shown), Text("What was found, and what to do", style="bold")]
+        parts += [_in_words(one) for one in shown]
+    meant = dict.fromkeys(one.verdict for one in shown)
+    parts += [Text(f"{verdict}: {MEANING[verdict]}", style="dim") for verdict in meant]
+    parts.append(Text(_rest(found, everything), style="dim"))
+    return Group(*parts)
+
+
+def _what(found: Audit) -> str:
+    trials = sum(found.classes.values())
+    classes = ", ".join(f"{name} {count}" for name, count in found.classes.items())
+    split = f"split: {found.split}" if found.split else "no split given"
+    return (
+        f"{found.data}: {found.kind}, {trials} trials, label {found.target!r} ({classes}); "
+        f"{split}; read by cheap trees, {found.read_on}"
+    )
+
+
+def _figures(shown: list[Finding]) -> Table:
+    table = Table(box=SIMPLE_HEAD, pad_edge=False)
+    table.add_column("")
+    table.add_column("this alone", no_wrap=True)
+    for column in ("accuracy", "majority", "AUC", "p"):
+        table.add_column(column, justify="right", no_wrap=True)
+    for one in shown:
+        table.add_row(
+            Text(one.verdict, style=_STYLE[one.verdict]), one.kind,
+            *[_share(value) for value in (one.alone, one.majority, one.auc)],
+            "–" if one.p is None else f"{one.p:.1g}",
+        )  # fmt: skip
+    return table
+
+
+def _in_words(one: Finding) -> Text:
+    text = Text()
+    text.append(f"{one.kind}: ", style=_STYLE[one.verdict])
+    text.append(one.said)
+    if one.examples:
+        text.append(f" Such as: {'; '.join(one.examples)}.", style="dim")
+    if one.mend:
+        text.append(f"\n  → {one.mend}.")
+    return text
+
+
+def _share(value: float | None) -> str:
+    return "–" if value is None else f"{value:.3f}"
+
+
+def _rest(found: Audit, everything: bool) -> str:
+    clear = [one.kind for one in found.findings if one.verdict == "clear"]
+    unknown = [one.kind for one in found.findings if one.verdict == "not checked"]
+    lines = [] if everything else [f"looked for and not found: {', '.join(clear) or 'nothing'}"]
+    if unknown and not everything:
+        lines.append(f"not checked, for want of information: {', '.join(unknown)}")
+    lines.append("accuracy: of this alone, 0 to 1, on test parts; majority: always naming the "
+                 "commonest class; p: by chance, corrected for all tests (Holm)")  # fmt: skip
+    return "\n".join(lines)
