@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from taxel.clock import ManualClock
+from taxel.errors import BadSource
 from taxel.signals import Mark, Samples
 from taxel.sim.teng_hand import GraspStream, TengHandConfig
 from taxel.sources.opening import open_source
@@ -72,13 +73,22 @@ def test_the_options_are_the_fields_of_the_configuration():
         "material",
         "seconds",
     }
-    assert set(LIMITS) == names - {"preset", "wiring"}
+    assert set(LIMITS) == names - {"preset", "wiring", "unknown"}
 
 
 def test_ranges_and_single_numbers_are_both_read():
     config, choice = parse_options({"humidity_pct": "40", "force_n": "1..2", "shape": "sphere"})
     assert (config.humidity_pct, config.force_n) == ((40.0, 40.0), (1.0, 2.0))
     assert (choice.shape, choice.material, choice.seconds) == ("sphere", None, np.inf)
+
+
+def test_unknown_objects_come_where_the_address_asks_for_them():
+    _, marks = run("sim://teng?speed=max&seconds=30&rate_hz=100&shape=prism&material=rubber")
+    assert {(m.labels["shape"], m.labels["material"]) for m in marks} == {("prism", "rubber")}
+    _, marks = run("sim://teng?speed=max&seconds=120&rate_hz=100&unknown=yes")
+    assert {m.labels["shape"] for m in marks} == {"sphere", "cylinder", "rectangle", "prism"}
+    with pytest.raises(BadSource, match="unknown"):
+        parse_options({"unknown": "maybe"})
 
 
 def test_the_defaults_are_within_their_limits():

@@ -13,6 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taxel.sim import teng_constants as constants
+from taxel.sim.teng_unknown import PRISM_HALF_ANGLE_RAD
+from taxel.sim.teng_unknown import RELATIVE_RISE as UNKNOWN_RISE
 
 _FINGER_MM = np.array([-33.0, -11.0, 11.0, 33.0])
 """The fingers' places across the hand, millimetres. Our choice: 22 mm apart."""
@@ -20,6 +22,7 @@ _PHALANX_RAD = np.array([-0.75, 0.0, 0.75])
 """Where the phalanges meet a round object, angle around it. Our choice."""
 _GIVE_MM = 9.0
 """How far soft pads and linked fingers follow a surface that falls away. Our choice."""
+_RELATIVE_RISE = constants.RELATIVE_RISE | UNKNOWN_RISE
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,8 +65,8 @@ def draw_grasp(
 
     Args:
         rng: The grasp's own generator.
-        shape: One of `SHAPES`.
-        material: One of `MATERIALS`.
+        shape: One of `SHAPES`, or of `UNKNOWN_SHAPES`.
+        material: One of `MATERIALS`, or of `UNKNOWN_MATERIALS`.
         force_n: Range of the grip force, newtons.
         moving: Share of grasps whose object moves, 0…1.
     """
@@ -81,7 +84,7 @@ def draw_grasp(
         force_n=float(np.exp(rng.uniform(low, high))),
         pressure=pressure,
         delay_s=np.repeat(finger_delay, 3) + rng.uniform(0.0, 0.01, 12),
-        rise_s=rng.uniform(*constants.RISE_S) * constants.RELATIVE_RISE[material],
+        rise_s=rng.uniform(*constants.RISE_S) * _RELATIVE_RISE[material],
         period_s=rng.uniform(*constants.PERIOD_S),
         hold_share=rng.uniform(*constants.HOLD_SHARE),
         presses=int(rng.integers(constants.PRESSES[0], constants.PRESSES[1] + 1)),
@@ -100,9 +103,12 @@ def pad_pressure(
     Cylinder: its axis runs across the fingers, all of which wrap it alike.
     Rectangle: proximal and distal pads meet an edge, the middle one bridges a
     flat face.
+    Prism: three-sided and longer than the hand is wide, its axis across the fingers. One
+    face rests on the palm, so an edge points at the middle pads, and both faces beside it
+    fall away from the proximal and distal ones.
 
     Args:
-        shape: One of `SHAPES`.
+        shape: One of `SHAPES`, or of `UNKNOWN_SHAPES`.
         size_mm: Half of the object's width, millimetres.
         across_mm: How far off the hand's middle the object lies, millimetres.
         turned_rad: How far it is turned in the hand, radians.
@@ -116,6 +122,9 @@ def pad_pressure(
     elif shape == "cylinder":
         finger = np.exp(-np.abs(y * np.sin(turned_rad)) / _GIVE_MM)
         phalanx = np.cos(0.8 * angle)
+    elif shape == "prism":
+        finger = np.exp(-np.abs(y * np.sin(turned_rad)) / _GIVE_MM)
+        phalanx = np.exp(-(size_mm - _prism_radius(size_mm, angle)) / _GIVE_MM)
     else:
         finger = np.exp(-np.abs(y * np.sin(turned_rad)) / _GIVE_MM)
         edge = size_mm * (np.abs(np.cos(angle)) + np.abs(np.sin(angle)) - 1.0)
@@ -123,6 +132,19 @@ def pad_pressure(
     pattern = np.outer(finger, phalanx).ravel()
     pattern /= pattern.mean()
     return np.asarray(1.0 + constants.CONTRAST * (pattern - 1.0))
+
+
+def _prism_radius(size_mm: float, angle: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return how far a three-sided prism reaches from its axis, millimetres.
+
+    An edge reaches its size; a face, half of it at its middle.
+
+    Args:
+        size_mm: From the axis to an edge, millimetres.
+        angle: Away from the edge, radians, at most 60° either way.
+    """
+    half = PRISM_HALF_ANGLE_RAD
+    return np.asarray(size_mm * np.cos(half) / np.cos(half - np.abs(angle)))
 
 
 def contact_over_time(grasp: Grasp, time_s: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -14,6 +14,9 @@ from numpy.typing import NDArray
 from scipy.signal import lfilter
 
 from taxel.sim import teng_constants as constants
+from taxel.sim.teng_unknown import RELATIVE_CHARGE as UNKNOWN_CHARGE
+
+_RELATIVE_CHARGE = constants.RELATIVE_CHARGE | UNKNOWN_CHARGE
 
 
 @dataclass(frozen=True, slots=True)
@@ -91,7 +94,7 @@ def full_voltage(session: Session, material: str, force_n: float) -> float:
     force = 1.0 - np.exp(-force_n / constants.FORCE_SCALE_N)
     return float(
         constants.OPEN_VOLTAGE_V
-        * constants.RELATIVE_CHARGE[material]
+        * _RELATIVE_CHARGE[material]
         * humidity
         * (1 - constants.TEMPERATURE_LOSS * warm)
         * surface

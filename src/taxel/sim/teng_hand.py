@@ -17,6 +17,7 @@ from taxel.sim import teng_constants as constants
 from taxel.sim.teng_constants import MATERIALS, SENSORS, SHAPES, SIM_VERSION
 from taxel.sim.teng_contact import Grasp, contact_over_time, draw_grasp
 from taxel.sim.teng_electrics import Sensors, Session, draw_session, full_voltage, quantise
+from taxel.sim.teng_unknown import UNKNOWN_MATERIALS, UNKNOWN_SHAPES
 
 Preset = Literal["honest", "paper"]
 Wiring = Literal["three-boards", "one-board"]
@@ -56,6 +57,18 @@ class TengHandConfig:
     """Share of grasps whose object moves, 0…1."""
     reference_v: float = 3.3
     """The converter's reference, volts: 3.3 or 5."""
+    unknown: bool = False
+    """True: grasps of an elongated prism and of a rubber composite come among the others."""
+
+    @property
+    def shapes(self) -> tuple[str, ...]:
+        """The shapes that are grasped."""
+        return SHAPES + UNKNOWN_SHAPES if self.unknown else SHAPES
+
+    @property
+    def materials(self) -> tuple[str, ...]:
+        """The materials that are grasped."""
+        return MATERIALS + UNKNOWN_MATERIALS if self.unknown else MATERIALS
 
     def __post_init__(self) -> None:
         ranges = (self.force_n, self.temperature_c, self.humidity_pct, self.dust, self.moisture)
@@ -102,13 +115,14 @@ def simulate_sessions(config: TengHandConfig) -> Iterator[SimulatedSession]:
     """Yield the data set, session after session.
 
     honest: every session holds all nine combinations in a shuffled order; a third
-    of the scans belongs to each shape and to each material. paper: three
+    of the scans belongs to each shape and to each material. With `unknown` there are four
+    of each, so 16 combinations, and as many scans more. paper: three
     sessions of one shape each (glass) and three of one material each (cylinders),
     marked with the group "task".
     """
     if config.preset == "paper":
-        plan = [("shape", shape, "glass") for shape in SHAPES]
-        plan += [("material", "cylinder", material) for material in MATERIALS]
+        plan = [("shape", shape, "glass") for shape in config.shapes]
+        plan += [("material", "cylinder", material) for material in config.materials]
         # One laboratory in one season: the middle fifth of each range.
         places = [
             (0.4 + 0.2 * a, 0.4 + 0.2 * b, 0.4 + 0.2 * c)
@@ -127,8 +141,8 @@ def simulate_sessions(config: TengHandConfig) -> Iterator[SimulatedSession]:
                 places[index],
             )
         return
-    every = [(shape, material) for shape in SHAPES for material in MATERIALS]
-    scans = len(SHAPES) * config.scans_per_class
+    every = [(shape, material) for shape in config.shapes for material in config.materials]
+    scans = len(config.shapes) * config.scans_per_class
     edges = np.linspace(0, scans, config.sessions + 1).round().astype(int)
     places = _spread_evenly(config.sessions, config.seed)
     for index in range(config.sessions):
@@ -153,8 +167,9 @@ class GraspStream:
 
     Args:
         config: What is simulated.
-        shape: Only this shape; all in a shuffled order unless given.
-        material: Only this material; all unless given.
+        shape: Only this shape, which may be an unknown one; all of the configuration's in a
+            shuffled order unless given.
+        material: Only this material, as above.
 
     Raises:
         ValueError: There is no such shape or material.
@@ -163,10 +178,12 @@ class GraspStream:
     def __init__(
         self, config: TengHandConfig, *, shape: str | None = None, material: str | None = None
     ) -> None:
-        for name, known in ((shape, SHAPES), (material, MATERIALS)):
+        every = ((shape, SHAPES + UNKNOWN_SHAPES), (material, MATERIALS + UNKNOWN_MATERIALS))
+        for name, known in every:
             if name is not None and name not in known:
                 raise ValueError(f"needed one of {', '.join(known)}; got {name!r}")
-        shapes, materials = (shape,) if shape else SHAPES, (material,) if material else MATERIALS
+        shapes = (shape,) if shape else config.shapes
+        materials = (material,) if material else config.materials
         self.info = sensor_info(config)
         self._maker = _Maker(
             config, 0, [(s, m) for s in shapes for m in materials], {"session": "live"}

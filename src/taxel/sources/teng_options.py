@@ -13,16 +13,19 @@ from typing import Any, Literal, get_args, get_origin, get_type_hints
 from taxel.errors import BadInput, BadSource
 from taxel.sim.teng_constants import MATERIALS, SHAPES
 from taxel.sim.teng_hand import TengHandConfig
+from taxel.sim.teng_unknown import UNKNOWN_MATERIALS, UNKNOWN_SHAPES
 
 _OF_DATA_SETS = ("scans_per_class", "sessions")
 """Fields of `TengHandConfig` that mean nothing to a stream without end."""
 OPTIONS: dict[str, Any] = {
     **{k: v for k, v in get_type_hints(TengHandConfig).items() if k not in _OF_DATA_SETS},
-    "shape": Literal[SHAPES],
-    "material": Literal[MATERIALS],
+    "shape": Literal[SHAPES + UNKNOWN_SHAPES],
+    "material": Literal[MATERIALS + UNKNOWN_MATERIALS],
     "seconds": float,
 }
 """Option of the address → its type; `speed` comes on top."""
+
+_TRUTHS = {"yes": True, "no": False}
 
 LIMITS: dict[str, tuple[float, float]] = {
     "seed": (0, 1_000_000_000),
@@ -103,6 +106,10 @@ def _parse(key: str, text: str) -> Any:
         if text not in get_args(kind):
             raise _bad(key, f"one of {', '.join(get_args(kind))}", repr(text))
         return text
+    if kind is bool:
+        if text not in _TRUTHS:
+            raise _bad(key, f"one of {', '.join(_TRUTHS)}", repr(text))
+        return _TRUTHS[text]
     try:
         if get_origin(kind) is tuple:
             low, _, high = text.partition("..")
