@@ -16,8 +16,8 @@ from rich.text import Text
 
 from taxel.evaluation.robustness.curve import FALL, Point, fall_text
 
-_CAMERA_COLUMNS = ("balanced accuracy [95 %]", "moments", "slips warned", "false alarms/min")
-_ARRAY_COLUMNS = ("accuracy [95 %]", "windows", "grasps right", "outside/min")
+_CAMERA_COLUMNS = ("balanced accuracy [95 %]", "moments", "warned", "told", "false/min")
+_ARRAY_COLUMNS = ("accuracy [95 %]", "windows", "grasps", "told", "outside/min")
 
 
 def sweep_table(points: Sequence[Point], about: str, *, cameras: bool = False) -> RenderableType:
@@ -28,10 +28,10 @@ def sweep_table(points: Sequence[Point], about: str, *, cameras: bool = False) -
         about: What was judged on what, one line.
         cameras: True for a grasp bundle.
     """
-    accuracy, windows, grasps, outside = _CAMERA_COLUMNS if cameras else _ARRAY_COLUMNS
+    accuracy, windows, grasps, told, outside = _CAMERA_COLUMNS if cameras else _ARRAY_COLUMNS
     table = Table(box=SIMPLE_HEAD, pad_edge=False)
     table.add_column("fault", no_wrap=True)
-    for column in ("level", accuracy, "change", "answered", windows, grasps, outside):
+    for column in ("level", accuracy, "change", "answered", windows, grasps, told, outside):
         table.add_column(column, justify="right", no_wrap=True)
     base = points[0]
     for fault, group in groupby(points, key=lambda one: one.fault):
@@ -47,6 +47,7 @@ def sweep_table(points: Sequence[Point], about: str, *, cameras: bool = False) -
                 _percent(one.answered),
                 f"{one.windows:,}",
                 _percent(one.grasps),
+                _percent(one.told),
                 "–" if math.isnan(one.outside) else f"{one.outside:.1f}",
                 style=_style(change),
             )
@@ -67,14 +68,15 @@ def _falls(points: Sequence[Point]) -> list[Text]:
 def _notes(cameras: bool) -> list[Text]:
     if cameras:
         words = (
-            "accuracy: stable and unstable moments weigh alike; of moments whose state is known. "
-            "slips warned: gross slips with an alarm before them. Interval: cups resampled."
+            "accuracy: stable and unstable moments weigh alike, of those whose state is known. "
+            "warned: gross slips with an alarm before them. told: recordings with any known state. "
+            "false/min: alarms a minute of grasps that hold. Interval: cups resampled."
         )
     else:
         words = (
-            "accuracy: of windows that were answered; answered: not UNKNOWN for input that cannot "
-            "be used. grasps right: of all, one without any answer is not right. outside: windows "
-            "cut where nothing was touched. Interval: sessions resampled."
+            "accuracy: of windows that were answered, that is not UNKNOWN for input that cannot be "
+            "used. grasps: told right, of all; told: of which anything was answered. outside: "
+            "windows cut where nothing was touched. Interval: sessions resampled."
         )
     return [Text(words, style="dim")]
 

@@ -84,6 +84,7 @@ def touched(
     known = sensor.full_scale is not None
     full = np.full(len(span), float(sensor.full_scale)) if sensor.full_scale is not None else span
     lowest = np.where(known & (low >= 0), 0.0, -np.inf)
+    contact = np.asarray(contact, bool)
     return Touched(samples=samples, sensor=sensor, contact=contact, full=full, lowest=lowest)
 
 
@@ -190,7 +191,7 @@ def jitter(one: Touched, level: float, random: np.random.Generator) -> Samples:
     period_s = 1.0 / one.sensor.rate_hz
     n = len(one.samples)
     place = np.arange(n) + random.normal(0.0, level / 1000 / period_s, n)
-    return _shown(one, _at(one.samples.values, np.clip(place, 0, n - 1)))
+    return _shown(one, _at(one.samples.values, np.asarray(np.clip(place, 0, n - 1), np.float64)))
 
 
 def loss(one: Touched, level: float, random: np.random.Generator) -> Samples:

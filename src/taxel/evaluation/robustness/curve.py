@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from taxel.evaluation.metrics import accuracy_interval, by_trial
+from taxel.evaluation.metrics import RESAMPLES, accuracy_interval, by_trial
 
 CLEAN = "none"
 """Name of the point without any fault."""
@@ -40,8 +40,8 @@ class Point:
     """Windows (of cameras: moments) inside a touch of known kind."""
     grasps: float
     """Share right of all grasps, each by its answered windows joined; one of which nothing was
-    answered is not right. Of cameras: share of gross slips warned of before they happened. NaN
-    where there is none."""
+    answered is not right. Of cameras: share of the slips that were warned of in time. NaN where
+    there is none."""
     told: float
     """Share of the grasps (of cameras: recordings) of which anything was answered, 0…1."""
     outside: float
@@ -90,14 +90,72 @@ class Answers:
         found: NDArray[np.bool_] = self.probabilities.argmax(axis=1) == self.y
         return found
 
-    def right_grasps(self) -> NDArray[np.bool_]:
-        """Return whether each grasp with an answered window is told right by all of them."""
+    def told_grasps(self) -> tuple[NDArray[np.bool_], NDArray[np.str_]]:
+        """Return whether each grasp with an answered window is right by all of them joined, and
+        its session.
+        """
         told = self.answered
         if not told.any():
-            return np.zeros(0, bool)
+            return np.zeros(0, bool), np.zeros(0, str)
         _, y, joined = by_trial(self.trial[told], self.y[told], self.probabilities[told])
-        right: NDArray[np.bool_] = joined.argmax(axis=1) == y
-        return right
+        _, first = np.unique(self.trial[told], return_index=True)
+        return joined.argmax(axis=1) == y, self.session[told][first]
+
+    def counts(self, names: Sequence[str], *, grasps: bool) -> NDArray[np.float64]:
+        """Return how many are right and how many there are in each session, shape (sessions, 2).
+
+        Args:
+            names: The sessions.
+            grasps: True counts all grasps, False answered windows.
+        """
+        if grasps:
+            right, own = self.told_grasps()
+            every = self.grasps
+        else:
+            right, own = self.right[self.answered], self.session[self.answered]
+            every = own
+        return np.array(
+            [[right[own == name].sum(), (every == name).sum()] for name in names], float
+        )
+
+
+@dataclass(frozen=True, slots=True)
+class Loss:
+    """What a condition costs against the base, on the same sessions."""
+
+    base: float
+    """Share right without it, 0…1."""
+    worse: float
+    """Share right with it, 0…1; 0 where nothing is answered."""
+    low: float
+    """95 % interval of base − worse, whole sessions resampled, 0…1."""
+    high: float
+
+    @property
+    def points(self) -> float:
+        """What is lost, percentage points; negative where there is a gain."""
+        return 100 * (self.base - self.worse)
+
+
+def loss_between(base: Answers, worse: Answers, *, grasps: bool) -> Loss:
+    """Return what is lost from one set of answers to another of the same sessions.
+
+    Args:
+        base: Answers without the condition.
+        worse: Answers with it.
+        grasps: True compares whole grasps, False answered windows.
+    """
+    names = sorted(set(base.grasps.tolist()))
+    both = np.stack([one.counts(names, grasps=grasps) for one in (base, worse)])
+    drawn = np.random.default_rng(0).integers(0, len(names), (RESAMPLES, len(names)))
+    share = _share(both[:, drawn].sum(axis=2))
+    low, high = np.percentile(share[0] - share[1], [2.5, 97.5])
+    first, second = _share(both.sum(axis=1))
+    return Loss(float(first), float(second), float(low), float(high))
+
+
+def _share(counts: NDArray[np.float64]) -> NDArray[np.float64]:
+    return np.asarray(counts[..., 0] / np.maximum(counts[..., 1], 1.0))
 
 
 def point_of(answers: Answers, fault: str, level: float, unit: str) -> Point:
@@ -106,7 +164,7 @@ def point_of(answers: Answers, fault: str, level: float, unit: str) -> Point:
     low, high = float("nan"), float("nan")
     if told.any():
         low, high = accuracy_interval(right[told], answers.session[told])
-    whole, grasps = answers.right_grasps(), len(answers.grasps)
+    whole, grasps = answers.told_grasps()[0], len(answers.grasps)
     return Point(
         fault=fault,
         level=level,

@@ -35,6 +35,9 @@ from taxel.windows.pairs import FramePairer
 from taxel.windows.pours import Pour
 
 ALARMS = (Stability.WARNING, Stability.UNSTABLE)
+LATE_S = 0.3
+"""An alarm so long after the bundle's rule became true still counts, seconds: most cups can then
+still be saved. Source: docs/decisions/0017 and 0029."""
 _SLIP_RULE = re.compile(r"slip > (\d+(?:\.\d+)?) um")
 
 
@@ -96,9 +99,11 @@ def watch(
     judged = time_s >= pour.time_s[min(first, len(pour) - 1)]
     true = truth_labels(pour, bundle.contract.rule)
     place = np.searchsorted(pour.time_s, time_s + 1e-6, side="right") - 1
-    onset_s, event_s = truth_moments(pour)
-    outcome = judge(StateTrack(states=told, time_s=time_s, onset_s=onset_s, event_s=event_s,
-                               groups=pour.groups))  # fmt: skip
+    onset_s, _ = truth_moments(pour)
+    event_s = float(pour.time_s[true.argmax()]) + LATE_S if true.any() else None
+    outcome = judge(
+        StateTrack(states=told, time_s=time_s, onset_s=onset_s, event_s=event_s, groups=pour.groups)
+    )
     return Watched(
         pour.groups.get("cup", pour.name),
         true[np.maximum(place, 0)][judged],
