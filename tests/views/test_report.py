@@ -275,6 +275,19 @@ def test_a_run_below_a_trivial_baseline_is_said_to_be(tmp_path: Path):
     )
 
 
+def test_baselines_of_one_split_are_not_held_against_a_run_of_another(tmp_path: Path):
+    from dataclasses import replace
+
+    honest = make_run(accuracy=0.7)
+    leaky = make_run(accuracy=0.9, split="random windows (leaks)", leaky=True)
+    leaky = replace(leaky, trivial={"session": 0.95})
+
+    said = page_of(tmp_path, runs={"honest": honest, "leaky": leaky})
+
+    assert "honest does not reach" not in said
+    assert "leaky does not reach the baseline “session” (95.0 %)" in said
+
+
 def test_a_split_with_trials_on_both_sides_is_marked(tmp_path: Path):
     leaky = make_run(split="random windows (leaks)", leaky=True)
 
@@ -388,7 +401,7 @@ def test_groups_to_draw_are_few_and_no_measured_figures():
     predictions = make_run().predictions
     assert predictions is not None
 
-    assert split_groups(predictions) == ["session", "grasp", "object"]
+    assert split_groups(predictions) == ["session", "object"]
 
 
 def test_scores_of_a_run_know_every_session_once():

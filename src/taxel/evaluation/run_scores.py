@@ -121,7 +121,8 @@ def reliability(
 
 
 def split_groups(predictions: Predictions) -> list[str]:
-    """Return the groups that a reader of the split wants to see: few values, no numbers.
+    """Return the groups that a reader of the split wants to see: few values, no numbers,
+    neither the coarsest group again nor the trial by another name.
 
     The coarsest group always stands first, whatever its values look like.
     """
@@ -130,7 +131,8 @@ def split_groups(predictions: Predictions) -> list[str]:
     for key in predictions.groups():
         values = sorted({trial.groups[key] for trial in predictions.trials})
         if key not in (first, "trial", "recording") and 2 <= len(values) <= _MOST_GROUPS:
-            same = _partition(predictions, key) == _partition(predictions, first)
+            own = _partition(predictions, key)
+            same = own in (_partition(predictions, first), _partition(predictions, "trial"))
             if not same and not all(map(is_number, values)):
                 found.append(key)
     return found

@@ -40,6 +40,7 @@ def audit_part(audit: Audit) -> Html:
             table(
                 ["verdict", "kind", "alone", "majority", "p", "what was found, and what to do"],
                 [_row(one) for one in told],
+                kind="findings",
             )
         )
     if clear:
@@ -50,7 +51,7 @@ def audit_part(audit: Audit) -> Html:
 
 
 def _row(one: Finding) -> list[object]:
-    said = join([one.said, f" {one.mend}" if one.mend else ""])
+    said = join([one.said, f" To mend: {one.mend}." if one.mend else ""])
     examples = tag("small", f" ({'; '.join(one.examples)})") if one.examples else ""
     shown = Html(f'<span class="{_KIND[one.verdict]}" title="{MEANING[one.verdict]}">')
     return [

@@ -94,8 +94,10 @@ def drawn_split(found: Predictions) -> Html:
         ]
     )
     tested = f"{len(found):,} test windows in {len(set(found.trial.tolist()))} trials."
-    about = ["Split: ", split_name(found.split), f"; {len(found.folds)} folds, ", tested]
-    parts: list[object] = [tag("p", join(about))]
+    parts: list[object] = [
+        tag("h3", split_name(found.split)),
+        tag("p", f"{len(found.folds)} folds, {tested}"),
+    ]
     parts += [_sides(found, name) for name in keys]
     shared = {name: _on_both(found, name) for name in [*keys, "trial"]}
     if keys:

@@ -46,6 +46,7 @@ th{font-weight:600;color:var(--soft)}thead th{border-bottom:2px solid var(--stro
 th:first-child,td:first-child{text-align:left;padding-left:0}
 .words td,.words th{text-align:left}.words td:last-child{white-space:normal}
 td.wrap{white-space:normal;text-align:left;min-width:16rem}
+.findings :is(th,td):is(:nth-child(2),:last-child){text-align:left}
 .said{display:inline-block;white-space:normal;text-align:left;min-width:20rem;max-width:34rem}
 tr.quiet td,.quiet,.published,.trivial{color:var(--soft)}
 .good{color:var(--good)}.bad{color:var(--bad)}

@@ -79,7 +79,7 @@ def accuracies(
                 f"Accuracy over all test windows with 95 % intervals, whole {group}s resampled. "
                 "Grey: trivial baselines, which see no touch or hardly any.",
             ),
-            _cleared(judged, trivial),
+            _cleared({name: judged[name] for name in runs}, trivial),
             table(
                 ["run", "model", "windows", f"95 % by {group}", "whole trials", "loss, nats",
                  "ROC-AUC", "F1", "parameters"],

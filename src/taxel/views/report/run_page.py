@@ -33,6 +33,7 @@ from taxel.views.report.page import (
     join,
     percent,
     section,
+    split_name,
     tag,
     text,
     tiles,
@@ -128,7 +129,20 @@ def _sections(page: RunPage, judged: Mapping[str, RunScores]) -> list[tuple[str,
                  (list(own.values()) for own in alike) if run.predictions is not None]  # fmt: skip
         parts.append(("split", "Split", join(drawn)))
     if page.audits:
-        parts.append(("audit", "Audit", join([audit_part(one) for one in page.audits])))
+        parts.append(
+            (
+                "audit",
+                "Audit",
+                join(
+                    [
+                        join(
+                            [tag("h3", split_name(one.split)) if one.split else "", audit_part(one)]
+                        )
+                        for one in page.audits
+                    ]
+                ),
+            )
+        )
     if alike:
         inside = [accuracies(own, judged, inks) for own in alike]
         inside.append(published_beside({n: r for n, r in page.runs.items() if n in judged}, judged))
