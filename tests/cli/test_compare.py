@@ -61,3 +61,24 @@ def test_a_run_without_predictions_is_refused(runs: Path):
 def test_a_folder_that_is_no_run_is_refused(runs: Path):
     with pytest.raises(BadInput, match="a run in"):
         compare(str(runs / "cnn2d"), str(runs / "data"))
+
+
+def test_a_library_model_that_was_only_evaluated_is_compared_too(
+    runs: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+):
+    """Its cross-validation is kept as a run without weights."""
+    from dataclasses import replace
+
+    from taxel.evaluation.checked import check_recipe
+    from taxel.evaluation.checked_run import run_of_check
+    from taxel.training.recipes import find_recipe
+    from taxel.training.run import save_run
+
+    recipe = replace(find_recipe("teng"), model="extra-trees")
+    checked = check_recipe(runs / "data", recipe, folds=3, bars=())
+    save_run(tmp_path / "trees", run_of_check(runs / "data", checked))
+
+    compare(str(runs / "cnn2d"), str(tmp_path / "trees"), "--json")
+
+    found = json.loads(capsys.readouterr().out)
+    assert found["second"] == pytest.approx(checked.pooled.scores.accuracy)

@@ -59,10 +59,12 @@ def sides_of(found: Predictions, touch: TouchSet, steps: int) -> tuple[Pieces, S
     else:
         pieces = cut_pieces(touch, steps, steps)
         folds = [
-            tuple(np.flatnonzero(np.isin(pieces.trial, owner[side[fold] > 0]))
-                  for side in (found.trained, tested))
+            (
+                np.flatnonzero(np.isin(pieces.trial, owner[found.trained[fold] > 0])),
+                np.flatnonzero(np.isin(pieces.trial, owner[tested[fold] > 0])),
+            )
             for fold in range(len(found.folds))
-        ]  # type: ignore[misc]  # fmt: skip
+        ]
     claimed = found.split.removesuffix(" held out")
     known = (claimed,) if claimed != found.split and claimed in found.groups() else ()
     return pieces, Sides(name=found.split, folds=tuple(folds), claimed=known)

@@ -77,14 +77,7 @@ def read_audit(data: Any, name: str) -> Audit:
     try:
         known = {field.name for field in fields(Audit)} & set(data)
         own = {key: data[key] for key in known - {"findings"}}
-        inside = {field.name for field in fields(Finding)}
-        findings = tuple(
-            Finding(
-                **{key: tuple(value) if isinstance(value, list) else value
-                   for key, value in one.items() if key in inside}
-            )
-            for one in data["findings"]
-        )  # fmt: skip
+        findings = tuple(_finding(one) for one in data["findings"])
         if not all(one.verdict in MEANING for one in findings):
             raise ValueError("an unknown verdict")
         return Audit(**own | {"findings": findings, "notes": tuple(data.get("notes", ()))})
@@ -93,3 +86,9 @@ def read_audit(data: Any, name: str) -> Audit:
             f"what taxel audit --json prints in {name}", f"something else ({error})",
             "write it again with: taxel audit … --json",
         ) from error  # fmt: skip
+
+
+def _finding(one: dict[str, Any]) -> Finding:
+    inside = {field.name for field in fields(Finding)} & set(one)
+    own: dict[str, Any] = {key: one[key] for key in inside}
+    return Finding(**own | {"examples": tuple(one.get("examples", ()))})

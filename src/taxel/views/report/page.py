@@ -27,7 +27,8 @@ _STYLE = """
 --c2:#2f8f5b;--c3:#8a5fb0;--c4:#a77b12;--c5:#3c97ad;--grey:#98a2ad}
 body{max-width:none;margin:0;font-size:10.5pt}nav{display:none}
 h2,h3,h4{break-after:avoid}figure,tr,.tile{break-inside:avoid}
-.scroll{overflow:visible}*{print-color-adjust:exact;-webkit-print-color-adjust:exact}}
+.scroll{overflow:visible}table{font-size:8pt!important}
+th{white-space:normal!important}th,td{padding:.12rem .32rem!important}*{print-color-adjust:exact;-webkit-print-color-adjust:exact}}
 @page{margin:14mm}
 *{box-sizing:border-box}
 body{font:15px/1.55 system-ui,-apple-system,"Segoe UI",sans-serif;max-width:1060px;
