@@ -1,13 +1,16 @@
 """A bundle gives what was trained, and a damaged one is refused."""
 
+import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from taxel.bundles.contract import Contract
+from taxel.bundles.contract import Contract, contract_from_json, contract_to_json
 from taxel.bundles.reader import read_bundle
 from taxel.bundles.writer import Classifier, write_bundle
+from taxel.decisions.unknown import Density, Strangeness, Unknown
 from taxel.errors import BadBundle
 from taxel.models.cnn2d import Cnn2d
 from taxel.signals import SensorInfo
@@ -122,3 +125,57 @@ def test_a_sensor_with_other_channels_is_refused(path: Path) -> None:
 
     with pytest.raises(BadBundle, match="12 channels"):
         read_bundle(path).contract.check_sensor(other)
+
+
+def unknown() -> Unknown:
+    rng = np.random.default_rng(3)
+    density = Density(
+        label="shape",
+        projection=rng.normal(size=(36, 2)),
+        centres=rng.normal(size=(3, 2)),
+        log_share=np.log(np.full(3, 1 / 3)),
+        windows=np.sort(rng.normal(size=50)),
+        contacts={1: np.sort(rng.normal(size=20)), 4: np.sort(rng.normal(size=20))},
+    )
+    return Unknown(
+        rejected=0.05,
+        lag=1,
+        level=rng.random(12),
+        wander=rng.random(12) + 0.5,
+        least=rng.random((2, 12)),
+        densities=(density,),
+    )
+
+
+def test_a_bundle_carries_the_test_for_the_unknown(tmp_path: Path) -> None:
+    made = replace(contract(), unknown=unknown())
+    network = new_network(lambda: Cnn2d(12, 12, 3), 0)
+    write_bundle(tmp_path / "a.taxel", (network,), made, VALUES, MASK)
+    bundle = read_bundle(tmp_path / "a.taxel")
+
+    found, strange = bundle.recognise(VALUES[:1], MASK[:1])
+    assert bundle.strangeness is not None
+    assert strange == Strangeness(unknown()).of_window(made.scaling.apply(VALUES[:1], MASK[:1])[0])
+    np.testing.assert_array_equal(found, bundle.probabilities(VALUES[:1], MASK[:1])[0])
+
+
+def test_a_bundle_without_the_test_says_so(path: Path) -> None:
+    bundle = read_bundle(path)
+
+    assert bundle.strangeness is None
+    assert bundle.recognise(VALUES[:1], MASK[:1])[1] is None
+
+
+def test_a_bundle_of_before_there_was_such_a_test_is_read() -> None:
+    old = json.loads(contract_to_json(contract()))
+    del old["unknown"]
+
+    assert contract_from_json(json.dumps(old)).unknown is None
+
+
+def test_a_damaged_test_for_the_unknown_is_refused() -> None:
+    data = json.loads(contract_to_json(replace(contract(), unknown=unknown())))
+    del data["unknown"]["densities"][0]["centres"]
+
+    with pytest.raises(BadBundle, match="centres"):
+        contract_from_json(json.dumps(data))

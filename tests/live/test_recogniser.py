@@ -10,6 +10,7 @@ from taxel.bundles.contract import Contract
 from taxel.bundles.reader import Bundle, read_bundle
 from taxel.bundles.writer import write_bundle
 from taxel.decisions.recognition import UNKNOWN, RecogniseConfig
+from taxel.decisions.unknown import Density, Unknown
 from taxel.errors import BadBundle
 from taxel.live.recogniser import Recogniser
 from taxel.live.session import run_session
@@ -31,7 +32,12 @@ def touch(n: int, start: int = 0) -> Samples:
     return Samples.from_values(values, (start + np.arange(n)) / 100.0, full_scale=3.3)
 
 
-def bundle(folder: Path, window: WindowConfig, channels: tuple[str, ...] = ("a", "b", "c")):
+def bundle(
+    folder: Path,
+    window: WindowConfig,
+    channels: tuple[str, ...] = ("a", "b", "c"),
+    unknown: Unknown | None = None,
+):
     width = len(channels)
     values = touch(STEPS * 10).values.reshape(10, STEPS, CHANNELS)[:, :, :width].copy()
     mask = np.ones((10, STEPS), bool)
@@ -49,6 +55,7 @@ def bundle(folder: Path, window: WindowConfig, channels: tuple[str, ...] = ("a",
         accuracy={},
         software="taxel test",
         parity=None,
+        unknown=unknown,
     )
     network = new_network(lambda: Cnn2d(STEPS, width, 2), 0)
     write_bundle(folder / "b.taxel", (network,), contract, values, mask)
@@ -209,3 +216,42 @@ def test_near_holds_when_one_row_is_missing(plain: Bundle) -> None:
         recogniser.push(touch(1, start=row))
         near.append(recogniser.near)
     assert near == [False] * (STEPS - 2) + [True, False] + [False] * (STEPS - 2) + [True, False]
+
+
+def strict() -> Unknown:
+    """Known touch lies about 1 V and hardly moves; touch() gives 0 to 3 V."""
+    density = Density(
+        label="shape",
+        projection=np.eye(3 * CHANNELS, 1),
+        centres=np.zeros((1, 1)),
+        log_share=np.zeros(1),
+        windows=np.linspace(0.0, 1e-3, 99),
+        contacts={1: np.linspace(0.0, 1e-3, 99)},
+    )
+    ones = np.ones(CHANNELS)
+    least = np.full((2, CHANNELS), 1e-3)
+    return Unknown(
+        rejected=0.05, lag=1, level=ones / 3.3, wander=0.01 * ones, least=least,
+        densities=(density,),
+    )  # fmt: skip
+
+
+def test_touch_unlike_anything_learned_is_unknown_live(tmp_path: Path):
+    made = bundle(tmp_path, WindowConfig(steps=STEPS, stride=STEPS), unknown=strict())
+    strange = touch(STEPS)
+    usual = Samples.from_values(np.ones((STEPS, CHANNELS)), strange.fitted_s + 1.0, full_scale=3.3)
+    recogniser = Recogniser(made, SENSOR, ANY)
+    answers = recogniser.push(strange) + recogniser.push(usual)
+    assert [answer.decision.label == UNKNOWN for answer in answers] == [True, False]
+    assert answers[0].decision.reason == "unlike anything learned (p = 0.01)"
+
+
+def test_a_missing_value_is_not_told_as_strange(tmp_path: Path):
+    made = bundle(tmp_path, WindowConfig(steps=STEPS, stride=STEPS), unknown=strict())
+    samples = touch(STEPS)
+    values = samples.values.copy()
+    values[2, 1] = np.nan
+    bad = Samples.from_values(values, samples.fitted_s, full_scale=3.3)
+    (answer,) = Recogniser(made, SENSOR, ANY).push(bad)
+    assert answer.decision.label == UNKNOWN
+    assert "unlike" not in answer.decision.reason

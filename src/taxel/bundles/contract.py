@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from taxel.decisions.unknown import Unknown, unknown_from_json, unknown_to_json
 from taxel.errors import BadBundle
 from taxel.signals import SensorInfo
 from taxel.windows.config import WindowConfig
@@ -64,6 +65,8 @@ class Contract:
     reference: Reference | None = None
     """The level of the reference touches that the scaling holds for; None where it was
     trained on values as measured."""
+    unknown: Unknown | None = None
+    """How to tell touch that is unlike all that was learned; None where it was not learned."""
 
     def check_sensor(self, sensor: SensorInfo) -> None:
         """Refuse a sensor that this bundle was not made for.
@@ -115,7 +118,7 @@ def at_level(contract: Contract, level: NDArray[np.float32]) -> Contract:
 
 def contract_to_json(contract: Contract) -> str:
     """Return the contract as JSON text."""
-    data = asdict(contract)
+    data = asdict(replace(contract, unknown=None))
     data["format"] = FORMAT
     data["scaling"] = {
         "kind": contract.scaling.kind,
@@ -124,6 +127,8 @@ def contract_to_json(contract: Contract) -> str:
     }
     if contract.reference is not None:
         data["reference"]["level"] = [float(value) for value in contract.reference.level]
+    if contract.unknown is not None:
+        data["unknown"] = unknown_to_json(contract.unknown)
     return json.dumps(data, indent=1, sort_keys=True)
 
 
@@ -155,6 +160,8 @@ def contract_from_json(text: str) -> Contract:
         if data["reference"] is not None:
             level = np.array(data["reference"]["level"], np.float32)
             data["reference"] = Reference(touches=data["reference"]["touches"], level=level)
+        if data["unknown"] is not None:
+            data["unknown"] = unknown_from_json(data["unknown"])
         for key in ("classes", "channels", "units"):
             data[key] = tuple(data[key])
         return Contract(**data)

@@ -8,6 +8,7 @@ from __future__ import annotations
 import hashlib
 import io
 import zipfile
+from math import isfinite
 from pathlib import Path
 from typing import Any
 
@@ -21,6 +22,7 @@ from taxel.bundles.contract import (
     Contract,
     contract_from_json,
 )
+from taxel.decisions.unknown import Strangeness
 from taxel.errors import BadBundle
 
 _LARGEST_BYTES = 512 * 2**20
@@ -60,6 +62,8 @@ class Bundle:
                 "write the bundle again with this version of taxel",
             ) from error  # fmt: skip
         self._inputs = {entry.name for entry in self._session.get_inputs()}
+        self.strangeness = Strangeness(contract.unknown) if contract.unknown is not None else None
+        """The test for touch that is unlike all that was learned; None where there is none."""
 
     def probabilities(
         self, values: NDArray[np.float32], mask: NDArray[np.bool_]
@@ -70,7 +74,30 @@ class Bundle:
             values: Unscaled windows, shape (n, steps, channels), in the channels' units.
             mask: Shape (n, steps).
         """
-        feed: dict[str, NDArray[Any]] = {"values": self.contract.scaling.apply(values, mask)}
+        return self._run(self.contract.scaling.apply(values, mask), mask)
+
+    def recognise(
+        self, values: NDArray[np.float32], mask: NDArray[np.bool_]
+    ) -> tuple[NDArray[np.float32], list[float] | None]:
+        """Return one window's class probabilities, and how strange it is by each label.
+
+        Args:
+            values: One unscaled window of usable values, shape (1, steps, channels).
+            mask: Shape (1, steps).
+
+        Returns:
+            Probabilities, shape (classes,), and strangeness as `Strangeness.of_window` gives
+            it; None where the bundle has no such test, or gave NaN.
+        """
+        scaled = self.contract.scaling.apply(values, mask)
+        found = self._run(scaled, mask)[0]
+        if self.strangeness is None or not isfinite(float(found.sum())):
+            return found, None
+        rows = scaled[0] if mask.all() else scaled[0][mask[0]]
+        return found, self.strangeness.of_window(rows)
+
+    def _run(self, scaled: NDArray[np.float32], mask: NDArray[np.bool_]) -> NDArray[np.float32]:
+        feed: dict[str, NDArray[Any]] = {"values": scaled}
         if "mask" in self._inputs:
             feed["mask"] = mask
         found: NDArray[np.float32] = self._session.run(None, feed)[0]

@@ -11,6 +11,8 @@ from math import isfinite
 import numpy as np
 from numpy.typing import NDArray
 
+from taxel.decisions.unknown import Strangeness
+
 UNKNOWN = "UNKNOWN"
 """The answer when the input or the confidence does not allow one."""
 
@@ -44,6 +46,9 @@ class Decision:
     """First row of the window, fitted clock, seconds."""
     end_s: float
     """Last row of the window, fitted clock, seconds."""
+    strangeness: list[float] | None = None
+    """How unlike the learned the window is, by each label; None where that is not tested, or
+    the input cannot be used."""
 
 
 def decide(
@@ -53,6 +58,8 @@ def decide(
     span_s: tuple[float, float],
     classes: tuple[str, ...],
     config: RecogniseConfig,
+    strange: list[float] | None = None,
+    test: Strangeness | None = None,
 ) -> Decision:
     """Return the answer for one window.
 
@@ -63,17 +70,29 @@ def decide(
         span_s: Times of the window's first and last row, seconds.
         classes: The answers' names.
         config: When an answer may be given.
+        strange: How unlike the learned the window is, as `test` gives it.
+        test: What says how rare that is; None where the bundle has no such test.
     """
     best = int(probabilities.argmax())
     confidence = float(probabilities[best])
-    reason = _doubt(probabilities, confidence, usable, saturated, config)
+    reason = _fault(probabilities, usable, saturated, config)
+    if reason or test is None:
+        strange = None
+    elif strange is not None and (p := test.p_window(strange)) <= test.rejected:
+        reason = unlike(p)
+    if not reason and confidence < config.least_confidence:
+        reason = f"confidence {confidence:.2f} is below {config.least_confidence:.2f}"
     label = UNKNOWN if reason else classes[best]
-    return Decision(label, confidence, probabilities, reason, *span_s)
+    return Decision(label, confidence, probabilities, reason, *span_s, strange)
 
 
-def _doubt(
+def unlike(p: float) -> str:
+    """Return why touch is UNKNOWN that known touch is as strange as with probability p."""
+    return f"unlike anything learned (p = {p:.2g})"
+
+
+def _fault(
     probabilities: NDArray[np.float32],
-    confidence: float,
     usable: float,
     saturated: float,
     config: RecogniseConfig,
@@ -84,8 +103,6 @@ def _doubt(
         return f"{1 - usable:.0%} of the values are missing, stale or NaN"
     if saturated > config.most_saturated:
         return "a channel stands at the converter's limit"
-    if confidence < config.least_confidence:
-        return f"confidence {confidence:.2f} is below {config.least_confidence:.2f}"
     return ""
 
 
@@ -93,15 +110,28 @@ class GraspVote:
     """Join the windows of one contact: the mean of their log-probabilities decides.
 
     Windows further apart than `gap_s` belong to different contacts. UNKNOWN
-    windows do not vote, unless all are.
+    windows do not vote, unless all are. Where the bundle tells the unknown, the
+    mean strangeness of all windows may make the whole contact UNKNOWN.
+
+    Args:
+        classes: The answers' names.
+        gap_s: Longest pause within a contact, seconds.
+        test: The bundle's test for the unknown, if it has one.
     """
 
-    def __init__(self, classes: tuple[str, ...], gap_s: float) -> None:
+    def __init__(
+        self, classes: tuple[str, ...], gap_s: float, test: Strangeness | None = None
+    ) -> None:
         self._classes = classes
         self._gap_s = gap_s
         self._sum = np.zeros(len(classes))
         self._count = 0
         self._end_s: float | None = None
+        self._test = test
+        self._strange = [0.0] * (len(test.labels) if test is not None else 0)
+        self._tested = 0
+        self.p_known = float("nan")
+        """How often a known contact is at least as strange, 0…1; NaN where that is not tested."""
 
     @property
     def windows(self) -> int:
@@ -112,14 +142,23 @@ class GraspVote:
         """Take in one decision; return the contact's answer so far and its confidence, 0…1."""
         if self._end_s is not None and decision.start_s - self._end_s > self._gap_s:
             self._sum[:], self._count = 0.0, 0
+            self._strange, self._tested = [0.0] * len(self._strange), 0
+            self.p_known = float("nan")
         self._end_s = decision.end_s
         if decision.label != UNKNOWN:
             self._sum += np.log(np.maximum(decision.probabilities, 1e-7))
             self._count += 1
-        if not self._count:
+        if self._test is not None and decision.strangeness is not None:
+            self._strange = [
+                a + b for a, b in zip(self._strange, decision.strangeness, strict=True)
+            ]
+            self._tested += 1
+            mean = [one / self._tested for one in self._strange]
+            self.p_known = self._test.p_contact(mean, self._tested)
+        if not self._count or (self._test is not None and self.p_known <= self._test.rejected):
             return UNKNOWN, float("nan")
-        mean = self._sum / self._count
-        weights = np.exp(mean - mean.max())
+        voted = self._sum / self._count
+        weights = np.exp(voted - voted.max())
         weights /= weights.sum()
         best = int(weights.argmax())
         return self._classes[best], float(weights[best])

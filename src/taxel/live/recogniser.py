@@ -90,7 +90,7 @@ class Recogniser:
         for index in range(len(windows)):
             began = perf_counter()
             one = windows if len(windows) == 1 else windows[index : index + 1]
-            found = self.bundle.probabilities(one.values, one.mask)[0]
+            found, strange = self.bundle.recognise(one.values, one.mask)
             decision = decide(
                 found,
                 float(one.usable[0]),
@@ -98,6 +98,8 @@ class Recogniser:
                 (float(one.start_s[0]), float(one.end_s[0])),
                 self.bundle.contract.classes,
                 self._config,
+                strange,
+                self.bundle.strangeness,
             )
             answers.append(Answer(decision, one, cutting_s + perf_counter() - began))
         return answers

@@ -1,0 +1,195 @@
+"""Learn what is usual, so that the rest can be called unknown.
+
+No network takes part: densities of touch statistics, fitted a label at a time, and
+calibrated on sessions that their fit has not seen. Knows nothing about screens, files
+or networks (docs/decisions/0027).
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from taxel.decisions.unknown import (
+    SMALLEST,
+    Density,
+    Strangeness,
+    Unknown,
+    summaries,
+    touch_moments,
+)
+from taxel.errors import BadDataset
+from taxel.windows.dataset import Dataset
+from taxel.windows.scaling import Scaling
+
+REJECTED = 0.05
+"""Share of known touch that may be called unknown, 0…1: 95 % are answered. Source: our choice."""
+PARTS = 6
+"""Parts of the sessions, of which each calibrates what the others fit. Source: our choice."""
+COUNTS = (1, 2, 4, 8, 16)
+"""Windows of a contact at which its mean is calibrated. Source: our choice, 0027."""
+TELLING = 0.1
+"""A direction is used where the classes' means vary at least this much, as a share of the
+variance within a class: below it, it tells nothing apart and only adds noise. Source: 0027."""
+_KEPT = 999
+"""Calibration scores kept at the most: p-values in steps of a thousandth."""
+_RIDGE = 0.05
+"""Share of an even scatter in the covariance, so that it can be inverted. Source: our choice."""
+_LONG = 64
+"""From so many rows on, change is measured over 4 rows, as TouchNet does (0011), else over 1."""
+
+
+def fit_unknown(
+    dataset: Dataset,
+    target: str,
+    scaling: Scaling,
+    rejected: float = REJECTED,
+    trials: NDArray[np.bool_] | None = None,
+) -> Unknown:
+    """Return the test for touch that is unlike all that a data set holds.
+
+    Args:
+        dataset: Windows to learn from.
+        target: The label that is told; several joined by "+" are judged each.
+        scaling: The bundle's own.
+        rejected: Share of known touch that may be called unknown, 0…1.
+        trials: Which trials may be used, shape (trials,); all unless given.
+
+    Raises:
+        BadDataset: There are too few groups or windows to calibrate on.
+    """
+    used = np.ones(len(dataset.trials), bool) if trials is None else trials
+    mine = np.flatnonzero(used[dataset.trial])
+    windows = dataset.windows[mine]
+    values, mask = scaling.apply(windows.values, windows.mask), windows.mask
+    owner = dataset.trial[mine]
+    labels = {part: np.array([one.labels[part] for one in dataset.trials])[owner]
+              for part in target.split("+")}  # fmt: skip
+    part = _parts(dataset, target, used)[owner]
+    held: list[tuple[NDArray[np.intp], NDArray[np.float64]]] = []
+    for number in np.unique(part):
+        rest = part != number
+        if not all(set(own[rest]) == set(own) for own in labels.values()):
+            continue
+        test = Strangeness(_fit(values[rest], mask[rest], _of(labels, rest), rejected))
+        out = np.flatnonzero(~rest)
+        held.append((out, np.array([test.of_window(values[i][mask[i]]) for i in out])))
+    _check(held, rejected)
+    index = np.concatenate([one for one, _ in held])
+    order = np.argsort(index)  # windows of a trial come in their order
+    scores = np.concatenate([one for _, one in held])[order]
+    whole = _fit(values, mask, labels, rejected)
+    return _calibrated(whole, scores, owner[index[order]])
+
+
+def _of(
+    labels: dict[str, NDArray[np.str_]], rows: NDArray[np.bool_]
+) -> dict[str, NDArray[np.str_]]:
+    return {name: own[rows] for name, own in labels.items()}
+
+
+def _check(held: list[tuple[NDArray[np.intp], NDArray[np.float64]]], rejected: float) -> None:
+    needed = int(np.ceil(1.0 / rejected)) - 1
+    count = sum(len(one) for one, _ in held)
+    if count < needed:
+        raise BadDataset(
+            f"at least {needed} windows in sessions held out, to call {rejected:g} of them unknown",
+            f"{count}",
+            "record each class in more sessions, or leave --unknown out",
+        )
+
+
+def _parts(dataset: Dataset, target: str, used: NDArray[np.bool_]) -> NDArray[np.intp]:
+    """Return each trial's part, shape (trials,): whole sessions, or files where there are none."""
+    keys = [key for key in ("session", "file", "recording")
+            if all(key in one.groups for one in dataset.trials)]  # fmt: skip
+    names = np.array([one.groups["trial"] for one in dataset.trials])
+    for key in keys:
+        if len(set(dataset.group(key)[used])) > 1:
+            names = dataset.group(key)
+            break
+    classes = [tuple(one.labels[part] for part in target.split("+")) for one in dataset.trials]
+    first = dict(zip(names[::-1], classes[::-1], strict=True))
+    ordered = sorted(set(names[used]), key=lambda name: (first[name], name))
+    part = {name: number % PARTS for number, name in enumerate(ordered)}
+    return np.array([part.get(name, 0) for name in names], np.intp)
+
+
+def _fit(
+    values: NDArray[np.float32],
+    mask: NDArray[np.bool_],
+    labels: dict[str, NDArray[np.str_]],
+    rejected: float,
+) -> Unknown:
+    """Return the densities of windows, not calibrated yet."""
+    lag = 4 if values.shape[1] >= _LONG else 1
+    sums: dict[int, NDArray[np.float64]] = {}
+    moments = np.array([touch_moments(one[own].astype(float), lag, sums)
+                        for one, own in zip(values, mask, strict=True)])  # fmt: skip
+    level = np.median(moments[:, 0], axis=0)
+    wander = np.abs(moments[:, 0] - level).mean(axis=0) + 1e-9
+    variance = np.median(np.maximum(moments[:, 1], 0.0), axis=0) / wander**2
+    change = np.median(moments[:, 2], axis=0) / wander
+    least = np.stack([SMALLEST**2 * variance, SMALLEST * change]) + 1e-6
+    summed = summaries(values, mask, level, wander, least, lag)
+    return Unknown(
+        rejected=rejected,
+        lag=lag,
+        level=level,
+        wander=wander,
+        least=least,
+        densities=tuple(_density(name, summed, own) for name, own in labels.items()),
+    )
+
+
+def _density(label: str, summed: NDArray[np.float64], classes: NDArray[np.str_]) -> Density:
+    """Return a Gaussian about each class in the directions that tell the classes apart."""
+    names, y, count = np.unique(classes, return_inverse=True, return_counts=True)
+    share = count / count.sum()
+    middle, scale = summed.mean(axis=0), summed.std(axis=0) + 1e-9
+    whole = (summed - middle) / scale
+    means = np.stack([whole[y == number].mean(axis=0) for number in range(len(names))])
+    apart = whole - means[y]
+    scatter = apart.T @ apart / len(apart)
+    even = np.trace(scatter) / len(scatter)
+    size, axes = np.linalg.eigh((1 - _RIDGE) * scatter + _RIDGE * even * np.eye(len(scatter)))
+    whiten = axes / np.sqrt(size)
+    between = (means - share @ means) @ whiten * np.sqrt(share)[:, None]
+    _, spread, directions = np.linalg.svd(between, full_matrices=False)
+    kept = min(max(1, int((spread**2 >= TELLING).sum())), max(1, len(names) - 1))
+    onto = whiten @ directions[:kept].T
+    projection = onto / scale[:, None]
+    # `of_window` takes no middle away: the centres hold it.
+    return Density(
+        label=label,
+        projection=projection,
+        centres=means @ onto + middle @ projection,
+        log_share=np.log(share),
+        windows=np.zeros(0),
+        contacts={},
+    )
+
+
+def _calibrated(whole: Unknown, scores: NDArray[np.float64], owner: NDArray[np.intp]) -> Unknown:
+    """Return the test with the strangeness of known windows and contacts."""
+    starts = [scores[owner == one] for one in np.unique(owner)]
+    densities = []
+    for number, density in enumerate(whole.densities):
+        contacts = {}
+        for count in COUNTS:
+            means = [own[:count, number].mean() for own in starts if len(own) >= count]
+            if count == 1 or len(means) >= 1.0 / whole.rejected:
+                contacts[count] = _thinned(np.array(means))
+        densities.append(replace(density, windows=_thinned(scores[:, number]), contacts=contacts))
+    return replace(whole, densities=tuple(densities))
+
+
+def _thinned(scores: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the scores sorted; of many, evenly spaced ones, each the larger of two."""
+    scores = np.sort(scores)
+    if len(scores) <= _KEPT:
+        return scores
+    place = np.ceil(np.arange(1, _KEPT + 1) / (_KEPT + 1) * (len(scores) + 1)).astype(int) - 1
+    return np.asarray(scores[place])

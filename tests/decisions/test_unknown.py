@@ -1,0 +1,163 @@
+"""Claims about what is called unknown: exact on closed forms, and NumPy alone."""
+
+import json
+
+import numpy as np
+import pytest
+
+from taxel.decisions.recognition import UNKNOWN, Decision, GraspVote, RecogniseConfig, decide
+from taxel.decisions.unknown import (
+    Density,
+    Strangeness,
+    Unknown,
+    p_value,
+    summaries,
+    touch_moments,
+    unknown_from_json,
+    unknown_to_json,
+)
+
+CLASSES = ("a", "b")
+KNOWN = np.arange(1.0, 100.0)
+"""Strangeness of 99 known windows: p falls by a hundredth from one to the next."""
+
+
+def level_only(rejected: float = 0.05, labels: tuple[str, ...] = ("shape",)) -> Unknown:
+    """One channel whose level alone counts: class a about 0, class b about 4."""
+    density = Density(
+        label="shape",
+        projection=np.array([[1.0], [0.0], [0.0]]),
+        centres=np.array([[0.0], [4.0]]),
+        log_share=np.log([0.5, 0.5]),
+        windows=KNOWN,
+        contacts={1: KNOWN, 4: KNOWN / 10.0},
+    )
+    return Unknown(
+        rejected=rejected,
+        lag=1,
+        level=np.zeros(1),
+        wander=np.ones(1),
+        least=np.full((2, 1), 1e-6),
+        densities=(density,) * len(labels),
+    )
+
+
+def window(level: float) -> np.ndarray:
+    return np.full((6, 1), np.sinh(level), np.float32)
+
+
+def test_mean_variance_and_change_are_what_they_are_called():
+    rows = np.random.default_rng(0).normal(2.0, 3.0, (12, 5))
+    found = touch_moments(rows, 2, {})
+    np.testing.assert_allclose(found[0], rows.mean(axis=0))
+    np.testing.assert_allclose(found[1], rows.var(axis=0))
+    np.testing.assert_allclose(found[2], np.abs(rows[2:] - rows[:-2]).mean(axis=0))
+
+
+def test_a_window_of_one_row_has_no_change():
+    found = touch_moments(np.array([[3.0, 4.0]]), 4, {})
+    np.testing.assert_array_equal(found, [[3.0, 4.0], [0.0, 0.0], [0.0, 0.0]])
+
+
+def test_padding_counts_for_nothing():
+    values = np.random.default_rng(1).random((1, 8, 3)).astype(np.float32)
+    mask = np.arange(8)[None] < 5
+    ones = np.ones(3)
+    padded = summaries(values * mask[:, :, None], mask, 0 * ones, ones, np.ones((2, 3)), 1)
+    short = summaries(values[:, :5], mask[:, :5], 0 * ones, ones, np.ones((2, 3)), 1)
+    np.testing.assert_array_equal(padded, short)
+
+
+@pytest.mark.parametrize("level", [-3.0, 0.0, 1.7, 4.0, 9.0])
+def test_strangeness_is_minus_the_logarithm_of_the_mixtures_density(level: float):
+    (found,) = Strangeness(level_only()).of_window(window(level))
+    mixture = 0.5 * np.exp(-0.5 * level**2) + 0.5 * np.exp(-0.5 * (level - 4.0) ** 2)
+    assert found == pytest.approx(-np.log(mixture), abs=1e-5)
+
+
+def test_p_counts_the_known_that_are_at_least_as_strange():
+    assert p_value(KNOWN.tolist(), 0.0) == 1.0
+    assert p_value(KNOWN.tolist(), 99.0) == pytest.approx(2 / 100)
+    assert p_value(KNOWN.tolist(), 99.5) == pytest.approx(1 / 100)
+    assert p_value(KNOWN.tolist(), float("inf")) == pytest.approx(1 / 100)
+
+
+def test_at_most_the_promised_share_of_exchangeable_touch_is_rejected():
+    rng = np.random.default_rng(0)
+    rejected = [
+        p_value(sorted(scores[:-1].tolist()), float(scores[-1])) <= 0.05
+        for scores in rng.normal(size=(4000, 60))
+    ]
+    assert 0.03 < np.mean(rejected) <= 0.06
+
+
+def test_several_labels_share_the_promise():
+    """Twice the least p of two labels: either alone must be twice as rare."""
+    one, two = Strangeness(level_only()), Strangeness(level_only(labels=("shape", "material")))
+    assert one.p_window([96.5]) == pytest.approx(0.04)
+    assert two.p_window([96.5, 1.0]) == pytest.approx(0.08)
+
+
+def test_a_contact_is_measured_against_contacts_of_at_most_as_many_windows():
+    test = Strangeness(level_only())
+    assert test.p_contact([9.55], 1) == pytest.approx(0.91)
+    assert test.p_contact([9.55], 3) == pytest.approx(0.91)
+    assert test.p_contact([9.55], 4) == pytest.approx(0.05)
+    assert test.p_contact([9.55], 50) == pytest.approx(0.05)
+
+
+def told(level: float, usable: float = 1.0) -> Decision:
+    test = Strangeness(level_only())
+    return decide(
+        np.array([0.1, 0.9], np.float32), usable, 0.0, (0.0, 0.1), CLASSES, RecogniseConfig(),
+        test.of_window(window(level)), test,
+    )  # fmt: skip
+
+
+def test_a_sure_answer_to_something_unlike_anything_learned_is_unknown():
+    assert told(4.0).label == "b"
+    far = told(40.0)
+    assert far.label == UNKNOWN
+    assert far.reason == "unlike anything learned (p = 0.01)"
+    assert far.confidence == pytest.approx(0.9)
+
+
+def test_unusable_input_is_named_before_its_strangeness_and_is_not_counted():
+    bad = told(40.0, usable=0.5)
+    assert "missing" in bad.reason
+    assert bad.strangeness is None
+
+
+def decision(label: str, start: float, strangeness: list[float] | None) -> Decision:
+    p = np.array([0.9, 0.1], np.float32)
+    return Decision(label, 0.9, p, "", start, start + 0.1, strangeness)
+
+
+def test_a_contact_that_is_strange_on_the_whole_is_unknown_and_the_next_begins_anew():
+    vote = GraspVote(CLASSES, 0.5, Strangeness(level_only()))
+    assert vote.add(decision("a", 0.0, [1.0]))[0] == "a"
+    for number in range(1, 4):
+        label, confidence = vote.add(decision("a", 0.2 * number, [40.0]))
+    assert label == UNKNOWN
+    assert np.isnan(confidence)
+    assert vote.p_known == pytest.approx(0.01)
+    assert vote.add(decision("a", 9.0, [1.0]))[0] == "a"
+    assert vote.p_known == pytest.approx(1.0)
+
+
+def test_windows_that_could_not_be_tested_leave_the_contact_as_it_is():
+    vote = GraspVote(CLASSES, 0.5, Strangeness(level_only()))
+    assert vote.add(decision("a", 0.0, None))[0] == "a"
+    assert np.isnan(vote.p_known)
+
+
+def test_what_is_stored_gives_what_was_stored():
+    before = level_only(labels=("shape", "material"))
+    after = unknown_from_json(json.loads(json.dumps(unknown_to_json(before))))
+    old, new = Strangeness(before), Strangeness(after)
+    for level in (-1.0, 2.0, 30.0):
+        strange = old.of_window(window(level))
+        assert new.of_window(window(level)) == strange
+        assert new.p_window(strange) == old.p_window(strange)
+        assert new.p_contact(strange, 5) == old.p_contact(strange, 5)
+    assert new.rejected == old.rejected
