@@ -5,11 +5,8 @@ Needs PyTorch; the reader does not. Knows nothing about recordings or splits.
 
 from __future__ import annotations
 
-import hashlib
 import io
-import os
 import warnings
-import zipfile
 from dataclasses import replace
 from pathlib import Path
 
@@ -18,9 +15,10 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor, nn
 
-from taxel.bundles.contract import FIRST_WORDS, LARGEST_DIFFERENCE, Contract, contract_to_json
+from taxel.bundles.contract import LARGEST_DIFFERENCE, Contract
+from taxel.bundles.files import bundle_bytes, write_whole
 from taxel.bundles.reader import Bundle
-from taxel.errors import BadBundle, RecordingFailed
+from taxel.errors import BadBundle
 
 _CHECK_WINDOWS = 16
 """Windows stored for the check on load."""
@@ -76,21 +74,7 @@ def write_bundle(
         )
     contract = replace(contract, parity=parity)
     part = np.linspace(0, len(values) - 1, min(_CHECK_WINDOWS, len(values))).astype(int)
-    body = _zip(contract, model, values[part], mask[part], wanted[part])
-    head = FIRST_WORDS + hashlib.sha256(body).hexdigest().encode() + b"\n"
-    temporary = path.with_name(path.name + ".part")
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        try:
-            temporary.write_bytes(head + body)
-            os.replace(temporary, path)
-        finally:
-            temporary.unlink(missing_ok=True)
-    except OSError as error:
-        raise RecordingFailed(
-            f"needed to write {path}; got {error.strerror or error}; "
-            "make room or choose another place."
-        ) from error
+    write_whole(path, bundle_bytes(contract, model, values[part], mask[part], wanted[part]))
     return contract
 
 
@@ -113,23 +97,3 @@ def export_onnx(classifier: nn.Module, steps: int, channels: int) -> bytes:
             dynamo=False,
         )
     return buffer.getvalue()
-
-
-def _zip(
-    contract: Contract,
-    model: bytes,
-    values: NDArray[np.float32],
-    mask: NDArray[np.bool_],
-    probabilities: NDArray[np.float32],
-) -> bytes:
-    members = {"bundle.json": contract_to_json(contract).encode(), "model.onnx": model}
-    for name, array in {"values": values, "mask": mask, "probabilities": probabilities}.items():
-        raw = io.BytesIO()
-        np.save(raw, array, allow_pickle=False)
-        members[f"check_{name}.npy"] = raw.getvalue()
-    body = io.BytesIO()
-    with zipfile.ZipFile(body, "w", zipfile.ZIP_DEFLATED) as archive:
-        for name, data in members.items():
-            # A fixed date: the same run gives the same bytes.
-            archive.writestr(zipfile.ZipInfo(name, (1980, 1, 1, 0, 0, 0)), data)
-    return body.getvalue()

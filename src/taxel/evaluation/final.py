@@ -17,6 +17,7 @@ from taxel.bundles.contract import Contract
 from taxel.bundles.writer import write_bundle
 from taxel.evaluation.checked import check_gate
 from taxel.models.catalogue import find_network
+from taxel.training.adapt.exemplars import all_exemplars, thin_out
 from taxel.training.loop import Epoch, Labelled, fit, new_network
 from taxel.training.recipes import Recipe
 from taxel.training.run import Run, contract_of, save_run
@@ -93,6 +94,7 @@ def train_on_all(
         train=recipe.train,
         history=tuple(history),
         data=str(path),
+        exemplars=thin_out(all_exemplars(dataset, contract.classes, recipe.target)),
     )
 
 

@@ -21,6 +21,7 @@ from taxel.models.inception_time import InceptionTime
 from taxel.models.library import Estimator, ExtraTrees, MiniRocketRidge
 from taxel.models.lstm import Lstm
 from taxel.models.touchnet import TouchNet
+from taxel.models.with_statistics import WithStatistics
 from taxel.windows.scaling import ScalingKind
 
 
@@ -109,17 +110,35 @@ MODELS: dict[str, Network | Baseline] = {
 """Name → model."""
 
 
+WITH_STATISTICS = "+statistics"
+"""Behind a network's name: the network with each channel's statistics beside its features."""
+
+
 def find_model(name: str) -> Network | Baseline:
-    """Return a model by name.
+    """Return a model by name; "NAME+statistics" is a network with statistics beside its features.
 
     Raises:
         BadInput: There is no model of this name.
     """
+    body = MODELS.get(name.removesuffix(WITH_STATISTICS))
+    if name.endswith(WITH_STATISTICS) and isinstance(body, Network) and body.build != CourseForest:
+        return _with_statistics(body)
     if name not in MODELS:
         raise BadInput(
             f"one of the models {', '.join(MODELS)}", repr(name), "see them with: taxel models"
         )
     return MODELS[name]
+
+
+def _with_statistics(body: Network) -> Network:
+    return Network(
+        summary=f"{body.summary}, with each channel's statistics",
+        source=f"{body.source}; docs/decisions/0028",
+        build=lambda steps, channels, classes: WithStatistics(
+            body.build(steps, channels, classes), channels, classes
+        ),
+        scaling=body.scaling,
+    )
 
 
 def find_network(name: str) -> Network:

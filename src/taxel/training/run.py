@@ -2,7 +2,8 @@
 
 `run.json` holds the resolved configuration, the data's digest, the accuracy, the
 history and how it was made; `weights-K.safetensors` holds the K-th network;
-`predictions.*` hold what a cross-validation said, where there was one. A run that
+`predictions.*` hold what a cross-validation said, where there was one; `exemplars.npz` a few
+grasps to rehearse by. A run that
 was only evaluated has no weights. Knows nothing about how accuracy was measured.
 """
 
@@ -22,6 +23,7 @@ from taxel import __version__
 from taxel.bundles.contract import Contract, contract_from_json, contract_to_json
 from taxel.errors import BadInput, RecordingFailed, TaxelError
 from taxel.models.catalogue import count_parameters, find_network
+from taxel.training.adapt.exemplars import Exemplars, load_exemplars, save_exemplars
 from taxel.training.checkpoints import load_weights, save_weights
 from taxel.training.environment import Made
 from taxel.training.loop import Epoch, TrainConfig
@@ -47,6 +49,8 @@ class Run:
     """Trivial baseline → accuracy on the same folds, 0…1."""
     made: Made = Made()  # noqa: RUF009  # frozen
     """With which command, versions and processor."""
+    exemplars: Exemplars | None = None
+    """A few grasps of each class and session, to rehearse by when it learns another."""
 
 
 def contract_of(
@@ -115,6 +119,8 @@ def _write_run(temporary: Path, run: Run) -> None:
     }
     if run.predictions is not None:
         save_predictions(temporary, run.predictions)
+    if run.exemplars is not None:
+        save_exemplars(temporary, run.exemplars)
     (temporary / "run.json").write_text(json.dumps(about, indent=1, sort_keys=True) + "\n")
 
 
@@ -153,6 +159,7 @@ def load_run(folder: Path, *, weights: bool = True) -> Run:
         predictions=load_predictions(folder),
         trivial=about.get("trivial", {}),
         made=Made(**about.get("made", {})),
+        exemplars=load_exemplars(folder) if weights else None,
     )
 
 

@@ -1,0 +1,98 @@
+"""Write a bundle's file, and write one again for another level: NumPy only.
+
+The layout stands in `taxel.bundles.contract`. Knows nothing about training frameworks,
+recordings or versions.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import io
+import os
+import zipfile
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from taxel.bundles.contract import FIRST_WORDS, Contract, at_level, contract_to_json
+from taxel.bundles.reader import read_bundle
+from taxel.errors import BadBundle, RecordingFailed
+
+
+def bundle_bytes(
+    contract: Contract,
+    model: bytes,
+    values: NDArray[np.float32],
+    mask: NDArray[np.bool_],
+    probabilities: NDArray[np.float32],
+) -> bytes:
+    """Return a bundle as it stands on disk; the same parts give the same bytes.
+
+    Args:
+        contract: What the bundle says of itself.
+        model: The ONNX model.
+        values: Unscaled check windows, shape (n, steps, channels).
+        mask: Shape (n, steps).
+        probabilities: What the model must give for them, shape (n, classes).
+    """
+    members = {"bundle.json": contract_to_json(contract).encode(), "model.onnx": model}
+    for name, array in {"values": values, "mask": mask, "probabilities": probabilities}.items():
+        raw = io.BytesIO()
+        np.save(raw, array, allow_pickle=False)
+        members[f"check_{name}.npy"] = raw.getvalue()
+    body = io.BytesIO()
+    with zipfile.ZipFile(body, "w", zipfile.ZIP_DEFLATED) as archive:
+        for name, data in members.items():
+            # A fixed date: the same run gives the same bytes.
+            archive.writestr(zipfile.ZipInfo(name, (1980, 1, 1, 0, 0, 0)), data)
+    content = body.getvalue()
+    return FIRST_WORDS + hashlib.sha256(content).hexdigest().encode() + b"\n" + content
+
+
+def write_whole(path: Path, data: bytes) -> None:
+    """Write a file, whole or not at all; an older one is replaced.
+
+    Raises:
+        RecordingFailed: The disk refused.
+    """
+    temporary = path.with_name(path.name + ".part")
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        try:
+            temporary.write_bytes(data)
+            os.replace(temporary, path)
+        finally:
+            temporary.unlink(missing_ok=True)
+    except OSError as error:
+        raise RecordingFailed(
+            f"needed to write {path}; got {error.strerror or error}; "
+            "make room or choose another place."
+        ) from error
+
+
+def bundle_at_level(path: Path, level: NDArray[np.float32]) -> tuple[Contract, bytes]:
+    """Return a bundle for reference touches of another level: its contract and its bytes.
+
+    The check windows are scaled along, so that the stored probabilities still hold.
+
+    Args:
+        path: A bundle that was trained with reference touches.
+        level: The new level, shape (channels,), as `taxel.windows.reference.touch_level` gives it.
+
+    Raises:
+        BadBundle: It is missing, damaged, or was trained without reference touches.
+    """
+    old = read_bundle(path).contract
+    if len(level) != len(old.channels):
+        raise BadBundle(f"{len(old.channels)} levels, one a channel", str(len(level)), "mend it")
+    new = at_level(old, level)
+    assert old.reference is not None
+    with zipfile.ZipFile(io.BytesIO(path.read_bytes().partition(b"\n")[2])) as archive:
+        model = archive.read("model.onnx")
+        values, mask, probabilities = (
+            np.load(io.BytesIO(archive.read(f"check_{name}.npy")), allow_pickle=False)
+            for name in ("values", "mask", "probabilities")
+        )
+    change = (level / old.reference.level).astype(np.float32)
+    return new, bundle_bytes(new, model, values * change, mask, probabilities)

@@ -1,0 +1,284 @@
+"""Versions of a bundle or a run: what adapting replaced is kept, and can come back.
+
+Beside NAME.taxel (or a run's folder NAME) stand NAME.v1.taxel, NAME.v2.taxel … (NAME.v1 …),
+the former versions as they were, and NAME.versions.json, which says of each what was
+adapted, when, from which data, and the accuracy before and after. Each version is
+known by its digest, so that the history holds wherever a kill or a copy left off: the
+history is written first, the former version is kept second, and the new one takes its
+place last. Knows nothing about what is inside.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+import shutil
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, field
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any
+
+from taxel.errors import BadInput, RecordingFailed
+
+FORMAT = 1
+"""Version of the history's layout."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Change:
+    """What made a version."""
+
+    what: str
+    """One line, such as "new class 'prism' from 5 grasps"."""
+    data: tuple[str, ...] = ()
+    """Recordings, as they were named."""
+    data_digest: str = ""
+    """SHA-256 over their values, hexadecimal."""
+    before: Mapping[str, float] = field(default_factory=dict)
+    """What was measured → accuracy before, 0…1."""
+    after: Mapping[str, float] = field(default_factory=dict)
+    """The same after."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Version:
+    """One version in a history."""
+
+    number: int
+    """1 is what was trained."""
+    digest: str
+    """SHA-256 of the file, or over the folder's files, hexadecimal."""
+    parent: str
+    """Digest of the version that it was made from; empty for the first."""
+    made: str
+    """When, ISO 8601 with zone."""
+    change: Change
+
+
+@dataclass(frozen=True, slots=True)
+class History:
+    """All versions, oldest first."""
+
+    versions: tuple[Version, ...]
+    current: int
+    """Number of the version that is in use."""
+
+    def version(self, number: int) -> Version:
+        """Return a version by number.
+
+        Raises:
+            BadInput: There is none.
+        """
+        for one in self.versions:
+            if one.number == number:
+                return one
+        known = ", ".join(str(one.number) for one in self.versions)
+        raise BadInput(f"one of the versions {known}", str(number), "see them with --history")
+
+
+def digest_of(path: Path) -> str:
+    """Return the SHA-256 of a file, or over a folder's files and their names, hexadecimal."""
+    if path.is_file():
+        return hashlib.sha256(path.read_bytes()).hexdigest()
+    whole = hashlib.sha256()
+    for file in sorted(one for one in path.rglob("*") if one.is_file()):
+        whole.update(file.relative_to(path).as_posix().encode() + b"\0")
+        whole.update(hashlib.sha256(file.read_bytes()).digest())
+    return whole.hexdigest()
+
+
+def kept_path(path: Path, number: int) -> Path:
+    """Return where a former version stands."""
+    stem, suffix = _parts(path)
+    return path.with_name(f"{stem}.v{number}{suffix}")
+
+
+def new_path(path: Path) -> Path:
+    """Return where to write what shall take the place of `path`."""
+    stem, suffix = _parts(path)
+    return path.with_name(f"{stem}.new{suffix}")
+
+
+def history_path(path: Path) -> Path:
+    """Return where the history stands."""
+    return path.with_name(f"{_parts(path)[0]}.versions.json")
+
+
+def read_history(path: Path) -> History:
+    """Return a bundle's or run's history; one that was never adapted has one version.
+
+    A folder that a kill caught between two names is put back first.
+
+    Raises:
+        BadInput: There is no such file or folder, or its history is damaged.
+    """
+    _settle(path)
+    if not path.exists():
+        raise BadInput("a bundle or a run's folder", f"no {path}", "name one that exists")
+    digest = digest_of(path)
+    versions = _read(history_path(path))
+    current = [one.number for one in versions if one.digest == digest]
+    if not current:
+        number = 1 + max((one.number for one in versions), default=0)
+        changed = "trained" if number == 1 else "changed by other means"
+        first = Version(
+            number=number, digest=digest, parent="", made="", change=Change(what=changed)
+        )
+        return History((*versions, first), number)
+    return History(versions, current[-1])
+
+
+def replace_with(path: Path, new: Path, change: Change) -> Version:
+    """Put a new version in the place of the one in use, which is kept; return the new one.
+
+    Args:
+        path: The bundle or run in use.
+        new: A finished file or folder at `new_path(path)`.
+        change: What made it.
+
+    Raises:
+        RecordingFailed: The disk refused.
+    """
+    history = read_history(path)
+    parent = history.version(history.current)
+    version = Version(
+        number=1 + max(one.number for one in history.versions),
+        digest=digest_of(new),
+        parent=parent.digest,
+        made=datetime.now(UTC).isoformat(timespec="seconds"),
+        change=change,
+    )
+    _swap(path, new, parent.number, (*history.versions, version))
+    return version
+
+
+def begin_history(path: Path, parent: Path, change: Change) -> Version:
+    """Say of a version under another name what it was made from; return it.
+
+    Args:
+        path: The new bundle or run, finished.
+        parent: What it was adapted from.
+        change: What made it.
+
+    Raises:
+        RecordingFailed: The disk refused.
+    """
+    version = Version(
+        number=1,
+        digest=digest_of(path),
+        parent=digest_of(parent),
+        made=datetime.now(UTC).isoformat(timespec="seconds"),
+        change=change,
+    )
+    _write(history_path(path), (version,))
+    return version
+
+
+def roll_back(path: Path, number: int | None = None) -> Version:
+    """Bring a former version back into use; the one in use is kept. Return the former.
+
+    Args:
+        path: The bundle or run.
+        number: Which version; the one that the version in use was made from unless given.
+
+    Raises:
+        BadInput: There is no such version, or its file is gone.
+        RecordingFailed: The disk refused.
+    """
+    history = read_history(path)
+    now = history.version(history.current)
+    if number is None:
+        former = [one for one in history.versions if one.digest == now.parent]
+        if not former:
+            raise BadInput("a former version to go back to", f"none of {path}", "nothing is done")
+        number = former[-1].number
+    wanted = history.version(number)
+    if number == history.current:
+        return wanted
+    kept = kept_path(path, number)
+    if not kept.exists() or digest_of(kept) != wanted.digest:
+        state = "another one" if kept.exists() else "none"
+        raise BadInput(f"version {number} as it was in {kept}", state, "choose another version")
+    new = new_path(path)
+    _clear(new)
+    try:
+        shutil.copytree(kept, new) if kept.is_dir() else shutil.copyfile(kept, new)
+    except OSError as error:
+        raise _refused(new, error) from error
+    _swap(path, new, history.current, history.versions)
+    return wanted
+
+
+def _swap(path: Path, new: Path, number: int, versions: tuple[Version, ...]) -> None:
+    """Write the history, keep the version in use under its number, let the new one in."""
+    kept = kept_path(path, number)
+    try:
+        _write(history_path(path), versions)
+        if path.is_dir():
+            _clear(kept)
+            os.rename(path, kept)
+            os.rename(new, path)
+            return
+        link = kept.with_name(kept.name + ".part")
+        link.unlink(missing_ok=True)
+        shutil.copyfile(path, link)
+        os.replace(link, kept)
+        os.replace(new, path)
+    except OSError as error:
+        raise _refused(path, error) from error
+
+
+def _settle(path: Path) -> None:
+    """Finish what a kill between the two renames of a folder left: its new version goes in."""
+    new = new_path(path)
+    if not path.exists() and new.is_dir():
+        os.rename(new, path)
+
+
+def _parts(path: Path) -> tuple[str, str]:
+    """Return the name and what follows it; a folder's whole name is its name."""
+    return (path.stem, ".taxel") if path.suffix == ".taxel" else (path.name, "")
+
+
+def _read(path: Path) -> tuple[Version, ...]:
+    if not path.exists():
+        return ()
+    try:
+        stored: dict[str, Any] = json.loads(path.read_text())
+        if stored["format"] != FORMAT:
+            raise ValueError("another format")
+        return tuple(_version(one) for one in stored["versions"])
+    except (OSError, ValueError, KeyError, TypeError) as error:
+        raise BadInput(
+            f"a history that can be read in {path}", f"a damaged one ({error})", "move it away"
+        ) from error
+
+
+def _version(stored: dict[str, Any]) -> Version:
+    change = stored["change"]
+    return Version(**(stored | {"change": Change(**(change | {"data": tuple(change["data"])}))}))
+
+
+def _write(path: Path, versions: tuple[Version, ...]) -> None:
+    text = json.dumps({"format": FORMAT, "versions": [asdict(one) for one in versions]}, indent=1)
+    temporary = path.with_name(path.name + ".part")
+    try:
+        temporary.write_text(text + "\n")
+        os.replace(temporary, path)
+    except OSError as error:
+        raise _refused(path, error) from error
+    finally:
+        temporary.unlink(missing_ok=True)
+
+
+def _clear(path: Path) -> None:
+    """Remove what an attempt before left."""
+    shutil.rmtree(path) if path.is_dir() else path.unlink(missing_ok=True)
+
+
+def _refused(path: Path, error: OSError) -> RecordingFailed:
+    return RecordingFailed(
+        f"needed to write {path}; got {error.strerror or error}; make room or choose another place."
+    )

@@ -1,0 +1,297 @@
+"""What learning a new class from a few grasps gives, on sessions held out.
+
+Each class in turn is kept from a network's training; a few grasps of it from one
+training session are learned; the held-out session, with all classes, is the test.
+Beside it stands the network that trained on all classes with all data. Knows nothing
+about screens.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from time import perf_counter
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from torch import nn
+
+from taxel.errors import BadDataset
+from taxel.evaluation.crossval import Fitted, Job, fit_model
+from taxel.models.catalogue import find_network
+from taxel.processes import WORKERS, side_by_side
+from taxel.training.adapt.exemplars import Exemplars, all_exemplars, thin_out
+from taxel.training.adapt.last_layer import (
+    FeatureKind,
+    Solved,
+    adapt_last_layer,
+    body_of,
+    features_of,
+    with_last,
+)
+from taxel.training.loop import Labelled, TrainConfig, fit, new_network
+from taxel.training.recipes import Recipe, find_recipe
+from taxel.training.run import Run, contract_of
+from taxel.windows.dataset import Dataset, load_dataset
+from taxel.windows.windower import Windows
+
+CHOSEN = "taxel adapt"
+BODY = "body's features, shared covariance"
+STATISTICS = "with channels' statistics, shared covariance"
+SOFTMAX = "last layer alone, softmax (thesis)"
+NEAREST = "nearest class mean"
+ALL_LAYERS = "all layers, rehearsing"
+_KINDS: dict[str, FeatureKind] = {CHOSEN: "auto", BODY: "body", STATISTICS: "statistics"}
+METHODS = (CHOSEN, BODY, STATISTICS, SOFTMAX, NEAREST, ALL_LAYERS)
+GRASPS = (1, 2, 5, 10, 20)
+"""Grasps of the new class. Source: the learning curve that issue 6 asks for."""
+_STEPS = 40
+"""Steps of the softmax's solver (L-BFGS). Source: our choice."""
+_WEIGHT_COST = 1e-2
+"""Of its squared weights. Source: our choice."""
+_REHEARSAL = TrainConfig(epochs=20, learning_rate=2e-3)
+"""How all layers are trained on. Source: our choice."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class AdaptConfig:
+    """What to measure."""
+
+    recipe: Recipe
+    targets: tuple[str, ...] = ("shape", "material")
+    grasps: tuple[int, ...] = GRASPS
+    methods: tuple[str, ...] = METHODS
+    """All are measured at five grasps; `CHOSEN` at each number."""
+    sessions: int | None = None
+    """How many sessions to hold out, one at a time; all unless given."""
+    workers: int = WORKERS
+
+
+@dataclass(frozen=True, slots=True)
+class Point:
+    """One new class, learned in one way, tested on one held-out session; shares 0…1."""
+
+    data: str
+    target: str
+    new_class: str
+    session: str
+    """Held out."""
+    method: str
+    grasps: int
+    accuracy: float
+    """All classes."""
+    old: float
+    """Windows of the old classes told right, now that there is one class more."""
+    new: float
+    """Windows of the new class told right."""
+    before: float
+    """Windows of the old classes told right by the network that knew no other."""
+    full: float
+    """All classes, by the network that trained on all."""
+    full_old: float
+    """The old classes by it."""
+    windows: int
+    seconds: float
+    """To adapt, one thread."""
+    full_seconds: float
+    """To train on all classes with all data, one thread."""
+
+
+def default_config() -> AdaptConfig:
+    """Return what the reported figures are measured with."""
+    return AdaptConfig(recipe=find_recipe("teng-referenced"))
+
+
+def measure_new_class(
+    paths: Sequence[Path], config: AdaptConfig, on_step: Callable[[str], None] = lambda _: None
+) -> list[Point]:
+    """Measure learning a new class on data sets with several sessions.
+
+    Raises:
+        BadDataset: A data set has fewer than two sessions, or a target fewer than three classes.
+    """
+    jobs = []
+    for path in paths:
+        for target in config.targets:
+            dataset = load_dataset(path, config.recipe.window, target=target)
+            names = sorted(set(dataset.group("session")))
+            if len(names) < 2 or len(dataset.classes(target)) < 3:
+                raise BadDataset(
+                    "two sessions and three classes to hold one of each out",
+                    f"{len(names)} and {len(dataset.classes(target))} of {target} in {path}",
+                    "record more",
+                )
+            jobs += [(path, config, target, name) for name in names[: config.sessions]]
+    found = side_by_side(_one_session, jobs, lambda points: on_step(_said(points)), config.workers)
+    return [point for points in found for point in points]
+
+
+def _said(points: list[Point]) -> str:
+    return f"new class · {points[0].target} · {points[0].session} held out"
+
+
+def _one_session(path: Path, config: AdaptConfig, target: str, session: str) -> list[Point]:
+    """Measure with one session held out; runs in a process of its own."""
+    torch.set_num_threads(1)
+    dataset = load_dataset(path, config.recipe.window, target=target)
+    classes = dataset.classes(target)
+    everything = all_exemplars(dataset, classes, target)
+    test = everything[everything.session == session]
+    train = everything[everything.session != session]
+    started = perf_counter()
+    full = run_of(dataset, train, classes, target, config.recipe)
+    full_s = perf_counter() - started
+    right = told(full, test) == test.y
+    points = []
+    for number, name in enumerate(classes):
+        rest = [one for one in classes if one != name]
+        old = test.y != number
+        body = run_of(dataset, train[train.y != number], rest, target, config.recipe)
+        mine = _renumbered(test, classes, (*rest, name))
+        before = float((told(body, mine) == mine.y)[old].mean())
+        for grasps in config.grasps:
+            new = first_grasps(train[train.y == number], grasps, session, number)
+            for method in config.methods if grasps == 5 else (CHOSEN,):
+                started = perf_counter()
+                adapted = _adapt(body, new, name, method)
+                seconds = perf_counter() - started
+                good = told(adapted, mine) == mine.y
+                points.append(
+                    Point(
+                        str(path), target, name, session, method, grasps,
+                        float(good.mean()), float(good[old].mean()), float(good[~old].mean()),
+                        before, float(right.mean()), float(right[old].mean()), len(mine),
+                        seconds, full_s,
+                    )
+                )  # fmt: skip
+    return points
+
+
+def run_of(
+    dataset: Dataset, train: Exemplars, classes: Sequence[str], target: str, recipe: Recipe
+) -> Run:
+    """Return a run trained on some windows of a data set, with its exemplars.
+
+    Args:
+        dataset: Whose sensor, window and level hold.
+        train: Windows with class numbers as in `dataset.classes(target)`.
+        classes: The classes that occur, sorted.
+        target: What is told.
+        recipe: The model and its training.
+    """
+    own = _renumbered(train, dataset.classes(target), classes)
+    job = Job(model=recipe.model, target=target, train=recipe.train, members=recipe.members)
+    fitted = fit_model(windows_of(own), own.y, len(classes), dataset.sensor.full_scale, job)
+    assert isinstance(fitted.model, tuple)
+    contract = contract_of(dataset, target, recipe.model, fitted.model, fitted.scaling, {})
+    return Run(
+        networks=fitted.model,
+        contract=replace(contract, classes=tuple(classes)),
+        train=recipe.train,
+        history=(),
+        data="",
+        exemplars=thin_out(own),
+    )
+
+
+def windows_of(own: Exemplars) -> Windows:
+    """Return exemplars as windows whose times are not known."""
+    n = len(own)
+    none = np.zeros(n)
+    return Windows(
+        own.values, own.mask, np.ones(n, np.float32), none.astype(np.float32), none, none
+    )
+
+
+def told(run: Run, windows: Exemplars) -> NDArray[np.intp]:
+    """Return the class number that a run tells of each window, shape (n,)."""
+    fitted = Fitted(run.networks, run.contract.scaling, [])
+    return fitted.probabilities(windows.values, windows.mask).argmax(axis=1)
+
+
+def first_grasps(own: Exemplars, grasps: int, held_out: str, turn: int) -> Exemplars:
+    """Return the first grasps of one training session; which session depends on `turn` alone."""
+    names = sorted(set(own.session))
+    after = [name for name in names if name > held_out] + [n for n in names if n < held_out]
+    there = own[own.session == after[turn % len(after)]]
+    _, first = np.unique(there.grasp, return_index=True)
+    kept = there.grasp[np.sort(first)][:grasps]
+    return there[np.isin(there.grasp, kept)]
+
+
+def _renumbered(windows: Exemplars, before: Sequence[str], after: Sequence[str]) -> Exemplars:
+    number = np.array([list(after).index(n) if n in after else -1 for n in before], np.intp)
+    return replace(windows, y=number[windows.y])
+
+
+def _adapt(run: Run, new: Exemplars, name: str, method: str) -> Run:
+    names = [name] * len(new)
+    if method in _KINDS:
+        return adapt_last_layer(
+            run, windows_of(new), names, list(new.grasp), list(new.session),
+            features=_KINDS[method],
+        ).run  # fmt: skip
+    assert run.exemplars is not None
+    classes = (*run.contract.classes, name)
+    data = Exemplars.join([run.exemplars, replace(new, y=np.full(len(new), len(classes) - 1))])
+    contract = replace(run.contract, classes=classes)
+    learn = {SOFTMAX: _softmax, NEAREST: _nearest, ALL_LAYERS: _all_layers}[method]
+    return replace(
+        run, networks=tuple(learn(one, data, run, len(classes)) for one in run.networks),
+        contract=contract,
+    )  # fmt: skip
+
+
+def _standard(
+    network: nn.Module, data: Exemplars, run: Run
+) -> tuple[nn.Module, NDArray[np.float64], NDArray[np.float64]]:
+    body = body_of(network, data.values.shape[2], statistics=False)
+    x = features_of(body, run.contract.scaling.apply(data.values, data.mask), data.mask)
+    return body, x, 1.0 / (x.std(axis=0) + 1e-3)
+
+
+def _softmax(network: nn.Module, data: Exemplars, run: Run, classes: int) -> nn.Module:
+    """The thesis's way: gradient descent on the last layer alone, each class counting alike."""
+    body, x, factor = _standard(network, data, run)
+    last = nn.Linear(x.shape[1], classes)
+    nn.init.zeros_(last.weight)
+    nn.init.zeros_(last.bias)
+    inputs, y = torch.from_numpy((x * factor).astype(np.float32)), torch.from_numpy(data.y)
+    weight = 1.0 / torch.bincount(y, minlength=classes).clamp(min=1).float()
+    optimiser = torch.optim.LBFGS(last.parameters(), max_iter=_STEPS, line_search_fn="strong_wolfe")
+
+    def loss() -> torch.Tensor:
+        optimiser.zero_grad()
+        value = nn.functional.cross_entropy(last(inputs), y, weight=weight)
+        value = value + _WEIGHT_COST * (last.weight**2).sum()
+        value.backward()  # type: ignore[no-untyped-call]
+        return value
+
+    optimiser.step(loss)  # type: ignore[no-untyped-call]
+    found = last.weight.detach().double().numpy() * factor
+    return with_last(body, Solved(found, last.bias.detach().double().numpy(), 1.0))
+
+
+def _nearest(network: nn.Module, data: Exemplars, run: Run, classes: int) -> nn.Module:
+    """The class whose mean is nearest, each feature by its own deviation."""
+    body, x, factor = _standard(network, data, run)
+    mean = np.stack([(x * factor)[data.y == number].mean(axis=0) for number in range(classes)])
+    return with_last(body, Solved(mean * factor, -0.5 * (mean**2).sum(axis=1), 1.0))
+
+
+def _all_layers(network: nn.Module, data: Exemplars, run: Run, classes: int) -> nn.Module:
+    """Train all layers on, from the old weights, with the new class repeated up to the others."""
+    model, window = find_network(run.contract.model), run.contract.window
+    build = new_network(
+        lambda: model.build(window.steps, data.values.shape[2], classes), run.train.seed
+    )
+    weights = {k: v for k, v in network.state_dict().items() if not k.startswith("last.")}
+    build.load_state_dict(weights, strict=False)
+    count = np.bincount(data.y)
+    times = np.maximum(1, count[:-1].mean() / np.maximum(count, 1)).astype(int)
+    index = np.repeat(np.arange(len(data)), np.where(data.y == classes - 1, times[data.y], 1))
+    scaled = run.contract.scaling.apply(data.values, data.mask)
+    fit(build, Labelled(scaled[index], data.mask[index], data.y[index]), _REHEARSAL)
+    return build

@@ -1,0 +1,152 @@
+"""Exemplars: a few grasps of each class and session that a run keeps, to rehearse by later.
+
+Knows nothing about networks.
+"""
+
+from __future__ import annotations
+
+import zipfile
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from taxel.errors import BadInput
+from taxel.windows.dataset import Dataset
+
+GRASPS = 8
+"""Whole grasps that are kept of each class and session. Source: our choice, docs/decisions/0028."""
+FILE = "exemplars.npz"
+"""Beside a run's weights."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Exemplars:
+    """Windows with their classes, as values of the run's own level."""
+
+    values: NDArray[np.float32]
+    """Shape (n, steps, channels), unscaled."""
+    mask: NDArray[np.bool_]
+    """Shape (n, steps)."""
+    y: NDArray[np.intp]
+    """Shape (n,): class numbers in the run's contract."""
+    session: NDArray[np.str_]
+    """Shape (n,): the session, or recording, of each."""
+    grasp: NDArray[np.str_]
+    """Shape (n,): the grasp of each, a name of its own across all data."""
+
+    def __len__(self) -> int:
+        return len(self.y)
+
+    def __getitem__(self, part: NDArray[np.bool_] | NDArray[np.intp]) -> Exemplars:
+        """Return those that a mask or an index array selects."""
+        return Exemplars(
+            values=self.values[part],
+            mask=self.mask[part],
+            y=self.y[part],
+            session=self.session[part],
+            grasp=self.grasp[part],
+        )
+
+    def at_level(self, old: NDArray[np.float32], new: NDArray[np.float32]) -> Exemplars:
+        """Return the same touches as values of another level, each of shape (channels,)."""
+        return Exemplars(
+            values=(self.values * (new / old)).astype(np.float32),
+            mask=self.mask,
+            y=self.y,
+            session=self.session,
+            grasp=self.grasp,
+        )
+
+    @staticmethod
+    def join(parts: Sequence[Exemplars]) -> Exemplars:
+        """Return the windows of several parts one after another."""
+        return Exemplars(
+            values=np.concatenate([one.values for one in parts]),
+            mask=np.concatenate([one.mask for one in parts]),
+            y=np.concatenate([one.y for one in parts]),
+            session=np.concatenate([one.session for one in parts]),
+            grasp=np.concatenate([one.grasp for one in parts]),
+        )
+
+
+def label_of(labels: dict[str, str], target: str) -> str | None:
+    """Return the label that a target asks for, joined labels too; None where one is missing."""
+    if target in labels:
+        return labels[target]
+    parts = [labels.get(part) for part in target.split("+")]
+    return " ".join(part for part in parts if part) if all(parts) else None
+
+
+def all_exemplars(dataset: Dataset, classes: Sequence[str], target: str) -> Exemplars:
+    """Return all windows of a data set whose class is one of `classes`."""
+    names = [label_of(dict(trial.labels), target) for trial in dataset.trials]
+    number = np.array([classes.index(n) if n in classes else -1 for n in names], np.intp)
+    everywhere = all("session" in trial.groups for trial in dataset.trials)
+    session = dataset.group("session" if everywhere else "recording")
+    grasp = dataset.group("trial")
+    found = Exemplars(
+        values=dataset.windows.values,
+        mask=dataset.windows.mask,
+        y=number[dataset.trial],
+        session=session[dataset.trial],
+        grasp=grasp[dataset.trial],
+    )
+    return found[found.y >= 0]
+
+
+def thin_out(exemplars: Exemplars, most: int = GRASPS, seed: int = 0) -> Exemplars:
+    """Return at most so many whole grasps of each class and session, drawn at random.
+
+    Whole grasps, so that what remains still says how many windows a grasp of a class gives.
+    """
+    rng = np.random.default_rng(seed)
+    place = np.char.add(np.char.add(exemplars.y.astype(str), "/"), exemplars.session)
+    kept: list[str] = []
+    for one in np.unique(place):
+        kept += list(rng.permutation(np.unique(exemplars.grasp[place == one]))[:most])
+    return exemplars[np.isin(exemplars.grasp, kept)]
+
+
+def save_exemplars(folder: Path, exemplars: Exemplars) -> None:
+    """Write them into a run's folder."""
+    np.savez_compressed(
+        folder / FILE,
+        values=exemplars.values,
+        mask=exemplars.mask,
+        y=exemplars.y,
+        session=exemplars.session,
+        grasp=exemplars.grasp,
+    )
+
+
+def load_exemplars(folder: Path) -> Exemplars | None:
+    """Read a run's exemplars; None where it has none, as runs of older versions.
+
+    Raises:
+        BadInput: They are damaged.
+    """
+    path = folder / FILE
+    if not path.exists():
+        return None
+    try:
+        # Opened here, for np.load leaves a damaged file open.
+        with path.open("rb") as raw, np.load(raw, allow_pickle=False) as arrays:
+            found = Exemplars(
+                values=arrays["values"].astype(np.float32),
+                mask=arrays["mask"].astype(bool),
+                y=arrays["y"].astype(np.intp),
+                session=arrays["session"].astype(str),
+                grasp=arrays["grasp"].astype(str),
+            )
+        lengths = {len(found.values), len(found.mask), len(found.session), len(found.grasp)}
+        if lengths != {len(found.y)}:
+            raise ValueError("parts of different length")
+    except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile) as error:
+        raise BadInput(
+            f"exemplars that can be read in {path}", f"damaged ones ({error})",
+            "train the run again with: taxel train",
+        ) from error  # fmt: skip
+    return found
