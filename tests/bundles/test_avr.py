@@ -415,6 +415,7 @@ def test_another_network_is_refused(trained: Trained, tmp_path: Path, kind: str)
         (replace(TENG_WINDOW, layout="A"), "layout A"),
         (replace(TENG_WINDOW, pad=True), "padded"),
         (replace(TENG_WINDOW, tare=True), "tared"),
+        (replace(TENG_WINDOW, segment=0.3), "denoised"),
         (replace(TENG_WINDOW, grid_hz=1000.0), "1000"),
         (replace(TENG_WINDOW, grid_hz=33.3), "33.3"),
     ],

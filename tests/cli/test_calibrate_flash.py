@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 from taxel.calibration.stored import read_calibration
-from taxel.cli.main import VERBS, main
+from taxel.cli.main import main
 from taxel.recordings.reader import read_recording
 from taxel.sim.teng_hand import TengHandConfig
 from taxel.sources.board_emulation import EmulatedBoard, RunningBoard
@@ -19,15 +19,6 @@ from taxel.sources.data_sets import write_sessions
 
 FEW = ["--forces", "0.5", "1", "2", "4", "--rounds", "2"]
 SIM = "sim://teng?seed=4&rate_hz=250"
-
-
-@pytest.fixture(autouse=True)
-def verbs(monkeypatch: pytest.MonkeyPatch) -> None:
-    from taxel.cli.calibrate import Calibrate
-    from taxel.cli.flash import Flash
-
-    monkeypatch.setitem(VERBS, "calibrate", ("", lambda: Calibrate))
-    monkeypatch.setitem(VERBS, "flash", ("", lambda: Flash))
 
 
 @pytest.fixture(scope="module")

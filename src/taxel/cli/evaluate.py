@@ -20,15 +20,17 @@ class Evaluate:
     """Print a published table with ours beside it, or cross-validate a recipe on recordings."""
 
     what: tyro.conf.Positional[str]
-    """"teng-table" for Table 4.1 of the TENG thesis, "transition-tables" for Tables 1 to 3 of the
-    grasp-transition paper, "grasp-warnings" for leads and false alarms on unseen cups,
-    "precisions" for what engines and number formats of a backbone cost and lose,
+    """"teng-table" for Table 4.1 of the TENG thesis, "teng-models" for every model under both
+    splits, "teng-cleaning" for what denoising and augmentation give, "transition-tables" for
+    Tables 1 to 3 of the grasp-transition paper, "grasp-warnings" for leads and false alarms on
+    unseen cups, "precisions" for what engines and number formats of a backbone cost and lose,
     "slip-trials" for slip on unseen objects of gelsight-slip, or a folder of recordings of an
     array."""
     preset: Annotated[str, tyro.conf.arg(metavar="{honest,paper,both}")] = "both"
     """teng-table: which simulated data sets to use."""
     data: Path | None = None
-    """teng-table: a folder that holds honest/ and paper/; transition-tables, grasp-warnings: a
+    """teng-table: a folder that holds honest/ and paper/; teng-models, teng-cleaning: a folder of
+    recordings of an array; transition-tables, grasp-warnings: a
     folder of pours; as taxel simulate writes them. Tables simulate their own unless given."""
     scans_per_class: int = 160_000
     """teng-table: scans a class to simulate (the thesis: about 160,000)."""
@@ -51,6 +53,11 @@ class Evaluate:
             raise BadInput("a file for --html", str(self.html), "name one such as report.html")
         if self.what == "teng-table":
             self._teng_table()
+        elif self.what in ("teng-models", "teng-cleaning"):
+            from taxel.cli.evaluate_models import run_cleaning, run_models
+
+            measure = run_models if self.what == "teng-models" else run_cleaning
+            measure(self.data, self.recipe, self.scans_per_class, self.folds, self.json)
         elif self.what == "transition-tables":
             run_tables(self.grasps, self.data, self.recipe.seed, self.json)
         elif self.what == "grasp-warnings":

@@ -15,7 +15,9 @@ import sys
 os.environ.setdefault("OMP_NUM_THREADS", "1")
 os.environ.setdefault("OMP_WAIT_POLICY", "PASSIVE")
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
+from importlib import import_module
+from keyword import iskeyword
 from typing import Protocol
 
 from taxel import __version__
@@ -30,141 +32,38 @@ class Verb(Protocol):
         ...
 
 
-def _demo() -> type[Verb]:
-    from taxel.cli.demo import Demo
-
-    return Demo
-
-
-def _simulate() -> type[Verb]:
-    from taxel.cli.simulate import Simulate
-
-    return Simulate
-
-
-def _record() -> type[Verb]:
-    from taxel.cli.record import Record
-
-    return Record
-
-
-def _recover() -> type[Verb]:
-    from taxel.cli.recover import Recover
-
-    return Recover
-
-
-def _import() -> type[Verb]:
-    from taxel.cli.import_ import Import
-
-    return Import
-
-
-def _info() -> type[Verb]:
-    from taxel.cli.info import Info
-
-    return Info
-
-
-def _view() -> type[Verb]:
-    from taxel.cli.view import View
-
-    return View
-
-
-def _label() -> type[Verb]:
-    from taxel.cli.label import Label
-
-    return Label
-
-
-def _models() -> type[Verb]:
-    from taxel.cli.models import Models
-
-    return Models
-
-
-def _train() -> type[Verb]:
-    from taxel.cli.train import Train
-
-    return Train
-
-
-def _evaluate() -> type[Verb]:
-    from taxel.cli.evaluate import Evaluate
-
-    return Evaluate
-
-
-def _bundle() -> type[Verb]:
-    from taxel.cli.bundle import Bundle
-
-    return Bundle
-
-
-def _live() -> type[Verb]:
-    from taxel.cli.live import Live
-
-    return Live
-
-
-def _find() -> type[Verb]:
-    from taxel.cli.find import Find
-
-    return Find
-
-
-def _calibrate() -> type[Verb]:
-    from taxel.cli.calibrate import Calibrate
-
-    return Calibrate
-
-
-def _flash() -> type[Verb]:
-    from taxel.cli.flash import Flash
-
-    return Flash
-
-
-def _doctor() -> type[Verb]:
-    from taxel.cli.doctor import Doctor
-
-    return Doctor
-
-
-def _bench() -> type[Verb]:
-    from taxel.cli.bench import Bench
-
-    return Bench
-
-
-VERBS: dict[str, tuple[str, Callable[[], type[Verb]]]] = {
-    "demo": ("see the TENG hand work end to end, without hardware", _demo),
-    "find": ("list boards and cameras by serial number", _find),
-    "doctor": ("say what this machine lacks for live work", _doctor),
-    "flash": ("write the firmware to a board", _flash),
-    "calibrate": ("known forces to curves, and what a sensor array is worth", _calibrate),
-    "simulate": ("write recordings of a simulated sensor", _simulate),
-    "record": ("record a source to an MCAP file", _record),
-    "recover": ("save what is sound in a damaged or unfinished recording", _recover),
-    "import": ("turn tables of values, or a public data set, into recordings", _import),
-    "info": ("say what a recording or a folder of them holds", _info),
-    "view": ("look at raw touch, without any model", _view),
-    "label": ("show and correct when a grasp turned unstable", _label),
-    "models": ("list models and recipes, with their parameter counts", _models),
-    "train": ("train a recogniser on recordings", _train),
-    "evaluate": ("print a published table, or cross-validate on recordings", _evaluate),
-    "bundle": ("turn a trained run into the one file that runs live", _bundle),
-    "live": ("tell what is in the hand, live", _live),
-    "bench": ("measure taxel's figures beside their goals", _bench),
+VERBS = {
+    "demo": "see the TENG hand work end to end, without hardware",
+    "find": "list boards and cameras by serial number",
+    "doctor": "say what this machine lacks for live work",
+    "flash": "write the firmware to a board",
+    "calibrate": "known forces to curves, and what a sensor array is worth",
+    "simulate": "write recordings of a simulated sensor",
+    "record": "record a source to an MCAP file",
+    "recover": "save what is sound in a damaged or unfinished recording",
+    "import": "turn tables of values, or a public data set, into recordings",
+    "info": "say what a recording or a folder of them holds",
+    "view": "look at raw touch, without any model",
+    "label": "show and correct when a grasp turned unstable",
+    "audit": "find leaks in recordings or in a split, before a reviewer does",
+    "models": "list models and recipes, with their parameter counts",
+    "train": "train a recogniser on recordings",
+    "evaluate": "print a published table, or cross-validate on recordings",
+    "compare": "test whether one run is better than another",
+    "sweep": "how accuracy falls with noise, faults and weather",
+    "report": "one page of runs: data, splits, audit, tables, commands",
+    "bundle": "turn a trained run into the one file that runs live",
+    "adapt": "bring a model to a new session, pad, class or correction",
+    "live": "tell what is in the hand, live",
+    "bench": "measure taxel's figures beside their goals",
 }
-"""Verb → (one line of help, how to get its dataclass)."""
+"""Verb → one line of help; its dataclass is that of its name in the module of its name."""
 
 
 def usage() -> str:
     """Return the text of `taxel --help`."""
     width = max(map(len, VERBS))
-    lines = [f"  {verb:<{width}}  {text}" for verb, (text, _) in VERBS.items()]
+    lines = [f"  {verb:<{width}}  {text}" for verb, text in VERBS.items()]
     return "\n".join(
         [
             f"taxel {__version__}: raw touch to a decision in real time",
@@ -176,6 +75,13 @@ def usage() -> str:
             "No hardware? Start with: taxel demo",
         ]
     )
+
+
+def load_verb(name: str) -> type[Verb]:
+    """Return a verb's dataclass; only its module is imported."""
+    module = import_module(f"taxel.cli.{name}_" if iskeyword(name) else f"taxel.cli.{name}")
+    verb: type[Verb] = getattr(module, name.capitalize())
+    return verb
 
 
 def main(argv: Sequence[str] | None = None) -> None:
@@ -191,9 +97,8 @@ def main(argv: Sequence[str] | None = None) -> None:
         _fail(f"needed one of the verbs {', '.join(VERBS)}; got {words[0]!r}; run: taxel --help.")
     import tyro
 
-    _, load = VERBS[words[0]]
     try:
-        command = tyro.cli(load(), prog=f"taxel {words[0]}", args=words[1:])
+        command = tyro.cli(load_verb(words[0]), prog=f"taxel {words[0]}", args=words[1:])
         command.run()
     except TaxelError as error:
         _fail(str(error))

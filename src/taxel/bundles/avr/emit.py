@@ -67,6 +67,7 @@ def board_window(contract: Contract, converter: Converter, full_scale: float | N
         (window.layout != "B", "layout A"),
         (window.pad, "padded windows"),
         (window.tare, "windows tared by their first row"),
+        (window.wavelet is not None or window.segment is not None, "windows that are denoised"),
         (set(contract.units) != {"V"}, f"units {', '.join(sorted(set(contract.units)))}"),
     ):
         if wrong:
