@@ -17,6 +17,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.stats import norm
 from sklearn.ensemble import ExtraTreesClassifier
 from sklearn.model_selection import StratifiedGroupKFold, StratifiedKFold
 
@@ -24,6 +25,10 @@ TREES = 50
 FOLDS = 5
 DRAWS = 4999
 """Labels dealt out anew: the least p is 1/5000, and 50 corrected tests can still reach 0.01."""
+SPREAD = 1.5
+"""How much wider a cross-validated figure scatters by chance than labels dealt out anew show, since
+folds share their training trials. Source: C. Nadeau, Y. Bengio, "Inference for the generalization
+error", 2003: sqrt((1/5 + 1/4) / (1/5)) for five folds; checked in docs/decisions/0023."""
 SURE = 0.01
 """Largest p, after Holm's correction, at which something counts. Our choice, decision 23."""
 MARGIN = 0.05
@@ -141,14 +146,15 @@ def told(
         score /= np.maximum(votes.sum(axis=1), 1.0)
     own = label[used]
     drawn = deal_out(own, None if groups is None else groups[used], DRAWS, seed)
+    wider = SPREAD if len(folds) > 1 else 1.0
     total = votes[used].sum()
     right = votes[used][np.arange(len(used)), own].sum()
     by_chance = votes[used][np.arange(len(used)), drawn].sum(axis=1)
-    p = _p(right, by_chance)
+    p = _p(right, by_chance, wider)
     auc = None
     if binary and 0 < own.sum() < len(own):
         auc = float(_auc(own[None], score[used])[0])
-        p = min(1.0, 2 * min(p, _p(auc, _auc(drawn, score[used]))))
+        p = min(1.0, 2 * min(p, _p(auc, _auc(drawn, score[used]), wider)))
     return Told(accuracy=float(right / total), majority=majority(y, folds), auc=auc, p=p)
 
 
@@ -184,11 +190,16 @@ def gap_p(difference: Array, seed: int = 0) -> float:
         seed: Of the signs.
     """
     signs = np.random.default_rng(seed).choice((-1.0, 1.0), (DRAWS, len(difference)))
-    return _p(float(difference.mean()), (signs * difference).mean(axis=1))
+    return _p(float(difference.mean()), (signs * difference).mean(axis=1), 1.0)
 
 
-def _p(value: float, by_chance: Array) -> float:
-    return float((1 + (by_chance >= value - 1e-12).sum()) / (1 + len(by_chance)))
+def _p(value: float, by_chance: Array, wider: float) -> float:
+    """Return the larger of the share drawn by chance and of a normal tail, `wider` as wide."""
+    share = float((1 + (by_chance >= value - 1e-12).sum()) / (1 + len(by_chance)))
+    spread = float(by_chance.std()) * wider
+    if spread == 0.0:
+        return 1.0
+    return max(share, float(norm.sf((value - by_chance.mean()) / spread)))
 
 
 def _auc(label: NDArray[np.intp], score: Array) -> Array:

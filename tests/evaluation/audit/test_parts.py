@@ -1,0 +1,217 @@
+"""The audit's parts: statistics against known results, tables of folds, copies, reading."""
+
+import csv
+import os
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from sklearn.metrics import roc_auc_score
+
+from taxel.errors import BadDataset, BadTable
+from taxel.evaluation.audit.audit import audit
+from taxel.evaluation.audit.copies import near_copies, same_rows
+from taxel.evaluation.audit.finding import holm
+from taxel.evaluation.audit.reading import read_touch
+from taxel.evaluation.audit.sides import table_sides
+from taxel.evaluation.audit.telling import _auc, deal_out, gap_p, look_up, told, trial_folds
+from taxel.evaluation.audit.touch_set import TouchSet, honest_key
+from taxel.sim.teng_hand import TengHandConfig
+from taxel.sources.data_sets import write_sessions
+
+Make = dict[str, Callable[..., TouchSet]]
+
+
+def test_holm_gives_the_textbook_values() -> None:
+    """0.01, 0.04, 0.03 of three tests become 0.03, 0.06, 0.06."""
+    assert holm([0.01, 0.04, 0.03]) == pytest.approx([0.03, 0.06, 0.06])
+
+
+def test_the_area_is_that_of_the_library() -> None:
+    """With ties, too."""
+    rng = np.random.default_rng(0)
+    label, score = rng.integers(0, 2, 50), rng.integers(0, 9, 50) / 9.0
+
+    assert _auc(label[None], score)[0] == pytest.approx(roc_auc_score(label, score))
+
+
+def test_labels_are_dealt_out_within_groups_of_several_classes() -> None:
+    """Each group keeps its own number of each class."""
+    label = np.array([0, 1, 1, 0, 0, 1], np.intp)
+    groups = np.array(["a", "a", "a", "b", "b", "b"])
+
+    drawn = deal_out(label, groups, 50, 0)
+
+    assert (drawn[:, :3].sum(axis=1) == 2).all()
+    assert (drawn[:, 3:].sum(axis=1) == 1).all()
+    assert len({tuple(row) for row in drawn}) > 4
+
+
+def test_whole_groups_of_one_class_swap_labels() -> None:
+    """All trials of a group stay alike."""
+    groups = np.repeat(np.array(list("abcdef")), 3)
+    label = np.repeat(np.array([0, 1, 0, 1, 0, 1], np.intp), 3)
+
+    drawn = deal_out(label, groups, 30, 0)
+
+    assert all(len(set(row[i : i + 3])) == 1 for row in drawn for i in range(0, 18, 3))
+
+
+def test_a_name_that_training_never_saw_tells_nothing() -> None:
+    """With whole sessions held out, the session's name gives no more than the majority."""
+    y = np.repeat(np.array([0, 1, 0, 1, 0, 1], np.intp), 5)
+    names = np.repeat(np.array(list("abcdef")), 5)
+    apart, mixed = trial_folds(y, names, 0), trial_folds(y, None, 0)
+
+    unseen = told(look_up(names, y, apart), y, np.arange(30), names, apart)
+    seen = told(look_up(names, y, mixed), y, np.arange(30), None, mixed)
+
+    assert unseen.accuracy <= unseen.majority
+    assert not unseen.counts(unseen.p)
+    assert seen.accuracy == 1.0
+    assert seen.counts(seen.p)
+
+
+def test_a_gap_in_every_unit_is_sure_and_none_is_not() -> None:
+    """Twenty units that all gain have a small p; gains that cancel have a large one."""
+    assert gap_p(np.full(20, 0.1)) < 0.001
+    assert gap_p(np.tile([0.1, -0.1], 10)) > 0.3
+
+
+def test_two_sessions_a_class_are_too_few_to_hold_out(make_set: Make) -> None:
+    """Where each session holds one class, eight of them at least allow a statement."""
+    touch = make_set["array"]()
+    few = _regrouped(touch, [f"{c}-{i % 2}" for i, c in enumerate(touch.y)])
+    enough = _regrouped(touch, [f"{c}-{i % 4}" for i, c in enumerate(touch.y)])
+
+    assert honest_key(few) != "session"
+    assert honest_key(enough) == "session"
+
+
+def test_a_copy_that_starts_elsewhere_is_still_a_copy(make_set: Make) -> None:
+    """A trial whose second half is another's first half shares its rows."""
+    touch = make_set["array"]()
+    rows = list(touch.rows)
+    rows[7] = np.concatenate([rows[7][:20], rows[3][:20]])
+
+    assert set(same_rows(replace(touch, rows=tuple(rows)))) == {(3, 7)}
+
+
+def test_honest_trials_are_no_copies_of_each_other(system: TouchSet) -> None:
+    """Trials of one class, object and session are alike, but not that much."""
+    assert same_rows(system) == {}
+    assert near_copies(system, {}) == ({}, {})
+
+
+@pytest.mark.parametrize("noise", [0.0, 0.02, 0.05])
+def test_a_rescaled_copy_with_noise_is_told_from_its_neighbours(
+    system: TouchSet, noise: float
+) -> None:
+    """Noise of up to a twentieth of each channel's deviation does not hide it."""
+    rng = np.random.default_rng(0)
+    rows = list(system.rows)
+    rows[1] = 0.7 * rows[0] + 3.0 + noise * rows[0].std(axis=0) * rng.normal(size=rows[0].shape)
+    rows[1] = rows[1].astype(np.float32)
+
+    straight, turned = near_copies(replace(system, rows=tuple(rows)), {})
+
+    assert set(straight) == {(0, 1)}
+    assert not turned
+
+
+def test_a_table_may_name_whole_recordings_trials_and_windows(
+    make_set: Make, tmp_path: Path
+) -> None:
+    """No start: all of it; the trial's start: the trial; another: one window, or up to end_s."""
+    touch = make_set["array"]()
+    lines = ["r00,,,train", "r01.mcap,0,,train", "r02,0.5,,test", "r03,0.5,1.0,test"]
+    table = _table(tmp_path, "recording,start_s,end_s,side", *lines)
+
+    pieces, sides = table_sides(touch, table, steps=8)
+
+    assert (pieces.stop - pieces.first).tolist() == [40, 40, 8, 11]
+    assert [part.tolist() for part in sides.folds[0]] == [[0, 1], [2, 3]]
+
+
+@pytest.mark.parametrize(
+    ("lines", "said"),
+    [
+        (["recording,fold", "nothere,1", "r01,2"], "'nothere'"),
+        (["recording,fold,side", "r00,1,test"], "line 1"),
+        (["recording,colour", "r00,red"], "line 1"),
+        (["recording,fold"], "at least one row"),
+        (["recording,fold", "r00,1", "r01,1"], "two folds"),
+        (["recording,side", "r00,train", "r01,train"], "train and test"),
+        (["recording,start_s,side", "r00,soon,train"], "seconds"),
+        (["recording,start_s,side", "r00,99,train"], "labelled trial"),
+    ],
+)
+def test_a_bad_table_is_refused_with_its_line(
+    make_set: Make, tmp_path: Path, lines: list[str], said: str
+) -> None:
+    """The message says what was needed and where."""
+    with pytest.raises(BadTable, match=said):
+        table_sides(make_set["array"](), _table(tmp_path, *lines), steps=8)
+
+
+def test_recordings_of_an_array_are_read_as_trials(tmp_path: Path) -> None:
+    """Each grasp of a simulated session is one trial; the first label is taken and said."""
+    config = TengHandConfig(sessions=2, rate_hz=100.0, scans_per_class=3000)
+    write_sessions(tmp_path / "hand", config, lambda _: None)
+    seen = []
+
+    touch = read_touch(tmp_path / "hand", None, lambda *step: seen.append(step))
+
+    assert touch.kind == "array"
+    assert touch.target == "material"
+    assert "shape" in touch.notes[0]
+    assert touch.rows[0].shape[1] == 12
+    assert seen[-1] == ("recordings", 2, 2)
+    with pytest.raises(BadDataset, match="'colour'"):
+        read_touch(tmp_path / "hand", "colour", lambda *_: None)
+
+
+def test_recordings_of_cameras_are_read_as_small_squares(few_pours: Path) -> None:
+    """Two cameras of 6 × 8 squares; too few pours to audit are refused in one line."""
+    with pytest.raises(BadDataset, match="at least 8 trials"):
+        read_touch(few_pours, None, lambda *_: None)
+
+
+DATA = Path(os.environ.get("TAXEL_DATA", Path(__file__).parents[3] / "../shared/data"))
+
+
+@pytest.mark.real
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("name", "kind"),
+    [("gelsight-slip", "length"), ("icub-grasp", "first frame"), ("teng-glove", "window leak")],
+)
+def test_a_real_set_s_known_leak_is_found_without_a_hint(name: str, kind: str) -> None:
+    """From the public set's own files, with nothing said about it."""
+    if not (DATA / name).is_dir():
+        pytest.skip(f"no {name} here")
+
+    result = audit(read_touch(DATA / name, None, lambda *_: None), name)
+
+    one = next(one for one in result.findings if one.kind == kind)
+    assert one.alarm
+    assert one.alone is not None
+    assert one.majority is not None
+    assert one.alone > one.majority + 0.15
+
+
+def _regrouped(touch: TouchSet, sessions: list[str]) -> TouchSet:
+    trials = tuple(
+        replace(t, groups={"session": s, "recording": t.groups["recording"], "trial": t.recording})
+        for t, s in zip(touch.trials, sessions, strict=True)
+    )
+    return replace(touch, trials=trials)
+
+
+def _table(folder: Path, *lines: str) -> Path:
+    path = folder / "folds.csv"
+    with path.open("w", newline="") as file:
+        csv.writer(file).writerows(line.split(",") for line in lines)
+    return path

@@ -1,0 +1,75 @@
+"""Every kind of leak is found where it is planted, on both systems, and nowhere else."""
+
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from taxel.bench.audit_leaks import PLANTS, Plant, alarms
+from taxel.evaluation.audit.audit import audit
+from taxel.evaluation.audit.sides import named_sides
+from taxel.evaluation.audit.touch_set import TouchSet, usual_steps
+
+
+@pytest.mark.parametrize("plant", PLANTS, ids=lambda plant: plant.make.__name__.strip("_"))
+def test_a_planted_leak_is_found_with_its_accuracy(
+    plant: Plant, system: TouchSet, tmp_path: Path
+) -> None:
+    """Each kind is an alarm that says what it alone gives beside the majority, and what to do."""
+    if plant.arrays_only and system.kind != "array":
+        pytest.skip("a camera's run stores no scaling of its images")
+    spoilt, split, run = plant.make(system, tmp_path)
+
+    result = audit(spoilt, "planted", split, run=run)
+
+    assert set(plant.kinds) <= alarms(result)
+    for one in result.findings:
+        if one.kind in plant.kinds:
+            assert one.alone is not None
+            assert one.majority is not None
+            assert 0.0 <= one.alone <= 1.0
+            assert one.mend
+
+
+def test_at_least_twelve_kinds_are_planted() -> None:
+    """The plants name at least twelve different kinds of leak."""
+    assert len({kind for plant in PLANTS for kind in plant.kinds}) >= 12
+
+
+@pytest.mark.parametrize("seed", range(2))
+@pytest.mark.parametrize(("kind", "key"), [("array", "session"), ("camera", "cup")])
+def test_a_clean_split_raises_no_alarm(
+    make_set: dict[str, Callable[..., TouchSet]], kind: str, key: str, seed: int
+) -> None:
+    """Whole sessions or cups held out of clean recordings: nothing but notes, whatever the seed."""
+    touch = make_set[kind](seed)
+
+    result = audit(touch, "clean", named_sides(touch, f"group:{key}", usual_steps(touch), 5, 0))
+
+    assert not result.alarms
+    assert result.verdict.startswith("No leak found")
+
+
+def test_clean_recordings_by_themselves_hold_no_leak(system: TouchSet) -> None:
+    """Without a split, clean recordings may wait for a careless one, but they leak nothing."""
+    result = audit(system, "clean")
+
+    assert not [one for one in result.findings if one.verdict == "leak"]
+    assert not {"length", "place", "first frame", "order", "duplicates"} & alarms(result)
+
+
+def test_an_audit_is_the_same_twice(make_set: dict[str, Callable[..., TouchSet]]) -> None:
+    """Seeds make every figure repeat."""
+    assert audit(make_set["array"](), "x") == audit(make_set["array"](), "x")
+
+
+def test_labels_at_random_raise_no_alarm(make_set: dict[str, Callable[..., TouchSet]]) -> None:
+    """Of ten small sets whose first rows are noise, none has its first row suspected."""
+    from taxel.evaluation.audit.audit import make_case
+    from taxel.evaluation.audit.nuisances import read_first
+
+    for seed in range(10):
+        touch = make_set["array"](seed, trials=30)
+        case = make_case(touch, None, 10, seed)
+        reading = read_first(case)
+        assert not reading.finding(reading.told.p).alarm
