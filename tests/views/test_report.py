@@ -23,7 +23,7 @@ from taxel.training.run import Run
 from taxel.views.report import RunPage, write_run_report
 from taxel.views.report.audit_part import read_audit
 from taxel.views.report.charts import Axis, Dot, Line, dot_chart, line_chart, matrix
-from taxel.views.report.measured_parts import read_sweep
+from taxel.views.report.measured_parts import read_sweep, sweep_part
 from taxel.views.report.page import Html, band, percent, table, tag, text
 from taxel.views.report.saved_parts import saved_part
 from taxel.windows.config import TENG_WINDOW
@@ -267,7 +267,7 @@ def test_published_values_stand_beside_the_thesis_recipe_only(tmp_path: Path):
 
 
 def test_a_run_below_a_trivial_baseline_is_said_to_be(tmp_path: Path):
-    assert "does not reach the baseline “channel means”" in page_of(
+    assert "is no better than the baseline “channel means”" in page_of(
         tmp_path, runs={"weak": make_run(accuracy=0.4)}
     )
     assert "stands clear of every baseline" in page_of(
@@ -284,8 +284,8 @@ def test_baselines_of_one_split_are_not_held_against_a_run_of_another(tmp_path: 
 
     said = page_of(tmp_path, runs={"honest": honest, "leaky": leaky})
 
-    assert "honest does not reach" not in said
-    assert "leaky does not reach the baseline “session” (95.0 %)" in said
+    assert "honest is no better" not in said
+    assert "leaky is no better than the baseline “session” (95.0 %)" in said
 
 
 def test_a_split_with_trials_on_both_sides_is_marked(tmp_path: Path):
@@ -378,6 +378,21 @@ def test_a_saved_file_of_another_kind_is_refused_by_name(data: Any):
 def test_a_sweep_of_another_kind_is_refused_by_name(rows: Any):
     with pytest.raises(BadInput, match=r"x\.json"):
         read_sweep(rows, "x.json")
+
+
+def test_a_sweep_shows_what_is_told_unchanged_and_where_nothing_is_answered():
+    rows = [
+        {**SWEEP[0], "fault": "none", "level": 0.0, "accuracy": 0.85, "low": None, "high": None},
+        *SWEEP,
+        {**SWEEP[0], "fault": "dust", "accuracy": None, "low": None, "high": None, "answered": 0.0},
+    ]
+
+    said = sweep_part(read_sweep(rows, "s.json"))
+
+    assert "Unchanged: 85.0 %" in said
+    assert "noise: least 50.0 % [40.0, 60.0] at 0 dB" in said
+    assert "dust: nothing was answered" in said
+    assert "nan" not in said
 
 
 def test_an_audit_comes_back_from_its_json():

@@ -14,6 +14,8 @@ from taxel.views.report.page import Html, colour, text
 _LABELS = 200
 """Width left of a dot chart for names, pixels."""
 _ROW = 22
+_FEW = 4
+"""Classes beyond which a matrix's headings stand upright."""
 _WIDTH = 760
 
 
@@ -157,7 +159,9 @@ def strip(values: Sequence[float], width: int = 260) -> Html:
 
 def matrix(classes: Sequence[str], counts: Sequence[Sequence[int]]) -> Html:
     """Return a confusion matrix as a table: rows true, columns told, shares of the true class."""
-    head = "".join(f"<th>{text(_short(name, 12))}</th>" for name in classes)
+    many = len(classes) > _FEW
+    kind = ' class="tall"' if many else ""
+    head = "".join(f"<th{kind}>{text(_short(name, 20 if many else 12))}</th>" for name in classes)
     rows = []
     for name, own in zip(classes, counts, strict=True):
         total = sum(own) or 1
@@ -184,9 +188,14 @@ def _drawn(line: Line, ink: str, place: object, dots: bool) -> list[str]:
         if math.isfinite(a) and math.isfinite(b)
     ]
     parts = []
-    if len(line.low) == len(line.x) and line.low:
-        upper = [place(a, b) for a, b in zip(line.x, line.high, strict=True)]
-        lower = [place(a, b) for a, b in zip(line.x, line.low, strict=True)]
+    ends = [
+        (a, low, high)
+        for a, low, high in zip(line.x, line.low or (), line.high or (), strict=False)
+        if math.isfinite(low) and math.isfinite(high)
+    ]
+    if len(ends) > 1:
+        upper = [place(a, high) for a, _, high in ends]
+        lower = [place(a, low) for a, low, _ in ends]
         outline = " ".join(f"{a:.1f},{b:.1f}" for a, b in [*upper, *reversed(lower)])
         parts.append(f'<polygon points="{outline}" fill="{ink}" fill-opacity=".16"/>')
     path = " ".join(f"{a:.1f},{b:.1f}" for a, b in points)

@@ -96,7 +96,7 @@ def drawn_split(found: Predictions) -> Html:
     tested = f"{len(found):,} test windows in {len(set(found.trial.tolist()))} trials."
     parts: list[object] = [
         tag("h3", split_name(found.split)),
-        tag("p", f"{len(found.folds)} folds, {tested}"),
+        tag("p", f"{len(found.folds)} fold{'s' * (len(found.folds) > 1)}, {tested}"),
     ]
     parts += [_sides(found, name) for name in keys]
     shared = {name: _on_both(found, name) for name in [*keys, "trial"]}

@@ -5,6 +5,7 @@ Knows nothing about how they were measured.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -13,7 +14,7 @@ from taxel.errors import BadInput
 from taxel.evaluation.latency import Latency
 from taxel.training.environment import Made
 from taxel.views.report.charts import Axis, Line, line_chart
-from taxel.views.report.page import Html, band, colour, figure, join, percent, table, tag
+from taxel.views.report.page import Html, band, colour, figure, join, key, percent, table, tag
 
 THESIS_MS = 40.46
 """Inference of the 2D CNN, milliseconds a window. Source: TENG thesis, Table 4.1."""
@@ -30,7 +31,13 @@ class SweepPoint:
     """0…1."""
     low: float
     high: float
-    """95 % of the accuracy, 0…1."""
+    """95 % of the accuracy, 0…1; NaN where there is one session only."""
+    answered: float = float("nan")
+    """Share of windows answered, not UNKNOWN, 0…1; NaN where it was not counted."""
+
+
+UNCHANGED = "none"
+"""The fault's name where nothing was changed."""
 
 
 def latency_part(latencies: Mapping[str, Latency], thesis: bool) -> Html:
@@ -86,10 +93,11 @@ def read_sweep(rows: Any, name: str) -> list[SweepPoint]:
                 accuracy=_share(row["accuracy"]),
                 low=_share(row["low"]),
                 high=_share(row["high"]),
+                answered=_share(row.get("answered")),
             )
             for row in rows
         ]
-    except (TypeError, KeyError, ValueError) as error:
+    except (TypeError, KeyError, ValueError, AttributeError) as error:
         raise BadInput(
             f"what taxel sweep --json prints in {name}", f"something else ({error})",
             "write it again with: taxel sweep … --json",
@@ -100,40 +108,60 @@ def read_sweep(rows: Any, name: str) -> list[SweepPoint]:
 
 
 def sweep_part(points: Sequence[SweepPoint]) -> Html:
-    """Return robustness curves, a chart a fault."""
+    """Return robustness curves, a chart a fault; what is told unchanged is a grey line in each."""
     faults: dict[str, list[SweepPoint]] = {}
     for point in points:
         faults.setdefault(point.fault, []).append(point)
-    charts = []
-    for fault, own in faults.items():
-        own.sort(key=lambda point: point.level)
-        line = Line(
+    unchanged = faults.pop(UNCHANGED, [])[:1]
+    charts = [_fault_chart(fault, own, unchanged) for fault, own in faults.items()]
+    legend: list[tuple[str, object]] = [(colour(0), "accuracy, 95 %")]
+    if any(math.isfinite(point.answered) for point in points):
+        legend.append((colour(2), "share answered, not UNKNOWN"))
+    said = "Accuracy as one fault grows."
+    if unchanged:
+        legend.append(("var(--grey)", "unchanged"))
+        clean = unchanged[0]
+        said += f" Unchanged: {percent(clean.accuracy)} {band(clean.low, clean.high)}."
+    return join([tag("p", said), tag("p", key(legend)), tag("div", join(charts), "side")])
+
+
+def _fault_chart(fault: str, own: list[SweepPoint], unchanged: list[SweepPoint]) -> Html:
+    own = sorted(own, key=lambda point: point.level)
+    levels = [point.level for point in own]
+    lowest, highest = levels[0], levels[-1]
+    if lowest == highest:
+        lowest, highest = lowest - 1, highest + 1
+    lines = [
+        Line(name="unchanged", x=[lowest, highest], y=[one.accuracy] * 2, colour="var(--grey)")
+        for one in unchanged
+    ]
+    if any(math.isfinite(point.answered) for point in own):
+        lines.append(
+            Line(name="answered", x=levels, y=[point.answered for point in own], colour=colour(2))
+        )
+    lines.append(
+        Line(
             name=fault,
-            x=[point.level for point in own],
+            x=levels,
             y=[point.accuracy for point in own],
             low=[point.low for point in own],
             high=[point.high for point in own],
             colour=colour(0),
         )
-        lowest, highest = own[0].level, own[-1].level
-        if lowest == highest:
-            lowest, highest = lowest - 1, highest + 1
-        chart = line_chart(
-            [line],
-            Axis(label=f"{fault}, {own[0].unit}" if own[0].unit else fault, low=lowest,
-                 high=highest),
-            Axis(label="accuracy", low=0, high=1),
-            size=(330, 230),
-        )  # fmt: skip
-        worst = min(own, key=lambda point: point.accuracy)
-        said = f"least {percent(worst.accuracy)} {band(worst.low, worst.high)} at {worst.level:g}"
-        charts.append(figure(chart, f"{fault}: {said} {worst.unit}".rstrip()))
-    return join(
-        [
-            tag("p", "Accuracy as one fault grows; the band is 95 %."),
-            tag("div", join(charts), "side"),
-        ]
     )
+    unit = own[0].unit
+    chart = line_chart(
+        lines,
+        Axis(label=f"{fault}, {unit}" if unit else fault, low=lowest, high=highest),
+        Axis(label="share", low=0, high=1),
+        size=(300, 220),
+    )
+    told = [point for point in own if math.isfinite(point.accuracy)]
+    if not told:
+        return figure(chart, f"{fault}: nothing was answered.")
+    worst = min(told, key=lambda point: point.accuracy)
+    said = f"least {percent(worst.accuracy)} {band(worst.low, worst.high)}".rstrip()
+    return figure(chart, f"{fault}: {said} at {worst.level:g} {unit}".rstrip())
 
 
 def environment_part(made: Mapping[str, Made]) -> Html:

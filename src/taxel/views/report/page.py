@@ -28,7 +28,8 @@ _STYLE = """
 body{max-width:none;margin:0;font-size:10.5pt}nav{display:none}
 h2,h3,h4{break-after:avoid}figure,tr,.tile{break-inside:avoid}
 .scroll{overflow:visible}table{font-size:8pt!important}
-th{white-space:normal!important}th,td{padding:.12rem .32rem!important}*{print-color-adjust:exact;-webkit-print-color-adjust:exact}}
+th{white-space:normal!important}th,td{padding:.12rem .32rem!important}
+*{print-color-adjust:exact;-webkit-print-color-adjust:exact}}
 @page{margin:14mm}
 *{box-sizing:border-box}
 body{font:15px/1.55 system-ui,-apple-system,"Segoe UI",sans-serif;max-width:1060px;
@@ -84,8 +85,9 @@ table.sides th:first-child{text-align:left}
 .both{background:repeating-linear-gradient(135deg,
 color-mix(in srgb,var(--c1) 42%,var(--page)) 0 6px,
 color-mix(in srgb,var(--c0) 22%,var(--page)) 6px 12px);font-weight:600}
-table.sides th.tall{writing-mode:vertical-rl;transform:rotate(180deg);text-align:left;
+th.tall{writing-mode:vertical-rl;transform:rotate(180deg);text-align:left;
 vertical-align:bottom;padding:.3rem .1rem}
+table.matrix th.tall{text-align:left;vertical-align:middle;padding:.4rem .1rem}
 """
 
 

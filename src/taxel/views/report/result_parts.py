@@ -100,7 +100,9 @@ def _cleared(judged: Mapping[str, RunScores], trivial: Mapping[str, float]) -> H
         accuracy, (low, _) = own.scores.accuracy, _main_interval(own)
         if accuracy <= trivial[best]:
             bad = True
-            said.append(f"{name} does not reach the baseline “{best}” ({percent(trivial[best])})")
+            said.append(
+                f"{name} is no better than the baseline “{best}” ({percent(trivial[best])})"
+            )
         elif math.isfinite(low) and low <= trivial[best]:
             said.append(
                 f"{name} is above the baseline “{best}” ({percent(trivial[best])}), but its "
@@ -166,7 +168,7 @@ def each_run(name: str, run: Run, own: RunScores, ink: str) -> Html:
         figure(matrix(run.predictions.classes, own.scores.confusion), "All test windows.", "free"),
         figure(_reliability(own, ink), _trust(own)),
     ]
-    if run.history:
+    if len(run.history) > 1:
         parts.append(figure(_learning(run, ink), "Training on all recordings, for use."))
     few = [Dot(f"{g.name} · {g.windows}", g.accuracy, colour=ink) for g in own.by_group[:40]]
     return join(
@@ -271,4 +273,4 @@ def _learning(run: Run, ink: str) -> Html:
 
 def _epochs(count: int) -> Sequence[float]:
     step = max(1, round(count / 6))
-    return [1.0, *range(1 + step, count + 1, step)] if count > 1 else [1.0, 2.0]
+    return range(1, count + 1, step)
