@@ -42,18 +42,20 @@ Pairs = dict[tuple[int, int], float]
 def same_rows(touch: TouchSet) -> Pairs:
     """Return pairs of different trials that share runs of rows; 1 is all of the shorter one's."""
     run = min(RUN, min(len(rows) for rows in touch.rows))
-    owners: dict[int, set[int]] = defaultdict(set)
-    sizes = []
-    for index, rows in enumerate(touch.rows):
-        own = set(_runs(rows, run).tolist())
-        sizes.append(len(own))
-        for one in own:
-            owners[one].add(index)
+    each = [np.unique(_runs(rows, run)) for rows in touch.rows]
+    sizes = [len(own) for own in each]
+    owner = np.repeat(np.arange(len(each)), sizes)
+    every = np.concatenate(each)
+    order = np.argsort(every, kind="stable")
+    ends = np.append(np.flatnonzero(np.diff(every[order])) + 1, len(every))
+    starts = np.append(0, ends[:-1])
+    # What stands in many trials is rest, not a copy.
+    several = np.flatnonzero((ends - starts > 1) & (ends - starts <= _TENTH))
     shared: dict[tuple[int, int], int] = defaultdict(int)
-    for holders in owners.values():
-        if 1 < len(holders) <= _TENTH:  # what stands in many trials is rest, not a copy
-            for pair in combinations(sorted(holders), 2):
-                shared[pair] += 1
+    for place in several:
+        holders = owner[order[starts[place] : ends[place]]]
+        for pair in combinations(holders.tolist(), 2):
+            shared[pair] += 1
     return {
         (a, b): count / min(sizes[a], sizes[b])
         for (a, b), count in shared.items()

@@ -84,6 +84,9 @@ def scaled_run(case: Case, run: Path) -> Finding:
 
 
 def _stored(run: Path, touch: TouchSet) -> tuple[Table, Table, str, list[str]]:
+    if touch.kind == "camera":
+        raise BadInput("recordings of an array beside --run", "cameras, whose runs scale features",
+                       "leave --run out")  # fmt: skip
     try:
         contract = json.loads((run / "run.json").read_text())["contract"]
         scaling = contract["scaling"]
