@@ -20,7 +20,7 @@ from taxel.evaluation.robustness.array_sweep import plan_array, sweep_array
 from taxel.evaluation.robustness.conditions import (
     BASE,
     LEVELS,
-    TestSessions,
+    NewSessions,
     settings_at,
     simulate_at,
 )
@@ -38,6 +38,7 @@ from taxel.evaluation.robustness.grasp_sweep import sweep_grasps
 from taxel.evaluation.robustness.image_faults import IMAGE_FAULTS
 from taxel.evaluation.robustness.thesis import CLAIMS, LEAST
 from taxel.evaluation.robustness.touches import Model, judge, train_model
+from taxel.live.grasp_monitor import GraspMonitor
 from taxel.sim.cup_pour import CupPourConfig
 from taxel.sources.data_sets import DATA_SET_RATE_HZ, write_sessions
 from taxel.sources.pour_sets import write_pours
@@ -49,10 +50,10 @@ TARGETS = ("shape", "material", "shape+material")
 SCANS = 160_000
 """Scans a class to train on. Source: TENG thesis, section 3.5.1."""
 TRAIN_SEED = 1
-TESTED = TestSessions(seed=9023, sessions=16, scans=25_000)
+TESTED = NewSessions(seed=9023, sessions=16, scans=25_000)
 """Sessions at each condition; neither these nor those trained on chose anything: that was done
 on seeds 0 and 6023 (docs/decisions/0029)."""
-FAULTY = TestSessions(seed=9077, sessions=8, scans=20_000)
+FAULTY = NewSessions(seed=9077, sessions=8, scans=20_000)
 PLAIN, ROBUST = "teng-referenced", "wider training, gate 0.6 V, 60 rows"
 GOALS = ("temperature", "dust", "moisture", "moving")
 MOST_POINTS = 2.0
@@ -103,7 +104,7 @@ def camera_rows() -> list[Row]:
     with tempfile.TemporaryDirectory(prefix="taxel-") as scratch:
         write_pours(Path(scratch) / "pours", POURS)
         pours = read_pours(Path(scratch) / "pours")
-        points = sweep_grasps(shipped_bundle(CUP_POUR), pours, plan, workers=2)
+        points = sweep_grasps(shipped_bundle(CUP_POUR), GraspMonitor, pours, plan, workers=2)
     base = points[0]
     rows = [_plain_row("cup-pour, unseen cups, no fault", base.accuracy, "balanced accuracy",
                        _camera_words(base))]  # fmt: skip

@@ -112,7 +112,7 @@ class Sweep:
         from taxel.decisions.recognition import RecogniseConfig
         from taxel.evaluation.robustness.array_sweep import plan_array, sweep_array
         from taxel.evaluation.robustness.conditions import (
-            TestSessions,
+            NewSessions,
             plan_conditions,
             sweep_conditions,
         )
@@ -125,7 +125,7 @@ class Sweep:
             if self.data is None:
                 plan = plan_conditions(names, levels)
                 task = bar.add_task("simulating", total=1 + sum(map(len, plan.values())))
-                which = TestSessions(
+                which = NewSessions(
                     seed=self.seed, sessions=self.sessions, scans=round(100 * self.session_s)
                 )
                 points = sweep_conditions(
@@ -148,6 +148,7 @@ class Sweep:
     def _cameras(self, file: Path, names: Sequence[str], levels: Sequence[float]) -> list[Point]:
         from taxel.bundles.grasp import read_grasp_bundle
         from taxel.evaluation.robustness.grasp_sweep import plan_images, pours_digest, sweep_grasps
+        from taxel.live.grasp_monitor import GraspMonitor
         from taxel.processes import WORKERS
         from taxel.windows.pours import read_pours
 
@@ -161,7 +162,7 @@ class Sweep:
             for pour in pours:
                 bundle.contract.check_cameras(pour.cameras)
             return sweep_grasps(
-                file, pours, plan, seed=self.seed, workers=WORKERS,
+                file, GraspMonitor, pours, plan, seed=self.seed, workers=WORKERS,
                 on_point=lambda one: bar.update(task, description=one.fault, advance=1),
             )  # fmt: skip
 

@@ -16,8 +16,8 @@ from rich.text import Text
 
 from taxel.evaluation.robustness.curve import FALL, Point, fall_text
 
-_CAMERA_COLUMNS = ("balanced accuracy [95 %]", "moments", "warned", "told", "false/min")
-_ARRAY_COLUMNS = ("accuracy [95 %]", "windows", "grasps", "told", "outside/min")
+_CAMERA_COLUMNS = ("balanced accuracy [95 %]", "moments", "warned", "told", "false")
+_ARRAY_COLUMNS = ("accuracy [95 %]", "windows", "grasps", "told", "outside")
 
 
 def sweep_table(points: Sequence[Point], about: str, *, cameras: bool = False) -> RenderableType:
@@ -70,13 +70,13 @@ def _notes(cameras: bool) -> list[Text]:
         words = (
             "accuracy: stable and unstable moments weigh alike, of those whose state is known. "
             "warned: gross slips with an alarm before them. told: recordings with any known state. "
-            "false/min: alarms a minute of grasps that hold. Interval: cups resampled."
+            "false: alarms a minute of grasps that hold. Interval: cups resampled."
         )
     else:
         words = (
             "accuracy: of windows that were answered, that is not UNKNOWN for input that cannot be "
             "used. grasps: told right, of all; told: of which anything was answered. outside: "
-            "windows cut where nothing was touched. Interval: sessions resampled."
+            "windows a minute where nothing was touched. Interval: sessions resampled."
         )
     return [Text(words, style="dim")]
 

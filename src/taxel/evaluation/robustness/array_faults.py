@@ -191,7 +191,7 @@ def jitter(one: Touched, level: float, random: np.random.Generator) -> Samples:
     period_s = 1.0 / one.sensor.rate_hz
     n = len(one.samples)
     place = np.arange(n) + random.normal(0.0, level / 1000 / period_s, n)
-    return _shown(one, _at(one.samples.values, np.asarray(np.clip(place, 0, n - 1), np.float64)))
+    return _shown(one, _at(one.samples.values, np.asarray(place.clip(0, n - 1), np.float64)))
 
 
 def loss(one: Touched, level: float, random: np.random.Generator) -> Samples:

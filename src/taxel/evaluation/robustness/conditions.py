@@ -45,7 +45,7 @@ _SHARES = ("moving",)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class TestSessions:
+class NewSessions:
     """Which sessions a recogniser is judged on."""
 
     seed: int = 6023
@@ -74,7 +74,7 @@ def plan_conditions(
 def sweep_conditions(
     model: Model,
     plan: Mapping[str, Sequence[float]],
-    which: TestSessions,
+    which: NewSessions,
     config: RecogniseConfig = ANSWER_ALL,
     *,
     on_point: Callable[[Point], None] = lambda _: None,
@@ -104,12 +104,18 @@ def sweep_conditions(
 
 
 def settings_at(condition: str, level: float) -> dict[str, Any]:
-    """Return the fields of `TengHandConfig` at one level of one condition."""
+    """Return the fields of `TengHandConfig` at one level of one condition.
+
+    Raises:
+        BadInput: The level lies outside the simulator's limits.
+    """
     name = _FIELDS.get(condition, condition)
-    return {**BASE, name: level if condition in _SHARES else (level, level)}
+    settings = {**BASE, name: level if condition in _SHARES else (level, level)}
+    checked_config(**settings)
+    return settings
 
 
-def simulate_at(settings: Mapping[str, Any], which: TestSessions) -> list[Recorded]:
+def simulate_at(settings: Mapping[str, Any], which: NewSessions) -> list[Recorded]:
     """Return new sessions of the simulated hand.
 
     Args:

@@ -1,7 +1,7 @@
 """What a grasp bundle still tells over faults of its cameras: by moment, and by slip.
 
-Each recording is watched by the live path itself, frame by frame. Knows nothing about how
-bundles are trained.
+Each recording is watched frame by frame by the monitor that is given: the live path's own.
+Knows nothing about how bundles are trained.
 """
 
 from __future__ import annotations
@@ -12,12 +12,13 @@ import zlib
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from taxel.bundles.grasp import GraspBundle, read_grasp_bundle
-from taxel.decisions.stability import Stability
+from taxel.decisions.stability import Stability, StabilityDecision
 from taxel.errors import BadDataset, BadInput
 from taxel.evaluation.events import RESAMPLES, RunOutcome, StateTrack, judge
 from taxel.evaluation.robustness.curve import CLEAN, Point
@@ -25,13 +26,12 @@ from taxel.evaluation.robustness.image_faults import IMAGE_FAULTS, find_image_fa
 from taxel.evaluation.transition_data import truth_moments
 from taxel.labels.rules import RULES
 from taxel.labels.slip import label_truth
-from taxel.live.grasp_monitor import GraspMonitor
 from taxel.processes import side_by_side
 from taxel.recordings.reader import iterate_frames
-from taxel.signals import Frame
+from taxel.signals import CameraInfo, Frame
 from taxel.sim.pour_state import TRUTH_CHANNELS
 from taxel.training.frame_labels import truth_of
-from taxel.windows.pairs import FramePairer
+from taxel.windows.pairs import FramePairer, FrameSet
 from taxel.windows.pours import Pour
 
 ALARMS = (Stability.WARNING, Stability.UNSTABLE)
@@ -39,6 +39,26 @@ LATE_S = 0.3
 """An alarm so long after the bundle's rule became true still counts, seconds: most cups can then
 still be saved. Source: docs/decisions/0017 and 0029."""
 _SLIP_RULE = re.compile(r"slip > (\d+(?:\.\d+)?) um")
+
+
+class Answer(Protocol):
+    """One moment's answer."""
+
+    @property
+    def decision(self) -> StabilityDecision: ...
+    @property
+    def time_s(self) -> float: ...
+
+
+class Monitor(Protocol):
+    """What turns frames of one grasp into answers: `taxel.live.grasp_monitor.GraspMonitor`."""
+
+    def see(self, frame: Frame) -> None: ...
+    def push(self, found: FrameSet) -> Answer: ...
+
+
+Watcher = Callable[[GraspBundle, tuple[CameraInfo, ...]], Monitor]
+"""What makes a monitor; a class or function of a module, so that a process can import it."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,6 +76,7 @@ class Watched:
 
 def watch(
     bundle: GraspBundle,
+    watcher: Watcher,
     pour: Pour,
     fault: str = CLEAN,
     level: float = 0.0,
@@ -65,6 +86,7 @@ def watch(
 
     Args:
         bundle: Features, head and thresholds.
+        watcher: What makes a monitor.
         pour: A recording with the physics truth.
         fault: Name of a fault, or "none".
         level: In the fault's unit.
@@ -78,7 +100,7 @@ def watch(
     if fault != CLEAN:
         words = [seed, zlib.crc32(fault.encode()), zlib.crc32(pour.name.encode())]
         frames = find_image_fault(fault).make(frames, level, np.random.default_rng(words))
-    monitor = GraspMonitor(bundle, pour.cameras)
+    monitor = watcher(bundle, pour.cameras)
     pairer = FramePairer(len(pour.cameras))
     times, states = [], []
     for frame in frames:
@@ -133,6 +155,7 @@ def truth_labels(pour: Pour, rule: str) -> NDArray[np.bool_]:
 
 def sweep_grasps(
     bundle_file: Path,
+    watcher: Watcher,
     pours: Sequence[Pour],
     plan: Mapping[str, Sequence[float]],
     *,
@@ -144,6 +167,7 @@ def sweep_grasps(
 
     Args:
         bundle_file: The grasp bundle.
+        watcher: What makes a monitor.
         pours: Recordings with physics truth of cups that it was not trained on.
         plan: Fault → levels, as `plan_images` gives them.
         seed: Seed of everything that a fault draws.
@@ -169,7 +193,7 @@ def sweep_grasps(
                 )  # fmt: skip
             levels.append((name, level, fault.unit))
     for name, level, unit in levels:
-        jobs = [(bundle_file, pour, name, level, seed) for pour in pours]
+        jobs = [(bundle_file, watcher, pour, name, level, seed) for pour in pours]
         points.append(grasp_point(side_by_side(_watch, jobs, workers=workers), name, level, unit))
         on_point(points[-1])
     return points
@@ -237,6 +261,8 @@ def _balanced(counts: NDArray[np.float64]) -> NDArray[np.float64]:
         return np.asarray(0.5 * (counts[..., 0] / counts[..., 1] + counts[..., 2] / counts[..., 3]))
 
 
-def _watch(file: Path, pour: Pour, fault: str, level: float, seed: int) -> Watched:
+def _watch(
+    file: Path, watcher: Watcher, pour: Pour, fault: str, level: float, seed: int
+) -> Watched:
     """Watch one recording in a process of its own, to which no open bundle can be handed."""
-    return watch(read_grasp_bundle(file), pour, fault, level, seed)
+    return watch(read_grasp_bundle(file), watcher, pour, fault, level, seed)

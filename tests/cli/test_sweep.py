@@ -1,0 +1,119 @@
+"""`taxel sweep`: from a bundle and recordings to curves, and what it refuses."""
+
+import json
+from pathlib import Path
+
+import pytest
+import tyro
+
+from taxel.cli.bundle import Bundle
+from taxel.cli.simulate import Simulate
+from taxel.cli.sweep import Sweep
+from taxel.cli.train import Train
+from taxel.errors import BadBundle, BadInput
+
+KEYS = {"fault", "level", "unit", "accuracy", "low", "high", "answered", "windows", "grasps",
+        "told", "outside"}  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def place(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A bundle with its recordings, and others."""
+    folder = tmp_path_factory.mktemp("sweep")
+    for name, seed in (("seen", 0), ("new", 4)):
+        words = ["teng", "--output", str(folder / name), "--scans-per-class", "9000"]
+        tyro.cli(Simulate, args=[*words, "--sessions", "2", "--seed", str(seed), "--json"]).run()
+    words = [str(folder / "seen"), "--output", str(folder / "run"), "--no-check", "--json"]
+    tyro.cli(Train, args=[*words, "--epochs", "2", "--recipe", "teng-referenced"]).run()
+    words = [str(folder / "run"), "--output", str(folder / "b.taxel"), "--json"]
+    tyro.cli(Bundle, args=words).run()
+    return folder
+
+
+def sweep(*words: str | Path) -> None:
+    tyro.cli(Sweep, args=list(map(str, words))).run()
+
+
+def test_recordings_give_a_list_of_points_a_file_and_a_figure(
+    place: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+):
+    sweep(
+        place / "b.taxel", "--data", place / "new", "--faults", "noise,missing", "--json",
+        "--output", tmp_path / "curves.json", "--plot", tmp_path / "curves.png",
+    )  # fmt: skip
+    said = capsys.readouterr()
+    rows = json.loads(said.out)
+
+    assert all(set(row) == KEYS for row in rows)
+    assert [row["fault"] for row in rows] == ["none", *["noise"] * 7, *["missing"] * 4]
+    assert rows[-1]["accuracy"] is None
+    assert rows[-1]["answered"] == 0.0
+    assert json.loads((tmp_path / "curves.json").read_text()) == rows
+    assert (tmp_path / "curves.png").read_bytes().startswith(b"\x89PNG")
+    assert "not honest" not in said.err
+
+
+def test_the_recordings_that_were_learned_from_are_told(
+    place: Path, capsys: pytest.CaptureFixture[str]
+):
+    sweep(place / "b.taxel", "--data", place / "seen", "--faults", "loss", "--levels", "10")
+    said = capsys.readouterr()
+
+    assert "not honest" in said.err
+    assert "loss, %" in said.out
+
+
+def test_conditions_are_simulated(place: Path, capsys: pytest.CaptureFixture[str]):
+    sweep(
+        place / "b.taxel", "--simulate", "--faults", "dust", "--levels", "0.5", "--sessions", "2",
+        "--session-s", "130", "--json",
+    )  # fmt: skip
+    rows = json.loads(capsys.readouterr().out)
+
+    assert [(row["fault"], row["level"]) for row in rows] == [("none", 0.0), ("dust", 0.5)]
+    assert rows[1]["unit"] == "share of the pads"
+
+
+@pytest.mark.slow
+def test_a_grasp_bundle_is_swept_over_its_cameras(
+    pour_made_once: Path, capsys: pytest.CaptureFixture[str]
+):
+    sweep("cup-pour", "--data", pour_made_once, "--faults", "blur", "--levels", "2", "--json")
+    rows = json.loads(capsys.readouterr().out)
+
+    assert [row["unit"] for row in rows] == ["", "px"]
+    assert rows[0]["windows"] > 80
+
+
+@pytest.mark.parametrize(
+    ("words", "match"),
+    [
+        ((), "neither"),
+        (("--data", "new", "--simulate"), "both"),
+        (("--data", "new", "--faults", "rain"), "noise"),
+        (("--data", "new", "--faults", "blur"), "noise"),
+        (("--simulate", "--faults", "rain"), "temperature"),
+        (("--simulate", "--faults", "dust", "--levels", "2"), "dust within 0 and 1"),
+        (("--data", "new", "--levels", "2"), "one fault beside --levels"),
+        (("--data", "new", "--faults", "noise", "--levels", "ten"), "numbers for --levels"),
+        (("--data", "new", "--faults", "loss", "--levels", "120"), "within 0 and 99"),
+        (("--data", "new", "--least-confidence", "2"), "least-confidence"),
+        (("--data", "new", "--plot", "curves.pdf"), "png"),
+        (("--simulate", "--seed", "-1"), "--seed"),
+        (("--simulate", "--sessions", "0"), "--sessions"),
+    ],
+)
+def test_what_cannot_be_measured_is_refused(place: Path, words: tuple[str, ...], match: str):
+    given = [place / word if word == "new" else word for word in words]
+    with pytest.raises(BadInput, match=match):
+        sweep(place / "b.taxel", *given)
+
+
+def test_cameras_cannot_be_simulated_by_conditions():
+    with pytest.raises(BadInput, match="taxel simulate cup-pour"):
+        sweep("cup-pour", "--simulate")
+
+
+def test_a_file_that_is_no_bundle_is_refused(place: Path):
+    with pytest.raises(BadBundle, match="bundle"):
+        sweep(place / "new" / "session-1.mcap", "--data", place / "new")

@@ -1,0 +1,84 @@
+"""Sweeps over faults and conditions: what must fall falls, and pairs are pairs."""
+
+import numpy as np
+import pytest
+
+from taxel.errors import BadInput
+from taxel.evaluation.robustness.array_sweep import plan_array, sweep_array
+from taxel.evaluation.robustness.conditions import (
+    BASE,
+    LEVELS,
+    NewSessions,
+    plan_conditions,
+    settings_at,
+    simulate_at,
+    sweep_conditions,
+)
+from taxel.evaluation.robustness.touches import Model, Recorded
+
+FEW = NewSessions(seed=11, sessions=2, scans=12_500)
+
+
+def test_heavy_noise_costs_more_than_light_noise_and_missing_channels_answer_nothing(
+    model: Model, touches: list[Recorded]
+):
+    points = sweep_array(model, touches, {"noise": (60.0, 0.0), "missing": (1.0,)})
+    none, light, heavy, missing = points
+
+    assert none.fault == "none"
+    assert none.answered > 0.9
+    assert light.accuracy == pytest.approx(none.accuracy, abs=0.03)
+    assert heavy.accuracy < none.accuracy - 0.1
+    assert heavy.outside > none.outside  # noise alone opens the gate
+    assert missing.answered == 0.0
+    assert missing.windows == pytest.approx(none.windows, rel=0.05)
+
+
+def test_a_sweep_repeats_itself_and_another_seed_differs(model: Model, touches: list[Recorded]):
+    plan = {"noise": (12.0,)}
+    first, again = (sweep_array(model, touches, plan)[1] for _ in range(2))
+    other = sweep_array(model, touches, plan, seed=1)[1]
+
+    assert first == again
+    assert other != first
+
+
+def test_no_faults_named_means_all_and_levels_are_for_those_named():
+    assert len(plan_array()) > 12
+    assert plan_array(["hum"], [3.0]) == {"hum": (3.0,)}
+    assert plan_conditions(["dust"]) == {"dust": LEVELS["dust"][1]}
+    with pytest.raises(BadInput, match="conditions among temperature"):
+        plan_conditions(["rain"])
+
+
+def test_a_condition_has_the_same_grasps_and_gains_as_the_base():
+    """Warm sessions are the base's, times one factor: forces, objects and order are the same."""
+    base, warm = (simulate_at(s, FEW) for s in (BASE, settings_at("temperature", 35.0)))
+    for cold, hot in zip(base, warm, strict=True):
+        assert [t.labels for t in cold.trials] == [t.labels for t in hot.trials]
+        assert [t.groups["force_n"] for t in cold.trials] == [
+            t.groups["force_n"] for t in hot.trials
+        ]
+        high = (cold.samples.values > 1.0) & (cold.samples.values < 3.0)
+        ratio = hot.samples.values[high] / cold.samples.values[high]
+        assert np.median(ratio) == pytest.approx(1 - 0.004 * 12, abs=0.01)
+
+
+def test_the_base_is_still_and_moving_sessions_move():
+    base, moving = (simulate_at(s, FEW) for s in (BASE, settings_at("moving", 1.0)))
+
+    assert {t.groups["moving"] for one in base for t in one.trials} == {"no"}
+    assert {t.groups["moving"] for one in moving for t in one.trials} == {"yes"}
+
+
+def test_conditions_are_judged_beside_the_base(model: Model):
+    points = sweep_conditions(model, {"dust": (0.5,)}, FEW)
+
+    assert [one.fault for one in points] == ["none", "dust"]
+    assert points[1].windows < points[0].windows  # weaker touches stay below the gate
+    assert points[0].accuracy > 0.4
+
+
+def test_a_condition_outside_the_simulators_limits_is_refused(model: Model):
+    with pytest.raises(BadInput, match="dust within 0 and 1"):
+        sweep_conditions(model, {"dust": (1.5,)}, FEW)

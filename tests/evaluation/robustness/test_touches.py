@@ -1,0 +1,121 @@
+"""What is judged offline equals a data set's windows and the live path's answers."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from taxel.bundles.contract import at_level
+from taxel.errors import BadBundle, BadDataset
+from taxel.evaluation.robustness.touches import ANSWER_ALL, Model, Recorded, judge, read_touches
+from taxel.signals import Validity
+from taxel.windows.dataset import load_dataset
+from taxel.windows.reference import touch_level
+
+
+def test_windows_are_those_of_a_data_set_brought_to_the_trained_level(
+    model: Model, unseen: Path, touches: list[Recorded]
+):
+    """One session at a time, whose own level a data set then keeps."""
+    assert model.contract.reference is not None
+    right = total = 0
+    for file in sorted(unseen.glob("*.mcap")):
+        dataset = load_dataset(file, model.contract.window, target="shape")
+        assert dataset.reference is not None
+        moved = dataset.windows.values * (model.contract.reference.level / dataset.reference.level)
+        found = model.probabilities(moved.astype(np.float32), dataset.windows.mask)
+        right += int((found.argmax(axis=1) == dataset.class_numbers("shape")).sum())
+        total += len(dataset)
+    answers = judge(model, touches)
+
+    assert len(answers.y) == total
+    assert int(answers.right.sum()) == right
+    assert answers.right.mean() > 0.5  # it has learned something: a guess is right in a third
+
+
+def test_a_sessions_level_gives_what_a_bundle_adapted_to_it_gives(
+    model: Model, touches: list[Recorded]
+):
+    from taxel.windows.windower import cut_windows
+
+    session = touches[0]
+    windows = cut_windows(session.samples, model.contract.window, session.sensor)
+    own = np.zeros(len(windows), bool)
+    first = [t for t in session.trials if t.groups["object"] == "cylinder-glass"][:3]
+    for trial in first:
+        own |= (windows.start_s >= trial.start_s) & (windows.end_s <= trial.end_s)
+    level = touch_level(windows.values[own], windows.mask[own])
+    adapted = at_level(model.contract, level).scaling.apply(windows.values, windows.mask)
+    assert model.contract.reference is not None
+    factor = model.contract.reference.level / level
+    here = model.contract.scaling.apply(windows.values * factor, windows.mask)
+
+    np.testing.assert_allclose(adapted, here, rtol=1e-5, atol=1e-6)
+
+
+def test_reference_touches_are_never_judged(model: Model, touches: list[Recorded]):
+    answers = judge(model, touches)
+
+    assert len(answers.grasps) == sum(len(one.trials) - 3 for one in touches)
+
+
+def test_input_that_cannot_be_used_is_not_answered(model: Model, touches: list[Recorded]):
+    """From the middle of each session on a channel is missing."""
+    half = []
+    for one in touches:
+        validity = one.samples.validity.copy()
+        validity[len(validity) // 2 :, 3] |= np.uint8(Validity.MISSING)
+        half.append(replace(one, samples=replace(one.samples, validity=validity)))
+    answers = judge(model, half, replace(ANSWER_ALL, most_saturated=1.0))
+
+    assert 0.2 < answers.answered.mean() < 0.8
+    for session in set(answers.session.tolist()):
+        own = answers.session == session
+        told, silent = (answers.trial[own & (answers.answered == flag)] for flag in (True, False))
+        assert told.max() <= silent.min()
+
+
+def test_a_session_without_a_usable_reference_touch_is_not_answered(
+    model: Model, touches: list[Recorded]
+):
+    validity = touches[0].samples.validity | np.uint8(Validity.MISSING)
+    broken = replace(touches[0], samples=replace(touches[0].samples, validity=validity))
+    answers = judge(model, [broken, *touches[1:]])
+
+    assert not answers.answered[answers.session == broken.session].any()
+    assert answers.answered[answers.session != broken.session].mean() > 0.95
+
+
+def test_too_few_reference_touches_are_refused(model: Model, touches: list[Recorded]):
+    short = replace(touches[0], trials=touches[0].trials[:4])
+    with pytest.raises(BadDataset, match="3 touches of object=cylinder-glass"):
+        judge(model, [short])
+
+
+def test_another_array_is_refused(model: Model, touches: list[Recorded]):
+    sensor = touches[0].sensor.only(touches[0].sensor.channels[:5])
+    other = replace(touches[0], sensor=sensor, samples=touches[0].samples.only([0, 1, 2, 3, 4]))
+    with pytest.raises(BadBundle, match="12 channels"):
+        judge(model, [other])
+
+
+def test_touches_of_kinds_that_the_model_does_not_know_are_left_out(
+    model: Model, touches: list[Recorded]
+):
+    odd = [
+        replace(one, trials=tuple(
+            replace(t, labels={**t.labels, "shape": "prism"}) if t.labels["shape"] == "sphere"
+            else t for t in one.trials
+        ))
+        for one in touches
+    ]  # fmt: skip
+    answers = judge(model, odd)
+
+    sphere = model.contract.classes.index("sphere")
+    assert len(answers.y) < len(judge(model, touches).y)
+    assert not (answers.y == sphere).any()
+
+
+def test_the_digest_is_the_data_sets(model: Model, seen: Path):
+    assert read_touches(seen)[1] == model.contract.data_digest

@@ -1,0 +1,63 @@
+"""Robustness curves as table and figure."""
+
+import io
+from dataclasses import replace
+
+from rich.console import Console
+
+from taxel.evaluation.robustness.curve import CLEAN, Point
+from taxel.views.sweep_figure import sweep_figure
+from taxel.views.sweep_table import sweep_table
+
+NAN = float("nan")
+BASE = Point(
+    fault=CLEAN, level=0.0, unit="", accuracy=0.95, low=0.93, high=0.97, answered=1.0,
+    windows=1660, grasps=0.91, told=0.95, outside=0.8,
+)  # fmt: skip
+NOISE = [
+    replace(BASE, fault="noise", unit="dB", level=level, accuracy=accuracy)
+    for level, accuracy in ((30.0, 0.94), (20.0, 0.92), (10.0, 0.66))
+]
+SILENT = replace(
+    BASE, fault="missing", unit="channels", level=1.0, accuracy=NAN, low=NAN, high=NAN,
+    answered=0.0, grasps=0.0, told=0.0,
+)  # fmt: skip
+
+
+def printed(points: list[Point], cameras: bool = False) -> str:
+    console = Console(width=110, file=io.StringIO())
+    console.print(sweep_table(points, "shape · b.taxel on d", cameras=cameras))
+    text = console.file.getvalue()
+    assert isinstance(text, str)
+    return text
+
+
+def test_the_table_says_level_interval_change_and_where_five_points_are_gone():
+    text = printed([BASE, *NOISE, SILENT])
+
+    assert "0.920 [0.930, 0.970]" in text
+    assert "-29.0" in text
+    assert "noise          19.2 dB" in text
+    assert "nothing answered" in text
+    assert "not before 1 channels, where nothing is answered" in text
+    assert "1,660" in text
+    assert "…" not in text.replace("0…1", "")  # nothing is cut off
+
+
+def test_a_grasp_bundles_table_speaks_of_moments_and_slips():
+    text = printed([BASE, *NOISE], cameras=True)
+
+    assert "moments" in text
+    assert "false: alarms" in text
+
+
+def test_the_figure_is_a_png_that_grows_with_its_panels():
+    one = sweep_figure([BASE, *NOISE], "title", chance=1 / 3)
+    two = sweep_figure([BASE, *NOISE, SILENT], "title", cameras=True)
+
+    assert one.startswith(b"\x89PNG")
+    assert int.from_bytes(two[16:20]) > int.from_bytes(one[16:20])
+
+
+def test_a_figure_without_any_fault_is_still_one():
+    assert sweep_figure([BASE], "title").startswith(b"\x89PNG")
