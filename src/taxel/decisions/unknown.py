@@ -73,10 +73,16 @@ class Strangeness:
         self.rejected = unknown.rejected
         self.labels = tuple(one.label for one in unknown.densities)
         self._lag = unknown.lag
-        self._level, self._per_wander = unknown.level, 1.0 / unknown.wander
-        self._least = unknown.least
+        # 32 bits, as the windows come: a mixture with 64 would cost a small window half its time.
+        self._level = unknown.level.astype(np.float32)
+        self._per_wander = (1.0 / unknown.wander).astype(np.float32)
+        self._least = unknown.least.astype(np.float32)
         self._densities = [
-            (one.projection, one.centres, one.log_share - 0.5 * (one.centres**2).sum(axis=1))
+            (
+                one.projection.astype(np.float32),
+                one.centres.astype(np.float32),
+                (one.log_share - 0.5 * (one.centres**2).sum(axis=1)).astype(np.float32),
+            )
             for one in unknown.densities
         ]
         self._windows = [one.windows.tolist() for one in unknown.densities]
@@ -84,7 +90,7 @@ class Strangeness:
             sorted((count, own.tolist()) for count, own in one.contacts.items())
             for one in unknown.densities
         ]
-        self._sums: dict[int, NDArray[np.float64]] = {}
+        self._sums: dict[int, NDArray[Any]] = {}
 
     def of_window(self, values: NDArray[np.float32]) -> list[float]:
         """Return a window's strangeness by each label, in nats up to a constant.
@@ -123,37 +129,35 @@ class Strangeness:
         return _joined(each, len(each))
 
 
-def touch_moments(
-    rows: NDArray[np.float64], lag: int, sums: dict[int, NDArray[np.float64]]
-) -> NDArray[np.float64]:
+def touch_moments(rows: NDArray[Any], lag: int, sums: dict[int, NDArray[Any]]) -> NDArray[Any]:
     """Return mean, variance and mean absolute change of each channel, shape (3, channels).
 
     One matrix product instead of three means: it takes a third of the time of a small window.
 
     Args:
-        rows: Shape (n, channels), n ≥ 1.
+        rows: Shape (n, channels), n ≥ 1, of 32 or 64 bits.
         lag: Rows between the two ends of a change; a window of so few rows has no change.
         sums: Kept between calls: number of rows → the matrix that takes the means.
     """
     n = len(rows)
     changes = max(n - lag, 0)
     if n not in sums:
-        sums[n] = np.zeros((MOMENTS, 2 * n + changes))
+        sums[n] = np.zeros((MOMENTS, 2 * n + changes), rows.dtype)
         sums[n][0, :n] = sums[n][1, n : 2 * n] = 1.0 / n
         sums[n][2, 2 * n :] = 1.0 / max(changes, 1)
-    stacked = np.empty((2 * n + changes, rows.shape[1]))
+    stacked = np.empty((2 * n + changes, rows.shape[1]), rows.dtype)
     stacked[:n] = rows
     np.multiply(rows, rows, out=stacked[n : 2 * n])
     if changes:
         own = stacked[2 * n :]
         np.subtract(rows[lag:], rows[:-lag], out=own)
         np.absolute(own, out=own)
-    moments: NDArray[np.float64] = sums[n] @ stacked
+    moments: NDArray[Any] = sums[n] @ stacked
     moments[1] -= moments[0] * moments[0]
     return moments
 
 
-def _transform(moments: NDArray[np.float64], least: NDArray[np.float64]) -> NDArray[np.float64]:
+def _transform(moments: NDArray[Any], least: NDArray[Any]) -> NDArray[Any]:
     """Return what the densities take, shape (3 · channels,): levels, log deviations, changes.
 
     Rounding may leave a variance a hair below 0: the least one is far larger.
@@ -181,7 +185,7 @@ def summaries(
         least: As above.
         lag: As above.
     """
-    sums: dict[int, NDArray[np.float64]] = {}
+    sums: dict[int, NDArray[Any]] = {}
     return np.array([
         _transform(touch_moments((one[own] - level) / wander, lag, sums), least)
         for one, own in zip(values, mask, strict=True)
