@@ -153,6 +153,20 @@ def test_a_stored_row_fills_its_cell_and_names_its_command():
     assert "- commit abc, 2026-01-01, `taxel evaluate teng-table`" in said
 
 
+def test_a_link_with_a_star_finds_its_row_whatever_the_recipe_is_called():
+    name = (
+        "sim, new sessions, shape by windows, some recipe: dust 0 … 0.5 share, points lost at worst"
+    )
+    row = Row(name=name, value=1.26, unit="points", goal="<= 2", ok=True)
+    other = Row(name=name.replace("windows", "whole grasps"), value=9.0, unit="points", goal="",
+                ok=None)  # fmt: skip
+
+    said = card.claims_card(rows=[other, row])
+
+    (line,) = (one for one in said.splitlines() if "dust on the objects" in one)
+    assert "| above 95 % | – | shape 1.3 points |" in line
+
+
 def test_results_are_kept_as_rows_and_a_later_one_replaces_an_earlier(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ):
@@ -161,14 +175,19 @@ def test_results_are_kept_as_rows_and_a_later_one_replaces_an_earlier(
     column = {"rows": dict.fromkeys(ROWS, 0.5) | {"Test Loss": None},
               "pooled": {"scores": {"accuracy": 0.6}, "interval": [0.5, 0.7]}}  # fmt: skip
     section = {"preset": "honest", "task": "shape", "split": "session held out",
-               "columns": {"cnn2d": column}}  # fmt: skip
+               "columns": {"cnn2d": column},
+               "trivial": {"majority": 0.3, "channel means": 0.7}}  # fmt: skip
 
-    assert card.keep_for_claims({"t.json": [section]}) == len(ROWS)
+    assert card.keep_for_claims({"t.json": [section]}) == len(ROWS) + 1
     column["rows"]["Test Accuracy"] = 0.75
     card.keep_for_claims({"t.json": [section]})
 
     rows = {one.name: one.value for one in card.all_stored()}
-    assert len(rows) == len(ROWS)
+    assert len(rows) == len(ROWS) + 1
+    assert (
+        rows["Table 4.1, honest recordings, shape, session held out, trivial baselines: best"]
+        == 0.7
+    )
     name = table_row("honest", "shape", "session held out", "cnn2d", "Test Accuracy")
     assert rows[name] == 0.75
 

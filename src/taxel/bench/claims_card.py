@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import json
 import os
+import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict, replace
 from datetime import UTC, datetime
@@ -17,9 +18,11 @@ from typing import Any
 from taxel.bench.rows import STORE, Row, stored
 from taxel.errors import BadInput, RecordingFailed
 from taxel.evaluation.claims import (
+    ABOVE_GATE,
     EVERY_CUP,
     NOT_YET,
     ONE_CUP,
+    TRIVIAL,
     Claim,
     Link,
     Part,
@@ -86,7 +89,7 @@ def keep_for_claims(results: Mapping[str, Any]) -> int:
 
     Args:
         results: File's name → parsed JSON of `taxel evaluate teng-table --json`,
-            `transition-tables --json`, or of any `taxel bench … --json`.
+            `transition-tables --json`, `taxel simulate teng --json`, or any `taxel bench … --json`.
 
     Raises:
         BadInput: A file holds none of these.
@@ -107,6 +110,14 @@ def all_stored() -> list[Row]:
     return [one for name in names for one in stored(name)]
 
 
+def find(link: Link, known: Mapping[str, Row]) -> Row | None:
+    """Return the row that a link names, or the first that fits where it holds a "*"."""
+    if "*" not in link.row:
+        return known.get(link.row)
+    pattern = re.compile(".*".join(map(re.escape, link.row.split("*"))))
+    return next((known[name] for name in sorted(known) if pattern.fullmatch(name)), None)
+
+
 def _rows_of(data: Any, name: str) -> list[Row]:
     day = datetime.now(UTC).strftime("%Y-%m-%d")
     stamp = f"kept at commit {environment().get('commit', 'unknown')}, {day}, "
@@ -115,6 +126,11 @@ def _rows_of(data: Any, name: str) -> list[Row]:
             return _transition_rows(data, stamp + "taxel evaluate transition-tables")
         if isinstance(data, list) and data and {"columns", "preset"} <= set(data[0]):
             return _table_rows(data, stamp + "taxel evaluate teng-table")
+        if isinstance(data, list) and data and {"scans", "gated"} <= set(data[0]):
+            share = sum(one["gated"] for one in data) / sum(one["scans"] for one in data)
+            return [Row(name=ABOVE_GATE, value=share, unit="share", goal="", ok=None,
+                        note=f"{len(data)} sessions",
+                        stamp=stamp + "taxel simulate teng")]  # fmt: skip
         if isinstance(data, list) and data and {"name", "value", "goal"} <= set(data[0]):
             rows = [Row(**one) for one in data]
             return [one if one.stamp else replace(one, stamp=stamp + "taxel bench")
@@ -134,6 +150,9 @@ def _table_rows(sections: Sequence[Mapping[str, Any]], stamp: str) -> list[Row]:
     rows = []
     for section in sections:
         where = section["preset"], section["task"], section["split"]
+        best = max(section["trivial"], key=lambda name: section["trivial"][name])
+        rows.append(Row(name=table_row(*where, *TRIVIAL), value=section["trivial"][best],
+                        unit="of 1", goal="", ok=None, note=best, stamp=stamp))  # fmt: skip
         for model, column in section["columns"].items():
             values = dict(column["rows"]) | {
                 "all sessions told once": column["pooled"]["scores"]["accuracy"]
@@ -176,7 +195,7 @@ def _part(part: Part, known: Mapping[str, Row]) -> list[str]:
               "|---|---|---:|---:|---:|---|"]  # fmt: skip
     stamps: dict[str, None] = {}
     for claim in part.claims:
-        used = [known[link.row] for link in (*claim.theirs, *claim.honest) if link.row in known]
+        used = [row for link in (*claim.theirs, *claim.honest) if (row := find(link, known))]
         stamps |= dict.fromkeys(one.stamp for one in used if one.stamp)
         said = [one.stamp.rpartition(", ")[2] for one in used if one.stamp]
         command = " ".join(f"`{one}`" for one in dict.fromkeys(said)) or _default(claim, part)
@@ -200,7 +219,7 @@ def _cells(claim: Claim, known: Mapping[str, Row]) -> tuple[str, str]:
         return claim.ours, "the same"
     theirs, honest = _values(claim.theirs, known), _values(claim.honest, known)
     if not theirs and not honest:
-        return f"{_NONE}: {claim.why}" if claim.why else _NONE, _NONE
+        return f"{_NONE}: {claim.why}" if claim.why else _NONE, "–"
     if claim.theirs == claim.honest:
         return theirs, "the same"
     return theirs or "–", honest or "–"
@@ -209,7 +228,7 @@ def _cells(claim: Claim, known: Mapping[str, Row]) -> tuple[str, str]:
 def _values(links: Sequence[Link], known: Mapping[str, Row]) -> str:
     said = []
     for link in links:
-        row = known.get(link.row)
+        row = find(link, known)
         if row is not None and row.value is not None:
             shown = f"{100 * row.value:.1f} %" if link.percent else _value(row)
             said.append(f"{link.label} {shown}".strip())
@@ -222,14 +241,14 @@ def _value(row: Row) -> str:
         return f"{100 * row.value:.1f} %"
     if row.unit == "of 1":
         return f"{row.value:.4f}"
-    digits = 2 if abs(row.value) < 100 else 0
+    digits = 1 if row.unit == "points" else 2 if abs(row.value) < 100 else 0
     unit = f" {row.unit}" if row.unit not in ("nats",) else ""
     return f"{row.value:.{4 if row.unit == 'nats' else digits}f}{unit}"
 
 
 def _answered(claim: Claim, known: Mapping[str, Row]) -> bool:
     links = (*claim.theirs, *claim.honest)
-    return bool(claim.ours) or any(link.row in known for link in links)
+    return bool(claim.ours) or any(find(link, known) for link in links)
 
 
 def _command(stamp: str) -> str:

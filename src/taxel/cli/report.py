@@ -50,8 +50,8 @@ class Report:
     """Write the card of both papers' claims to this Markdown file, from the stored rows of
     taxel bench; needs no run. With --keep, results are stored first."""
     keep: tuple[Path, ...] = ()
-    """With --claims: files that taxel evaluate teng-table or transition-tables, or taxel bench,
-    printed with --json, whose values are kept in the package for the card."""
+    """With --claims: files that taxel evaluate teng-table or transition-tables, taxel simulate
+    teng, or taxel bench printed with --json, whose values are kept in the package for the card."""
     json: bool = False
     """Print JSON: what was written."""
 
