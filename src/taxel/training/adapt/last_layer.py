@@ -294,7 +294,7 @@ def _whitening(rest: NDArray[np.float64], y: NDArray[np.intp]) -> NDArray[np.flo
 def _differences(centre: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return a basis of the old classes' differences, orthonormal columns."""
     return np.asarray(np.linalg.qr((centre - centre.mean(axis=0))[:-1].T)[0])
-    """Return an orthonormal basis of what tells the old classes apart, shape (features, k)."""
+
 
 def _noise(
     z: NDArray[np.float64],

@@ -1,0 +1,110 @@
+"""The level of a sensor pad or session, from a few touches of a known object.
+
+What a changed pad, gel layer, gain or humidity does to each channel, beside what the bundle
+was trained with. NumPy only. Knows nothing about networks or versions.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from taxel.bundles.contract import Contract
+from taxel.errors import BadBundle, BadDataset
+from taxel.windows.dataset import load_dataset
+from taxel.windows.reference import parse_reference, touch_level
+
+LARGE_CHANGE = 3.0
+"""A channel that changed by this factor or more, either way, is warned of. Source: our choice,
+docs/decisions/0028: gains of pads differ by 0.5 to 2."""
+NOTHING = 0.02
+"""Below this share of its usual level a channel gives nothing but noise. Source: as above."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TouchLevel:
+    """What a few touches say of each channel."""
+
+    level: NDArray[np.float32]
+    """Shape (channels,), in the channels' units; a silent channel keeps its old level."""
+    change: NDArray[np.float32]
+    """Shape (channels,): the level over the one that the bundle holds for."""
+    silent: NDArray[np.bool_]
+    """Shape (channels,): True where the touches gave nothing."""
+    touches: int
+    """How many trials were used."""
+    windows: int
+    digest: str
+    """SHA-256 over the recordings' values, hexadecimal."""
+    warnings: tuple[str, ...]
+    """What a reader must know, a line each."""
+
+
+def measure_level(path: Path, contract: Contract, *, count: int | None = None) -> TouchLevel:
+    """Return the level of a recording's touches under a bundle's own window.
+
+    Where trials carry the key that the bundle's reference names, those of its value are used;
+    where none does, all are, as touches of the known object and nothing else.
+
+    Args:
+        path: A recording, or a folder of one session.
+        contract: What the bundle or run says of itself.
+        count: Only the first so many touches; all unless given.
+
+    Raises:
+        BadBundle: It was trained without reference touches, or for another sensor.
+        BadDataset: There is no such touch.
+        BadRecording: A recording is damaged.
+    """
+    if contract.reference is None:
+        raise BadBundle(
+            "a bundle trained with reference touches", "one without",
+            "train it with --recipe teng-referenced, or with --reference",
+        )  # fmt: skip
+    dataset = load_dataset(path, replace(contract.window, reference=None))
+    contract.check_sensor(dataset.sensor)
+    wanted = parse_reference(contract.reference.touches)
+    named = [wanted.key in {**one.groups, **one.labels} for one in dataset.trials]
+    own = [i for i, one in enumerate(dataset.trials) if not any(named) or wanted.matches(one)]
+    own = sorted(own, key=lambda i: (dataset.trials[i].recording, dataset.trials[i].start_s))
+    own = own[:count]
+    if not own:
+        raise BadDataset(
+            f"touches of {wanted.key}={wanted.value} in {path}", "other objects only",
+            "touch the known object a few times, or record it alone without labels",
+        )  # fmt: skip
+    used = np.isin(dataset.trial, own)
+    values, mask = dataset.windows.values[used], dataset.windows.mask[used]
+    measured = touch_level(values, mask)
+    old = contract.reference.level
+    silent = ~(values[mask] != 0).any(axis=0) | (measured < NOTHING * old)
+    level = np.where(silent, old, measured).astype(np.float32)
+    change = (level / old).astype(np.float32)
+    return TouchLevel(
+        level=level,
+        change=change,
+        silent=silent,
+        touches=len(own),
+        windows=int(used.sum()),
+        digest=dataset.digest,
+        warnings=_warnings(contract.channels, change, silent),
+    )
+
+
+def _warnings(
+    channels: tuple[str, ...], change: NDArray[np.float32], silent: NDArray[np.bool_]
+) -> tuple[str, ...]:
+    lines = [
+        f"{name} gives nothing: look at its wire; its level is left as it was"
+        for name, quiet in zip(channels, silent, strict=True)
+        if quiet
+    ]
+    lines += [
+        f"{name} changed by a factor of {factor:.2f}: clean or change its pad, or touch again"
+        for name, factor in zip(channels, change, strict=True)
+        if not 1.0 / LARGE_CHANGE < factor < LARGE_CHANGE
+    ]
+    return tuple(lines)

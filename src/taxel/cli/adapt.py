@@ -1,0 +1,318 @@
+"""`taxel adapt`: a trained run or bundle learns on, and keeps what it was before."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, replace
+from datetime import datetime
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import tyro
+
+from taxel.cli.printing import console, print_json, progress
+from taxel.errors import BadInput
+
+if TYPE_CHECKING:
+    from taxel.bundles.versions import Change
+    from taxel.training.adapt.new_data import Grasps
+    from taxel.training.run import Run
+
+
+@dataclass(frozen=True, kw_only=True)
+class Adapt:
+    """Bring a bundle or run to a changed pad, teach a run a new class, or correct it.
+
+    Without --output the former version is kept beside the new one, as NAME.v1, NAME.v2 …;
+    see them with --history, go back with --rollback.
+    """
+
+    trained: tyro.conf.Positional[Path]
+    """A bundle, NAME.taxel, or a run's folder."""
+    touches: Path | None = None
+    """A recording of a few touches of the known object that the training's --reference names, on
+    the pad, gel or session as it is now. Alone: brings each channel to its level. Beside --new or
+    --correct: sets the level of those recordings."""
+    new: tuple[Path, ...] = ()
+    """Runs: recordings of grasps of a class that it does not know yet, labelled."""
+    grasps: int = 5
+    """--new: how many grasps of each class to learn from, the first ones."""
+    correct: Path | None = None
+    """Runs: a recording whose labels are right; its grasps are answered and then learned in their
+    order. Notices drift (needs taxel[adapt])."""
+    test: Path | None = None
+    """--new, --correct: labelled recordings to measure accuracy on before and after, by class; the
+    run's rehearsed grasps unless given, which flatters."""
+    output: Path | None = None
+    """Write the adapted version here and leave the one at hand as it is."""
+    history: bool = False
+    """Show all versions."""
+    rollback: tuple[int, ...] | None = None
+    """Go back to a version by its number; to the one before unless a number is given."""
+    json: bool = False
+    """Print JSON; accuracies are shares, 0 to 1; levels in the channels' units."""
+
+    def run(self) -> None:
+        """Adapt, or show or bring back versions."""
+        self._check()
+        if self.history:
+            self._show_history()
+        elif self.rollback is not None:
+            self._roll_back()
+        elif self.new:
+            self._learn_class()
+        elif self.correct is not None:
+            self._learn_corrections()
+        else:
+            self._bring_to_level()
+
+    def _check(self) -> None:
+        """Refuse, before anything is read or written, what cannot be meant."""
+        asked = {"--new": bool(self.new), "--correct": self.correct is not None,
+                 "--history": self.history, "--rollback": self.rollback is not None}  # fmt: skip
+        said = [name for name, given in asked.items() if given]
+        if len(said) > 1 or not (said or self.touches):
+            raise BadInput(
+                "one of --touches, --new, --correct, --history and --rollback",
+                " and ".join(said) or "none", "choose one",
+            )  # fmt: skip
+        if self.grasps < 1:
+            raise BadInput("--grasps of at least 1", str(self.grasps), "give a larger number")
+        if self.rollback is not None and len(self.rollback) > 1:
+            raise BadInput("one version for --rollback", str(len(self.rollback)), "name one")
+        is_run = (self.trained / "run.json").exists()
+        if (self.new or self.correct) and not is_run:
+            raise BadInput(
+                f"a run's folder for {said[0]}", f"{self.trained}",
+                "name a folder that taxel train wrote, and bundle it again afterwards",
+            )  # fmt: skip
+        if self.output is not None and (self.output.exists() or self.history or self.rollback):
+            raise BadInput(
+                "a name that is free for --output, where something is adapted",
+                f"{self.output}", "choose another, or leave it out to keep versions",
+            )  # fmt: skip
+
+    def _bring_to_level(self) -> None:
+        from taxel.bundles.files import bundle_at_level, write_whole
+        from taxel.bundles.levels import measure_level
+        from taxel.bundles.reader import read_contract
+        from taxel.bundles.versions import Change
+
+        assert self.touches is not None
+        is_run = (self.trained / "run.json").exists()
+        run = _load(self.trained) if is_run else None
+        contract = run.contract if run is not None else read_contract(self.trained)
+        found = measure_level(self.touches, contract)
+        change = Change(
+            what=f"brought to the level of {found.touches} touches",
+            data=(str(self.touches),), data_digest=found.digest,
+        )  # fmt: skip
+        place = self._place()
+        if run is not None:
+            _save_at_level(place, run, found.level)
+        else:
+            write_whole(place, bundle_at_level(self.trained, found.level)[1])
+        stored = self._store(place, change)
+        if self.json:
+            print_json({
+                "output": str(self.output or self.trained), "version": stored,
+                "touches": found.touches, "windows": found.windows,
+                "channels": contract.channels, "level": found.level.tolist(),
+                "change": found.change.tolist(), "silent": found.silent.tolist(),
+                "warnings": found.warnings,
+            })  # fmt: skip
+            return
+        from taxel.views.adapt_results import level_table
+
+        console.print(level_table(contract, found))
+        self._say_stored(stored)
+
+    def _learn_class(self) -> None:
+        from taxel.bundles.versions import Change
+        from taxel.training.adapt.last_layer import adapt_last_layer
+        from taxel.training.adapt.new_data import read_grasps
+        from taxel.training.run import save_run
+
+        run = _load(self.trained)
+        with progress() as bar:
+            task = bar.add_task("reading", total=None)
+            grasps = read_grasps(self.new, run.contract, self.touches).first(self.grasps)
+            names = sorted(set(grasps.label) - set(run.contract.classes))
+            if not names:
+                raise BadInput(
+                    f"grasps of a class beside {', '.join(run.contract.classes)}",
+                    f"only {', '.join(sorted(set(grasps.label)))}",
+                    "learn more of known classes with --correct",
+                )
+            bar.update(task, description="learning")
+            adapted = adapt_last_layer(
+                run, grasps.windows, grasps.label, grasps.grasp, grasps.session
+            )
+            bar.update(task, description="measuring")
+            before, after = self._measured(run, adapted.run, grasps)
+        counts = ", ".join(f"{name!r} from {grasps.count(name)} grasps" for name in names)
+        change = Change(
+            what=f"new class {counts}", data=tuple(map(str, self.new)),
+            data_digest=grasps.digest, before=before, after=after,
+        )  # fmt: skip
+        place = self._place()
+        save_run(place, _made(adapted.run))
+        stored = self._store(place, change)
+        detail: dict[str, Any] = {
+            "new": {name: grasps.count(name) for name in names},
+            "statistics": adapted.statistics,
+            "stands_out": adapted.stands_out,
+            "seconds": adapted.seconds,
+        }
+        said = f"{change.what}: {adapted.seconds:.2f} s; " + (
+            "each channel's statistics stand beside the network's features now"
+            if adapted.statistics
+            else "the network's own features are enough"
+        )
+        self._say(change, stored, detail, said)
+
+    def _learn_corrections(self) -> None:
+        from taxel.bundles.versions import Change
+        from taxel.training.adapt.correcting import learn_corrections
+        from taxel.training.adapt.new_data import read_grasps
+        from taxel.training.run import save_run
+
+        assert self.correct is not None
+        run = _load(self.trained)
+        with progress() as bar:
+            task = bar.add_task("reading", total=None)
+            grasps = read_grasps([self.correct], run.contract, self.touches)
+            bar.update(task, description="learning", total=len(set(grasps.grasp)))
+            found = learn_corrections(run, grasps, on_grasp=lambda _: bar.update(task, advance=1))
+            before, after = self._measured(run, found.run, grasps)
+        change = Change(
+            what=f"{found.grasps} corrected grasps", data=(str(self.correct),),
+            data_digest=grasps.digest, before=before, after=after,
+        )  # fmt: skip
+        place = self._place()
+        save_run(place, _made(found.run))
+        stored = self._store(place, change)
+        times = [_clock_time(self.correct, found.starts[one.grasp]) for one in found.drifts]
+        detail = {
+            "grasps": found.grasps,
+            "prequential": found.prequential,
+            "unlearned": found.unlearned,
+            "drifts": [asdict(one) | {"since": time}
+                       for one, time in zip(found.drifts, times, strict=True)],
+        }  # fmt: skip
+        said = (
+            f"{found.grasps} grasps: {found.prequential:.1%} told right while learning, "
+            f"{found.unlearned:.1%} by the run as it was"
+        )
+        for one, time in zip(found.drifts, times, strict=True):
+            said += f"\ndrift since {time} (doubt {one.before:.2f} → {one.after:.2f}): touch the "
+            said += "reference object, and give that recording to --touches"
+        self._say(change, stored, detail, said)
+
+    def _measured(
+        self, before: Run, after: Run, grasps: Grasps
+    ) -> tuple[Mapping[str, float], Mapping[str, float]]:
+        """Return class → accuracy before and after, on --test or on rehearsed grasps."""
+        from taxel.training.adapt.correcting import by_class, exemplar_labels
+        from taxel.training.adapt.last_layer import exemplars_of
+        from taxel.training.adapt.new_data import read_grasps
+
+        if self.test is None:
+            windows, label = exemplar_labels(after, exemplars_of(after))
+        else:
+            tested = read_grasps([self.test], before.contract)
+            windows, label = tested.windows, tested.label
+        known = before.contract.classes
+        return by_class(before, windows, label, known), by_class(after, windows, label, known)
+
+    def _place(self) -> Path:
+        """Return where to write what is adapted."""
+        from taxel.bundles.versions import new_path
+
+        return self.output or new_path(self.trained)
+
+    def _store(self, place: Path, change: Change) -> int:
+        """Let a finished version in; return its number."""
+        from taxel.bundles.versions import begin_history, replace_with
+
+        if self.output is not None:
+            return begin_history(place, self.trained, change).number
+        return replace_with(self.trained, place, change).number
+
+    def _say(self, change: Change, stored: int, detail: dict[str, Any], said: str) -> None:
+        measured_on = str(self.test) if self.test else "the run's rehearsed grasps"
+        if self.json:
+            print_json(
+                {"output": str(self.output or self.trained), "version": stored, **detail,
+                 "measured_on": measured_on, "before": change.before, "after": change.after}
+            )  # fmt: skip
+            return
+        from taxel.views.adapt_results import before_after_table
+
+        console.print(said, markup=False)
+        console.print(before_after_table(change, measured_on))
+        self._say_stored(stored)
+
+    def _say_stored(self, version: int) -> None:
+        name = self.output or self.trained
+        back = "" if self.output else f"; back with: taxel adapt {name} --rollback"
+        console.print(f"{name}: version {version}{back}", markup=False, soft_wrap=True)
+
+    def _show_history(self) -> None:
+        from taxel.bundles.versions import read_history
+
+        found = read_history(self.trained)
+        if self.json:
+            print_json(asdict(found))
+            return
+        from taxel.views.adapt_results import history_table
+
+        console.print(history_table(self.trained, found))
+
+    def _roll_back(self) -> None:
+        from taxel.bundles.versions import roll_back
+
+        number = self.rollback[0] if self.rollback else None
+        found = roll_back(self.trained, number)
+        if self.json:
+            print_json(asdict(found))
+            return
+        console.print(f"{self.trained}: version {found.number} again ({found.change.what})",
+                      markup=False, soft_wrap=True)  # fmt: skip
+
+
+def _load(path: Path) -> Run:
+    from taxel.bundles.versions import read_history
+    from taxel.training.run import load_run
+
+    read_history(path)  # puts a folder back that a kill caught between two names
+    return load_run(path)
+
+
+def _made(run: Run) -> Run:
+    from taxel.training.environment import Made
+
+    return replace(run, made=Made.now())
+
+
+def _save_at_level(place: Path, run: Run, level: Any) -> None:
+    """Write a run for another level; its exemplars are brought along."""
+    from taxel.bundles.contract import at_level
+    from taxel.training.run import save_run
+
+    contract = at_level(run.contract, level)
+    assert run.contract.reference is not None
+    exemplars = run.exemplars
+    if exemplars is not None:
+        exemplars = exemplars.at_level(run.contract.reference.level, level)
+    save_run(place, _made(replace(run, contract=contract, exemplars=exemplars)))
+
+
+def _clock_time(path: Path, start_s: float) -> str:
+    """Return when a grasp began, as a clock on the wall had it; seconds where that is unknown."""
+    from taxel.recordings.reader import list_recordings, read_manifest
+
+    anchor_ns = read_manifest(list_recordings(path)[0]).wall_anchor_ns
+    if not anchor_ns:
+        return f"{start_s:.0f} s"
+    return datetime.fromtimestamp(anchor_ns / 1e9 + start_s).strftime("%H:%M")

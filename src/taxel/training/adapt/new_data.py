@@ -1,0 +1,121 @@
+"""A recording's grasps as a run sees them: its window, its level, its labels.
+
+Knows nothing about networks.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from taxel.bundles.contract import Contract
+from taxel.bundles.levels import measure_level
+from taxel.errors import BadDataset
+from taxel.training.adapt.exemplars import label_of
+from taxel.windows.dataset import load_dataset
+from taxel.windows.windower import Windows
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Grasps:
+    """Labelled grasps, oldest first."""
+
+    windows: Windows
+    """Unscaled, at the run's own level; n of them."""
+    label: tuple[str, ...]
+    """Each window's class by name."""
+    grasp: tuple[str, ...]
+    """Each window's grasp, a name of its own."""
+    session: tuple[str, ...]
+    """Each window's session, or recording."""
+    start_s: tuple[float, ...]
+    """Each window's grasp's start on its recording's clock, seconds."""
+    digest: str
+    """SHA-256 over the recordings' values, hexadecimal."""
+
+    def __len__(self) -> int:
+        return len(self.windows)
+
+    def only(self, part: NDArray[np.intp]) -> Grasps:
+        """Return the windows at these indices."""
+        return Grasps(
+            windows=self.windows[part],
+            label=tuple(self.label[i] for i in part),
+            grasp=tuple(self.grasp[i] for i in part),
+            session=tuple(self.session[i] for i in part),
+            start_s=tuple(self.start_s[i] for i in part),
+            digest=self.digest,
+        )
+
+    def first(self, count: int) -> Grasps:
+        """Return the first `count` grasps of each class."""
+        kept: set[str] = set()
+        for name in sorted(set(self.label)):
+            own = [g for g, label in zip(self.grasp, self.label, strict=True) if label == name]
+            kept |= set(list(dict.fromkeys(own))[:count])
+        return self.only(np.flatnonzero([g in kept for g in self.grasp]))
+
+    def count(self, label: str) -> int:
+        """Return how many grasps of a class there are."""
+        return len({g for g, own in zip(self.grasp, self.label, strict=True) if own == label})
+
+
+def read_grasps(paths: Sequence[Path], contract: Contract, touches: Path | None = None) -> Grasps:
+    """Cut labelled recordings into windows of a run, at its level.
+
+    Args:
+        paths: Recordings, or folders of them. Where the run has reference touches and
+            `touches` is not given, each session must hold its own.
+        contract: The run's.
+        touches: A recording of reference touches that sets the level of all `paths`.
+
+    Raises:
+        BadDataset: There is no window, a trial lacks the run's target, or a session lacks its
+            reference touches.
+        BadBundle: The sensor is another.
+        BadRecording: A recording is damaged.
+    """
+    parts = [_read(path, contract, touches) for path in paths]
+    return Grasps(
+        windows=Windows.join(part.windows for part in parts),
+        label=tuple(name for part in parts for name in part.label),
+        grasp=tuple(name for part in parts for name in part.grasp),
+        session=tuple(name for part in parts for name in part.session),
+        start_s=tuple(start for part in parts for start in part.start_s),
+        digest=" ".join(part.digest for part in parts),
+    )
+
+
+def _read(path: Path, contract: Contract, touches: Path | None) -> Grasps:
+    window = contract.window if touches is None else replace(contract.window, reference=None)
+    dataset = load_dataset(path, window)
+    contract.check_sensor(dataset.sensor)
+    labels = [label_of(dict(trial.labels), contract.target) for trial in dataset.trials]
+    for trial, label in zip(dataset.trials, labels, strict=True):
+        if label is None:
+            raise BadDataset(
+                f"the label {contract.target!r} on every grasp",
+                f"{trial.groups['trial']} with the labels {', '.join(trial.labels) or 'none'}",
+                "label the recording",
+            )
+    windows = dataset.windows
+    own = dataset.reference.level if dataset.reference is not None else None
+    if touches is not None:
+        own = measure_level(touches, contract).level
+    if own is not None and contract.reference is not None:
+        factor = contract.reference.level / own
+        windows = replace(windows, values=(windows.values * factor).astype(np.float32))
+    key = "session" if all("session" in trial.groups for trial in dataset.trials) else "recording"
+    trials = [dataset.trials[i] for i in dataset.trial]
+    return Grasps(
+        windows=windows,
+        label=tuple(labels[i] or "" for i in dataset.trial),
+        grasp=tuple(trial.groups["trial"] for trial in trials),
+        session=tuple(trial.groups[key] for trial in trials),
+        start_s=tuple(trial.start_s for trial in trials),
+        digest=dataset.digest,
+    )
