@@ -53,6 +53,6 @@ class Cnn3d(nn.Module):
             values: Shape (n, steps, channels), scaled; 0 where padded.
             mask: Shape (n, steps); not used, since padding is 0 in the volume.
         """
-        volume = values.unflatten(2, self._places).unsqueeze(1)
+        volume = values.reshape(-1, 1, values.shape[1], *self._places)
         logits: Tensor = self.last(self.hidden(self.features(volume)))
         return logits

@@ -126,7 +126,7 @@ class Augment:
                 f"{channels}",
                 "say how many channels a finger has, or do not shift across fingers",
             )
-        fingers = values.unflatten(2, (-1, self.phalanges))
+        fingers = values.reshape(n, steps, -1, self.phalanges)
         count = fingers.shape[2]
         shift = _whole_numbers(self.shift_fingers, n, generator)
         finger = (torch.arange(count) - shift[:, None]).clamp(0, count - 1)
