@@ -66,6 +66,22 @@ def test_noise_has_the_ratio_to_the_signal_in_contact_that_it_says():
     assert noise[:, 0].std() == pytest.approx(noise[:, 7].std(), rel=0.05)
 
 
+def test_channels_of_one_unit_share_their_noise_and_other_units_have_their_own():
+    mixed = SensorInfo(
+        name="t", channels=CHANNELS, units=("V",) * 4 + ("deg",) * 4, rate_hz=RATE_HZ
+    )
+    plain = presses(20_000, mixed)
+    scaled = Samples.from_values(
+        plain.samples.values * ([1.0] * 4 + [30.0] * 4), plain.samples.fitted_s
+    )
+    one = touched(scaled, mixed, 1.55, np.array([[0.0, 200.0]]))
+    sigma = (made("noise", 20.0, one).values - one.samples.values).std(axis=0)
+
+    np.testing.assert_allclose(sigma[:4], sigma[0], rtol=0.05)
+    np.testing.assert_allclose(sigma[4:], sigma[4], rtol=0.05)
+    assert sigma[4] > 20 * sigma[0]
+
+
 def test_the_converter_clips_and_marks_what_noise_brings_to_its_ends():
     samples = made("noise", 3.0)
 

@@ -1,5 +1,8 @@
 """Sweeps over faults and conditions: what must fall falls, and pairs are pairs."""
 
+from dataclasses import replace
+from pathlib import Path
+
 import numpy as np
 import pytest
 
@@ -14,7 +17,9 @@ from taxel.evaluation.robustness.conditions import (
     simulate_at,
     sweep_conditions,
 )
-from taxel.evaluation.robustness.touches import Model, Recorded
+from taxel.evaluation.robustness.touches import Model, Recorded, train_model
+from taxel.training.recipes import find_recipe
+from taxel.windows.config import WindowConfig
 
 FEW = NewSessions(seed=11, sessions=2, scans=12_500)
 
@@ -41,6 +46,22 @@ def test_a_sweep_repeats_itself_and_another_seed_differs(model: Model, touches: 
 
     assert first == again
     assert other != first
+
+
+def test_an_array_without_gate_full_scale_or_reference_is_swept_too(
+    seen: Path, touches: list[Recorded]
+):
+    """Angles beside volts, whole touches as windows, and a limit that nobody knows."""
+    window = WindowConfig(steps=40, stride=40, grid_hz=None, max_gap_s=10.0, pad=True, tare=True)
+    recipe = replace(find_recipe("icub-grasp"), window=window, model="extra-trees", target="shape")
+    own = train_model(seen, recipe)
+    sensor = replace(touches[0].sensor, full_scale=None)
+    odd = [replace(one, sensor=sensor) for one in touches]
+    points = sweep_array(own, odd, {"hum": (20.0,), "saturation": (50.0,), "noise": (0.0,)})
+
+    assert points[0].answered > 0.99
+    assert all(np.isfinite(one.accuracy) for one in points)
+    assert points[3].accuracy < points[0].accuracy
 
 
 def test_no_faults_named_means_all_and_levels_are_for_those_named():
