@@ -160,8 +160,9 @@ def touch_moments(rows: NDArray[Any], lag: int, sums: dict[int, NDArray[Any]]) -
 def _transform(moments: NDArray[Any], least: NDArray[Any]) -> NDArray[Any]:
     """Return what the densities take, shape (3 · channels,): levels, log deviations, changes.
 
-    Rounding may leave a variance a hair below 0: the least one is far larger.
+    Rounding may leave a variance a hair below 0.
     """
+    np.maximum(moments[1], 0.0, out=moments[1])
     np.arcsinh(moments[0], out=moments[0])
     np.log(moments[1:] + least, out=moments[1:])
     return moments.ravel()

@@ -30,7 +30,7 @@ SCORES = (OURS, "max softmax", "weak touch", "unusual level", "1-NN on raw windo
 distance to the nearest training window."""
 COVERAGES = (1.0, 0.95, 0.9, 0.8, 0.7, 0.5)
 """Shares of known touch that are answered, of which the accuracy is told."""
-RESAMPLES = 300
+RESAMPLES = 200
 """Bootstrap resamples of whole groups. Source: our choice."""
 
 

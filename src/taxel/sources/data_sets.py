@@ -46,6 +46,20 @@ def simulate_presets(folder: Path, presets: tuple[str, ...], scans: int, seed: i
         write_sessions(folder / preset, config, lambda _: None)
 
 
+def simulate_unknown(folder: Path, scans: int, seed: int) -> None:
+    """Write the honest preset with an elongated prism and a rubber composite among the rest.
+
+    Args:
+        folder: Where to; it must not exist yet.
+        scans: Scans a class.
+        seed: Seed of everything random.
+    """
+    config = checked_config(
+        seed=seed, scans_per_class=scans, rate_hz=DATA_SET_RATE_HZ, unknown=True
+    )
+    write_sessions(folder, config, lambda _: None)
+
+
 def write_sessions(
     output: Path, config: TengHandConfig, on_session: Callable[[str], None]
 ) -> list[dict[str, Any]]:

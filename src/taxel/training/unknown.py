@@ -37,6 +37,12 @@ _KEPT = 999
 """Calibration scores kept at the most: p-values in steps of a thousandth."""
 _RIDGE = 0.05
 """Share of an even scatter in the covariance, so that it can be inverted. Source: our choice."""
+_FLOOR = 1e-3
+"""Least variance and change of a channel that stood still in training, in units of its level's
+own wander. Source: our choice."""
+_LEAST_SPREAD = 0.02
+"""Spread of a summary, a logarithm, that is as good as none: 2 %. What never varied in training
+must not be magnified. Source: our choice."""
 _LONG = 64
 """From so many rows on, change is measured over 4 rows, as TouchNet does (0011), else over 1."""
 
@@ -132,7 +138,7 @@ def _fit(
     wander = np.abs(moments[:, 0] - level).mean(axis=0) + 1e-9
     variance = np.median(np.maximum(moments[:, 1], 0.0), axis=0) / wander**2
     change = np.median(moments[:, 2], axis=0) / wander
-    least = np.stack([SMALLEST**2 * variance, SMALLEST * change]) + 1e-6
+    least = np.stack([SMALLEST**2 * variance, SMALLEST * change]) + _FLOOR
     summed = summaries(values, mask, level, wander, least, lag)
     return Unknown(
         rejected=rejected,
@@ -148,7 +154,7 @@ def _density(label: str, summed: NDArray[np.float64], classes: NDArray[np.str_])
     """Return a Gaussian about each class in the directions that tell the classes apart."""
     names, y, count = np.unique(classes, return_inverse=True, return_counts=True)
     share = count / count.sum()
-    middle, scale = summed.mean(axis=0), summed.std(axis=0) + 1e-9
+    middle, scale = summed.mean(axis=0), np.maximum(summed.std(axis=0), _LEAST_SPREAD)
     whole = (summed - middle) / scale
     means = np.stack([whole[y == number].mean(axis=0) for number in range(len(names))])
     apart = whole - means[y]

@@ -1,0 +1,107 @@
+"""How well the unknown is told, as tables. Knows nothing about how it was measured."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+from rich.box import SIMPLE_HEAD
+from rich.console import Group, RenderableType
+from rich.table import Table
+from rich.text import Text
+
+from taxel.evaluation.unknown import COVERAGES, OURS, SCORES, Auroc, UnknownResult
+
+
+def unknown_tables(results: Sequence[UnknownResult]) -> RenderableType:
+    """Return one table of scores and one of coverage a target.
+
+    Args:
+        results: As `find_unknown` gives them.
+    """
+    return Group(*(part for one in results for part in (_scores(one), _coverage(one), _said(one))))
+
+
+def left_out_table(results: Mapping[str, UnknownResult]) -> RenderableType:
+    """Return one table: each class left out in turn, their mean and the least.
+
+    Args:
+        results: As `leave_each_out` gives them.
+    """
+    first = next(iter(results.values()))
+    table = _table(
+        f"{first.target} · each class left out of the training in turn · split: {first.split}",
+        ("never learned", *SCORES, "by trial [95 %]", "known rejected"),
+    )
+    for name, one in results.items():
+        each = [one.auroc(name, score) for score in SCORES]
+        rejected = f"{one.rejected_windows:.1%}"
+        table.add_row(name, *(f"{own.windows:.3f}" for own in each), _interval(each[0]), rejected)
+    for name, join in (("mean", np.mean), ("least", np.min)):
+        cells = [f"{join([one.auroc(key, score).windows for key, one in results.items()]):.3f}"
+                 for score in SCORES]  # fmt: skip
+        trials = join([one.auroc(key).grasps for key, one in results.items()])
+        rejected = f"{np.mean([o.rejected_windows for o in results.values()]):.1%}"
+        table.add_row(name, *cells, f"{trials:.3f}", rejected if name == "mean" else "")
+    return Group(
+        table,
+        Text(
+            "Area under the ROC curve over windows, known ones of held-out groups against those of "
+            "the class that was never learned; by trial: a trial's windows joined."
+        ),
+    )
+
+
+def _scores(one: UnknownResult) -> Table:
+    table = _table(
+        f"unknown to {one.target} · split: {one.split} · {one.known_windows} windows and "
+        f"{one.known_grasps} grasps known",
+        ("never learned", "score", "AUROC windows", "grasps [95 %]", "found windows", "grasps"),
+    )
+    for own in one.aurocs:
+        ours = own.score == OURS
+        table.add_row(
+            f"{own.kind} ({own.unknown_grasps} grasps)" if ours else "",
+            own.score,
+            f"{own.windows:.3f}",
+            _interval(own) if ours else f"{own.grasps:.3f}",
+            f"{own.found_windows:.1%}" if ours else "",
+            f"{own.found_grasps:.1%}" if ours else "",
+            style=None if ours else "dim",
+        )
+    return table
+
+
+def _coverage(one: UnknownResult) -> Table:
+    table = _table(
+        f"accuracy over the known touch that is answered, {one.target}",
+        ("answered", *(f"{share:.0%}" for share in COVERAGES)),
+    )
+    for curve in one.curves:
+        for name, values in (("windows", curve.windows), ("grasps", curve.grasps)):
+            table.add_row(f"{curve.score}, {name}", *(f"{value:.3f}" for value in values))
+    return table
+
+
+def _said(one: UnknownResult) -> Text:
+    each = ", ".join(f"{name} {share:.1%}" for name, share in one.rejected_by_class.items())
+    return Text(
+        f"known touch called unknown: {one.rejected_windows:.1%} of windows, "
+        f"{one.rejected_grasps:.1%} of grasps ({each})\n"
+    )
+
+
+def _interval(own: Auroc) -> str:
+    low, high = own.interval
+    if math.isnan(low):
+        return f"{own.grasps:.3f} [one group]"
+    return f"{own.grasps:.3f} [{low:.3f}, {high:.3f}]"
+
+
+def _table(title: str, columns: Sequence[str]) -> Table:
+    table = Table(title=title, title_justify="left", title_style="bold", box=SIMPLE_HEAD,
+                  pad_edge=False)  # fmt: skip
+    for index, column in enumerate(columns):
+        table.add_column(column, justify="right" if index else "left", no_wrap=True)
+    return table
