@@ -10,7 +10,7 @@ from typing import Annotated, Any
 import tyro
 
 from taxel.cli.evaluate_grasps import GraspOptions, run_precisions, run_tables, run_warnings
-from taxel.cli.options import RecipeOptions
+from taxel.cli.options import RecipeOptions, check_run_folder
 from taxel.cli.printing import console, print_json, progress
 from taxel.errors import BadInput
 
@@ -36,6 +36,8 @@ class Evaluate:
     """teng-table: scans a class to simulate (the thesis: about 160,000)."""
     folds: int = 5
     """Folders: how many folds."""
+    output: Path | None = None
+    """Folders: keep the result as a run without weights, for taxel compare and taxel report."""
     html: Path | None = None
     """Write a self-contained page with figures to this file."""
     json: bool = False
@@ -119,6 +121,8 @@ class Evaluate:
         from taxel.evaluation.checked import check_recipe
 
         recipe = self.recipe.resolve()
+        if self.output is not None:
+            check_run_folder(self.output)
         with progress() as bar:
             task = bar.add_task("starting", total=None)
             checked = check_recipe(
@@ -127,6 +131,11 @@ class Evaluate:
                 folds=self.folds,
                 on_step=lambda line: bar.update(task, description=line, advance=1),
             )
+        if self.output is not None:
+            from taxel.evaluation.checked_run import run_of_check
+            from taxel.training.run import save_run
+
+            save_run(self.output, run_of_check(path, checked))
         if self.html is not None:
             from taxel.views.report import write_checked_report
 

@@ -156,6 +156,20 @@ class RecipeOptions:
             ) from error
 
 
+def check_run_folder(folder: Path) -> None:
+    """Refuse a place for a run that holds something else.
+
+    Raises:
+        BadInput: It exists and is no run.
+    """
+    if folder.exists() and not (folder / "run.json").exists():
+        raise BadInput(
+            "a folder that does not exist yet, or an older run, for --output",
+            f"{folder}, which holds something else",
+            "choose another folder",
+        )
+
+
 def _number(option: str, text: str) -> float:
     try:
         value = float(text)

@@ -9,7 +9,7 @@ from typing import Annotated
 import tyro
 
 from taxel.cli.evaluate_grasps import GraspOptions
-from taxel.cli.options import RecipeOptions
+from taxel.cli.options import RecipeOptions, check_run_folder
 from taxel.cli.printing import console, print_json, progress
 from taxel.errors import BadInput, RecordingFailed, TaxelError
 
@@ -66,12 +66,7 @@ class Train:
 
         recipe = self.recipe.resolve()
         find_network(recipe.model)
-        if self.output.exists() and not (self.output / "run.json").exists():
-            raise BadInput(
-                "a folder that does not exist yet, or an older run, for --output",
-                f"{self.output}, which holds something else",
-                "choose another folder",
-            )
+        check_run_folder(self.output)
         accuracy = {}
         with progress() as bar:
             task = bar.add_task("starting", total=None)
