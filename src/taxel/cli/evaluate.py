@@ -21,7 +21,8 @@ class Evaluate:
 
     what: tyro.conf.Positional[str]
     """"teng-table" for Table 4.1 of the TENG thesis, "teng-models" for every model under both
-    splits, "teng-cleaning" for what denoising and augmentation give, "transition-tables" for
+    splits, "teng-cleaning" for what denoising and augmentation give, "unknown" for how well objects
+    that were never learned are told from the known, "transition-tables" for
     Tables 1 to 3 of the grasp-transition paper, "grasp-warnings" for leads and false alarms on
     unseen cups, "precisions" for what engines and number formats of a backbone cost and lose,
     "slip-trials" for slip on unseen objects of gelsight-slip, or a folder of recordings of an
@@ -29,9 +30,11 @@ class Evaluate:
     preset: Annotated[str, tyro.conf.arg(metavar="{honest,paper,both}")] = "both"
     """teng-table: which simulated data sets to use."""
     data: Path | None = None
-    """teng-table: a folder that holds honest/ and paper/; teng-models, teng-cleaning: a folder of
-    recordings of an array; transition-tables, grasp-warnings: a
-    folder of pours; as taxel simulate writes them. Tables simulate their own unless given."""
+    """teng-table: a folder that holds honest/ and paper/; teng-models, teng-cleaning, unknown: a
+    folder of recordings of an array; transition-tables, grasp-warnings: a folder of pours; as
+    taxel simulate writes them. All but slip-trials simulate their own unless given."""
+    never: tuple[str, ...] = ()
+    """unknown, with --data: values of the label that are never learned, instead of each in turn."""
     scans_per_class: int = 160_000
     """teng-table: scans a class to simulate (the thesis: about 160,000)."""
     folds: int = 5
@@ -60,6 +63,12 @@ class Evaluate:
 
             measure = run_models if self.what == "teng-models" else run_cleaning
             measure(self.data, self.recipe, self.scans_per_class, self.folds, self.json)
+        elif self.what == "unknown":
+            from taxel.cli.evaluate_unknown import run_unknown
+
+            run_unknown(
+                self.data, self.recipe, self.scans_per_class, self.folds, self.json, self.never
+            )
         elif self.what == "transition-tables":
             run_tables(self.grasps, self.data, self.recipe.seed, self.json)
         elif self.what == "grasp-warnings":

@@ -49,6 +49,11 @@ class RecipeOptions:
     """Pad and mask sequences that are shorter than a window."""
     tare: bool | None = None
     """Take the window's first row from all its rows."""
+    wavelet: str | None = None
+    """Wavelet that each channel of a window is denoised by, such as db2, or "none"."""
+    segment: str | None = None
+    """Values of a window that are not above this are background, in the channels' unit, or
+    "none"."""
     reference: str | None = None
     """Bring each session to one level by its first touches of a known object, KEY=VALUE:COUNT such
     as object=cylinder-glass:3; those touches are neither learned from nor tested. "none" does
@@ -77,6 +82,8 @@ class RecipeOptions:
             and changes.get("gate", recipe.window.gate) is None
         ):
             raise BadInput("a gate for layout A", "none", "give one with --gate")
+        if changes.get("layout", recipe.window.layout) == "A" and changes.get("wavelet"):
+            raise BadInput("layout B for a wavelet", "layout A", "leave one of them out")
         window = replace(recipe.window, **changes)
         if window.reference is not None:
             parse_reference(window.reference)
@@ -119,6 +126,11 @@ class RecipeOptions:
             "tare": self.tare,
         }
         changes: dict[str, Any] = {k: v for k, v in given.items() if v is not None}
+        if self.wavelet is not None:
+            changes["wavelet"] = None if self.wavelet == "none" else self.wavelet
+        if self.segment is not None:
+            none = self.segment == "none"
+            changes["segment"] = None if none else _number("--segment", self.segment)
         if self.reference is not None:
             changes["reference"] = None if self.reference == "none" else self.reference
         if self.gate is not None:
