@@ -58,7 +58,10 @@ class Gap:
         told = f"Cheap trees reach {self.high:.3f} with {self.loosely}, {self.low:.3f} with " \
                f"{self.strictly}"  # fmt: skip
         verdict: Verdict = "hazard" if self.split_does is None else "leak"
-        if p >= SURE or self.high - self.low < GAP:
+        clear = p >= SURE or self.high - self.low < GAP
+        if clear and self.split_does and self.of == "trial":
+            told = f"{told}; this split divides trials, which leaks by rule."
+        elif clear:
             verdict, told = "clear", f"{told}: no clear difference."
         elif self.split_does is False:
             verdict, told = "clear", f"{told}; this split keeps them apart."

@@ -19,6 +19,9 @@ AT_REST = 0.8
 Our choice, docs/decisions/0023."""
 AHEAD = 0.10
 """Accuracy by which a first row in touch must beat the middle row. Our choice, decision 23."""
+NEARLY = 0.95
+"""Share of the way that level and first frame must both go where what is left without the level
+tells much as well, only less by `AHEAD`. Our choice, decision 23."""
 _DIGITS = 3
 """Of what is left without the level, in deviations: beyond, rounding gives the level away."""
 MOSTLY = 0.8
@@ -124,11 +127,13 @@ def read_level(case: Case) -> Reading:
         if not counts:
             return "clear", f"The {what} {no} tell the label.", ""
         way, rest, start = _way(level), _way(without), _way(first)
-        if way >= MOSTLY and rest <= way / 2 and (start >= way / 2 or not before):
+        alone = way >= MOSTLY and rest <= way / 2 and (start >= way / 2 or not before)
+        ahead = level.accuracy >= without.accuracy + AHEAD
+        if alone or (ahead and min(way, start) >= NEARLY):
             return (
                 "leak",
-                f"The {what} alone {tell} the label, and without that level little is left "
-                f"({without.accuracy:.3f}): the label does not sit in touch.",
+                f"The {what} alone {tell} the label, and what changes in a trial less well "
+                f"({without.accuracy:.3f}): the label sits in an offset.",
                 "take each trial's level at rest from it, hold out sessions, and print a control "
                 f"that sees the {what} only",
             )
