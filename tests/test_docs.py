@@ -7,8 +7,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import tyro
 
-from taxel.cli.main import VERBS, main
+from taxel.cli.main import VERBS, load_verb, main
 
 ROOT = Path(__file__).parents[1]
 PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").rglob("*.md"))]
@@ -43,6 +44,22 @@ def test_every_verb_in_a_code_block_or_in_backticks_exists(page: Path):
     }
 
     assert named - set(VERBS) == set()
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: str(page.relative_to(ROOT)))
+def test_every_command_as_it_is_printed_is_understood(page: Path, capsys):
+    """Options exist, take what is given, and none swallows the word behind it."""
+    refused = []
+    for line, whole in _commands(page.read_text("utf-8")):
+        verb, *words = shlex.split(line, comments=True)[1:]
+        try:
+            tyro.cli(load_verb(verb), args=words)
+        except SystemExit as end:
+            said = capsys.readouterr().err
+            if end.code and (whole or "Required options" not in said):
+                refused.append(f"{line}: {said}")
+
+    assert refused == []
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: str(page.relative_to(ROOT)))
@@ -85,6 +102,20 @@ def test_the_layout_function_of_the_own_array_page_reads_a_file(tmp_path, monkey
     assert not (tmp_path / "made").exists()
     main(["import", "table.csv", "--output", "made", "--allow-code"])
     assert [path.name for path in (tmp_path / "made").iterdir()] == ["one.mcap"]
+
+
+def _commands(text: str) -> list[tuple[str, bool]]:
+    """Return the commands of a page; False beside those in backticks, which may be a part."""
+    shell = "".join(SHELL.findall(text)).replace("\\\n", " ")
+    blocks = [line for line in shell.splitlines() if line.startswith("taxel ")]
+    blocks += re.findall(r"^ .*?  +(taxel [a-z]+ .*)", "".join(ANY_BLOCK.findall(text)), re.M)
+    ticks = re.findall(r"`(taxel [a-z]+ [^`\n]+)`", ANY_BLOCK.sub("", text))
+    return [
+        (re.split(r" [|>&] ?", line)[0], whole)
+        for lines, whole in ((blocks, True), (ticks, False))
+        for line in lines
+        if "…" not in line and "..." not in line
+    ]
 
 
 def _headings(page: Path) -> set[str]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Annotated
 
 import tyro
 
@@ -24,13 +25,14 @@ class Live:
     """A source: sim://teng, replay://FILE, or a recording's file."""
     seconds: float | None = None
     """Stop after this many seconds of the source's time; else at its end or at Ctrl-C."""
-    also: tuple[Path, ...] = ()
-    """More bundles to run on the same samples, such as one for shape and one for material."""
+    also: Annotated[tuple[Path, ...], tyro.conf.UseAppendAction] = ()
+    """One more bundle to run on the same samples, such as one for shape and one for material; may
+    be given several times."""
     least_confidence: float = 0.5
     """Below this probability the answer is UNKNOWN, 0…1."""
-    beside: tuple[str, ...] = ()
-    """More sources to run beside the first, such as a hand beside a pair of cameras; each
-    bundle goes to the first source that it fits."""
+    beside: Annotated[tuple[str, ...], tyro.conf.UseAppendAction] = ()
+    """One more source to run beside the first, such as a hand beside a pair of cameras; each
+    bundle goes to the first source that it fits. May be given several times."""
     page: bool = False
     """Open the operator's page; its address is printed."""
     page_host: str = "127.0.0.1"
