@@ -208,7 +208,8 @@ def windows_of(own: Exemplars) -> Windows:
 def told(run: Run, windows: Exemplars) -> NDArray[np.intp]:
     """Return the class number that a run tells of each window, shape (n,)."""
     fitted = Fitted(run.networks, run.contract.scaling, [])
-    return fitted.probabilities(windows.values, windows.mask).argmax(axis=1)
+    best: NDArray[np.intp] = fitted.probabilities(windows.values, windows.mask).argmax(axis=1)
+    return best
 
 
 def first_grasps(own: Exemplars, grasps: int, held_out: str, turn: int) -> Exemplars:

@@ -173,7 +173,8 @@ class OnlineLearner:
         """Return rows of all classes alike, drawn at random."""
         each = -(-self._config.rehearsed // len(self._reservoirs))
         drawn = [self._rng.choice(one.rows, each) for one in self._reservoirs if one.rows]
-        return np.concatenate(drawn).astype(np.intp)
+        rows: NDArray[np.intp] = np.concatenate(drawn).astype(np.intp)
+        return rows
 
 
 class _Layer:

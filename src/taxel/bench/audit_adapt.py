@@ -1,0 +1,188 @@
+"""Rows of `taxel bench audit`: a new class from 5 grasps, changed pads, corrections on the fly.
+
+Knows nothing about how they are printed.
+"""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from pathlib import Path
+from time import perf_counter
+from typing import TypeVar
+
+import numpy as np
+import torch
+
+from taxel.bench.rows import Row, row
+from taxel.evaluation.adaptation import (
+    CHOSEN,
+    AdaptConfig,
+    Point,
+    default_config,
+    first_grasps,
+    measure_new_class,
+    run_of,
+    windows_of,
+)
+from taxel.evaluation.adaptation_online import OnlinePoint, measure_online
+from taxel.evaluation.adaptation_pads import PadPoint, measure_pads
+from taxel.sources.data_sets import simulate_presets
+from taxel.training.adapt.exemplars import all_exemplars
+from taxel.training.adapt.last_layer import adapt_last_layer
+from taxel.training.loop import TrainConfig
+from taxel.windows.dataset import load_dataset
+
+SCANS = 160_000
+"""Scans a class. Source: TENG thesis, section 3.5.1."""
+SETS = (2, 3)
+"""Seeds of the simulated data sets; what was chosen was chosen on seeds 0 and 1."""
+POINTS_TO_FULL = 3.0
+POINTS_LOST = 2.0
+SECONDS = 5.0
+"""Goals. Source: issue 6."""
+_SPLIT = "session held out"
+_Point = TypeVar("_Point")
+
+
+def adapt_time_rows() -> list[Row]:
+    """Measure how long learning a class from 5 grasps takes: some seconds of work."""
+    with tempfile.TemporaryDirectory(prefix="taxel-") as scratch:
+        simulate_presets(Path(scratch), ("honest",), SCANS // 4, SETS[0])
+        config = default_config()
+        recipe = replace(config.recipe, train=TrainConfig(epochs=1))  # time, not accuracy
+        dataset = load_dataset(Path(scratch) / "honest", recipe.window, target="shape")
+        classes = dataset.classes("shape")
+        everything = all_exemplars(dataset, classes, "shape")
+        run = run_of(dataset, everything[everything.y < 2], classes[:2], "shape", recipe)
+        new = first_grasps(everything[everything.y == 2], 5, "", 0)
+        torch.set_num_threads(1)
+        times = []
+        for _ in range(3):
+            started = perf_counter()
+            adapt_last_layer(
+                run, windows_of(new), [classes[2]] * len(new), list(new.grasp), list(new.session)
+            )
+            times.append(perf_counter() - started)
+    assert run.exemplars is not None
+    note = f"{len(run.exemplars)} rehearsed windows, {len(new)} new, one thread"
+    return [
+        row("sim honest: time to learn a class from 5 grasps", min(times), "s", "<=", SECONDS, note)
+    ]
+
+
+def adapt_rows() -> list[Row]:
+    """Measure new classes, changed pads and corrections over two sets: about half an hour."""
+    config = default_config()
+    with tempfile.TemporaryDirectory(prefix="taxel-") as scratch:
+        for seed in SETS:
+            simulate_presets(Path(scratch) / str(seed), ("honest",), SCANS, seed)
+        paths = [Path(scratch) / str(seed) / "honest" for seed in SETS]
+        return rows_of(paths, config)
+
+
+def rows_of(paths: Sequence[Path], config: AdaptConfig) -> list[Row]:
+    """Return the rows for data sets that are there."""
+    points = measure_new_class(paths, config)
+    pads, online = measure_pads(paths, config), measure_online(paths, config)
+    rows: list[Row] = []
+    for target in config.targets:
+        own = [one for one in points if one.target == target]
+        rows += _goal_rows(target, own) + _curve_rows(target, own) + _method_rows(target, own)
+        rows += _pad_rows(target, [one for one in pads if one.target == target])
+        rows += _online_rows(target, [one for one in online if one.target == target])
+    return rows
+
+
+def _goal_rows(target: str, points: list[Point]) -> list[Row]:
+    five = [one for one in points if one.method == CHOSEN and one.grasps == 5]
+    name = f"sim honest, new {target} from 5 grasps, {_SPLIT}"
+    short = 100 * _mean(five, lambda one: one.full - one.accuracy)
+    lost = 100 * _mean(five, lambda one: one.before - one.old)
+    full_lost = 100 * _mean(five, lambda one: one.before - one.full_old)
+    each = "; ".join(
+        f"{new} {_mean(part, lambda one: one.accuracy):.3f} "
+        f"(full {_mean(part, lambda one: one.full):.3f})"
+        for new in sorted({one.new_class for one in five})
+        for part in [[one for one in five if one.new_class == new]]
+    )
+    beside = (
+        f"old classes {_mean(five, lambda one: one.before):.3f} alone, "
+        f"{_mean(five, lambda one: one.old):.3f} beside the new one; training on all classes "
+        f"from the start loses {full_lost:.1f} by the same measure"
+    )
+    took = f"training on all: {_mean(five, lambda one: one.full_seconds):.1f} s"
+    return [
+        row(f"{name}: points below training on all data", short, "points", "<=",
+            POINTS_TO_FULL, each),
+        row(f"{name}: points lost on the old classes", lost, "points", "<=", POINTS_LOST, beside),
+        row(f"{name}: time", max(one.seconds for one in five), "s", "<=", SECONDS, took),
+    ]  # fmt: skip
+
+
+def _curve_rows(target: str, points: list[Point]) -> list[Row]:
+    rows = []
+    for grasps in sorted({one.grasps for one in points}):
+        own = [one for one in points if one.method == CHOSEN and one.grasps == grasps]
+        note = (
+            f"old {_mean(own, lambda one: one.old):.3f}, new {_mean(own, lambda one: one.new):.3f}"
+            f"; all data {_mean(own, lambda one: one.full):.3f}"
+        )
+        name = f"sim honest, new {target} from {grasps} grasps, {_SPLIT}"
+        rows.append(_plain(name, _mean(own, lambda one: one.accuracy), note))
+    return rows
+
+
+def _method_rows(target: str, points: list[Point]) -> list[Row]:
+    rows = []
+    for method in dict.fromkeys(one.method for one in points if one.method != CHOSEN):
+        own = [one for one in points if one.method == method]
+        note = (
+            f"old {_mean(own, lambda one: one.old):.3f}, new {_mean(own, lambda one: one.new):.3f}"
+            f", {_mean(own, lambda one: one.seconds):.2f} s"
+        )
+        name = f"sim honest, new {target} from 5 grasps, {method}, {_SPLIT}"
+        rows.append(_plain(name, _mean(own, lambda one: one.accuracy), note))
+    return rows
+
+
+def _pad_rows(target: str, points: list[PadPoint]) -> list[Row]:
+    rows = []
+    for case in dict.fromkeys(one.case for one in points):
+        for touches in sorted({one.touches for one in points}):
+            own = [one for one in points if (one.case, one.touches) == (case, touches)]
+            note = (
+                f"{_mean(own, lambda one: one.before):.3f} before these touches, "
+                f"{_mean(own, lambda one: one.unchanged):.3f} on the pads as they were"
+            )
+            name = f"sim honest, {case}, {touches} touches: {target}, {_SPLIT}"
+            rows.append(_plain(name, _mean(own, lambda one: one.after), note))
+    return rows
+
+
+def _online_rows(target: str, points: list[OnlinePoint]) -> list[Row]:
+    rows = []
+    for changed in (False, True):
+        own = [one for one in points if one.changed == changed]
+        what = "pads changed halfway" if changed else "pads as they were"
+        found = sum(bool(one.drift_at) for one in own)
+        note = (
+            f"grasps right before each was learned, {own[0].grasps} a session; "
+            f"{_mean(own, lambda one: one.unlearned):.3f} without learning; windows of grasps "
+            f"never learned {_mean(own, lambda one: one.before):.3f} → "
+            f"{_mean(own, lambda one: one.after):.3f}; largest loss of a class on other sessions "
+            f"{100 * _mean(own, lambda one: one.forgotten):.1f} points; drift said in {found} of "
+            f"{len(own)} sessions"
+        )
+        name = f"sim honest, corrected on the fly, {what}: {target}, {_SPLIT}"
+        rows.append(_plain(name, _mean(own, lambda one: one.prequential), note))
+    return rows
+
+
+def _mean(points: Sequence[_Point], value: Callable[[_Point], float]) -> float:
+    return float(np.mean([value(one) for one in points]))
+
+
+def _plain(name: str, value: float, note: str) -> Row:
+    return Row(name=name, value=value, unit="accuracy", goal="", ok=None, note=note)

@@ -1,0 +1,156 @@
+"""Adapted bundles and runs keep what they were, whatever happens in between."""
+
+import contextlib
+import os
+from pathlib import Path
+
+import pytest
+
+from taxel.bundles.versions import (
+    Change,
+    begin_history,
+    kept_path,
+    new_path,
+    read_history,
+    replace_with,
+    roll_back,
+)
+from taxel.errors import BadInput
+
+
+def put(path: Path, text: str, folder: bool) -> Path:
+    if folder:
+        path.mkdir()
+        (path / "run.json").write_text(text)
+    else:
+        path.write_text(text)
+    return path
+
+
+def said(path: Path) -> str:
+    return (path / "run.json" if path.is_dir() else path).read_text()
+
+
+def adapt(path: Path, text: str, folder: bool) -> int:
+    return replace_with(path, put(new_path(path), text, folder), Change(what=text)).number
+
+
+@pytest.fixture(params=[False, True], ids=["bundle", "run"])
+def folder(request: pytest.FixtureRequest) -> bool:
+    return bool(request.param)
+
+
+@pytest.fixture
+def path(tmp_path: Path, folder: bool) -> Path:
+    return put(tmp_path / ("run" if folder else "a.taxel"), "one", folder)
+
+
+def test_what_was_never_adapted_has_one_version(path: Path) -> None:
+    found = read_history(path)
+
+    assert [one.number for one in found.versions] == [1]
+    assert found.current == 1
+
+
+def test_each_version_is_kept_and_knows_what_it_was_made_from(path: Path, folder: bool) -> None:
+    assert adapt(path, "two", folder) == 2
+    assert adapt(path, "three", folder) == 3
+
+    found = read_history(path)
+    assert said(path) == "three"
+    assert [said(kept_path(path, number)) for number in (1, 2)] == ["one", "two"]
+    assert found.current == 3
+    assert found.version(3).parent == found.version(2).digest
+    assert found.version(2).parent == found.version(1).digest
+    assert found.version(2).change.what == "two"
+    assert not new_path(path).exists()
+
+
+def test_rolling_back_gives_the_same_bytes_and_keeps_the_later_version(
+    path: Path, folder: bool
+) -> None:
+    adapt(path, "two", folder)
+    adapt(path, "three", folder)
+
+    assert roll_back(path).number == 2
+    assert said(path) == "two"
+    assert said(kept_path(path, 3)) == "three"
+    assert roll_back(path, 3).number == 3
+    assert said(path) == "three"
+    assert roll_back(path, 1).number == 1
+    assert (said(path), read_history(path).current) == ("one", 1)
+
+
+def test_adapting_after_a_roll_back_goes_on_counting(path: Path, folder: bool) -> None:
+    adapt(path, "two", folder)
+    roll_back(path)
+
+    assert adapt(path, "three", folder) == 3
+    found = read_history(path)
+    assert found.version(3).parent == found.version(1).digest
+    assert said(kept_path(path, 2)) == "two"
+
+
+@pytest.mark.parametrize("step", range(6))
+def test_a_kill_at_any_step_loses_no_version(
+    path: Path, folder: bool, step: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Each rename and replacement in turn is the one before which the process ends."""
+    adapt(path, "two", folder)
+    put(new_path(path), "three", folder)
+    calls = {"n": 0}
+
+    def dying(real):  # type: ignore[no-untyped-def]
+        def call(*args):  # type: ignore[no-untyped-def]
+            calls["n"] += 1
+            if calls["n"] > step:
+                raise KeyboardInterrupt
+            return real(*args)
+
+        return call
+
+    with monkeypatch.context() as patch:
+        patch.setattr(os, "rename", dying(os.rename))
+        patch.setattr(os, "replace", dying(os.replace))
+        with contextlib.suppress(KeyboardInterrupt):
+            replace_with(path, new_path(path), Change(what="three"))
+
+    found = read_history(path)
+    texts = {said(path)} | {said(one) for one in path.parent.glob(f"{path.stem}.v[0-9]*")
+                            if one.suffix != ".json"}  # fmt: skip
+    assert {"one", "two"} <= texts
+    assert said(path) in ("two", "three")
+    assert found.current == {"two": 2, "three": 3}[said(path)]
+
+
+def test_a_version_whose_file_is_gone_cannot_come_back(path: Path, folder: bool) -> None:
+    adapt(path, "two", folder)
+    kept = kept_path(path, 1)
+    kept.rename(kept.with_name("elsewhere"))
+
+    with pytest.raises(BadInput, match="version 1"):
+        roll_back(path)
+    assert said(path) == "two"
+
+
+def test_there_is_nothing_to_go_back_to_at_first(path: Path) -> None:
+    with pytest.raises(BadInput, match="former version"):
+        roll_back(path)
+
+
+def test_another_name_says_what_it_was_made_from(path: Path, folder: bool) -> None:
+    other = put(path.with_name("b" if folder else "b.taxel"), "two", folder)
+
+    begin_history(other, path, Change(what="two", before={"all": 0.5}, after={"all": 0.9}))
+
+    (version,) = read_history(other).versions
+    assert version.parent == read_history(path).versions[0].digest
+    assert version.change.after == {"all": 0.9}
+
+
+def test_a_damaged_history_is_one_plain_line(path: Path, folder: bool) -> None:
+    adapt(path, "two", folder)
+    (path.parent / f"{path.stem}.versions.json").write_text("{")
+
+    with pytest.raises(BadInput, match="damaged"):
+        read_history(path)
