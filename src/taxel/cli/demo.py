@@ -12,6 +12,8 @@ from taxel.errors import BadInput
 
 _MARK = "made-by-taxel-demo"
 """A file of this name marks a folder that the demo may replace."""
+_TOUCHES_S = 15.0
+"""Seconds in which the simulated hand grasps three times, with rests between."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -47,7 +49,12 @@ class Demo:
         self._table()
         self._say(3, "bundle", "one file a recogniser, checked against PyTorch")
         bundles = [self._bundle(task) for task in ("shape", "material")]
-        self._say(4, "live", f"{self.live_seconds:g} s of grasps it has never seen")
+        self._say(4, "live", f"{self.live_seconds:g} s of grasps, in a session it has never seen")
+        self._live(bundles)
+        self._say(
+            5, "three touches of a known object", "the same grasps, each channel at its level"
+        )
+        self._touch(bundles)
         self._live(bundles)
         self._what_to_look_at(time.monotonic() - started)
         seconds = self.seconds
@@ -55,7 +62,7 @@ class Demo:
             seconds = 0.0
         if seconds is None or seconds > 0:
             how_long = "until q or Ctrl-C" if seconds is None else f"for {seconds:g} s"
-            self._say(5, "the operator's page", f"a cup that is filled, and the hand, {how_long}")
+            self._say(6, "the operator's page", f"a cup that is filled, and the hand, {how_long}")
             self._page(bundles, seconds)
 
     def _page(self, bundles: list[Path], seconds: float | None) -> None:
@@ -105,7 +112,7 @@ class Demo:
         from taxel.evaluation.final import train_bundle
         from taxel.training.recipes import find_recipe
 
-        recipe = replace(find_recipe("teng"), target=target)
+        recipe = replace(find_recipe("teng-referenced"), target=target)
         path = self.output / f"{target}.taxel"
         contract = train_bundle(self.output / "honest", recipe, path, self.output / target)
         console.print(
@@ -113,6 +120,25 @@ class Demo:
             f"differs from PyTorch by at most {contract.parity:.0e}"
         )
         return path
+
+    def _touch(self, bundles: list[Path]) -> None:
+        """Record a glass cylinder in the new session; bring the bundles to its level."""
+        from taxel.bundles.files import bundle_at_level, write_whole
+        from taxel.bundles.levels import measure_level
+        from taxel.bundles.reader import read_contract
+        from taxel.cli.record import Record
+
+        touches = self.output / "touches.mcap"
+        source = f"sim://teng?seed={self.seed + 1}&shape=cylinder&material=glass&speed=max"
+        Record(source=source, output=touches, seconds=_TOUCHES_S).run()
+        for bundle in bundles:
+            found = measure_level(touches, read_contract(bundle), count=3)
+            write_whole(bundle, bundle_at_level(bundle, found.level)[1])
+        low, high = found.change.min(), found.change.max()
+        console.print(
+            f"  channels stand at {low:.2f} to {high:.2f} of their usual level: "
+            "both bundles brought to that"
+        )
 
     def _live(self, bundles: list[Path]) -> None:
         from taxel.cli.live import Live
@@ -130,8 +156,12 @@ class Demo:
             ("the report, in a browser", f"{out}/report.html"),
             ("raw touch, no model", "taxel view sim://teng --seconds 20"),
             ("one session's recording", f"taxel info {out}/honest/session-1.mcap"),
+            ("such touches, by hand",
+             f"taxel adapt {out}/shape.taxel --touches {out}/touches.mcap"),
+            ("are the recordings sound?", f"taxel audit {out}/honest"),
             ("the same live, in your time",
-             f"taxel live {bundles_of(out)} sim://teng --seconds 60"),
+             f"taxel live {out}/shape.taxel --also {out}/material.taxel "
+             f"'sim://teng?seed={self.seed + 1}' --seconds 60"),
             ("a cup, a gripper, a page",
              "taxel live cup-pour sim://cup-pour --page --gripper sim --arm"),
             ("your own sensor", "docs/how-to/own-array.md"),
@@ -140,8 +170,3 @@ class Demo:
 
     def _say(self, number: int, title: str, text: str) -> None:
         console.print(f"\n[bold]{number}. {title}[/] · {text}")
-
-
-def bundles_of(folder: Path) -> str:
-    """Return the words that name the demo's bundles to `taxel live`."""
-    return f"{folder}/shape.taxel --also {folder}/material.taxel"
