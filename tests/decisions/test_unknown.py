@@ -9,10 +9,10 @@ from taxel.decisions.recognition import UNKNOWN, Decision, GraspVote, RecogniseC
 from taxel.decisions.unknown import (
     Density,
     Strangeness,
+    Summary,
     Unknown,
     p_value,
     summaries,
-    touch_moments,
     unknown_from_json,
     unknown_to_json,
 )
@@ -46,25 +46,40 @@ def window(level: float) -> np.ndarray:
     return np.full((6, 1), np.sinh(level), np.float32)
 
 
-def test_mean_variance_and_change_are_what_they_are_called():
+def plain(channels: int, lag: int, least: float = 1e-6) -> Unknown:
+    return Unknown(
+        rejected=0.05, lag=lag, level=np.zeros(channels), wander=np.ones(channels),
+        least=np.full((2, channels), least), densities=(),
+    )  # fmt: skip
+
+
+def test_level_variance_and_change_are_what_they_are_called():
     rows = np.random.default_rng(0).normal(2.0, 3.0, (12, 5))
-    found = touch_moments(rows, 2, {})
-    np.testing.assert_allclose(found[0], rows.mean(axis=0))
-    np.testing.assert_allclose(found[1], rows.var(axis=0))
-    np.testing.assert_allclose(found[2], np.abs(rows[2:] - rows[:-2]).mean(axis=0))
+    found = Summary(plain(5, lag=2), 12, np.float64).of(rows).reshape(3, 5)
+    np.testing.assert_allclose(np.sinh(found[0]), rows.mean(axis=0))
+    np.testing.assert_allclose(np.exp(found[1]), rows.var(axis=0) + 1e-6)
+    change = np.abs(rows[2:] - rows[:-2]).mean(axis=0)
+    np.testing.assert_allclose(np.exp(found[2]), change + 1e-6)
 
 
 def test_a_window_of_one_row_has_no_change():
-    found = touch_moments(np.array([[3.0, 4.0]]), 4, {})
-    np.testing.assert_array_equal(found, [[3.0, 4.0], [0.0, 0.0], [0.0, 0.0]])
+    found = Summary(plain(2, lag=4), 1, np.float64).of(np.array([[3.0, 4.0]])).reshape(3, 2)
+    np.testing.assert_allclose(np.sinh(found[0]), [3.0, 4.0])
+    np.testing.assert_allclose(np.exp(found[1:]), 1e-6)
+
+
+def test_a_channel_that_stands_still_far_away_gives_no_nan():
+    """Its variance is a small difference of large numbers: below 0 for one in two."""
+    for value in np.random.default_rng(0).uniform(10.0, 1000.0, 50):
+        still = np.full((12, 1), value, np.float32)
+        assert np.isfinite(Summary(plain(1, lag=1), 12, np.float32).of(still)).all()
 
 
 def test_padding_counts_for_nothing():
     values = np.random.default_rng(1).random((1, 8, 3)).astype(np.float32)
     mask = np.arange(8)[None] < 5
-    ones = np.ones(3)
-    padded = summaries(values * mask[:, :, None], mask, 0 * ones, ones, np.ones((2, 3)), 1)
-    short = summaries(values[:, :5], mask[:, :5], 0 * ones, ones, np.ones((2, 3)), 1)
+    padded = summaries(plain(3, lag=1), values * mask[:, :, None], mask)
+    short = summaries(plain(3, lag=1), values[:, :5], mask[:, :5])
     np.testing.assert_array_equal(padded, short)
 
 

@@ -72,25 +72,22 @@ class Strangeness:
     def __init__(self, unknown: Unknown) -> None:
         self.rejected = unknown.rejected
         self.labels = tuple(one.label for one in unknown.densities)
-        self._lag = unknown.lag
-        # 32 bits, as the windows come: a mixture with 64 would cost a small window half its time.
-        self._level = unknown.level.astype(np.float32)
-        self._per_wander = (1.0 / unknown.wander).astype(np.float32)
-        self._least = unknown.least.astype(np.float32)
-        self._densities = [
-            (
-                one.projection.astype(np.float32),
-                one.centres.astype(np.float32),
-                (one.log_share - 0.5 * (one.centres**2).sum(axis=1)).astype(np.float32),
-            )
-            for one in unknown.densities
-        ]
+        self._unknown = unknown
+        self._summaries: dict[int, Summary] = {}
+        columns, self._parts, at = [], [], 0
+        for one in unknown.densities:
+            classes, k = one.centres.shape
+            constant = one.log_share - 0.5 * (one.centres**2).sum(axis=1)
+            columns += [one.projection @ one.centres.T, one.projection]
+            self._parts.append((at, at + classes, at + classes + k, constant.tolist()))
+            at += classes + k
+        # All labels' projections in one product: a small array costs as much as a larger one.
+        self._columns = np.concatenate(columns, axis=1).astype(np.float32)
         self._windows = [one.windows.tolist() for one in unknown.densities]
         self._contacts = [
             sorted((count, own.tolist()) for count, own in one.contacts.items())
             for one in unknown.densities
         ]
-        self._sums: dict[int, NDArray[Any]] = {}
 
     def of_window(self, values: NDArray[np.float32]) -> list[float]:
         """Return a window's strangeness by each label, in nats up to a constant.
@@ -98,16 +95,17 @@ class Strangeness:
         Args:
             values: Scaled and measured rows only, shape (rows, channels), rows ≥ 1.
         """
-        rows = (values - self._level) * self._per_wander
-        summed = _transform(touch_moments(rows, self._lag, self._sums), self._least)
-        found = []
-        for projection, centres, constant in self._densities:
-            z = summed @ projection
-            near = (centres @ z + constant).tolist()
+        n = len(values)
+        if n not in self._summaries:
+            self._summaries[n] = Summary(self._unknown, n, np.float32)
+        found = (self._summaries[n].of(values) @ self._columns).tolist()
+        each = []
+        for start, middle, end, constants in self._parts:
+            near = [a + b for a, b in zip(found[start:middle], constants, strict=True)]
             top = max(near)
             total = math.log(sum([math.exp(one - top) for one in near]))
-            found.append(0.5 * float(z @ z) - top - total)
-        return found
+            each.append(0.5 * sum([z * z for z in found[middle:end]]) - top - total)
+        return each
 
     def p_window(self, strangeness: list[float]) -> float:
         """Return how often a known window is at least as strange, 0…1."""
@@ -129,68 +127,73 @@ class Strangeness:
         return _joined(each, len(each))
 
 
-def touch_moments(rows: NDArray[Any], lag: int, sums: dict[int, NDArray[Any]]) -> NDArray[Any]:
-    """Return mean, variance and mean absolute change of each channel, shape (3, channels).
-
-    One matrix product instead of three means: it takes a third of the time of a small window.
+class Summary:
+    """What the densities take of windows of one length; keeps its arrays between calls.
 
     Args:
-        rows: Shape (n, channels), n ≥ 1, of 32 or 64 bits.
-        lag: Rows between the two ends of a change; a window of so few rows has no change.
-        sums: Kept between calls: number of rows → the matrix that takes the means.
+        unknown: What the bundle stores.
+        rows: Measured rows of a window, ≥ 1.
+        kind: Of the numbers: 32 bits as windows come, 64 to fit.
     """
-    n = len(rows)
-    changes = max(n - lag, 0)
-    if n not in sums:
-        sums[n] = np.zeros((MOMENTS, 2 * n + changes), rows.dtype)
-        sums[n][0, :n] = sums[n][1, n : 2 * n] = 1.0 / n
-        sums[n][2, 2 * n :] = 1.0 / max(changes, 1)
-    stacked = np.empty((2 * n + changes, rows.shape[1]), rows.dtype)
-    stacked[:n] = rows
-    np.multiply(rows, rows, out=stacked[n : 2 * n])
-    if changes:
-        own = stacked[2 * n :]
-        np.subtract(rows[lag:], rows[:-lag], out=own)
-        np.absolute(own, out=own)
-    moments: NDArray[Any] = sums[n] @ stacked
-    moments[1] -= moments[0] * moments[0]
-    return moments
 
+    def __init__(self, unknown: Unknown, rows: int, kind: type[np.floating[Any]]) -> None:
+        channels, changes = len(unknown.level), max(rows - unknown.lag, 0)
+        self._level = unknown.level.astype(kind)
+        self._per_wander = (1.0 / unknown.wander).astype(kind)
+        self._least = unknown.least.astype(kind)
+        # Values, squares and changes stand in one array: one product takes all their means.
+        stacked = np.zeros((2 * rows + changes, channels), kind)
+        self._stacked = stacked
+        self._values, self._squares = stacked[:rows], stacked[rows : 2 * rows]
+        self._changes = stacked[2 * rows :]
+        self._later, self._earlier = stacked[rows - changes : rows], stacked[:changes]
+        self._means = np.zeros((MOMENTS, 2 * rows + changes), kind)
+        self._means[0, :rows] = self._means[1, rows : 2 * rows] = 1.0 / rows
+        self._means[2, 2 * rows :] = 1.0 / max(changes, 1)
+        self._found = np.zeros((MOMENTS, channels), kind)
+        self._level_row, self._variance, self._spread = (
+            self._found[0], self._found[1], self._found[1:],
+        )  # fmt: skip
+        self._flat = self._found.reshape(-1)
 
-def _transform(moments: NDArray[Any], least: NDArray[Any]) -> NDArray[Any]:
-    """Return what the densities take, shape (3 · channels,): levels, log deviations, changes.
+    def of(self, values: NDArray[Any]) -> NDArray[Any]:
+        """Return level, log variance and log change, shape (3 · channels,); good until next call.
 
-    Rounding may leave a variance a hair below 0.
-    """
-    np.maximum(moments[1], 0.0, out=moments[1])
-    np.arcsinh(moments[0], out=moments[0])
-    np.log(moments[1:] + least, out=moments[1:])
-    return moments.ravel()
+        Args:
+            values: Scaled and measured, shape (rows, channels).
+        """
+        np.subtract(values, self._level, out=self._values)
+        np.multiply(self._values, self._per_wander, out=self._values)
+        np.multiply(self._values, self._values, out=self._squares)
+        np.subtract(self._later, self._earlier, out=self._changes)
+        np.absolute(self._changes, out=self._changes)
+        np.matmul(self._means, self._stacked, out=self._found)
+        self._variance -= self._level_row * self._level_row
+        np.maximum(self._spread, 0.0, out=self._spread)  # rounding may leave a hair below 0
+        np.arcsinh(self._level_row, out=self._level_row)
+        self._spread += self._least
+        np.log(self._spread, out=self._spread)
+        return self._flat
 
 
 def summaries(
-    values: NDArray[np.float32],
-    mask: NDArray[np.bool_],
-    level: NDArray[np.float64],
-    wander: NDArray[np.float64],
-    least: NDArray[np.float64],
-    lag: int,
+    unknown: Unknown, values: NDArray[np.float32], mask: NDArray[np.bool_]
 ) -> NDArray[np.float64]:
     """Return what the densities take of many windows, shape (n, 3 · channels).
 
     Args:
+        unknown: Its level, wander, least and lag.
         values: Scaled, shape (n, steps, channels).
         mask: Shape (n, steps).
-        level: As in `Unknown`.
-        wander: As above.
-        least: As above.
-        lag: As above.
     """
-    sums: dict[int, NDArray[Any]] = {}
-    return np.array([
-        _transform(touch_moments((one[own] - level) / wander, lag, sums), least)
-        for one, own in zip(values, mask, strict=True)
-    ])  # fmt: skip
+    kept: dict[int, Summary] = {}
+    found = np.empty((len(values), MOMENTS * values.shape[2]))
+    for number, (one, own) in enumerate(zip(values, mask, strict=True)):
+        rows = int(own.sum())
+        if rows not in kept:
+            kept[rows] = Summary(unknown, rows, np.float64)
+        found[number] = kept[rows].of(one[own])
+    return found
 
 
 def p_value(known: list[float], strangeness: float) -> float:

@@ -18,7 +18,6 @@ from taxel.decisions.unknown import (
     Strangeness,
     Unknown,
     summaries,
-    touch_moments,
 )
 from taxel.errors import BadDataset
 from taxel.windows.dataset import Dataset
@@ -131,22 +130,24 @@ def _fit(
 ) -> Unknown:
     """Return the densities of windows, not calibrated yet."""
     lag = 4 if values.shape[1] >= _LONG else 1
-    sums: dict[int, NDArray[np.float64]] = {}
-    moments = np.array([touch_moments(one[own].astype(float), lag, sums)
-                        for one, own in zip(values, mask, strict=True)])  # fmt: skip
-    level = np.median(moments[:, 0], axis=0)
-    wander = np.abs(moments[:, 0] - level).mean(axis=0) + 1e-9
-    variance = np.median(np.maximum(moments[:, 1], 0.0), axis=0) / wander**2
-    change = np.median(moments[:, 2], axis=0) / wander
-    least = np.stack([SMALLEST**2 * variance, SMALLEST * change]) + _FLOOR
-    summed = summaries(values, mask, level, wander, least, lag)
-    return Unknown(
+    rows = [one[own].astype(float) for one, own in zip(values, mask, strict=True)]
+    means = np.array([one.mean(axis=0) for one in rows])
+    level = np.median(means, axis=0)
+    wander = np.abs(means - level).mean(axis=0) + 1e-9
+    variance = np.median([one.var(axis=0) for one in rows], axis=0) / wander**2
+    changes = [np.abs(one[lag:] - one[:-lag]).mean(axis=0) for one in rows if len(one) > lag]
+    change = np.median(changes, axis=0) / wander if changes else np.zeros_like(wander)
+    bare = Unknown(
         rejected=rejected,
         lag=lag,
         level=level,
         wander=wander,
-        least=least,
-        densities=tuple(_density(name, summed, own) for name, own in labels.items()),
+        least=np.stack([SMALLEST**2 * variance, SMALLEST * change]) + _FLOOR,
+        densities=(),
+    )
+    summed = summaries(bare, values, mask)
+    return replace(
+        bare, densities=tuple(_density(name, summed, own) for name, own in labels.items())
     )
 
 
