@@ -1,0 +1,188 @@
+"""`taxel adapt` from the command line: a new class, a new pad, corrections, and back again."""
+
+import json
+import shutil
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from taxel.bundles.reader import read_bundle, read_contract
+from taxel.cli.main import main
+from taxel.recordings.reader import read_recording
+from taxel.recordings.writer import Recorder
+from taxel.signals import Mark
+from taxel.sources.data_sets import simulate_presets
+
+Keep = Callable[[Mark], bool]
+KNOWN: Keep = lambda mark: mark.groups["object"] == "cylinder-glass"  # noqa: E731
+SPHERE: Keep = lambda mark: mark.labels["shape"] == "sphere"  # noqa: E731
+
+
+def copy(source: Path, output: Path, keep: Keep) -> None:
+    """Write a recording again with some of its grasps."""
+    recording = read_recording(source)
+    with Recorder(output, recording.manifest) as recorder:
+        recorder.write(recording.samples)
+        for mark in filter(keep, recording.marks):
+            recorder.mark(mark)
+
+
+def run(words: str, capsys: pytest.CaptureFixture[str]) -> dict:
+    main([*words.split(), "--json"])
+    return json.loads(capsys.readouterr().out)
+
+
+@pytest.fixture(scope="session")
+def made_once(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Two sessions without spheres, a run and its bundle, and recordings of the third."""
+    folder = tmp_path_factory.mktemp("adapt")
+    simulate_presets(folder, ("honest",), 20_000, 0)
+    sessions = sorted((folder / "honest").glob("*.mcap"))
+    (folder / "old").mkdir()
+    for path in sessions[:4]:
+        copy(path, folder / "old" / path.name, lambda mark: not SPHERE(mark))
+    copy(sessions[0], folder / "new.mcap", lambda mark: SPHERE(mark) or KNOWN(mark))
+    copy(sessions[0], folder / "bare.mcap", SPHERE)
+    copy(sessions[5], folder / "touch.mcap", KNOWN)
+    copy(sessions[5], folder / "held-out.mcap", lambda mark: True)
+    shutil.rmtree(folder / "honest")
+    train = f"train {folder}/old --recipe teng-referenced --no-check --output {folder}/run"
+    main(["train", *train.split()[1:], "--reference", "object=cylinder-glass:1", "--epochs", "4"])
+    main(["bundle", f"{folder}/run", "--output", f"{folder}/shape.taxel"])
+    return folder
+
+
+@pytest.fixture
+def place(made_once: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    shutil.copytree(made_once, tmp_path / "work")
+    monkeypatch.chdir(tmp_path / "work")
+    return tmp_path / "work"
+
+
+def test_a_class_is_learned_from_five_grasps_and_taken_back(
+    place: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    found = run("adapt run --new new.mcap --test held-out.mcap", capsys)
+    history = run("adapt run --history", capsys)
+    bundled = run("bundle run --output three.taxel --data old", capsys)
+    back = run("adapt run --rollback", capsys)
+
+    assert found["version"] == 2
+    assert found["new"] == {"sphere": 5}
+    assert found["before"]["sphere"] == 0.0
+    assert found["after"]["sphere"] > 0.7
+    assert found["after"]["all"] > found["before"]["all"]
+    assert [one["number"] for one in history["versions"]] == [1, 2]
+    assert history["versions"][1]["change"]["data"] == ["new.mcap"]
+    assert bundled["parity"] < 1e-4
+    assert read_contract(Path("three.taxel")).classes == ("cylinder", "rectangle", "sphere")
+    assert back["number"] == 1
+    assert run("adapt run --history", capsys)["current"] == 1
+    assert Path("run.v2/run.json").exists()
+
+
+def test_a_pad_is_brought_to_level_without_touching_the_model(
+    place: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    before = Path("shape.taxel").read_bytes()
+    found = run("adapt shape.taxel --touches touch.mcap", capsys)
+
+    assert found["version"] == 2
+    assert found["touches"] >= 1
+    assert max(found["change"]) / min(found["change"]) > 1.0
+    assert Path("shape.v1.taxel").read_bytes() == before
+    contract = read_bundle(Path("shape.taxel")).contract
+    assert contract.reference is not None
+    np.testing.assert_allclose(contract.reference.level, found["level"], rtol=1e-6)
+    run("adapt shape.taxel --rollback 1", capsys)
+    assert Path("shape.taxel").read_bytes() == before
+
+
+def test_a_run_can_be_brought_to_level_too_and_its_exemplars_with_it(
+    place: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    from taxel.training.run import load_run
+
+    old = load_run(Path("run"))
+    found = run("adapt run --touches touch.mcap --output other", capsys)
+    new = load_run(Path("other"))
+
+    assert old.exemplars is not None
+    assert new.exemplars is not None
+    np.testing.assert_allclose(
+        new.contract.scaling.apply(new.exemplars.values, new.exemplars.mask),
+        old.contract.scaling.apply(old.exemplars.values, old.exemplars.mask),
+        atol=1e-5,
+    )
+    assert found["output"] == "other"
+    assert not Path("run.v1").exists()
+
+
+def test_corrected_grasps_are_learned_in_their_order(
+    place: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    run("adapt run --new new.mcap", capsys)
+    found = run("adapt run --correct held-out.mcap --output corrected", capsys)
+
+    assert found["grasps"] > 10
+    assert 0.0 <= found["unlearned"] <= 1.0
+    assert set(found["after"]) == {"all", "cylinder", "rectangle", "sphere"}
+    assert found["measured_on"] == "the run's rehearsed grasps"
+    assert Path("corrected.versions.json").exists()
+
+
+def test_tables_are_printed_for_people(place: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    main(["adapt", "shape.taxel", "--touches", "touch.mcap"])
+    main(["adapt", "run", "--new", "new.mcap", "--test", "held-out.mcap"])
+    main(["adapt", "run", "--history"])
+    out = capsys.readouterr().out
+
+    assert "little-distal" in out
+    assert "new class 'sphere' from 5 grasps" in out
+    assert "all known before" in out
+    assert "run.v1" in out
+
+
+@pytest.mark.parametrize(
+    ("words", "part"),
+    [
+        ("run", "--touches"),
+        ("run --new new.mcap --history", "choose one"),
+        ("shape.taxel --new new.mcap", "a run's folder"),
+        ("run --new old --grasps 5", "--correct"),
+        ("run --new bare.mcap", "touch the known object"),
+        ("run --new nothing.mcap", "not there"),
+        ("run --new new.mcap --grasps 0", "--grasps"),
+        ("run --correct new.mcap", "--new"),
+        ("run --rollback", "former version"),
+        ("run --rollback 7", "--history"),
+        ("run --touches touch.mcap --output old", "--output"),
+        ("nothing.taxel --touches touch.mcap", "taxel bundle"),
+        ("nothing.taxel --history", "no nothing.taxel"),
+    ],
+)
+def test_what_cannot_be_meant_is_one_plain_line_and_changes_nothing(
+    place: Path, capsys: pytest.CaptureFixture[str], words: str, part: str
+) -> None:
+    before = sorted(place.rglob("*"))
+    with pytest.raises(SystemExit) as ended:
+        main(["adapt", *words.split()])
+
+    said = capsys.readouterr().err
+    assert ended.value.code == 2
+    assert part in said
+    assert said.count("\n") == 1
+    assert sorted(place.rglob("*")) == before
+
+
+def test_touches_may_stand_in_for_a_sessions_own(
+    place: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """The recording of spheres alone has no reference touches of its own."""
+    copy(place / "new.mcap", place / "own-touch.mcap", KNOWN)
+
+    found = run("adapt run --new bare.mcap --touches own-touch.mcap --test held-out.mcap", capsys)
+
+    assert found["after"]["sphere"] > 0.7
