@@ -93,14 +93,16 @@ def _one_session(path: Path, config: AdaptConfig, target: str, session: str) -> 
         found = learn_corrections(run, _grasps(stream[~kept], classes))
         test, other = stream[kept], train[~np.isin(train.grasp, run.exemplars.grasp)]
         before, after = told(run, other) == other.y, told(found.run, other) == other.y
-        lost = [before[other.y == c].mean() - after[other.y == c].mean()
-                for c in range(len(classes))]  # fmt: skip
+        lost = [
+            float(before[other.y == c].mean() - after[other.y == c].mean())
+            for c in np.unique(other.y)
+        ]
         points.append(
             OnlinePoint(
                 target, session, changed, found.grasps, found.prequential, found.unlearned,
                 float((told(run, test) == test.y).mean()),
                 float((told(found.run, test) == test.y).mean()),
-                float(max(lost)), tuple(one.grasp for one in found.drifts),
+                max(lost, default=float("nan")), tuple(one.grasp for one in found.drifts),
             )
         )  # fmt: skip
     return points
