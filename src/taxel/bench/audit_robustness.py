@@ -50,19 +50,19 @@ TARGETS = ("shape", "material", "shape+material")
 SCANS = 160_000
 """Scans a class to train on. Source: TENG thesis, section 3.5.1."""
 TRAIN_SEED = 1
-TESTED = NewSessions(seed=9023, sessions=16, scans=25_000)
+TESTED = NewSessions(seed=12_023, sessions=16, scans=25_000)
 """Sessions at each condition; neither these nor those trained on chose anything: that was done
-on seeds 0 and 6023 (docs/decisions/0029)."""
+on seeds 0 and 6023, and two earlier choices were measured on 9023 (docs/decisions/0029)."""
 FAULTY = NewSessions(seed=9077, sessions=8, scans=20_000)
 PLAIN, ROBUST = "teng-referenced", "wider training, gate 0.6 V, 60 rows"
 GOALS = ("temperature", "dust", "moisture", "moving")
 MOST_POINTS = 2.0
 """Points that a condition may cost. Source: issue 6."""
-WIDER: Mapping[str, Any] = {"dust": (0.0, 0.5), "moisture": (0.0, 0.3), "moving": 0.6,
+WIDER: Mapping[str, Any] = {"dust": (0.0, 0.5), "moisture": (0.0, 0.3), "moving": 0.9,
                             "sessions": 24}  # fmt: skip
 """Training sessions of the robust recogniser: surroundings as wide as those tested (20 to 35 °C as
 ever), and the same number of scans in four times as many sessions."""
-POURS = CupPourConfig(cups=2, first_cup=900, forces_n=(15.0, 50.0), duration_s=4.0)
+POURS = CupPourConfig(cups=2, first_cup=900, forces_n=(15.0, 50.0), duration_s=3.5)
 """Twelve pours of two cups that the shipped bundle has not seen."""
 
 

@@ -174,7 +174,7 @@ def skew(one: Touched, level: float, random: np.random.Generator) -> Samples:
     time_s = one.samples.fitted_s
     step = 1.0 + level * 1e-6
     count = int((len(time_s) - 1) / step) + 1
-    place = np.arange(count) * step
+    place = np.arange(count, dtype=np.float64) * step
     index = np.arange(len(time_s))
     taken_s = np.interp(place, index, time_s)
     part = one.samples[np.floor(place).astype(np.intp)]
