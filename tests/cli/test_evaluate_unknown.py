@@ -1,0 +1,53 @@
+"""Claims about what `taxel evaluate unknown` prints and refuses."""
+
+import json
+from pathlib import Path
+
+import pytest
+
+from taxel.cli.evaluate_unknown import run_unknown
+from taxel.cli.options import RecipeOptions
+from taxel.errors import BadDataset, BadInput
+from taxel.sim.teng_hand import TengHandConfig
+from taxel.sources.data_sets import write_sessions
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Three short, dry sessions with a prism and rubber among the rest."""
+    path = tmp_path_factory.mktemp("unknown") / "set"
+    config = TengHandConfig(
+        rate_hz=100.0, scans_per_class=9000, sessions=3, humidity_pct=(30.0, 35.0), unknown=True
+    )
+    write_sessions(path, config, lambda _: None)
+    return path
+
+
+def test_values_that_are_never_learned_are_measured_and_printed_as_json(
+    folder: Path, capsys: pytest.CaptureFixture[str]
+):
+    run_unknown(folder, RecipeOptions(target="material"), 0, 3, True, ("prism", "rubber"))
+    (found,) = json.loads(capsys.readouterr().out)
+    assert found["target"] == "material"
+    assert {one["kind"] for one in found["aurocs"]} == {"rubber"}
+    assert set(found["rejected_by_class"]) == {"aluminium", "glass", "plastic"}
+
+
+@pytest.mark.slow
+def test_each_class_is_left_out_where_none_is_named(
+    folder: Path, capsys: pytest.CaptureFixture[str]
+):
+    run_unknown(folder, RecipeOptions(target="shape"), 0, 3, False)
+    said = capsys.readouterr().out
+    for name in ("cylinder", "prism", "rectangle", "sphere", "mean", "least"):
+        assert name in said
+
+
+def test_a_split_that_holds_no_group_out_is_refused(folder: Path):
+    with pytest.raises(BadInput, match="whole groups"):
+        run_unknown(folder, RecipeOptions(split="random"), 0, 3, False)
+
+
+def test_a_value_that_no_label_has_is_refused(folder: Path):
+    with pytest.raises(BadDataset, match="not learned"):
+        run_unknown(folder, RecipeOptions(target="shape"), 0, 3, False, ("cone",))
