@@ -192,10 +192,23 @@ def sweep_grasps(
                     f"{level:g}", "choose others with --levels",
                 )  # fmt: skip
             levels.append((name, level, fault.unit))
-    for name, level, unit in levels:
-        jobs = [(bundle_file, watcher, pour, name, level, seed) for pour in pours]
-        points.append(grasp_point(side_by_side(_watch, jobs, workers=workers), name, level, unit))
-        on_point(points[-1])
+    done: list[Watched] = []
+
+    def add(one: Watched) -> None:
+        """Make a level's point once its last recording was watched."""
+        done.append(one)
+        if len(done) % len(pours) == 0:
+            own = done[-len(pours) :]
+            points.append(grasp_point(own, *levels[len(points)]))
+            on_point(points[-1])
+
+    # One pool for all levels: to start its processes takes longer than to watch a pour.
+    jobs = [
+        (bundle_file, watcher, pour, name, level, seed)
+        for name, level, _ in levels
+        for pour in pours
+    ]
+    side_by_side(_watch, jobs, add, workers)
     return points
 
 
