@@ -169,6 +169,8 @@ class Adapt:
             if adapted.statistics
             else "the network's own features are enough"
         )
+        if run.contract.unknown is not None:
+            said += "\nthe test for unknown touch is left out: it was learned without this class"
         self._say(change, stored, detail, said)
 
     def _learn_corrections(self) -> None:

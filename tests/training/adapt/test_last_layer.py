@@ -14,6 +14,7 @@ from taxel.training.adapt.last_layer import adapt_last_layer
 from taxel.training.loop import TrainConfig
 from taxel.training.recipes import find_recipe
 from taxel.training.run import Run, load_run, save_run
+from taxel.training.unknown import fit_unknown
 
 DATA = make_dataset(sessions=5, trials_a_session=18, windows_a_trial=4)
 CLASSES = DATA.classes("shape")
@@ -113,6 +114,15 @@ def test_a_class_that_does_not_stand_out_in_statistics_leaves_them_out(run: Run)
     assert not found.statistics
     assert other.statistics
     assert other.stands_out > found.stands_out
+
+
+def test_a_test_for_unknown_touch_that_never_saw_the_class_is_left_out(run: Run) -> None:
+    """It would call the new class unknown."""
+    scaling = run.contract.scaling
+    learned = fit_unknown(DATA, "shape", scaling)
+    contract = replace(run.contract, unknown=learned)
+
+    assert learn(replace(run, contract=contract), five(run)).contract.unknown is None
 
 
 def test_a_run_without_exemplars_is_refused(run: Run) -> None:

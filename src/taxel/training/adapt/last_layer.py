@@ -80,8 +80,8 @@ def adapt_last_layer(
 ) -> Adapted:
     """Return a run that also tells new classes, from a few grasps of each.
 
-    The run's networks are not changed. Its accuracies and predictions are left out of the
-    new run: they were measured without the new classes.
+    The run's networks are not changed. Its accuracies, predictions and test for unknown touch
+    are left out of the new run: they were made without the new classes.
 
     Args:
         run: Trained, with exemplars.
@@ -124,6 +124,7 @@ def adapt_last_layer(
         data_digest=digest.hexdigest(),
         accuracy={},
         parity=None,
+        unknown=None,
     )
     adapted = replace(
         run, networks=networks, contract=contract, predictions=None, trivial={},
