@@ -90,7 +90,14 @@ def fault_rows() -> list[Row]:
     """Measure at which level of each fault of the array accuracy has fallen by five points."""
     plain, robust = side_by_side(_with_faults, [(False,), (True,)])
     beside = dict(_by_fault(robust))
-    rows = [_plain_row("no fault", plain[0].accuracy, "accuracy", _words(plain[0]))]
+    rows = [
+        _plain_row(
+            f"sim honest, {PLAIN}, shape: no fault",
+            plain[0].accuracy,
+            "accuracy",
+            f"{ROBUST}: {robust[0].accuracy:.3f}",
+        )
+    ]
     for fault, own in _by_fault(plain):
         note = (
             f"from {plain[0].accuracy:.3f}: {'; '.join(map(_words, own))}. {ROBUST}: "
@@ -202,6 +209,8 @@ def _fall_row(name: str, own: Sequence[Point], base: Point, note: str) -> Row:
 
 
 def _words(one: Point) -> str:
+    if one.answered == 0:
+        return f"at {one.level:g} nothing answered"
     answered = "" if one.answered > 0.995 else f", {100 * one.answered:.0f} % answered"
     return f"at {one.level:g} {one.accuracy:.3f}{answered}"
 
