@@ -23,6 +23,8 @@ from taxel.evaluation.robustness.curve import FALL, Point
 
 _ACROSS = 4
 _DPI = 120
+_LEGEND_ACROSS = {1: 1, 2: 2, 3: 3, 4: 5}
+"""Columns of the legend by panels across, so that it fits."""
 _ACCURACY, _GRASPS, _ANSWERED = "#1f4e8c", "#c1121f", "#b5b5b5"
 
 
@@ -56,9 +58,10 @@ def sweep_figure(
     for row in grid:
         row[0].set_ylabel("balanced accuracy" if cameras else "share right", fontsize=9)
     figure.suptitle(title, fontsize=11, x=0.01, ha="left")
+    handles = _legend(chance, cameras)
     figure.legend(
-        handles=_legend(chance, cameras), loc="outside lower left", ncols=5, fontsize=8,
-        frameon=False,
+        handles=handles, loc="outside lower left", ncols=min(len(handles), _LEGEND_ACROSS[across]),
+        fontsize=8, frameon=False,
     )  # fmt: skip
     raw = io.BytesIO()
     figure.savefig(raw, format="png", dpi=_DPI)
@@ -86,7 +89,7 @@ def _panel(axes: Axes, base: Point, own: Sequence[Point], fault: str) -> None:
 
 def _legend(chance: float, cameras: bool) -> list[Line2D | Patch]:
     names = (
-        ("moments, 95 % by cup", "gross slips warned of")
+        ("moments, 95 % by cup", "slips warned of in time")
         if cameras
         else ("windows, 95 % by session", "whole grasps, unanswered ones not right")
     )

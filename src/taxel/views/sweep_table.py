@@ -16,7 +16,7 @@ from rich.text import Text
 
 from taxel.evaluation.robustness.curve import FALL, Point, fall_text
 
-_CAMERA_COLUMNS = ("balanced accuracy [95 %]", "moments", "warned", "told", "false")
+_CAMERA_COLUMNS = ("balanced [95 %]", "moments", "warned", "told", "false")
 _ARRAY_COLUMNS = ("accuracy [95 %]", "windows", "grasps", "told", "outside")
 
 
@@ -69,7 +69,7 @@ def _notes(cameras: bool) -> list[Text]:
     if cameras:
         words = (
             "accuracy: stable and unstable moments weigh alike, of those whose state is known. "
-            "warned: gross slips with an alarm before them. told: recordings with any known state. "
+            "warned: slips with an alarm in time. told: recordings with any known state. "
             "false: alarms a minute of grasps that hold. Interval: cups resampled."
         )
     else:
