@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from taxel.bench.audit_adapt import adapt_time_rows, rows_of
+from taxel.bench.audit_adapt import adapt_time_rows, corrections_of, new_classes_of, pads_of
 from taxel.errors import BadDataset
 from taxel.evaluation.adaptation import (
     METHODS,
@@ -104,7 +104,11 @@ def test_learning_a_class_takes_seconds() -> None:
 
 @pytest.mark.slow
 def test_every_row_has_a_split_in_its_name_and_goals_where_they_are_set(data: Path) -> None:
-    rows = rows_of([data], config())
+    rows = [
+        *new_classes_of([data], config()),
+        *pads_of([data], config()),
+        *corrections_of([data], config()),
+    ]
 
     assert all("session held out" in one.name for one in rows)
     assert sum(bool(one.goal) for one in rows) == 3

@@ -6,7 +6,8 @@ Knows nothing about how they are printed.
 from __future__ import annotations
 
 import tempfile
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 from time import perf_counter
@@ -41,7 +42,7 @@ SETS = (2, 3)
 POINTS_TO_FULL = 3.0
 POINTS_LOST = 2.0
 SECONDS = 5.0
-"""Goals. Source: issue 6."""
+"""Goals. Source: our choice, docs/decisions/0028."""
 _SPLIT = "session held out"
 _Point = TypeVar("_Point")
 
@@ -72,27 +73,56 @@ def adapt_time_rows() -> list[Row]:
     ]
 
 
-def adapt_rows() -> list[Row]:
-    """Measure new classes, changed pads and corrections over two sets: about half an hour."""
-    config = default_config()
-    with tempfile.TemporaryDirectory(prefix="taxel-") as scratch:
-        for seed in SETS:
-            simulate_presets(Path(scratch) / str(seed), ("honest",), SCANS, seed)
-        paths = [Path(scratch) / str(seed) / "honest" for seed in SETS]
-        return rows_of(paths, config)
+def new_class_rows() -> list[Row]:
+    """Measure what is learned from a few grasps, over two sets: about a quarter of an hour."""
+    with _sets() as paths:
+        return new_classes_of(paths, default_config())
 
 
-def rows_of(paths: Sequence[Path], config: AdaptConfig) -> list[Row]:
-    """Return the rows for data sets that are there."""
+def pad_rows() -> list[Row]:
+    """Measure changed pads before and after a few touches."""
+    with _sets() as paths:
+        return pads_of(paths, default_config())
+
+
+def online_rows() -> list[Row]:
+    """Measure grasps that are corrected one by one."""
+    with _sets() as paths:
+        return corrections_of(paths, default_config())
+
+
+def new_classes_of(paths: Sequence[Path], config: AdaptConfig) -> list[Row]:
+    """Return the rows of new classes for data sets that are there."""
     points = measure_new_class(paths, config)
-    pads, online = measure_pads(paths, config), measure_online(paths, config)
     rows: list[Row] = []
     for target in config.targets:
         own = [one for one in points if one.target == target]
         rows += _goal_rows(target, own) + _curve_rows(target, own) + _method_rows(target, own)
-        rows += _pad_rows(target, [one for one in pads if one.target == target])
-        rows += _online_rows(target, [one for one in online if one.target == target])
     return rows
+
+
+def pads_of(paths: Sequence[Path], config: AdaptConfig) -> list[Row]:
+    """Return the rows of changed pads for data sets that are there."""
+    points, rows = measure_pads(paths, config), []
+    for target in config.targets:
+        rows += _pad_rows(target, [one for one in points if one.target == target])
+    return rows
+
+
+def corrections_of(paths: Sequence[Path], config: AdaptConfig) -> list[Row]:
+    """Return the rows of corrections on the fly for data sets that are there."""
+    points, rows = measure_online(paths, config), []
+    for target in config.targets:
+        rows += _online_rows(target, [one for one in points if one.target == target])
+    return rows
+
+
+@contextmanager
+def _sets() -> Iterator[list[Path]]:
+    with tempfile.TemporaryDirectory(prefix="taxel-") as scratch:
+        for seed in SETS:
+            simulate_presets(Path(scratch) / str(seed), ("honest",), SCANS, seed)
+        yield [Path(scratch) / str(seed) / "honest" for seed in SETS]
 
 
 def _goal_rows(target: str, points: list[Point]) -> list[Row]:

@@ -1,0 +1,53 @@
+"""`taxel bench audit`: whether results can be believed, and whether models keep learning.
+
+Knows nothing about how rows are printed.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Callable
+from pathlib import Path
+
+from taxel.bench.audit_adapt import adapt_time_rows, new_class_rows, online_rows, pad_rows
+from taxel.bench.audit_gap import gap_rows
+from taxel.bench.audit_leaks import planted_leaks, real_leaks
+from taxel.bench.audit_models import cleaning_rows, model_rows
+from taxel.bench.audit_robustness import condition_rows, fault_rows
+from taxel.bench.audit_unknown import unknown_rows
+from taxel.bench.rows import Row
+
+Measure = Callable[[], list[Row]]
+_SETS = ("gelsight-slip", "icub-grasp", "teng-glove")
+
+
+def quick_steps() -> list[tuple[str, Measure]]:
+    """Return the measurements of a normal run: (what, how)."""
+    return [("time to adapt", adapt_time_rows)]
+
+
+def full_steps(data: Path | None) -> list[tuple[str, Measure]]:
+    """Return the measurements that take longer than a few minutes."""
+    return [
+        ("planted leaks", planted_leaks),
+        ("leaks of real recordings", lambda: real_leaks(data)),
+        ("gap between the splits", gap_rows),
+        ("conditions", condition_rows),
+        ("faults", fault_rows),
+        ("unknown objects", lambda: unknown_rows(data)),
+        ("new classes", new_class_rows),
+        ("changed pads", pad_rows),
+        ("corrections", online_rows),
+        ("models", model_rows),
+        ("cleaning", cleaning_rows),
+    ]
+
+
+def data_digest(data: Path | None) -> str:
+    """Return a digest over the names and sizes of the recordings used."""
+    digest = hashlib.sha256()
+    for folder in [data / name for name in _SETS] if data is not None else []:
+        for file in sorted(folder.rglob("*")):
+            if file.is_file():
+                digest.update(f"{file.relative_to(folder)} {file.stat().st_size}".encode())
+    return digest.hexdigest()
