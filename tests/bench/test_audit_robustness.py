@@ -1,0 +1,64 @@
+"""Rows of robustness: goals are judged at the worst level, and faults have none."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from taxel.bench import audit_robustness as rows
+from taxel.evaluation.robustness.conditions import LEVELS
+from taxel.evaluation.robustness.curve import CLEAN, Answers, Point
+
+
+def told(right: int, of: int = 100) -> Answers:
+    """Two sessions of single-window grasps, the same share right in both."""
+    half = np.arange(of) < right
+    flags = np.concatenate([half, half])
+    sessions = np.repeat(["a", "b"], of)
+    return Answers(
+        y=np.zeros(2 * of, np.intp),
+        probabilities=np.where(flags[:, None], [0.9, 0.1], [0.1, 0.9]),
+        answered=np.ones(2 * of, bool),
+        trial=np.arange(2 * of),
+        session=sessions,
+        grasps=sessions,
+        outside=0,
+        minutes=1.0,
+    )
+
+
+def at_dust(shares: list[int]) -> dict[tuple[str, float], Answers]:
+    levels = LEVELS["dust"][1]
+    own = {("dust", level): told(share) for level, share in zip(levels, shares, strict=True)}
+    return {(CLEAN, 0.0): told(95), **own}
+
+
+@pytest.mark.parametrize("grasps", [False, True])
+def test_a_condition_is_judged_at_its_worst_level(grasps: bool):
+    plain, robust = at_dust([95, 90, 85, 80, 70]), at_dust([95, 94, 92, 94, 95])
+    row = rows._condition_row("shape by windows", "dust", plain, robust, grasps)
+
+    assert row.value == pytest.approx(3.0)
+    assert row.goal == "<= 2"
+    assert row.ok is False
+    assert "worst at 0.3" in row.note
+    assert "0.5: +25.0" in row.note  # the plain recipe beside it
+    assert "above 95 %" in row.note  # the thesis beside both
+
+
+def test_a_fault_has_no_goal_and_says_where_nothing_is_answered():
+    base = Point(
+        fault=CLEAN, level=0.0, unit="", accuracy=0.9, low=0.8, high=1.0, answered=1.0, windows=9,
+        grasps=0.9, told=1.0, outside=0.0,
+    )  # fmt: skip
+    silent = replace(base, fault="missing", unit="channels", level=1.0, accuracy=float("nan"),
+                     answered=0.0)  # fmt: skip
+    row = rows._fall_row("missing", [silent], base, rows._words(silent))
+
+    assert (row.value, row.goal, row.ok) == (None, "", None)
+    assert "nothing is answered" in row.note
+    assert "nan" not in row.note
+
+
+def test_sessions_that_choose_nothing_are_those_tested():
+    assert rows.TESTED.seed not in (rows.TRAIN_SEED, 0, 6023, 9023)
