@@ -36,9 +36,9 @@ _KEPT = 999
 """Calibration scores kept at the most: p-values in steps of a thousandth."""
 _RIDGE = 0.05
 """Share of an even scatter in the covariance, so that it can be inverted. Source: our choice."""
-_FLOOR = 1e-3
+_STILL = 1e-6
 """Least variance and change of a channel that stood still in training, in units of its level's
-own wander. Source: our choice."""
+own wander; any other channel's are measured by its own. Source: our choice."""
 _LEAST_SPREAD = 0.02
 """Spread of a summary, a logarithm, that is as good as none: 2 %. What never varied in training
 must not be magnified. Source: our choice."""
@@ -142,13 +142,17 @@ def _fit(
         lag=lag,
         level=level,
         wander=wander,
-        least=np.stack([SMALLEST**2 * variance, SMALLEST * change]) + _FLOOR,
+        least=np.stack([_least(SMALLEST**2 * variance), _least(SMALLEST * change)]),
         densities=(),
     )
     summed = summaries(bare, values, mask)
     return replace(
         bare, densities=tuple(_density(name, summed, own) for name, own in labels.items())
     )
+
+
+def _least(usual: NDArray[np.float64]) -> NDArray[np.float64]:
+    return np.where(usual > 0, usual, _STILL)
 
 
 def _density(label: str, summed: NDArray[np.float64], classes: NDArray[np.str_]) -> Density:
