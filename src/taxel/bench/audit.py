@@ -13,7 +13,7 @@ from taxel.bench.audit_adapt import adapt_time_rows, new_class_rows, online_rows
 from taxel.bench.audit_gap import gap_rows
 from taxel.bench.audit_leaks import planted_leaks, real_leaks
 from taxel.bench.audit_models import cleaning_rows, model_rows
-from taxel.bench.audit_robustness import condition_rows, fault_rows
+from taxel.bench.audit_robustness import camera_rows, condition_rows, fault_rows
 from taxel.bench.audit_unknown import unknown_rows
 from taxel.bench.rows import Row
 
@@ -34,6 +34,7 @@ def full_steps(data: Path | None) -> list[tuple[str, Measure]]:
         ("gap between the splits", gap_rows),
         ("conditions", condition_rows),
         ("faults", fault_rows),
+        ("cameras", camera_rows),
         ("unknown objects", lambda: unknown_rows(data)),
         ("new classes", new_class_rows),
         ("changed pads", pad_rows),

@@ -106,7 +106,9 @@ def run_session(
         Tally(
             recogniser.bundle.contract.target,
             GraspVote(
-                recogniser.bundle.contract.classes, recogniser.bundle.contract.window.max_gap_s
+                recogniser.bundle.contract.classes,
+                recogniser.bundle.contract.window.max_gap_s,
+                recogniser.bundle.strangeness,
             ),
         )
         for recogniser in recognisers

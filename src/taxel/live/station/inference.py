@@ -174,7 +174,7 @@ class _RecogniseWatcher:
         config = RecogniseConfig(least_confidence=job.least_confidence)
         self._recogniser = Recogniser(bundle, job.sensor, config)
         contract = bundle.contract
-        self._vote = GraspVote(contract.classes, contract.window.max_gap_s)
+        self._vote = GraspVote(contract.classes, contract.window.max_gap_s, bundle.strangeness)
         self._target = contract.target
         self._writer = writer
         self.what = {"kind": "answer", "who": who, "bundle": path.name, "target": contract.target,
