@@ -211,7 +211,7 @@ def _online_rows(target: str, points: list[OnlinePoint]) -> list[Row]:
 
 
 def _mean(points: Sequence[_Point], value: Callable[[_Point], float]) -> float:
-    return float(np.mean([value(one) for one in points]))
+    return float(np.nanmean([value(one) for one in points]))
 
 
 def _plain(name: str, value: float, note: str) -> Row:

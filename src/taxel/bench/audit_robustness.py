@@ -43,7 +43,7 @@ from taxel.sim.cup_pour import CupPourConfig
 from taxel.sources.data_sets import DATA_SET_RATE_HZ, write_sessions
 from taxel.sources.pour_sets import write_pours
 from taxel.sources.teng_options import checked_config
-from taxel.training.recipes import Recipe, find_recipe
+from taxel.training.recipes import find_recipe
 from taxel.windows.pours import read_pours
 
 TARGETS = ("shape", "material", "shape+material")
@@ -57,20 +57,13 @@ FAULTY = NewSessions(seed=9077, sessions=8, scans=20_000)
 PLAIN, ROBUST = "teng-referenced", "wider training, gate 0.6 V, 60 rows"
 GOALS = ("temperature", "dust", "moisture", "moving")
 MOST_POINTS = 2.0
-"""Points that a condition may cost. Source: issue 6."""
+"""Points that a condition may cost. Source: our choice, docs/decisions/0029."""
 WIDER: Mapping[str, Any] = {"dust": (0.0, 0.5), "moisture": (0.0, 0.3), "moving": 0.9,
                             "sessions": 24}  # fmt: skip
 """Training sessions of the robust recogniser: surroundings as wide as those tested (20 to 35 °C as
 ever), and the same number of scans in four times as many sessions."""
 POURS = CupPourConfig(cups=2, first_cup=900, forces_n=(15.0, 50.0), duration_s=3.5)
 """Twelve pours of two cups that the shipped bundle has not seen."""
-
-
-def robust_recipe() -> Recipe:
-    """Return the recipe whose loss stays within the goal; chosen in docs/decisions/0029."""
-    plain = find_recipe(PLAIN)
-    window = replace(plain.window, gate=0.6, steps=60, stride=60)
-    return replace(plain, window=window, train_stride=12)
 
 
 def condition_rows() -> list[Row]:
@@ -145,7 +138,7 @@ def _with_faults(robust: bool) -> list[Point]:
 
 def _train(targets: Sequence[str], robust: bool) -> dict[str, Model]:
     """Return a recogniser a target, all trained on the same sessions."""
-    recipe = robust_recipe() if robust else find_recipe(PLAIN)
+    recipe = find_recipe("teng-robust" if robust else PLAIN)
     config = checked_config(
         seed=TRAIN_SEED, scans_per_class=SCANS, rate_hz=DATA_SET_RATE_HZ,
         **(WIDER if robust else {}),

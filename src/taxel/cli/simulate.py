@@ -74,6 +74,9 @@ class Simulate:
     """Share of the pads that is wet, from and to, 0…1."""
     moving: float = 0.1
     """Share of grasps whose object moves, 0…1."""
+    unknown: bool = False
+    """teng: among the rest an elongated prism and a rubber composite, for objects that a
+    recogniser has never learned."""
     reference_v: float = 3.3
     """The converter's reference, V: 3.3 or 5."""
     json: bool = False
@@ -115,6 +118,7 @@ class Simulate:
             moisture=self.moisture,
             moving=self.moving,
             reference_v=self.reference_v,
+            unknown=self.unknown,
         )
 
     def _pours(self) -> None:

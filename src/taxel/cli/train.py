@@ -26,6 +26,9 @@ class Train:
     """Cross-validate first, so that the run knows its accuracy."""
     folds: int = 5
     """Folds of the cross-validation."""
+    unknown: float | None = None
+    """Say UNKNOWN to touch that is unlike anything learned, and to at most this share of known
+    touch, 0…1, such as 0.05."""
     resume: bool = False
     """Go on from the checkpoint of a run that was broken off."""
     json: bool = False
@@ -64,6 +67,8 @@ class Train:
         from taxel.training.environment import Made
         from taxel.training.run import save_run
 
+        if self.unknown is not None and not 0 < self.unknown < 1:
+            raise BadInput("--unknown between 0 and 1", f"{self.unknown:g}", "such as 0.05")
         recipe = self.recipe.resolve()
         find_network(recipe.model)
         check_run_folder(self.output)
@@ -86,6 +91,7 @@ class Train:
                     accuracy,
                     checkpoints=self.output.with_name(self.output.name + ".checkpoints"),
                     resume=self.resume,
+                    unknown=self.unknown,
                     on_epoch=lambda e: on_step(f"all data · epoch {e.number} · loss {e.loss:.4f}"),
                 )
                 run = replace(run, made=Made.now())

@@ -46,7 +46,7 @@ ALL_LAYERS = "all layers, rehearsing"
 _KINDS: dict[str, FeatureKind] = {CHOSEN: "auto", BODY: "body", STATISTICS: "statistics"}
 METHODS = (CHOSEN, BODY, STATISTICS, SOFTMAX, NEAREST, ALL_LAYERS)
 GRASPS = (1, 2, 5, 10, 20)
-"""Grasps of the new class. Source: the learning curve that issue 6 asks for."""
+"""Grasps of the new class. Source: our choice, docs/decisions/0028."""
 _STEPS = 40
 """Steps of the softmax's solver (L-BFGS). Source: our choice."""
 _WEIGHT_COST = 1e-2
@@ -85,7 +85,7 @@ class Point:
     old: float
     """Windows of the old classes told right, now that there is one class more."""
     new: float
-    """Windows of the new class told right."""
+    """Windows of the new class told right; NaN where the session has none above the gate."""
     before: float
     """Windows of the old classes told right by the network that knew no other."""
     full: float
@@ -161,12 +161,16 @@ def _one_session(path: Path, config: AdaptConfig, target: str, session: str) -> 
                 points.append(
                     Point(
                         str(path), target, name, session, method, grasps,
-                        float(good.mean()), float(good[old].mean()), float(good[~old].mean()),
+                        float(good.mean()), float(good[old].mean()), _share(good[~old]),
                         before, float(right.mean()), float(right[old].mean()), len(mine),
                         seconds, full_s,
                     )
                 )  # fmt: skip
     return points
+
+
+def _share(good: NDArray[np.bool_]) -> float:
+    return float(good.mean()) if len(good) else float("nan")
 
 
 def run_of(

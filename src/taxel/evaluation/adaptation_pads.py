@@ -29,7 +29,7 @@ from taxel.windows.dataset import load_dataset
 from taxel.windows.reference import parse_reference
 
 TOUCHES = (1, 3, 5)
-"""Reference touches. Source: issue 6's part 5."""
+"""Reference touches. Source: our choice."""
 GAIN = (0.5, 2.0)
 """A changed pad's gain. Source: as above."""
 HUMIDITY_PCT = 10.0

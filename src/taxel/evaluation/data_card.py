@@ -19,7 +19,10 @@ from taxel.labels.trials import Trial
 from taxel.recordings.reader import iterate_blocks, list_recordings
 from taxel.recordings.summary import summarise
 
-_UNITS = frozenset("c k pct ppm pf v mv a ma s ms hz n mm um g kg px deg pa kpa lux".split())
+_UNITS = {
+    *("c", "k", "pct", "ppm", "pf", "v", "mv", "a", "ma", "s", "ms", "hz", "n", "mm", "um", "g"),
+    *("kg", "px", "deg", "pa", "kpa", "lux"),
+}
 """A group whose name ends in one of these after an underscore is a measured figure."""
 _MOST_VALUES = 40
 """A group with more values is said as a count only."""

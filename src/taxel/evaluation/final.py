@@ -21,6 +21,7 @@ from taxel.training.adapt.exemplars import all_exemplars, thin_out
 from taxel.training.loop import Epoch, Labelled, fit, new_network
 from taxel.training.recipes import Recipe
 from taxel.training.run import Run, contract_of, save_run
+from taxel.training.unknown import fit_unknown
 from taxel.windows.dataset import load_dataset, recut
 from taxel.windows.scaling import fit_scaling
 
@@ -35,6 +36,7 @@ def train_on_all(
     *,
     checkpoints: Path,
     resume: bool = False,
+    unknown: float | None = None,
     on_epoch: Callable[[Epoch], None] | None = None,
 ) -> Run:
     """Train a recipe's networks on all windows.
@@ -45,6 +47,8 @@ def train_on_all(
         accuracy: What the run says of itself: split → accuracy, 0…1.
         checkpoints: A folder for checkpoints; deleted when all is trained.
         resume: True goes on from checkpoints found there.
+        unknown: Share of known touch that may be called unlike anything learned, 0…1; None
+            makes no such test.
         on_epoch: Called after each epoch.
 
     Raises:
@@ -88,6 +92,8 @@ def train_on_all(
         networks.append(network)
     shutil.rmtree(checkpoints)
     contract = contract_of(dataset, recipe.target, recipe.model, tuple(networks), scaling, accuracy)
+    if unknown is not None:
+        contract = replace(contract, unknown=fit_unknown(dataset, recipe.target, scaling, unknown))
     return Run(
         networks=tuple(networks),
         contract=contract,

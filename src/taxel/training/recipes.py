@@ -73,6 +73,16 @@ RECIPES: dict[str, Recipe] = {
         target="shape",
         split="group:session",
     ),
+    "teng-robust": Recipe(
+        summary="the TENG hand in damp, dust and motion: weak touches too, 0.6 s of contact",
+        window=replace(
+            TENG_WINDOW, gate=0.6, steps=60, stride=60, reference="object=cylinder-glass:3"
+        ),
+        model="cnn2d",
+        target="shape",
+        split="group:session",
+        train_stride=12,
+    ),
     "teng-glove": Recipe(
         summary="the TENG glove, five TENG channels and three angles",
         window=_GLOVE_WINDOW,
