@@ -9,7 +9,13 @@ import hashlib
 from collections.abc import Callable
 from pathlib import Path
 
-from taxel.bench.audit_adapt import adapt_time_rows, new_class_rows, online_rows, pad_rows
+from taxel.bench.audit_adapt import (
+    adapt_time_rows,
+    new_class_rows,
+    online_rows,
+    pad_rows,
+    unknown_object_rows,
+)
 from taxel.bench.audit_gap import gap_rows
 from taxel.bench.audit_leaks import planted_leaks, real_leaks
 from taxel.bench.audit_models import cleaning_rows, model_rows
@@ -37,6 +43,7 @@ def full_steps(data: Path | None) -> list[tuple[str, Measure]]:
         ("cameras", camera_rows),
         ("unknown objects", lambda: unknown_rows(data)),
         ("new classes", new_class_rows),
+        ("prism and rubber learned", unknown_object_rows),
         ("changed pads", pad_rows),
         ("corrections", online_rows),
         ("models", model_rows),

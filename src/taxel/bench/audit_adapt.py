@@ -29,7 +29,7 @@ from taxel.evaluation.adaptation import (
 )
 from taxel.evaluation.adaptation_online import OnlinePoint, measure_online
 from taxel.evaluation.adaptation_pads import PadPoint, measure_pads
-from taxel.sources.data_sets import simulate_presets
+from taxel.sources.data_sets import simulate_presets, simulate_unknown
 from taxel.training.adapt.exemplars import all_exemplars
 from taxel.training.adapt.last_layer import adapt_last_layer
 from taxel.training.loop import TrainConfig
@@ -39,6 +39,8 @@ SCANS = 160_000
 """Scans a class. Source: TENG thesis, section 3.5.1."""
 SETS = (2, 3)
 """Seeds of the simulated data sets; what was chosen was chosen on seeds 0 and 1."""
+UNKNOWN = {"shape": "prism", "material": "rubber"}
+"""Target → the object that the thesis had not learned. Source: thesis, section 4.3."""
 POINTS_TO_FULL = 3.0
 POINTS_LOST = 2.0
 SECONDS = 5.0
@@ -77,6 +79,34 @@ def new_class_rows() -> list[Row]:
     """Measure what is learned from a few grasps, over two sets: about a quarter of an hour."""
     with _sets() as paths:
         return new_classes_of(paths, default_config())
+
+
+def unknown_object_rows() -> list[Row]:
+    """Measure how well a prism and rubber are told after a few grasps of them."""
+    rows = []
+    with tempfile.TemporaryDirectory(prefix="taxel-") as scratch:
+        path = Path(scratch) / "set"
+        simulate_unknown(path, SCANS, SETS[0])
+        for target, name in UNKNOWN.items():
+            config = replace(
+                default_config(), targets=(target,), grasps=(1, 3, 5, 10), methods=(CHOSEN,),
+                new_classes=(name,),
+            )  # fmt: skip
+            points = measure_new_class([path], config)
+            rows += [_recognised_row(name, n, [one for one in points if one.grasps == n])
+                     for n in config.grasps]  # fmt: skip
+    return rows
+
+
+def _recognised_row(name: str, grasps: int, points: list[Point]) -> Row:
+    full = _mean(points, lambda one: one.full)
+    note = (
+        f"all classes {_mean(points, lambda one: one.accuracy):.3f}, by training on all data "
+        f"{full:.3f}; old classes {_mean(points, lambda one: one.before):.3f} alone, "
+        f"{_mean(points, lambda one: one.old):.3f} beside it; {points[0].target}, windows"
+    )
+    title = f"sim honest, {name} told right after {grasps} grasps, {_SPLIT}"
+    return _plain(title, _mean(points, lambda one: one.new), note)
 
 
 def pad_rows() -> list[Row]:

@@ -64,6 +64,8 @@ class AdaptConfig:
     grasps: tuple[int, ...] = GRASPS
     methods: tuple[str, ...] = METHODS
     """All are measured at five grasps; `CHOSEN` at each number."""
+    new_classes: tuple[str, ...] = ()
+    """Only these are learned anew; each class in turn unless given."""
     sessions: int | None = None
     """How many sessions to hold out, one at a time; all unless given."""
     workers: int = WORKERS
@@ -146,6 +148,8 @@ def _one_session(path: Path, config: AdaptConfig, target: str, session: str) -> 
     right = told(full, test) == test.y
     points = []
     for number, name in enumerate(classes):
+        if config.new_classes and name not in config.new_classes:
+            continue
         rest = [one for one in classes if one != name]
         old = test.y != number
         body = run_of(dataset, train[train.y != number], rest, target, config.recipe)

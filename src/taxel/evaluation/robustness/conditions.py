@@ -29,7 +29,8 @@ BASE: Mapping[str, Any] = {
     "moisture": (0.0, 0.0),
     "moving": 0.0,
 }
-"""23 °C, clean, dry and still; what is not named is drawn as in training. Source: our choice, docs/decisions/0029."""
+"""23 °C, clean, dry and still; what is not named is drawn as in training. Source: our choice,
+docs/decisions/0029."""
 LEVELS: Mapping[str, tuple[str, tuple[float, ...]]] = {
     "temperature": ("°C", (20.0, 25.0, 30.0, 35.0)),
     "humidity": ("% RH", (30.0, 45.0, 55.0, 65.0, 80.0)),
