@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import json
 import os
+import shlex
 import subprocess
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import asdict, dataclass, replace
@@ -85,7 +86,7 @@ def store(bench: str, rows: Iterable[Row], data: str, *, only: str = "") -> list
     """
     when = datetime.now(UTC).strftime("%Y-%m-%d")
     stamp = f"commit {_commit()}, data {data[:12]}, {when}, taxel bench {bench} --full"
-    stamp += f" --only {only}" if only else ""
+    stamp += f" --only {shlex.quote(only)}" if only else ""
     stamped = [replace(one, stamp=stamp) for one in rows]
     if only:
         new = {one.name for one in stamped}
