@@ -195,8 +195,8 @@ def _thesis_field() -> Part:
         claims=(
             Claim(
                 where="4.3",
-                what="unseen shapes and materials (elongated prism, rubber composite): recognition; "
-                "ours after 5 grasps of them",
+                what="unseen shapes and materials (elongated prism, rubber composite): "
+                "recognition; ours after 5 grasps of them",
                 claimed="above 90 %",
                 honest=(
                     Link(f"sim honest, prism told right after 5 grasps, {SESSION}", "prism"),
@@ -207,8 +207,8 @@ def _thesis_field() -> Part:
             ),
             Claim(
                 where="4.3",
-                what="last layer trained again for new classes; ours: accuracy of all classes after "
-                "5 grasps of the new one",
+                what="last layer trained again for new classes; ours: accuracy of all classes "
+                "after 5 grasps of the new one",
                 claimed="faster, more accurate (no number)",
                 honest=(
                     Link(f"sim honest, new shape from 5 grasps, {SESSION}", "shape"),
