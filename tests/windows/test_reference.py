@@ -15,7 +15,7 @@ from taxel.recordings.writer import Recorder
 from taxel.signals import Mark, Samples, SensorInfo
 from taxel.training.run import contract_of
 from taxel.windows.config import WindowConfig
-from taxel.windows.dataset import load_dataset
+from taxel.windows.dataset import load_dataset, recut
 from taxel.windows.reference import parse_reference, touch_level
 from taxel.windows.scaling import fit_scaling
 
@@ -23,26 +23,33 @@ GAINS = {"a": np.array([1.0, 2.0, 0.0]), "b": np.array([3.0, 0.5, 0.0])}
 WINDOW = WindowConfig(steps=4, stride=4, grid_hz=None, reference="object=block:2")
 
 
+def recorded(
+    folder: Path, name: str, gain: np.ndarray, session: str = "", first_s: float = 0.0
+) -> None:
+    """Write a session: a ball and three blocks, eight scans each."""
+    sensor = SensorInfo(name="pad", channels=("x", "y", "z"), units=("V",) * 3, rate_hz=100.0)
+    course = np.tile([0.5, 1.0, 0.7, 0.2], 2)[:, None]
+    manifest = Manifest.started_now(sensor, groups={"session": session or name}, now_s=0.0)
+    with Recorder(folder / f"{name}.mcap", manifest) as recorder:
+        for index, touched in enumerate(["ball", "block", "block", "block"]):
+            own = course * (gain if touched == "block" else 0.5 * gain)
+            time_s = first_s + (index * 10 + np.arange(8)) / 100.0
+            recorder.write(Samples.from_values(own, time_s))
+            recorder.mark(
+                Mark(
+                    start_s=float(time_s[0]),
+                    end_s=float(time_s[-1]),
+                    labels={"kind": touched},
+                    groups={"object": touched},
+                )
+            )
+
+
 @pytest.fixture
 def sessions(tmp_path: Path) -> Path:
     """Two sessions whose channels differ in gain only; four trials of eight scans each."""
-    sensor = SensorInfo(name="pad", channels=("x", "y", "z"), units=("V",) * 3, rate_hz=100.0)
-    course = np.tile([0.5, 1.0, 0.7, 0.2], 2)[:, None]
     for name, gain in GAINS.items():
-        manifest = Manifest.started_now(sensor, groups={"session": name}, now_s=0.0)
-        with Recorder(tmp_path / f"{name}.mcap", manifest) as recorder:
-            for index, touched in enumerate(["ball", "block", "block", "block"]):
-                own = course * (gain if touched == "block" else 0.5 * gain)
-                time_s = (index * 10 + np.arange(8)) / 100.0
-                recorder.write(Samples.from_values(own, time_s))
-                recorder.mark(
-                    Mark(
-                        start_s=float(time_s[0]),
-                        end_s=float(time_s[-1]),
-                        labels={"kind": touched},
-                        groups={"object": touched},
-                    )
-                )
+        recorded(tmp_path, name, gain)
     return tmp_path
 
 
@@ -104,3 +111,38 @@ def test_a_bundle_without_reference_cannot_be_brought_to_a_session(sessions: Pat
     contract = contract_of(dataset, "kind", "cnn2d", (), scaling, {})
     with pytest.raises(BadBundle, match="without"):
         at_level(contract, np.ones(3, np.float32))
+
+
+def test_a_channel_silent_in_one_session_leaves_the_others_alone(sessions: Path):
+    """Session c is a with channel y dead in its touches."""
+    recorded(sessions, "c", np.array([1.0, 0.0, 0.0]))
+    dataset = load_dataset(sessions, WINDOW)
+    assert dataset.reference is not None
+    rms = np.sqrt(np.mean(np.square([0.5, 1.0, 0.7, 0.2])))
+    assert dataset.reference.level[1] == pytest.approx(rms * np.sqrt(2.0 * 0.5)), "of a and b"
+    assert dataset.to_level is not None
+    in_c = dataset.group("session") == "c"
+    np.testing.assert_array_equal(dataset.to_level[in_c][:, 1], 1.0)
+
+
+def test_windows_cut_again_stand_at_the_level_of_the_first_cut(sessions: Path):
+    dataset = load_dataset(sessions, WINDOW)
+    again = recut(sessions, dataset, 1, 4)
+    assert len(again) > len(dataset)
+    found = dict(
+        zip(zip(again.trial, again.windows.start_s, strict=True), again.windows.values, strict=True)
+    )
+    for owner, start_s, values in zip(
+        dataset.trial, dataset.windows.start_s, dataset.windows.values, strict=True
+    ):
+        np.testing.assert_allclose(found[owner, start_s], values, rtol=1e-6)
+
+
+def test_touches_of_a_session_in_two_files_are_taken_file_by_file(tmp_path: Path):
+    """The second file's clock starts anew: its touches are not the session's first."""
+    recorded(tmp_path, "day-1", np.array([1.0, 1.0, 1.0]), session="day", first_s=50.0)
+    recorded(tmp_path, "day-2", np.array([2.0, 2.0, 2.0]), session="day")
+    dataset = load_dataset(tmp_path, WINDOW)
+    left = [(trial.recording, trial.labels["kind"]) for trial in dataset.trials]
+    assert left.count(("day-1.mcap", "block")) == 1
+    assert left.count(("day-2.mcap", "block")) == 3

@@ -99,7 +99,8 @@ def at_level(contract: Contract, level: NDArray[np.float32]) -> Contract:
 
     Args:
         contract: One that was trained with reference touches.
-        level: That level, shape (channels,), as `taxel.windows.reference.touch_level` gives it.
+        level: That level, shape (channels,), as `taxel.windows.reference.touch_level` gives it;
+            a channel that gives nothing keeps the level that it has.
 
     Raises:
         BadBundle: The bundle was trained without reference touches.
@@ -109,6 +110,7 @@ def at_level(contract: Contract, level: NDArray[np.float32]) -> Contract:
             "a bundle trained with reference touches", "one without",
             "train it with --recipe teng-referenced, or with --reference",
         )  # fmt: skip
+    level = np.where(level > 0, level, contract.reference.level).astype(np.float32)
     return replace(
         contract,
         scaling=contract.scaling.at_level(contract.reference.level, level),

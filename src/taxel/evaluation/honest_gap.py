@@ -56,7 +56,7 @@ RUNGS = (
     Rung(name="augmented gains", split="session", augment=Augment(gain=0.3, channel_gain=0.12)),
     Rung(name="1 reference touch", split="session", window=with_touches(1)),
     Rung(name="3 reference touches", split="session", window=with_touches(3)),
-    Rung(name="3 reference touches, windows of 24 rows", split="session",
+    Rung(name="3 reference touches, windows of 36 rows", split="session",
          window=replace(with_touches(3), steps=36)),
     Rung(name="3 reference touches", split="random", window=with_touches(3)),
 )  # fmt: skip

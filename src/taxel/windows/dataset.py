@@ -18,7 +18,7 @@ from taxel.labels.trials import Trial, trials_of
 from taxel.recordings.reader import list_recordings, read_recording
 from taxel.signals import SensorInfo
 from taxel.windows.config import WindowConfig
-from taxel.windows.reference import Reference, parse_reference, session_levels
+from taxel.windows.reference import Reference, parse_reference, session_levels, to_usual
 from taxel.windows.windower import Windows, cut_windows
 
 _TIME_SLACK_S = 1e-6
@@ -45,6 +45,8 @@ class Dataset:
     """What a reader must know: windows left out and why, windows padded."""
     reference: Reference | None = None
     """The level that all sessions were brought to; None where values are as measured."""
+    to_level: NDArray[np.float32] | None = None
+    """What each trial's values were multiplied by for that, shape (trials, channels)."""
 
     def __len__(self) -> int:
         return len(self.windows)
@@ -161,9 +163,11 @@ def _assemble(
         )
     used, trial = np.unique(trial, return_inverse=True)
     kept = tuple(trials[index] for index in used)
-    reference = None
+    reference = to_level = None
     if config.reference is not None:
-        windows, trial, kept, reference = _referred(windows, trial, kept, config.reference)
+        windows, trial, kept, reference, to_level = _referred(
+            windows, trial, kept, config.reference
+        )
         notes.append(
             f"each session brought to one level by {reference.touches}: these touches are left out"
         )
@@ -179,34 +183,46 @@ def _assemble(
         digest=digest,
         notes=tuple(notes),
         reference=reference,
+        to_level=to_level,
     )
 
 
 def _referred(
     windows: Windows, trial: NDArray[np.intp], trials: tuple[Trial, ...], text: str
-) -> tuple[Windows, NDArray[np.intp], tuple[Trial, ...], Reference]:
+) -> tuple[Windows, NDArray[np.intp], tuple[Trial, ...], Reference, NDArray[np.float32]]:
     """Bring each session to one level; leave out the touches that told it."""
     touches = parse_reference(text)
     levels, used = session_levels(windows.values, windows.mask, trial, trials, touches)
-    usual = np.exp(np.log(np.unique(levels, axis=0)).mean(axis=0))
+    usual = _usual(levels)
     left = ~used[trial]
     if not left.any():
         raise BadDataset(
             "windows beside the reference touches", "none", "record grasps to learn from too"
         )
-    factor = (usual / levels)[trial[left]]
-    values = (windows.values[left] * factor[:, None, :]).astype(np.float32)
+    factor = to_usual(levels, usual)
+    values = windows.values[left] * factor[trial[left], None, :]
     kept, owner = np.unique(trial[left], return_inverse=True)
     return (
         replace(windows[left], values=values),
         owner.astype(np.intp),
         tuple(trials[index] for index in kept),
-        Reference(touches=text, level=usual.astype(np.float32)),
+        Reference(touches=text, level=usual),
+        factor[kept],
     )
+
+
+def _usual(levels: NDArray[np.float32]) -> NDArray[np.float32]:
+    """Return the geometric mean over the sessions that measured a channel; 1 where none did."""
+    each = np.unique(levels, axis=0)
+    known = each > 0
+    logs = np.where(known, np.log(np.where(known, each, 1.0)), 0.0)
+    return np.exp(logs.sum(axis=0) / np.maximum(known.sum(axis=0), 1)).astype(np.float32)
 
 
 def recut(path: Path, dataset: Dataset, stride: int, steps: int) -> Dataset:
     """Return the same trials cut again, as for overlapping training windows.
+
+    Each trial is brought to the level that it has in `dataset`.
 
     Args:
         path: Where the data set was loaded from.
@@ -214,12 +230,16 @@ def recut(path: Path, dataset: Dataset, stride: int, steps: int) -> Dataset:
         stride: Rows from one window's start to the next.
         steps: Rows in a window.
     """
-    again = load_dataset(path, replace(dataset.config, stride=stride, steps=steps))
+    config = replace(dataset.config, stride=stride, steps=steps)
+    again = load_dataset(path, replace(config, reference=None))
     order = {(t.recording, t.start_s): i for i, t in enumerate(dataset.trials)}
     index = np.array([order.get((t.recording, t.start_s), -1) for t in again.trials], np.intp)
     owner = index[again.trial]
     kept = owner >= 0
-    return replace(dataset, windows=again.windows[kept], trial=owner[kept], config=again.config)
+    windows, owner = again.windows[kept], owner[kept]
+    if dataset.to_level is not None:
+        windows = replace(windows, values=windows.values * dataset.to_level[owner, None, :])
+    return replace(dataset, windows=windows, trial=owner, config=config)
 
 
 def _same_sensor(first: SensorInfo | None, own: SensorInfo, file: Path) -> SensorInfo:

@@ -18,6 +18,10 @@ from numpy.typing import NDArray
 from taxel.errors import BadDataset, BadInput
 from taxel.labels.trials import Trial
 
+NOTHING = 0.02
+"""Below this share of its usual level a channel gives nothing but noise. Source: our choice,
+docs/decisions/0028."""
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ReferenceTouches:
@@ -63,14 +67,24 @@ def parse_reference(text: str) -> ReferenceTouches:
 def touch_level(values: NDArray[np.float32], mask: NDArray[np.bool_]) -> NDArray[np.float32]:
     """Return each channel's level in windows of reference touches, shape (channels,).
 
-    The root of the mean square over all measured rows; 1 for a channel that gives nothing.
+    The root of the mean square over all measured rows; 0 for a channel that gives nothing.
 
     Args:
         values: Shape (n, steps, channels), n ≥ 1.
         mask: Shape (n, steps), False where a row is padding.
     """
-    level = np.sqrt(np.square(values[mask], dtype=np.float64).mean(axis=0))
-    return np.where(level > 0, level, 1.0).astype(np.float32)
+    return np.sqrt(np.square(values[mask], dtype=np.float64).mean(axis=0)).astype(np.float32)
+
+
+def to_usual(level: NDArray[np.float32], usual: NDArray[np.float32]) -> NDArray[np.float32]:
+    """Return what values at a level are multiplied by; 1 where a channel gives nothing.
+
+    Args:
+        level: Shape (…, channels); 0 or NaN where it is not known.
+        usual: Shape (channels,).
+    """
+    known = level > NOTHING * usual
+    return np.where(known, usual / np.where(known, level, 1.0), 1.0).astype(np.float32)
 
 
 def session_levels(
@@ -81,6 +95,10 @@ def session_levels(
     touches: ReferenceTouches,
 ) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:
     """Return each trial's session level, and which trials are reference touches.
+
+    A session may span several recordings, whose clocks are their own: its touches are taken
+    recording by recording, by name. A channel that gives nothing in a session's touches
+    (below `NOTHING` of its usual level) has no level there: NaN.
 
     Args:
         values: All windows, shape (n, steps, channels).
@@ -102,7 +120,8 @@ def session_levels(
     for name in sorted(set(sessions)):
         inside = np.flatnonzero(sessions == name)
         found = sorted(
-            (i for i in inside if touches.matches(trials[i])), key=lambda i: trials[i].start_s
+            (i for i in inside if touches.matches(trials[i])),
+            key=lambda i: (trials[i].recording, trials[i].start_s),
         )
         if len(found) < touches.count:
             raise BadDataset(
@@ -114,4 +133,9 @@ def session_levels(
         own = np.isin(owner, first)
         level[inside] = touch_level(values[own], mask[own])
         used[first] = True
-    return level, used
+    return _without_silent(level), used
+
+
+def _without_silent(level: NDArray[np.float32]) -> NDArray[np.float32]:
+    each = np.unique(level, axis=0)
+    return np.where(level < NOTHING * np.median(each, axis=0), np.nan, level).astype(np.float32)
