@@ -25,7 +25,9 @@ def test_three_known_touches_bring_an_unseen_session_nearer_to_random_windows(se
     wanted = {("as measured", "random"), ("as measured", "session"),
               ("3 reference touches", "session")}  # fmt: skip
     rungs = [rung for rung in RUNGS if (rung.name, rung.split) in wanted]
-    steps = honest_gap([sessions], rungs=rungs, targets=("shape",), workers=1)
+    steps = honest_gap(
+        [sessions], rungs=rungs, targets=("shape",), train=TrainConfig(epochs=40), workers=1
+    )
     by_name = {(one.rung.name, one.rung.split): one.accuracy for one in steps}
     assert by_name["as measured", "random"] > by_name["as measured", "session"] + 0.05
     assert closed(steps, "shape", "3 reference touches") > 0.5

@@ -216,7 +216,7 @@ def _usual(levels: NDArray[np.float32]) -> NDArray[np.float32]:
     each = np.unique(levels, axis=0)
     known = each > 0
     logs = np.where(known, np.log(np.where(known, each, 1.0)), 0.0)
-    return np.exp(logs.sum(axis=0) / np.maximum(known.sum(axis=0), 1)).astype(np.float32)
+    return np.asarray(np.exp(logs.sum(axis=0) / np.maximum(known.sum(axis=0), 1)), np.float32)
 
 
 def recut(path: Path, dataset: Dataset, stride: int, steps: int) -> Dataset:

@@ -73,7 +73,8 @@ def touch_level(values: NDArray[np.float32], mask: NDArray[np.bool_]) -> NDArray
         values: Shape (n, steps, channels), n ≥ 1.
         mask: Shape (n, steps), False where a row is padding.
     """
-    return np.sqrt(np.square(values[mask], dtype=np.float64).mean(axis=0)).astype(np.float32)
+    level = np.sqrt(np.square(values[mask], dtype=np.float64).mean(axis=0))
+    return np.asarray(level, np.float32)
 
 
 def to_usual(level: NDArray[np.float32], usual: NDArray[np.float32]) -> NDArray[np.float32]:
