@@ -81,6 +81,7 @@ RECIPES: dict[str, Recipe] = {
         model="cnn2d",
         target="shape",
         split="group:session",
+        train=TrainConfig(epochs=25),
         train_stride=12,
     ),
     "teng-glove": Recipe(
