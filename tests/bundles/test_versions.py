@@ -1,7 +1,9 @@
 """Adapted bundles and runs keep what they were, whatever happens in between."""
 
 import contextlib
+import json
 import os
+import shutil
 from pathlib import Path
 
 import pytest
@@ -9,6 +11,7 @@ import pytest
 from taxel.bundles.versions import (
     Change,
     begin_history,
+    history_path,
     kept_path,
     new_path,
     read_history,
@@ -154,3 +157,110 @@ def test_a_damaged_history_is_one_plain_line(path: Path, folder: bool) -> None:
 
     with pytest.raises(BadInput, match="damaged"):
         read_history(path)
+
+
+def test_what_is_no_version_is_never_touched(path: Path, folder: bool) -> None:
+    """Someone's own run stands where the first version would be kept, another's where the next."""
+    own = put(kept_path(path, 1), "my own", folder)
+
+    number = adapt(path, "two", folder)
+    later = put(kept_path(path, number), "mine too", folder)
+    adapt(path, "three", folder)
+
+    found = read_history(path)
+    assert (said(own), said(later), said(path)) == ("my own", "mine too", "three")
+    assert roll_back(path).change.what == "two"
+    assert said(path) == "two"
+    assert roll_back(path).change.what == "found without a history"
+    assert said(path) == "one"
+    assert (said(own), said(later)) == ("my own", "mine too")
+    assert said(kept_path(path, found.current)) == "three"
+
+
+def test_something_put_where_a_version_goes_back_to_is_left_alone(path: Path, folder: bool) -> None:
+    adapt(path, "two", folder)
+    own = put(kept_path(path, 2), "my own", folder)
+
+    roll_back(path)
+
+    assert (said(own), said(path)) == ("my own", "one")
+    assert said(kept_path(path, 3)) == "two"
+    assert read_history(path).version(3).change.what == "two"
+
+
+def test_moving_a_damaged_history_away_destroys_no_version(path: Path, folder: bool) -> None:
+    adapt(path, "two", folder)
+    history_path(path).unlink()
+
+    assert adapt(path, "three", folder) == 3
+    assert [said(kept_path(path, number)) for number in (1, 2)] == ["one", "two"]
+
+
+def test_someones_own_folder_beside_a_missing_one_is_not_taken_for_a_kill(tmp_path: Path) -> None:
+    put(tmp_path / "run.new", "my own", True)
+    put(new_path(tmp_path / "run"), "left half-way", True)
+
+    with pytest.raises(BadInput, match="no "):
+        read_history(tmp_path / "run")
+    assert (tmp_path / "run.new").exists()
+
+
+def test_the_same_again_makes_no_version_and_rolling_back_goes_back(
+    path: Path, folder: bool
+) -> None:
+    adapt(path, "two", folder)
+
+    assert adapt(path, "two", folder) == 2
+    assert len(read_history(path).versions) == 2
+    assert not new_path(path).exists()
+    assert roll_back(path).number == 1
+    assert said(path) == "one"
+
+
+def test_a_former_version_made_again_is_that_version(path: Path, folder: bool) -> None:
+    adapt(path, "two", folder)
+    adapt(path, "three", folder)
+
+    assert adapt(path, "two", folder) == 2
+    assert [one.number for one in read_history(path).versions] == [1, 2, 3]
+    assert roll_back(path).number == 1
+    assert said(kept_path(path, 3)) == "three"
+
+
+def test_an_older_history_with_the_same_twice_still_goes_back(path: Path, folder: bool) -> None:
+    adapt(path, "two", folder)
+    stored = json.loads(history_path(path).read_text())
+    again = dict(stored["versions"][1])
+    stored["versions"].append(again | {"number": 3, "parent": again["digest"]})
+    history_path(path).write_text(json.dumps(stored))
+    shutil.copytree(path, kept_path(path, 2)) if folder else shutil.copy(path, kept_path(path, 2))
+
+    assert roll_back(path).number == 1
+    assert said(path) == "one"
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [
+        {"number": "2"}, {"number": "../2"}, {"number": True}, {"number": 0}, {"digest": 3},
+        {"made": None}, {"change": "text"}, {"change": {"what": 1, "data": []}}, {"number": 1},
+        {"change": {"what": "x", "data": [], "before": []}},
+        {"change": {"what": "x", "data": [], "after": {"all": "0.5"}}},
+    ],
+)  # fmt: skip
+def test_a_history_of_wrong_types_is_one_plain_line(path: Path, folder: bool, wrong: dict) -> None:
+    adapt(path, "two", folder)
+    stored = json.loads(history_path(path).read_text())
+    stored["versions"][1] |= wrong
+    history_path(path).write_text(json.dumps(stored))
+
+    with pytest.raises(BadInput, match="damaged"):
+        read_history(path)
+
+
+def test_a_folder_is_found_from_inside_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    path = put(tmp_path / "run", "one", True)
+    adapt(path, "two", True)
+    monkeypatch.chdir(path)
+
+    assert read_history(Path()).current == 2

@@ -1,6 +1,8 @@
 """`taxel adapt` from the command line: a new class, a new pad, corrections, and back again."""
 
+import contextlib
 import json
+import os
 import shutil
 from collections.abc import Callable
 from pathlib import Path
@@ -186,3 +188,60 @@ def test_touches_may_stand_in_for_a_sessions_own(
     found = run("adapt run --new bare.mcap --touches own-touch.mcap --test held-out.mcap", capsys)
 
     assert found["after"]["sphere"] > 0.7
+
+
+def test_the_same_touches_twice_make_one_version(
+    place: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    before = Path("shape.taxel").read_bytes()
+    first = run("adapt shape.taxel --touches touch.mcap", capsys)
+    main(["adapt", "shape.taxel", "--touches", "touch.mcap"])
+    text = capsys.readouterr().out
+    again = run("adapt shape.taxel --touches touch.mcap", capsys)
+    back = run("adapt shape.taxel --rollback", capsys)
+
+    assert (first["version"], first["changed"]) == (2, True)
+    assert (again["version"], again["changed"]) == (2, False)
+    assert "nothing changed" in text
+    assert back["number"] == 1
+    assert Path("shape.taxel").read_bytes() == before
+
+
+@pytest.mark.parametrize(
+    "words", ["--new new.mcap", "--touches touch.mcap", "--correct known.mcap", "--history"]
+)
+def test_a_kill_between_two_names_is_settled_by_whatever_comes_next(
+    place: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, words: str
+) -> None:
+    copy(place / "held-out.mcap", place / "known.mcap", lambda mark: not SPHERE(mark))
+    rename = os.rename
+
+    def dying(source: Path, target: Path) -> None:
+        if Path(target).name == "run":
+            raise KeyboardInterrupt
+        rename(source, target)
+
+    with monkeypatch.context() as patch:
+        patch.setattr(os, "rename", dying)
+        with contextlib.suppress(KeyboardInterrupt, SystemExit):
+            main(["adapt", "run", "--touches", "touch.mcap"])
+    assert not Path("run").exists()
+    capsys.readouterr()
+
+    run(f"adapt run {words}", capsys)
+
+    assert Path("run/run.json").exists()
+    assert len(run("adapt run --history", capsys)["versions"]) >= 2
+
+
+def test_a_run_is_adapted_from_inside_its_folder(
+    place: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(place / "run")
+
+    found = run("adapt . --touches ../touch.mcap", capsys)
+    monkeypatch.chdir(place / "run")
+
+    assert found["version"] == 2
+    assert run("adapt . --history", capsys)["current"] == 2
+    assert (place / "run.v1" / "run.json").exists()

@@ -5,7 +5,8 @@ the former versions as they were, and NAME.versions.json, which says of each wha
 adapted, when, from which data, and the accuracy before and after. Each version is
 known by its digest, so that the history holds wherever a kill or a copy left off: the
 history is written first, the former version is kept second, and the new one takes its
-place last. Knows nothing about what is inside.
+place last. Whatever else stands under such a name is left alone: numbers go on above it.
+Knows nothing about what is inside.
 """
 
 from __future__ import annotations
@@ -13,9 +14,10 @@ from __future__ import annotations
 import hashlib
 import json
 import os
+import re
 import shutil
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
@@ -78,6 +80,18 @@ class History:
         raise BadInput(f"one of the versions {known}", str(number), "see them with --history")
 
 
+def named_path(path: Path) -> Path:
+    """Return a path that ends in a name, so that others can stand beside it: "." has none.
+
+    Raises:
+        BadInput: It is the root of all folders.
+    """
+    found = path if path.name not in ("", "..") else Path(os.path.abspath(path))
+    if not found.name:
+        raise BadInput("a bundle or a run's folder", f"{found}", "name one that exists")
+    return found
+
+
 def digest_of(path: Path) -> str:
     """Return the SHA-256 of a file, or over a folder's files and their names, hexadecimal."""
     if path.is_file():
@@ -90,15 +104,15 @@ def digest_of(path: Path) -> str:
 
 
 def kept_path(path: Path, number: int) -> Path:
-    """Return where a former version stands."""
+    """Return where a former version stands, or would."""
     stem, suffix = _parts(path)
     return path.with_name(f"{stem}.v{number}{suffix}")
 
 
 def new_path(path: Path) -> Path:
-    """Return where to write what shall take the place of `path`."""
+    """Return where to write what shall take the place of `path`; nobody else's name."""
     stem, suffix = _parts(path)
-    return path.with_name(f"{stem}.new{suffix}")
+    return path.with_name(f".{stem}.adapting{suffix}")
 
 
 def history_path(path: Path) -> Path:
@@ -114,24 +128,30 @@ def read_history(path: Path) -> History:
     Raises:
         BadInput: There is no such file or folder, or its history is damaged.
     """
-    _settle(path)
+    path = named_path(path)
+    settle(path)
     if not path.exists():
         raise BadInput("a bundle or a run's folder", f"no {path}", "name one that exists")
     digest = digest_of(path)
     versions = _read(history_path(path))
     current = [one.number for one in versions if one.digest == digest]
     if not current:
-        number = 1 + max((one.number for one in versions), default=0)
-        changed = "trained" if number == 1 else "changed by other means"
+        number = _free_number(path, versions)
+        changed = "changed by other means" if versions else "trained"
+        if not versions and number > 1:
+            changed = "found without a history"
         first = Version(
             number=number, digest=digest, parent="", made="", change=Change(what=changed)
         )
         return History((*versions, first), number)
-    return History(versions, current[-1])
+    return History(versions, current[0])
 
 
 def replace_with(path: Path, new: Path, change: Change) -> Version:
     """Put a new version in the place of the one in use, which is kept; return the new one.
+
+    What equals the version in use, byte for byte, makes no version: that one is returned, and
+    `new` is removed. What equals a former one is that version again.
 
     Args:
         path: The bundle or run in use.
@@ -141,16 +161,22 @@ def replace_with(path: Path, new: Path, change: Change) -> Version:
     Raises:
         RecordingFailed: The disk refused.
     """
-    history = read_history(path)
+    path = named_path(path)
+    history = _with_room(path, read_history(path))
     parent = history.version(history.current)
-    version = Version(
-        number=1 + max(one.number for one in history.versions),
-        digest=digest_of(new),
+    digest = digest_of(new)
+    if digest == parent.digest:
+        _clear(new)
+        return parent
+    again = [one for one in history.versions if one.digest == digest]
+    version = again[-1] if again else Version(
+        number=_free_number(path, history.versions),
+        digest=digest,
         parent=parent.digest,
         made=datetime.now(UTC).isoformat(timespec="seconds"),
         change=change,
-    )
-    _swap(path, new, parent.number, (*history.versions, version))
+    )  # fmt: skip
+    _swap(path, new, parent.number, history.versions + (() if again else (version,)))
     return version
 
 
@@ -165,8 +191,9 @@ def begin_history(path: Path, parent: Path, change: Change) -> Version:
     Raises:
         RecordingFailed: The disk refused.
     """
+    path, parent = named_path(path), named_path(parent)
     version = Version(
-        number=1,
+        number=_free_number(path, ()),
         digest=digest_of(path),
         parent=digest_of(parent),
         made=datetime.now(UTC).isoformat(timespec="seconds"),
@@ -187,10 +214,12 @@ def roll_back(path: Path, number: int | None = None) -> Version:
         BadInput: There is no such version, or its file is gone.
         RecordingFailed: The disk refused.
     """
+    path = named_path(path)
     history = read_history(path)
     now = history.version(history.current)
     if number is None:
-        former = [one for one in history.versions if one.digest == now.parent]
+        former = [one for one in history.versions
+                  if one.digest == now.parent and one.number < now.number]  # fmt: skip
         if not former:
             raise BadInput("a former version to go back to", f"none of {path}", "nothing is done")
         number = former[-1].number
@@ -207,6 +236,7 @@ def roll_back(path: Path, number: int | None = None) -> Version:
         shutil.copytree(kept, new) if kept.is_dir() else shutil.copyfile(kept, new)
     except OSError as error:
         raise _refused(new, error) from error
+    history = _with_room(path, history)
     _swap(path, new, history.current, history.versions)
     return wanted
 
@@ -230,11 +260,42 @@ def _swap(path: Path, new: Path, number: int, versions: tuple[Version, ...]) -> 
         raise _refused(path, error) from error
 
 
-def _settle(path: Path) -> None:
-    """Finish what a kill between the two renames of a folder left: its new version goes in."""
+def settle(path: Path) -> None:
+    """Finish what a kill between the two renames of a folder left: its new version goes in.
+
+    Raises:
+        BadInput: There is something to finish, and the history is damaged.
+    """
+    path = named_path(path)
     new = new_path(path)
-    if not path.exists() and new.is_dir():
+    if path.exists() or not new.is_dir():
+        return
+    digest = digest_of(new)
+    if any(one.digest == digest for one in _read(history_path(path))):
         os.rename(new, path)
+
+
+def _free_number(path: Path, versions: tuple[Version, ...]) -> int:
+    """Return the number above all in a history and above every NAME.vN beside it."""
+    stem, suffix = _parts(path)
+    form = re.compile(re.escape(stem) + r"\.v(\d{1,9})" + re.escape(suffix))
+    found = [form.fullmatch(one.name) for one in path.parent.iterdir()]
+    taken = [int(one[1]) for one in found if one] + [one.number for one in versions]
+    return 1 + max(taken, default=0)
+
+
+def _with_room(path: Path, history: History) -> History:
+    """Return a history whose version in use can be kept under its number.
+
+    Where something else stands there, that version takes the next free number.
+    """
+    now = history.version(history.current)
+    kept = kept_path(path, now.number)
+    if not os.path.lexists(kept) or digest_of(kept) == now.digest:
+        return history
+    number = _free_number(path, history.versions)
+    versions = tuple(one for one in history.versions if one is not now)
+    return History((*versions, replace(now, number=number)), number)
 
 
 def _parts(path: Path) -> tuple[str, str]:
@@ -249,16 +310,29 @@ def _read(path: Path) -> tuple[Version, ...]:
         stored: dict[str, Any] = json.loads(path.read_text())
         if stored["format"] != FORMAT:
             raise ValueError("another format")
-        return tuple(_version(one) for one in stored["versions"])
-    except (OSError, ValueError, KeyError, TypeError) as error:
+        versions = tuple(_version(one) for one in stored["versions"])
+        if len({one.number for one in versions}) < len(versions):
+            raise ValueError("a number twice")
+    except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
         raise BadInput(
             f"a history that can be read in {path}", f"a damaged one ({error})", "move it away"
         ) from error
+    return versions
 
 
 def _version(stored: dict[str, Any]) -> Version:
     change = stored["change"]
-    return Version(**(stored | {"change": Change(**(change | {"data": tuple(change["data"])}))}))
+    made = Change(**(change | {"data": tuple(change["data"])}))
+    version = Version(**(stored | {"change": made}))
+    if type(version.number) is not int or version.number < 1:
+        raise ValueError(f"the number {version.number!r}")
+    texts = (version.digest, version.parent, version.made, made.what, made.data_digest, *made.data)
+    if not all(isinstance(one, str) for one in texts):
+        raise ValueError(f"version {version.number} without text where text belongs")
+    for shares in (made.before, made.after):
+        if not all(isinstance(one, int | float) for one in shares.values()):
+            raise ValueError(f"version {version.number} without numbers for accuracies")
+    return version
 
 
 def _write(path: Path, versions: tuple[Version, ...]) -> None:

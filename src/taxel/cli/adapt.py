@@ -19,6 +19,16 @@ if TYPE_CHECKING:
     from taxel.training.run import Run
 
 
+@dataclass(frozen=True, slots=True)
+class Stored:
+    """What became of an adapted version."""
+
+    version: int
+    """Its number."""
+    changed: bool
+    """False where it equals, byte for byte, the one in use before."""
+
+
 @dataclass(frozen=True, kw_only=True)
 class Adapt:
     """Bring a bundle or run to a changed pad, teach a run a new class, or correct it.
@@ -54,7 +64,15 @@ class Adapt:
 
     def run(self) -> None:
         """Adapt, or show or bring back versions."""
-        self._check()
+        from taxel.bundles.versions import named_path, settle
+
+        trained = named_path(self.trained)
+        if trained != self.trained:
+            replace(self, trained=trained).run()  # "." has no name that others could stand beside
+            return
+        self._check_asked()
+        settle(trained)  # puts a folder back that a kill caught between two names
+        self._check_found()
         if self.history:
             self._show_history()
         elif self.rollback is not None:
@@ -66,7 +84,7 @@ class Adapt:
         else:
             self._bring_to_level()
 
-    def _check(self) -> None:
+    def _check_asked(self) -> None:
         """Refuse, before anything is read or written, what cannot be meant."""
         asked = {"--new": bool(self.new), "--correct": self.correct is not None,
                  "--history": self.history, "--rollback": self.rollback is not None}  # fmt: skip
@@ -80,10 +98,13 @@ class Adapt:
             raise BadInput("--grasps of at least 1", str(self.grasps), "give a larger number")
         if self.rollback is not None and len(self.rollback) > 1:
             raise BadInput("one version for --rollback", str(len(self.rollback)), "name one")
+
+    def _check_found(self) -> None:
+        """Refuse what does not fit what is there, before anything is written."""
         is_run = (self.trained / "run.json").exists()
         if (self.new or self.correct) and not is_run:
             raise BadInput(
-                f"a run's folder for {said[0]}", f"{self.trained}",
+                f"a run's folder for {'--new' if self.new else '--correct'}", f"{self.trained}",
                 "name a folder that taxel train wrote, and bundle it again afterwards",
             )  # fmt: skip
         if self.output is not None and (self.output.exists() or self.history or self.rollback):
@@ -115,7 +136,8 @@ class Adapt:
         stored = self._store(place, change)
         if self.json:
             print_json({
-                "output": str(self.output or self.trained), "version": stored,
+                "output": str(self.output or self.trained),
+                "version": stored.version, "changed": stored.changed,
                 "touches": found.touches, "windows": found.windows,
                 "channels": contract.channels, "level": found.level.tolist(),
                 "change": found.change.tolist(), "silent": found.silent.tolist(),
@@ -233,19 +255,22 @@ class Adapt:
 
         return self.output or new_path(self.trained)
 
-    def _store(self, place: Path, change: Change) -> int:
-        """Let a finished version in; return its number."""
-        from taxel.bundles.versions import begin_history, replace_with
+    def _store(self, place: Path, change: Change) -> Stored:
+        """Let a finished version in; say what became of it."""
+        from taxel.bundles.versions import begin_history, digest_of, replace_with
 
         if self.output is not None:
-            return begin_history(place, self.trained, change).number
-        return replace_with(self.trained, place, change).number
+            return Stored(begin_history(place, self.trained, change).number, True)
+        before = digest_of(self.trained)
+        version = replace_with(self.trained, place, change)
+        return Stored(version.number, version.digest != before)
 
-    def _say(self, change: Change, stored: int, detail: dict[str, Any], said: str) -> None:
+    def _say(self, change: Change, stored: Stored, detail: dict[str, Any], said: str) -> None:
         measured_on = str(self.test) if self.test else "the run's rehearsed grasps"
         if self.json:
             print_json(
-                {"output": str(self.output or self.trained), "version": stored, **detail,
+                {"output": str(self.output or self.trained),
+                 "version": stored.version, "changed": stored.changed, **detail,
                  "measured_on": measured_on, "before": change.before, "after": change.after}
             )  # fmt: skip
             return
@@ -255,8 +280,12 @@ class Adapt:
         console.print(before_after_table(change, measured_on))
         self._say_stored(stored)
 
-    def _say_stored(self, version: int) -> None:
-        name = self.output or self.trained
+    def _say_stored(self, stored: Stored) -> None:
+        name, version = self.output or self.trained, stored.version
+        if not stored.changed:
+            said = f"{name}: nothing changed, it is version {version} already; no version is added"
+            console.print(said, markup=False, soft_wrap=True)
+            return
         back = "" if self.output else f"; back with: taxel adapt {name} --rollback"
         console.print(f"{name}: version {version}{back}", markup=False, soft_wrap=True)
 
@@ -287,7 +316,7 @@ def _load(path: Path) -> Run:
     from taxel.bundles.versions import read_history
     from taxel.training.run import load_run
 
-    read_history(path)  # puts a folder back that a kill caught between two names
+    read_history(path)  # a damaged one is refused before the work, not after it
     return load_run(path)
 
 
