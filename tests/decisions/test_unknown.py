@@ -5,7 +5,14 @@ import json
 import numpy as np
 import pytest
 
-from taxel.decisions.recognition import UNKNOWN, Decision, GraspVote, RecogniseConfig, decide
+from taxel.decisions.recognition import (
+    UNKNOWN,
+    UNMEASURED,
+    Decision,
+    GraspVote,
+    RecogniseConfig,
+    decide,
+)
 from taxel.decisions.unknown import (
     Density,
     Strangeness,
@@ -160,10 +167,58 @@ def test_a_contact_that_is_strange_on_the_whole_is_unknown_and_the_next_begins_a
     assert vote.p_known == pytest.approx(1.0)
 
 
-def test_windows_that_could_not_be_tested_leave_the_contact_as_it_is():
+def test_windows_that_could_not_be_used_leave_the_contact_as_it_is():
     vote = GraspVote(CLASSES, 0.5, Strangeness(level_only()))
-    assert vote.add(decision("a", 0.0, None))[0] == "a"
+    assert vote.add(decision("a", 0.0, [1.0]))[0] == "a"
+    assert vote.add(decision(UNKNOWN, 0.2, None))[0] == "a"
+    assert vote.p_known == 1.0
+
+
+def test_a_contact_of_which_no_window_was_tested_is_unknown():
+    vote = GraspVote(CLASSES, 0.5, Strangeness(level_only()))
+    assert vote.add(decision("a", 0.0, None))[0] == UNKNOWN
     assert np.isnan(vote.p_known)
+
+
+NO_NUMBER = [float("nan"), float("inf"), -float("inf")]
+
+
+def test_nan_is_as_strange_as_can_be():
+    assert p_value(KNOWN.tolist(), float("nan")) == 0.0
+    test = Strangeness(level_only(labels=("shape", "material")))
+    assert test.p_window([1.0, float("nan")]) == 0.0
+    assert test.p_contact([float("nan"), 1.0], 3) == 0.0
+
+
+@pytest.mark.parametrize("strange", [None, *([one] for one in NO_NUMBER)])
+def test_a_window_whose_strangeness_is_no_number_is_unknown(strange: list[float] | None):
+    found = decide(
+        np.array([0.1, 0.9], np.float32), 1.0, 0.0, (0.0, 0.1), CLASSES, RecogniseConfig(),
+        strange, Strangeness(level_only()),
+    )  # fmt: skip
+    assert (found.label, found.reason) == (UNKNOWN, UNMEASURED)
+
+
+@pytest.mark.parametrize("value", [1e25, 3e38, -3e38, np.nan, np.inf])
+def test_values_too_large_for_32_bits_are_unknown(value: float):
+    test = Strangeness(level_only())
+    rows = np.full((6, 1), value, np.float32)
+    rows[::2] = 0.0
+    found = decide(
+        np.array([0.1, 0.9], np.float32), 1.0, 0.0, (0.0, 0.1), CLASSES, RecogniseConfig(),
+        test.of_window(rows), test,
+    )  # fmt: skip
+    assert found.label == UNKNOWN
+
+
+@pytest.mark.parametrize("strange", NO_NUMBER)
+def test_a_window_that_is_no_number_lowers_the_contacts_p_and_is_outgrown(strange: float):
+    vote = GraspVote(CLASSES, 0.5, Strangeness(level_only()))
+    assert vote.add(decision(UNKNOWN, 0.0, [strange]))[0] == UNKNOWN
+    assert vote.p_known == 0.0
+    found = [vote.add(decision("a", 0.2 * number, [1.0]))[0] for number in range(1, 10)]
+    assert found[-1] == "a"
+    assert vote.p_known == pytest.approx(0.91 * 9 / 10)
 
 
 def test_what_is_stored_gives_what_was_stored():

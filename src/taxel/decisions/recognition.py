@@ -15,6 +15,8 @@ from taxel.decisions.unknown import Strangeness
 
 UNKNOWN = "UNKNOWN"
 """The answer when the input or the confidence does not allow one."""
+UNMEASURED = "how unlike the learned it is cannot be measured"
+"""The reason where the test for the unknown gives no number: what is not tested is not known."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -48,7 +50,7 @@ class Decision:
     """Last row of the window, fitted clock, seconds."""
     strangeness: list[float] | None = None
     """How unlike the learned the window is, by each label; None where that is not tested, or
-    the input cannot be used."""
+    the input cannot be used; NaN or infinite where it cannot be measured."""
 
 
 def decide(
@@ -70,7 +72,8 @@ def decide(
         span_s: Times of the window's first and last row, seconds.
         classes: The answers' names.
         config: When an answer may be given.
-        strange: How unlike the learned the window is, as `test` gives it.
+        strange: How unlike the learned the window is, as `test` gives it; where that is None or
+            not finite although there is a test, the answer is UNKNOWN.
         test: What says how rare that is; None where the bundle has no such test.
     """
     best = int(probabilities.argmax())
@@ -78,7 +81,9 @@ def decide(
     reason = _fault(probabilities, usable, saturated, config)
     if reason or test is None:
         strange = None
-    elif strange is not None and (p := test.p_window(strange)) <= test.rejected:
+    elif strange is None or not isfinite(sum(strange)):
+        reason = UNMEASURED
+    elif not (p := test.p_window(strange)) > test.rejected:
         reason = unlike(p)
     if not reason and confidence < config.least_confidence:
         reason = f"confidence {confidence:.2f} is below {config.least_confidence:.2f}"
@@ -111,7 +116,8 @@ class GraspVote:
 
     Windows further apart than `gap_s` belong to different contacts. UNKNOWN
     windows do not vote, unless all are. Where the bundle tells the unknown, the
-    mean strangeness of all windows may make the whole contact UNKNOWN.
+    mean strangeness of all windows may make the whole contact UNKNOWN; a window whose
+    strangeness is no number stays out of that mean and counts as one of p = 0.
 
     Args:
         classes: The answers' names.
@@ -129,7 +135,7 @@ class GraspVote:
         self._end_s: float | None = None
         self._test = test
         self._strange = [0.0] * (len(test.labels) if test is not None else 0)
-        self._tested = 0
+        self._tested = self._unmeasured = 0
         self.p_known = float("nan")
         """How often a known contact is at least as strange, 0…1; NaN where that is not tested."""
 
@@ -142,23 +148,35 @@ class GraspVote:
         """Take in one decision; return the contact's answer so far and its confidence, 0…1."""
         if self._end_s is not None and decision.start_s - self._end_s > self._gap_s:
             self._sum[:], self._count = 0.0, 0
-            self._strange, self._tested = [0.0] * len(self._strange), 0
+            self._strange = [0.0] * len(self._strange)
+            self._tested = self._unmeasured = 0
             self.p_known = float("nan")
         self._end_s = decision.end_s
         if decision.label != UNKNOWN:
             self._sum += np.log(np.maximum(decision.probabilities, 1e-7))
             self._count += 1
         if self._test is not None and decision.strangeness is not None:
-            self._strange = [
-                a + b for a, b in zip(self._strange, decision.strangeness, strict=True)
-            ]
-            self._tested += 1
-            mean = [one / self._tested for one in self._strange]
-            self.p_known = self._test.p_contact(mean, self._tested)
-        if not self._count or (self._test is not None and self.p_known <= self._test.rejected):
+            if isfinite(sum(decision.strangeness)):
+                self._strange = [
+                    a + b for a, b in zip(self._strange, decision.strangeness, strict=True)
+                ]
+                self._tested += 1
+            else:
+                self._unmeasured += 1
+            self.p_known = self._p_contact(self._test)
+        # A contact of which no window was tested has p = NaN: it is not known either.
+        if not self._count or (self._test is not None and not self.p_known > self._test.rejected):
             return UNKNOWN, float("nan")
         voted = self._sum / self._count
         weights = np.exp(voted - voted.max())
         weights /= weights.sum()
         best = int(weights.argmax())
         return self._classes[best], float(weights[best])
+
+    def _p_contact(self, test: Strangeness) -> float:
+        """Return p of the windows measured, times their share of all."""
+        if not self._tested:
+            return 0.0
+        mean = [one / self._tested for one in self._strange]
+        p = test.p_contact(mean, self._tested)
+        return p * self._tested / (self._tested + self._unmeasured)

@@ -92,13 +92,16 @@ class Strangeness:
     def of_window(self, values: NDArray[np.float32]) -> list[float]:
         """Return a window's strangeness by each label, in nats up to a constant.
 
+        NaN or infinity where values are NaN, or so large that their squares pass 32 bits.
+
         Args:
             values: Scaled and measured rows only, shape (rows, channels), rows ≥ 1.
         """
         n = len(values)
         if n not in self._summaries:
             self._summaries[n] = Summary(self._unknown, n, np.float32)
-        found = (self._summaries[n].of(values) @ self._columns).tolist()
+        with np.errstate(all="ignore"):  # what is too large for 32 bits ends as NaN, which is told
+            found = (self._summaries[n].of(values) @ self._columns).tolist()
         each = []
         for start, middle, end, constants in self._parts:
             near = [a + b for a, b in zip(found[start:middle], constants, strict=True)]
@@ -204,8 +207,10 @@ def p_value(known: list[float], strangeness: float) -> float:
 
     Args:
         known: Sorted.
-        strangeness: Of the new one.
+        strangeness: Of the new one. NaN, which no known one can be, gives 0.
     """
+    if strangeness != strangeness:
+        return 0.0
     return (1 + len(known) - bisect_left(known, strangeness)) / (1 + len(known))
 
 
