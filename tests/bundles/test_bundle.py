@@ -159,6 +159,17 @@ def test_a_bundle_carries_the_test_for_the_unknown(tmp_path: Path) -> None:
     np.testing.assert_array_equal(found, bundle.probabilities(VALUES[:1], MASK[:1])[0])
 
 
+def test_a_window_without_a_measured_row_has_no_strangeness(tmp_path: Path) -> None:
+    networks = (new_network(lambda: Cnn2d(12, 12, 3), 0),)
+    path = tmp_path / "a.taxel"
+    write_bundle(path, networks, replace(contract(), unknown=unknown()), VALUES, MASK)
+
+    found, strange = read_bundle(path).recognise(VALUES[:1] * 0, MASK[:1] & False)
+
+    assert found.shape == (3,)
+    assert strange is None
+
+
 def test_a_bundle_without_the_test_says_so(path: Path) -> None:
     bundle = read_bundle(path)
 

@@ -64,6 +64,22 @@ def test_any_cutting_of_a_stream_gives_the_windows_of_the_whole(name: str, cuts:
     assert_equal(in_pieces(samples, config, info, cuts), cut_windows(samples, config, info))
 
 
+@pytest.mark.parametrize("piece", [1, 600])
+def test_a_stretch_without_one_whole_row_gives_no_window(piece: int) -> None:
+    """Layout A: two of three channels lie above the gate for one row, then rest, then contact."""
+    config = WindowConfig(steps=30, stride=30, gate=1.0, layout="A", max_gap_s=0.1, pad=True)
+    values = np.zeros((100, 3))
+    values[5, :2] = 2.0
+    values[50:55] = 2.0
+    samples = Samples.from_values(values, np.arange(100) / 100.0, full_scale=3.3)
+
+    found = in_pieces(samples, config, sensor(), list(range(piece, 100, piece)))
+
+    assert found.mask.sum(axis=1).tolist() == [5]
+    assert found.start_s.tolist() == [0.5]
+    assert found.values.shape == (1, 30, 3)
+
+
 def test_one_scan_at_a_time_gives_the_windows_of_the_whole() -> None:
     info, samples = sensor(rate_hz=1000.0), stream(3000, rate_hz=1000.0)
     whole = cut_windows(samples, TENG_WINDOW, info)

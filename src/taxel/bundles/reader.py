@@ -87,14 +87,15 @@ class Bundle:
 
         Returns:
             Probabilities, shape (classes,), and strangeness as `Strangeness.of_window` gives
-            it; None where the bundle has no such test, or gave NaN.
+            it; None where the bundle has no such test or gave NaN, or no row was measured:
+            with a test, None means UNKNOWN.
         """
         scaled = self.contract.scaling.apply(values, mask)
         found = self._run(scaled, mask)[0]
         if self.strangeness is None or not isfinite(float(found.sum())):
             return found, None
         rows = scaled[0] if mask.all() else scaled[0][mask[0]]
-        return found, self.strangeness.of_window(rows)
+        return found, self.strangeness.of_window(rows) if len(rows) else None
 
     def _run(self, scaled: NDArray[np.float32], mask: NDArray[np.bool_]) -> NDArray[np.float32]:
         feed: dict[str, NDArray[Any]] = {"values": scaled}
