@@ -9,7 +9,7 @@ from taxel.decisions.unknown import Strangeness, Unknown
 from taxel.errors import BadDataset
 from taxel.labels.trials import Trial
 from taxel.signals import SensorInfo
-from taxel.training.unknown import fit_unknown
+from taxel.training.unknown import _least_scores, fit_unknown
 from taxel.windows.config import WindowConfig
 from taxel.windows.dataset import Dataset
 from taxel.windows.scaling import Scaling, fit_scaling
@@ -148,3 +148,43 @@ def test_too_few_windows_to_promise_anything_are_refused():
     few = make(sessions=2, trials=2, windows=2)
     with pytest.raises(BadDataset, match="windows in sessions held out"):
         fit_unknown(few, "shape", scaling(few))
+
+
+def test_too_few_contacts_to_promise_anything_are_refused():
+    """Windows enough, but of few contacts."""
+    few = make(sessions=2, trials=8, windows=8)
+    with pytest.raises(BadDataset, match="19 contacts in sessions held out") as caught:
+        fit_unknown(few, "shape", scaling(few))
+    assert "\n" not in str(caught.value)
+
+
+def test_a_joined_target_needs_more_for_its_p_is_multiplied():
+    some = make(sessions=4, trials=8, windows=4)
+    fit_unknown(some, "shape", scaling(some))
+    with pytest.raises(BadDataset, match="39 contacts"):
+        fit_unknown(some, "shape+weight", scaling(some))
+
+
+@pytest.mark.parametrize("target", ["shape", "shape+weight"])
+@pytest.mark.parametrize("trials", [8, 12, 16])
+def test_a_test_that_is_stored_can_fire(target: str, trials: int):
+    """Windows and contacts of any number that are strange beyond measure are rejected."""
+    dataset = make(sessions=5, trials=trials, windows=2)
+    unknown = fit_unknown(dataset, target, scaling(dataset), rejected=0.05)
+    test, far = Strangeness(unknown), [1e9] * len(unknown.densities)
+    assert test.p_window(far) <= test.rejected
+    assert all(test.p_contact(far, count) <= test.rejected for count in range(1, 40))
+
+
+@pytest.mark.parametrize("labels", [1, 2, 3])
+def test_the_least_number_lets_p_reach_the_share_and_one_fewer_does_not(labels: int):
+    for rejected in (0.001, 0.01, 0.03, 0.05, 0.07, 0.1, 0.2, 0.35, 0.49):
+        needed = _least_scores(labels, rejected)
+        assert labels * (1 / (1 + needed)) <= rejected
+        assert labels / needed > rejected * (1 - 1e-12)
+
+
+def test_a_small_share_keeps_as_many_scores_as_it_needs():
+    dataset = make(sessions=6, trials=200, windows=1)
+    unknown = fit_unknown(dataset, "shape", scaling(dataset), rejected=0.0009)
+    assert Strangeness(unknown).p_window([1e9]) <= 0.0009

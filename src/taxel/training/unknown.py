@@ -33,7 +33,7 @@ TELLING = 0.1
 """A direction is used where the classes' means vary at least this much, as a share of the
 variance within a class: below it, it tells nothing apart and only adds noise. Source: 0027."""
 _KEPT = 999
-"""Calibration scores kept at the most: p-values in steps of a thousandth."""
+"""Calibration scores kept at the most, unless the test needs more: p in steps of a thousandth."""
 _RIDGE = 0.05
 """Share of an even scatter in the covariance, so that it can be inverted. Source: our choice."""
 _STILL = 1e-6
@@ -63,7 +63,7 @@ def fit_unknown(
         trials: Which trials may be used, shape (trials,); all unless given.
 
     Raises:
-        BadDataset: There are too few groups or windows to calibrate on.
+        BadDataset: There are too few groups, windows or contacts to calibrate on.
     """
     used = np.ones(len(dataset.trials), bool) if trials is None else trials
     mine = np.flatnonzero(used[dataset.trial])
@@ -81,12 +81,13 @@ def fit_unknown(
         test = Strangeness(_fit(values[rest], mask[rest], _of(labels, rest), rejected))
         out = np.flatnonzero(~rest)
         held.append((out, np.array([test.of_window(values[i][mask[i]]) for i in out])))
-    _check(held, rejected)
-    index = np.concatenate([one for one, _ in held])
+    needed = _least_scores(len(labels), rejected)
+    index = np.concatenate([np.zeros(0, np.intp), *(one for one, _ in held)])
+    _check({"windows": len(index), "contacts": len(set(owner[index]))}, needed, rejected)
     order = np.argsort(index)  # windows of a trial come in their order
     scores = np.concatenate([one for _, one in held])[order]
     whole = _fit(values, mask, labels, rejected)
-    return _calibrated(whole, scores, owner[index[order]])
+    return _calibrated(whole, scores, owner[index[order]], needed)
 
 
 def _of(
@@ -95,15 +96,22 @@ def _of(
     return {name: own[rows] for name, own in labels.items()}
 
 
-def _check(held: list[tuple[NDArray[np.intp], NDArray[np.float64]]], rejected: float) -> None:
-    needed = int(np.ceil(1.0 / rejected)) - 1
-    count = sum(len(one) for one, _ in held)
-    if count < needed:
-        raise BadDataset(
-            f"at least {needed} windows in sessions held out, to call {rejected:g} of them unknown",
-            f"{count}",
-            "record each class in more sessions, or leave --unknown out",
-        )
+def _least_scores(labels: int, rejected: float) -> int:
+    """Return how many known scores let the least p of so many labels reach `rejected`."""
+    needed = max(1, int(np.ceil(labels / rejected)) - 1)
+    # The same sum as the test's own, for rounding must not keep it from firing.
+    return needed + (labels * (1 / (1 + needed)) > rejected)
+
+
+def _check(counts: dict[str, int], needed: int, rejected: float) -> None:
+    for name, count in counts.items():
+        if count < needed:
+            raise BadDataset(
+                f"at least {needed} {name} in sessions held out, to call {rejected:g} of them "
+                "unknown",
+                f"{count}",
+                "record each class in more sessions, or leave --unknown out",
+            )
 
 
 def _parts(dataset: Dataset, target: str, used: NDArray[np.bool_]) -> NDArray[np.intp]:
@@ -183,24 +191,27 @@ def _density(label: str, summed: NDArray[np.float64], classes: NDArray[np.str_])
     )
 
 
-def _calibrated(whole: Unknown, scores: NDArray[np.float64], owner: NDArray[np.intp]) -> Unknown:
-    """Return the test with the strangeness of known windows and contacts."""
+def _calibrated(
+    whole: Unknown, scores: NDArray[np.float64], owner: NDArray[np.intp], needed: int
+) -> Unknown:
+    """Return the test with the strangeness of known windows and contacts, `needed` or more."""
     starts = [scores[owner == one] for one in np.unique(owner)]
     densities = []
     for number, density in enumerate(whole.densities):
         contacts = {}
         for count in COUNTS:
             means = [own[:count, number].mean() for own in starts if len(own) >= count]
-            if count == 1 or len(means) >= 1.0 / whole.rejected:
-                contacts[count] = _thinned(np.array(means))
-        densities.append(replace(density, windows=_thinned(scores[:, number]), contacts=contacts))
+            if len(means) >= needed:
+                contacts[count] = _thinned(np.array(means), needed)
+        known = _thinned(scores[:, number], needed)
+        densities.append(replace(density, windows=known, contacts=contacts))
     return replace(whole, densities=tuple(densities))
 
 
-def _thinned(scores: NDArray[np.float64]) -> NDArray[np.float64]:
+def _thinned(scores: NDArray[np.float64], needed: int) -> NDArray[np.float64]:
     """Return the scores sorted; of many, evenly spaced ones, each the larger of two."""
-    scores = np.sort(scores)
-    if len(scores) <= _KEPT:
+    scores, kept = np.sort(scores), max(_KEPT, needed)
+    if len(scores) <= kept:
         return scores
-    place = np.ceil(np.arange(1, _KEPT + 1) / (_KEPT + 1) * (len(scores) + 1)).astype(int) - 1
+    place = np.ceil(np.arange(1, kept + 1) / (kept + 1) * (len(scores) + 1)).astype(int) - 1
     return np.asarray(scores[place])
