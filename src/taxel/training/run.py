@@ -138,6 +138,10 @@ def load_run(folder: Path, *, weights: bool = True) -> Run:
         about: dict[str, Any] = json.loads((folder / "run.json").read_text())
         contract = contract_from_json(json.dumps(about["contract"]))
         members = int(about["members"])
+        train = _train_config(about["train"])
+        history = tuple(Epoch(**epoch) for epoch in about["history"])
+        data, trivial = str(about["data"]), dict(about.get("trivial", {}))
+        made = Made(**about.get("made", {}))
     except (OSError, ValueError, KeyError, TypeError) as error:  # BadBundle is a ValueError
         raise BadInput(
             f"a run in {folder}", f"none that can be read ({error})", "train one with: taxel train"
@@ -149,16 +153,15 @@ def load_run(folder: Path, *, weights: bool = True) -> Run:
             "train one with: taxel train",
         )
     networks = _load_networks(folder, contract, members) if weights else ()
-    train = about["train"]
     return Run(
         networks=networks,
         contract=contract,
-        train=_train_config(train),
-        history=tuple(Epoch(**epoch) for epoch in about["history"]),
-        data=about["data"],
+        train=train,
+        history=history,
+        data=data,
         predictions=load_predictions(folder),
-        trivial=about.get("trivial", {}),
-        made=Made(**about.get("made", {})),
+        trivial=trivial,
+        made=made,
         exemplars=load_exemplars(folder) if weights else None,
     )
 

@@ -1,0 +1,62 @@
+"""A run's folder that cannot be read is one plain line."""
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from taxel.bundles.contract import Contract
+from taxel.errors import BadInput
+from taxel.training.loop import Epoch, TrainConfig
+from taxel.training.run import Run, load_run, save_run
+from taxel.windows.config import WindowConfig
+from taxel.windows.scaling import fit_scaling
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    values = np.ones((4, 6, 4), np.float32)
+    contract = Contract(
+        target="shape", classes=("a", "b"), window=WindowConfig(steps=6, stride=6),
+        scaling=fit_scaling("standard", values, np.ones((4, 6), bool), None),
+        channels=tuple("abcd"), units=("V",) * 4, rate_hz=100.0, model="cnn2d", parameters=1,
+        data_digest="0" * 64, accuracy={}, software="taxel test", parity=None,
+    )  # fmt: skip
+    epoch = Epoch(**dict.fromkeys(Epoch.__dataclass_fields__, 1))
+    run = Run(networks=(), contract=contract, train=TrainConfig(), history=(epoch,), data="data")
+    save_run(tmp_path / "run", run)
+    return tmp_path / "run"
+
+
+def test_a_run_without_weights_comes_back_for_those_who_read_results(folder: Path) -> None:
+    assert load_run(folder, weights=False).data == "data"
+
+
+@pytest.mark.parametrize(
+    "damage",
+    [
+        lambda about: about.pop("train"),
+        lambda about: about["train"].pop("augment"),
+        lambda about: about["train"].update(unheard_of=1),
+        lambda about: about.pop("history"),
+        lambda about: about["history"][0].update(unheard_of=1),
+        lambda about: about["history"][0].clear(),
+        lambda about: about["made"].update(unheard_of=1),
+        lambda about: about.update(made="text"),
+        lambda about: about.update(trivial=3),
+        lambda about: about.pop("data"),
+    ],
+)
+def test_unknown_and_missing_fields_are_one_plain_line(
+    folder: Path, damage: Callable[[dict[str, Any]], object]
+) -> None:
+    about = json.loads((folder / "run.json").read_text())
+    damage(about)
+    (folder / "run.json").write_text(json.dumps(about))
+
+    with pytest.raises(BadInput, match="a run in") as found:
+        load_run(folder, weights=False)
+    assert "\n" not in str(found.value)
