@@ -104,10 +104,12 @@ def thin_out(exemplars: Exemplars, most: int = GRASPS, seed: int = 0) -> Exempla
     """
     rng = np.random.default_rng(seed)
     place = np.char.add(np.char.add(exemplars.y.astype(str), "/"), exemplars.session)
-    kept: list[str] = []
+    kept = np.zeros(len(exemplars), bool)
     for one in np.unique(place):
-        kept += list(rng.permutation(np.unique(exemplars.grasp[place == one]))[:most])
-    return exemplars[np.isin(exemplars.grasp, kept)]
+        there = place == one
+        names = rng.permutation(np.unique(exemplars.grasp[there]))[:most]
+        kept |= there & np.isin(exemplars.grasp, names)
+    return exemplars[kept]
 
 
 def save_exemplars(folder: Path, exemplars: Exemplars) -> None:

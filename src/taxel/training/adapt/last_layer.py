@@ -90,7 +90,8 @@ def adapt_last_layer(
         y_new: Each window's class by name, n of them; names that the run does not know become
             new classes, behind the old ones, sorted.
         grasp: Each window's grasp, by a name of its own.
-        session: Each window's session; one that the exemplars hold too tells its own shift.
+        session: Each window's session, by a name of its own; one that the exemplars hold too, or
+            that has windows of old classes here, tells its own shift.
         features: What the last layer sees.
 
     Raises:

@@ -19,6 +19,9 @@ from taxel.training.adapt.exemplars import label_of
 from taxel.windows.dataset import load_dataset
 from taxel.windows.windower import Windows
 
+_DIGEST_LETTERS = 12
+"""So many of a digest tell data apart by: one chance in 10^14."""
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Grasps:
@@ -29,9 +32,9 @@ class Grasps:
     label: tuple[str, ...]
     """Each window's class by name."""
     grasp: tuple[str, ...]
-    """Each window's grasp, a name of its own."""
+    """Each window's grasp, a name of its own across all data."""
     session: tuple[str, ...]
-    """Each window's session, or recording."""
+    """Each window's session, or recording; the training's only where the data are the same."""
     start_s: tuple[float, ...]
     """Each window's grasp's start on its recording's clock, seconds."""
     digest: str
@@ -66,6 +69,9 @@ class Grasps:
 
 def read_grasps(paths: Sequence[Path], contract: Contract, touches: Path | None = None) -> Grasps:
     """Cut labelled recordings into windows of a run, at its level.
+
+    Files of one name and sessions of one name in different `paths` are different ones; so are
+    those of the training, unless the data are its very own.
 
     Args:
         paths: Recordings, or folders of them. Where the run has reference touches and
@@ -111,11 +117,13 @@ def _read(path: Path, contract: Contract, touches: Path | None) -> Grasps:
         windows = replace(windows, values=(windows.values * factor).astype(np.float32))
     key = "session" if all("session" in trial.groups for trial in dataset.trials) else "recording"
     trials = [dataset.trials[i] for i in dataset.trial]
+    own_data = dataset.digest == contract.data_digest
+    origin = "" if own_data else f"{dataset.digest[:_DIGEST_LETTERS]}/"
     return Grasps(
         windows=windows,
         label=tuple(labels[i] or "" for i in dataset.trial),
-        grasp=tuple(trial.groups["trial"] for trial in trials),
-        session=tuple(trial.groups[key] for trial in trials),
+        grasp=tuple(origin + trial.groups["trial"] for trial in trials),
+        session=tuple(origin + trial.groups[key] for trial in trials),
         start_s=tuple(trial.start_s for trial in trials),
         digest=dataset.digest,
     )

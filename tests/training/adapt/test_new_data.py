@@ -1,0 +1,89 @@
+"""New grasps and sessions are taken for themselves, whatever others are called."""
+
+from pathlib import Path
+
+import numpy as np
+
+from taxel.bundles.contract import Contract
+from taxel.recordings.manifest import Manifest
+from taxel.recordings.writer import Recorder
+from taxel.signals import Mark, Samples, SensorInfo
+from taxel.training.adapt.exemplars import Exemplars, thin_out
+from taxel.training.adapt.new_data import read_grasps
+from taxel.windows.config import WindowConfig
+from taxel.windows.dataset import load_dataset
+from taxel.windows.scaling import fit_scaling
+
+SENSOR = SensorInfo(name="t", channels=tuple("abcd"), units=("V",) * 4, rate_hz=100.0)
+ROWS = 24
+
+
+def record(path: Path, seed: int, session: str = "session-1") -> Path:
+    """Three grasps of a ball, four windows each."""
+    path.parent.mkdir(exist_ok=True)
+    values = np.random.default_rng(seed).random((3 * ROWS, 4)).astype(np.float32)
+    with Recorder(path, Manifest.started_now(SENSOR, now_s=0.0)) as recorder:
+        recorder.write(Samples.from_values(values, np.arange(len(values)) / 100.0))
+        for index in range(3):
+            start = index * ROWS / 100.0
+            recorder.mark(
+                Mark(start_s=start, end_s=start + (ROWS - 1) / 100.0, labels={"shape": "ball"},
+                     groups={"session": session})
+            )  # fmt: skip
+    return path
+
+
+def contract(data_digest: str = "0" * 64) -> Contract:
+    values = np.ones((4, 6, 4), np.float32)
+    return Contract(
+        target="shape", classes=("a", "b"), window=WindowConfig(steps=6, stride=6),
+        scaling=fit_scaling("standard", values, np.ones((4, 6), bool), None),
+        channels=SENSOR.channels, units=SENSOR.units, rate_hz=100.0, model="cnn2d", parameters=1,
+        data_digest=data_digest, accuracy={}, software="taxel test", parity=None,
+    )  # fmt: skip
+
+
+def test_recordings_of_one_name_keep_their_grasps_and_sessions_apart(tmp_path: Path) -> None:
+    paths = [record(tmp_path / day / "rec.mcap", seed) for seed, day in enumerate(("1", "2"))]
+
+    found = read_grasps(paths, contract())
+
+    assert found.count("ball") == 6
+    assert len(set(found.session)) == 2
+    first = found.first(4)
+    assert first.count("ball") == 4
+    assert len(first) == 4 * 4
+
+
+def test_a_session_is_the_trainings_only_where_the_data_are(tmp_path: Path) -> None:
+    path = record(tmp_path / "rec.mcap", 0)
+    digest = load_dataset(path, contract().window).digest
+
+    other, same = read_grasps([path], contract()), read_grasps([path], contract(digest))
+
+    assert "session-1" not in other.session
+    assert set(same.session) == {"session-1"}
+    assert same.grasp[0] == "rec#0"
+
+
+def test_a_folders_recordings_of_one_session_are_one_session(tmp_path: Path) -> None:
+    record(tmp_path / "1.mcap", 0)
+    record(tmp_path / "2.mcap", 1)
+
+    found = read_grasps([tmp_path], contract())
+
+    assert len(set(found.session)) == 1
+    assert found.count("ball") == 6
+
+
+def test_grasps_of_one_name_in_two_sessions_are_thinned_out_apart() -> None:
+    n = 40
+    both = Exemplars(
+        values=np.zeros((n, 6, 4), np.float32), mask=np.ones((n, 6), bool),
+        y=np.zeros(n, np.intp), session=np.repeat(["day1", "day2"], n // 2),
+        grasp=np.tile([f"rec#{i}" for i in range(20)], 2),
+    )  # fmt: skip
+
+    few = thin_out(both, most=3)
+
+    assert [int((few.session == name).sum()) for name in ("day1", "day2")] == [3, 3]
