@@ -28,7 +28,12 @@ from taxel.signals import Mark, Samples, SensorInfo
 from taxel.training.recipes import Recipe
 from taxel.training.run import contract_of
 from taxel.windows.dataset import load_dataset, recut
-from taxel.windows.reference import ReferenceTouches, parse_reference, touch_level
+from taxel.windows.reference import (
+    ReferenceTouches,
+    parse_reference,
+    to_usual,
+    touch_level,
+)
 from taxel.windows.windower import Windows, cut_windows
 
 ANSWER_ALL = RecogniseConfig(least_confidence=0.0)
@@ -233,7 +238,7 @@ def _level(
     joined = np.concatenate(values)
     if not len(joined):
         return None, unused
-    return contract.reference.level / touch_level(joined, np.concatenate(mask)), unused
+    return to_usual(touch_level(joined, np.concatenate(mask)), contract.reference.level), unused
 
 
 def _first_touches(cuts: Sequence[_Cut], touches: ReferenceTouches) -> list[tuple[int, int]]:
