@@ -6,17 +6,22 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from taxel.bundles.avr import write as avr
 from taxel.bundles.contract import Contract
 from taxel.bundles.files import bundle_at_level
 from taxel.bundles.levels import measure_level
 from taxel.bundles.reader import read_bundle
+from taxel.bundles.recordings import load_at_level
 from taxel.bundles.writer import write_bundle
+from taxel.cli.main import main
+from taxel.decisions.unknown import Density, Unknown
 from taxel.errors import BadBundle, BadDataset
 from taxel.models.cnn2d import Cnn2d
 from taxel.recordings.manifest import Manifest
 from taxel.recordings.writer import Recorder
 from taxel.signals import Mark, Samples, SensorInfo
-from taxel.training.loop import new_network
+from taxel.training.loop import TrainConfig, new_network
+from taxel.training.run import Run, save_run
 from taxel.windows.config import WindowConfig
 from taxel.windows.reference import Reference
 from taxel.windows.scaling import fit_scaling
@@ -70,7 +75,9 @@ def record(path: Path, objects: list[str | None], level: np.ndarray) -> Path:
                 start = index * rows / 100.0
                 groups = {"object": name}
                 end = start + (rows - 1) / 100.0
-                recorder.mark(Mark(start_s=start, end_s=end, labels={}, groups=groups))
+                recorder.mark(
+                    Mark(start_s=start, end_s=end, labels={"shape": "ab"[index % 2]}, groups=groups)
+                )
     return path
 
 
@@ -146,3 +153,99 @@ def test_another_sensor_is_refused(tmp_path: Path) -> None:
 
     with pytest.raises(BadBundle, match="5 channels"):
         measure_level(path, other)
+
+
+CHANGE = np.array([0.5, 2.0, 1.3, 1.0], np.float32)
+GRASPS: list[str | None] = ["ball", "ball", "can", "can"]
+"""Two touches that tell the level, and two grasps."""
+
+
+def volts(values: np.ndarray) -> np.ndarray:
+    """Return the windows' own level, shape (channels,)."""
+    return np.sqrt(np.square(values, dtype=float).mean(axis=(0, 1)))
+
+
+@pytest.mark.parametrize("target", [None, "shape"])
+def test_recordings_of_another_level_are_brought_to_the_bundles(
+    tmp_path: Path, target: str | None
+) -> None:
+    path = record(tmp_path / "a.mcap", GRASPS, OLD * CHANGE)
+
+    dataset = load_at_level(path, contract(), target=target)
+
+    assert len(dataset) == 8
+    np.testing.assert_allclose(volts(dataset.windows.values), OLD, rtol=1e-5)
+    np.testing.assert_allclose(dataset.to_level, np.tile(1 / CHANGE, (2, 1)), rtol=1e-5)
+    assert dataset.reference is not None
+    np.testing.assert_array_equal(dataset.reference.level, OLD)
+
+
+def test_recordings_of_a_bundle_without_touches_stay_as_measured(tmp_path: Path) -> None:
+    path = record(tmp_path / "a.mcap", GRASPS, OLD * CHANGE)
+
+    values = load_at_level(path, contract(reference=False)).windows.values
+
+    np.testing.assert_allclose(volts(values), OLD * CHANGE, rtol=1e-5)
+
+
+def test_the_boards_scales_and_its_report_are_measured_at_the_bundles_level(
+    bundle: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path = record(tmp_path / "a.mcap", GRASPS, OLD * CHANGE)
+    seen = []
+    monkeypatch.setattr(avr, "without_board", lambda: "not asked")
+    for name in ("quantise", "compare"):
+        real = getattr(avr, name)
+        monkeypatch.setattr(
+            avr, name, lambda *given, real=real: seen.append(given[3]) or real(*given)
+        )
+
+    avr.write_avr(bundle, tmp_path / "c", path, reference_mv=3300)
+
+    assert len(seen) == 2
+    for values in seen:
+        np.testing.assert_allclose(volts(values), OLD, rtol=1e-5)
+
+
+def test_parity_is_measured_at_the_runs_level(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path = record(tmp_path / "a.mcap", GRASPS, OLD * CHANGE)
+    networks = (new_network(lambda: Cnn2d(6, 4, 3), 0),)
+    run = Run(networks=networks, contract=contract(), train=TrainConfig(), history=(),
+              data=str(path))  # fmt: skip
+    save_run(tmp_path / "run", run)
+    seen = []
+    monkeypatch.setattr(
+        "taxel.bundles.writer.write_bundle",
+        lambda *given: seen.append(given[3]) or write_bundle(*given),
+    )
+
+    main(["bundle", str(tmp_path / "run"), "--output", str(tmp_path / "x.taxel")])
+
+    np.testing.assert_allclose(volts(seen[0]), OLD, rtol=1e-5)
+
+
+@pytest.mark.parametrize("tested", [False, True])
+def test_c_and_report_say_that_the_board_does_not_test_for_the_unknown(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, tested: bool
+) -> None:
+    density = Density(
+        label="shape", projection=np.ones((12, 1)), centres=np.zeros((3, 1)),
+        log_share=np.log(np.full(3, 1 / 3)), windows=np.arange(50.0), contacts={1: np.arange(50.0)},
+    )  # fmt: skip
+    unknown = Unknown(rejected=0.05, lag=1, level=np.zeros(4), wander=np.ones(4),
+                      least=np.ones((2, 4)), densities=(density,))  # fmt: skip
+    own = replace(contract(reference=False), unknown=unknown if tested else None)
+    path = tmp_path / "a.taxel"
+    write_bundle(path, (new_network(lambda: Cnn2d(6, 4, 3), 0),), own, VALUES, MASK)
+    monkeypatch.setattr(avr, "without_board", lambda: "not asked")
+
+    report = avr.write_avr(
+        path, tmp_path / "c", record(tmp_path / "a.mcap", GRASPS, OLD), reference_mv=3300
+    )
+
+    said = "unlike anything learned"
+    assert (said in "\n".join(report.lines())) == tested
+    assert (said in (tmp_path / "c" / "avr_report.json").read_text()) == tested
+    assert (said in (tmp_path / "c" / "taxel_model.h").read_text()) == tested

@@ -41,10 +41,10 @@ class Bundle:
 
     def run(self) -> None:
         """Export and print the parity found."""
+        from taxel.bundles.recordings import load_at_level
         from taxel.bundles.writer import write_bundle
         from taxel.sim.teng_constants import SENSORS
         from taxel.training.run import load_run
-        from taxel.windows.dataset import load_dataset
 
         if self.target == "live" and (self.test or self.reference_mv):
             raise BadInput("--test and --reference-mv with --target avr", "them without", "say it")
@@ -54,7 +54,7 @@ class Bundle:
             raise BadInput(
                 "recordings to measure parity on", f"no {data}", "name some with --data FOLDER"
             )
-        windows = load_dataset(data, trained.contract.window).windows[:2000]
+        windows = load_at_level(data, trained.contract).windows[:2000]
         path = self.output if self.target == "live" else self.output / BOARD_BUNDLE
         contract = write_bundle(
             path, trained.networks, trained.contract, windows.values, windows.mask

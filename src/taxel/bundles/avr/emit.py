@@ -92,6 +92,16 @@ def board_window(contract: Contract, converter: Converter, full_scale: float | N
     )
 
 
+def left_out(contract: Contract) -> str:
+    """Return what a bundle does and a board does not; empty where there is no such thing."""
+    if contract.unknown is None:
+        return ""
+    return (
+        "the bundle's test for touch that is unlike anything learned; on the board only a low "
+        "confidence gives UNKNOWN"
+    )
+
+
 def write_c(
     folder: Path,
     network: IntegerNetwork,
@@ -165,8 +175,10 @@ def _model(
     lines = [f"#define {name} {value}" for name, value in sizes.items()]
     classes = ", ".join(_quoted(name) for name in contract.classes)
     channels = ", ".join(_quoted(name) for name in contract.channels)
+    lacking = f"/* Left out: {left_out(contract)}. */\n" if left_out(contract) else ""
     return (
         f"{_head(contract)}"
+        f"{lacking}"
         "#ifndef TAXEL_MODEL_H\n#define TAXEL_MODEL_H\n\n" + "\n".join(lines) + "\n\n"
         f"/* What it tells, and its classes in the order of their numbers. */\n"
         f"#define TAXEL_TARGET {_quoted(contract.target)}\n"

@@ -16,7 +16,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from taxel.bundles.avr.emit import board_window, write_c
+from taxel.bundles.avr.emit import board_window, left_out, write_c
 from taxel.bundles.avr.integers import (
     CERTAIN,
     IntegerNetwork,
@@ -28,9 +28,10 @@ from taxel.bundles.avr.measure import equal_windows, run_on_board, without_board
 from taxel.bundles.avr.network import ImageNetwork, read_network
 from taxel.bundles.avr.quantise import Converter, quantise
 from taxel.bundles.reader import Bundle, read_bundle
+from taxel.bundles.recordings import load_at_level
 from taxel.errors import BadBundle, BadInput
 from taxel.signals import SensorInfo
-from taxel.windows.dataset import Dataset, load_dataset
+from taxel.windows.dataset import Dataset
 
 _EMULATED = 8
 """Windows that the report runs on the emulated board."""
@@ -72,6 +73,8 @@ class AvrReport:
     """Whether the emulated board gave the reference's numbers."""
     unmeasured: str
     """Why the last five are None; empty where they are not."""
+    left_out: str
+    """What the bundle does and the board does not; empty where there is no such thing."""
 
     @property
     def points_lost(self) -> float:
@@ -89,6 +92,8 @@ class AvrReport:
             f"{self.float_accuracy:.4f}, on the board {self.integer_accuracy:.4f} "
             f"({self.points_lost:+.2f} points lost); {self.same_answer:.2%} told alike",
         ]
+        if self.left_out:
+            found.append(f"left out: {self.left_out}")
         if self.milliseconds is None:
             return [*found, f"flash, RAM and clocks unknown ({self.unmeasured})"]
         return [
@@ -130,14 +135,14 @@ def write_avr(
     contract = opened.contract
     rows, columns = contract.window.steps, len(contract.channels)
     network = read_network(model_of(bundle), rows, columns)
-    known = load_dataset(calibration, contract.window)
+    known = load_at_level(calibration, contract)
     contract.check_sensor(known.sensor)
     converter = Converter(reference_mv=reference_mv or reference_of(known.sensor))
     window = board_window(contract, converter, known.sensor.full_scale)
     integers = quantise(network, contract.scaling, converter, known.windows.values)
     check = converter.counts(known.windows.values[_clearest(opened, known)])
     files = write_c(output, integers, window, converter, contract, check)
-    tested = load_dataset(test or calibration, contract.window, target=contract.target)
+    tested = load_at_level(test or calibration, contract, target=contract.target)
     report = _report(opened, network, integers, converter, tested, files)
     told = asdict(report) | {"points_lost": report.points_lost}
     temporary = output / f"{REPORT}.part"
@@ -220,6 +225,7 @@ def _report(
         milliseconds=board.milliseconds if board else None,
         bit_exact=bool(equal_windows(board.answers, wanted).all()) if board else None,
         unmeasured=missing,
+        left_out=left_out(contract),
     )
 
 
