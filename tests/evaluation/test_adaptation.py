@@ -8,6 +8,7 @@ import pytest
 
 from taxel.bench.audit_adapt import adapt_time_rows, corrections_of, new_classes_of, pads_of
 from taxel.errors import BadDataset
+from taxel.evaluation import adaptation_pads
 from taxel.evaluation.adaptation import (
     METHODS,
     AdaptConfig,
@@ -15,7 +16,7 @@ from taxel.evaluation.adaptation import (
     first_grasps,
     measure_new_class,
 )
-from taxel.evaluation.adaptation_pads import ALL, ONE, change_pads, draw_gains
+from taxel.evaluation.adaptation_pads import ALL, ONE, change_pads, draw_gains, measure_pads
 from taxel.recordings.reader import list_recordings, read_recording
 from taxel.sources.data_sets import simulate_presets
 from taxel.training.adapt.exemplars import all_exemplars
@@ -86,6 +87,21 @@ def test_one_pad_or_all_change_within_the_limits() -> None:
         one, every = draw_gains(rng, ONE, 12), draw_gains(rng, ALL, 12)
         assert len(np.unique(np.round(one, 9))) == 2  # one pad, and the humidity of all others
         assert 0.5 * 0.78 < every.min() < every.max() < 2.0 * 1.28
+
+
+def test_grasps_that_a_changed_pad_loses_behind_the_gate_count_as_wrong(
+    data: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """All channels so weak that only the strongest grasps give windows."""
+    monkeypatch.setattr(adaptation_pads, "draw_gains", lambda *_: np.full(12, 0.7))
+
+    points = measure_pads([data], config())
+
+    for one in points:
+        assert one.found < one.found_unchanged - 0.2
+        assert max(one.before, one.after) <= one.found
+        assert one.unchanged <= one.found_unchanged
+    assert len({(one.grasps, one.unchanged) for one in points if one.case == ONE}) == 1
 
 
 def test_fewer_than_two_sessions_or_three_classes_are_refused(data: Path, tmp_path: Path) -> None:

@@ -214,7 +214,11 @@ def _pad_rows(target: str, points: list[PadPoint]) -> list[Row]:
             own = [one for one in points if (one.case, one.touches) == (case, touches)]
             note = (
                 f"{_mean(own, lambda one: one.before):.3f} before these touches, "
-                f"{_mean(own, lambda one: one.unchanged):.3f} on the pads as they were"
+                f"{_mean(own, lambda one: one.unchanged):.3f} on the pads as they were; "
+                f"{sum(one.grasps for one in own)} grasps, of which "
+                f"{_mean(own, lambda one: one.found):.1%} gave windows "
+                f"({_mean(own, lambda one: one.found_unchanged):.1%} as they were); "
+                "one without counts as wrong"
             )
             name = f"sim honest, {case}, {touches} touches: {target}, {_SPLIT}"
             rows.append(_plain(name, _mean(own, lambda one: one.after), note))

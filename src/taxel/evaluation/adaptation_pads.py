@@ -1,7 +1,10 @@
 """What a few touches give on a changed sensor pad, on sessions held out.
 
 A pad is changed in the recorded volts: each channel by a gain, all by another humidity, then
-clipped as the converter clips; what was clipped already stays so. Knows nothing about screens.
+clipped as the converter clips; what was clipped already stays so. A weaker pad may lose grasps
+behind the gate: what gives no window is not told, and counts as wrong. All of a session's grasps
+are judged alike, before and after, except the touches that may set its level. Knows nothing about
+screens.
 """
 
 from __future__ import annotations
@@ -17,13 +20,16 @@ from numpy.typing import NDArray
 
 from taxel.bundles.contract import at_level
 from taxel.bundles.levels import measure_level
-from taxel.evaluation.adaptation import AdaptConfig, run_of, told
+from taxel.evaluation.adaptation import AdaptConfig, run_of
+from taxel.evaluation.crossval import Fitted
+from taxel.evaluation.metrics import by_trial
+from taxel.evaluation.robustness.touches import recorded
 from taxel.processes import side_by_side
 from taxel.recordings.reader import list_recordings, read_manifest, read_recording
 from taxel.recordings.writer import Recorder
 from taxel.signals import flag_values
 from taxel.sim.teng_constants import HUMIDITY_DECAY
-from taxel.training.adapt.exemplars import Exemplars, all_exemplars
+from taxel.training.adapt.exemplars import Exemplars, all_exemplars, label_of
 from taxel.training.run import Run
 from taxel.windows.dataset import load_dataset
 from taxel.windows.reference import parse_reference
@@ -46,11 +52,18 @@ class PadPoint:
     case: str
     touches: int
     unchanged: float
-    """The same windows' accuracy before the change, session brought to level by three touches."""
+    """Share of the grasps told right before the change, session brought to level by three
+    touches."""
     before: float
-    """After the change, by the level that held before it."""
+    """The same grasps after the change, by the level that held before it."""
     after: float
-    """Brought to the level of these touches."""
+    """The same grasps brought to the level of these touches."""
+    found_unchanged: float
+    """Share of the grasps with any window above the gate, before the change."""
+    found: float
+    """The same after it; it does not depend on the level."""
+    grasps: int
+    """How many grasps were to be told."""
 
 
 def measure_pads(
@@ -86,16 +99,19 @@ def _one_session(path: Path, config: AdaptConfig, target: str, place: int) -> li
     points = []
     with tempfile.TemporaryDirectory(prefix="taxel-") as scratch:
         for case in (ONE, ALL):
-            changed = Path(scratch) / f"{case}.mcap"
+            changed = Path(scratch) / case / file.name  # grasps are named by their file
+            changed.parent.mkdir()
             change_pads(file, changed, draw_gains(rng, case, len(run.contract.channels)))
-            before = _accuracy(run, changed, classes, as_it_was)
-            unchanged = _accuracy(run, file, classes, as_it_was)
+            old, new = _windows(run, file, classes), _windows(run, changed, classes)
+            grasps = grasps_to_tell(run, file, [old, new])
+            unchanged, before = (_right(run, one, grasps, as_it_was) for one in (old, new))
+            shares = [float(np.isin(grasps, one.grasp).mean()) for one in (old, new)]
             for touches in TOUCHES:
                 level = measure_level(changed, run.contract, count=touches).level
                 points.append(
                     PadPoint(
                         target, session, case, touches, unchanged, before,
-                        _accuracy(run, changed, classes, level),
+                        _right(run, new, grasps, level), *shares, len(grasps),
                     )
                 )  # fmt: skip
     return points
@@ -124,14 +140,47 @@ def change_pads(source: Path, output: Path, gain: NDArray[np.float64]) -> None:
             recorder.mark(mark)
 
 
-def _accuracy(run: Run, file: Path, classes: Sequence[str], level: NDArray[np.float32]) -> float:
-    """Return the accuracy at a level on all grasps but the first touches of the known object."""
+def grasps_to_tell(run: Run, file: Path, cut: Sequence[Exemplars]) -> NDArray[np.str_]:
+    """Return the names of a recording's grasps of known classes, with windows or without.
+
+    Args:
+        run: What tells.
+        file: The recording.
+        cut: All windows of it as it was and as it is; the first touches of the known object that
+            give windows in any of them may set a level and are left out.
+    """
     contract = run.contract
     assert contract.reference is not None
     known = parse_reference(contract.reference.touches)
-    dataset = load_dataset(file, replace(contract.window, reference=None), target=contract.target)
-    first = [i for i, one in enumerate(dataset.trials) if known.matches(one)][: max(TOUCHES)]
-    windows: Exemplars = all_exemplars(dataset, classes, contract.target)
-    test = windows[~np.isin(dataset.trial, first)]
-    levelled = replace(run, contract=at_level(contract, level))
-    return float((told(levelled, test) == test.y).mean())
+    recording = read_recording(file)
+    trials = recorded(file, recording.manifest, recording.samples, recording.marks).trials
+    touches = [one.groups["trial"] for one in trials if known.matches(one)]
+    used: set[str] = set()
+    for windows in cut:
+        there = set(windows.grasp)
+        used |= set([name for name in touches if name in there][: max(TOUCHES)])
+    names = [(one.groups["trial"], label_of(dict(one.labels), contract.target)) for one in trials]
+    return np.array([name for name, label in names
+                     if label in contract.classes and name not in used], str)  # fmt: skip
+
+
+def _windows(run: Run, file: Path, classes: Sequence[str]) -> Exemplars:
+    """Return all windows of a recording as measured."""
+    contract = run.contract
+    return all_exemplars(
+        load_dataset(file, replace(contract.window, reference=None)), classes, contract.target
+    )
+
+
+def _right(
+    run: Run, windows: Exemplars, grasps: NDArray[np.str_], level: NDArray[np.float32]
+) -> float:
+    """Return the share of the grasps told right at a level, each by its windows joined."""
+    own = windows[np.isin(windows.grasp, grasps)]
+    if not len(own):
+        return 0.0
+    contract = at_level(run.contract, level)
+    found = Fitted(run.networks, contract.scaling, []).probabilities(own.values, own.mask)
+    _, number = np.unique(own.grasp, return_inverse=True)
+    _, y, joined = by_trial(number.astype(np.intp), own.y, found)
+    return float((joined.argmax(axis=1) == y).sum()) / len(grasps)
