@@ -249,3 +249,21 @@ def test_c_and_report_say_that_the_board_does_not_test_for_the_unknown(
     assert (said in "\n".join(report.lines())) == tested
     assert (said in (tmp_path / "c" / "avr_report.json").read_text()) == tested
     assert (said in (tmp_path / "c" / "taxel_model.h").read_text()) == tested
+
+
+@pytest.mark.parametrize("tare", [False, True])
+def test_a_channel_at_the_converters_limit_is_warned_of(tmp_path: Path, tare: bool) -> None:
+    """Channel b in a quarter of the rows, c in one row of the 24."""
+    sensor = replace(SENSOR, full_scale=5.0)
+    values = np.random.default_rng(0).uniform(1.0, 2.0, (24, 4)).astype(np.float32)
+    values[::4, 1] = values[3, 2] = 5.0
+    path = tmp_path / "t.mcap"
+    with Recorder(path, Manifest.started_now(sensor, now_s=0.0)) as recorder:
+        recorder.write(Samples.from_values(values, np.arange(24) / 100.0, 5.0))
+    own = contract()
+    own = replace(own, window=replace(own.window, tare=tare))
+
+    lines = [line for line in measure_level(path, own).warnings if "limit" in line]
+
+    assert len(lines) == 1
+    assert lines[0].startswith("b stood at the converter's limit in 25%")

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from taxel.bundles.contract import Contract
 from taxel.errors import BadBundle, BadDataset
-from taxel.windows.dataset import load_dataset
+from taxel.windows.dataset import Dataset, load_dataset
 from taxel.windows.reference import parse_reference, touch_level
 
 LARGE_CHANGE = 3.0
@@ -22,6 +22,10 @@ LARGE_CHANGE = 3.0
 docs/decisions/0028: gains of pads differ by 0.5 to 2."""
 NOTHING = 0.02
 """Below this share of its usual level a channel gives nothing but noise. Source: as above."""
+
+MOST_SATURATED = 0.1
+"""Share of a channel's rows at the converter's limit above which it is warned of: its level is
+then larger than what was measured. Source: our choice."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -90,7 +94,8 @@ def measure_level(path: Path, contract: Contract, *, count: int | None = None) -
         touches=len(own),
         windows=int(used.sum()),
         digest=dataset.digest,
-        warnings=_warnings(contract.channels, change, silent),
+        warnings=_warnings(contract.channels, change, silent)
+        + _saturated(path, dataset, np.array(own), contract.channels),
     )
 
 
@@ -108,3 +113,23 @@ def _warnings(
         if not 1.0 / LARGE_CHANGE < factor < LARGE_CHANGE
     ]
     return tuple(lines)
+
+
+def _saturated(
+    path: Path, dataset: Dataset, own: NDArray[np.intp], channels: tuple[str, ...]
+) -> tuple[str, ...]:
+    """Return a line for each channel that stood at the converter's limit in the touches."""
+    full = dataset.sensor.full_scale
+    used = np.isin(dataset.trial, own)
+    if full is None or not (dataset.windows.saturated[used] > 0).any():
+        return ()
+    if dataset.config.tare or dataset.config.wavelet:  # the limit cannot be read off such values
+        dataset = load_dataset(path, replace(dataset.config, tare=False, wavelet=None))
+    rows = dataset.windows.values[used][dataset.windows.mask[used]]
+    shares = (rows >= np.float32(full)).mean(axis=0)
+    return tuple(
+        f"{name} stood at the converter's limit in {share:.0%} of the rows: "
+        "its level is too low; touch more softly"
+        for name, share in zip(channels, shares, strict=True)
+        if share > MOST_SATURATED
+    )
