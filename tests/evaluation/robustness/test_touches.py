@@ -119,3 +119,24 @@ def test_touches_of_kinds_that_the_model_does_not_know_are_left_out(
 
 def test_the_digest_is_the_data_sets(model: Model, seen: Path):
     assert read_touches(seen)[1] == model.contract.data_digest
+
+
+def test_a_sessions_first_touches_are_those_of_its_first_recording(
+    model: Model, touches: list[Recorded]
+):
+    """Given in another order, and each recording with a clock of its own."""
+    one = touches[0]
+    half = [t for t in one.trials if t.groups["object"] == "cylinder-glass"][3].start_s
+    parts = [
+        replace(one, trials=tuple(replace(t, recording=name) for t in one.trials
+                                  if (t.start_s < half) == first))
+        for name, first in (("a.mcap", True), ("b.mcap", False))
+    ]  # fmt: skip
+
+    answers, turned = judge(model, parts), judge(model, parts[::-1])
+
+    assert len(answers.y) == len(turned.y)
+    assert answers.right.sum() == turned.right.sum()
+    np.testing.assert_allclose(
+        np.sort(answers.probabilities.max(axis=1)), np.sort(turned.probabilities.max(axis=1))
+    )

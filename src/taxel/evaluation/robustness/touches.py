@@ -242,14 +242,17 @@ def _level(
 
 
 def _first_touches(cuts: Sequence[_Cut], touches: ReferenceTouches) -> list[tuple[int, int]]:
-    """Return (recording, touch) of the first touches of the known object, by their time."""
+    """Return (recording, touch) of a session's first touches of the known object.
+
+    As `windows.reference` takes them: recording by recording, by name, for each has its own clock.
+    """
     found = [
-        (place, index)
+        (trial.recording, trial.start_s, place, index)
         for place, cut in enumerate(cuts)
-        for index, trial in sorted(enumerate(cut.trials), key=lambda one: one[1].start_s)
+        for index, trial in enumerate(cut.trials)
         if touches.matches(trial)
     ]
-    return found[: touches.count]
+    return [(place, index) for _, _, place, index in sorted(found)[: touches.count]]
 
 
 def _owners(windows: Windows, trials: Sequence[Trial]) -> NDArray[np.intp]:

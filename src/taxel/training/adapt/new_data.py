@@ -17,6 +17,7 @@ from taxel.bundles.levels import measure_level
 from taxel.errors import BadDataset
 from taxel.training.adapt.exemplars import label_of
 from taxel.windows.dataset import load_dataset
+from taxel.windows.reference import to_usual
 from taxel.windows.windower import Windows
 
 _DIGEST_LETTERS = 12
@@ -113,7 +114,7 @@ def _read(path: Path, contract: Contract, touches: Path | None) -> Grasps:
     if touches is not None:
         own = measure_level(touches, contract).level
     if own is not None and contract.reference is not None:
-        factor = contract.reference.level / own
+        factor = to_usual(own, contract.reference.level)
         windows = replace(windows, values=(windows.values * factor).astype(np.float32))
     key = "session" if all("session" in trial.groups for trial in dataset.trials) else "recording"
     trials = [dataset.trials[i] for i in dataset.trial]
