@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from taxel.bench import audit_adapt
 from taxel.bench.audit_adapt import adapt_time_rows, corrections_of, new_classes_of, pads_of
 from taxel.errors import BadDataset
 from taxel.evaluation import adaptation_pads
@@ -16,7 +17,14 @@ from taxel.evaluation.adaptation import (
     first_grasps,
     measure_new_class,
 )
-from taxel.evaluation.adaptation_pads import ALL, ONE, change_pads, draw_gains, measure_pads
+from taxel.evaluation.adaptation_pads import (
+    ALL,
+    ONE,
+    PadPoint,
+    change_pads,
+    draw_gains,
+    measure_pads,
+)
 from taxel.recordings.reader import list_recordings, read_recording
 from taxel.sources.data_sets import simulate_presets
 from taxel.training.adapt.exemplars import all_exemplars
@@ -102,6 +110,16 @@ def test_grasps_that_a_changed_pad_loses_behind_the_gate_count_as_wrong(
         assert max(one.before, one.after) <= one.found
         assert one.unchanged <= one.found_unchanged
     assert len({(one.grasps, one.unchanged) for one in points if one.case == ONE}) == 1
+
+
+def test_a_row_of_changed_pads_says_how_many_grasps_gave_windows() -> None:
+    points = [PadPoint("shape", name, ONE, 3, 0.9, 0.4, 0.7, 1.0, found, 20)
+              for name, found in (("a", 0.8), ("b", 0.7))]  # fmt: skip
+
+    (row,) = audit_adapt._pad_rows("shape", points)
+
+    assert row.value == pytest.approx(0.7)
+    assert "40 grasps, of which 75.0% gave windows (100.0% as they were)" in row.note
 
 
 def test_fewer_than_two_sessions_or_three_classes_are_refused(data: Path, tmp_path: Path) -> None:

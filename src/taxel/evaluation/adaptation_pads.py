@@ -105,13 +105,13 @@ def _one_session(path: Path, config: AdaptConfig, target: str, place: int) -> li
             old, new = _windows(run, file, classes), _windows(run, changed, classes)
             grasps = grasps_to_tell(run, file, [old, new])
             unchanged, before = (_right(run, one, grasps, as_it_was) for one in (old, new))
-            shares = [float(np.isin(grasps, one.grasp).mean()) for one in (old, new)]
+            found_old, found = (float(np.isin(grasps, one.grasp).mean()) for one in (old, new))
             for touches in TOUCHES:
                 level = measure_level(changed, run.contract, count=touches).level
                 points.append(
                     PadPoint(
                         target, session, case, touches, unchanged, before,
-                        _right(run, new, grasps, level), *shares, len(grasps),
+                        _right(run, new, grasps, level), found_old, found, len(grasps),
                     )
                 )  # fmt: skip
     return points
