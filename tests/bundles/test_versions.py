@@ -264,3 +264,11 @@ def test_a_folder_is_found_from_inside_it(tmp_path: Path, monkeypatch: pytest.Mo
     monkeypatch.chdir(path)
 
     assert read_history(Path()).current == 2
+
+
+def test_the_same_again_is_the_number_that_the_history_says(path: Path, folder: bool) -> None:
+    """Something else stands where the version in use would be kept; it is not kept now."""
+    adapt(path, "two", folder)
+    put(kept_path(path, 2), "my own", folder)
+
+    assert adapt(path, "two", folder) == read_history(path).current == 2

@@ -162,12 +162,12 @@ def replace_with(path: Path, new: Path, change: Change) -> Version:
         RecordingFailed: The disk refused.
     """
     path = named_path(path)
-    history = _with_room(path, read_history(path))
-    parent = history.version(history.current)
-    digest = digest_of(new)
-    if digest == parent.digest:
+    history, digest = read_history(path), digest_of(new)
+    if digest == history.version(history.current).digest:
         _clear(new)
-        return parent
+        return history.version(history.current)
+    history = _with_room(path, history)
+    parent = history.version(history.current)
     again = [one for one in history.versions if one.digest == digest]
     version = again[-1] if again else Version(
         number=_free_number(path, history.versions),
