@@ -2,6 +2,7 @@
 
 import csv
 import os
+import tracemalloc
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -37,12 +38,68 @@ def test_the_area_is_that_of_the_library() -> None:
     assert _auc(label[None], score)[0] == pytest.approx(roc_auc_score(label, score))
 
 
+def dealt(label: np.ndarray, groups: np.ndarray | None, draws: int) -> np.ndarray:
+    """Return labels dealt out anew, shape (draws, trials)."""
+    found = np.full((draws, len(label)), -1, np.intp)
+    for part, trials, drawn in deal_out(label, groups, draws, 0):
+        found[part, trials] = drawn
+    return found
+
+
+def dealt_at_once(label: np.ndarray, groups: np.ndarray | None, draws: int) -> np.ndarray:
+    """The same in plain words, with all draws in memory."""
+    rng = np.random.default_rng(0)
+    if groups is None:
+        return rng.permuted(np.tile(label, (draws, 1)), axis=1)
+    names, index = np.unique(groups, return_inverse=True)
+    members = [np.flatnonzero(index == number) for number in range(len(names))]
+    mixed = [own for own in members if len(set(label[own])) > 1]
+    if sum(map(len, mixed)) >= len(label) / 2:
+        drawn = np.tile(label, (draws, 1))
+        for own in mixed:
+            drawn[:, own] = rng.permuted(drawn[:, own], axis=1)
+        return drawn
+    of_group = np.array([np.bincount(label[own]).argmax() for own in members])
+    return rng.permuted(np.tile(of_group, (draws, 1)), axis=1)[:, index]
+
+
+@pytest.mark.parametrize("way", ["no groups", "mixed groups", "some mixed", "groups of one class"])
+def test_labels_dealt_out_in_blocks_are_those_dealt_out_at_once(way: str) -> None:
+    """730 draws: seven blocks of 100 and a rest."""
+    label = np.array([0, 1, 2] * 20, np.intp)
+    groups: np.ndarray | None = np.repeat(np.array(list("abcdef")), 10)
+    if way == "no groups":
+        groups = None
+    elif way == "some mixed":
+        label[:20] = 1
+    elif way == "groups of one class":
+        label = np.repeat(np.array([0, 1, 2, 0, 1, 2], np.intp), 10)
+
+    np.testing.assert_array_equal(dealt(label, groups, 730), dealt_at_once(label, groups, 730))
+
+
+def test_many_trials_take_little_memory() -> None:
+    """The draws of these tests, 1999, of 4,000 trials are 64 MB at once."""
+    y = np.arange(4000) % 2
+    folds = [(np.flatnonzero(y >= 0), np.flatnonzero(y >= 0))]
+    probability = np.random.default_rng(0).dirichlet((1.0, 1.0), 4000)
+    groups = np.repeat(np.arange(8).astype(str), 500)
+    tracemalloc.start()
+    for own in (None, groups):
+        told(probability, y, np.arange(4000), own, folds)
+    gap_p(probability[:, 0] - 0.5)
+    most = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+
+    assert most < 30e6
+
+
 def test_labels_are_dealt_out_within_groups_of_several_classes() -> None:
     """Each group keeps its own number of each class."""
     label = np.array([0, 1, 1, 0, 0, 1], np.intp)
     groups = np.array(["a", "a", "a", "b", "b", "b"])
 
-    drawn = deal_out(label, groups, 50, 0)
+    drawn = dealt(label, groups, 50)
 
     assert (drawn[:, :3].sum(axis=1) == 2).all()
     assert (drawn[:, 3:].sum(axis=1) == 1).all()
@@ -54,7 +111,7 @@ def test_whole_groups_of_one_class_swap_labels() -> None:
     groups = np.repeat(np.array(list("abcdef")), 3)
     label = np.repeat(np.array([0, 1, 0, 1, 0, 1], np.intp), 3)
 
-    drawn = deal_out(label, groups, 30, 0)
+    drawn = dealt(label, groups, 30)
 
     assert all(len(set(row[i : i + 3])) == 1 for row in drawn for i in range(0, 18, 3))
 
