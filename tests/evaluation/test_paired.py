@@ -176,7 +176,7 @@ def test_a_finer_group_than_the_session_is_warned_of():
     found = compare_runs(make_run([0.5] * 3), make_run([0.9] * 3), group="grasp")
 
     assert len(found.groups) == 12
-    assert "A grasp is no session" in found.verdict
+    assert "Grasps of one session are alike" in found.verdict
 
 
 def test_a_leaking_split_is_named_in_the_verdict():

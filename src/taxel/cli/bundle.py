@@ -79,6 +79,11 @@ class Bundle:
         )
         hand = contract.channels == SENSORS
         source = "sim://teng --seconds 20" if hand else "replay://RECORDING"
+        if contract.reference is not None:
+            console.print(
+                f"in a new session first: taxel adapt {self.output} --touches RECORDING "
+                f"({contract.reference.touches})", soft_wrap=True,
+            )  # fmt: skip
         console.print(f"next: taxel live {self.output} {source}")
 
     def _write_avr(self, bundle: Path, data: Path) -> None:

@@ -140,6 +140,11 @@ class GraspVote:
         """How often a known contact is at least as strange, 0…1; NaN where that is not tested."""
 
     @property
+    def classes(self) -> tuple[str, ...]:
+        """What may be answered, beside UNKNOWN."""
+        return self._classes
+
+    @property
     def windows(self) -> int:
         """How many windows have voted in this contact."""
         return self._count

@@ -202,7 +202,7 @@ def _alike(first: Run, second: Run) -> tuple[Predictions, Predictions]:
         raise BadInput(
             "two runs with the same test windows",
             f"{len(one)} and {len(two)} that do not all start together",
-            "train both with the same --steps, --stride, --gate and --grid",
+            "train both with the same recipe, --steps, --stride, --gate, --grid and --reference",
         )
     folds = [[p.folds[f] for f in p.fold] for p in (one, two)]
     if folds[0] != folds[1]:
@@ -248,26 +248,26 @@ def _verdict(found: Paired, first: str, second: str) -> str:
         low, high = (100 * bound for bound in found.interval)
         said.append(
             f"{better} is better by {abs(points):.1f} points over {groups} (second minus first, "
-            f"95 %: {low:+.1f} to {high:+.1f}), p = {_p(found.p_groups)}."
+            f"95 %: {low:+.1f} to {high:+.1f}), p {_p(found.p_groups)}."
         )
     elif found.smallest_p >= LEVEL:
         said.append(
             f"No difference can be claimed with {groups}: the smallest possible p is "
-            f"{_p(found.smallest_p)}. Record more of them."
+            f"{found.smallest_p:.2g}. Record more of them."
         )
     else:
         said.append(
-            f"No difference can be claimed: p = {_p(found.p_groups)} over {groups} (the smallest "
-            f"possible is {_p(found.smallest_p)})."
+            f"No difference can be claimed: p {_p(found.p_groups)} over {groups} (the smallest "
+            f"possible is {found.smallest_p:.2g})."
         )
     if found.p_groups >= LEVEL and found.p_windows < LEVEL:
         said.append(
-            f"The test over windows alone says p = {_p(found.p_windows)}, but windows of one "
+            f"The test over windows alone says p {_p(found.p_windows)}, but windows of one "
             f"{found.group} are alike: it promises too much."
         )
     if found.group != found.coarsest:
         said.append(
-            f"A {found.group} is no {found.coarsest}: those of one {found.coarsest} are alike too."
+            f"{found.group.capitalize()}s of one {found.coarsest} are alike too: it promises much."
         )
     if "leaks" in found.split:
         said.append("The split leaks: whatever is better here need not be on new recordings.")
@@ -275,4 +275,4 @@ def _verdict(found: Paired, first: str, second: str) -> str:
 
 
 def _p(value: float) -> str:
-    return "below 0.0001" if value < 1e-4 else f"{value:.2g}"
+    return "below 0.0001" if value < 1e-4 else f"= {value:.2g}"

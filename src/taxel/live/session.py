@@ -55,14 +55,20 @@ class Tally:
         del self._waiting[:-_KEPT_ANSWERS]
 
     def compare(self, mark: Mark) -> None:
-        """Count the windows inside a mark as right or wrong; its last vote is the grasp's."""
-        if self.target not in mark.labels:
+        """Count the windows inside a mark as right or wrong; its last vote is the grasp's.
+
+        The right answer to an object that was never learned is UNKNOWN.
+        """
+        parts = self.target.split("+")
+        if any(part not in mark.labels for part in parts):
             return
         inside = [w for w in self._waiting if w[0] >= mark.start_s and w[1] <= mark.end_s]
         self._waiting = [w for w in self._waiting if w[1] > mark.end_s]
         if not inside:
             return
-        truth = mark.labels[self.target]
+        truth = " ".join(mark.labels[part] for part in parts)
+        if truth not in self.vote.classes:
+            truth = UNKNOWN
         self.marked += len(inside)
         self.right += sum(label == truth for _, _, label, _ in inside)
         self.grasps += 1

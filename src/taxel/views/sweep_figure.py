@@ -7,6 +7,7 @@ curves were measured.
 from __future__ import annotations
 
 import io
+import textwrap
 from collections.abc import Sequence
 from itertools import groupby
 
@@ -23,6 +24,8 @@ from taxel.evaluation.robustness.curve import FALL, Point
 
 _ACROSS = 4
 _DPI = 120
+_TITLE_LETTERS = 42
+"""Of a title, that a panel is wide."""
 _LEGEND_ACROSS = {1: 1, 2: 2, 3: 3, 4: 5}
 """Columns of the legend by panels across, so that it fits."""
 _ACCURACY, _GRASPS, _ANSWERED = "#1f4e8c", "#c1121f", "#b5b5b5"
@@ -47,7 +50,8 @@ def sweep_figure(
         down, across, figsize=(3.1 * across + 0.4, 2.35 * down + 1.0), layout="constrained",
         squeeze=False, sharey=True,
     )  # fmt: skip
-    lowest = min([chance, *(one.low for one in points if np.isfinite(one.low))])
+    lowest = min([chance, *(one.grasps for one in points if np.isfinite(one.grasps)),
+                  *(one.low for one in points if np.isfinite(one.low))])  # fmt: skip
     for axes in grid.ravel()[len(panels) :]:
         axes.set_visible(False)
     for axes, (fault, own) in zip(grid.ravel(), panels, strict=False):
@@ -57,7 +61,8 @@ def sweep_figure(
             axes.axhline(chance, color="0.5", lw=0.8, ls=":")
     for row in grid:
         row[0].set_ylabel("balanced accuracy" if cameras else "share right", fontsize=9)
-    figure.suptitle(title, fontsize=11, x=0.01, ha="left")
+    lines = textwrap.wrap(title, _TITLE_LETTERS * across)
+    figure.suptitle("\n".join(lines), fontsize=11, x=0.01, ha="left")
     handles = _legend(chance, cameras)
     figure.legend(
         handles=handles, loc="outside lower left", ncols=min(len(handles), _LEGEND_ACROSS[across]),

@@ -202,7 +202,8 @@ class Windower:
         if self._single:
             values = values.reshape(len(cut), steps, channels)
             mask = np.asarray(mask.reshape(len(cut), steps, channels).all(axis=2))
-            if self._config.pad and not (measured := mask.any(axis=1)).all():
+            measured: NDArray[np.bool_] = np.asarray(mask.any(axis=1))
+            if self._config.pad and not measured.all():
                 values, mask, cut = values[measured], mask[measured], cut[measured]
         if self._clean is not None:
             values = self._clean(values, mask)

@@ -41,7 +41,13 @@ def accuracies(
     """
     first = next(iter(runs.values()))
     assert first.predictions is not None
-    trivial = dict(first.trivial)
+    # Runs of other windows have other baselines: each run is judged by its own.
+    same = all(run.trivial == first.trivial for run in runs.values())
+    trivial = {
+        what if same else f"{what} ({name})": value
+        for name, run in (list(runs.items())[:1] if same else runs.items())
+        for what, value in run.trivial.items()
+    }
     dots = [
         Dot(
             f"{name} ({run.contract.model})" if run.contract.model not in name else name,
@@ -79,7 +85,7 @@ def accuracies(
                 f"Accuracy over all test windows with 95 % intervals, whole {group}s resampled. "
                 "Grey: trivial baselines, which see no touch or hardly any.",
             ),
-            _cleared({name: judged[name] for name in runs}, trivial),
+            _cleared({name: judged[name] for name in runs}, runs),
             table(
                 ["run", "model", "windows", f"95 % by {group}", "whole trials", "loss, nats",
                  "ROC-AUC", "F1", "parameters"],
@@ -90,13 +96,14 @@ def accuracies(
     )  # fmt: skip
 
 
-def _cleared(judged: Mapping[str, RunScores], trivial: Mapping[str, float]) -> Html:
-    """Say whether each run stands clear of the best trivial baseline."""
-    if not trivial:
-        return Html("")
-    best = max(trivial, key=lambda name: trivial[name])
+def _cleared(judged: Mapping[str, RunScores], runs: Mapping[str, Run]) -> Html:
+    """Say whether each run stands clear of the best of its own trivial baselines."""
     said, bad = [], False
     for name, own in judged.items():
+        trivial = runs[name].trivial
+        if not trivial:
+            continue
+        best = max(trivial, key=lambda what: trivial[what])
         accuracy, (low, _) = own.scores.accuracy, _main_interval(own)
         if accuracy <= trivial[best]:
             bad = True
@@ -110,6 +117,8 @@ def _cleared(judged: Mapping[str, RunScores], trivial: Mapping[str, float]) -> H
             )
         else:
             said.append(f"{name} stands clear of every baseline, the best being “{best}”")
+    if not said:
+        return Html("")
     return tag("p", "; ".join(said) + ".", "note leaks" if bad else "note")
 
 

@@ -1,0 +1,42 @@
+"""What a session counts as right."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from taxel.decisions.recognition import UNKNOWN, Decision, GraspVote
+from taxel.live.recogniser import Answer
+from taxel.live.session import Tally
+from taxel.signals import Mark
+from taxel.windows.windower import Windows
+
+CLASSES = ("ball", "block")
+
+
+def told(label: str) -> Answer:
+    window = Windows(
+        np.zeros((1, 2, 1), np.float32), np.ones((1, 2), bool), np.ones(1, np.float32),
+        np.zeros(1, np.float32), np.zeros(1), np.ones(1),
+    )  # fmt: skip
+    decision = Decision(label, 0.9, np.array([0.5, 0.5], np.float32), "", 0.0, 1.0)
+    return Answer(decision, window, 1e-4)
+
+
+@pytest.mark.parametrize(
+    ("label", "truth", "right"),
+    [("ball", "ball", 1), ("ball", "block", 0), (UNKNOWN, "ball", 0), (UNKNOWN, "prism", 1),
+     ("ball", "prism", 0)],
+)  # fmt: skip
+def test_unknown_is_the_right_answer_to_what_was_never_learned(label: str, truth: str, right: int):
+    tally = Tally("shape", GraspVote(CLASSES, 0.8))
+    tally.add(told(label))
+    tally.compare(Mark(start_s=0.0, end_s=2.0, labels={"shape": truth}))
+    assert (tally.marked, tally.right) == (1, right)
+
+
+def test_two_labels_joined_are_compared_as_one():
+    tally = Tally("shape+material", GraspVote(("ball glass", "block wood"), 0.8))
+    tally.add(told("ball glass"))
+    tally.compare(Mark(start_s=0.0, end_s=2.0, labels={"shape": "ball", "material": "glass"}))
+    assert (tally.marked, tally.right) == (1, 1)
