@@ -158,6 +158,8 @@ def test_tables_are_printed_for_people(place: Path, capsys: pytest.CaptureFixtur
         ("run --new nothing.mcap", "not there"),
         ("run --new new.mcap --grasps 0", "--grasps"),
         ("run --correct new.mcap", "--new"),
+        ("run --touches touch.mcap --rollback", "one after the other"),
+        ("run --rollback --output free", "leave it out"),
         ("run --rollback", "former version"),
         ("run --rollback 7", "--history"),
         ("run --touches touch.mcap --output old", "--output"),

@@ -94,6 +94,8 @@ class Adapt:
                 "one of --touches, --new, --correct, --history and --rollback",
                 " and ".join(said) or "none", "choose one",
             )  # fmt: skip
+        if self.touches is not None and (self.history or self.rollback is not None):
+            raise BadInput(f"{said[0]} alone", f"{said[0]} and --touches", "do one after the other")
         if self.grasps < 1:
             raise BadInput("--grasps of at least 1", str(self.grasps), "give a larger number")
         if self.rollback is not None and len(self.rollback) > 1:
@@ -107,7 +109,9 @@ class Adapt:
                 f"a run's folder for {'--new' if self.new else '--correct'}", f"{self.trained}",
                 "name a folder that taxel train wrote, and bundle it again afterwards",
             )  # fmt: skip
-        if self.output is not None and (self.output.exists() or self.history or self.rollback):
+        if self.output is not None and (
+            self.output.exists() or self.history or self.rollback is not None
+        ):
             raise BadInput(
                 "a name that is free for --output, where something is adapted",
                 f"{self.output}", "choose another, or leave it out to keep versions",
