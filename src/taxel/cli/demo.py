@@ -129,7 +129,9 @@ class Demo:
         from taxel.cli.record import Record
 
         touches = self.output / "touches.mcap"
-        source = f"sim://teng?seed={self.seed + 1}&shape=cylinder&material=glass&speed=max"
+        source = (
+            f"sim://teng?seed={self.seed + 1}&rate_hz=500&shape=cylinder&material=glass&speed=max"
+        )
         Record(source=source, output=touches, seconds=_TOUCHES_S).run()
         for bundle in bundles:
             found = measure_level(touches, read_contract(bundle), count=3)
@@ -144,7 +146,7 @@ class Demo:
         from taxel.cli.live import Live
 
         speed = "4" if console.is_terminal else "max"
-        source = f"sim://teng?seed={self.seed + 1}&speed={speed}"
+        source = f"sim://teng?seed={self.seed + 1}&rate_hz=500&speed={speed}"
         Live(
             bundle=bundles[0], also=tuple(bundles[1:]), source=source, seconds=self.live_seconds
         ).run()
