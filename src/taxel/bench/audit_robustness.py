@@ -14,7 +14,6 @@ from pathlib import Path
 from typing import Any
 
 from taxel.bench.rows import Row, row
-from taxel.bench.teng import side_by_side
 from taxel.bundles.shipped import CUP_POUR, shipped_bundle
 from taxel.evaluation.robustness.array_sweep import plan_array, sweep_array
 from taxel.evaluation.robustness.conditions import (
@@ -39,6 +38,7 @@ from taxel.evaluation.robustness.image_faults import IMAGE_FAULTS
 from taxel.evaluation.robustness.thesis import CLAIMS, LEAST
 from taxel.evaluation.robustness.touches import Model, judge, train_model
 from taxel.live.grasp_monitor import GraspMonitor
+from taxel.processes import side_by_side
 from taxel.sim.cup_pour import CupPourConfig
 from taxel.sources.data_sets import DATA_SET_RATE_HZ, write_sessions
 from taxel.sources.pour_sets import write_pours

@@ -6,7 +6,6 @@ Knows nothing about how rows were measured.
 from __future__ import annotations
 
 import json
-import os
 import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict, replace
@@ -16,7 +15,8 @@ from textwrap import wrap
 from typing import Any
 
 from taxel.bench.rows import STORE, Row, stored
-from taxel.errors import BadInput, RecordingFailed
+from taxel.bundles.files import write_whole
+from taxel.errors import BadInput
 from taxel.evaluation.claims import (
     ABOVE_GATE,
     EVERY_CUP,
@@ -81,7 +81,7 @@ def write_claims_card(path: Path) -> None:
     Raises:
         RecordingFailed: The disk refused.
     """
-    _write(path, claims_card())
+    write_whole(path, claims_card().encode())
 
 
 def keep_for_claims(results: Mapping[str, Any]) -> int:
@@ -99,7 +99,7 @@ def keep_for_claims(results: Mapping[str, Any]) -> int:
     added = [row for name, data in results.items() for row in _rows_of(data, name)]
     found |= {one.name: one for one in added}
     text = json.dumps([asdict(one) for one in found.values()], indent=1, ensure_ascii=False)
-    _write(STORE / f"{MEASURED_FOR_CLAIMS}.json", text + "\n")
+    write_whole(STORE / f"{MEASURED_FOR_CLAIMS}.json", (text + "\n").encode())
     return len(added)
 
 
@@ -255,16 +255,3 @@ def _command(stamp: str) -> str:
     """Return a stamp with its command as code."""
     before, found, command = stamp.rpartition("taxel ")
     return f"{before}`{found}{command}`" if found else stamp
-
-
-def _write(path: Path, text: str) -> None:
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        temporary = path.with_name(path.name + ".part")
-        temporary.write_text(text, encoding="utf-8")
-        os.replace(temporary, path)
-    except OSError as error:
-        raise RecordingFailed(
-            f"needed to write {path}; got {error.strerror or error}; "
-            "make room or choose another place."
-        ) from error

@@ -10,9 +10,7 @@ import subprocess
 import sys
 import tempfile
 from collections.abc import Callable
-from concurrent.futures import ProcessPoolExecutor
 from dataclasses import replace
-from multiprocessing import get_context
 from pathlib import Path
 from time import perf_counter
 from typing import Any
@@ -23,6 +21,7 @@ from taxel.bench.kill_recorder import kill_often
 from taxel.bench.rows import Row, missing, quietest, row, row_within
 from taxel.bench.weak import weak_accuracies, weak_paper_accuracies
 from taxel.evaluation.checked import check_recipe
+from taxel.processes import side_by_side
 from taxel.recordings.importing import import_rows
 from taxel.recordings.known import glove_rows, icub_rows
 from taxel.training.recipes import find_recipe
@@ -259,12 +258,6 @@ def _icub_result(folder: Path, seed: int) -> tuple[float, str]:
     beside = [f"{k} {bar.scores.accuracy:.2f}" for k, bar in checked.bars.items()]
     beside.append(f"length alone {checked.trivial['length of the trial']:.2f}")
     return checked.pooled.scores.accuracy, ", ".join(beside)
-
-
-def side_by_side(work: Callable[..., Any], jobs: list[tuple[Any, ...]]) -> list[Any]:
-    """Return what a function gives for each job, two processes at a time."""
-    with ProcessPoolExecutor(2, mp_context=get_context("spawn")) as workers:
-        return list(workers.map(work, *zip(*jobs, strict=True)))
 
 
 def data_digest(data: Path | None) -> str:

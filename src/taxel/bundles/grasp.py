@@ -11,7 +11,6 @@ from __future__ import annotations
 import hashlib
 import io
 import json
-import os
 import zipfile
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, fields
@@ -23,8 +22,9 @@ from numpy.typing import NDArray
 
 from taxel.bundles.contract import FIRST_WORDS, LARGEST_DIFFERENCE
 from taxel.bundles.engine import Engine, EngineName, Precision, open_engine
+from taxel.bundles.files import write_whole
 from taxel.decisions.stability import StabilityConfig
-from taxel.errors import BadBundle, RecordingFailed
+from taxel.errors import BadBundle
 from taxel.signals import CameraInfo
 from taxel.windows.rest import Tare
 
@@ -160,19 +160,7 @@ def write_grasp_bundle(
             archive.writestr(zipfile.ZipInfo(name, (1980, 1, 1, 0, 0, 0)), data)
     content = body.getvalue()
     line = FIRST_WORDS + hashlib.sha256(content).hexdigest().encode() + b"\n"
-    temporary = path.with_name(path.name + ".part")
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        try:
-            temporary.write_bytes(line + content)
-            os.replace(temporary, path)
-        finally:
-            temporary.unlink(missing_ok=True)
-    except OSError as error:
-        raise RecordingFailed(
-            f"needed to write {path}; got {error.strerror or error}; "
-            "make room or choose another place."
-        ) from error
+    write_whole(path, line + content)
     return difference
 
 

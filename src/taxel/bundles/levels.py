@@ -15,13 +15,11 @@ from numpy.typing import NDArray
 from taxel.bundles.contract import Contract
 from taxel.errors import BadBundle, BadDataset
 from taxel.windows.dataset import Dataset, load_dataset
-from taxel.windows.reference import parse_reference, touch_level
+from taxel.windows.reference import NOTHING, parse_reference, touch_level
 
 LARGE_CHANGE = 3.0
 """A channel that changed by this factor or more, either way, is warned of. Source: our choice,
 docs/decisions/0028: gains of pads differ by 0.5 to 2."""
-NOTHING = 0.02
-"""Below this share of its usual level a channel gives nothing but noise. Source: as above."""
 
 MOST_SATURATED = 0.1
 """Share of a channel's rows at the converter's limit above which it is warned of: its level is

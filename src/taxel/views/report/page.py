@@ -8,11 +8,10 @@ from __future__ import annotations
 import base64
 import html
 import math
-import os
 from collections.abc import Sequence
 from pathlib import Path
 
-from taxel.errors import RecordingFailed
+from taxel.bundles.files import write_whole
 
 _STYLE = """
 :root{color-scheme:light dark;--page:#fff;--ink:#1b1f24;--soft:#5b6673;--line:#dde1e6;
@@ -218,13 +217,4 @@ def write_page(path: Path, title: str, parts: Sequence[object]) -> None:
         '<meta name="viewport" content="width=device-width,initial-scale=1">'
         f"<style>{_STYLE}</style><body>{join(parts)}</body></html>\n"
     )
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        temporary = path.with_name(path.name + ".part")
-        temporary.write_text(page, encoding="utf-8")
-        os.replace(temporary, path)
-    except OSError as error:
-        raise RecordingFailed(
-            f"needed to write {path}; got {error.strerror or error}; "
-            "make room or choose another place."
-        ) from error
+    write_whole(path, page.encode())
