@@ -16,7 +16,7 @@ from taxel.bench.audit_adapt import (
     pad_rows,
     unknown_object_rows,
 )
-from taxel.bench.audit_gap import gap_rows
+from taxel.bench.audit_gap import baseline_rows, gap_rows
 from taxel.bench.audit_leaks import planted_leaks, real_leaks
 from taxel.bench.audit_models import cleaning_rows, model_rows
 from taxel.bench.audit_robustness import camera_rows, condition_rows, fault_rows
@@ -38,6 +38,7 @@ def full_steps(data: Path | None) -> list[tuple[str, Measure]]:
         ("planted leaks", planted_leaks),
         ("leaks of real recordings", lambda: real_leaks(data)),
         ("gap between the splits", gap_rows),
+        ("baselines of the gap", baseline_rows),
         ("conditions", condition_rows),
         ("faults", fault_rows),
         ("cameras", camera_rows),

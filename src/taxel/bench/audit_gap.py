@@ -8,9 +8,15 @@ from __future__ import annotations
 import tempfile
 from pathlib import Path
 
+import numpy as np
+
 from taxel.bench.rows import Row, row
-from taxel.evaluation.honest_gap import TARGETS, Step, closed, honest_gap
+from taxel.evaluation.baselines import trivial_accuracies
+from taxel.evaluation.honest_gap import TARGETS, Step, closed, honest_gap, with_touches
+from taxel.evaluation.splits import by_group
 from taxel.sources.data_sets import simulate_presets
+from taxel.windows.config import TENG_WINDOW, WindowConfig
+from taxel.windows.dataset import load_dataset
 
 SCANS = 160_000
 """Scans a class. Source: TENG thesis, section 3.5.1."""
@@ -41,6 +47,34 @@ def gap_rows() -> list[Row]:
         ]  # fmt: skip
         rows += [_rung(one) for one in own if one is not ours]
     return rows
+
+
+def baseline_rows() -> list[Row]:
+    """Measure what is told without a network on the same sets, as measured and with touches."""
+    rows = []
+    with tempfile.TemporaryDirectory(prefix="taxel-") as scratch:
+        for seed in SETS:
+            simulate_presets(Path(scratch) / str(seed), ("honest",), SCANS, seed)
+        for target in TARGETS:
+            for what, window in (("as measured", TENG_WINDOW), (OURS, with_touches(3))):
+                each = [_trivial(Path(scratch) / str(seed) / "honest", window, target)
+                        for seed in SETS]  # fmt: skip
+                mean = {name: float(np.mean([one[name] for one in each])) for name in each[0]}
+                best = max(mean, key=lambda name: mean[name])
+                note = ", ".join(f"{name} {value:.3f}" for name, value in mean.items())
+                rows.append(
+                    Row(name=f"sim honest, {target}, session held out, {what}: best baseline, {best}",
+                        value=mean[best], unit="accuracy", goal="", ok=None, note=note)
+                )  # fmt: skip
+    return rows
+
+
+def _trivial(folder: Path, window: WindowConfig, target: str) -> dict[str, float]:
+    dataset = load_dataset(folder, window, target=target)
+    sessions = len(set(dataset.group("session")))
+    return trivial_accuracies(
+        dataset, target, by_group(dataset, target, "session", sessions, 0).folds
+    )
 
 
 def _rung(one: Step) -> Row:
