@@ -6,6 +6,7 @@ Knows nothing about how they are printed.
 from __future__ import annotations
 
 import tempfile
+from itertools import product
 from pathlib import Path
 
 import numpy as np
@@ -51,21 +52,20 @@ def gap_rows() -> list[Row]:
 
 def baseline_rows() -> list[Row]:
     """Measure what is told without a network on the same sets, as measured and with touches."""
+    ladder = (("as measured", TENG_WINDOW), (OURS, with_touches(3)))
     rows = []
     with tempfile.TemporaryDirectory(prefix="taxel-") as scratch:
         for seed in SETS:
             simulate_presets(Path(scratch) / str(seed), ("honest",), SCANS, seed)
-        for target in TARGETS:
-            for what, window in (("as measured", TENG_WINDOW), (OURS, with_touches(3))):
-                each = [_trivial(Path(scratch) / str(seed) / "honest", window, target)
-                        for seed in SETS]  # fmt: skip
-                mean = {name: float(np.mean([one[name] for one in each])) for name in each[0]}
-                best = max(mean, key=lambda name: mean[name])
-                note = ", ".join(f"{name} {value:.3f}" for name, value in mean.items())
-                rows.append(
-                    Row(name=f"sim honest, {target}, session held out, {what}: best baseline, {best}",
-                        value=mean[best], unit="accuracy", goal="", ok=None, note=note)
-                )  # fmt: skip
+        for target, (what, window) in product(TARGETS, ladder):
+            each = [_trivial(Path(scratch) / str(seed) / "honest", window, target) for seed in SETS]
+            mean = {name: float(np.mean([one[name] for one in each])) for name in each[0]}
+            best = max(mean, key=lambda name: mean[name])
+            name = f"sim honest, {target}, session held out, {what}: best baseline, {best}"
+            note = ", ".join(f"{name} {value:.3f}" for name, value in mean.items())
+            rows.append(
+                Row(name=name, value=mean[best], unit="accuracy", goal="", ok=None, note=note)
+            )
     return rows
 
 
