@@ -12,6 +12,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from time import perf_counter
+from typing import Any, TypeVar
 
 import numpy as np
 import torch
@@ -37,6 +38,7 @@ from taxel.training.run import Run, contract_of
 from taxel.windows.dataset import Dataset, load_dataset
 from taxel.windows.windower import Windows
 
+_Point = TypeVar("_Point")
 CHOSEN = "taxel adapt"
 BODY = "body's features, shared covariance"
 STATISTICS = "with channels' statistics, shared covariance"
@@ -126,12 +128,23 @@ def measure_new_class(
                     "record more",
                 )
             jobs += [(path, config, target, name) for name in names[: config.sessions]]
-    found = side_by_side(_one_session, jobs, lambda points: on_step(_said(points)), config.workers)
+    return by_session(_one_session, jobs, config, "new class", on_step)
+
+
+def by_session(
+    work: Callable[..., list[_Point]],
+    jobs: Sequence[tuple[Any, ...]],
+    config: AdaptConfig,
+    what: str,
+    on_step: Callable[[str], None],
+) -> list[_Point]:
+    """Return all jobs' points: each holds one session out, in a process of its own, and is said."""
+
+    def said(points: list[Any]) -> None:
+        on_step(f"{what} · {points[0].target} · {points[0].session} held out")
+
+    found = side_by_side(work, jobs, said, config.workers)
     return [point for points in found for point in points]
-
-
-def _said(points: list[Point]) -> str:
-    return f"new class · {points[0].target} · {points[0].session} held out"
 
 
 def _one_session(path: Path, config: AdaptConfig, target: str, session: str) -> list[Point]:

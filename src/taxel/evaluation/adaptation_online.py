@@ -13,9 +13,8 @@ from pathlib import Path
 import numpy as np
 import torch
 
-from taxel.evaluation.adaptation import AdaptConfig, run_of, told, windows_of
+from taxel.evaluation.adaptation import AdaptConfig, by_session, run_of, told, windows_of
 from taxel.evaluation.adaptation_pads import ALL, draw_gains
-from taxel.processes import side_by_side
 from taxel.training.adapt.correcting import learn_corrections
 from taxel.training.adapt.exemplars import Exemplars, all_exemplars
 from taxel.training.adapt.new_data import Grasps
@@ -60,13 +59,7 @@ def measure_online(
             dataset = load_dataset(path, config.recipe.window, target=target)
             names = sorted(set(dataset.group("session")))[: config.sessions]
             jobs += [(path, config, target, name) for name in names]
-    found = side_by_side(
-        _one_session,
-        jobs,
-        lambda points: on_step(f"on the fly · {points[0].target} · {points[0].session} held out"),
-        config.workers,
-    )
-    return [point for points in found for point in points]
+    return by_session(_one_session, jobs, config, "on the fly", on_step)
 
 
 def _one_session(path: Path, config: AdaptConfig, target: str, session: str) -> list[OnlinePoint]:

@@ -20,11 +20,10 @@ from numpy.typing import NDArray
 
 from taxel.bundles.contract import at_level
 from taxel.bundles.levels import measure_level
-from taxel.evaluation.adaptation import AdaptConfig, run_of
+from taxel.evaluation.adaptation import AdaptConfig, by_session, run_of
 from taxel.evaluation.crossval import Fitted
 from taxel.evaluation.metrics import by_trial
 from taxel.evaluation.robustness.touches import recorded
-from taxel.processes import side_by_side
 from taxel.recordings.reader import list_recordings, read_manifest, read_recording
 from taxel.recordings.writer import Recorder
 from taxel.signals import flag_values
@@ -76,13 +75,7 @@ def measure_pads(
     """
     jobs = [(path, config, target, place) for path in paths for target in config.targets
             for place in range(len(list_recordings(path)))[: config.sessions]]  # fmt: skip
-    found = side_by_side(
-        _one_session,
-        jobs,
-        lambda points: on_step(f"pads · {points[0].target} · {points[0].session} held out"),
-        config.workers,
-    )
-    return [point for points in found for point in points]
+    return by_session(_one_session, jobs, config, "pads", on_step)
 
 
 def _one_session(path: Path, config: AdaptConfig, target: str, place: int) -> list[PadPoint]:
