@@ -2,17 +2,14 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 
-from rich.box import SIMPLE_HEAD
 from rich.console import Group, RenderableType
-from rich.table import Table
 from rich.text import Text
 
 from taxel.evaluation.cleaning_gains import BASE, NOTHING, Gain
 from taxel.evaluation.model_comparison import ModelResult, TrivialResult
-from taxel.views.results import with_interval
+from taxel.views.results import bracketed, result_table, with_interval
 
 
 def model_tables(
@@ -28,7 +25,7 @@ def model_tables(
     for beside in trivial:
         own = [one for one in results
                if (one.target, one.pooled.split) == (beside.target, beside.split)]  # fmt: skip
-        table = _table(
+        table = result_table(
             f"{beside.target} · split: {beside.split} · {beside.windows} windows",
             ("model", "accuracy [95 %]", "by trial", "parameters", "s a fold", "µs a window"),
         )
@@ -65,7 +62,7 @@ def cleaning_tables(gains: Sequence[Gain], trivial: Sequence[TrivialResult]) -> 
     parts: list[RenderableType] = []
     for beside in trivial:
         own = [one for one in gains if one.target == beside.target]
-        table = _table(
+        table = result_table(
             f"{beside.target} · {BASE} · split: {beside.split} · {len(own[0].by_run)} runs",
             ("windows", "accuracy", "by trial", "difference, points [95 %]", "p", "each run"),
         )
@@ -97,14 +94,4 @@ def cleaning_tables(gains: Sequence[Gain], trivial: Sequence[TrivialResult]) -> 
 
 def _points(one: Gain) -> str:
     low, high = one.interval
-    if math.isnan(low):
-        return f"{100 * one.difference:+.1f} [one group]"
-    return f"{100 * one.difference:+.1f} [{100 * low:+.1f}, {100 * high:+.1f}]"
-
-
-def _table(title: str, columns: Sequence[str]) -> Table:
-    table = Table(title=title, title_justify="left", title_style="bold", box=SIMPLE_HEAD,
-                  pad_edge=False)  # fmt: skip
-    for index, column in enumerate(columns):
-        table.add_column(column, justify="right" if index else "left", no_wrap=True)
-    return table
+    return bracketed(f"{100 * one.difference:+.1f}", (100 * low, 100 * high), "+.1f")

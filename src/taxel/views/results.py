@@ -6,7 +6,7 @@ Knows nothing about how results were made.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 
 from rich.box import SIMPLE_HEAD
 from rich.console import Group, RenderableType
@@ -30,14 +30,8 @@ def teng_sections(sections: list[Section]) -> RenderableType:
 
 
 def _table_4_1(section: Section) -> Table:
-    table = Table(
-        title=f"Table 4.1 · {section.task} · preset {section.preset} · split: {section.split}",
-        title_justify="left",
-        title_style="bold",
-        box=SIMPLE_HEAD,
-        pad_edge=False,
-    )
-    table.add_column("metric", no_wrap=True)
+    title = f"Table 4.1 · {section.task} · preset {section.preset} · split: {section.split}"
+    table = result_table(title, ("metric",))
     for model in section.columns:
         name = HEADINGS.get(model, model)
         if model in PUBLISHED:
@@ -76,10 +70,8 @@ def checked_table(checked: Checked) -> RenderableType:
         f"{dataset.config.steps} × {len(dataset.sensor.channels)} in {len(dataset.trials)} trials",
         style="bold",
     )
-    table = Table(box=SIMPLE_HEAD, pad_edge=False)
-    for column in ("model", "accuracy [95 %]", "by trial", "loss", "ROC-AUC", "F1"):
-        left = column == "model"
-        table.add_column(column, justify="left" if left else "right", no_wrap=True)
+    columns = ("model", "accuracy [95 %]", "by trial", "loss", "ROC-AUC", "F1")
+    table = result_table(None, columns)
     for name, result in {checked.recipe.model: pooled, **checked.bars}.items():
         table.add_row(
             name,
@@ -98,10 +90,25 @@ def checked_table(checked: Checked) -> RenderableType:
 
 def with_interval(pooled: Pooled) -> str:
     """Return an accuracy with its interval, as text."""
-    low, high = pooled.interval
-    if math.isnan(low):
-        return f"{pooled.scores.accuracy:.4f} [one {pooled.interval_group}]"
-    return f"{pooled.scores.accuracy:.4f} [{low:.3f}, {high:.3f}]"
+    alone = f"one {pooled.interval_group}"
+    return bracketed(f"{pooled.scores.accuracy:.4f}", pooled.interval, ".3f", alone)
+
+
+def bracketed(
+    value: str, interval: tuple[float, float], form: str, alone: str = "one group"
+) -> str:
+    """Return a value with its interval, and what stands alone where there is none (NaN)."""
+    low, high = interval
+    return f"{value} [{alone}]" if math.isnan(low) else f"{value} [{low:{form}}, {high:{form}}]"
+
+
+def result_table(title: str | None, columns: Sequence[str]) -> Table:
+    """Return a table without rows: the first column to the left, numbers to the right."""
+    table = Table(title=title, title_justify="left", title_style="bold", box=SIMPLE_HEAD,
+                  pad_edge=False)  # fmt: skip
+    for index, column in enumerate(columns):
+        table.add_column(column, justify="right" if index else "left", no_wrap=True)
+    return table
 
 
 def confusion_table(classes: Iterable[str], confusion: list[list[int]]) -> Table:

@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping, Sequence
 
 import numpy as np
-from rich.box import SIMPLE_HEAD
 from rich.console import Group, RenderableType
 from rich.table import Table
 from rich.text import Text
 
 from taxel.evaluation.unknown import COVERAGES, OURS, SCORES, Auroc, UnknownResult
+from taxel.views.results import bracketed, result_table
 
 
 def unknown_tables(results: Sequence[UnknownResult]) -> RenderableType:
@@ -30,7 +29,7 @@ def left_out_table(results: Mapping[str, UnknownResult]) -> RenderableType:
         results: As `leave_each_out` gives them.
     """
     first = next(iter(results.values()))
-    table = _table(
+    table = result_table(
         f"{first.target} · each class left out of the training in turn · split: {first.split}",
         ("never learned", *SCORES, "by trial [95 %]", "known rejected"),
     )
@@ -54,7 +53,7 @@ def left_out_table(results: Mapping[str, UnknownResult]) -> RenderableType:
 
 
 def _scores(one: UnknownResult) -> Table:
-    table = _table(
+    table = result_table(
         f"unknown to {one.target} · split: {one.split} · {one.known_windows} windows and "
         f"{one.known_grasps} grasps known",
         ("never learned", "score", "AUROC windows", "grasps [95 %]", "found windows", "grasps"),
@@ -74,7 +73,7 @@ def _scores(one: UnknownResult) -> Table:
 
 
 def _coverage(one: UnknownResult) -> Table:
-    table = _table(
+    table = result_table(
         f"accuracy over the known touch that is answered, {one.target}",
         ("answered", *(f"{share:.0%}" for share in COVERAGES)),
     )
@@ -93,15 +92,4 @@ def _said(one: UnknownResult) -> Text:
 
 
 def _interval(own: Auroc) -> str:
-    low, high = own.interval
-    if math.isnan(low):
-        return f"{own.grasps:.3f} [one group]"
-    return f"{own.grasps:.3f} [{low:.3f}, {high:.3f}]"
-
-
-def _table(title: str, columns: Sequence[str]) -> Table:
-    table = Table(title=title, title_justify="left", title_style="bold", box=SIMPLE_HEAD,
-                  pad_edge=False)  # fmt: skip
-    for index, column in enumerate(columns):
-        table.add_column(column, justify="right" if index else "left", no_wrap=True)
-    return table
+    return bracketed(f"{own.grasps:.3f}", own.interval, ".3f")
