@@ -18,6 +18,8 @@ from taxel.errors import BadBundle
 from taxel.live.grasp_monitor import GraspMonitor
 from taxel.live.grasp_session import run_grasp_session
 from taxel.models.export_onnx import export_head
+from taxel.recordings.reader import iterate_frames
+from taxel.signals import Frame, Mark
 from taxel.sources.opening import open_source
 from taxel.training.extractors import BackboneExtractor, SlipExtractor, open_backbone
 from taxel.training.features import extract
@@ -136,6 +138,30 @@ def test_a_session_counts_grasps_and_outcomes(edge, few_pours: Path) -> None:
     assert tally.moments == len(pours[0])
     assert [grasp["run"] for grasp in tally.grasps] == [pours[0].name]
     assert tally.summary()["frames_without_partner"] == 0
+
+
+def test_a_session_ends_within_the_frames_that_a_read_gives(edge) -> None:
+    """A source without an array gives many frames at once: those of 0.5 s are watched."""
+    bundle, _, _, pours = edge
+    frames = list(iterate_frames(pours[0].path))
+    mark = Mark(start_s=frames[0].fitted_s, end_s=frames[-1].fitted_s, labels={})
+
+    class Once:
+        ended = False
+        cameras = pours[0].cameras
+
+        def read(self) -> None:
+            self.ended = True
+
+        def frames(self) -> list[Frame]:
+            return frames
+
+        def marks(self) -> list[Mark]:
+            return [mark]
+
+    tally = run_grasp_session(Once(), bundle, seconds=0.5)  # type: ignore[arg-type]
+    assert 25 < tally.moments <= 30
+    assert tally.grasps == []
 
 
 def test_another_camera_is_refused(edge) -> None:

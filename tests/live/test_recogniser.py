@@ -255,3 +255,12 @@ def test_a_missing_value_is_not_told_as_strange(tmp_path: Path):
     (answer,) = Recogniser(made, SENSOR, ANY).push(bad)
     assert answer.decision.label == UNKNOWN
     assert "unlike" not in answer.decision.reason
+
+
+def test_a_session_ends_within_the_block_that_a_read_gives(plain: Bundle):
+    """Four windows at once, of which two lie within the time; the second grasp is not finished."""
+    spans = [(0.0, 0.11), (0.12, 0.23)]
+    marks = [Mark(start_s=start, end_s=end, labels={"shape": "cube"}) for start, end in spans]
+    source = Given([(touch(4 * STEPS), marks)])
+    (tally,) = run_session(source, [Recogniser(plain, SENSOR, ANY)], seconds=0.15)  # type: ignore[arg-type]
+    assert (tally.windows, tally.marked, tally.grasps) == (2, 2, 1)

@@ -24,7 +24,8 @@ class Live:
     source: tyro.conf.Positional[str]
     """A source: sim://teng, replay://FILE, or a recording's file."""
     seconds: float | None = None
-    """Stop after this many seconds of the source's time; else at its end or at Ctrl-C."""
+    """Stop after this many seconds of the source's time, at any speed (with --page, --record and
+    the like: of the clock on the wall); else at its end or at Ctrl-C."""
     also: Annotated[tuple[Path, ...], tyro.conf.UseAppendAction] = ()
     """One more bundle to run on the same samples, such as one for shape and one for material; may
     be given several times."""
@@ -61,7 +62,9 @@ class Live:
     quiet: bool = False
     """Print the summary only."""
     json: bool = False
-    """Print JSON: one summary at the end."""
+    """Print JSON: one summary a bundle at the end. marked: windows inside a finished, labelled
+    grasp, of which right were told right; grasps: such grasps that gave a window, of which
+    grasps_right by all their windows; latencies in µs, from samples in hand to decision."""
 
     def run(self) -> None:
         """Run until the time is over, the source ends or the user stops it."""
@@ -107,14 +110,16 @@ class Live:
             console.print(f"{result['target']}: {result['windows']} windows: {line or 'none'}")
             if result["marked"]:
                 console.print(
-                    f"  right by the source's own labels: {result['right']} of "
-                    f"{result['marked']} windows, {result['grasps_right']} of "
-                    f"{result['grasps']} whole grasps"
+                    f"  told right, by the source's labels: {result['right']} of the "
+                    f"{result['marked']} windows inside a finished grasp, {result['grasps_right']} "
+                    f"of the {result['grasps']} finished grasps that gave a window (UNKNOWN is "
+                    "right only for what was never learned)",
+                    soft_wrap=True,
                 )
             if result["windows"]:
                 console.print(
                     f"  a window to a decision: median {result['latency_us_median']:.0f} µs, "
-                    f"99 % below {result['latency_us_p99']:.0f} µs"
+                    f"99 % of the windows below {result['latency_us_p99']:.0f} µs"
                 )
 
     def _needs_station(self) -> bool:

@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections import Counter, deque
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from math import inf
 from typing import Any
 
 import numpy as np
@@ -66,7 +67,8 @@ def run_grasp_session(
     Args:
         source: An open source with cameras.
         bundle: Features, head and thresholds.
-        seconds: Length on the frames' fitted clock, seconds; None has no end.
+        seconds: Length on the frames' fitted clock, seconds; None has no end. Frames and marks
+            beyond it are left out, however many a read gives at once.
         config: Thresholds in place of the bundle's.
         on_answer: Called with each answer, and True where the state has changed.
 
@@ -77,18 +79,22 @@ def run_grasp_session(
     pairer = FramePairer(len(source.cameras))
     tally = GraspTally()
     before: Stability | None = None
-    start_s: float | None = None
+    end_s: float | None = None
+    over = False
     first_alarm_s: float | None = None
-    answer: GraspAnswer | None = None
-    while not source.ended and not _over(answer, start_s, seconds):
+    while not (over or source.ended):
         source.read()
         for frame in source.frames():
+            if end_s is None:
+                end_s = frame.fitted_s + (inf if seconds is None else seconds)
+            over = frame.fitted_s >= end_s
+            if over:
+                break
             monitor.see(frame)
             found = pairer.push(frame)
             if found is None:
                 continue
             answer = monitor.push(found)
-            start_s = answer.time_s if start_s is None else start_s
             state = answer.decision.state
             tally.moments += 1
             tally.states[state.name] += 1
@@ -100,11 +106,11 @@ def run_grasp_session(
                 on_answer(answer, state is not before)
             before = state
         for mark in source.marks():
+            if end_s is not None and mark.end_s >= end_s:
+                continue
             tally.grasps.append(_told(mark, first_alarm_s))
             monitor.reset()
             first_alarm_s = None
-    for mark in source.marks():
-        tally.grasps.append(_told(mark, first_alarm_s))
     tally.dropped = pairer.dropped
     return tally
 
@@ -112,9 +118,3 @@ def run_grasp_session(
 def _told(mark: Mark, first_alarm_s: float | None) -> dict[str, Any]:
     after_s = None if first_alarm_s is None else first_alarm_s - mark.start_s
     return {"outcome": mark.labels.get("outcome", ""), "first_alarm_s": after_s, **mark.groups}
-
-
-def _over(answer: GraspAnswer | None, start_s: float | None, seconds: float | None) -> bool:
-    if seconds is None or start_s is None or answer is None:
-        return False
-    return answer.time_s - start_s >= seconds

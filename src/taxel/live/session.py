@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from math import inf
 from typing import Any
 
 import numpy as np
@@ -105,7 +106,8 @@ def run_session(
     Args:
         source: An open source.
         recognisers: Each gets all samples.
-        seconds: Length on the samples' fitted clock, seconds; None has no end.
+        seconds: Length on the samples' fitted clock, seconds; None has no end. Scans and marks
+            beyond it are left out, however many a read gives at once.
         show: Draws the screen.
     """
     tallies = [
@@ -119,28 +121,33 @@ def run_session(
         )
         for recogniser in recognisers
     ]
-    started_s: float | None = None
-    while not source.ended:
+    end_s: float | None = None
+    over = False
+    while not (over or source.ended):
         samples = _read(source, recognisers)
+        if end_s is None and len(samples):
+            end_s = float(samples.fitted_s[0]) + (inf if seconds is None else seconds)
+        if end_s is not None and len(samples):
+            over = bool(samples.fitted_s[-1] >= end_s)
+            samples = samples[samples.fitted_s < end_s] if over else samples
         for recogniser, tally in zip(recognisers, tallies, strict=True):
             for answer in recogniser.push(samples):
                 tally.add(answer)
-        for mark in source.marks():
-            for tally in tallies:
-                tally.compare(mark)
+        _compare(source, tallies, end_s)
         if show is not None:
             show(samples, tallies)
-        if len(samples) and started_s is None:
-            started_s = float(samples.fitted_s[0])
-        if _over(samples, started_s, seconds):
-            break
     for recogniser, tally in zip(recognisers, tallies, strict=True):
         for answer in recogniser.flush():
             tally.add(answer)
-    for mark in source.marks():
-        for tally in tallies:
-            tally.compare(mark)
+    _compare(source, tallies, end_s)
     return tallies
+
+
+def _compare(source: Source, tallies: list[Tally], end_s: float | None) -> None:
+    for mark in source.marks():
+        if end_s is None or mark.end_s < end_s:
+            for tally in tallies:
+                tally.compare(mark)
 
 
 def _read(source: Source, recognisers: list[Recogniser]) -> Samples:
@@ -154,9 +161,3 @@ def _read(source: Source, recognisers: list[Recogniser]) -> Samples:
     for recogniser in near:
         recogniser.warm()
     return source.read(0.0)
-
-
-def _over(samples: Samples, started_s: float | None, seconds: float | None) -> bool:
-    if seconds is None or started_s is None or not len(samples):
-        return False
-    return bool(samples.fitted_s[-1] - started_s >= seconds)
