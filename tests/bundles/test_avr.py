@@ -1,12 +1,11 @@
 """The image network in C gives the integer reference's numbers, on this machine and on the chip."""
 
-import ctypes
-import json
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
+from avr_rig import VOLTS, Trained, needs_board, needs_gcc, small_contract
 from numpy.typing import NDArray
 
 from taxel.bundles.avr.emit import board_window, write_c
@@ -18,96 +17,15 @@ from taxel.bundles.avr.integers import (
     quantise_counts,
     run_integers,
 )
-from taxel.bundles.avr.measure import (
-    equal_windows,
-    host_library,
-    run_on_board,
-    run_on_host,
-    without_board,
-    without_host,
-)
-from taxel.bundles.avr.network import ImageNetwork, read_network, run_float
-from taxel.bundles.avr.quantise import Converter, quantise
-from taxel.bundles.avr.write import compare, model_of, reference_of, write_avr
-from taxel.bundles.contract import Contract
-from taxel.bundles.reader import read_bundle
-from taxel.bundles.writer import write_bundle
-from taxel.cli.main import main
-from taxel.errors import BadBundle, BadInput
-from taxel.evaluation.crossval import Job, fit_model
-from taxel.evaluation.splits import by_group
-from taxel.models.cnn1d import Cnn1d
-from taxel.models.cnn2d import Cnn2d
-from taxel.recordings.reader import list_recordings, read_recording
-from taxel.signals import SensorInfo
-from taxel.sources.data_sets import simulate_presets
-from taxel.training.loop import TrainConfig, new_network
-from taxel.training.run import Run, contract_of, save_run
-from taxel.windows.config import TENG_WINDOW, WindowConfig
-from taxel.windows.dataset import Dataset, load_dataset
+from taxel.bundles.avr.measure import equal_windows, host_library, run_on_board, run_on_host
+from taxel.bundles.avr.network import ImageNetwork, run_float
+from taxel.bundles.avr.quantise import quantise
+from taxel.bundles.avr.write import compare
+from taxel.errors import BadBundle
+from taxel.windows.config import TENG_WINDOW
 from taxel.windows.scaling import Scaling
-from taxel.windows.windower import cut_windows
 
 RNG = np.random.default_rng(0)
-VOLTS = Converter(reference_mv=3300)
-needs_gcc = pytest.mark.skipif(bool(without_host()), reason=without_host())
-needs_board = pytest.mark.skipif(bool(without_board()), reason=without_board())
-
-
-class Trained:
-    """A network trained on five simulated sessions, with the sixth held out."""
-
-    def __init__(self, folder: Path) -> None:
-        simulate_presets(folder, ("honest",), 30_000, 0)
-        self.data = folder / "honest"
-        self.dataset: Dataset = load_dataset(self.data, TENG_WINDOW, target="shape")
-        fold = by_group(self.dataset, "shape", "session", 5, 0, final=True).final
-        assert fold is not None
-        self.train, self.test = fold.windows(self.dataset)
-        self.y = self.dataset.class_numbers("shape")
-        values = self.dataset.windows.values
-        fitted = fit_model(
-            self.dataset.windows[self.train],
-            self.y[self.train],
-            3,
-            self.dataset.sensor.full_scale,
-            Job(model="cnn2d", target="shape"),
-        )
-        assert isinstance(fitted.model, tuple)
-        contract = contract_of(self.dataset, "shape", "cnn2d", fitted.model, fitted.scaling, {})
-        run = Run(
-            networks=fitted.model, contract=contract, train=TrainConfig(), history=(),
-            data=str(self.data),
-        )  # fmt: skip
-        self.run = folder / "run"
-        save_run(self.run, run)
-        self.path = folder / "shape.taxel"
-        write_bundle(self.path, fitted.model, contract, values[:50], self.dataset.windows.mask[:50])
-        self.bundle = read_bundle(self.path)
-        self.network = read_network(model_of(self.path), 12, 12)
-        self.integers = quantise(
-            self.network, self.bundle.contract.scaling, VOLTS, values[self.train]
-        )
-        self.counts = VOLTS.counts(values)
-        self.c = folder / "c"
-        window = board_window(self.bundle.contract, VOLTS, self.dataset.sensor.full_scale)
-        write_c(self.c, self.integers, window, VOLTS, self.bundle.contract, self.counts[0])
-
-    def reference(self, counts: NDArray[np.uint16]):  # type: ignore[no-untyped-def]
-        return run_integers(self.integers, quantise_counts(self.integers, counts))
-
-
-@pytest.fixture(scope="module")
-def trained(tmp_path_factory: pytest.TempPathFactory) -> Trained:
-    return Trained(tmp_path_factory.mktemp("avr"))
-
-
-def small_contract(trained: Trained, window: WindowConfig, columns: int) -> Contract:
-    """The trained bundle's contract for a window of another shape."""
-    contract = trained.bundle.contract
-    return replace(
-        contract, window=window, channels=contract.channels[:columns], units=("V",) * columns
-    )
 
 
 def random_network(rows: int, columns: int, classes: int, scale: float) -> ImageNetwork:
@@ -273,80 +191,6 @@ def test_the_reference_notices_a_sum_of_more_than_24_bits(trained: Trained) -> N
         run_integers(broken, quantise_counts(broken, trained.counts[:1]))
 
 
-@pytest.mark.parametrize("reference_mv", [3300, 5000])
-def test_the_gate_in_counts_is_the_gate_in_volts(reference_mv: int) -> None:
-    converter = Converter(reference_mv=reference_mv)
-    counts = np.arange(1024, dtype=np.uint16)
-    last = converter.last_below(1.55)
-
-    np.testing.assert_array_equal(counts > last, converter.volts(counts) > np.float32(1.55))
-    np.testing.assert_array_equal(converter.counts(converter.volts(counts)), counts)
-    assert converter.last_below(9.0) == 1023
-    assert converter.last_below(-1.0) == -1
-
-
-@needs_gcc
-@pytest.mark.parametrize(
-    "window",
-    [
-        TENG_WINDOW,
-        replace(TENG_WINDOW, stride=5),
-        replace(TENG_WINDOW, stride=17, max_gap_s=0.3),
-        replace(TENG_WINDOW, gate=None),
-    ],
-    ids=["the thesis's", "overlapping", "with pauses", "without a gate"],
-)
-def test_the_board_cuts_the_windows_that_python_cuts(
-    trained: Trained, tmp_path: Path, window: WindowConfig
-) -> None:
-    """Scan by scan through the C, window by window as the windower has them."""
-    recording = read_recording(list_recordings(trained.data)[0])
-    samples = recording.samples[:6000]
-    contract = small_contract(trained, window, 12)
-    write_c(
-        tmp_path,
-        trained.integers,
-        board_window(contract, VOLTS, recording.manifest.sensor.full_scale),
-        VOLTS,
-        contract,
-        trained.counts[0],
-    )
-    c = host_library(tmp_path)
-    image = (ctypes.c_uint8 * (14 * 14)).in_dll(c, "taxel_image")
-    state = ctypes.create_string_buffer(64)
-    found = []
-    for tick, counts in enumerate(VOLTS.counts(samples.values)):
-        if c.taxel_window_push(state, ctypes.c_uint32(tick), ctypes.c_void_p(counts.ctypes.data)):
-            found.append(np.array(image).reshape(14, 14)[1:13, 1:13])
-            c.taxel_window_next(state)
-    wanted = cut_windows(samples, window, recording.manifest.sensor)
-
-    assert len(wanted) > 20
-    inputs = quantise_counts(trained.integers, VOLTS.counts(wanted.values))
-    np.testing.assert_array_equal(np.array(found), inputs)
-
-
-@needs_gcc
-def test_a_channel_at_its_end_for_a_whole_window_gives_no_answer(trained: Trained) -> None:
-    c = host_library(trained.c)
-    state = ctypes.create_string_buffer(64)
-    sure, unsure = (ctypes.c_uint8 * 2)(0, 255), (ctypes.c_uint8 * 2)(0, 127)
-    counts = np.full(12, 600, np.uint16)
-    counts[3] = 1023
-
-    def after(scans: list[int]) -> int:
-        for tick in scans:
-            c.taxel_window_push(state, ctypes.c_uint32(tick), ctypes.c_void_p(counts.ctypes.data))
-        return int(c.taxel_doubt(state, sure))
-
-    assert after(list(range(12))) == 1
-    c.taxel_window_next(state)
-    assert after(list(range(12, 23))) == 0
-    counts[3] = 1022
-    assert after([23]) == 0
-    assert c.taxel_doubt(state, unsure) == 2
-
-
 @needs_gcc
 def test_a_build_that_computes_otherwise_finds_itself_out(trained: Trained, tmp_path: Path) -> None:
     for file in trained.c.iterdir():
@@ -358,102 +202,3 @@ def test_a_build_that_computes_otherwise_finds_itself_out(trained: Trained, tmp_
     path.write_text(text[:first] + "1 + " + text[first:])
 
     assert host_library(tmp_path).taxel_self_check() == 0
-
-
-def test_the_report_says_what_was_measured_on_what(trained: Trained, tmp_path: Path) -> None:
-    report = write_avr(trained.path, tmp_path / "new" / "c", trained.data)
-    text = "\n".join(report.lines())
-
-    assert "trained on (nothing held out)" in text
-    assert (
-        json.loads((tmp_path / "new" / "c" / "avr_report.json").read_text())["parameters"] == 5987
-    )
-    assert report.points_lost <= 1.0
-    assert {"taxel_model.h", "taxel_weights.h", "taxel_cnn.c"} <= set(report.files)
-    assert report.bit_exact is not False
-    assert ("ms a window" in text) == (not without_board())
-
-
-def test_without_an_emulator_the_report_says_what_to_install(
-    trained: Trained, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr("taxel.bundles.avr.measure.shutil.which", lambda _: None)
-    report = write_avr(trained.path, tmp_path, trained.data)
-
-    assert report.clocks is None
-    assert "apt install gcc-avr" in report.lines()[-1]
-    with pytest.raises(BadInput, match="apt install gcc"):
-        host_library(tmp_path)
-
-
-def test_writing_twice_gives_the_same_c(trained: Trained, tmp_path: Path) -> None:
-    window = board_window(trained.bundle.contract, VOLTS, trained.dataset.sensor.full_scale)
-    write_c(tmp_path, trained.integers, window, VOLTS, trained.bundle.contract, trained.counts[0])
-
-    for file in trained.c.iterdir():
-        assert (tmp_path / file.name).read_bytes() == file.read_bytes()
-
-
-@pytest.mark.parametrize("kind", ["several that vote", "signal-based"])
-def test_another_network_is_refused(trained: Trained, tmp_path: Path, kind: str) -> None:
-    several = kind == "several that vote"
-    build = (lambda: Cnn2d(12, 12, 3)) if several else (lambda: Cnn1d(12, 12, 3))
-    networks = tuple(new_network(build, seed) for seed in range(2 if several else 1))
-    path = tmp_path / "other.taxel"
-    part = trained.dataset.windows[:20]
-    write_bundle(path, networks, trained.bundle.contract, part.values, part.mask)
-
-    with pytest.raises(BadBundle, match="cnn2d") as caught:
-        write_avr(path, tmp_path / "c", trained.data)
-    assert "\n" not in str(caught.value)
-    assert not (tmp_path / "c").exists()
-
-
-@pytest.mark.parametrize(
-    ("window", "got"),
-    [
-        (replace(TENG_WINDOW, layout="A"), "layout A"),
-        (replace(TENG_WINDOW, pad=True), "padded"),
-        (replace(TENG_WINDOW, tare=True), "tared"),
-        (replace(TENG_WINDOW, segment=0.3), "denoised"),
-        (replace(TENG_WINDOW, grid_hz=1000.0), "1000"),
-        (replace(TENG_WINDOW, grid_hz=33.3), "33.3"),
-    ],
-)
-def test_a_window_that_the_board_cannot_cut_is_refused(
-    trained: Trained, window: WindowConfig, got: str
-) -> None:
-    with pytest.raises(BadBundle, match=got):
-        board_window(small_contract(trained, window, 12), VOLTS, 3.3)
-
-
-def test_the_converters_reference_is_read_or_asked_for() -> None:
-    def sensor(**details: str) -> SensorInfo:
-        return SensorInfo(name="x", channels=("a",), units=("V",), rate_hz=100.0, details=details)
-
-    assert reference_of(sensor(reference_v="3.3")) == 3300
-    assert reference_of(sensor(a="firmware 1.0.0, 10 bits, reference 5000 mV")) == 5000
-    with pytest.raises(BadInput, match="--reference-mv"):
-        reference_of(sensor())
-    with pytest.raises(BadInput, match="3300 mV and 5000 mV"):
-        reference_of(sensor(a="reference 5000 mV", b="reference 3300 mV"))
-
-
-def test_the_command_writes_a_folder_and_its_report(
-    trained: Trained, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    output = tmp_path / "board"
-    order = ["bundle", str(trained.run), "--target", "avr", "--output", str(output), "--json"]
-
-    main([*order, "--test", str(trained.data), "--reference-mv", "3300"])
-    report = json.loads(capsys.readouterr().out)
-    assert report["reference_mv"] == 3300
-    assert report["points_lost"] <= 1.0
-    written = read_bundle(output / "network.taxel").contract
-    assert written.classes == trained.bundle.contract.classes
-    with pytest.raises(SystemExit) as ended:
-        main(["bundle", str(trained.run), "--output", str(output), "--reference-mv", "5000"])
-    said = capsys.readouterr().err
-    assert ended.value.code == 2
-    assert "--target avr" in said
-    assert said.count("\n") == 1
