@@ -13,7 +13,7 @@ from taxel.cli.train import Train
 from taxel.errors import BadBundle, BadInput
 
 KEYS = {"fault", "level", "unit", "accuracy", "low", "high", "answered", "windows", "grasps",
-        "told", "outside"}  # fmt: skip
+        "told", "outside", "draws"}  # fmt: skip
 
 
 @pytest.fixture(scope="module")
@@ -46,6 +46,7 @@ def test_recordings_give_a_list_of_points_a_file_and_a_figure(
 
     assert all(set(row) == KEYS for row in rows)
     assert [row["fault"] for row in rows] == ["none", *["noise"] * 7, *["missing"] * 4]
+    assert {row["draws"] for row in rows} == {1}
     assert rows[-1]["accuracy"] is None
     assert rows[-1]["answered"] == 0.0
     assert json.loads((tmp_path / "curves.json").read_text()) == rows
@@ -97,6 +98,9 @@ def test_a_grasp_bundle_is_swept_over_its_cameras(
         (("--data", "new", "--levels", "2"), "one fault beside --levels"),
         (("--data", "new", "--faults", "noise", "--levels", "ten"), "numbers for --levels"),
         (("--data", "new", "--faults", "loss", "--levels", "120"), "within 0 and 99"),
+        (("--data", "gone", "--faults", "loss", "--levels", "120"), "within 0 and 99"),
+        (("--data", "gone", "--faults", "dead", "--levels", "13"), "within 0 and 12 channels"),
+        (("--simulate", "--session-s", "20", "--sessions", "2"), "give a longer --session-s"),
         (("--data", "new", "--least-confidence", "2"), "least-confidence"),
         (("--data", "new", "--plot", "curves.pdf"), "png"),
         (("--simulate", "--seed", "-1"), "--seed"),
@@ -114,6 +118,20 @@ def test_cameras_cannot_be_simulated_by_conditions():
         sweep("cup-pour", "--simulate")
 
 
-def test_a_file_that_is_no_bundle_is_refused(place: Path):
-    with pytest.raises(BadBundle, match="bundle"):
-        sweep(place / "new" / "session-1.mcap", "--data", place / "new")
+def test_levels_of_cameras_are_checked_before_the_recordings_are_read(place: Path):
+    with pytest.raises(BadInput, match="levels of blur within 0 and 50"):
+        sweep("cup-pour", "--data", place / "gone", "--faults", "blur", "--levels", "99")
+
+
+@pytest.mark.parametrize(
+    ("given", "match"),
+    [
+        ("new/session-1.mcap", "another kind of file"),
+        ("run", "run, a run; write one with: taxel bundle .*run --output FILE"),
+        ("seen", "seen, a folder"),
+        ("gone.taxel", "gone.taxel, which is not there"),
+    ],
+)
+def test_what_is_no_bundle_is_refused(place: Path, given: str, match: str):
+    with pytest.raises(BadBundle, match=match):
+        sweep(place / given, "--data", place / "new")

@@ -41,7 +41,18 @@ def test_the_table_says_level_interval_change_and_where_five_points_are_gone():
     assert "nothing answered" in text
     assert "not before 1 channels, where nothing is answered" in text
     assert "1,660" in text
+    assert "draws" not in text
     assert "…" not in text.replace("0…1", "")  # nothing is cut off
+
+
+def test_the_table_says_how_many_draws_are_pooled_and_where_little_is_told():
+    dead = [replace(BASE, fault="dead", unit="channels", level=level, draws=4, told=told)
+            for level, told in ((1.0, 0.9), (2.0, 0.3), (3.0, 0.2))]  # fmt: skip
+    text = printed([BASE, *dead])
+
+    assert "4 draws" in text
+    assert "dead           not up to 3 channels; at 2 channels only 30.0 % told" in text
+    assert "dead, channels, 4 draws" in printed([BASE, dead[0]])
 
 
 def test_a_grasp_bundles_table_speaks_of_moments_and_slips():

@@ -70,6 +70,7 @@ class Live:
         """Run until the time is over, the source ends or the user stops it."""
         from taxel.bundles.grasp import is_grasp_bundle
         from taxel.bundles.reader import read_bundle
+        from taxel.bundles.versions import need_bundle
         from taxel.cli.live_grasps import live_grasps
         from taxel.cli.live_station import live_station
         from taxel.decisions.recognition import RecogniseConfig
@@ -83,14 +84,16 @@ class Live:
             raise BadInput(
                 "--least-confidence within 0 and 1", str(self.least_confidence), "choose another"
             )
-        if self._needs_station():
-            live_station(self._station())
+        files = tuple(find_bundle(path) for path in (self.bundle, *self.also))
+        for file in files:
+            need_bundle(file)
+        if self._needs_station() or (len(files) > 1 and any(map(is_grasp_bundle, files))):
+            live_station(self._station(files))
             return
-        bundle = find_bundle(self.bundle)
-        if is_grasp_bundle(bundle):
-            live_grasps(bundle, self.source, self.seconds, self.quiet, self.json)
+        if is_grasp_bundle(files[0]):
+            live_grasps(files[0], self.source, self.seconds, self.quiet, self.json)
             return
-        bundles = [read_bundle(find_bundle(path)) for path in (self.bundle, *self.also)]
+        bundles = [read_bundle(file) for file in files]
         config = RecogniseConfig(least_confidence=self.least_confidence)
         with open_source(self.source) as source:
             recognisers = [Recogniser(bundle, source.info, config) for bundle in bundles]
@@ -128,9 +131,9 @@ class Live:
             self.beside or self.page or self.record or self.gripper or self.tell or self.rerun
         )
 
-    def _station(self) -> StationOptions:
+    def _station(self, bundles: tuple[Path, ...]) -> StationOptions:
         return StationOptions(
-            bundles=tuple(find_bundle(path) for path in (self.bundle, *self.also)),
+            bundles=bundles,
             sources=(self.source, *self.beside),
             seconds=self.seconds,
             least_confidence=self.least_confidence,

@@ -45,7 +45,7 @@ class Sweep:
     frame-rate (images/s), blur (px), image-noise (grey levels), jpeg (quality). --simulate:
     temperature (°C), humidity (% RH), dust, moisture, moving (shares, 0…1)."""
     levels: tuple[str, ...] = ()
-    """Levels of the one fault named, in its unit, the mildest first; its own unless given."""
+    """Levels of the one fault named, in its unit; its own unless given."""
     least_confidence: float = 0.0
     """Below this probability an answer is UNKNOWN too, 0…1, as in taxel live (0.5); arrays."""
     seed: int = 6023
@@ -61,15 +61,18 @@ class Sweep:
     """Write what --json prints to this file too."""
     json: bool = False
     """Print JSON: a list of {fault, level, unit, accuracy, low, high, answered, windows, grasps,
-    told, outside}; shares 0…1, the first without any fault."""
+    told, outside, draws}; shares 0…1, the first without any fault. draws: passes with other random
+    choices, all windows of which are counted."""
 
     def run(self) -> None:
         """Measure, print and write."""
         from taxel.bundles.grasp import is_grasp_bundle
         from taxel.bundles.shipped import find_bundle
+        from taxel.bundles.versions import need_bundle
 
         self._check()
         bundle = find_bundle(self.bundle)
+        need_bundle(bundle)
         cameras = is_grasp_bundle(bundle)
         if cameras and self.simulate:
             raise BadInput(
@@ -134,7 +137,9 @@ class Sweep:
                 )  # fmt: skip
                 where = f"{self.sessions} new sessions of sim://teng each"
             else:
-                plan = plan_array(names, levels)
+                known = model.contract
+                channels = len(known.channels) if known.window.channels is None else None
+                plan = plan_array(names, levels, channels)
                 touches, digest = read_touches(self.data)
                 _warn_if_seen(digest, model.contract.data_digest)
                 task = bar.add_task("without faults", total=1 + sum(map(len, plan.values())))

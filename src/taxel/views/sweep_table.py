@@ -36,7 +36,10 @@ def sweep_table(points: Sequence[Point], about: str, *, cameras: bool = False) -
     base = points[0]
     for fault, group in groupby(points, key=lambda one: one.fault):
         own = list(group)
-        heads = [fault, own[0].unit] if len(own) > 1 else [f"{fault}, {own[0].unit}".strip(", ")]
+        draws = f"{own[0].draws} draws" if own[0].draws > 1 else ""
+        heads = [one for one in (fault, own[0].unit, draws) if one]
+        if len(own) < len(heads):
+            heads = [", ".join(heads)]
         for index, one in enumerate(own):
             change = 100 * (one.accuracy - base.accuracy)
             table.add_row(
@@ -52,7 +55,8 @@ def sweep_table(points: Sequence[Point], about: str, *, cameras: bool = False) -
                 style=_style(change),
             )
         table.add_section()
-    return Group(Text(about, style="bold"), table, *_falls(points), *_notes(cameras))
+    drawn = any(one.draws > 1 for one in points)
+    return Group(Text(about, style="bold"), table, *_falls(points), *_notes(cameras, drawn))
 
 
 def _falls(points: Sequence[Point]) -> list[Text]:
@@ -61,11 +65,20 @@ def _falls(points: Sequence[Point]) -> list[Text]:
     lines = [Text(f"accuracy falls by {100 * FALL:g} points at:")]
     for fault, group in groupby(points[1:], key=lambda one: one.fault):
         own = list(group)
-        lines.append(Text(f"  {fault:<14} {fall_text(own, points[0].accuracy)}"))
+        words = fall_text(own, points[0].accuracy) + _silence(own, points[0])
+        lines.append(Text(f"  {fault:<14} {words}"))
     return lines
 
 
-def _notes(cameras: bool) -> list[Text]:
+def _silence(own: Sequence[Point], base: Point) -> str:
+    """Return from which level on less than half is told of what is told without the fault."""
+    few = [one for one in own if one.told < base.told / 2]
+    if not few or math.isnan(few[0].accuracy):  # that nothing is answered is said already
+        return ""
+    return f"; at {few[0].level:g} {few[0].unit} only {_percent(few[0].told)} told"
+
+
+def _notes(cameras: bool, draws: bool) -> list[Text]:
     if cameras:
         words = (
             "accuracy: stable and unstable moments weigh alike, of those whose state is known. "
@@ -78,6 +91,8 @@ def _notes(cameras: bool) -> list[Text]:
             "used. grasps: told right, of all; told: of which anything was answered. outside: "
             "windows a minute where nothing was touched. Interval: sessions resampled."
         )
+    if draws:
+        words += " draws: passes over the recordings, each with other random choices, pooled."
     return [Text(words, style="dim")]
 
 

@@ -97,3 +97,4 @@ def test_words_say_whether_it_fell_or_fell_silent():
     assert fall_text([point(1.0, 0.9), point(3.0, 0.8)], 0.9) == "2 u"
     assert fall_text([point(1.0, 0.9)], 0.9) == "not up to 1 u"
     assert "nothing is answered" in fall_text([point(1.0, float("nan"))], 0.9)
+    assert "without it either" in fall_text([point(1.0, 0.9)], float("nan"))

@@ -67,9 +67,26 @@ def test_an_array_without_gate_full_scale_or_reference_is_swept_too(
 def test_no_faults_named_means_all_and_levels_are_for_those_named():
     assert len(plan_array()) > 12
     assert plan_array(["hum"], [3.0]) == {"hum": (3.0,)}
+    assert plan_array(["noise"], [10, 30, 20]) == {"noise": (30, 20, 10)}  # the mildest first
     assert plan_conditions(["dust"]) == {"dust": LEVELS["dust"][1]}
     with pytest.raises(BadInput, match="conditions among temperature"):
         plan_conditions(["rain"])
+
+
+def test_a_small_array_is_swept_over_the_faults_that_it_can_have():
+    assert plan_array(["dead"], channels=3) == {"dead": (1, 2, 3)}
+    assert "swapped" not in plan_array(channels=1)
+    with pytest.raises(BadInput, match="pairs"):
+        plan_array(["swapped"], channels=1)
+
+
+def test_draws_are_told_beside_the_windows_that_they_multiply(
+    model: Model, touches: list[Recorded]
+):
+    none, dead = sweep_array(model, touches, {"dead": (0,)})
+
+    assert (none.draws, dead.draws) == (1, 4)
+    assert dead.windows == 4 * none.windows
 
 
 def test_a_condition_has_the_same_grasps_and_gains_as_the_base():

@@ -302,17 +302,20 @@ def find_array_fault(name: str) -> ArrayFault:
     return ARRAY_FAULTS[name]
 
 
-def check_level(name: str, fault: ArrayFault, level: float, channels: int) -> None:
+def limits_of(fault: ArrayFault, channels: int | None) -> tuple[float, float]:
+    """Return a fault's limits on an array of so many channels; its own where that is not known."""
+    low, high = fault.limits
+    shared = {"channels": 1, "pairs": 2}.get(fault.unit)
+    return low, high if shared is None or channels is None else channels // shared
+
+
+def check_level(name: str, fault: ArrayFault, level: float, channels: int | None) -> None:
     """Refuse a level that means nothing.
 
     Raises:
         BadInput: It lies outside the fault's limits, or asks for more channels than there are.
     """
-    low, high = fault.limits
-    if fault.unit == "channels":
-        high = channels
-    if fault.unit == "pairs":
-        high = channels // 2
+    low, high = limits_of(fault, channels)
     whole = fault.unit not in ("channels", "pairs") or level == round(level)
     if not (low <= level <= high and whole):
         words = "whole numbers" if fault.unit in ("channels", "pairs") else "levels"

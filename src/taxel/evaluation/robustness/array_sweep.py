@@ -18,9 +18,10 @@ from taxel.evaluation.robustness.array_faults import (
     Touched,
     check_level,
     find_array_fault,
+    limits_of,
     touched,
 )
-from taxel.evaluation.robustness.curve import CLEAN, Answers, Point, point_of
+from taxel.evaluation.robustness.curve import CLEAN, Answers, Point, mildest_first, point_of
 from taxel.evaluation.robustness.touches import ANSWER_ALL, Model, Recorded, judge
 
 
@@ -49,38 +50,48 @@ def sweep_array(
     """
     points: list[Point] = []
 
-    def add(answers: Answers, fault: str, level: float, unit: str) -> None:
-        points.append(point_of(answers, fault, level, unit))
+    def add(answers: Answers, fault: str, level: float, unit: str, draws: int = 1) -> None:
+        points.append(point_of(answers, fault, level, unit, draws))
         on_point(points[-1])
 
-    add(judge(model, touches, config), CLEAN, 0.0, "")
     known = [_touched(one, model.contract.window.gate) for one in touches]
+    for name, levels in plan.items():
+        for level in levels:
+            check_level(name, find_array_fault(name), level, len(known[0].full))
+    add(judge(model, touches, config), CLEAN, 0.0, "")
     for name, levels in plan.items():
         fault = find_array_fault(name)
         for level in levels:
-            check_level(name, fault, level, len(known[0].full))
             passes = [
                 judge(model, list(_faulted(touches, known, name, fault, level, seed, draw)), config)
                 for draw in range(fault.draws)
             ]
-            add(Answers.join(passes), name, level, fault.unit)
+            add(Answers.join(passes), name, level, fault.unit, fault.draws)
     return points
 
 
 def plan_array(
-    faults: Sequence[str] = (), levels: Sequence[float] = ()
+    faults: Sequence[str] = (), levels: Sequence[float] = (), channels: int | None = None
 ) -> dict[str, tuple[float, ...]]:
-    """Return fault → levels.
+    """Return fault → levels, the mildest first.
 
     Args:
         faults: Names; all unless given.
-        levels: For every fault named; each fault's own unless given.
+        levels: For every fault named; each fault's own that the array can have unless given.
+        channels: How many the array has; not known unless given.
 
     Raises:
-        BadInput: A fault is unknown.
+        BadInput: A fault is unknown, or a level outside its limits.
     """
-    names = faults or tuple(ARRAY_FAULTS)
-    return {name: tuple(levels) or find_array_fault(name).levels for name in names}
+    plan = {}
+    for name in faults or tuple(ARRAY_FAULTS):
+        fault = find_array_fault(name)
+        most = limits_of(fault, channels)[1]
+        own = tuple(level for level in fault.levels if level <= most)
+        for level in levels or (() if own or not faults else fault.levels):
+            check_level(name, fault, level, channels)
+        plan[name] = mildest_first(levels, fault.levels) or own
+    return {name: own for name, own in plan.items() if own}
 
 
 def _faulted(

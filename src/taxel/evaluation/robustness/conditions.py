@@ -15,8 +15,8 @@ from pathlib import Path
 from typing import Any
 
 from taxel.decisions.recognition import RecogniseConfig
-from taxel.errors import BadInput
-from taxel.evaluation.robustness.curve import CLEAN, Point, point_of
+from taxel.errors import BadDataset, BadInput
+from taxel.evaluation.robustness.curve import CLEAN, Point, mildest_first, point_of
 from taxel.evaluation.robustness.touches import ANSWER_ALL, Model, Recorded, judge, recorded
 from taxel.recordings.manifest import Manifest
 from taxel.sim.teng_hand import sensor_info, simulate_sessions
@@ -61,15 +61,19 @@ class NewSessions:
 def plan_conditions(
     names: Sequence[str] = (), levels: Sequence[float] = ()
 ) -> dict[str, tuple[float, ...]]:
-    """Return condition → levels; all conditions, or each one's own levels, unless given.
+    """Return condition → levels, rising; all conditions, or each one's own levels, unless given.
 
     Raises:
-        BadInput: There is no such condition.
+        BadInput: There is no such condition, or a level lies outside the simulator's limits.
     """
     for name in names:
         if name not in LEVELS:
             raise BadInput(f"conditions among {', '.join(LEVELS)}", repr(name), "name one of them")
-    return {name: tuple(levels) or LEVELS[name][1] for name in names or LEVELS}
+        for level in levels:
+            settings_at(name, level)
+    return {
+        name: mildest_first(levels, LEVELS[name][1]) or LEVELS[name][1] for name in names or LEVELS
+    }
 
 
 def sweep_conditions(
@@ -91,14 +95,21 @@ def sweep_conditions(
 
     Raises:
         BadInput: A level lies outside the simulator's limits.
-        BadBundle, BadDataset: As `judge` says.
+        BadBundle, BadDataset: As `judge` says; the latter also where sessions are too short.
     """
     at = [(CLEAN, 0.0, "", dict(BASE))]
     for name, levels in plan.items():
         at += [(name, level, LEVELS[name][0], settings_at(name, level)) for level in levels]
     points = []
     for name, level, unit, settings in at:
-        answers = judge(model, simulate_at(settings, which), config)
+        try:
+            answers = judge(model, simulate_at(settings, which), config)
+        except BadDataset as error:
+            raise BadDataset(
+                error.needed, f"{error.got}, of {which.scans / DATA_SET_RATE_HZ:g} s",
+                "give a longer --session-s, such as 150; recordings with --data for a bundle whose "
+                "objects sim://teng does not have",
+            ) from error  # fmt: skip
         points.append(point_of(answers, name, level, unit))
         on_point(points[-1])
     return points

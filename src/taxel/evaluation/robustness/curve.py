@@ -47,6 +47,8 @@ class Point:
     outside: float
     """Windows cut where nothing was touched, a minute of recording; of cameras: false alarms a
     minute of grasps that hold."""
+    draws: int = 1
+    """Passes over the recordings, each with other random choices; their windows are pooled."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -158,8 +160,8 @@ def _share(counts: NDArray[np.float64]) -> NDArray[np.float64]:
     return np.asarray(counts[..., 0] / np.maximum(counts[..., 1], 1.0))
 
 
-def point_of(answers: Answers, fault: str, level: float, unit: str) -> Point:
-    """Return the point that answers make."""
+def point_of(answers: Answers, fault: str, level: float, unit: str, draws: int = 1) -> Point:
+    """Return the point that answers make; `draws`: how many passes are joined in them."""
     told, right = answers.answered, answers.right
     low, high = float("nan"), float("nan")
     if told.any():
@@ -177,7 +179,19 @@ def point_of(answers: Answers, fault: str, level: float, unit: str) -> Point:
         grasps=int(whole.sum()) / grasps if grasps else float("nan"),
         told=len(whole) / grasps if grasps else float("nan"),
         outside=answers.outside / answers.minutes if answers.minutes else float("nan"),
+        draws=draws,
     )
+
+
+def mildest_first(given: Sequence[float], own: Sequence[float]) -> tuple[float, ...]:
+    """Return levels in the order in which `reached` reads them, each once.
+
+    Args:
+        given: Levels of one fault, in any order.
+        own: The fault's own, the mildest first.
+    """
+    rising = own[0] < own[-1]
+    return tuple(sorted(set(given), key=abs if rising else lambda level: -level))
 
 
 def reached(points: Sequence[Point], base: float, fall: float = FALL) -> float | None:
@@ -211,6 +225,8 @@ def fall_text(points: Sequence[Point], base: float) -> str:
         points: Of one fault, the mildest first.
         base: Accuracy without the fault, 0…1.
     """
+    if np.isnan(base):
+        return "not known: nothing is answered without it either"
     unit = points[0].unit
     level = reached(points, base)
     if level is not None:

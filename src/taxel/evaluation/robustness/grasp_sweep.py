@@ -21,7 +21,7 @@ from taxel.bundles.grasp import GraspBundle, read_grasp_bundle
 from taxel.decisions.stability import Stability, StabilityDecision
 from taxel.errors import BadDataset, BadInput
 from taxel.evaluation.events import RESAMPLES, RunOutcome, StateTrack, judge
-from taxel.evaluation.robustness.curve import CLEAN, Point
+from taxel.evaluation.robustness.curve import CLEAN, Point, mildest_first
 from taxel.evaluation.robustness.image_faults import IMAGE_FAULTS, find_image_fault
 from taxel.evaluation.transition_data import truth_moments
 from taxel.labels.rules import RULES
@@ -175,7 +175,7 @@ def sweep_grasps(
         on_point: Called with each point.
 
     Raises:
-        BadInput: A fault or level is unknown.
+        BadInput: A fault is unknown.
         BadBundle, BadDataset: As `watch` says.
     """
     if not pours:
@@ -183,15 +183,7 @@ def sweep_grasps(
     points: list[Point] = []
     levels = [(CLEAN, 0.0, "")]
     for name, own in plan.items():
-        fault = find_image_fault(name)
-        for level in own:
-            low, high = fault.limits
-            if not low <= level <= high:
-                raise BadInput(
-                    f"levels of {name} within {low:g} and {high:g} {fault.unit}",
-                    f"{level:g}", "choose others with --levels",
-                )  # fmt: skip
-            levels.append((name, level, fault.unit))
+        levels += [(name, level, find_image_fault(name).unit) for level in own]
     done: list[Watched] = []
 
     def add(one: Watched) -> None:
@@ -220,13 +212,24 @@ def pours_digest(pours: Sequence[Pour]) -> str:
 def plan_images(
     faults: Sequence[str] = (), levels: Sequence[float] = ()
 ) -> dict[str, tuple[float, ...]]:
-    """Return fault → levels; all faults, or each fault's own levels, unless given.
+    """Return fault → levels, the mildest first; all faults, or each fault's own levels, unless
+    given.
 
     Raises:
-        BadInput: A fault is unknown.
+        BadInput: A fault is unknown, or a level outside its limits.
     """
-    names = faults or tuple(IMAGE_FAULTS)
-    return {name: tuple(levels) or find_image_fault(name).levels for name in names}
+    plan = {}
+    for name in faults or tuple(IMAGE_FAULTS):
+        fault = find_image_fault(name)
+        low, high = fault.limits
+        for level in levels:
+            if not low <= level <= high:
+                raise BadInput(
+                    f"levels of {name} within {low:g} and {high:g} {fault.unit}",
+                    f"{level:g}", "choose others with --levels",
+                )  # fmt: skip
+        plan[name] = mildest_first(levels, fault.levels) or fault.levels
+    return plan
 
 
 def grasp_point(watched: Sequence[Watched], fault: str, level: float, unit: str) -> Point:
