@@ -20,7 +20,7 @@ def test_a_second_bundle_beside_one_of_cameras_is_not_left_out(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     ran: list[Any] = []
-    monkeypatch.setattr(live, "live_station", ran.append)
+    monkeypatch.setattr("taxel.cli.live_station.live_station", ran.append)
     words = ["cup-pour", "sim://cup-pour", "--also", "cup-pour"]
     tyro.cli(live.Live, args=words).run()
     assert len(ran[0].bundles) == 2
