@@ -40,8 +40,25 @@ Pairs = dict[tuple[int, int], float]
 
 
 def same_rows(touch: TouchSet) -> Pairs:
-    """Return pairs of different trials that share runs of rows; 1 is all of the shorter one's."""
-    run = min(RUN, min(len(rows) for rows in touch.rows))
+    """Return pairs of different trials that share runs of rows; 1 is all of the shorter one's.
+
+    Coarse values meet by chance: many pairs then share a little and few share much, and longer
+    runs are asked for until that is no longer so.
+    """
+    shortest = min(len(rows) for rows in touch.rows)
+    run = min(RUN, shortest)
+    while True:
+        every = _shared_runs(touch, run)
+        alike = {pair: share for pair, share in every.items() if share >= SHARED}
+        if 2 * len(alike) >= len(every):
+            return alike
+        if run == shortest:
+            return {}  # chance and copies cannot be told apart
+        run = min(2 * run, shortest)
+
+
+def _shared_runs(touch: TouchSet, run: int) -> Pairs:
+    """Return pairs of trials that share any run of so many rows → share of the shorter one's."""
     each = [np.unique(_runs(rows, run)) for rows in touch.rows]
     sizes = [len(own) for own in each]
     owner = np.repeat(np.arange(len(each)), sizes)
@@ -56,10 +73,16 @@ def same_rows(touch: TouchSet) -> Pairs:
         holders = owner[order[starts[place] : ends[place]]]
         for pair in combinations(holders.tolist(), 2):
             shared[pair] += 1
+    whole: dict[bytes, list[int]] = defaultdict(list)
+    for trial, own in enumerate(each):
+        if len(own):
+            whole[own.tobytes()].append(trial)
+    for same in whole.values():  # a trial that was copied often is no rest
+        shared |= dict.fromkeys(combinations(same, 2), sizes[same[0]])
     return {
         (a, b): count / min(sizes[a], sizes[b])
         for (a, b), count in shared.items()
-        if count >= SHARED * min(sizes[a], sizes[b]) and not _overlap(touch, a, b)
+        if not _overlap(touch, a, b)
     }
 
 

@@ -40,7 +40,8 @@ class Finding:
     auc: float | None = None
     """Area under the ROC curve of the leak alone, where there are two classes."""
     p: float | None = None
-    """Chance of so high a figure where labels are dealt out anew, after Holm's correction."""
+    """Chance of so high a figure where labels are dealt out anew, after Holm's correction; None
+    for a fact, which counts by rule: one piece is enough."""
     examples: tuple[str, ...] = ()
     """A few of what was found, by name."""
 

@@ -59,7 +59,8 @@ class Gap:
                f"{self.strictly}"  # fmt: skip
         verdict: Verdict = "hazard" if self.split_does is None else "leak"
         clear = p >= SURE or self.high - self.low < GAP
-        if clear and self.split_does and self.of == "trial":
+        rule = self.split_does and self.of == "trial"
+        if clear and rule:
             told = f"{told}; this split divides trials, which leaks by rule."
         elif clear:
             verdict, told = "clear", f"{told}: no clear difference."
@@ -70,7 +71,7 @@ class Gap:
                    "will not give."  # fmt: skip
         return Finding(
             kind=self.kind, verdict=verdict, said=told, alone=self.high, majority=self.majority,
-            mend="" if verdict == "clear" else self.mend, p=p,
+            mend="" if verdict == "clear" else self.mend, p=None if rule else p,
         )  # fmt: skip
 
 

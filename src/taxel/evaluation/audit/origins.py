@@ -25,19 +25,25 @@ _NAMES_OF_ONE = ("trial", "recording", "file", "grasp", "run")
 def read_origins(case: Case) -> list[Reading]:
     """Return how well sessions, order and other names tell the label, one reading each."""
     touch = case.touch
-    readings = [_read_key(case, key, values) for key, values in _named(touch)]
+    readings = [_read_key(case, key, values) for key, values in _named(case)]
     order = _order(touch)
     if order is not None:
         readings.append(_read_order(case, order))
     return readings
 
 
-def _named(touch: TouchSet) -> list[tuple[str, NDArray[np.str_]]]:
-    """Return names shared by trials: groups, other labels, and what the files say."""
-    found: dict[str, NDArray[np.str_]] = {}
+def _named(case: Case) -> list[tuple[str, NDArray[np.str_]]]:
+    """Return names shared by trials: groups, other labels, and what the files say.
+
+    A file that holds trials of several sessions says how they are stored, not how recorded.
+    """
+    touch, found = case.touch, dict[str, NDArray[np.str_]]()
+    sessions = case.groups if case.key in SESSIONS else None
     for key in sorted({key for trial in touch.trials for key in trial.groups}):
         values = touch.group(key)
-        if values is not None and key not in NUMBERS and not key.endswith(_UNITS):
+        if values is None or key in NUMBERS or key.endswith(_UNITS):
+            continue
+        if key not in ("recording", "file") or sessions is None or _nested(sessions, values):
             found[key] = values
     for key in sorted({key for of in touch.files for key in of}):
         found[key] = np.array([of.get(key, "") for of in touch.files])
@@ -49,7 +55,7 @@ def _read_key(case: Case, key: str, values: NDArray[np.str_]) -> Reading:
     touch = case.touch
     y = touch.y
     found = told(look_up(values, y, case.plain), y, np.arange(len(y)), None, case.plain)
-    nested = all(len(set(y[values == name])) == 1 for name in set(values))
+    nested = _nested(y, values)
     session = key in SESSIONS
 
     def decide(counts: bool) -> tuple[Verdict, str, str]:
@@ -74,6 +80,11 @@ def _read_key(case: Case, key: str, values: NDArray[np.str_]) -> Reading:
     examples = [f"{name}: {', '.join(touch.classes[c] for c in sorted(set(y[values == name])))}"
                 for name in sorted(set(values))[:3]]  # fmt: skip
     return Reading(kind=f"name: {key}", told=found, decide=decide, examples=tuple(examples))
+
+
+def _nested(inner: NDArray[np.generic], outer: NDArray[np.str_]) -> bool:
+    """Return whether each outer name holds one inner value only."""
+    return all(len(set(inner[outer == name])) == 1 for name in set(outer))
 
 
 def _few(y: NDArray[np.intp], values: NDArray[np.str_]) -> bool:
@@ -111,8 +122,8 @@ def _read_order(case: Case, order: NDArray[np.float64]) -> Reading:
             return "clear", "The order of recording does not tell the label.", ""
         return (
             "leak" if case.sides is not None else "hazard",
-            "Classes were recorded in blocks: when a trial was recorded tells its label, and so "
-            "does anything that drifts.",
+            "Classes were recorded in blocks or in one order: when a trial was recorded tells its "
+            "label, and so does anything that drifts.",
             "record classes in mixed order, and test on what was recorded later",
         )
 

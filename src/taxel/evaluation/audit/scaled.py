@@ -17,7 +17,7 @@ from taxel.errors import BadInput
 from taxel.evaluation.audit.case import Case, rows_folds
 from taxel.evaluation.audit.finding import Finding
 from taxel.evaluation.audit.telling import majority
-from taxel.evaluation.audit.touch_set import TouchSet
+from taxel.evaluation.audit.touch_set import SESSIONS, TouchSet
 
 _NEAR = 1e-3
 """Deviations within which an offset or a factor counts as equal. Our choice, decision 23."""
@@ -32,12 +32,21 @@ Table = NDArray[np.float64]
 def scaled_values(case: Case) -> Finding:
     """Return the finding on values that were standardised as a whole before any split."""
     touch = case.touch
-    offset, spread = _figures(touch, np.arange(len(touch)))
-    alive = spread > 0
-    plain = (np.abs(offset) < _NEAR) & (np.abs(spread - 1.0) < _NEAR) & alive
-    if plain.sum() < max(2, _MOST * alive.sum()):
+    if not _standard(touch, np.arange(len(touch))):
         return Finding(kind="scaling", verdict="clear",
                        said="The values were not standardised as a whole.")  # fmt: skip
+    units = {"trial": np.arange(len(touch)).astype(str)}
+    units |= {key: own for key in touch.keys(("recording", *SESSIONS))
+              if (own := touch.group(key)) is not None and len(set(own)) > 1}  # fmt: skip
+    for unit, names in units.items():
+        each = [_standard(touch, np.flatnonzero(names == name)) for name in set(names)]
+        if np.mean(each) >= _MOST:
+            return Finding(
+                kind="scaling", verdict="note",
+                said=f"Each {unit} has mean 0 and deviation 1 by itself: nothing crosses to "
+                     f"others, but live a whole {unit} is known only at its end.",
+                mend="say so, and scale live by what is known then",
+            )  # fmt: skip
     inner, outer, usual = _near_neighbours(case)
     return Finding(
         kind="scaling", verdict="leak", alone=outer, majority=usual,
@@ -94,7 +103,7 @@ def _stored(run: Path, touch: TouchSet) -> tuple[Table, Table, str, list[str]]:
         kind = str(scaling["kind"])
         known = list(contract["accuracy"])  # splits by which it was cross-validated, refitted
     except (OSError, ValueError, KeyError, TypeError) as error:
-        raise BadInput("a run's folder for --run", f"{run} ({error})",
+        raise BadInput("a run's folder for --run", f"{run}, which holds none",
                        "train one with: taxel train") from error  # fmt: skip
     if offset.shape != (len(touch.views),):
         raise BadInput(f"a run of {len(touch.views)} channels", f"one of {offset.size} in {run}",
@@ -109,6 +118,14 @@ def _figures(touch: TouchSet, trials: NDArray[np.intp]) -> tuple[Table, Table]:
     mean = np.asarray(sums / count)
     squares = sum(((touch.rows[i] - mean) ** 2).sum(axis=0) for i in trials)
     return mean, np.sqrt(np.asarray(squares / count))
+
+
+def _standard(touch: TouchSet, trials: NDArray[np.intp]) -> bool:
+    """Return whether most channels have mean 0 and deviation 1 over some trials' rows."""
+    offset, spread = _figures(touch, trials)
+    alive = spread > 0
+    plain = (np.abs(offset) < _NEAR) & (np.abs(spread - 1.0) < _NEAR) & alive
+    return bool(plain.sum() >= max(min(2, len(alive)), _MOST * alive.sum()))
 
 
 def _distance(case: Case, offset: Table, factor: Table, which: NDArray[np.intp]) -> float:

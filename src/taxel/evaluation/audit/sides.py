@@ -124,7 +124,7 @@ def _lines(table: Path) -> list[tuple[int, dict[str, str]]]:
             lines = [(number, line) for number, line in enumerate(reader, 2) if any(line.values())]
             header = list(reader.fieldnames or [])
     except (OSError, UnicodeDecodeError, csv.Error) as error:
-        raise BadTable("a table of folds (CSV) that can be read", f"{table}: {error}",
+        raise BadTable("a table of folds (CSV) that can be read", f"{table}, which is none",
                        "check the path") from error  # fmt: skip
     unknown = [name for name in header if name not in COLUMNS]
     if unknown or "recording" not in header or ("fold" in header) == ("side" in header):

@@ -62,7 +62,7 @@ class Told:
 
 def trial_folds(y: NDArray[np.intp], groups: NDArray[np.str_] | None, seed: int) -> list[Fold]:
     """Return folds that hold out whole groups, or whole trials where there are none."""
-    count = min(FOLDS, len(y if groups is None else set(groups)))
+    count = min(FOLDS, int(np.bincount(y).max()), len(y if groups is None else set(groups)))
     kind = StratifiedKFold if groups is None else StratifiedGroupKFold
     splitter = kind(count, shuffle=True, random_state=seed)
     with warnings.catch_warnings():

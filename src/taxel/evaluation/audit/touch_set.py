@@ -26,6 +26,8 @@ SESSIONS = (
     "participant", "user", "lab", "rig", "station", "sensor", "device", "pad", "gel", "batch",
 )  # fmt: skip
 """Groups that say where, when or by whom a trial was recorded; they must tell no class."""
+TIMES = SESSIONS[:6]
+"""Those that say when: what was recorded together is alike, whoever held it."""
 OBJECTS = ("object", "cup", "item", "specimen")
 """Groups that say what was touched; they may well tell the class."""
 LEAST_TRIALS = 8
@@ -94,11 +96,12 @@ def checked(touch: TouchSet) -> TouchSet:
     """Return the set, or refuse one that allows no statement.
 
     Raises:
-        BadDataset: There are too few trials, or one class only.
+        BadDataset: There are too few trials, one class only, or one trial a class.
     """
-    if len(touch) < LEAST_TRIALS or len(touch.classes) < 2:
+    if len(touch) < LEAST_TRIALS or not 1 < len(touch.classes) < len(touch):
         raise BadDataset(
-            f"at least {LEAST_TRIALS} trials of at least two classes of {touch.target!r}",
+            f"at least {LEAST_TRIALS} trials of at least two classes of {touch.target!r}, several "
+            "of a class",
             f"{len(touch)} of {', '.join(touch.classes) or 'none'}",
             "record or import more of them",
         )

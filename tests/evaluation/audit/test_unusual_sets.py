@@ -1,0 +1,131 @@
+"""Clean recordings of an unusual kind raise no alarm, and their leaks are found all the same."""
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from taxel.errors import BadDataset
+from taxel.evaluation.audit.audit import audit, make_case
+from taxel.evaluation.audit.copies import same_rows
+from taxel.evaluation.audit.finding import Finding
+from taxel.evaluation.audit.origins import read_origins
+from taxel.evaluation.audit.scaled import scaled_values
+from taxel.evaluation.audit.shared import shared_names
+from taxel.evaluation.audit.sides import named_sides
+from taxel.evaluation.audit.touch_set import TouchSet, checked, usual_steps
+
+Make = dict[str, Callable[..., TouchSet]]
+
+
+def grouped(touch: TouchSet, of: Callable[[int], dict[str, str]]) -> TouchSet:
+    """Return the set with more groups a trial."""
+    trials = [replace(one, groups={**one.groups, **of(i)}) for i, one in enumerate(touch.trials)]
+    return replace(touch, trials=tuple(trials))
+
+
+def by_kind(touch: TouchSet, split: str, claimed: tuple[str, ...] = ()) -> dict[str, Finding]:
+    """Return what stands on both sides of a split, by kind."""
+    sides = named_sides(touch, split, usual_steps(touch), 5, 0, claimed)
+    return {one.kind: one for one in shared_names(make_case(touch, sides, usual_steps(touch), 0))}
+
+
+def coarse(touch: TouchSet, seed: int) -> TouchSet:
+    """Return the set with slow waves on one channel instead, read in a few steps."""
+    rng = np.random.default_rng(seed)
+    waves = [3 * np.sin(np.arange(40) / 6 + rng.uniform(0, 6)) + rng.normal(0, 0.7, 40)
+             for _ in range(len(touch))]  # fmt: skip
+    rows = tuple(np.round(wave)[:, None].astype(np.float32) for wave in waves)
+    return replace(touch, views=("array",), rows=rows)
+
+
+@pytest.mark.parametrize(("trials", "classes"), [(8, 4), (10, 5)])
+def test_a_few_dealtof_many_classes_are_audited(
+    make_set: Make, trials: int, classes: int
+) -> None:
+    """Two of each class cannot make five folds."""
+    touch = make_set["array"](trials=trials, classes=1)
+    dealt = [replace(one, labels={"shape": f"c{i % classes}"}) for i, one in
+             enumerate(touch.trials)]  # fmt: skip
+
+    assert not audit(replace(touch, trials=tuple(dealt)), "few").alarms
+
+
+def test_one_trial_a_class_is_refused(make_set: Make) -> None:
+    """Nothing can be learned of a class and tested."""
+    touch = make_set["array"](trials=8)
+    trials = [replace(one, labels={"shape": f"c{i}"}) for i, one in enumerate(touch.trials)]
+
+    with pytest.raises(BadDataset, match="several of a class"):
+        checked(replace(touch, trials=tuple(trials)))
+
+
+def test_one_operator_and_one_pad_on_both_sides_of_held_out_sessions_are_a_limit(
+    make_set: Make,
+) -> None:
+    """No leak: the figure holds for them; where they are claimed to be unseen, it is one."""
+    touch = grouped(
+        make_set["array"](), lambda i: {"operator": "ann", "pad": "xy"[(i % 5) % 2], "day": "1"}
+    )
+
+    found = by_kind(touch, "group:session")
+    assert found["same session"].verdict == "clear"
+    assert {found[f"same {key}"].verdict for key in ("operator", "pad", "day")} == {"note"}
+    assert by_kind(touch, "group:session", ("pad",))["same pad"].verdict == "leak"
+
+
+def test_sessions_on_both_sides_are_a_leak_though_pads_are_held_out(make_set: Make) -> None:
+    """What was recorded together is alike whatever it was recorded with."""
+    touch = grouped(make_set["array"](), lambda i: {"pad": "xyz"[i // 5 % 4 % 3]})
+
+    found = by_kind(touch, "group:pad")
+    assert found["same pad"].verdict == "clear"
+    assert found["same session"].verdict == "leak"
+
+
+def test_dealtscaled_each_by_itself_are_no_leak(make_set: Make) -> None:
+    """Nothing of a test trial stands in a training trial; over all rows it does."""
+    touch = make_set["array"]()
+    own = tuple((r - r.mean(axis=0)) / r.std(axis=0) for r in touch.rows)
+    every = np.concatenate(touch.rows)
+    whole = tuple((r - every.mean(axis=0)) / every.std(axis=0) for r in touch.rows)
+
+    said = scaled_values(make_case(replace(touch, rows=own), None, 10, 0))
+    assert said.verdict == "note"
+    assert said.said.startswith("Each trial")
+    assert scaled_values(make_case(replace(touch, rows=whole), None, 10, 0)).verdict == "leak"
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_coarse_values_that_meet_by_chance_are_no_copies(make_set: Make, seed: int) -> None:
+    """One channel of a few steps; a true copy among them is found."""
+    touch = coarse(make_set["array"](trials=20), seed)
+    assert not same_rows(touch)
+
+    copied = replace(touch, rows=(*touch.rows[:-1], touch.rows[0]))
+    assert list(same_rows(copied)) == [(0, len(touch) - 1)]
+
+
+def test_a_trial_copied_often_is_found(make_set: Make) -> None:
+    """Fifteen copies of one trial, as oversampling makes them, are not taken for rest."""
+    touch = make_set["array"]()
+    copied = replace(touch, rows=(touch.rows[0],) * 15 + touch.rows[15:])
+
+    assert len(same_rows(copied)) == 15 * 14 / 2
+
+
+def test_a_file_that_holds_several_sessions_is_only_how_dealtare_stored(make_set: Make) -> None:
+    """A table a class, with sessions named in it; without sessions the file tells the class."""
+    touch = make_set["array"]()
+    stored = grouped(touch, lambda i: {"recording": touch.trials[i].labels["shape"]})
+    sessionless = replace(stored, trials=tuple(
+        replace(one, groups={k: v for k, v in one.groups.items() if k != "session"})
+        for one in stored.trials))  # fmt: skip
+
+    def kinds(touch: TouchSet) -> set[str]:
+        found = read_origins(make_case(touch, None, 10, 0))
+        return {one.kind for one in found if one.finding(one.told.p).alarm}
+
+    assert "name: recording" not in kinds(stored)
+    assert "name: recording" in kinds(sessionless)
