@@ -34,19 +34,19 @@ def by_kind(touch: TouchSet, split: str, claimed: tuple[str, ...] = ()) -> dict[
 def coarse(touch: TouchSet, seed: int) -> TouchSet:
     """Return the set with slow waves on one channel instead, read in a few steps."""
     rng = np.random.default_rng(seed)
-    waves = [3 * np.sin(np.arange(40) / 6 + rng.uniform(0, 6)) + rng.normal(0, 0.7, 40)
+    waves = [1.0 * np.sin(np.arange(40) / 3 + rng.uniform(0, 6)) + rng.normal(0, 0.3, 40)
              for _ in range(len(touch))]  # fmt: skip
     rows = tuple(np.round(wave)[:, None].astype(np.float32) for wave in waves)
     return replace(touch, views=("array",), rows=rows)
 
 
 @pytest.mark.parametrize(("trials", "classes"), [(8, 4), (10, 5)])
-def test_a_few_dealtof_many_classes_are_audited(
+def test_a_few_trials_of_many_classes_are_audited(
     make_set: Make, trials: int, classes: int
 ) -> None:
     """Two of each class cannot make five folds."""
     touch = make_set["array"](trials=trials, classes=1)
-    dealt = [replace(one, labels={"shape": f"c{i % classes}"}) for i, one in
+    dealt = [replace(one, labels={"shape": f"c{i * classes // trials}"}) for i, one in
              enumerate(touch.trials)]  # fmt: skip
 
     assert not audit(replace(touch, trials=tuple(dealt)), "few").alarms

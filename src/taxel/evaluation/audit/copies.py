@@ -50,7 +50,7 @@ def same_rows(touch: TouchSet) -> Pairs:
     while True:
         every = _shared_runs(touch, run)
         alike = {pair: share for pair, share in every.items() if share >= SHARED}
-        if 2 * len(alike) >= len(every):
+        if 4 * len(alike) >= 3 * len(every):
             return alike
         if run == shortest:
             return {}  # chance and copies cannot be told apart
