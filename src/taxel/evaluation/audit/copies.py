@@ -118,7 +118,7 @@ def _runs(rows: NDArray[np.float32], run: int) -> NDArray[np.uint64]:
             found = found * np.uint64(0x9E3779B97F4A7C15) + of_row[k : k + len(found)]
     fresh = np.concatenate([[False], of_row[1:] != of_row[:-1]])
     changes = np.convolve(fresh, np.ones(run), "valid") - fresh[: len(found)]
-    return np.asarray(found[changes >= min(run - 1, (run + 1) // 2)], np.uint64)
+    return np.asarray(found[changes >= min(run - 1, (RUN + 1) // 2)], np.uint64)
 
 
 def _courses(touch: TouchSet, index: NDArray[np.intp]) -> NDArray[np.float64]:
