@@ -11,7 +11,7 @@ from taxel.bundles.contract import Contract
 from taxel.bundles.files import bundle_at_level
 from taxel.bundles.levels import measure_level
 from taxel.bundles.reader import read_bundle
-from taxel.bundles.recordings import load_at_level
+from taxel.bundles.recordings import load_at_level, load_by_session
 from taxel.bundles.writer import write_bundle
 from taxel.cli.main import main
 from taxel.decisions.unknown import Density, Unknown
@@ -60,7 +60,9 @@ def bundle(tmp_path: Path) -> Path:
     return path
 
 
-def record(path: Path, objects: list[str | None], level: np.ndarray) -> Path:
+def record(
+    path: Path, objects: list[str | None], level: np.ndarray, session: str | None = None
+) -> Path:
     """One touch of 24 scans an object, whose root mean square is `level`; None is unlabelled."""
     rows = 24
     values = np.tile(level, (rows * len(objects), 1))
@@ -73,7 +75,7 @@ def record(path: Path, objects: list[str | None], level: np.ndarray) -> Path:
         for index, name in enumerate(objects):
             if name is not None:
                 start = index * rows / 100.0
-                groups = {"object": name}
+                groups = {"object": name} | ({"session": session} if session else {})
                 end = start + (rows - 1) / 100.0
                 recorder.mark(
                     Mark(start_s=start, end_s=end, labels={"shape": "ab"[index % 2]}, groups=groups)
@@ -178,6 +180,39 @@ def test_recordings_of_another_level_are_brought_to_the_bundles(
     np.testing.assert_allclose(dataset.to_level, np.tile(1 / CHANGE, (2, 1)), rtol=1e-5)
     assert dataset.reference is not None
     np.testing.assert_array_equal(dataset.reference.level, OLD)
+
+
+def test_touches_given_beside_recordings_tell_their_level(tmp_path: Path) -> None:
+    path = record(tmp_path / "a.mcap", ["can", "can"], OLD * CHANGE)
+    touches = measure_level(record(tmp_path / "t.mcap", [None], OLD * CHANGE), contract())
+
+    values = load_at_level(path, contract(), touches).windows.values
+
+    np.testing.assert_allclose(volts(values), OLD, rtol=1e-5)
+
+
+@pytest.mark.parametrize("session", [None, "today"])
+def test_only_sessions_without_touches_of_their_own_have_those_given(
+    tmp_path: Path, session: str | None
+) -> None:
+    """One recording with its own touches at one level, one without at that of --touches."""
+    touches = measure_level(record(tmp_path / "t.mcap", ["ball"], OLD * 3, session), contract())
+    (tmp_path / "test").mkdir()
+    record(tmp_path / "test" / "1.mcap", ["can", "can"], OLD * 3, session)
+    record(tmp_path / "test" / "2.mcap", GRASPS, OLD * CHANGE, session and "before")
+
+    dataset = load_by_session(tmp_path / "test", contract(), touches)
+
+    assert [one.groups["trial"] for one in dataset.trials] == ["1#0", "1#1", "2#2", "2#3"]
+    np.testing.assert_allclose(dataset.windows.values, np.broadcast_to(OLD, (16, 6, 4)), rtol=1e-5)
+
+
+def test_touches_are_not_lent_to_a_session_of_another_name(tmp_path: Path) -> None:
+    touches = measure_level(record(tmp_path / "t.mcap", ["ball"], OLD, "today"), contract())
+    path = record(tmp_path / "a.mcap", ["can", "ball"], OLD, "before")
+
+    with pytest.raises(BadDataset, match="got 1 in before"):
+        load_by_session(path, contract(), touches)
 
 
 def test_recordings_of_a_bundle_without_touches_stay_as_measured(tmp_path: Path) -> None:

@@ -5,18 +5,24 @@ import json
 import os
 import shutil
 from collections.abc import Callable
+from dataclasses import replace
+from datetime import datetime
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from taxel.bundles.reader import read_bundle, read_contract
+from taxel.cli.adapt import _clock_time
 from taxel.cli.main import main
+from taxel.recordings.manifest import Manifest
 from taxel.recordings.reader import read_recording
 from taxel.recordings.writer import Recorder
-from taxel.signals import Mark
+from taxel.signals import Mark, SensorInfo
 from taxel.sources.data_sets import simulate_presets
+from taxel.windows.dataset import load_dataset
 
+SENSOR = SensorInfo(name="t", channels=("a",), units=("V",), rate_hz=100.0)
 Keep = Callable[[Mark], bool]
 KNOWN: Keep = lambda mark: mark.groups["object"] == "cylinder-glass"  # noqa: E731
 SPHERE: Keep = lambda mark: mark.labels["shape"] == "sphere"  # noqa: E731
@@ -159,6 +165,10 @@ def test_tables_are_printed_for_people(place: Path, capsys: pytest.CaptureFixtur
         ("run --new new.mcap --grasps 0", "--grasps"),
         ("run --correct new.mcap", "--new"),
         ("run --touches touch.mcap --rollback", "one after the other"),
+        ("run --history --test held-out.mcap", "--history and --test"),
+        ("cup-pour --touches touch.mcap", "of tactile cameras; leave it as it is"),
+        ("cup-pour --history", "of tactile cameras"),
+        ("old --touches touch.mcap", "old, a folder"),
         ("run --rollback --output free", "leave it out"),
         ("run --rollback", "former version"),
         ("run --rollback 7", "--history"),
@@ -190,6 +200,50 @@ def test_touches_may_stand_in_for_a_sessions_own(
     found = run("adapt run --new bare.mcap --touches own-touch.mcap --test held-out.mcap", capsys)
 
     assert found["after"]["sphere"] > 0.7
+
+
+def test_the_level_of_the_touches_is_that_of_their_sessions_test_recordings_too(
+    place: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Spheres of the touches' session, without touches of their own, are tested."""
+    copy(place / "new.mcap", place / "own-touch.mcap", KNOWN)
+    words = "adapt run --new bare.mcap --touches own-touch.mcap"
+
+    own = run(f"{words} --test bare.mcap", capsys)
+
+    assert own["after"] == {"all": own["after"]["sphere"], "sphere": own["after"]["sphere"]}
+    assert own["after"]["sphere"] > 0.7
+
+
+def test_touches_alone_are_tested_as_live_sees_their_session(
+    place: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Before and after are what the two bundles make of the session's volts as measured."""
+    copy(place / "held-out.mcap", place / "known.mcap", lambda mark: not SPHERE(mark))
+    main(["adapt", "run", "--touches", "touch.mcap", "--test", "known.mcap", "--output", "other"])
+    assert "accuracy on known.mcap, as measured" in capsys.readouterr().out
+
+    found = run("adapt shape.taxel --touches touch.mcap --test known.mcap", capsys)
+    history = run("adapt shape.taxel --history", capsys)
+
+    for name, key in (("shape.v1.taxel", "before"), ("shape.taxel", "after")):
+        bundle = read_bundle(Path(name))
+        data = load_dataset(Path("known.mcap"), replace(bundle.contract.window, reference=None))
+        answer = bundle.probabilities(data.windows.values, data.windows.mask).argmax(axis=1)
+        right = (answer == data.class_numbers("shape")).mean()
+        assert found[key]["all"] == pytest.approx(right, abs=0.02)
+        assert history["versions"][1]["change"][key] == found[key]
+
+
+def test_drift_is_dated_by_the_clock_of_its_own_recording(tmp_path: Path) -> None:
+    """Two recordings of a folder began an hour apart; each counts from its own beginning."""
+    for name, hour in (("a", 0), ("b", 1)):
+        began = int(datetime(2026, 1, 5, 9 + hour).timestamp() * 1e9)
+        manifest = replace(Manifest.started_now(SENSOR, now_s=0.0), wall_anchor_ns=began)
+        Recorder(tmp_path / f"{name}.mcap", manifest).close()
+
+    assert _clock_time(tmp_path, "0123/b#4", 120.0) == "10:02"
+    assert _clock_time(tmp_path / "a.mcap", "a#0", 60.0) == "09:01"
 
 
 def test_the_same_touches_twice_make_one_version(

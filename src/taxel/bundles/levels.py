@@ -39,6 +39,8 @@ class TouchLevel:
     touches: int
     """How many trials were used."""
     windows: int
+    sessions: frozenset[str]
+    """Names of the touches' sessions; empty where they name none."""
     digest: str
     """SHA-256 over the recordings' values, hexadecimal."""
     warnings: tuple[str, ...]
@@ -91,6 +93,11 @@ def measure_level(path: Path, contract: Contract, *, count: int | None = None) -
         silent=silent,
         touches=len(own),
         windows=int(used.sum()),
+        sessions=frozenset(
+            dataset.trials[i].groups["session"]
+            for i in own
+            if "session" in dataset.trials[i].groups
+        ),
         digest=dataset.digest,
         warnings=_warnings(contract.channels, change, silent)
         + _saturated(path, dataset, np.array(own), contract.channels),

@@ -5,17 +5,22 @@ Knows nothing about networks or boards.
 
 from __future__ import annotations
 
+from collections import Counter
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
 from taxel.bundles.contract import Contract
+from taxel.bundles.levels import TouchLevel
+from taxel.errors import BadDataset
 from taxel.windows.dataset import Dataset, load_dataset
-from taxel.windows.reference import to_usual
+from taxel.windows.reference import parse_reference, session_levels, to_usual
 
 
-def load_at_level(path: Path, contract: Contract, *, target: str | None = None) -> Dataset:
+def load_at_level(
+    path: Path, contract: Contract, touches: TouchLevel | None = None, *, target: str | None = None
+) -> Dataset:
     """Cut recordings into a bundle's windows, brought to the level of its own reference touches.
 
     `load_dataset` brings sessions to the level that is usual among them; a bundle's scaling
@@ -24,6 +29,7 @@ def load_at_level(path: Path, contract: Contract, *, target: str | None = None) 
     Args:
         path: A folder of recordings, or one.
         contract: What the bundle or run says of itself.
+        touches: The level of all of them; each session's own touches tell it unless given.
         target: The label that every trial must have; none unless given.
 
     Raises:
@@ -31,10 +37,13 @@ def load_at_level(path: Path, contract: Contract, *, target: str | None = None) 
             reference touches.
         BadRecording: A recording is damaged.
     """
-    dataset = load_dataset(path, contract.window, target=target)
-    if dataset.reference is None or contract.reference is None:
+    window = contract.window if touches is None else replace(contract.window, reference=None)
+    dataset = load_dataset(path, window, target=target)
+    own = dataset.reference.level if dataset.reference is not None else None
+    level = own if touches is None else touches.level
+    if level is None or contract.reference is None:
         return dataset
-    factor = to_usual(dataset.reference.level, contract.reference.level)
+    factor = to_usual(level, contract.reference.level)
     values = np.asarray(dataset.windows.values * factor, np.float32)
     return replace(
         dataset,
@@ -42,3 +51,53 @@ def load_at_level(path: Path, contract: Contract, *, target: str | None = None) 
         reference=contract.reference,
         to_level=None if dataset.to_level is None else dataset.to_level * factor,
     )
+
+
+def load_by_session(path: Path, contract: Contract, touches: TouchLevel) -> Dataset:
+    """Cut recordings as `load_at_level` does; sessions without touches of their own have `touches`.
+
+    Args:
+        path: A folder of recordings, or one.
+        contract: What a bundle or run with reference touches says of itself.
+        touches: The level of its own session, and of recordings that name none.
+
+    Raises:
+        BadDataset: There is no window beside the touches, or a session with a name of its own
+            lacks its reference touches.
+        BadRecording: A recording is damaged.
+    """
+    assert contract.window.reference is not None
+    assert contract.reference is not None
+    dataset = load_dataset(path, replace(contract.window, reference=None))
+    wanted = parse_reference(contract.window.reference)
+    trials = dataset.trials
+    named = all("session" in trial.groups for trial in trials)
+    session = dataset.group("session" if named else "recording")
+    held = Counter(name for name, one in zip(session, trials, strict=True) if wanted.matches(one))
+    for name in sorted(set(session)):
+        if held[name] < wanted.count and named and name not in (touches.sessions or {name}):
+            raise BadDataset(
+                f"{wanted.count} touches of {wanted.key}={wanted.value} in each session but that "
+                f"of --touches ({', '.join(sorted(touches.sessions))})",
+                f"{held[name]} in {name}", "leave it out, or give its own touches",
+            )  # fmt: skip
+    own = np.flatnonzero([held[name] >= wanted.count for name in session])
+    level = np.tile(touches.level, (len(trials), 1))
+    used = np.zeros(len(trials), bool)
+    there = np.isin(dataset.trial, own)
+    if len(own):
+        level[own], used[own] = session_levels(
+            dataset.windows.values[there], dataset.windows.mask[there],
+            np.searchsorted(own, dataset.trial[there]), [trials[i] for i in own], wanted,
+        )  # fmt: skip
+    factor = to_usual(level, contract.reference.level)
+    left = ~used[dataset.trial]
+    if not left.any():
+        raise BadDataset("windows beside the reference touches", f"none in {path}", "record grasps")
+    kept, owner = np.unique(dataset.trial[left], return_inverse=True)
+    windows = dataset.windows[left]
+    values = windows.values * factor[dataset.trial[left], None, :]
+    return replace(
+        dataset, windows=replace(windows, values=values), trial=owner.astype(np.intp),
+        trials=tuple(trials[i] for i in kept), reference=contract.reference, to_level=factor[kept],
+    )  # fmt: skip

@@ -325,14 +325,15 @@ def _read(path: Path) -> tuple[Version, ...]:
     try:
         stored: dict[str, Any] = json.loads(path.read_text())
         if stored["format"] != FORMAT:
-            raise ValueError("another format")
+            raise ValueError
         versions = tuple(_version(one) for one in stored["versions"])
         if len({one.number for one in versions}) < len(versions):
-            raise ValueError("a number twice")
+            raise ValueError
     except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
         raise BadInput(
-            f"a history that can be read in {path}", f"a damaged one ({error})", "move it away"
-        ) from error
+            f"a history that can be read in {path}", "a damaged one, or one of another version",
+            "move it away; the former versions beside it stay",
+        ) from error  # fmt: skip
     return versions
 
 
@@ -341,13 +342,13 @@ def _version(stored: dict[str, Any]) -> Version:
     made = Change(**(change | {"data": tuple(change["data"])}))
     version = Version(**(stored | {"change": made}))
     if type(version.number) is not int or version.number < 1:
-        raise ValueError(f"the number {version.number!r}")
+        raise ValueError
     texts = (version.digest, version.parent, version.made, made.what, made.data_digest, *made.data)
     if not all(isinstance(one, str) for one in texts):
-        raise ValueError(f"version {version.number} without text where text belongs")
+        raise ValueError
     for shares in (made.before, made.after):
         if not all(isinstance(one, int | float) for one in shares.values()):
-            raise ValueError(f"version {version.number} without numbers for accuracies")
+            raise ValueError
     return version
 
 

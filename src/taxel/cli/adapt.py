@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable
 from dataclasses import asdict, dataclass, replace
 from datetime import datetime
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -14,9 +15,14 @@ from taxel.cli.printing import console, print_json, progress
 from taxel.errors import BadInput
 
 if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
+    from taxel.bundles.contract import Contract
+    from taxel.bundles.levels import TouchLevel
     from taxel.bundles.versions import Change
-    from taxel.training.adapt.new_data import Grasps
     from taxel.training.run import Run
+    from taxel.windows.windower import Windows
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,11 +44,12 @@ class Adapt:
     """
 
     trained: tyro.conf.Positional[Path]
-    """A bundle, NAME.taxel, or a run's folder."""
+    """A bundle of an array, NAME.taxel, or a run's folder."""
     touches: Path | None = None
     """A recording of a few touches of the known object that the training's --reference names, on
     the pad, gel or session as it is now. Alone: brings each channel to its level. Beside --new or
-    --correct: sets the level of those recordings."""
+    --correct: sets the level of those recordings. It sets the level of --test too, but for sessions
+    that hold such touches of their own."""
     new: tuple[Path, ...] = ()
     """Runs: recordings of grasps of a class that it does not know yet, labelled."""
     grasps: int = 5
@@ -51,8 +58,9 @@ class Adapt:
     """Runs: a recording whose labels are right; its grasps are answered and then learned in their
     order. Notices drift (needs taxel[adapt])."""
     test: Path | None = None
-    """--new, --correct: labelled recordings to measure accuracy on before and after, by class; the
-    run's rehearsed grasps unless given, which flatters."""
+    """Labelled recordings to measure accuracy on before and after, by class: with --touches alone,
+    of that session; with --new or --correct, of any, the run's rehearsed grasps unless given, which
+    flatters."""
     output: Path | None = None
     """Write the adapted version here and leave the one at hand as it is."""
     history: bool = False
@@ -64,9 +72,10 @@ class Adapt:
 
     def run(self) -> None:
         """Adapt, or show or bring back versions."""
+        from taxel.bundles.shipped import find_bundle
         from taxel.bundles.versions import named_path, settle
 
-        trained = named_path(self.trained)
+        trained = find_bundle(named_path(self.trained))
         if trained != self.trained:
             replace(self, trained=trained).run()  # "." has no name that others could stand beside
             return
@@ -94,8 +103,9 @@ class Adapt:
                 "one of --touches, --new, --correct, --history and --rollback",
                 " and ".join(said) or "none", "choose one",
             )  # fmt: skip
-        if self.touches is not None and (self.history or self.rollback is not None):
-            raise BadInput(f"{said[0]} alone", f"{said[0]} and --touches", "do one after the other")
+        beside = "--touches" if self.touches is not None else "--test"
+        if (self.touches or self.test) and (self.history or self.rollback is not None):
+            raise BadInput(f"{said[0]} alone", f"{said[0]} and {beside}", "do one after the other")
         if self.grasps < 1:
             raise BadInput("--grasps of at least 1", str(self.grasps), "give a larger number")
         if self.rollback is not None and len(self.rollback) > 1:
@@ -103,12 +113,23 @@ class Adapt:
 
     def _check_found(self) -> None:
         """Refuse what does not fit what is there, before anything is written."""
+        from taxel.bundles.grasp import is_grasp_bundle
+        from taxel.bundles.versions import need_bundle
+
+        if is_grasp_bundle(self.trained):
+            raise BadInput(
+                "a bundle of an array, or a run's folder",
+                f"{self.trained.name}, of tactile cameras",
+                "leave it as it is: it sees each grasp relative to that grasp's own settled start",
+            )  # fmt: skip
         is_run = (self.trained / "run.json").exists()
         if (self.new or self.correct) and not is_run:
             raise BadInput(
                 f"a run's folder for {'--new' if self.new else '--correct'}", f"{self.trained}",
                 "name a folder that taxel train wrote, and bundle it again afterwards",
             )  # fmt: skip
+        if not is_run and not self.history and self.rollback is None:
+            need_bundle(self.trained)
         if self.output is not None and (
             self.output.exists() or self.history or self.rollback is not None
         ):
@@ -122,15 +143,19 @@ class Adapt:
         from taxel.bundles.levels import measure_level
         from taxel.bundles.reader import read_contract
         from taxel.bundles.versions import Change
+        from taxel.training.adapt.new_data import measured_at
 
         assert self.touches is not None
         is_run = (self.trained / "run.json").exists()
         run = _load(self.trained) if is_run else None
         contract = run.contract if run is not None else read_contract(self.trained)
         found = measure_level(self.touches, contract)
+        before, after = (
+            measured_at(self._tell(run), contract, self.test, found) if self.test else ({}, {})
+        )
         change = Change(
             what=f"brought to the level of {found.touches} touches",
-            data=(str(self.touches),), data_digest=found.digest,
+            data=(str(self.touches),), data_digest=found.digest, before=before, after=after,
         )  # fmt: skip
         place = self._place()
         if run is not None:
@@ -146,15 +171,19 @@ class Adapt:
                 "channels": contract.channels, "level": found.level.tolist(),
                 "change": found.change.tolist(), "silent": found.silent.tolist(),
                 "warnings": found.warnings,
+                "measured_on": self.test and str(self.test), "before": before, "after": after,
             })  # fmt: skip
             return
-        from taxel.views.adapt_results import level_table
+        from taxel.views.adapt_results import before_after_table, level_table
 
         console.print(level_table(contract, found))
+        if after:
+            console.print(before_after_table(change, f"{self.test}, as measured"))
         self._say_stored(stored)
 
     def _learn_class(self) -> None:
         from taxel.bundles.versions import Change
+        from taxel.training.adapt.correcting import measured
         from taxel.training.adapt.last_layer import adapt_last_layer
         from taxel.training.adapt.new_data import read_grasps
         from taxel.training.run import save_run
@@ -162,7 +191,8 @@ class Adapt:
         run = _load(self.trained)
         with progress() as bar:
             task = bar.add_task("reading", total=None)
-            grasps = read_grasps(self.new, run.contract, self.touches).first(self.grasps)
+            level = self._level(run.contract)
+            grasps = read_grasps(self.new, run.contract, level).first(self.grasps)
             names = sorted(set(grasps.label) - set(run.contract.classes))
             if not names:
                 raise BadInput(
@@ -175,7 +205,7 @@ class Adapt:
                 run, grasps.windows, grasps.label, grasps.grasp, grasps.session
             )
             bar.update(task, description="measuring")
-            before, after = self._measured(run, adapted.run, grasps)
+            before, after = measured(run, adapted.run, self.test, level)
         counts = ", ".join(f"{name!r} from {grasps.count(name)} grasps" for name in names)
         change = Change(
             what=f"new class {counts}", data=tuple(map(str, self.new)),
@@ -201,7 +231,7 @@ class Adapt:
 
     def _learn_corrections(self) -> None:
         from taxel.bundles.versions import Change
-        from taxel.training.adapt.correcting import learn_corrections
+        from taxel.training.adapt.correcting import learn_corrections, measured
         from taxel.training.adapt.new_data import read_grasps
         from taxel.training.run import save_run
 
@@ -209,10 +239,11 @@ class Adapt:
         run = _load(self.trained)
         with progress() as bar:
             task = bar.add_task("reading", total=None)
-            grasps = read_grasps([self.correct], run.contract, self.touches)
+            level = self._level(run.contract)
+            grasps = read_grasps([self.correct], run.contract, level)
             bar.update(task, description="learning", total=len(set(grasps.grasp)))
             found = learn_corrections(run, grasps, on_grasp=lambda _: bar.update(task, advance=1))
-            before, after = self._measured(run, found.run, grasps)
+            before, after = measured(run, found.run, self.test, level)
         change = Change(
             what=f"{found.grasps} corrected grasps", data=(str(self.correct),),
             data_digest=grasps.digest, before=before, after=after,
@@ -220,7 +251,10 @@ class Adapt:
         place = self._place()
         save_run(place, _made(found.run))
         stored = self._store(place, change)
-        times = [_clock_time(self.correct, found.starts[one.grasp]) for one in found.drifts]
+        times = [
+            _clock_time(self.correct, found.order[one.grasp], found.starts[one.grasp])
+            for one in found.drifts
+        ]
         detail = {
             "grasps": found.grasps,
             "prequential": found.prequential,
@@ -237,21 +271,21 @@ class Adapt:
             said += "reference object, and give that recording to --touches"
         self._say(change, stored, detail, said)
 
-    def _measured(
-        self, before: Run, after: Run, grasps: Grasps
-    ) -> tuple[Mapping[str, float], Mapping[str, float]]:
-        """Return class → accuracy before and after, on --test or on rehearsed grasps."""
-        from taxel.training.adapt.correcting import by_class, exemplar_labels
-        from taxel.training.adapt.last_layer import exemplars_of
-        from taxel.training.adapt.new_data import read_grasps
+    def _level(self, contract: Contract) -> TouchLevel | None:
+        from taxel.bundles.levels import measure_level
 
-        if self.test is None:
-            windows, label = exemplar_labels(after, exemplars_of(after))
-        else:
-            tested = read_grasps([self.test], before.contract)
-            windows, label = tested.windows, tested.label
-        known = before.contract.classes
-        return by_class(before, windows, label, known), by_class(after, windows, label, known)
+        return measure_level(self.touches, contract) if self.touches is not None else None
+
+    def _tell(self, run: Run | None) -> Callable[[Windows], NDArray[np.floating]]:
+        """Return what gives the probabilities of windows; a bundle needs no training framework."""
+        if run is not None:
+            from taxel.training.adapt.correcting import run_probabilities
+
+            return partial(run_probabilities, run)
+        from taxel.bundles.reader import read_bundle
+
+        bundle = read_bundle(self.trained)
+        return lambda windows: bundle.probabilities(windows.values, windows.mask)
 
     def _place(self) -> Path:
         """Return where to write what is adapted."""
@@ -343,11 +377,15 @@ def _save_at_level(place: Path, run: Run, level: Any) -> None:
     save_run(place, _made(replace(run, contract=contract, exemplars=exemplars)))
 
 
-def _clock_time(path: Path, start_s: float) -> str:
-    """Return when a grasp began, as a clock on the wall had it; seconds where that is unknown."""
-    from taxel.recordings.reader import list_recordings, read_manifest
+def _clock_time(path: Path, grasp: str, start_s: float) -> str:
+    """Return when a grasp began, as a clock on the wall had it; seconds where that is unknown.
 
-    anchor_ns = read_manifest(list_recordings(path)[0]).wall_anchor_ns
+    Each recording has a clock of its own; the grasp's name, DATA/STEM#NUMBER, says which.
+    """
+    from taxel.recordings.reader import read_manifest
+
+    stem = grasp.rpartition("#")[0].rpartition("/")[2]
+    anchor_ns = read_manifest(path / f"{stem}.mcap" if path.is_dir() else path).wall_anchor_ns
     if not anchor_ns:
         return f"{start_s:.0f} s"
     return datetime.fromtimestamp(anchor_ns / 1e9 + start_s).strftime("%H:%M")

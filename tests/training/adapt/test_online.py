@@ -9,10 +9,10 @@ from make_dataset import make_dataset
 
 from taxel.errors import BadDataset, MissingExtra
 from taxel.evaluation.adaptation import run_of, told, windows_of
-from taxel.training.adapt.correcting import by_class, learn_corrections
+from taxel.training.adapt.correcting import learn_corrections, run_probabilities
 from taxel.training.adapt.drift import DriftWatch
 from taxel.training.adapt.exemplars import Exemplars, all_exemplars
-from taxel.training.adapt.new_data import Grasps
+from taxel.training.adapt.new_data import Grasps, by_class
 from taxel.training.adapt.online import OnlineLearner, Reservoir
 from taxel.training.loop import TrainConfig, predict
 from taxel.training.recipes import find_recipe
@@ -105,7 +105,8 @@ def test_accuracy_by_class_counts_unknown_classes_as_wrong(run: Run) -> None:
     own = ALL[ALL.session == "s0"]
     label = tuple("cone" if i == 2 else CLASSES[i] for i in own.y)
 
-    found = by_class(run, windows_of(own), label, run.contract.classes)
+    told = run_probabilities(run, windows_of(own))
+    found = by_class(told, run.contract.classes, label, run.contract.classes)
 
     assert found["cone"] == 0.0
     assert found["all known before"] > found["all"]

@@ -5,15 +5,18 @@ Knows nothing about screens or versions.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
+from taxel.bundles.levels import TouchLevel
 from taxel.training.adapt.drift import Drift, DriftWatch
 from taxel.training.adapt.exemplars import Exemplars
-from taxel.training.adapt.new_data import Grasps
+from taxel.training.adapt.last_layer import exemplars_of
+from taxel.training.adapt.new_data import Grasps, by_class, read_grasps
 from taxel.training.adapt.online import OnlineConfig, OnlineLearner
 from taxel.training.loop import predict
 from taxel.training.run import Run
@@ -90,26 +93,38 @@ def learn_corrections(
     )
 
 
-def by_class(
-    run: Run, windows: Windows, label: tuple[str, ...], known: tuple[str, ...]
-) -> Mapping[str, float]:
-    """Return class → share of its windows told right, 0…1, and of all, and of all known before.
-
-    Args:
-        run: With its networks.
-        windows: Unscaled, at the run's level.
-        label: Each window's right class; one that the run does not know is never told right.
-        known: The classes known before it was adapted.
-    """
+def run_probabilities(run: Run, windows: Windows) -> NDArray[np.float64]:
+    """Return class probabilities, shape (n, classes), of unscaled windows at the run's level."""
     scaled = run.contract.scaling.apply(windows.values, windows.mask)
     each = [predict(network, scaled, windows.mask) for network in run.networks]
-    answer = np.array(run.contract.classes)[np.mean(each, axis=0).argmax(axis=1)]
-    right, names = answer == np.array(label), np.array(label)
-    found = {"all": float(right.mean())}
-    old = np.isin(names, known)
-    if old.any() and not old.all():
-        found["all known before"] = float(right[old].mean())
-    return found | {name: float(right[names == name].mean()) for name in sorted(set(label))}
+    return np.asarray(np.mean(each, axis=0))
+
+
+def measured(
+    before: Run, after: Run, test: Path | None, touches: TouchLevel | None
+) -> tuple[dict[str, float], dict[str, float]]:
+    """Return class → accuracy of a run before and after it learned, as `by_class` gives it.
+
+    Args:
+        before: The run.
+        after: What it became.
+        test: Labelled recordings; the exemplars of `after` unless given, which flatters.
+        touches: The level of those sessions in `test` that hold no touches of their own.
+
+    Raises:
+        BadDataset, BadBundle, BadRecording: As `read_grasps` says.
+    """
+    if test is None:
+        windows, label = exemplar_labels(after, exemplars_of(after))
+    else:
+        tested = read_grasps([test], before.contract, touches, by_session=True)
+        windows, label = tested.windows, tested.label
+    known = before.contract.classes
+    was, now = (
+        by_class(run_probabilities(run, windows), run.contract.classes, label, known)
+        for run in (before, after)
+    )
+    return was, now
 
 
 def exemplar_labels(run: Run, exemplars: Exemplars) -> tuple[Windows, tuple[str, ...]]:

@@ -148,7 +148,7 @@ def load_exemplars(folder: Path) -> Exemplars | None:
             raise ValueError("parts of different length")
     except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile) as error:
         raise BadInput(
-            f"exemplars that can be read in {path}", f"damaged ones ({error})",
+            f"exemplars that can be read in {path}", "damaged ones",
             "train the run again with: taxel train",
         ) from error  # fmt: skip
     return found

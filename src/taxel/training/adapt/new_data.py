@@ -5,7 +5,7 @@ Knows nothing about networks.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -13,11 +13,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taxel.bundles.contract import Contract
-from taxel.bundles.levels import measure_level
+from taxel.bundles.levels import TouchLevel
+from taxel.bundles.recordings import load_at_level, load_by_session
 from taxel.errors import BadDataset
 from taxel.training.adapt.exemplars import label_of
-from taxel.windows.dataset import load_dataset
-from taxel.windows.reference import to_usual
 from taxel.windows.windower import Windows
 
 _DIGEST_LETTERS = 12
@@ -68,7 +67,13 @@ class Grasps:
         return len({g for g, own in zip(self.grasp, self.label, strict=True) if own == label})
 
 
-def read_grasps(paths: Sequence[Path], contract: Contract, touches: Path | None = None) -> Grasps:
+def read_grasps(
+    paths: Sequence[Path],
+    contract: Contract,
+    touches: TouchLevel | None = None,
+    *,
+    by_session: bool = False,
+) -> Grasps:
     """Cut labelled recordings into windows of a run, at its level.
 
     Files of one name and sessions of one name in different `paths` are different ones; so are
@@ -78,7 +83,8 @@ def read_grasps(paths: Sequence[Path], contract: Contract, touches: Path | None 
         paths: Recordings, or folders of them. Where the run has reference touches and
             `touches` is not given, each session must hold its own.
         contract: The run's.
-        touches: A recording of reference touches that sets the level of all `paths`.
+        touches: The level of all these recordings.
+        by_session: `touches` are for sessions that hold none of their own.
 
     Raises:
         BadDataset: There is no window, a trial lacks the run's target, or a session lacks its
@@ -86,7 +92,7 @@ def read_grasps(paths: Sequence[Path], contract: Contract, touches: Path | None 
         BadBundle: The sensor is another.
         BadRecording: A recording is damaged.
     """
-    parts = [_read(path, contract, touches) for path in paths]
+    parts = [_read(path, contract, touches, by_session) for path in paths]
     return Grasps(
         windows=Windows.join(part.windows for part in parts),
         label=tuple(name for part in parts for name in part.label),
@@ -97,9 +103,11 @@ def read_grasps(paths: Sequence[Path], contract: Contract, touches: Path | None 
     )
 
 
-def _read(path: Path, contract: Contract, touches: Path | None) -> Grasps:
-    window = contract.window if touches is None else replace(contract.window, reference=None)
-    dataset = load_dataset(path, window)
+def _read(path: Path, contract: Contract, touches: TouchLevel | None, by_session: bool) -> Grasps:
+    if by_session and touches is not None:
+        dataset = load_by_session(path, contract, touches)
+    else:
+        dataset = load_at_level(path, contract, touches)
     contract.check_sensor(dataset.sensor)
     labels = [label_of(dict(trial.labels), contract.target) for trial in dataset.trials]
     for trial, label in zip(dataset.trials, labels, strict=True):
@@ -109,22 +117,60 @@ def _read(path: Path, contract: Contract, touches: Path | None) -> Grasps:
                 f"{trial.groups['trial']} with the labels {', '.join(trial.labels) or 'none'}",
                 "label the recording",
             )
-    windows = dataset.windows
-    own = dataset.reference.level if dataset.reference is not None else None
-    if touches is not None:
-        own = measure_level(touches, contract).level
-    if own is not None and contract.reference is not None:
-        factor = to_usual(own, contract.reference.level)
-        windows = replace(windows, values=(windows.values * factor).astype(np.float32))
     key = "session" if all("session" in trial.groups for trial in dataset.trials) else "recording"
     trials = [dataset.trials[i] for i in dataset.trial]
     own_data = dataset.digest == contract.data_digest
     origin = "" if own_data else f"{dataset.digest[:_DIGEST_LETTERS]}/"
     return Grasps(
-        windows=windows,
+        windows=dataset.windows,
         label=tuple(labels[i] or "" for i in dataset.trial),
         grasp=tuple(origin + trial.groups["trial"] for trial in trials),
         session=tuple(origin + trial.groups[key] for trial in trials),
         start_s=tuple(trial.start_s for trial in trials),
         digest=dataset.digest,
     )
+
+
+def measured_at(
+    tell: Callable[[Windows], NDArray[np.floating]],
+    contract: Contract,
+    test: Path,
+    touches: TouchLevel,
+) -> tuple[dict[str, float], dict[str, float]]:
+    """Return class → accuracy at the level as it was and at that of touches, as `by_class` does.
+
+    Args:
+        tell: (unscaled windows at the level as it was, n of them) → probabilities (n, classes).
+        contract: What the bundle or run says of itself.
+        test: Labelled recordings of the touches' session.
+        touches: Its level.
+
+    Raises:
+        BadDataset, BadBundle, BadRecording: As `read_grasps` says.
+    """
+    grasps, known = read_grasps([test], contract, touches), contract.classes
+    as_it_was = replace(grasps.windows, values=grasps.windows.values * touches.change)
+    before, after = (
+        by_class(tell(one), known, grasps.label, known) for one in (as_it_was, grasps.windows)
+    )
+    return before, after
+
+
+def by_class(
+    found: NDArray[np.floating], classes: Sequence[str], label: Sequence[str], known: Sequence[str]
+) -> dict[str, float]:
+    """Return class → share of its windows told right, 0…1, and of all, and of all known before.
+
+    Args:
+        found: Probabilities, shape (n, classes).
+        classes: Their names.
+        label: Each window's right class; one that is not among `classes` is never told right.
+        known: The classes known before adapting.
+    """
+    names = np.array(label)
+    right = np.array(classes)[found.argmax(axis=1)] == names
+    shares = {"all": float(right.mean())}
+    old = np.isin(names, known)
+    if old.any() and not old.all():
+        shares["all known before"] = float(right[old].mean())
+    return shares | {name: float(right[names == name].mean()) for name in sorted(set(label))}
