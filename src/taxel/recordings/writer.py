@@ -11,7 +11,6 @@ from __future__ import annotations
 
 import contextlib
 import errno
-import json
 import math
 import os
 import threading
@@ -23,22 +22,16 @@ from types import TracebackType
 from typing import Any, BinaryIO, Self
 
 import numpy as np
-from mcap.records import Schema
 
 from taxel.errors import BadInput, RecordingFailed
-from taxel.recordings import frame_layout
-from taxel.recordings import scan_layout as layout
-from taxel.recordings.manifest import Manifest, to_record
-from taxel.recordings.mcap_file import McapFile, Messages
-from taxel.recordings.tally import FrameTally, Tally
+from taxel.recordings.chunk_writer import ChunkWriter, Item
+from taxel.recordings.manifest import Manifest
 from taxel.signals import Frame, Mark, Samples
 
 PART_SUFFIX = ".part"
 """Added to the name of a recording that is not finished."""
 FLUSH_S = 0.05
 """Half of the 0.1 s that a kill -9 may take (docs/decisions/0004)."""
-CHUNK_BYTES = 256 * 1024
-"""Largest content of a chunk: what one damaged byte may take. At 1 kHz the flush comes first."""
 QUEUE_SCANS = 60_000
 """Scans that may wait for the disk: a minute at 1 kHz."""
 QUEUE_BYTES = 64 * 1024 * 1024
@@ -84,9 +77,7 @@ class Recorder:
         self._flush_s = flush_s
         self._queue_scans = queue_scans
         self._stall_s = stall_s
-        self._tally = Tally()
-        self._frame_tallies = [FrameTally() for _ in manifest.cameras]
-        self._waiting: deque[_Item] = deque()
+        self._waiting: deque[Item] = deque()
         self._scans_waiting = 0
         self._bytes_waiting = 0
         self._flush_asked = False
@@ -101,7 +92,7 @@ class Recorder:
         except OSError as error:
             raise self._failed(error) from error
         try:
-            self._file = self._begin()
+            self._content = ChunkWriter(self._raw, manifest)
         except OSError as error:
             self._clear_away()
             raise self._failed(error) from error
@@ -121,7 +112,7 @@ class Recorder:
     @property
     def size(self) -> int:
         """Bytes in the file so far."""
-        return self._file.size
+        return self._content.size
 
     def write(self, samples: Samples) -> None:
         """Hand over scans, oldest first; returns before they are on disk.
@@ -216,13 +207,7 @@ class Recorder:
 
     def statistics(self) -> dict[str, Any]:
         """Return the ledger of what is in the file so far."""
-        ledger: dict[str, Any] = self._tally.as_dict()
-        if self._manifest.cameras:
-            ledger["cameras"] = {
-                camera.name: tally.as_dict()
-                for camera, tally in zip(self._manifest.cameras, self._frame_tallies, strict=True)
-            }
-        return ledger
+        return self._content.statistics()
 
     def __enter__(self) -> Self:
         return self
@@ -237,15 +222,12 @@ class Recorder:
             self.close()
             return
         with contextlib.suppress(RecordingFailed):
-            written = self._tally.scans + self._tally.marks
-            written += sum(tally.frames for tally in self._frame_tallies)
-            nothing = written + len(self._waiting) == 0
-            if nothing and not self.failed:
+            if self._content.empty and not self._waiting and not self.failed:
                 self.discard()
             else:
                 self.close(f"cut short: {type(error).__name__}")
 
-    def _put(self, item: _Item, scans: int) -> None:
+    def _put(self, item: Item, scans: int) -> None:
         with self._change:
             if self._closed:
                 raise self._error or RecordingFailed(f"{self._path} is closed; nothing was written")
@@ -281,7 +263,7 @@ class Recorder:
                 self._waiting.clear()
             due = time.monotonic() + self._flush_s
             try:
-                self._write_batch(batch)
+                self._content.write(batch)
             except OSError as error:
                 self._error = self._failed(error)
             except Exception as error:  # anything else must be as loud: nobody sees this thread
@@ -298,101 +280,9 @@ class Recorder:
     def _hurry(self) -> bool:
         return self._closing or self._flush_asked or self._crowded()
 
-    def _write_batch(self, batch: list[_Item]) -> None:
-        runs = [item for item in batch if isinstance(item, Samples) and len(item)]
-        marks = [item for item in batch if isinstance(item, Mark)]
-        frames = [item for item in batch if isinstance(item, Frame)]
-        if runs:
-            self._write_scans(Samples.join(runs))
-        while frames:
-            frames = self._write_frames(frames)
-        if marks:
-            self._write_marks(marks)
-
-    def _write_scans(self, samples: Samples) -> None:
-        channels = samples.values.shape[1]
-        step = max(1, CHUNK_BYTES // layout.record_dtype(channels).itemsize)
-        for first in range(0, len(samples), step):
-            part = samples[first : first + step]
-            anchor_ns = self._manifest.wall_anchor_ns
-            records = layout.encode_scans(part, self._tally.scans, anchor_ns)
-            size = records.dtype.itemsize
-            self._file.add_chunk(
-                [
-                    Messages(
-                        channel=layout.SCAN_CHANNEL,
-                        content=records.tobytes(),
-                        log_ns=records["log_ns"],
-                        offsets=np.arange(len(records), dtype=np.uint64) * np.uint64(size),
-                    )
-                ]
-            )
-            self._tally.add(part)
-
-    def _write_frames(self, frames: list[Frame]) -> list[Frame]:
-        """Write frames of about a chunk's size, cameras apart inside it; return the rest."""
-        taken, size = 0, 0
-        while taken < len(frames) and size < CHUNK_BYTES:
-            size += len(frames[taken].jpeg)
-            taken += 1
-        parts = []
-        for camera, tally in enumerate(self._frame_tallies):
-            stamps: list[int] = []
-            contents: list[bytes] = []
-            for frame in frames[:taken]:
-                if frame.camera == camera:
-                    stamp, content = frame_layout.encode_frame(
-                        frame, tally.frames, self._manifest.wall_anchor_ns
-                    )
-                    tally.add(frame)
-                    stamps.append(stamp)
-                    contents.append(content)
-            if contents:
-                parts.append(_messages(frame_layout.FRAME_CHANNEL + camera, stamps, contents))
-        self._file.add_chunk(parts)
-        return frames[taken:]
-
-    def _write_marks(self, marks: list[Mark]) -> None:
-        """Write marks as a chunk of their own: a damaged one costs no scan."""
-        log_ns: list[int] = []
-        contents: list[bytes] = []
-        for mark in marks:
-            sequence = self._tally.marks + len(contents)
-            stamp, content = layout.encode_mark(mark, sequence, self._manifest.wall_anchor_ns)
-            log_ns.append(stamp)
-            contents.append(content)
-        self._file.add_chunk([_messages(layout.MARK_CHANNEL, log_ns, contents)])
-        self._tally.marks += len(marks)
-
-    def _begin(self) -> McapFile:
-        """Write everything that says what the recording is, before any scan."""
-        pairs = to_record(self._manifest)
-        file = McapFile(self._raw, self._manifest.software)
-        file.add_metadata("taxel", pairs)
-        scan = Schema(
-            id=1, name=layout.SCAN_SCHEMA_NAME, encoding="ros2msg", data=layout.SCAN_SCHEMA
-        )
-        file.add_channel(layout.scan_topic(self._manifest.sensor.name), "cdr", scan, pairs)
-        mark = Schema(
-            id=2, name=layout.MARK_SCHEMA_NAME, encoding="jsonschema", data=layout.MARK_SCHEMA
-        )
-        file.add_channel(layout.MARK_TOPIC, "json", mark)
-        for number, camera in enumerate(self._manifest.cameras):
-            image = Schema(
-                id=frame_layout.FRAME_CHANNEL + number,
-                name=frame_layout.FRAME_SCHEMA_NAME,
-                encoding="ros2msg",
-                data=frame_layout.FRAME_SCHEMA,
-            )
-            file.add_channel(frame_layout.frame_topic(camera.name), "cdr", image)
-        return file
-
     def _finish(self, ended: str) -> None:
         try:
-            ledger = self.statistics() | {"ended": ended}
-            pairs = {key: json.dumps(value) for key, value in ledger.items()}
-            self._file.add_metadata("taxel.statistics", pairs)
-            self._file.finish()
+            self._content.finish(ended)
             os.fsync(self._raw.fileno())
             os.replace(self._part, self._path)
         except OSError as error:
@@ -425,21 +315,8 @@ class Recorder:
         return f"needed room to record {self._path}; {reason}; {mend}."
 
 
-_Item = Samples | Mark | Frame
-
-
-def _bytes_of(item: _Item) -> int:
+def _bytes_of(item: Item) -> int:
     return len(item.jpeg) if isinstance(item, Frame) else 0
-
-
-def _messages(channel: int, log_ns: list[int], contents: list[bytes]) -> Messages:
-    lengths = np.array([0, *map(len, contents)], np.uint64)
-    return Messages(
-        channel=channel,
-        content=b"".join(contents),
-        log_ns=np.array(log_ns, np.uint64),
-        offsets=np.cumsum(lengths)[:-1],
-    )
 
 
 def part_path(path: Path) -> Path:

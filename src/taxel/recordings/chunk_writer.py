@@ -1,0 +1,178 @@
+"""What a recording holds, written chunk by chunk: scans, frames and marks, and their ledger.
+
+Knows nothing about threads, names of files or what to do when a disk refuses.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from typing import Any, BinaryIO
+
+import numpy as np
+from mcap.records import Schema
+
+from taxel.recordings import frame_layout
+from taxel.recordings import scan_layout as layout
+from taxel.recordings.manifest import Manifest, to_record
+from taxel.recordings.mcap_file import McapFile, Messages
+from taxel.recordings.tally import FrameTally, Tally
+from taxel.signals import Frame, Mark, Samples
+
+Item = Samples | Mark | Frame
+CHUNK_BYTES = 256 * 1024
+"""Largest content of a chunk: what one damaged byte may take. At 1 kHz the flush comes first."""
+
+
+class ChunkWriter:
+    """Write the content of one recording.
+
+    Begins with everything that says what the recording is, before any scan.
+
+    Args:
+        raw: Where to, open for unbuffered writing.
+        manifest: What is being recorded.
+
+    Raises:
+        OSError: The disk refused.
+    """
+
+    def __init__(self, raw: BinaryIO, manifest: Manifest) -> None:
+        self._manifest = manifest
+        self._tally = Tally()
+        self._frame_tallies = [FrameTally() for _ in manifest.cameras]
+        pairs = to_record(manifest)
+        file = self._file = McapFile(raw, manifest.software)
+        file.add_metadata("taxel", pairs)
+        scan = Schema(
+            id=1, name=layout.SCAN_SCHEMA_NAME, encoding="ros2msg", data=layout.SCAN_SCHEMA
+        )
+        file.add_channel(layout.scan_topic(manifest.sensor.name), "cdr", scan, pairs)
+        mark = Schema(
+            id=2, name=layout.MARK_SCHEMA_NAME, encoding="jsonschema", data=layout.MARK_SCHEMA
+        )
+        file.add_channel(layout.MARK_TOPIC, "json", mark)
+        for number, camera in enumerate(manifest.cameras):
+            image = Schema(
+                id=frame_layout.FRAME_CHANNEL + number,
+                name=frame_layout.FRAME_SCHEMA_NAME,
+                encoding="ros2msg",
+                data=frame_layout.FRAME_SCHEMA,
+            )
+            file.add_channel(frame_layout.frame_topic(camera.name), "cdr", image)
+
+    @property
+    def size(self) -> int:
+        """Bytes written so far."""
+        return self._file.size
+
+    @property
+    def empty(self) -> bool:
+        """True until the first scan, frame or mark is written."""
+        frames = sum(tally.frames for tally in self._frame_tallies)
+        return self._tally.scans + self._tally.marks + frames == 0
+
+    def statistics(self) -> dict[str, Any]:
+        """Return the ledger of what is in the file so far."""
+        ledger: dict[str, Any] = self._tally.as_dict()
+        if self._manifest.cameras:
+            ledger["cameras"] = {
+                camera.name: tally.as_dict()
+                for camera, tally in zip(self._manifest.cameras, self._frame_tallies, strict=True)
+            }
+        return ledger
+
+    def write(self, batch: Sequence[Item]) -> None:
+        """Write what was handed over, scans first; each kind keeps its order.
+
+        Raises:
+            OSError: The disk refused.
+        """
+        runs = [item for item in batch if isinstance(item, Samples) and len(item)]
+        marks = [item for item in batch if isinstance(item, Mark)]
+        frames = [item for item in batch if isinstance(item, Frame)]
+        if runs:
+            self._write_scans(Samples.join(runs))
+        while frames:
+            frames = self._write_frames(frames)
+        if marks:
+            self._write_marks(marks)
+
+    def finish(self, ended: str) -> None:
+        """Write the ledger and what completes the file; leave it open.
+
+        Args:
+            ended: Kept in the ledger.
+
+        Raises:
+            OSError: The disk refused.
+        """
+        ledger = self.statistics() | {"ended": ended}
+        pairs = {key: json.dumps(value) for key, value in ledger.items()}
+        self._file.add_metadata("taxel.statistics", pairs)
+        self._file.finish()
+
+    def _write_scans(self, samples: Samples) -> None:
+        channels = samples.values.shape[1]
+        step = max(1, CHUNK_BYTES // layout.record_dtype(channels).itemsize)
+        for first in range(0, len(samples), step):
+            part = samples[first : first + step]
+            anchor_ns = self._manifest.wall_anchor_ns
+            records = layout.encode_scans(part, self._tally.scans, anchor_ns)
+            size = records.dtype.itemsize
+            self._file.add_chunk(
+                [
+                    Messages(
+                        channel=layout.SCAN_CHANNEL,
+                        content=records.tobytes(),
+                        log_ns=records["log_ns"],
+                        offsets=np.arange(len(records), dtype=np.uint64) * np.uint64(size),
+                    )
+                ]
+            )
+            self._tally.add(part)
+
+    def _write_frames(self, frames: list[Frame]) -> list[Frame]:
+        """Write frames of about a chunk's size, cameras apart inside it; return the rest."""
+        taken, size = 0, 0
+        while taken < len(frames) and size < CHUNK_BYTES:
+            size += len(frames[taken].jpeg)
+            taken += 1
+        parts = []
+        for camera, tally in enumerate(self._frame_tallies):
+            stamps: list[int] = []
+            contents: list[bytes] = []
+            for frame in frames[:taken]:
+                if frame.camera == camera:
+                    stamp, content = frame_layout.encode_frame(
+                        frame, tally.frames, self._manifest.wall_anchor_ns
+                    )
+                    tally.add(frame)
+                    stamps.append(stamp)
+                    contents.append(content)
+            if contents:
+                parts.append(_messages(frame_layout.FRAME_CHANNEL + camera, stamps, contents))
+        self._file.add_chunk(parts)
+        return frames[taken:]
+
+    def _write_marks(self, marks: list[Mark]) -> None:
+        """Write marks as a chunk of their own: a damaged one costs no scan."""
+        log_ns: list[int] = []
+        contents: list[bytes] = []
+        for mark in marks:
+            sequence = self._tally.marks + len(contents)
+            stamp, content = layout.encode_mark(mark, sequence, self._manifest.wall_anchor_ns)
+            log_ns.append(stamp)
+            contents.append(content)
+        self._file.add_chunk([_messages(layout.MARK_CHANNEL, log_ns, contents)])
+        self._tally.marks += len(marks)
+
+
+def _messages(channel: int, log_ns: list[int], contents: list[bytes]) -> Messages:
+    lengths = np.array([0, *map(len, contents)], np.uint64)
+    return Messages(
+        channel=channel,
+        content=b"".join(contents),
+        log_ns=np.array(log_ns, np.uint64),
+        offsets=np.cumsum(lengths)[:-1],
+    )
