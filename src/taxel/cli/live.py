@@ -113,7 +113,7 @@ class Live:
             console.print(f"{result['target']}: {result['windows']} windows: {line or 'none'}")
             if result["marked"]:
                 console.print(
-                    f"  told right, by the source's labels: {result['right']} of the "
+                    f"  right by the source's own labels: {result['right']} of the "
                     f"{result['marked']} windows inside a finished grasp, {result['grasps_right']} "
                     f"of the {result['grasps']} finished grasps that gave a window (UNKNOWN is "
                     "right only for what was never learned)",

@@ -9,7 +9,7 @@ import pytest
 from taxel.bundles.contract import at_level
 from taxel.errors import BadBundle, BadDataset
 from taxel.evaluation.robustness.touches import ANSWER_ALL, Model, Recorded, judge, read_touches
-from taxel.signals import Validity
+from taxel.signals import Samples, Validity
 from taxel.windows.dataset import load_dataset
 from taxel.windows.reference import touch_level
 
@@ -60,6 +60,24 @@ def test_reference_touches_are_never_judged(model: Model, touches: list[Recorded
     assert len(answers.grasps) == sum(len(one.trials) - 3 for one in touches)
 
 
+def test_sessions_within_one_recording_have_levels_of_their_own(
+    model: Model, touches: list[Recorded]
+):
+    """Two sessions in one file, as an import may have them, are told as in two files."""
+    first, second = touches[:2]
+    later_s = float(first.samples.fitted_s[-1]) + 10.0
+    moved = replace(second.samples, fitted_s=second.samples.fitted_s + later_s)
+    trials = [replace(t, start_s=t.start_s + later_s, end_s=t.end_s + later_s)
+              for t in second.trials]  # fmt: skip
+    joined = replace(
+        first, samples=Samples.join([first.samples, moved]), trials=(*first.trials, *trials)
+    )
+    apart, found = judge(model, [first, second]), judge(model, [joined])
+
+    assert found.grasps.tolist() == apart.grasps.tolist()
+    assert found.right.mean() == pytest.approx(apart.right.mean(), abs=0.02)
+
+
 def test_input_that_cannot_be_used_is_not_answered(model: Model, touches: list[Recorded]):
     """From the middle of each session on a channel is missing."""
     half = []
@@ -83,8 +101,8 @@ def test_a_session_without_a_usable_reference_touch_is_not_answered(
     broken = replace(touches[0], samples=replace(touches[0].samples, validity=validity))
     answers = judge(model, [broken, *touches[1:]])
 
-    assert not answers.answered[answers.session == broken.session].any()
-    assert answers.answered[answers.session != broken.session].mean() > 0.95
+    assert not answers.answered[answers.session == broken.sessions[0]].any()
+    assert answers.answered[answers.session != broken.sessions[0]].mean() > 0.95
 
 
 def test_too_few_reference_touches_are_refused(model: Model, touches: list[Recorded]):

@@ -52,10 +52,10 @@ class Recorded:
     trials: tuple[Trial, ...]
 
     @property
-    def session(self) -> str:
-        """The session that all of it belongs to; the recording where none is named."""
-        groups = self.trials[0].groups
-        return groups.get("session", groups["recording"])
+    def sessions(self) -> NDArray[np.str_]:
+        """Each touch's session, shape (touches,); the recording where none is named."""
+        groups = [trial.groups for trial in self.trials]
+        return np.array([one.get("session", one["recording"]) for one in groups])
 
 
 @dataclass(frozen=True, slots=True)
@@ -149,7 +149,11 @@ def judge(
         owner = _owners(windows, one.trials)
         outside += int((owner < 0).sum())
         seconds += float(one.samples.fitted_s[-1] - one.samples.fitted_s[0])
-        sessions.setdefault(one.session, []).append(_Cut(windows, owner, one.trials))
+        names = one.sessions
+        for name in np.unique(names):
+            own = names == name
+            cut = _Cut(windows, np.where(own[owner], owner, -1), one.trials, own)
+            sessions.setdefault(str(name), []).append(cut)
     parts, grasps = [], []
     told = 0
     for name, cuts in sessions.items():
@@ -158,6 +162,7 @@ def judge(
             labels = [_label(trial, contract.target) for trial in cut.trials]
             y = np.array([number.get(label, -1) for label in labels], np.intp)
             y[reference] = -1
+            y[~cut.own] = -1
             kept = (cut.owner >= 0) & (y[cut.owner] >= 0)
             parts.append(
                 _told(model, cut.windows[kept], y[cut.owner[kept]], cut.owner[kept] + told,
@@ -182,7 +187,10 @@ def judge(
 class _Cut:
     windows: Windows
     owner: NDArray[np.intp]
+    """Shape (n,): each window's touch where that is of this session, else -1."""
     trials: tuple[Trial, ...]
+    own: NDArray[np.bool_]
+    """Shape (touches,): which of them are of this session."""
 
 
 def _told(
@@ -250,7 +258,7 @@ def _first_touches(cuts: Sequence[_Cut], touches: ReferenceTouches) -> list[tupl
         (trial.recording, trial.start_s, place, index)
         for place, cut in enumerate(cuts)
         for index, trial in enumerate(cut.trials)
-        if touches.matches(trial)
+        if cut.own[index] and touches.matches(trial)
     ]
     return [(place, index) for _, _, place, index in sorted(found)[: touches.count]]
 
