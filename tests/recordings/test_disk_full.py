@@ -1,10 +1,12 @@
 """Claims about a disk that refuses: it is said for good, and nothing written before is lost."""
 
+import contextlib
 import errno
 import io
 import os
 import subprocess
 import sys
+import threading
 from pathlib import Path
 
 import pytest
@@ -151,3 +153,35 @@ def test_a_folder_that_cannot_be_made_is_one_plain_line(tmp_path, manifest):
     (tmp_path / "file").write_text("")
     with pytest.raises(RecordingFailed, match="choose another folder"):
         Recorder(tmp_path / "file" / "a.mcap", manifest)
+
+
+@pytest.mark.data
+@pytest.mark.parametrize("end", [Recorder.close, Recorder.discard])
+def test_a_file_is_not_closed_under_the_thread_that_still_writes_to_it(
+    tmp_path, manifest, numbered, end
+):
+    """Its descriptor's number could be the next recording's by then."""
+    freed, closed, open_yet = threading.Event(), threading.Event(), []
+
+    class Stuck(io.FileIO):
+        def write(self, content) -> int:
+            if threading.current_thread() is not threading.main_thread():
+                freed.wait(30)
+                open_yet.append(not self.closed)
+            return super().write(content)
+
+        def close(self) -> None:
+            super().close()
+            closed.set()
+
+    recorder = Recorder(
+        tmp_path / "a.mcap", manifest, stall_s=0.05, opener=lambda part: Stuck(part, "wb")
+    )
+    recorder.write(numbered(0, 100))
+    with contextlib.suppress(RecordingFailed):
+        end(recorder)
+    freed.set()
+
+    assert closed.wait(10)
+    assert open_yet
+    assert all(open_yet)

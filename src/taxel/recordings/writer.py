@@ -85,6 +85,7 @@ class Recorder:
         self._closed = False
         self._error: RecordingFailed | None = None
         self._change = threading.Condition()
+        self._thread = threading.Thread(target=self._run, name="taxel-recorder", daemon=True)
         _refuse_existing(path, overwrite)
         try:
             path.parent.mkdir(parents=True, exist_ok=True)
@@ -96,7 +97,6 @@ class Recorder:
         except OSError as error:
             self._clear_away()
             raise self._failed(error) from error
-        self._thread = threading.Thread(target=self._run, name="taxel-recorder", daemon=True)
         self._thread.start()
 
     @property
@@ -192,8 +192,7 @@ class Recorder:
             self._stop_thread()
             if not self.failed:
                 self._finish(ended)
-            with contextlib.suppress(OSError):
-                self._raw.close()
+            self._close_file()
         if self._error is not None:
             raise self._error
 
@@ -290,10 +289,27 @@ class Recorder:
 
     def _clear_away(self) -> None:
         """Close and remove the part, where there is one."""
-        with contextlib.suppress(OSError):
-            self._raw.close()
+        self._close_file()
         with contextlib.suppress(OSError):
             self._part.unlink(missing_ok=True)
+
+    def _close_file(self) -> None:
+        """Close the file; where the disk still holds the thread, as soon as that is done with it.
+
+        Closed under the thread, its descriptor could be another file's when the thread writes.
+        """
+        busy = self._thread.is_alive()
+
+        def close() -> None:
+            if busy:
+                self._thread.join()
+            with contextlib.suppress(OSError):
+                self._raw.close()
+
+        if busy:
+            threading.Thread(target=close, name="taxel-recorder-close", daemon=True).start()
+        else:
+            close()
 
     def _stop_thread(self) -> None:
         with self._change:
