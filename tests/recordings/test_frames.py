@@ -177,13 +177,17 @@ def test_a_full_disk_is_said_and_what_fitted_is_kept(tmp_path: Path) -> None:
 
 def test_frames_that_the_disk_does_not_take_are_bounded_and_said(tmp_path: Path) -> None:
     """A disk that stands still: 64 MiB wait, then one line says so; memory does not grow on."""
-    gate = threading.Event()
+    gate, closed = threading.Event(), threading.Event()
 
     class Stuck(io.FileIO):
         def write(self, content) -> int:
             if len(content) > 100_000:
                 gate.wait(30)
             return super().write(content)
+
+        def close(self) -> None:
+            super().close()
+            closed.set()
 
     recorder = Recorder(
         tmp_path / "a.mcap", manifest(), stall_s=0.05, opener=lambda part: Stuck(part, "wb")
@@ -198,6 +202,7 @@ def test_frames_that_the_disk_does_not_take_are_bounded_and_said(tmp_path: Path)
         recorder.frame(large)
     gate.set()
     recorder.discard()
+    assert closed.wait(10)
     assert handed == QUEUE_BYTES // (1 << 20)
 
 
