@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 
 from taxel.bundles.reader import read_bundle, read_contract
+from taxel.bundles.versions import digest_of
 from taxel.cli.adapt import _clock_time
 from taxel.cli.main import main
 from taxel.recordings.manifest import Manifest
@@ -246,21 +247,22 @@ def test_drift_is_dated_by_the_clock_of_its_own_recording(tmp_path: Path) -> Non
     assert _clock_time(tmp_path / "a.mcap", "a#0", 60.0) == "09:01"
 
 
+@pytest.mark.parametrize("trained", ["shape.taxel", "run"])
 def test_the_same_touches_twice_make_one_version(
-    place: Path, capsys: pytest.CaptureFixture[str]
+    place: Path, capsys: pytest.CaptureFixture[str], trained: str
 ) -> None:
-    before = Path("shape.taxel").read_bytes()
-    first = run("adapt shape.taxel --touches touch.mcap", capsys)
-    main(["adapt", "shape.taxel", "--touches", "touch.mcap"])
+    before = digest_of(Path(trained))
+    first = run(f"adapt {trained} --touches touch.mcap", capsys)
+    main(["adapt", trained, "--touches", "touch.mcap"])
     text = capsys.readouterr().out
-    again = run("adapt shape.taxel --touches touch.mcap", capsys)
-    back = run("adapt shape.taxel --rollback", capsys)
+    again = run(f"adapt {trained} --touches touch.mcap", capsys)
+    back = run(f"adapt {trained} --rollback", capsys)
 
     assert (first["version"], first["changed"]) == (2, True)
     assert (again["version"], again["changed"]) == (2, False)
     assert "nothing changed" in text
     assert back["number"] == 1
-    assert Path("shape.taxel").read_bytes() == before
+    assert digest_of(Path(trained)) == before
 
 
 @pytest.mark.parametrize(

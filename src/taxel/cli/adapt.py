@@ -365,7 +365,7 @@ def _made(run: Run) -> Run:
 
 
 def _save_at_level(place: Path, run: Run, level: Any) -> None:
-    """Write a run for another level; its exemplars are brought along."""
+    """Write a run for another level, exemplars too; at the level that it has, byte for byte."""
     from taxel.bundles.contract import at_level
     from taxel.training.run import save_run
 
@@ -374,7 +374,9 @@ def _save_at_level(place: Path, run: Run, level: Any) -> None:
     exemplars = run.exemplars
     if exemplars is not None:
         exemplars = exemplars.at_level(run.contract.reference.level, level)
-    save_run(place, _made(replace(run, contract=contract, exemplars=exemplars)))
+    same = (level == run.contract.reference.level).all()
+    moved = replace(run, contract=contract, exemplars=exemplars)
+    save_run(place, moved if same else _made(moved))
 
 
 def _clock_time(path: Path, grasp: str, start_s: float) -> str:

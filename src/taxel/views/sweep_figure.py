@@ -86,7 +86,8 @@ def _panel(axes: Axes, base: Point, own: Sequence[Point], fault: str) -> None:
     axes.axhline(base.accuracy - FALL, color=_ACCURACY, lw=0.8, ls=(0, (4, 3)), alpha=0.6)
     axes.set_xticks(place, ["none", *(f"{one.level:g}" for one in own)], fontsize=8)
     axes.set_title(fault, fontsize=10, loc="left", weight="bold")
-    axes.set_xlabel(own[0].unit, fontsize=8)
+    draws = f", {own[0].draws} draws" if own[0].draws > 1 else ""
+    axes.set_xlabel(own[0].unit + draws, fontsize=8)
     axes.tick_params(axis="y", labelsize=8)
     axes.grid(axis="y", alpha=0.25)
     axes.spines[["top", "right"]].set_visible(False)
