@@ -10,7 +10,7 @@ from taxel.cli.bundle import Bundle
 from taxel.cli.simulate import Simulate
 from taxel.cli.sweep import Sweep
 from taxel.cli.train import Train
-from taxel.errors import BadBundle, BadInput
+from taxel.errors import BadBundle, BadInput, RecordingFailed
 
 KEYS = {"fault", "level", "unit", "accuracy", "low", "high", "answered", "windows", "grasps",
         "told", "outside", "draws"}  # fmt: skip
@@ -52,6 +52,16 @@ def test_recordings_give_a_list_of_points_a_file_and_a_figure(
     assert json.loads((tmp_path / "curves.json").read_text()) == rows
     assert (tmp_path / "curves.png").read_bytes().startswith(b"\x89PNG")
     assert "not honest" not in said.err
+
+
+def test_curves_are_printed_even_where_their_file_cannot_be_written(
+    place: Path, capsys: pytest.CaptureFixture[str]
+):
+    words = ("--data", place / "new", "--faults", "loss", "--levels", "10", "--json")
+    with pytest.raises(RecordingFailed):
+        sweep(place / "b.taxel", *words, "--output", place / "new")
+
+    assert len(json.loads(capsys.readouterr().out)) == 2
 
 
 def test_the_recordings_that_were_learned_from_are_told(

@@ -177,6 +177,13 @@ class Sweep:
              for key, value in asdict(one).items()}
             for one in points
         ]  # fmt: skip
+        # Printed first: what took minutes to measure is not lost where a file cannot be written.
+        if self.json:
+            print_json(rows)
+        else:
+            from taxel.views.sweep_table import sweep_table
+
+            console.print(sweep_table(points, about, cameras=cameras))
         if self.output is not None:
             text = json.dumps(rows, indent=1, ensure_ascii=False) + "\n"
             write_whole(self.output, text.encode())
@@ -185,14 +192,8 @@ class Sweep:
 
             picture = sweep_figure(points, about, chance=chance, cameras=cameras)
             write_whole(self.plot, picture)
-        if self.json:
-            print_json(rows)
-            return
-        from taxel.views.sweep_table import sweep_table
-
-        console.print(sweep_table(points, about, cameras=cameras))
-        if self.plot is not None:
-            console.print(f"curves: {self.plot}")
+            if not self.json:
+                console.print(f"curves: {self.plot}")
 
 
 def _warn_if_seen(digest: str, trained: str) -> None:
