@@ -222,7 +222,7 @@ def test_touches_alone_are_tested_as_live_sees_their_session(
     """Before and after are what the two bundles make of the session's volts as measured."""
     copy(place / "held-out.mcap", place / "known.mcap", lambda mark: not SPHERE(mark))
     main(["adapt", "run", "--touches", "touch.mcap", "--test", "known.mcap", "--output", "other"])
-    assert "accuracy on known.mcap, as measured" in capsys.readouterr().out
+    assert "accuracy by window on known.mcap" in capsys.readouterr().out
 
     found = run("adapt shape.taxel --touches touch.mcap --test known.mcap", capsys)
     history = run("adapt shape.taxel --history", capsys)

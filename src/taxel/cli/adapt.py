@@ -68,7 +68,8 @@ class Adapt:
     rollback: tuple[int, ...] | None = None
     """Go back to a version by its number; to the one before unless a number is given."""
     json: bool = False
-    """Print JSON; accuracies are shares, 0 to 1; levels in the channels' units."""
+    """Print JSON; accuracies are shares of windows, prequential and unlearned of grasps that gave
+    a window, 0 to 1; levels in the channels' units."""
 
     def run(self) -> None:
         """Adapt, or show or bring back versions."""
@@ -263,7 +264,8 @@ class Adapt:
                        for one, time in zip(found.drifts, times, strict=True)],
         }  # fmt: skip
         said = (
-            f"{found.grasps} grasps: {found.prequential:.1%} told right while learning, "
+            f"{found.grasps} grasps that gave a window: {found.prequential:.1%} told right while "
+            "learning, "
             f"{found.unlearned:.1%} by the run as it was"
         )
         for one, time in zip(found.drifts, times, strict=True):

@@ -36,8 +36,8 @@ def level_table(contract: Contract, found: TouchLevel) -> Table:
 
 
 def before_after_table(change: Change, measured_on: str) -> Table:
-    """Return accuracy before and after, by class."""
-    table = Table(title=f"accuracy on {measured_on}", title_justify="left")
+    """Return the share of windows told right before and after, by class."""
+    table = Table(title=f"accuracy by window on {measured_on}", title_justify="left")
     table.add_column("class")
     for column in ("before", "after", "points"):
         table.add_column(column, justify="right")
