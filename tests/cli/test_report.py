@@ -1,6 +1,7 @@
 """`taxel report`: from a training to a page, from stored rows to the card of claims."""
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -40,7 +41,7 @@ def test_a_trained_run_becomes_a_page(
     capsys.readouterr()  # what the fixture printed
     report(made / "run", "--output", page, "--json")
 
-    assert json.loads(capsys.readouterr().out) == {"written": [str(page)]}
+    assert json.loads(capsys.readouterr().out) == {"written": [str(page)], "replaced": []}
     said = page.read_text(encoding="utf-8")
     for part in ("data", "split", "results", "runs", "latency", "made"):
         assert f'<h2 id="{part}"' in said, part
@@ -95,7 +96,10 @@ def test_the_audit_takes_the_sides_that_the_run_was_tested_on(made: Path):
         ([], "a file to write"),
         (["--output", "r.html"], "at least one run"),
         (["nowhere", "--output", "r.html"], "a run in"),
-        (["--tables", "nowhere.json", "--output", "r.html"], "JSON that can be read"),
+        (
+            ["--tables", "nowhere.json", "--output", "r.html"],
+            r"JSON in nowhere\.json; got no such file",
+        ),
         (["--keep", "a.json", "--output", "r.html", "--tables", "b.json"], "--claims FILE"),
         (["--claims", "."], "a file to write"),
     ],
@@ -108,6 +112,63 @@ def test_what_cannot_be_reported_is_refused_in_one_line(
         report(*words)
 
     assert not list(tmp_path.iterdir())
+
+
+def test_an_older_page_is_replaced_and_that_is_said(
+    made: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+):
+    words = [made / "run", "--no-latency", "--output", tmp_path / "r.html"]
+    report(*words)
+    assert ", replaced" not in capsys.readouterr().out
+    report(*words)
+
+    assert "r.html, replaced" in capsys.readouterr().out
+
+
+def test_what_is_no_page_is_never_replaced_by_one(made: Path, tmp_path: Path):
+    kept = tmp_path / "session.mcap"
+    kept.write_bytes(b"a recording")
+    with pytest.raises(BadInput, match="holds something else"):
+        report(made / "run", "--output", kept)
+
+    assert kept.read_bytes() == b"a recording"
+
+
+@pytest.mark.parametrize("option", ["--audited", "--sweep", "--tables"])
+@pytest.mark.parametrize("content", [b"\x80\x81", b"[1, 2]", b"3", b'{"a": 1}', b"[]"])
+def test_a_file_of_another_kind_is_refused_without_words_of_python(
+    option: str, content: bytes, made: Path, tmp_path: Path
+):
+    file = tmp_path / "x.json"
+    file.write_bytes(content)
+    with pytest.raises(BadInput, match=r"x\.json") as error:
+        report(made / "run", "--no-latency", option, file, "--output", tmp_path / "r.html")
+
+    said = str(error.value)
+    assert not [word for word in ("codec", "object", "indices", "must be", "'") if word in said]
+
+
+def test_an_adapted_run_shows_its_versions_and_what_they_are_worth(made: Path, tmp_path: Path):
+    import shutil
+
+    from taxel.bundles.versions import Change, new_path, replace_with
+    from taxel.training.run import load_run, save_run
+
+    run = tmp_path / "run"
+    shutil.copytree(made / "run", run)
+    checked = load_run(run).contract.accuracy["session held out"]
+    adapted = replace(load_run(run), predictions=None, trivial={})
+    save_run(new_path(run), replace(adapted, contract=replace(adapted.contract, accuracy={})))
+    replace_with(run, new_path(run), Change(
+        what="5 corrected grasps", before={"all": 0.5, "sphere": 0.25},
+        after={"all": 0.7512, "sphere": 0.5}))  # fmt: skip
+    report(run, "--no-latency", "--output", tmp_path / "r.html")
+
+    said = (tmp_path / "r.html").read_text(encoding="utf-8")
+    assert "<b>75.1 %</b><span>run, version 2, when adapted</span>" in said
+    assert f"session held out: {100 * checked:.1f} %" in said
+    assert "50.0 % → 75.1 %" in said
+    assert "sphere 25.0 % → 50.0 %" in said
 
 
 def test_the_same_run_twice_is_refused(made: Path, tmp_path: Path):

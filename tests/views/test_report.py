@@ -401,6 +401,8 @@ def test_an_audit_comes_back_from_its_json():
     assert read_audit(asdict(AUDIT) | {"verdict": AUDIT.verdict}, "a.json") == AUDIT
     with pytest.raises(BadInput, match=r"a\.json"):
         read_audit([1], "a.json")
+    with pytest.raises(BadInput, match=r"a\.json"):
+        read_audit(asdict(AUDIT) | {"classes": ["sphere"]}, "a.json")
 
 
 def test_reliability_of_honest_probabilities_lies_on_the_diagonal():

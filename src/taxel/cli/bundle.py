@@ -23,7 +23,7 @@ class Bundle:
     """A run's folder, as taxel train writes it."""
     output: Path
     """The file to write, by custom NAME.taxel; for avr a folder, such as a copy of
-    firmware/teng_classify."""
+    firmware/teng_classify. An older bundle there is replaced."""
     target: Literal["live", "avr"] = "live"
     """live: a file for taxel live. avr: the same, and C for an Arduino Mega 2560 beside it, which
     tells on the board itself (networks of the model cnn2d)."""
@@ -48,6 +48,8 @@ class Bundle:
 
         if self.target == "live" and (self.test or self.reference_mv):
             raise BadInput("--test and --reference-mv with --target avr", "them without", "say it")
+        path = self.output if self.target == "live" else self.output / BOARD_BUNDLE
+        older = _older(path)
         trained = load_run(self.trained)
         data = self.data or Path(trained.data)
         if not data.exists():
@@ -55,7 +57,6 @@ class Bundle:
                 "recordings to measure parity on", f"no {data}", "name some with --data FOLDER"
             )
         windows = load_at_level(data, trained.contract).windows[:2000]
-        path = self.output if self.target == "live" else self.output / BOARD_BUNDLE
         contract = write_bundle(
             path, trained.networks, trained.contract, windows.values, windows.mask
         )
@@ -67,6 +68,7 @@ class Bundle:
             print_json(
                 {
                     "bundle": str(self.output),
+                    "replaced": older,
                     "bytes": self.output.stat().st_size,
                     "parity": contract.parity,
                     "windows": len(windows),
@@ -74,8 +76,9 @@ class Bundle:
             )
             return
         console.print(
-            f"{self.output}: {self.output.stat().st_size:,} bytes; probabilities differ from "
-            f"PyTorch's by at most {contract.parity:.1e} over {len(windows)} windows"
+            f"{self.output}{', replaced' if older else ''}: {self.output.stat().st_size:,} bytes; "
+            f"probabilities differ from PyTorch's by at most {contract.parity:.1e} over "
+            f"{len(windows)} windows"
         )
         hand = contract.channels == SENSORS
         source = "sim://teng --seconds 20" if hand else "replay://RECORDING"
@@ -100,3 +103,19 @@ class Bundle:
             return
         for line in report.lines():
             console.print(line)
+
+
+def _older(path: Path) -> bool:
+    """Return whether an older bundle stands there, to be replaced; refuse anything else."""
+    from taxel.bundles.contract import FIRST_WORDS
+
+    if not path.exists():
+        return False
+    if path.is_file():
+        with path.open("rb") as file:
+            if file.read(len(FIRST_WORDS)) == FIRST_WORDS:
+                return True
+    raise BadInput(
+        "a free name, or an older bundle, for --output", f"{path}, which holds something else",
+        "name another, such as NAME.taxel",
+    )  # fmt: skip

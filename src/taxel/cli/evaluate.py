@@ -54,10 +54,10 @@ class Evaluate:
 
     def run(self) -> None:
         """Measure and print."""
-        if self.html is not None and (self.html.is_dir() or not _may_hold(self.html.parent)):
-            raise BadInput("a file for --html", str(self.html), "name one such as report.html")
+        older = self._older_page()
         if self.what == "teng-table":
             self._teng_table()
+            self._say_page(older)
         elif self.what in ("teng-models", "teng-cleaning"):
             from taxel.cli.evaluate_models import run_cleaning, run_models
 
@@ -83,6 +83,22 @@ class Evaluate:
             )
         else:
             self._folder(Path(self.what))
+            self._say_page(older)
+
+    def _older_page(self) -> bool:
+        """Return whether the page takes an older one's place; refuse one that cannot be."""
+        if self.html is None:
+            return False
+        from taxel.views.report.page import check_page
+
+        if not _may_hold(self.html.parent):
+            raise BadInput("a file for --html", str(self.html), "name one such as report.html")
+        return check_page(self.html)
+
+    def _say_page(self, older: bool) -> None:
+        if self.html is not None and not self.json:
+            said = f"page with figures: {self.html}{', replaced' if older else ''}"
+            console.print(said, markup=False, soft_wrap=True)
 
     def _teng_table(self) -> None:
         from taxel.evaluation.teng_table import TengTableConfig, section_plan, teng_table
@@ -123,8 +139,6 @@ class Evaluate:
             f"training of both networks, all of the above: {training_s:.0f} s. "
             "Intervals: 95 %, whole sessions resampled."
         )
-        if self.html is not None:
-            console.print(f"page with figures: {self.html}")
 
     def _folder(self, path: Path) -> None:
         from taxel.evaluation.checked import check_recipe
@@ -163,9 +177,12 @@ class Evaluate:
             }
             print_json(result)
             return
+        from taxel.cli.train import warning
         from taxel.views.results import checked_table, confusion_table
 
         console.print(checked_table(checked))
+        if said := warning(checked):
+            console.print(f"warning: {said}", style="yellow", soft_wrap=True)
         classes = checked.dataset.classes(recipe.target)
         console.print(confusion_table(classes, checked.pooled.scores.confusion))
 

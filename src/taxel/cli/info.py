@@ -9,13 +9,18 @@ from pathlib import Path
 from typing import Any
 
 import tyro
+from rich.box import SIMPLE_HEAD
 from rich.console import Console
 from rich.progress import track
 from rich.table import Table
+from rich.text import Text
 
 from taxel.recordings.reader import list_recordings
 from taxel.recordings.summary import summarise
 from taxel.recordings.tally import camera_line
+
+_NAMES = 6
+"""Values of a group that are named."""
 
 
 @dataclass(frozen=True)
@@ -83,24 +88,25 @@ def _print_recording(row: dict[str, Any]) -> None:
 
 
 def _print_folder(path: Path, rows: list[dict[str, Any]]) -> None:
-    console = Console()
-    table = Table(
-        "recording", "scans", "s", "scans/s", "lost", "frames", "marks", "labels", "groups"
-    )
-    for row in rows:
-        rate = row["rate_hz"]
-        table.add_row(
-            Path(row["path"]).name,
-            str(row["scans"]),
-            f"{_seconds(row):.2f}",
-            "–" if rate is None else f"{rate:.1f}",
-            str(row["lost_scans"]),
-            str(_frames(row)),
-            str(row["marks"]),
-            _pairs(row["labels"]),
-            _pairs(row["groups"]),
-        )
-    console.print(table)
+    columns: dict[str, list[str]] = {
+        "scans": [str(row["scans"]) for row in rows],
+        "s": [f"{_seconds(row):.2f}" for row in rows],
+        "scans/s": ["" if row["rate_hz"] is None else f"{row['rate_hz']:.1f}" for row in rows],
+        "lost": [str(row["lost_scans"]) for row in rows],
+        "frames": [str(_frames(row) or "") for row in rows],
+        "marks": [str(row["marks"] or "") for row in rows],
+        "labels": [", ".join(map(str, row["labels"].values())) for row in rows],
+    }
+    shown = {name: cells for name, cells in columns.items() if any(cells)}
+    table = Table(box=SIMPLE_HEAD, pad_edge=False)
+    table.add_column("recording", overflow="fold")
+    for name in shown:
+        left = name == "labels"
+        table.add_column(name, justify="left" if left else "right", no_wrap=not left,
+                         overflow="fold")  # fmt: skip
+    for row, *cells in zip(rows, *shown.values(), strict=True):
+        table.add_row(Text(Path(row["path"]).name), *map(Text, cells))
+    Console().print(table)
     scans = sum(row["scans"] for row in rows)
     seconds = sum(map(_seconds, rows))
     frames = sum(map(_frames, rows))
@@ -109,6 +115,21 @@ def _print_folder(path: Path, rows: list[dict[str, Any]]) -> None:
     for name in sorted({name for row in rows for name in row["labels"]}):
         count = Counter(row["labels"].get(name, "–") for row in rows)
         print(f"label {name}: {_pairs(dict(sorted(count.items())))}")
+    for name in sorted({name for row in rows for name in row["groups"]}):
+        print(f"group {name}: {_span([row['groups'].get(name, '–') for row in rows])}")
+
+
+def _span(values: list[str]) -> str:
+    """Return what a group holds: its one value, figures from least to most, or some names."""
+    names = sorted(set(values))
+    if len(names) == 1:
+        return names[0]
+    try:
+        names.sort(key=float)
+    except ValueError:
+        more = f" and {len(names) - _NAMES} more" if len(names) > _NAMES else ""
+        return ", ".join(names[:_NAMES]) + more
+    return f"{names[0]} to {names[-1]}"
 
 
 def _frames(row: dict[str, Any]) -> int:

@@ -13,8 +13,9 @@ from taxel.cli.printing import console, print_json, progress
 from taxel.errors import BadInput
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Mapping
 
+    from taxel.bundles.versions import History
     from taxel.evaluation.audit.finding import Audit
     from taxel.evaluation.data_card import DataCard
     from taxel.training.run import Run
@@ -32,7 +33,7 @@ class Report:
     runs: tyro.conf.Positional[tuple[Path, ...]] = ()
     """Runs' folders, as taxel train writes them; two or more are compared with one another."""
     output: Path | None = None
-    """The page to write, such as report.html."""
+    """The page to write, such as report.html; an older page there is replaced."""
     data: Path | None = None
     """The recordings; where the runs were trained on them unless given."""
     tables: tuple[Path, ...] = ()
@@ -66,9 +67,14 @@ class Report:
             )  # fmt: skip
         if self.keep and self.claims is None:
             raise BadInput("--claims FILE beside --keep", "none", "name the card's file")
-        for path in (self.output, self.claims):
-            if path is not None and path.is_dir():
-                raise BadInput("a file to write", f"the folder {path}", "name a file in it")
+        if self.claims is not None and self.claims.is_dir():
+            raise BadInput("a file to write", f"the folder {self.claims}", "name a file in it")
+        from taxel.views.report.page import check_page
+
+        older = {
+            str(self.output): self.output is not None and check_page(self.output),
+            str(self.claims): self.claims is not None and self.claims.exists(),
+        }
         written = []
         if self.output is not None:
             self._page(self.output)
@@ -81,18 +87,20 @@ class Report:
             write_claims_card(self.claims)
             written.append(str(self.claims))
         if self.json:
-            print_json({"written": written})
+            print_json({"written": written, "replaced": [one for one in written if older[one]]})
             return
-        for line in written:
-            console.print(line)
+        for one in written:
+            console.print(f"{one}, replaced" if older[one] else one, markup=False, soft_wrap=True)
 
     def _page(self, output: Path) -> None:
+        from taxel.bundles.versions import read_history
         from taxel.evaluation.latency import time_run
         from taxel.training.environment import Made
         from taxel.training.run import load_run
         from taxel.views.report import RunPage, write_run_report
         from taxel.views.report.audit_part import read_audit
         from taxel.views.report.measured_parts import read_sweep
+        from taxel.views.report.versions_part import Adapted
 
         tables = {path.name: _read(path) for path in self.tables}
         audits = [read_audit(_read(path), path.name) for path in self.audited]
@@ -106,9 +114,13 @@ class Report:
 
             runs: dict[str, Run] = {}
             latencies = {}
+            adapted = {}
             for name, path in paths.items():
                 on_step(f"run · {name}")
                 runs[name] = load_run(path, weights=False)
+                history = read_history(path)
+                if len(history.versions) > 1:
+                    adapted[name] = Adapted(history, _accuracies(path, history))
                 if self.latency and (path / "weights-0.safetensors").exists():
                     on_step(f"latency · {name}")
                     latencies[name] = time_run(load_run(path))
@@ -119,6 +131,7 @@ class Report:
                 RunPage(
                     runs=runs,
                     card=self._card(runs, on_step),
+                    adapted=adapted,
                     audits=audits,
                     latencies=latencies,
                     sweeps=sweeps,
@@ -166,10 +179,29 @@ def _names(paths: tuple[Path, ...]) -> list[str]:
     return chosen
 
 
+def _accuracies(path: Path, history: History) -> dict[int, Mapping[str, float]]:
+    """Return what versions of a run were found to be worth, those that are kept and were tested."""
+    from taxel.bundles.versions import kept_path
+    from taxel.training.run import load_run
+
+    places = {
+        one.number: path if one.number == history.current else kept_path(path, one.number)
+        for one in history.versions
+    }
+    return {
+        number: load_run(place, weights=False).contract.accuracy
+        for number, place in places.items()
+        if (place / "run.json").exists()
+    }
+
+
 def _read(path: Path) -> Any:
     try:
         return json.loads(path.read_text(encoding="utf-8"))
     except (OSError, ValueError) as error:
+        got = "something else"
+        if isinstance(error, OSError):
+            got = "a folder" if path.is_dir() else (error.strerror or "none").lower()
         raise BadInput(
-            f"JSON that can be read in {path}", f"none ({error})", "write it again with --json"
+            f"JSON in {path}", got, "write it again with: taxel … --json > FILE.json"
         ) from error

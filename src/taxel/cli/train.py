@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import tyro
 
@@ -12,6 +12,10 @@ from taxel.cli.evaluate_grasps import GraspOptions
 from taxel.cli.options import RecipeOptions, check_run_folder
 from taxel.cli.printing import console, print_json, progress
 from taxel.errors import BadInput, RecordingFailed, TaxelError
+
+if TYPE_CHECKING:
+    from taxel.decisions.unknown import Unknown
+    from taxel.evaluation.checked import Checked
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -21,7 +25,8 @@ class Train:
     data: tyro.conf.Positional[Path]
     """A folder of recordings, as taxel simulate, record and import write them."""
     output: Path
-    """Folder to write the run to: weights, configuration, accuracy."""
+    """Folder to write the run to: weights, configuration, accuracy; an older run there is
+    replaced."""
     check: bool = True
     """Cross-validate first, so that the run knows its accuracy."""
     folds: int = 5
@@ -72,6 +77,7 @@ class Train:
         recipe = self.recipe.resolve()
         find_network(recipe.model)
         check_run_folder(self.output)
+        older = self.output.exists()
         accuracy = {}
         with progress() as bar:
             task = bar.add_task("starting", total=None)
@@ -109,11 +115,14 @@ class Train:
             print_json(
                 {
                     "run": str(self.output),
+                    "replaced": older,
                     "target": recipe.target,
                     "classes": run.contract.classes,
                     "parameters": run.contract.parameters,
                     "accuracy": accuracy,
                     "loss": run.history[-1].loss,
+                    "trivial": dict(run.trivial),
+                    "warning": warning(checked) if self.check else None,
                 }
             )
             return
@@ -121,10 +130,42 @@ class Train:
             from taxel.views.results import checked_table
 
             console.print(checked_table(checked))
+            if said := warning(checked):
+                console.print(f"warning: {said}", style="yellow", soft_wrap=True)
         console.print(
-            f"{self.output}: {recipe.model}, {run.contract.parameters:,} parameters, "
-            f"tells {recipe.target}: {', '.join(run.contract.classes)}"
+            f"{self.output}{', replaced' if older else ''}: {recipe.model}, "
+            f"{run.contract.parameters:,} parameters, tells {recipe.target}: "
+            f"{', '.join(run.contract.classes)}",
+            soft_wrap=True,
         )
+        if run.contract.unknown is not None:
+            console.print(_rejects(run.contract.unknown), soft_wrap=True)
         console.print(f"next: taxel bundle {self.output} --output {self.output}.taxel")
         if self.check:
             console.print(f"or:   taxel report {self.output} --output report.html")
+
+
+def warning(checked: Checked) -> str | None:
+    """Return what must be said where a trivial baseline is ahead or within noise; else nothing."""
+    from taxel.evaluation.run_scores import beside_baselines
+
+    pooled, model = checked.pooled, checked.recipe.model
+    accuracy, low = pooled.scores.accuracy, pooled.interval[0]
+    standing, said = beside_baselines(
+        f"{model} ({accuracy:.1%})".replace("%", " %"), accuracy, low, checked.trivial
+    )
+    mend = {
+        "behind": "do not claim what it tells; train longer, or record more sessions",
+        "near": "the difference may be chance; record more sessions",
+    }
+    return f"{said}: {mend[standing]}" if standing in mend else None
+
+
+def _rejects(unknown: Unknown) -> str:
+    """Return what is called unknown, and how much usual touch is turned away with it."""
+    share, windows = unknown.rejected, min(len(one.windows) for one in unknown.densities)
+    return (
+        f"says UNKNOWN to touch that is stranger than {100 * (1 - share):g} % of known touch in "
+        f"sessions held out ({windows:,} windows); so it turns away at most about {100 * share:g} "
+        "% of usual windows, more in a session unlike those"
+    )

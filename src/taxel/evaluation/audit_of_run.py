@@ -37,7 +37,11 @@ def audit_run(
     """
     found, steps = run.predictions, run.contract.window.steps
     if found is None:
-        raise BadInput("a run with test predictions", "one without", "train it without --no-check")
+        raise BadInput(
+            "a run with test predictions to audit its split",
+            "one without: it was adapted, or trained with --no-check",
+            "leave --audit out, or look at the recordings with: taxel audit",
+        )
     touch = read_touch(data, run.contract.target, lambda *_: None)
     split = sides_of(found, touch, steps)
     return audit(touch, data.name, split, run=folder, steps=steps, on_step=on_step)

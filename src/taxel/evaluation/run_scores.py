@@ -5,7 +5,10 @@ Knows nothing about recordings, networks or pages.
 
 from __future__ import annotations
 
+import math
+from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -118,6 +121,30 @@ def reliability(
         )
         for one in np.unique(place)
     )
+
+
+Standing = Literal["behind", "near", "clear"]
+"""Of an accuracy beside the best trivial baseline: no better, within its interval, or above."""
+
+
+def beside_baselines(
+    name: str, accuracy: float, low: float, trivial: Mapping[str, float]
+) -> tuple[Standing, str]:
+    """Return whether an accuracy stands clear of the best trivial baseline, and that in words.
+
+    Args:
+        name: Whose accuracy it is.
+        accuracy: 0…1.
+        low: The lower end of its interval; NaN where there is none.
+        trivial: Baseline → accuracy, 0…1; at least one.
+    """
+    best = max(trivial, key=lambda what: trivial[what])
+    beside = f"the baseline “{best}” ({100 * trivial[best]:.1f} %)"
+    if accuracy <= trivial[best]:
+        return "behind", f"{name} is no better than {beside}"
+    if math.isfinite(low) and low <= trivial[best]:
+        return "near", f"{name} is above {beside}, but its interval is not"
+    return "clear", f"{name} stands clear of every baseline, the best being “{best}”"
 
 
 def split_groups(predictions: Predictions) -> list[str]:

@@ -35,6 +35,7 @@ def audit_table(found: Audit, *, everything: bool = False) -> RenderableType:
         parts += [_in_words(one) for one in shown]
     meant = dict.fromkeys(one.verdict for one in shown)
     parts += [Text(f"{verdict}: {MEANING[verdict]}", style="dim") for verdict in meant]
+    parts += [Text(line, style="dim") for line in (legend(found) if shown else [])]
     parts.append(Text(_rest(found, everything), style="dim"))
     return Group(*parts)
 
@@ -44,8 +45,7 @@ def _what(found: Audit) -> str:
     classes = ", ".join(f"{name} {count}" for name, count in found.classes.items())
     split = f"split: {found.split}" if found.split else "no split given"
     return (
-        f"{found.data}: {found.kind}, {trials} trials, label {found.target!r} ({classes}); "
-        f"{split}; read by cheap trees, {found.read_on}"
+        f"{found.data}: {found.kind}, {trials} trials, label {found.target!r} ({classes}); {split}"
     )
 
 
@@ -53,15 +53,37 @@ def _figures(shown: list[Finding]) -> Table:
     table = Table(box=SIMPLE_HEAD, pad_edge=False)
     table.add_column("")
     table.add_column("this alone", no_wrap=True)
-    for column in ("accuracy", "majority", "AUC", "p"):
+    for column in ("accuracy", "one answer", "AUC", "by chance"):
         table.add_column(column, justify="right", no_wrap=True)
     for one in shown:
         table.add_row(
             Text(one.verdict, style=_STYLE[one.verdict]), one.kind,
             *[_share(value) for value in (one.alone, one.majority, one.auc)],
-            "–" if one.p is None else f"{one.p:.1g}",
+            chance(one),
         )  # fmt: skip
     return table
+
+
+def chance(one: Finding) -> str:
+    """Return how easily chance gives a finding; "rule" for a fact, for which it does not matter."""
+    if one.p is None:
+        return "–" if one.alone is None else "rule"
+    return "< 0.001" if one.p < 0.001 else f"{one.p:.3f}"
+
+
+def legend(found: Audit) -> list[str]:
+    """Return what each column says, a line each."""
+    return [
+        "accuracy: reached on test parts by seeing this alone; where a rule counts: by answering "
+        "with the label of training's own piece of the same trial, session or copy",
+        f"read by: cheap trees and look-ups, {found.read_on}"
+        + ("" if found.read_on == found.split else ", since the split divides trials or none is "
+           "given") + "; other test parts give other figures",
+        "one answer: always naming the commonest class",
+        "AUC: area under the ROC curve, two classes only; 0.5 is chance",
+        "by chance: how often labels dealt out anew reach as much (p, corrected for all tests, "
+        "Holm); it counts below 0.01, while rule marks a fact, for which one piece is enough",
+    ]  # fmt: skip
 
 
 def _in_words(one: Finding) -> Text:
@@ -85,6 +107,4 @@ def _rest(found: Audit, everything: bool) -> str:
     lines = [] if everything else [f"looked for and not found: {', '.join(clear) or 'nothing'}"]
     if unknown and not everything:
         lines.append(f"not checked, for want of information: {', '.join(unknown)}")
-    lines.append("accuracy: of this alone, 0 to 1, on test parts; majority: always naming the "
-                 "commonest class; p: by chance, corrected for all tests (Holm)")  # fmt: skip
     return "\n".join(lines)

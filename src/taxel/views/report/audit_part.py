@@ -10,7 +10,8 @@ from typing import Any
 
 from taxel.errors import BadInput
 from taxel.evaluation.audit.finding import MEANING, Audit, Finding
-from taxel.views.report.page import Html, join, number, percent, split_name, table, tag
+from taxel.views.audit_table import chance, legend
+from taxel.views.report.page import Html, join, percent, split_name, table, tag
 
 _KIND = {"leak": "bad", "hazard": "bad", "note": "", "clear": "good", "not checked": "quiet"}
 
@@ -30,7 +31,7 @@ def audit_part(audit: Audit) -> Html:
                     f"{audit.data}: {sum(audit.classes.values())} trials told apart by "
                     f"{audit.target}",
                     join([", split: ", split_name(audit.split)]) if audit.split else "",
-                    f"; nuisances read with {audit.read_on}.",
+                    ".",
                 ]
             ),
         ),
@@ -38,11 +39,20 @@ def audit_part(audit: Audit) -> Html:
     if told:
         parts.append(
             table(
-                ["verdict", "kind", "alone", "majority", "p", "what was found, and what to do"],
+                [
+                    "verdict",
+                    "this alone",
+                    "accuracy",
+                    "one answer",
+                    "by chance",
+                    "what was found, and what to do",
+                ],
                 [_row(one) for one in told],
                 kind="findings",
             )
         )
+        each = [f"{line[0].upper()}{line[1:]}." for line in legend(audit) if line[:3] != "AUC"]
+        parts.append(tag("p", tag("small", " ".join(each))))
     if clear:
         parts.append(tag("p", f"Looked for and not found: {', '.join(clear)}."))
     parts += [tag("p", f"Not checked, {one.kind}: {one.said}", "quiet") for one in unchecked]
@@ -59,7 +69,7 @@ def _row(one: Finding) -> list[object]:
         one.kind,
         percent(one.alone),
         percent(one.majority),
-        number(one.p, 4),
+        chance(one),
         join([Html('<span class="said">'), said, examples, Html("</span>")]),
     ]
 
@@ -80,12 +90,14 @@ def read_audit(data: Any, name: str) -> Audit:
         findings = tuple(_finding(one) for one in data["findings"])
         if not all(one.verdict in MEANING for one in findings):
             raise ValueError("an unknown verdict")
-        return Audit(**own | {"findings": findings, "notes": tuple(data.get("notes", ()))})
+        found = Audit(**own | {"findings": findings, "notes": tuple(data.get("notes", ()))})
+        audit_part(found)  # a value of another kind shows here
     except (TypeError, KeyError, ValueError, AttributeError) as error:
         raise BadInput(
-            f"what taxel audit --json prints in {name}", f"something else ({error})",
+            f"what taxel audit --json prints in {name}", "something else",
             "write it again with: taxel audit … --json",
         ) from error  # fmt: skip
+    return found
 
 
 def _finding(one: dict[str, Any]) -> Finding:

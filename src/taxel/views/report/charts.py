@@ -17,6 +17,8 @@ _ROW = 22
 _FEW = 4
 """Classes beyond which a matrix's headings stand upright."""
 _WIDTH = 760
+_LEAST = 600
+"""Width below which a wide chart scrolls rather than shrinks, pixels."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -224,7 +226,8 @@ def _ticks(low: float, high: float) -> list[float]:
 
 def _svg(width: float, height: float, parts: Sequence[str]) -> Html:
     return Html(
-        f'<svg viewBox="0 0 {width:g} {height:g}" width="{width:g}" role="img">'
+        f'<svg viewBox="0 0 {width:g} {height:g}" width="{width:g}" role="img" '
+        f'style="min-width:{min(width, _LEAST):g}px">'
         f"{''.join(parts)}</svg>"
     )
 

@@ -167,7 +167,7 @@ def _used(run: Run) -> list[tuple[object, object]]:
     ]
     if found is not None:
         counts = trial_counts(found.trials, contract.target)
-        rows.append((f"trials told apart by {contract.target}", _counts(counts)))
+        rows.append((f"trials that gave windows, by {contract.target}", _counts(counts)))
     return rows
 
 

@@ -99,7 +99,7 @@ def read_sweep(rows: Any, name: str) -> list[SweepPoint]:
         ]
     except (TypeError, KeyError, ValueError, AttributeError) as error:
         raise BadInput(
-            f"what taxel sweep --json prints in {name}", f"something else ({error})",
+            f"what taxel sweep --json prints in {name}", "something else",
             "write it again with: taxel sweep … --json",
         ) from error  # fmt: skip
     if not points:

@@ -8,11 +8,15 @@ from __future__ import annotations
 import base64
 import html
 import math
+import os
 from collections.abc import Sequence
 from pathlib import Path
 
 from taxel.bundles.files import write_whole
+from taxel.errors import BadInput
 
+_FIRST = b"<!doctype html>"
+"""What a page begins with."""
 _STYLE = """
 :root{color-scheme:light dark;--page:#fff;--ink:#1b1f24;--soft:#5b6673;--line:#dde1e6;
 --card:#f5f7f9;--strong:#8894a3;--warn:#fff1c9;--warn-ink:#5f4700;--good:#17693a;--bad:#a1291f;
@@ -61,7 +65,11 @@ border-radius:0 6px 6px 0;max-width:80ch}
 .tile span{color:var(--soft);font-size:13px}
 .side{display:flex;flex-wrap:wrap;gap:.5rem 1.6rem;align-items:flex-start}
 .side figure{max-width:300px}.side figure.free{max-width:100%}
-figure{margin:.8rem 0}figcaption,small{color:var(--soft);font-size:13px;max-width:70ch}
+figure{margin:.8rem 0;overflow-x:auto}
+@media print{svg{min-width:0!important}}
+@media screen and (max-width:600px){th,td{padding:.24rem .4rem}table{font-size:12.5px}
+thead th{white-space:normal;vertical-align:bottom}.said{min-width:14rem}}
+figcaption,small{color:var(--soft);font-size:13px;max-width:70ch}
 figcaption{margin-top:.2rem}
 svg{max-width:100%;height:auto;display:block;font:12px system-ui,sans-serif}
 svg text{fill:var(--ink)}svg .soft{fill:var(--soft)}
@@ -206,6 +214,28 @@ def key(entries: Sequence[tuple[str, object]]) -> Html:
     )
 
 
+def check_page(path: Path) -> bool:
+    """Return whether an older page stands at a place for a page, and will be replaced.
+
+    Raises:
+        BadInput: A folder or something else stands there: a page is made again, that is not.
+    """
+    if not os.path.lexists(path):
+        return False
+    try:
+        with path.open("rb") as file:
+            older = file.read(len(_FIRST)) == _FIRST
+    except OSError:
+        older = False
+    if not older:
+        raise BadInput(
+            "a free name, or an older page, for the page to write",
+            f"the folder {path}" if path.is_dir() else f"{path}, which holds something else",
+            "name another, such as report.html",
+        )
+    return True
+
+
 def write_page(path: Path, title: str, parts: Sequence[object]) -> None:
     """Write a page, whole or not at all.
 
@@ -213,7 +243,7 @@ def write_page(path: Path, title: str, parts: Sequence[object]) -> None:
         RecordingFailed: The disk refused.
     """
     page = (
-        f'<!doctype html><html lang="en"><meta charset="utf-8"><title>{text(title)}</title>'
+        f'{_FIRST.decode()}<html lang="en"><meta charset="utf-8"><title>{text(title)}</title>'
         '<meta name="viewport" content="width=device-width,initial-scale=1">'
         f"<style>{_STYLE}</style><body>{join(parts)}</body></html>\n"
     )

@@ -5,11 +5,10 @@ Knows nothing about recordings or how runs were trained.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping, Sequence
 
 from taxel.evaluation.paired import Paired
-from taxel.evaluation.run_scores import RunScores
+from taxel.evaluation.run_scores import RunScores, beside_baselines
 from taxel.evaluation.teng_table import PUBLISHED, TASKS
 from taxel.training.run import Run
 from taxel.views.compare_table import interval_text
@@ -103,20 +102,10 @@ def _cleared(judged: Mapping[str, RunScores], runs: Mapping[str, Run]) -> Html:
         trivial = runs[name].trivial
         if not trivial:
             continue
-        best = max(trivial, key=lambda what: trivial[what])
         accuracy, (low, _) = own.scores.accuracy, _main_interval(own)
-        if accuracy <= trivial[best]:
-            bad = True
-            said.append(
-                f"{name} is no better than the baseline “{best}” ({percent(trivial[best])})"
-            )
-        elif math.isfinite(low) and low <= trivial[best]:
-            said.append(
-                f"{name} is above the baseline “{best}” ({percent(trivial[best])}), but its "
-                "interval is not"
-            )
-        else:
-            said.append(f"{name} stands clear of every baseline, the best being “{best}”")
+        standing, line = beside_baselines(name, accuracy, low, trivial)
+        bad = bad or standing == "behind"
+        said.append(line)
     if not said:
         return Html("")
     return tag("p", "; ".join(said) + ".", "note leaks" if bad else "note")

@@ -41,6 +41,7 @@ from taxel.views.report.page import (
 )
 from taxel.views.report.result_parts import accuracies, comparison, each_run, published_beside
 from taxel.views.report.saved_parts import saved_part
+from taxel.views.report.versions_part import Adapted, versions_part
 from taxel.windows.config import TENG_WINDOW
 
 
@@ -52,6 +53,8 @@ class RunPage:
     """Name → run, with predictions or without."""
     card: DataCard | None = None
     """Of the recordings; None where they are not at hand."""
+    adapted: Mapping[str, Adapted] = field(default_factory=dict)
+    """Run that was adapted → its versions."""
     audits: Sequence[Audit] = ()
     latencies: Mapping[str, Latency] = field(default_factory=dict)
     sweeps: Mapping[str, Sequence[SweepPoint]] = field(default_factory=dict)
@@ -100,6 +103,11 @@ def _tiles(page: RunPage, judged: Mapping[str, RunScores]) -> Html:
         (percent(own.scores.accuracy), f"{name}, {_split(page.runs[name])}")
         for name, own in judged.items()
     ]
+    figures += [
+        (percent(one.now.change.after["all"]), f"{name}, version {one.now.number}, when adapted")
+        for name, one in page.adapted.items()
+        if name not in judged and "all" in one.now.change.after
+    ]
     best = [max(run.trivial.values()) for run in page.runs.values() if run.trivial]
     if best:
         figures.append((percent(max(best)), "best trivial baseline"))
@@ -147,6 +155,10 @@ def _sections(page: RunPage, judged: Mapping[str, RunScores]) -> list[tuple[str,
         inside = [accuracies(own, judged, inks) for own in alike]
         inside.append(published_beside({n: r for n, r in page.runs.items() if n in judged}, judged))
         parts.append(("results", "Results", join(inside)))
+    if page.adapted:
+        told = [join([tag("h3", name) if len(page.runs) > 1 else "", versions_part(one)])
+                for name, one in page.adapted.items()]  # fmt: skip
+        parts.append(("versions", "Versions", join(told)))
     pairs = _pairs(alike)
     if pairs:
         parts.append(("comparison", "Comparison", join(pairs)))

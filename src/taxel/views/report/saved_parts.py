@@ -51,7 +51,7 @@ def saved_part(data: Any, name: str) -> tuple[str, Html]:
             return "Table 4.1 of the TENG hand", join([_teng(one) for one in data])
     except (KeyError, TypeError, AttributeError, ValueError) as error:
         raise BadInput(
-            f"a whole result in {name}", f"one that lacks {error}", "write it again with --json"
+            f"a whole result in {name}", "one that lacks parts", "write it again with --json"
         ) from error
     raise BadInput(
         f"what taxel evaluate teng-table, transition-tables, grasp-warnings or slip-trials prints "

@@ -1,0 +1,75 @@
+"""What an adapted run was before: its versions, and what each adapting gave.
+
+Knows nothing about how a run is adapted, or where its versions are kept.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from taxel.bundles.versions import Change, History, Version
+from taxel.views.report.page import Html, join, percent, split_name, table, tag
+
+
+@dataclass(frozen=True, slots=True)
+class Adapted:
+    """A run's history and what its versions were found to be worth."""
+
+    history: History
+    accuracy: Mapping[int, Mapping[str, float]]
+    """Version, if it was cross-validated → split → accuracy, 0…1."""
+
+    @property
+    def now(self) -> Version:
+        """The version in use."""
+        return self.history.version(self.history.current)
+
+
+def versions_part(adapted: Adapted) -> Html:
+    """Return all versions, oldest first, with accuracies before and after."""
+    history = adapted.history
+    numbers = {one.digest: one.number for one in reversed(history.versions)}
+    rows: list[list[object]] = [
+        [
+            f"{one.number}, in use" if one.number == history.current else str(one.number),
+            one.made[:16].replace("T", " ") or "–",
+            numbers.get(one.parent, "–"),
+            join(
+                [join([split_name(split), f": {percent(value)}"])
+                 for split, value in adapted.accuracy.get(one.number, {}).items()], "; ",
+            ) or "–",
+            _points(one.change, "all") or "–",
+            join([Html('<span class="said">'), _said(one.change), Html("</span>")]),
+        ]
+        for one in history.versions
+    ]  # fmt: skip
+    return join(
+        [
+            tag(
+                "p",
+                "Adapting changes the network, so that the cross-validation of the version before "
+                "says nothing of it. Before → after: windows that taxel adapt was given with "
+                "--test, told by the version it came from and by the new one; without --test the "
+                "grasps that the run rehearses, which flatters.",
+            ),
+            table(
+                ["version", "made", "from", "cross-validated", "before → after",
+                 "what was done, and each class"],
+                rows,
+                kind="findings",
+            ),
+        ]
+    )  # fmt: skip
+
+
+def _said(change: Change) -> str:
+    each = [f"{name} {_points(change, name)}" for name in change.after if name != "all"]
+    data = f", from {', '.join(change.data)}" if change.data else ""
+    return f"{change.what}{data}" + (f": {'; '.join(each)}" if each else "")
+
+
+def _points(change: Change, what: str) -> str:
+    if what not in change.after:
+        return ""
+    return f"{percent(change.before.get(what))} → {percent(change.after[what])}"

@@ -1,0 +1,73 @@
+"""`taxel train` says what its accuracy is worth, and what it will turn away."""
+
+from pathlib import Path
+
+import pytest
+import tyro
+
+from taxel.cli.bundle import Bundle
+from taxel.cli.simulate import Simulate
+from taxel.cli.train import Train
+from taxel.errors import BadInput
+from taxel.evaluation.run_scores import beside_baselines
+
+
+@pytest.fixture(scope="module")
+def data(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Three short sessions of the simulated hand."""
+    folder = tmp_path_factory.mktemp("train") / "data"
+    words = ["teng", "--output", str(folder), "--scans-per-class", "3000", "--sessions", "3"]
+    tyro.cli(Simulate, args=[*words, "--json"]).run()
+    return folder
+
+
+def test_a_network_behind_a_baseline_is_warned_of_and_what_is_unknown_is_told_in_words(
+    data: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+):
+    """One epoch teaches nothing."""
+    words = [str(data), "--output", str(tmp_path / "run"), "--epochs", "1", "--folds", "3"]
+    capsys.readouterr()
+    tyro.cli(Train, args=[*words, "--unknown", "0.2"]).run()
+
+    lines = capsys.readouterr().out.splitlines()
+    (warned,) = (one for one in lines if one.startswith("warning: "))
+    assert "is no better than the baseline “" in warned
+    (unknown,) = (one for one in lines if one.startswith("says UNKNOWN"))
+    assert "stranger than 80 % of known touch" in unknown
+    assert "at most about 20 % of usual windows" in unknown
+    assert not any("run, replaced: " in one for one in lines)
+
+    tyro.cli(Train, args=[*words, "--no-check"]).run()
+    assert "run, replaced: " in capsys.readouterr().out
+
+
+def test_an_older_bundle_is_replaced_and_anything_else_is_left(
+    data: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+):
+    words = [str(data), "--output", str(tmp_path / "run"), "--epochs", "1", "--no-check"]
+    tyro.cli(Train, args=words).run()
+    words = [str(tmp_path / "run"), "--output", str(tmp_path / "b.taxel")]
+    capsys.readouterr()
+    tyro.cli(Bundle, args=words).run()
+    assert "b.taxel: " in capsys.readouterr().out
+    tyro.cli(Bundle, args=words).run()
+    assert "b.taxel, replaced: " in capsys.readouterr().out
+
+    kept = tmp_path / "notes.txt"
+    kept.write_text("mine")
+    with pytest.raises(BadInput, match="holds something else"):
+        tyro.cli(Bundle, args=[*words[:2], str(kept)]).run()
+    assert kept.read_text() == "mine"
+
+
+@pytest.mark.parametrize(
+    ("accuracy", "low", "standing"),
+    [(0.6, 0.5, "behind"), (0.7, 0.55, "near"), (0.7, float("nan"), "clear"), (0.7, 0.61, "clear")],
+)
+def test_a_network_stands_clear_where_its_whole_interval_does(
+    accuracy: float, low: float, standing: str
+):
+    found, said = beside_baselines("net", accuracy, low, {"majority": 0.3, "means": 0.6})
+
+    assert found == standing
+    assert "“means”" in said
