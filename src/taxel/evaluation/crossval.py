@@ -74,7 +74,7 @@ class FoldResult:
 def fit_model(
     windows: Windows,
     y: NDArray[np.intp],
-    classes: int,
+    parts: NDArray[np.intp],
     full_scale: float | None,
     job: Job,
     *,
@@ -87,7 +87,7 @@ def fit_model(
     Args:
         windows: Training windows only.
         y: Their class numbers, shape (n,).
-        classes: How many classes there are.
+        parts: Each class's number in each label that the target joins, shape (classes, labels).
         full_scale: The sensor's largest value, None where unknown.
         job: What to fit.
         steps: Rows that the network takes, where the training windows are longer.
@@ -113,13 +113,14 @@ def fit_model(
     history: list[Epoch] = []
     for member in range(job.members):
         config = replace(job.train, seed=job.train.seed + member)
-        network = new_network(lambda: model.build(rows, channels, classes), config.seed)
+        network = new_network(lambda: model.build(rows, channels, len(parts)), config.seed)
         history += fit(
             network,
             Labelled(scaled, windows.mask, y),
             config,
             steps=rows,
             validation=watched,
+            parts=parts,
             on_epoch=on_epoch,
         )
         networks.append(network)
@@ -154,7 +155,7 @@ def run_fold(
     fitted = fit_model(
         source.windows[train],
         source_y[train],
-        len(dataset.classes(job.target)),
+        dataset.class_parts(job.target),
         dataset.sensor.full_scale,
         job,
         steps=dataset.config.steps,

@@ -230,7 +230,8 @@ def _one_fold(
     y = np.searchsorted(classes, labels[dataset.trial[train]])
     job = Job(model=config.model, target=config.target, train=config.train)
     learned, windows = dataset.windows[train], dataset.windows[test]
-    fitted = fit_model(learned, y, len(classes), dataset.sensor.full_scale, job)
+    parts = dataset.class_parts(config.target, classes)
+    fitted = fit_model(learned, y, parts, dataset.sensor.full_scale, job)
     p = fitted.probabilities(windows.values, windows.mask)
     scaled = fitted.scaling.apply(windows.values, windows.mask)
     test_of = Strangeness(
