@@ -43,6 +43,8 @@ class HandEmulator:
         self.stopped_s = 0.0
         """When the watchdog struck, seconds."""
         self.heard_beat_s = -1.0
+        self.beats = 0
+        """How many heartbeats of the host were heard."""
         self.abilities = wire.Ability.CURRENTS | wire.Ability.MOTION
         self._grip: tuple[float, float, float] | None = None
         self._decoder = FrameDecoder()
@@ -83,6 +85,7 @@ class HandEmulator:
     def _hear(self, message: wire.Message | None) -> None:
         if isinstance(message, wire.Heartbeat):
             self.heard_beat_s = time.monotonic()
+            self.beats += 1
         if not isinstance(message, wire.Command):
             return
         order = wire.Order(message.order)

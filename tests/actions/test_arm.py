@@ -1,8 +1,7 @@
 """An arm lowers within its limits and stops; JAKA's controller is spoken to as documented."""
 
 import json
-import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from itertools import pairwise
 from typing import Any
@@ -11,6 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from jaka_rig import JakaEmulator, emulated_jaka
+from waiting import until
 
 from taxel.actions.arm import ArmLimits, SimArm
 from taxel.actions.jaka_arm import JakaArm, JakaConfig, JsonReplies
@@ -62,14 +62,6 @@ def test_ways_and_speeds_are_kept_within_the_limits_and_only_down() -> None:
 def test_limits_beyond_a_careful_arm_are_refused(bad: dict[str, float]) -> None:
     with pytest.raises(BadInput):
         ArmLimits(**bad)
-
-
-def until(true: Callable[[], bool], limit_s: float = 3.0) -> float:
-    start = time.monotonic()
-    while not true():
-        assert time.monotonic() - start < limit_s, "waited too long"
-        time.sleep(0.002)
-    return time.monotonic() - start
 
 
 @contextmanager

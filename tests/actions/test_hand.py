@@ -7,6 +7,7 @@ from typing import Any
 
 import pytest
 from hand_rig import HandEmulator, emulated_hand
+from waiting import until
 
 from taxel.actions.actuators import HandActuator, hear_all
 from taxel.actions.hand import HandController
@@ -23,16 +24,21 @@ STABLE = StabilityDecision(Stability.STABLE, "", 0.0, 0.1)
 class Driven:
     """A controller whose owner lives: `until` keeps refreshing it."""
 
-    def __init__(self, hand: HandController) -> None:
+    def __init__(self, board: HandEmulator, hand: HandController) -> None:
+        self.board = board
         self.hand = hand
 
     def until(self, true: Callable[[], bool], limit_s: float = 3.0) -> float:
-        start = time.monotonic()
-        while not true():
+        def so() -> bool:
             self.hand.refresh()
-            assert time.monotonic() - start < limit_s, self.hand.status()
-            time.sleep(0.002)
-        return time.monotonic() - start
+            return true()
+
+        return until(so, limit_s, self.hand.status)
+
+    def beats(self, count: int) -> None:
+        """Wait until the board has heard so many more heartbeats, one each 25 ms at the most."""
+        enough = self.board.beats + count
+        self.until(lambda: self.board.beats >= enough)
 
     def armed(self) -> HandController:
         self.hand.refresh()
@@ -47,7 +53,7 @@ def rigged(**options: Any) -> Iterator[tuple[HandEmulator, Driven]]:
         hand = HandController(HandConfig(port=board.port, **options), SystemClock())
         try:
             hand.connect()
-            yield board, Driven(hand)
+            yield board, Driven(board, hand)
         finally:
             hand.close()
 
@@ -79,9 +85,7 @@ def test_a_silent_owner_stops_the_hand_though_the_thread_lives() -> None:
         hand.grip(0b0001, 1000, 2000, lasts_s=5.0)
         driven.until(lambda: board.state is State.MOVING)
         silent_s = time.monotonic()
-        while board.state is not State.STOPPED:
-            time.sleep(0.002)
-            assert time.monotonic() - silent_s < 1.0
+        until(lambda: board.state is State.STOPPED, 1.0)
 
         assert board.stopped_s - board.heard_beat_s >= 0.2
         assert board.stopped_s - silent_s < 0.5  # 0.1 s of the owner, 0.2 s of the board
@@ -99,7 +103,7 @@ def test_a_stop_that_gets_lost_is_sent_again_until_it_is_acknowledged() -> None:
         driven.until(lambda: hand.status().state is State.STOPPED)
         assert board.orders.count(Order.STOP) == 1
         hand.stop()
-        time.sleep(0.06)
+        driven.beats(3)
         assert board.orders.count(Order.STOP) == 1  # acknowledged: nothing more to say
 
 
@@ -122,7 +126,7 @@ def test_neither_a_grip_nor_an_arm_under_way_outlives_a_stop() -> None:
         driven.hand.stop()
         driven.hand.grip(0b0001, 1000, 300)
         driven.until(lambda: board.state is State.STOPPED)
-        time.sleep(0.1)
+        driven.beats(4)
 
         assert Order.ARM not in board.orders
         assert Order.GRIP not in board.orders

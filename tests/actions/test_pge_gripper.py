@@ -8,6 +8,7 @@ from pathlib import Path
 
 import modbus_rig as rig
 import pytest
+from waiting import until
 
 from taxel.actions.actuators import GripperActuator, hear_all
 from taxel.actions.gripper import ForceRange, Motion
@@ -16,15 +17,6 @@ from taxel.actions.pge_gripper import PgeConfig, PgeGripper
 from taxel.clock import SystemClock
 from taxel.decisions.stability import Stability, StabilityDecision
 from taxel.errors import BadInput
-
-
-def until(true: Callable[[], bool], limit_s: float = 3.0) -> float:
-    """Wait until something is so; return how long it took, seconds."""
-    start = time.monotonic()
-    while not true():
-        assert time.monotonic() - start < limit_s, "waited too long"
-        time.sleep(0.002)
-    return time.monotonic() - start
 
 
 @contextmanager
@@ -184,7 +176,8 @@ def test_replies_later_than_the_timeout_are_never_taken_for_others() -> None:
 def test_noise_before_replies_is_survived_or_told() -> None:
     with rig.pge_on_a_cable() as (cable, pge), gripper(cable.near, again_s=0.02) as hand:
         cable.spoil = b"\x00\xff\x13"
-        time.sleep(0.1)
+        asked = len(cable.heard)
+        until(lambda: len(cable.heard) >= asked + 5)
         cable.spoil = b""
         until(lambda: hand.status().ok)
         hand.grip(40.0)
@@ -233,22 +226,26 @@ def test_settings_that_make_no_sense_are_refused(bad: dict[str, float]) -> None:
         PgeConfig(port="/dev/ttyUSB0", **bad)  # type: ignore[arg-type]
 
 
+def ticking(lock: Interlock, hand: PgeGripper) -> Callable[[str], InterlockState]:
+    """Return one tick of a station: a word and the gripper to the interlock, its order back."""
+    actuator = GripperActuator("gripper", hand, ForceRange(max_n=50.0, min_n=15.0))
+
+    def tick(word: str) -> InterlockState:
+        now = time.monotonic()
+        lock.beat(now)
+        lock.decision(word, now)
+        hear_all(lock, [actuator], now)
+        actuator.tell(StabilityDecision(Stability[word], "", now, 0.5), lock.tick(now), now)
+        return lock.state
+
+    return tick
+
+
 def test_interlock_and_gripper_together_raise_on_a_warning_and_stop_with_the_bus() -> None:
     """The whole path: decision, interlock, order, registers; then the cable is pulled."""
-    force = ForceRange(max_n=50.0, min_n=15.0)
     lock = Interlock(InterlockConfig(min_n=15.0, max_n=40.0, slew_n_s=400.0))
     with rig.pge_on_a_cable() as (cable, pge), gripper(cable.near) as hand:
-        actuator = GripperActuator("gripper", hand, force)
-
-        def tick(word: str) -> InterlockState:
-            now = time.monotonic()
-            lock.beat(now)
-            lock.decision(word, now)
-            hear_all(lock, [actuator], now)
-            actuator.tell(StabilityDecision(Stability[word], "", now, 0.5), lock.tick(now), now)
-            time.sleep(0.005)
-            return lock.state
-
+        tick = ticking(lock, hand)
         tick("STABLE")
         assert lock.arm(time.monotonic()) == ()
         until(lambda: tick("WARNING") is InterlockState.RAISED and hand.status().force_pct == 77)
@@ -261,19 +258,12 @@ def test_interlock_and_gripper_together_raise_on_a_warning_and_stop_with_the_bus
 
 def test_a_raise_begins_at_the_force_that_the_gripper_was_set_to_before() -> None:
     """60 % are 32.5 N: the first raise must not fall back to the least force."""
-    force = ForceRange(max_n=50.0, min_n=15.0)
     lock = Interlock(InterlockConfig(min_n=15.0, max_n=50.0, slew_n_s=100.0))
     with rig.pge_on_a_cable(set_pct=60) as (cable, pge), gripper(cable.near) as hand:
-        actuator = GripperActuator("gripper", hand, force)
-        for word in ("STABLE", "STABLE", *["WARNING"] * 20):
-            now = time.monotonic()
-            lock.beat(now)
-            lock.decision(word, now)
-            assert hear_all(lock, [actuator], now) == {}
-            lock.arm(now)
-            actuator.tell(StabilityDecision(Stability[word], "", now, 0.5), lock.tick(now), now)
-            time.sleep(0.005)
-        until(lambda: hand.latency.commands > 0)
+        tick = ticking(lock, hand)
+        tick("STABLE")
+        assert lock.arm(time.monotonic()) == ()
+        until(lambda: tick("WARNING") is InterlockState.RAISED and hand.status().force_pct > 65)
 
         forces = [value for register, value in pge.writes if register == 0x0101]
         assert min(forces) >= 60
