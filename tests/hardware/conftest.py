@@ -7,7 +7,8 @@ from __future__ import annotations
 
 import shutil
 import subprocess
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from functools import cache
 from pathlib import Path
 
 import pytest
@@ -17,6 +18,13 @@ from taxel.bench.board_emulator import INSTALL, Firmware, build_firmware, missin
 FIRMWARE = Path(__file__).parents[2] / "firmware"
 STRICT = ("-std=c11", "-Wall", "-Wextra", "-Werror", "-g", "-O1",
           "-fsanitize=address,undefined", "-fno-sanitize-recover=all")  # fmt: skip
+_WIRE = FIRMWARE / "libraries" / "TaxelWire" / "src"
+SOURCES = {
+    "wire": (_WIRE / "taxel_frame.c", _WIRE / "taxel_message.c"),
+    "hand": (FIRMWARE / "hand_control" / "hand_logic.c", _WIRE / "taxel_message.c"),
+    "daq": (FIRMWARE / "teng_daq" / "daq_logic.c", _WIRE / "taxel_message.c"),
+}
+"""What each host program tests, beside its own file in firmware/tests."""
 
 
 class HostProgram:
@@ -46,16 +54,24 @@ class HostProgram:
         assert self._process.wait(10) == 0
 
 
-def _program(folder: Path, name: str, sources: list[Path]) -> Path:
-    compiler = shutil.which("gcc")
-    if compiler is None:
-        pytest.skip("needs a C compiler: apt install gcc")
-    program = folder / name
-    includes = [f"-I{folder}" for folder in sorted({path.parent for path in sources})]
-    command = [compiler, *STRICT, *includes, "-o", str(program), *map(str, sources)]
-    built = subprocess.run(command, capture_output=True, text=True, check=False)
-    assert built.returncode == 0, built.stderr
-    return program
+@pytest.fixture(scope="session")
+def built(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str], Path]:
+    """Build a host program of `SOURCES`, once a session."""
+
+    @cache
+    def build(name: str) -> Path:
+        compiler = shutil.which("gcc")
+        if compiler is None:
+            pytest.skip("needs a C compiler: apt install gcc")
+        program = tmp_path_factory.mktemp(name) / name
+        sources = [FIRMWARE / "tests" / f"{name}_host.c", *SOURCES[name]]
+        includes = [f"-I{folder}" for folder in sorted({path.parent for path in sources})]
+        command = [compiler, *STRICT, *includes, "-o", str(program), *map(str, sources)]
+        made = subprocess.run(command, capture_output=True, text=True, check=False)
+        assert made.returncode == 0, made.stderr
+        return program
+
+    return build
 
 
 def _running(program: Path) -> Iterator[HostProgram]:
@@ -64,50 +80,19 @@ def _running(program: Path) -> Iterator[HostProgram]:
     running.close()
 
 
-@pytest.fixture(scope="session")
-def wire_program(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    library = FIRMWARE / "libraries" / "TaxelWire" / "src"
-    sources = [library / "taxel_frame.c", library / "taxel_message.c"]
-    return _program(
-        tmp_path_factory.mktemp("wire"), "wire", [FIRMWARE / "tests" / "wire_host.c", *sources]
-    )
+@pytest.fixture
+def wire(built: Callable[[str], Path]) -> Iterator[HostProgram]:
+    yield from _running(built("wire"))
 
 
 @pytest.fixture
-def wire(wire_program: Path) -> Iterator[HostProgram]:
-    yield from _running(wire_program)
-
-
-@pytest.fixture(scope="session")
-def hand_program(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    library = FIRMWARE / "libraries" / "TaxelWire" / "src"
-    sources = [
-        FIRMWARE / "tests" / "hand_host.c",
-        FIRMWARE / "hand_control" / "hand_logic.c",
-        library / "taxel_message.c",
-    ]
-    return _program(tmp_path_factory.mktemp("hand"), "hand", sources)
+def hand(built: Callable[[str], Path]) -> Iterator[HostProgram]:
+    yield from _running(built("hand"))
 
 
 @pytest.fixture
-def hand(hand_program: Path) -> Iterator[HostProgram]:
-    yield from _running(hand_program)
-
-
-@pytest.fixture(scope="session")
-def daq_program(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    library = FIRMWARE / "libraries" / "TaxelWire" / "src"
-    sources = [
-        FIRMWARE / "tests" / "daq_host.c",
-        FIRMWARE / "teng_daq" / "daq_logic.c",
-        library / "taxel_message.c",
-    ]
-    return _program(tmp_path_factory.mktemp("daq"), "daq", sources)
-
-
-@pytest.fixture
-def daq(daq_program: Path) -> Iterator[HostProgram]:
-    yield from _running(daq_program)
+def daq(built: Callable[[str], Path]) -> Iterator[HostProgram]:
+    yield from _running(built("daq"))
 
 
 @pytest.fixture(scope="session")
