@@ -182,7 +182,7 @@ def _alike(first: Run, second: Run) -> tuple[Predictions, Predictions]:
         raise BadInput(
             "two runs with test predictions",
             f"none in the {'first' if one is None else 'second'}",
-            "train again without --no-check",
+            "train again without --no-check; of an adapted run name the version that was trained",
         )
     said = {
         "recordings": (first.contract.data_digest[:12], second.contract.data_digest[:12]),
