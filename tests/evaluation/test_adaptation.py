@@ -1,5 +1,6 @@
 """What adapting gives is measured on sessions that nothing was learned from."""
 
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
@@ -17,6 +18,7 @@ from taxel.evaluation.adaptation import (
     first_grasps,
     measure_new_class,
 )
+from taxel.evaluation.adaptation_online import measure_online
 from taxel.evaluation.adaptation_pads import (
     ALL,
     ONE,
@@ -122,11 +124,14 @@ def test_a_row_of_changed_pads_says_how_many_grasps_gave_windows() -> None:
     assert "40 grasps, of which 75.0% gave windows (100.0% as they were)" in row.note
 
 
-def test_fewer_than_two_sessions_or_three_classes_are_refused(data: Path, tmp_path: Path) -> None:
+@pytest.mark.parametrize("measure", [measure_new_class, measure_online, measure_pads])
+def test_fewer_than_two_sessions_are_refused(
+    data: Path, tmp_path: Path, measure: Callable[..., object]
+) -> None:
     (tmp_path / "one.mcap").write_bytes(list_recordings(data)[0].read_bytes())
 
-    with pytest.raises(BadDataset, match="hold one of each out"):
-        measure_new_class([tmp_path], config())
+    with pytest.raises(BadDataset, match="two sessions, to hold one out"):
+        measure([tmp_path], config())
 
 
 def test_learning_a_class_takes_seconds() -> None:

@@ -116,29 +116,42 @@ def measure_new_class(
     Raises:
         BadDataset: A data set has fewer than two sessions, or a target fewer than three classes.
     """
+    return by_session(_one_session, paths, config, "new class", on_step, classes=3)
+
+
+def by_session(
+    work: Callable[[Path, AdaptConfig, str, str], list[_Point]],
+    paths: Sequence[Path],
+    config: AdaptConfig,
+    what: str,
+    on_step: Callable[[str], None],
+    classes: int = 2,
+) -> list[_Point]:
+    """Return the points of all sessions, each held out once, in a process of its own.
+
+    Args:
+        work: Returns the points of a data set, a target and the session held out.
+        paths: The data sets.
+        config: What to measure.
+        what: Said to `on_step` after each session.
+        on_step: Called with a line.
+        classes: How many a target must have.
+
+    Raises:
+        BadDataset: A data set has fewer than two sessions, or a target fewer classes.
+    """
     jobs = []
     for path in paths:
         for target in config.targets:
             dataset = load_dataset(path, config.recipe.window, target=target)
             names = sorted(set(dataset.group("session")))
-            if len(names) < 2 or len(dataset.classes(target)) < 3:
+            if len(names) < 2 or len(dataset.classes(target)) < classes:
                 raise BadDataset(
-                    "two sessions and three classes to hold one of each out",
-                    f"{len(names)} and {len(dataset.classes(target))} of {target} in {path}",
+                    f"two sessions, to hold one out, and {classes} classes of {target}",
+                    f"{len(names)} and {len(dataset.classes(target))} in {path}",
                     "record more",
                 )
             jobs += [(path, config, target, name) for name in names[: config.sessions]]
-    return by_session(_one_session, jobs, config, "new class", on_step)
-
-
-def by_session(
-    work: Callable[..., list[_Point]],
-    jobs: Sequence[tuple[Any, ...]],
-    config: AdaptConfig,
-    what: str,
-    on_step: Callable[[str], None],
-) -> list[_Point]:
-    """Return all jobs' points: each holds one session out, in a process of its own, and is said."""
 
     def said(points: list[Any]) -> None:
         on_step(f"{what} · {points[0].target} · {points[0].session} held out")

@@ -50,16 +50,10 @@ def measure_online(
     """Measure learning on the fly on data sets with several sessions.
 
     Raises:
-        BadDataset: The recordings do not make such a data set.
+        BadDataset: A data set has fewer than two sessions, or a target fewer than two classes.
         MissingExtra: river is not installed.
     """
-    jobs = []
-    for path in paths:
-        for target in config.targets:
-            dataset = load_dataset(path, config.recipe.window, target=target)
-            names = sorted(set(dataset.group("session")))[: config.sessions]
-            jobs += [(path, config, target, name) for name in names]
-    return by_session(_one_session, jobs, config, "on the fly", on_step)
+    return by_session(_one_session, paths, config, "on the fly", on_step)
 
 
 def _one_session(path: Path, config: AdaptConfig, target: str, session: str) -> list[OnlinePoint]:

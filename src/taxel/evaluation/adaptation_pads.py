@@ -71,24 +71,23 @@ def measure_pads(
     """Measure bringing changed pads to level on data sets with several sessions.
 
     Raises:
-        BadDataset: The recordings do not make such a data set.
+        BadDataset: A data set has fewer than two sessions, or a target fewer than two classes.
     """
-    jobs = [(path, config, target, place) for path in paths for target in config.targets
-            for place in range(len(list_recordings(path)))[: config.sessions]]  # fmt: skip
-    return by_session(_one_session, jobs, config, "pads", on_step)
+    return by_session(_one_session, paths, config, "pads", on_step)
 
 
-def _one_session(path: Path, config: AdaptConfig, target: str, place: int) -> list[PadPoint]:
+def _one_session(path: Path, config: AdaptConfig, target: str, session: str) -> list[PadPoint]:
     """Measure with one session held out; runs in a process of its own."""
     torch.set_num_threads(1)
     dataset = load_dataset(path, config.recipe.window, target=target)
     classes = dataset.classes(target)
     everything = all_exemplars(dataset, classes, target)
-    file = list_recordings(path)[place]
-    session = read_manifest(file).groups["session"]
+    file = next(
+        one for one in list_recordings(path) if read_manifest(one).groups["session"] == session
+    )
     run = run_of(dataset, everything[everything.session != session], classes, target, config.recipe)
     as_it_was = measure_level(file, run.contract, count=3).level
-    rng = np.random.default_rng(place)
+    rng = np.random.default_rng(sorted(set(everything.session)).index(session))
     points = []
     with tempfile.TemporaryDirectory(prefix="taxel-") as scratch:
         for case in (ONE, ALL):
