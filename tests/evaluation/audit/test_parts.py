@@ -159,7 +159,7 @@ def test_a_copy_that_starts_elsewhere_is_still_a_copy(make_set: Make) -> None:
 def test_honest_trials_are_no_copies_of_each_other(system: TouchSet) -> None:
     """Trials of one class, object and session are alike, but not that much."""
     assert same_rows(system) == {}
-    assert near_copies(system, {}) == ({}, {})
+    assert near_copies(system, {}) == ({}, {}, {})
 
 
 @pytest.mark.parametrize("noise", [0.0, 0.02, 0.05])
@@ -172,7 +172,7 @@ def test_a_rescaled_copy_with_noise_is_told_from_its_neighbours(
     rows[1] = 0.7 * rows[0] + 3.0 + noise * rows[0].std(axis=0) * rng.normal(size=rows[0].shape)
     rows[1] = rows[1].astype(np.float32)
 
-    straight, turned = near_copies(replace(system, rows=tuple(rows)), {})
+    straight, _, turned = near_copies(replace(system, rows=tuple(rows)), {})
 
     assert set(straight) == {(0, 1)}
     assert not turned

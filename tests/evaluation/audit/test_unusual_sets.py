@@ -8,7 +8,7 @@ import pytest
 
 from taxel.errors import BadDataset
 from taxel.evaluation.audit.audit import audit, make_case
-from taxel.evaluation.audit.copies import same_rows
+from taxel.evaluation.audit.copies import near_copies, same_rows
 from taxel.evaluation.audit.finding import Finding
 from taxel.evaluation.audit.origins import read_origins
 from taxel.evaluation.audit.scaled import scaled_values
@@ -129,3 +129,29 @@ def test_a_file_that_holds_several_sessions_is_only_how_dealtare_stored(make_set
 
     assert "name: recording" not in kinds(stored)
     assert "name: recording" in kinds(sessionless)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_a_machines_repeats_of_one_touch_are_a_note_and_a_noisy_copy_of_one_a_leak(
+    make_set: Make, seed: int
+) -> None:
+    """Thirty objects, pressed three times each with the same force: only their noise differs."""
+    rng = np.random.default_rng(seed)
+    touch, x = make_set["array"](trials=90), np.arange(80)
+    gains, rise = rng.uniform(0.3, 1.0, (30, 6)), rng.uniform(4, 15, 30)
+    rows = []
+    for index in range(90):
+        start = 20 + rng.uniform(-1, 1)
+        press = np.clip((x - start) / rise[index % 30], 0, 1) * np.clip((72 - x) / 6, 0, 1)
+        own = press[:, None] * gains[index % 30] * rng.normal(1, 0.02, 6)
+        rows.append((own + rng.normal(0, 0.01, (80, 6))).astype(np.float32))
+    time_s = (x / 20.0,) * 90
+
+    near, repeats, _ = near_copies(replace(touch, rows=tuple(rows), time_s=time_s), {})
+    assert not near
+    assert len(repeats) > 5
+
+    noise = rng.normal(0, 0.05, (80, 6)) * rows[0].std(axis=0) * 0.3
+    rows[1] = np.asarray(1.3 * rows[0] + 2.0 + noise, np.float32)
+    near, _, _ = near_copies(replace(touch, rows=tuple(rows), time_s=time_s), {})
+    assert list(near) == [(0, 1)]

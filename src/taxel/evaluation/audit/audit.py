@@ -18,6 +18,7 @@ from taxel.evaluation.audit.scaled import scaled_run, scaled_values
 from taxel.evaluation.audit.shared import (
     future_labels,
     one_class_folds,
+    repeated,
     shared_copies,
     shared_moments,
     shared_names,
@@ -68,9 +69,12 @@ def audit(
     on_step("copies")
     same = same_rows(touch)
     facts.append(shared_copies(case, "duplicates", same, "hold the same rows"))
-    near, turned = near_copies(touch, same)
-    facts.append(shared_copies(case, "near-duplicates", near,
-                               "are copies but for scale, offset or noise"))  # fmt: skip
+    near, repeats, turned = near_copies(touch, same)
+    if near or not repeats:
+        facts.append(shared_copies(case, "near-duplicates", near,
+                                   "are copies but for scale, offset or noise"))  # fmt: skip
+    else:
+        facts.append(repeated(repeats))
     facts.append(shared_copies(case, "augmented copies", turned, "are copies turned round"))
     on_step("scaling")
     facts.append(scaled_values(case))

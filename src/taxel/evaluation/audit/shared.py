@@ -162,6 +162,16 @@ def shared_copies(case: Case, kind: str, pairs: Pairs, what: str) -> Finding:
                    examples=examples)  # fmt: skip
 
 
+def repeated(pairs: Pairs) -> Finding:
+    """Return the finding on trials that are alike but for noise of their own."""
+    return Finding(
+        kind="near-duplicates", verdict="note",
+        said=f"{len(pairs)} pairs of trials are alike but for noise: a machine's repeats of one "
+             "touch, or copies with noise added.",
+        mend="if they are copies, keep one of each; if repeats, say so, and hold out whole objects",
+    )  # fmt: skip
+
+
 def one_class_folds(case: Case) -> Finding:
     """Return the finding on folds whose test part holds one class, or whose training lacks one."""
     assert case.sides is not None
