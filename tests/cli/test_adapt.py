@@ -161,7 +161,7 @@ def test_tables_are_printed_for_people(place: Path, capsys: pytest.CaptureFixtur
         ("run --new new.mcap --history", "choose one"),
         ("shape.taxel --new new.mcap", "a run's folder"),
         ("run --new old --grasps 5", "--correct"),
-        ("run --new bare.mcap", "touch the known object"),
+        ("run --new bare.mcap", "record them at the start"),
         ("run --new nothing.mcap", "not there"),
         ("run --new new.mcap --grasps 0", "--grasps"),
         ("run --correct new.mcap", "--new"),

@@ -25,7 +25,6 @@ from taxel.windows.scaling import Scaling
 
 FORMAT = 1
 """Version of the layout above."""
-FIRST_WORDS = b"TAXEL BUNDLE 1 "
 LARGEST_DIFFERENCE = 1e-4
 """A probability may differ by this much between training framework, export and load.
 Source: our choice, docs/decisions/0009."""

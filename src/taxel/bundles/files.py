@@ -6,16 +6,14 @@ recordings or versions.
 
 from __future__ import annotations
 
-import hashlib
-import io
 import os
-import zipfile
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
-from taxel.bundles.contract import FIRST_WORDS, Contract, at_level, contract_to_json
+from taxel.bundles.contract import Contract, at_level, contract_to_json
+from taxel.bundles.envelope import from_npy, pack, to_npy, unpack
 from taxel.bundles.reader import read_bundle
 from taxel.errors import BadBundle, RecordingFailed
 
@@ -38,16 +36,8 @@ def bundle_bytes(
     """
     members = {"bundle.json": contract_to_json(contract).encode(), "model.onnx": model}
     for name, array in {"values": values, "mask": mask, "probabilities": probabilities}.items():
-        raw = io.BytesIO()
-        np.save(raw, array, allow_pickle=False)
-        members[f"check_{name}.npy"] = raw.getvalue()
-    body = io.BytesIO()
-    with zipfile.ZipFile(body, "w", zipfile.ZIP_DEFLATED) as archive:
-        for name, data in members.items():
-            # A fixed date: the same run gives the same bytes.
-            archive.writestr(zipfile.ZipInfo(name, (1980, 1, 1, 0, 0, 0)), data)
-    content = body.getvalue()
-    return FIRST_WORDS + hashlib.sha256(content).hexdigest().encode() + b"\n" + content
+        members[f"check_{name}.npy"] = to_npy(array)
+    return pack(members)
 
 
 def write_whole(path: Path, data: bytes) -> None:
@@ -88,11 +78,9 @@ def bundle_at_level(path: Path, level: NDArray[np.float32]) -> tuple[Contract, b
         raise BadBundle(f"{len(old.channels)} levels, one a channel", str(len(level)), "mend it")
     new = at_level(old, level)
     assert old.reference is not None
-    with zipfile.ZipFile(io.BytesIO(path.read_bytes().partition(b"\n")[2])) as archive:
-        model = archive.read("model.onnx")
-        values, mask, probabilities = (
-            np.load(io.BytesIO(archive.read(f"check_{name}.npy")), allow_pickle=False)
-            for name in ("values", "mask", "probabilities")
-        )
+    members = unpack(path, ())
+    values, mask, probabilities = (
+        from_npy(members[f"check_{name}.npy"]) for name in ("values", "mask", "probabilities")
+    )
     change = (level / old.reference.level).astype(np.float32)
-    return new, bundle_bytes(new, model, values * change, mask, probabilities)
+    return new, bundle_bytes(new, members["model.onnx"], values * change, mask, probabilities)

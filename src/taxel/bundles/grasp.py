@@ -8,10 +8,7 @@ nothing about training frameworks.
 
 from __future__ import annotations
 
-import hashlib
-import io
 import json
-import zipfile
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, fields
 from pathlib import Path
@@ -20,8 +17,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from taxel.bundles.contract import FIRST_WORDS, LARGEST_DIFFERENCE
+from taxel.bundles.contract import LARGEST_DIFFERENCE
 from taxel.bundles.engine import Engine, EngineName, Precision, open_engine
+from taxel.bundles.envelope import FIRST_WORDS, damaged, from_npy, pack, to_npy, unpack
 from taxel.bundles.files import write_whole
 from taxel.decisions.stability import StabilityConfig
 from taxel.errors import BadBundle
@@ -31,7 +29,6 @@ from taxel.windows.rest import Tare
 FORMAT = 1
 GEL = "gel"
 """Features that markers and imprint give (`taxel.gel.slip_features`), without a backbone."""
-_LARGEST_BYTES = 1024 * 2**20
 _MEMBERS = ("grasp.json", "head.onnx", "check_features.npy", "check_probabilities.npy")
 
 
@@ -149,18 +146,12 @@ def write_grasp_bundle(
     members = {
         "grasp.json": contract_to_json(contract).encode(),
         "head.onnx": head,
-        "check_features.npy": _npy(check_features),
-        "check_probabilities.npy": _npy(check_probabilities),
+        "check_features.npy": to_npy(check_features),
+        "check_probabilities.npy": to_npy(check_probabilities),
     }
     if backbone is not None:
         members["backbone.onnx"] = backbone
-    body = io.BytesIO()
-    with zipfile.ZipFile(body, "w", zipfile.ZIP_DEFLATED) as archive:
-        for name, data in members.items():
-            archive.writestr(zipfile.ZipInfo(name, (1980, 1, 1, 0, 0, 0)), data)
-    content = body.getvalue()
-    line = FIRST_WORDS + hashlib.sha256(content).hexdigest().encode() + b"\n"
-    write_whole(path, line + content)
+    write_whole(path, pack(members))
     return difference
 
 
@@ -178,12 +169,11 @@ def read_grasp_bundle(
             probabilities.
         MissingExtra: The engine is not installed.
     """
-    members = _members(path)
+    members = unpack(path, _MEMBERS)
     contract = contract_from_json(members["grasp.json"].decode())
     head = open_engine(members["head.onnx"], threads=1)
     features, expected = (
-        np.load(io.BytesIO(members[f"check_{name}.npy"]), allow_pickle=False)
-        for name in ("features", "probabilities")
+        from_npy(members[f"check_{name}.npy"]) for name in ("features", "probabilities")
     )
     difference = _difference(head, features, expected)
     if not difference <= LARGEST_DIFFERENCE:
@@ -195,7 +185,7 @@ def read_grasp_bundle(
     backbone = None
     if contract.features != GEL:
         if "backbone.onnx" not in members:
-            raise _damaged(path, f"no backbone for {contract.features}")
+            raise damaged(path, f"no backbone for {contract.features}")
         backbone = open_engine(members["backbone.onnx"], engine, precision, threads)
     return GraspBundle(
         contract,
@@ -212,7 +202,7 @@ def read_grasp_contract(path: Path) -> GraspContract:
     Raises:
         BadBundle: It is missing, damaged or of another format.
     """
-    return contract_from_json(_members(path)["grasp.json"].decode())
+    return contract_from_json(unpack(path, _MEMBERS)["grasp.json"].decode())
 
 
 def contract_to_json(contract: GraspContract) -> str:
@@ -255,37 +245,3 @@ def _difference(
     head: Engine, features: NDArray[np.float32], expected: NDArray[np.float32]
 ) -> float:
     return float(np.abs(head.run(features=features) - expected).max())
-
-
-def _npy(array: NDArray[np.float32]) -> bytes:
-    raw = io.BytesIO()
-    np.save(raw, array, allow_pickle=False)
-    return raw.getvalue()
-
-
-def _members(path: Path) -> dict[str, bytes]:
-    try:
-        if path.stat().st_size > _LARGEST_BYTES:
-            raise _damaged(path, "larger than 1 GiB")
-        line, _, body = path.read_bytes().partition(b"\n")
-    except OSError as error:
-        raise BadBundle(
-            "a bundle that can be read", f"{error.strerror or error} ({path})",
-            "write one with: taxel bundle RUN --output FILE",
-        ) from error  # fmt: skip
-    if not line.startswith(FIRST_WORDS):
-        raise _damaged(path, "another kind of file, or a damaged first line")
-    if hashlib.sha256(body).hexdigest().encode() != line.removeprefix(FIRST_WORDS):
-        raise _damaged(path, "a checksum that does not fit the contents")
-    try:
-        with zipfile.ZipFile(io.BytesIO(body)) as archive:
-            found = {name: archive.read(name) for name in archive.namelist()}
-    except (zipfile.BadZipFile, KeyError) as error:
-        raise _damaged(path, str(error)) from error
-    if not set(_MEMBERS) <= set(found):
-        raise _damaged(path, "no grasp bundle: it lacks members")
-    return found
-
-
-def _damaged(path: Path, what: str) -> BadBundle:
-    return BadBundle(f"a whole grasp bundle in {path}", what, "copy or write it again")

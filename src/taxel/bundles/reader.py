@@ -5,9 +5,6 @@ Knows nothing about training frameworks, sources or decisions.
 
 from __future__ import annotations
 
-import hashlib
-import io
-import zipfile
 from math import isfinite
 from pathlib import Path
 from typing import Any
@@ -16,17 +13,11 @@ import numpy as np
 import onnxruntime
 from numpy.typing import NDArray
 
-from taxel.bundles.contract import (
-    FIRST_WORDS,
-    LARGEST_DIFFERENCE,
-    Contract,
-    contract_from_json,
-)
+from taxel.bundles.contract import LARGEST_DIFFERENCE, Contract, contract_from_json
+from taxel.bundles.envelope import from_npy, unpack
 from taxel.decisions.unknown import Strangeness
 from taxel.errors import BadBundle
 
-_LARGEST_BYTES = 512 * 2**20
-"""A bundle larger than this is refused. Source: our choice."""
 _MEMBERS = (
     "bundle.json",
     "model.onnx",
@@ -112,12 +103,11 @@ def read_bundle(path: Path, threads: int = 1) -> Bundle:
         BadBundle: It is missing, damaged, of another format, or its check
             windows give other probabilities.
     """
-    members = _members(path)
+    members = unpack(path, _MEMBERS)
     contract = contract_from_json(members["bundle.json"].decode())
     bundle = Bundle(contract, members["model.onnx"], threads)
     values, mask, expected = (
-        np.load(io.BytesIO(members[f"check_{name}.npy"]), allow_pickle=False)
-        for name in ("values", "mask", "probabilities")
+        from_npy(members[f"check_{name}.npy"]) for name in ("values", "mask", "probabilities")
     )
     difference = float(np.abs(bundle.probabilities(values, mask) - expected).max())
     if not difference <= LARGEST_DIFFERENCE:
@@ -135,33 +125,4 @@ def read_contract(path: Path) -> Contract:
     Raises:
         BadBundle: It is missing, damaged or of another format.
     """
-    return contract_from_json(_members(path)["bundle.json"].decode())
-
-
-def _members(path: Path) -> dict[str, bytes]:
-    """Return the files inside, once their checksum was found right."""
-    try:
-        if path.stat().st_size > _LARGEST_BYTES:
-            raise _damaged(path, "larger than 512 MiB")
-        head, _, body = path.read_bytes().partition(b"\n")
-    except OSError as error:
-        raise BadBundle(
-            "a bundle that can be read",
-            f"{error.strerror or error} ({path})",
-            "write one with: taxel bundle RUN --output FILE",
-        ) from error
-    if not head.startswith(FIRST_WORDS):
-        raise _damaged(path, "another kind of file, or a damaged first line")
-    if hashlib.sha256(body).hexdigest().encode() != head.removeprefix(FIRST_WORDS):
-        raise _damaged(path, "a checksum that does not fit the contents")
-    try:
-        with zipfile.ZipFile(io.BytesIO(body)) as archive:
-            return {name: archive.read(name) for name in _MEMBERS}
-    except (zipfile.BadZipFile, KeyError) as error:
-        raise _damaged(path, str(error)) from error
-
-
-def _damaged(path: Path, what: str) -> BadBundle:
-    return BadBundle(
-        f"a whole taxel bundle in {path.name}", what, "copy it again, or write it again"
-    )
+    return contract_from_json(unpack(path, _MEMBERS)["bundle.json"].decode())

@@ -22,7 +22,7 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
-from taxel.errors import BadBundle, BadInput, RecordingFailed
+from taxel.errors import BadInput, RecordingFailed
 
 FORMAT = 1
 """Version of the history's layout."""
@@ -90,22 +90,6 @@ def named_path(path: Path) -> Path:
     if not found.name:
         raise BadInput("a bundle or a run's folder", f"{found}", "name one that exists")
     return found
-
-
-def need_bundle(path: Path) -> None:
-    """Refuse what is no file where a bundle is needed.
-
-    Raises:
-        BadBundle: It is a run's folder, another folder, or not there.
-    """
-    if path.is_file():
-        return
-    got, mend = f"{path}, which is not there", "taxel bundle RUN --output FILE"
-    if path.is_dir():
-        is_run = (path / "run.json").exists()
-        got = f"{path}, {'a run' if is_run else 'a folder'}"
-        mend = f"taxel bundle {path if is_run else 'RUN'} --output FILE"
-    raise BadBundle("a bundle's file", got, f"write one with: {mend}")
 
 
 def digest_of(path: Path) -> str:

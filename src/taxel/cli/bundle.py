@@ -107,7 +107,7 @@ class Bundle:
 
 def _older(path: Path) -> bool:
     """Return whether an older bundle stands there, to be replaced; refuse anything else."""
-    from taxel.bundles.contract import FIRST_WORDS
+    from taxel.bundles.envelope import FIRST_WORDS
 
     if not path.exists():
         return False

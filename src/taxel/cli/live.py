@@ -68,9 +68,9 @@ class Live:
 
     def run(self) -> None:
         """Run until the time is over, the source ends or the user stops it."""
+        from taxel.bundles.envelope import need_bundle
         from taxel.bundles.grasp import is_grasp_bundle
         from taxel.bundles.reader import read_bundle
-        from taxel.bundles.versions import need_bundle
         from taxel.cli.live_grasps import live_grasps
         from taxel.cli.live_station import live_station
         from taxel.decisions.recognition import RecogniseConfig

@@ -66,9 +66,9 @@ class Sweep:
 
     def run(self) -> None:
         """Measure, print and write."""
+        from taxel.bundles.envelope import need_bundle
         from taxel.bundles.grasp import is_grasp_bundle
         from taxel.bundles.shipped import find_bundle
-        from taxel.bundles.versions import need_bundle
 
         self._check()
         bundle = find_bundle(self.bundle)

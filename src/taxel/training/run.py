@@ -143,9 +143,8 @@ def load_run(folder: Path, *, weights: bool = True) -> Run:
         data, trivial = str(about["data"]), dict(about.get("trivial", {}))
         made = Made(**about.get("made", {}))
     except (OSError, ValueError, KeyError, TypeError) as error:  # BadBundle is a ValueError
-        raise BadInput(
-            f"a run in {folder}", f"none that can be read ({error})", "train one with: taxel train"
-        ) from error
+        got = "a damaged one" if (folder / "run.json").exists() else "none there"
+        raise BadInput(f"a run in {folder}", got, "train one with: taxel train") from error
     if weights and not members:
         raise BadInput(
             f"a run with trained weights in {folder}",

@@ -128,7 +128,8 @@ def session_levels(
             raise BadDataset(
                 f"{touches.count} touches of {touches.key}={touches.value} in each session",
                 f"{len(found)} in {name}",
-                "touch the known object at the start of each session, or ask for fewer",
+                "record them at the start of the session; taxel adapt takes them from another "
+                "recording with --touches",
             )
         first = found[: touches.count]
         own = np.isin(owner, first)
