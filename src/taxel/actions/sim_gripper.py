@@ -95,10 +95,6 @@ class Fingers:
         due_s = now_s + self.config.latency_s
         self._waiting.append((due_s, target_permille, force_pct))
 
-    def take_away(self) -> None:
-        """Take the object out of the fingers, as a person would."""
-        self._object = False
-
     def advance(self, now_s: float) -> None:
         """Move forward to a moment, monotonic seconds; time that steps back is ignored."""
         if self._now_s is None:

@@ -229,11 +229,6 @@ class EmulatedBoards:
         self._process.stdin.write(line + "\n")
         self._process.stdin.flush()
 
-    def next_event(self) -> Event:
-        """Wait for the next event, with `live`."""
-        self._take(self._line())
-        return self.events[-1]
-
     def wait_for_holders(self) -> None:
         """Wait, in real time, until another program or thread holds each port; a second at most.
 

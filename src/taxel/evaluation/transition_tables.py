@@ -31,7 +31,6 @@ from taxel.models.transition import (
     FRAMES,
     PUBLISHED_BY_FRAMES,
     TRANSITION_MODELS,
-    TransitionModel,
     find_transition,
 )
 from taxel.processes import side_by_side
@@ -287,8 +286,3 @@ def _over_folds(judged: Sequence[Judged], resamples: int = 2000) -> tuple[float,
     sums = right[drawn].sum(axis=1)
     low, high = np.percentile(sums[:, 0] / sums[:, 1], [2.5, 97.5])
     return float(low), float(high)
-
-
-def describe(model: TransitionModel) -> str:
-    """Return a model's name as tables show it."""
-    return model.name.replace("+", " + ")

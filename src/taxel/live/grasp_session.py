@@ -33,7 +33,7 @@ class GraspTally:
     """State → moments."""
     latencies_s: deque[float] = field(default_factory=lambda: deque(maxlen=_KEPT))
     alarms: int = 0
-    """Times that the state went to WARNING or UNSTABLE."""
+    """Grasps in which the state went to WARNING or UNSTABLE."""
     grasps: list[dict[str, Any]] = field(default_factory=list)
     """One entry a grasp whose outcome the source told: outcome, first alarm (s)."""
     dropped: int = 0

@@ -99,10 +99,6 @@ class SteppedPour:
         """
         self._pour.gripper.command(force_n, after_s)
 
-    def stop_pouring(self) -> None:
-        """Let the person stop, as when they were warned."""
-        self._pour.sim.pour(False)
-
     def step(self, look: bool = True) -> tuple[list[Frame], Samples]:
         """Go on to the next moment; return a frame a camera, and the truth.
 

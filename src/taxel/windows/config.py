@@ -10,8 +10,6 @@ import math
 from dataclasses import dataclass
 from typing import Literal
 
-SCAN_RATE_HZ = 1000.0
-"""Scans a second of a sensor board. Source: our choice, docs/decisions/0003."""
 GRID_RATE_HZ = 100.0
 """Rows a second of an array window; 12 rows span 120 ms. Source: our choice
 (the thesis does not say), docs/decisions/0003."""
