@@ -78,7 +78,47 @@ def test_a_window_with_an_unusable_value_is_left_out_and_said(tmp_path: Path):
     dataset = load_dataset(tmp_path, CONFIG, target="shape")
     assert 50.0 not in dataset.windows.values[:, 0, 0]
     assert 0.0 in dataset.windows.values[:, 0, 0]
-    assert dataset.notes == ("1 windows hold values that are not usable: left out",)
+    assert dataset.notes == ("1 windows hold values that are missing or NaN: left out",)
+
+
+def test_windows_left_out_are_counted_by_cause_and_so_are_trials(tmp_path: Path):
+    """A gap of 50 ms in each of sphere's windows; one missing value in one of cylinder's."""
+    samples = scans(400)
+    samples.validity[356, 1] = Validity.MISSING
+    kept = np.ones(400, bool)
+    kept[:200] = np.arange(200) % 10 < 5
+    record(tmp_path, "a", [grasp(0, 199, "sphere"), grasp(200, 399, "cylinder"),
+                           grasp(400, 404, "cone")], samples[kept])  # fmt: skip
+    dataset = load_dataset(tmp_path, replace(CONFIG, grid_hz=50.0))
+    stale, missing, trials = dataset.notes
+    assert stale.startswith("10 windows hold rows whose latest scan is over 30 ms old")
+    assert missing.startswith("1 windows hold values that are missing")
+    assert trials.startswith("2 of 3 trials gave no window")
+
+
+def test_a_grid_far_slower_than_the_sensor_is_said(tmp_path: Path):
+    record(tmp_path, "a", [])
+    (note,) = load_dataset(tmp_path, replace(CONFIG, grid_hz=30.0)).notes
+    assert "30 of 100 scans/s" in note
+    assert load_dataset(tmp_path, replace(CONFIG, grid_hz=40.0)).notes == ()
+    assert load_dataset(tmp_path, replace(CONFIG, grid_hz=None)).notes == ()
+
+
+def test_rates_that_differ_are_refused_where_own_scans_are_rows(tmp_path: Path):
+    for name, rate_hz in (("a", 100.0), ("b", 120.0), ("c", 130.0)):
+        record(tmp_path, name, [], sensor=replace(INFO, rate_hz=rate_hz))
+    assert len(load_dataset(tmp_path, CONFIG).trials) == 3
+    with pytest.raises(BadDataset, match=r"got 130 in c\.mcap"):
+        load_dataset(tmp_path, replace(CONFIG, grid_hz=None))
+
+
+def test_a_class_with_hardly_any_trials_is_said(tmp_path: Path):
+    for name in "abcde":
+        record(tmp_path, name, [], labels={"shape": "sphere"})
+    record(tmp_path, "f", [], labels={"shape": "cone"})
+    (note,) = load_dataset(tmp_path, CONFIG, target="shape").notes
+    assert "of 6 trials only 1 of cone" in note
+    assert load_dataset(tmp_path, CONFIG).notes == ()
 
 
 def test_nothing_usable_at_all_is_refused(tmp_path: Path):

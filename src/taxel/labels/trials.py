@@ -6,7 +6,7 @@ imported file. Knows nothing about windows, models or splits.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -33,6 +33,29 @@ class Trial:
     def duration_s(self) -> float:
         """Length of the trial, seconds."""
         return self.end_s - self.start_s
+
+
+def coarsest_group(trials: Sequence[Trial], split: str = "") -> str:
+    """Return the group to draw or hold out as a whole: the coarsest of which there are two.
+
+    That is the session, else the file, else the recording, else the trial. A group that a split
+    holds out takes its place, such as an object that was touched in several sessions, unless it
+    lies within it.
+
+    Args:
+        trials: Those that are judged, at least one.
+        split: The split's name, such as "object held out".
+    """
+    known = {
+        key: {one.groups.get(key) for one in trials} for key in ("session", "file", "recording")
+    }
+    first = next((key for key, own in known.items() if len(own) > 1 and None not in own), "trial")
+    held = split.removesuffix(" held out")
+    if held != split and all(held in one.groups for one in trials):
+        pairs = {(one.groups[held], one.groups[first]) for one in trials}
+        if len(pairs) > len({one for one, _ in pairs}):
+            return held
+    return first
 
 
 def trials_of(

@@ -15,6 +15,11 @@ GRID_RATE_HZ = 100.0
 (the thesis does not say), docs/decisions/0003."""
 LARGEST_AGE_S = 0.030
 """A value older than this is stale, seconds. Source: our choice, docs/decisions/0003."""
+SLOW_GRID = 1 / 3
+"""A grid below this share of the sensor's own rate is said to be slow. Source: our choice."""
+MOST_RATE_CHANGE = 1.25
+"""Where a sensor's own scans are rows, recordings' rates may differ by this factor, as `live`
+allows: beyond it a window lasts another time. Source: our choice."""
 GATE_V = 1.55
 """Contact threshold, volts. Source: TENG thesis, section 3.5.1."""
 FULL_SCALE_V = 3.3

@@ -6,6 +6,7 @@ Knows nothing about splits, scaling or models.
 from __future__ import annotations
 
 import hashlib
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -16,7 +17,14 @@ from numpy.typing import NDArray
 from taxel.errors import BadDataset
 from taxel.labels.trials import Trial, trials_of
 from taxel.recordings.reader import list_recordings, read_recording
-from taxel.signals import SensorInfo
+from taxel.signals import Samples, SensorInfo
+from taxel.windows.checks import (
+    check_sensor,
+    check_target,
+    grid_note,
+    nothing_found,
+    rare_note,
+)
 from taxel.windows.config import WindowConfig
 from taxel.windows.reference import Reference, parse_reference, session_levels, to_usual
 from taxel.windows.windower import Windows, cut_windows
@@ -42,7 +50,8 @@ class Dataset:
     digest: str
     """SHA-256 over the recordings' values, hexadecimal."""
     notes: tuple[str, ...]
-    """What a reader must know: windows left out and why, windows padded."""
+    """What a reader must know: windows and trials left out and why, windows padded,
+    a slow grid, rare classes."""
     reference: Reference | None = None
     """The level that all sessions were brought to; None where values are as measured."""
     to_level: NDArray[np.float32] | None = None
@@ -109,21 +118,21 @@ def load_dataset(
 
     Raises:
         BadRecording: A recording is damaged.
-        BadDataset: There is no recording, no window, the sensors differ, or a
-            trial lacks the target.
+        BadDataset: There is no recording, no window, the sensors differ, or their rates where
+            their own scans are rows, or a trial lacks the target.
     """
     paths = list_recordings(path)
     sensor: SensorInfo | None = None
     trials: list[Trial] = []
     parts: list[Windows] = []
     owners: list[NDArray[np.intp]] = []
-    outside = 0
+    outside = stale = 0
     digest = hashlib.sha256()
     for file in paths:
         recording = read_recording(file)
         digest.update(recording.samples.values.tobytes())
-        sensor = _same_sensor(sensor, recording.manifest.sensor, file)
-        _check_channels(sensor, config)
+        sensor = sensor or recording.manifest.sensor
+        check_sensor(sensor, recording.manifest.sensor, file, config)
         if not len(recording.samples):
             continue
         own = trials_of(
@@ -139,12 +148,13 @@ def load_dataset(
         outside += int((owner < 0).sum())
         kept = (owner >= 0) & wanted[owner]
         parts.append(windows[kept])
-        owners.append(owner[kept] + len(trials))
-        trials += own
+        stale += _stale(parts[-1], recording.samples, config, recording.manifest.sensor)
+        owners.append((np.cumsum(wanted) - 1)[owner[kept]] + len(trials))
+        trials += [one for one, own_wanted in zip(own, wanted, strict=True) if own_wanted]
     if sensor is None or not sum(map(len, parts)):
-        raise _nothing(path, config, where)
+        raise nothing_found(path, config, where)
     return _assemble(Windows.join(parts), np.concatenate(owners), trials, sensor, config,
-                     digest.hexdigest(), outside, target)  # fmt: skip
+                     digest.hexdigest(), outside, stale, target)  # fmt: skip
 
 
 def _assemble(
@@ -155,14 +165,20 @@ def _assemble(
     config: WindowConfig,
     digest: str,
     outside: int,
+    stale: int,
     target: str | None,
 ) -> Dataset:
     whole = windows.usable >= 1.0
-    notes = []
+    notes = grid_note(sensor, config)
     if outside:
         notes.append(f"{outside} windows lie across a trial's border or outside: left out")
-    if not whole.all():
-        notes.append(f"{int((~whole).sum())} windows hold values that are not usable: left out")
+    if stale:
+        notes.append(
+            f"{stale} windows hold rows whose latest scan is over {1000 * config.max_age_s:g} ms "
+            "old: left out; --grid own takes each scan as a row"
+        )
+    if unusable := int((~whole).sum()) - stale:
+        notes.append(f"{unusable} windows hold values that are missing or NaN: left out")
     windows, trial = windows[whole], trial[whole]
     if windows.padded:
         notes.append(
@@ -176,6 +192,11 @@ def _assemble(
             "look at the recordings with: taxel info",
         )
     used, trial = np.unique(trial, return_inverse=True)
+    if without := len(trials) - len(used):
+        notes.append(
+            f"{without} of {len(trials)} trials gave no window: too short, below the gate or not "
+            "usable"
+        )
     kept = tuple(trials[index] for index in used)
     reference = to_level = None
     if config.reference is not None:
@@ -187,7 +208,8 @@ def _assemble(
         )
     if target is not None:
         kept = tuple(_with_joined_label(one, target) for one in kept)
-        _check_target(kept, target)
+        check_target(kept, target)
+        notes += rare_note(kept, target)
     return Dataset(
         windows=windows,
         trial=trial.astype(np.intp),
@@ -256,24 +278,13 @@ def recut(path: Path, dataset: Dataset, stride: int, steps: int) -> Dataset:
     return replace(dataset, windows=windows, trial=owner, config=config)
 
 
-def _same_sensor(first: SensorInfo | None, own: SensorInfo, file: Path) -> SensorInfo:
-    if first is not None and (own.channels, own.units) != (first.channels, first.units):
-        raise BadDataset(
-            f"the channels {', '.join(first.channels)} in every recording",
-            f"{', '.join(own.channels)} in {file.name}",
-            "put recordings of different sensors into different folders",
-        )
-    return first or own
-
-
-def _check_channels(sensor: SensorInfo, config: WindowConfig) -> None:
-    missing = [name for name in config.channels or () if name not in sensor.channels]
-    if missing:
-        raise BadDataset(
-            f"the channels {', '.join(config.channels or ())}",
-            f"recordings without {', '.join(missing)}; they have {', '.join(sensor.channels)}",
-            "name channels that the recordings have",
-        )
+def _stale(windows: Windows, samples: Samples, config: WindowConfig, sensor: SensorInfo) -> int:
+    """Return how many windows are not usable for the age of their scans alone."""
+    bad = windows.usable < 1.0
+    if not bad.any() or config.grid_hz is None:
+        return 0
+    ageless = cut_windows(samples, replace(config, max_age_s=math.inf), sensor)
+    return int(np.isin(windows.start_s[bad], ageless.start_s[ageless.usable >= 1.0]).sum())
 
 
 def _owners(windows: Windows, trials: list[Trial]) -> NDArray[np.intp]:
@@ -290,16 +301,6 @@ def _matches(trial: Trial, where: Mapping[str, str]) -> bool:
     return all(known.get(key) == value for key, value in where.items())
 
 
-def _nothing(path: Path, config: WindowConfig, where: Mapping[str, str] | None) -> BadDataset:
-    gate = f" above the gate of {config.gate:g}" if config.gate is not None else ""
-    chosen = f" where {', '.join(f'{k}={v}' for k, v in where.items())}" if where else ""
-    return BadDataset(
-        f"at least one window of {config.steps} rows{gate} inside a trial{chosen}",
-        f"none in {path}",
-        "look at the recordings with taxel info, or choose fewer steps or a lower gate",
-    )
-
-
 def _with_joined_label(trial: Trial, target: str) -> Trial:
     """Return the trial with "a+b" as a label where it has both; as it is otherwise."""
     parts = target.split("+")
@@ -307,21 +308,3 @@ def _with_joined_label(trial: Trial, target: str) -> Trial:
         return trial
     joined = " ".join(trial.labels[part] for part in parts)
     return replace(trial, labels={**trial.labels, target: joined})
-
-
-def _check_target(trials: tuple[Trial, ...], target: str) -> None:
-    for trial in trials:
-        if target not in trial.labels:
-            known = ", ".join(trial.labels) or "none"
-            raise BadDataset(
-                f"the label {target!r} on every trial",
-                f"{trial.groups['trial']} with the labels {known}",
-                "name one of those, or label the recording",
-            )
-    classes = {trial.labels[target] for trial in trials}
-    if len(classes) < 2:
-        raise BadDataset(
-            f"at least two classes of {target!r}",
-            f"one class only ({', '.join(classes)})",
-            "record or import the other classes too",
-        )

@@ -1,0 +1,112 @@
+"""What the recordings of one data set must have in common, and what is said of odd ones.
+
+Knows nothing about how windows are cut.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+from taxel.errors import BadDataset
+from taxel.labels.trials import Trial
+from taxel.signals import SensorInfo
+from taxel.windows.config import MOST_RATE_CHANGE, SLOW_GRID, WindowConfig
+
+_UNEVEN = 5
+"""A class with so many times fewer trials than the commonest is rare. Source: our choice."""
+
+
+def check_sensor(first: SensorInfo, own: SensorInfo, file: Path, config: WindowConfig) -> None:
+    """Refuse a recording that does not belong to the first one's data set.
+
+    Args:
+        first: The sensor of the first recording.
+        own: That of this one.
+        file: This one, for the message.
+        config: How windows are cut.
+
+    Raises:
+        BadDataset: Channels or units differ, a channel that windows take is missing, or the
+            rates differ where the sensor's own scans are rows.
+    """
+    if (own.channels, own.units) != (first.channels, first.units):
+        raise BadDataset(
+            f"the channels {', '.join(first.channels)} in every recording",
+            f"{', '.join(own.channels)} in {file.name}",
+            "put recordings of different sensors into different folders",
+        )
+    low_hz, high_hz = sorted((first.rate_hz, own.rate_hz))
+    if config.grid_hz is None and high_hz > MOST_RATE_CHANGE * low_hz > 0:
+        raise BadDataset(
+            f"about {first.rate_hz:g} scans/s in every recording, for their own scans are rows",
+            f"{own.rate_hz:g} in {file.name}",
+            f"choose a common grid, such as --grid {low_hz:g}, or separate the rates",
+        )
+    missing = [name for name in config.channels or () if name not in own.channels]
+    if missing:
+        raise BadDataset(
+            f"the channels {', '.join(config.channels or ())}",
+            f"recordings without {', '.join(missing)}; they have {', '.join(own.channels)}",
+            "name channels that the recordings have",
+        )
+
+
+def nothing_found(path: Path, config: WindowConfig, where: Mapping[str, str] | None) -> BadDataset:
+    """Return the refusal of recordings that give no window."""
+    gate = f" above the gate of {config.gate:g}" if config.gate is not None else ""
+    chosen = f" where {', '.join(f'{k}={v}' for k, v in where.items())}" if where else ""
+    return BadDataset(
+        f"at least one window of {config.steps} rows{gate} inside a trial{chosen}",
+        f"none in {path}",
+        "look at the recordings with taxel info, or choose fewer steps or a lower gate",
+    )
+
+
+def check_target(trials: Sequence[Trial], target: str) -> None:
+    """Refuse trials of which one lacks the target's label, or which are all of one class.
+
+    Raises:
+        BadDataset: So it is.
+    """
+    for trial in trials:
+        if target not in trial.labels:
+            known = ", ".join(trial.labels) or "none"
+            raise BadDataset(
+                f"the label {target!r} on every trial",
+                f"{trial.groups['trial']} with the labels {known}",
+                "name one of those, or label the recording",
+            )
+    classes = {trial.labels[target] for trial in trials}
+    if len(classes) < 2:
+        raise BadDataset(
+            f"at least two classes of {target!r}",
+            f"one class only ({', '.join(classes)})",
+            "record or import the other classes too",
+        )
+
+
+def grid_note(sensor: SensorInfo, config: WindowConfig) -> list[str]:
+    """Return a note where the grid is far slower than the sensor, for it has no filter."""
+    if config.grid_hz is None or config.grid_hz >= SLOW_GRID * sensor.rate_hz:
+        return []
+    return [
+        f"the grid takes {config.grid_hz:g} of {sensor.rate_hz:g} scans/s, with no filter: "
+        f"vibration above {config.grid_hz / 2:g} Hz turns up as slower motion; --grid own takes "
+        "every scan"
+    ]
+
+
+def rare_note(trials: Sequence[Trial], target: str) -> list[str]:
+    """Return a note of the classes that have hardly any trials beside the commonest."""
+    counts = Counter(trial.labels[target] for trial in trials)
+    most = max(counts.values())
+    rare = [f"{count} of {name}" for name, count in sorted(counts.items())
+            if _UNEVEN * count <= most or count == 1 < most]  # fmt: skip
+    if not rare:
+        return []
+    return [
+        f"of {len(trials)} trials only {', '.join(rare)}: the accuracy hardly counts them; look "
+        "at their rows of the confusion, and record more"
+    ]
