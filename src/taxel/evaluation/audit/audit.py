@@ -16,6 +16,7 @@ from taxel.evaluation.audit.nuisances import read_first, read_length, read_level
 from taxel.evaluation.audit.origins import read_origins
 from taxel.evaluation.audit.scaled import scaled_run, scaled_values
 from taxel.evaluation.audit.shared import (
+    SESSIONS_UNKNOWN,
     future_labels,
     one_class_folds,
     repeated,
@@ -26,6 +27,7 @@ from taxel.evaluation.audit.shared import (
 from taxel.evaluation.audit.sides import Sides
 from taxel.evaluation.audit.telling import trial_folds
 from taxel.evaluation.audit.touch_set import (
+    SESSIONS,
     Pieces,
     TouchSet,
     counts,
@@ -82,6 +84,8 @@ def audit(
         on_step("both sides")
         facts += [*shared_moments(case), *shared_names(case), one_class_folds(case),
                   future_labels(case)]  # fmt: skip
+    elif not touch.keys(SESSIONS):
+        facts.append(SESSIONS_UNKNOWN)
     waiting: list[Reading | Gap] = []
     for name, read in _READ.items():
         on_step(name)

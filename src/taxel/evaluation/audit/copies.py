@@ -52,17 +52,20 @@ def same_rows(touch: TouchSet) -> Pairs:
     shortest = min(len(rows) for rows in touch.rows)
     run = min(RUN, shortest)
     while True:
-        every = _shared_runs(touch, run)
+        every, plenty = _shared_runs(touch, run)
         alike = {pair: share for pair, share in every.items() if share >= SHARED}
-        if 4 * len(alike) >= 3 * len(every):
+        if plenty and 4 * len(alike) >= 3 * len(every):
             return alike
         if run == shortest:
             return {}  # chance and copies cannot be told apart
         run = min(2 * run, shortest)
 
 
-def _shared_runs(touch: TouchSet, run: int) -> Pairs:
-    """Return pairs of trials that share any run of so many rows → share of the shorter one's."""
+def _shared_runs(touch: TouchSet, run: int) -> tuple[Pairs, bool]:
+    """Return pairs of trials that share any run of so many rows → share of the shorter one's.
+
+    And whether half of the trials have such runs: none has where values are held for many rows.
+    """
     each = [np.unique(_runs(rows, run)) for rows in touch.rows]
     sizes = [len(own) for own in each]
     owner = np.repeat(np.arange(len(each)), sizes)
@@ -87,7 +90,7 @@ def _shared_runs(touch: TouchSet, run: int) -> Pairs:
         (a, b): count / min(sizes[a], sizes[b])
         for (a, b), count in shared.items()
         if not _overlap(touch, a, b)
-    }
+    }, bool(np.median(sizes) > 0)
 
 
 def near_copies(touch: TouchSet, known: Pairs) -> tuple[Pairs, Pairs, Pairs]:
@@ -129,10 +132,12 @@ def _runs(rows: NDArray[np.float32], run: int) -> NDArray[np.uint64]:
     """Return one number for each run of rows that says something, shape (m,)."""
     rng = np.random.default_rng(0)
     factors = rng.integers(1, 2**63, rows.shape[1], dtype=np.uint64) | np.uint64(1)
-    bits = np.ascontiguousarray(rows).view(np.uint32).astype(np.uint64)
+    of_row = np.zeros(len(rows), np.uint64)
     with np.errstate(over="ignore"):
-        mixed = (bits ^ (bits >> np.uint64(7))) * factors
-        of_row = np.bitwise_xor.reduce(mixed * (mixed >> np.uint64(29) | np.uint64(1)), axis=1)
+        for column, factor in zip(rows.T, factors, strict=True):
+            bits = np.ascontiguousarray(column).view(np.uint32).astype(np.uint64)
+            mixed = (bits ^ (bits >> np.uint64(7))) * factor
+            of_row ^= mixed * (mixed >> np.uint64(29) | np.uint64(1))
         found = np.zeros(len(rows) - run + 1, np.uint64)
         for k in range(run):
             found = found * np.uint64(0x9E3779B97F4A7C15) + of_row[k : k + len(found)]

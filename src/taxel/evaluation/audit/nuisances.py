@@ -34,8 +34,9 @@ def read_length(case: Case) -> Reading:
     touch = case.touch
     features = np.array([[t[-1] - t[0], len(t)] for t in touch.time_s])
     found = tell_trials(case, features)
+    lengths = touch.every * np.array([len(rows) for rows in touch.rows])
     middle = [
-        f"{name}: {np.median([len(touch.rows[i]) for i in np.flatnonzero(touch.y == c)]):g} rows"
+        f"{name}: {np.median(lengths[touch.y == c]):.0f} rows"
         for c, name in enumerate(touch.classes)
     ]
 

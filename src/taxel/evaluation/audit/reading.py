@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import tempfile
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -22,15 +22,16 @@ from taxel.recordings.known import KNOWN, KNOWN_VIDEOS
 from taxel.recordings.manifest import NO_ARRAY, Manifest
 from taxel.recordings.reader import list_recordings, read_recording
 from taxel.recordings.video_rows import VideoRow
-from taxel.signals import Mark, Samples
+from taxel.signals import Mark
 from taxel.windows.pours import frame_sets
 
 SQUARES = (6, 8)
 """Rows and columns that a camera's frame is shrunk to. Source: the first-frame control of
 `slip_crops`, docs/decisions/0023."""
-LARGEST_RATE_HZ = 150.0
-"""Faster arrays are thinned to about the windows' grid of 100 Hz (docs/decisions/0003)."""
-_GRID_HZ = 100.0
+MOST = 50_000_000
+"""Values that are held, 200 MB; a row counts as eight at least. Our choice, docs/decisions/0023."""
+LEAST_RATE_HZ = 150.0
+"""Arrays faster than this are thinned by two, and again, where a set holds more."""
 LEAST_ROWS = 3
 """A shorter trial shows neither a start nor a change."""
 _SLACK_S = 1e-6
@@ -51,6 +52,11 @@ class _Read:
     rows: NDArray[np.float32]
     time_s: NDArray[np.float64]
     files: dict[str, str]
+    rate_hz: float = 0.0
+    every: int = 1
+    """One of so many rows is left."""
+    scans: NDArray[np.float64] | None = None
+    """Of all usable values of each channel: count, sum, sum of squares, shape (3, channels)."""
 
 
 def read_touch(path: Path, target: str | None, on_progress: Progress) -> TouchSet:
@@ -79,7 +85,7 @@ def read_touch(path: Path, target: str | None, on_progress: Progress) -> TouchSe
             reads = [_camera_recording(p, len(cameras)) for p in
                      _announced(paths, "recordings", on_progress)]  # fmt: skip
             return _assemble(reads, "camera", target, views)
-        reads = [_array_recording(p) for p in _announced(paths, "recordings", on_progress)]
+        reads = _array_recordings(_announced(paths, "recordings", on_progress))
         return _assemble(reads, "array", target, ("array",) * reads[0].rows.shape[1])
 
 
@@ -114,24 +120,48 @@ def _imported(path: Path, output: Path, on_progress: Progress) -> Path:
     return path
 
 
+def _array_recordings(paths: Iterator[Path]) -> list[_Read]:
+    """Return recordings with all of their rows, or all thinned alike where they are too large."""
+    reads: list[_Read] = []
+    every, held = 1, 0
+    for path in paths:
+        reads.append(_thinned(_array_recording(path), every))
+        held += _size(reads[-1])
+        while held > MOST and any(read.rate_hz / every > LEAST_RATE_HZ for read in reads):
+            every *= 2
+            reads = [_thinned(read, every) for read in reads]
+            held = sum(map(_size, reads))
+    return reads
+
+
+def _size(read: _Read) -> int:
+    return len(read.rows) * max(8, read.rows.shape[1])
+
+
+def _thinned(read: _Read, every: int) -> _Read:
+    """Return one row of so many, as far as the rate allows."""
+    while read.every < every and read.rate_hz / read.every > LEAST_RATE_HZ:
+        read = replace(read, rows=read.rows[::2].copy(), time_s=read.time_s[::2].copy(),
+                       every=2 * read.every)  # fmt: skip
+    return read
+
+
 def _array_recording(path: Path) -> _Read:
     recording = read_recording(path)
     samples, sensor = recording.samples, recording.manifest.sensor
-    if sensor.rate_hz > LARGEST_RATE_HZ:
-        samples = samples[:: max(1, round(sensor.rate_hz / _GRID_HZ))]
     files = {
         "sensor's name": sensor.name, "sensor's serial": sensor.serial,
         "rate": f"{sensor.rate_hz:g} Hz", "full scale": str(sensor.full_scale),
         "software": recording.manifest.software,
         **{f"detail {key}": value for key, value in sensor.details.items()},
     }  # fmt: skip
-    return _Read(name=path.name, manifest=recording.manifest, marks=recording.marks,
-                 rows=_finite(samples), time_s=samples.fitted_s, files=files)  # fmt: skip
-
-
-def _finite(samples: Samples) -> NDArray[np.float32]:
     usable = samples.usable & np.isfinite(samples.values)
-    return np.where(usable, samples.values, np.float32(0.0))
+    rows = np.where(usable, samples.values, np.float32(0.0))
+    scans = np.stack([usable.sum(axis=0), rows.sum(axis=0, dtype=np.float64),
+                      np.square(rows, dtype=np.float64).sum(axis=0)])  # fmt: skip
+    return _Read(name=path.name, manifest=recording.manifest, marks=recording.marks, rows=rows,
+                 time_s=samples.fitted_s, files=files, rate_hz=sensor.rate_hz,
+                 scans=scans)  # fmt: skip
 
 
 def _camera_recording(path: Path, cameras: int) -> _Read:
@@ -244,6 +274,10 @@ def _assemble(
     target, notes = _target(trials, target)
     if short:
         notes += (f"{short} trials have fewer than {LEAST_ROWS} rows: left out",)
+    every = max(read.every for read in reads)
+    if every > 1:
+        notes += (f"more values than are held: one row of {every} is seen; copies that begin "
+                  "between those cannot be found",)  # fmt: skip
     labelled = np.flatnonzero([target in trial.labels for trial in trials])
     if len(labelled) < len(trials):
         notes += (f"{len(trials) - len(labelled)} trials lack the label {target!r}: left out",)
@@ -258,6 +292,8 @@ def _assemble(
         created=tuple(created),
         files=tuple(files),
         notes=notes,
+        every=every,
+        scans={read.name: read.scans for read in reads if read.scans is not None},
     )
     return checked(whole.only(labelled))
 

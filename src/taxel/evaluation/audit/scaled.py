@@ -7,6 +7,7 @@ stored scaling that fits all windows rather than the training ones. Knows nothin
 from __future__ import annotations
 
 import json
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -32,14 +33,16 @@ Table = NDArray[np.float64]
 def scaled_values(case: Case) -> Finding:
     """Return the finding on values that were standardised as a whole before any split."""
     touch = case.touch
-    if not _standard(touch, np.arange(len(touch))):
+    scans = list(touch.scans.values())
+    if not _standard(touch, np.arange(len(touch))) and not _plain(*_over_scans(scans)):
         return Finding(kind="scaling", verdict="clear",
                        said="The values were not standardised as a whole.")  # fmt: skip
     units = {"trial": np.arange(len(touch)).astype(str)}
     units |= {key: own for key in touch.keys(("recording", *SESSIONS))
               if (own := touch.group(key)) is not None and len(set(own)) > 1}  # fmt: skip
     for unit, names in units.items():
-        each = [_standard(touch, np.flatnonzero(names == name)) for name in set(names)]
+        each = [_standard(touch, np.flatnonzero(names == name), unit != "trial")
+                for name in set(names)]  # fmt: skip
         if np.mean(each) >= _MOST:
             return Finding(
                 kind="scaling", verdict="note",
@@ -120,12 +123,27 @@ def _figures(touch: TouchSet, trials: NDArray[np.intp]) -> tuple[Table, Table]:
     return mean, np.sqrt(np.asarray(squares / count))
 
 
-def _standard(touch: TouchSet, trials: NDArray[np.intp]) -> bool:
-    """Return whether most channels have mean 0 and deviation 1 over some trials' rows."""
-    offset, spread = _figures(touch, trials)
+def _over_scans(scans: Sequence[Table]) -> tuple[Table, Table]:
+    """Return mean and deviation of each channel over all scans of some recordings."""
+    if not scans:
+        return np.zeros(0), np.zeros(0)
+    count, total, squares = np.sum(scans, axis=0)
+    mean = total / np.maximum(count, 1.0)
+    return mean, np.sqrt(np.maximum(squares / np.maximum(count, 1.0) - mean**2, 0.0))
+
+
+def _standard(touch: TouchSet, trials: NDArray[np.intp], files: bool = False) -> bool:
+    """Return whether some trials' rows, or their files' scans, have mean 0 and deviation 1."""
+    names = {touch.trials[i].recording for i in trials} & touch.scans.keys() if files else set()
+    return _plain(*_figures(touch, trials)) or _plain(
+        *_over_scans([touch.scans[name] for name in names]))  # fmt: skip
+
+
+def _plain(offset: Table, spread: Table) -> bool:
+    """Return whether most channels have mean 0 and deviation 1."""
     alive = spread > 0
     plain = (np.abs(offset) < _NEAR) & (np.abs(spread - 1.0) < _NEAR) & alive
-    return bool(plain.sum() >= max(min(2, len(alive)), _MOST * alive.sum()))
+    return bool(len(alive) and plain.sum() >= max(min(2, len(alive)), _MOST * alive.sum()))
 
 
 def _distance(case: Case, offset: Table, factor: Table, which: NDArray[np.intp]) -> float:

@@ -22,6 +22,11 @@ from taxel.evaluation.audit.touch_set import OBJECTS, SESSIONS, TIMES, Pieces
 
 Partners = Sequence[NDArray[np.intp]]
 """For each test piece of a fold: the training pieces that give it away."""
+SESSIONS_UNKNOWN = Finding(
+    kind="same session", verdict="not checked",
+    said="The recordings name no session (or day, operator, device).",
+    mend="record it as a group; without it nobody can hold one out",
+)  # fmt: skip
 
 
 def shared_moments(case: Case) -> list[Finding]:
@@ -76,11 +81,7 @@ def shared_names(case: Case) -> list[Finding]:
     ]  # fmt: skip
     sessions = touch.keys(SESSIONS)
     if not sessions:
-        findings.append(
-            Finding(kind="same session", verdict="not checked",
-                    said="The recordings name no session (or day, operator, device).",
-                    mend="record it as a group; without it nobody can hold one out")
-        )  # fmt: skip
+        findings.append(SESSIONS_UNKNOWN)
     found = {key: _name(case, f"same {key}", key, _of(case, key),
                         f"hold out whole {key}s, as with --split group:{key}")
              for key in sessions}  # fmt: skip
@@ -128,6 +129,10 @@ def shared_copies(case: Case, kind: str, pairs: Pairs, what: str) -> Finding:
     """
     touch = case.touch
     names = [trial.groups["trial"] for trial in touch.trials]
+    if not pairs and touch.every > 1:
+        return Finding(kind=kind, verdict="not checked",
+                       said=f"One row of {touch.every} is seen, and among those no two trials "
+                            f"{what}.", mend="audit fewer trials at a time")  # fmt: skip
     if not pairs:
         return Finding(kind=kind, verdict="clear", said=f"No two trials {what}.")
     partners: dict[int, set[int]] = {}

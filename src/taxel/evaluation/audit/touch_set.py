@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Literal
 
 import numpy as np
@@ -55,9 +55,19 @@ class TouchSet:
     files: tuple[Mapping[str, str], ...]
     """What the file says beside labels and groups: serial number, rate, size …"""
     notes: tuple[str, ...] = ()
+    every: int = 1
+    """Of so many rows one is held; above 1 only where a set is too large."""
+    scans: Mapping[str, NDArray[np.float64]] = field(default_factory=dict)
+    """Recording → how many usable values each channel has over all of its scans, their sum and
+    the sum of their squares, shape (3, channels); empty where nothing but trials is known."""
 
     def __len__(self) -> int:
         return len(self.trials)
+
+    @property
+    def rate_hz(self) -> float:
+        """Rows a second, of the middle trial."""
+        return float(np.median([(len(t) - 1) / max(t[-1] - t[0], 1e-9) for t in self.time_s]))
 
     @property
     def classes(self) -> list[str]:
@@ -138,16 +148,19 @@ class Pieces:
 
 
 _LEAST_PURE = 8
-_QUARTER, _SHORT, _LONG = 4, 16, 256
-"""A window is a quarter of the middle trial, at most 256 rows and no longer than nine trials of
-ten; of trials shorter than 16 rows it is the whole. Source: our choice, docs/decisions/0023."""
+_QUARTER, _SHORT, _LONG, _FAST_HZ, _LONG_S = 4, 16, 256, 150.0, 2.56
+"""A window is a quarter of the middle trial, at most 256 rows (2.56 s above 150 Hz) and no longer
+than nine trials of ten; of trials shorter than 16 rows it is the whole. Source: our choice,
+docs/decisions/0023."""
 
 
 def usual_steps(touch: TouchSet) -> int:
     """Return how many rows a window has unless the user says so."""
     lengths = [len(rows) for rows in touch.rows]
     middle, low = int(np.median(lengths)), int(np.percentile(lengths, 10))
-    return max(lengths) if middle < _SHORT else max(2, min(middle // _QUARTER, low, _LONG))
+    rate_hz = touch.rate_hz
+    longest = _LONG if rate_hz <= _FAST_HZ else round(_LONG_S * rate_hz)
+    return max(lengths) if middle < _SHORT else max(2, min(middle // _QUARTER, low, longest))
 
 
 def cut_pieces(touch: TouchSet, steps: int, stride: int) -> Pieces:
