@@ -8,7 +8,7 @@ from typing import Literal
 
 import tyro
 
-from taxel.cli.printing import console, print_json
+from taxel.cli.printing import command, console, print_json
 from taxel.errors import BadInput
 
 BOARD_BUNDLE = "network.taxel"
@@ -78,16 +78,16 @@ class Bundle:
         console.print(
             f"{self.output}{', replaced' if older else ''}: {self.output.stat().st_size:,} bytes; "
             f"probabilities differ from PyTorch's by at most {contract.parity:.1e} over "
-            f"{len(windows)} windows"
-        )
+            f"{len(windows)} windows", soft_wrap=True, markup=False,
+        )  # fmt: skip
         hand = contract.channels == SENSORS
-        source = "sim://teng --seconds 20" if hand else "replay://RECORDING"
+        source = ("sim://teng", "--seconds", "20") if hand else ("replay://RECORDING",)
         if contract.reference is not None:
-            console.print(
-                f"in a new session first: taxel adapt {self.output} --touches RECORDING "
-                f"({contract.reference.touches})", soft_wrap=True,
-            )  # fmt: skip
-        console.print(f"next: taxel live {self.output} {source}")
+            adapt = command("taxel", "adapt", self.output, "--touches", "RECORDING")
+            console.print(f"in a new session first: {adapt} ({contract.reference.touches})",
+                          soft_wrap=True, markup=False)  # fmt: skip
+        live = command("taxel", "live", self.output, *source)
+        console.print(f"next: {live}", soft_wrap=True, markup=False)
 
     def _write_avr(self, bundle: Path, data: Path) -> None:
         """Write the bundle's network as C and print what it costs."""

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-import json
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
@@ -12,9 +11,20 @@ import tyro
 from rich.console import Console
 from rich.progress import Progress
 
+from taxel.cli.printing import command, print_json
 from taxel.errors import BadInput, MissingExtra
-from taxel.recordings.importing import ImportOptions, import_rows, import_table
+from taxel.recordings.importing import (
+    ImportOptions,
+    ImportRow,
+    import_rows,
+    intervals_of,
+    read_rows,
+)
+from taxel.recordings.intervals import Interval
 from taxel.recordings.known import KNOWN, KNOWN_VIDEOS
+from taxel.recordings.spelling import look_alikes
+from taxel.recordings.tables import read_cells
+from taxel.recordings.video_rows import VideoRow
 
 
 @dataclass(frozen=True)
@@ -30,6 +40,7 @@ class Import:
     cameras: left and right (videos relative to the table), label:NAME,
     group:NAME, and where wanted rate (Hz) and mm_per_px. Instead of a table,
     the name of a public data set: teng-glove, icub-grasp, gelsight-slip.
+    Long recordings: --intervals names the labelled stretches of each.
     """
 
     table: tyro.conf.Positional[str]
@@ -39,6 +50,10 @@ class Import:
     """Folder to be made for the recordings."""
     data: Path | None = None
     """Folder of the files; by default the table's own."""
+    intervals: Path | None = None
+    """Labelled stretches of the files, which become trials: a table (CSV) with the columns file,
+    start_s, end_s or duration_s (seconds from the file's first scan), label:NAME and group:NAME;
+    for a single file also an Audacity label track or MNE's annotations (.txt)."""
     missing: Literal["refuse", "keep"] = "refuse"
     """Empty cells, NaN and infinity: refuse the file, or keep them flagged as invalid."""
     allow_code: bool = False
@@ -52,31 +67,48 @@ class Import:
         """Import everything, or nothing at all."""
         with Progress(console=Console(stderr=True), transient=True) as progress:
             bar = progress.add_task("importing", total=None)
-            made = self._import(lambda done, of: progress.update(bar, completed=done, total=of))
+            made, notes = self._import(
+                lambda done, of: progress.update(bar, completed=done, total=of)
+            )
         if self.json:
-            print(json.dumps({"recordings": [str(path) for path in made]}))
-        else:
-            print(f"{self.output}: {len(made)} recordings; next: taxel info {self.output}")
+            print_json({"recordings": [str(path) for path in made], "notes": notes})
+            return
+        for note in notes:
+            print(note)
+        print(
+            f"{self.output}: {len(made)} recordings; next:", command("taxel", "info", self.output)
+        )
 
-    def _import(self, progress: Callable[[int, int], None]) -> list[Path]:
+    def _import(self, progress: Callable[[int, int], None]) -> tuple[list[Path], list[str]]:
+        """Return the recordings, and what to say of their labels and groups."""
+        table = Path(self.table)
+        if self.table in KNOWN_VIDEOS or (self.table not in KNOWN and _of_videos(table)):
+            if self.intervals is not None:
+                raise BadInput("a table of arrays beside --intervals", "one of videos",
+                               "leave --intervals out")  # fmt: skip
+            return self._import_videos(progress)
+        if self.table not in KNOWN:
+            rows = read_rows(table, self.data or table.parent)
+        elif self.data is None:
+            raise self._no_folder()
+        else:
+            rows = KNOWN[self.table].rows(self.data)
+        intervals = intervals_of(rows, self.intervals)
         options = ImportOptions(
             missing=self.missing, allow_code=self.allow_code, overwrite=self.overwrite
         )
-        if self.table in KNOWN_VIDEOS or _of_videos(Path(self.table)):
-            return self._import_videos(progress)
-        if self.table not in KNOWN:
-            return import_table(
-                Path(self.table), self.output, data_dir=self.data, options=options,
-                progress=progress,
-            )  # fmt: skip
-        if self.data is None:
-            raise BadInput(
-                f"the folder of the data set {self.table}", "none", "name it with --data FOLDER"
-            )
-        rows = KNOWN[self.table].rows(self.data)
-        return import_rows(rows, self.output, options=options, progress=progress)
+        made = import_rows(
+            rows, self.output, code_dir=table.parent, intervals=intervals, options=options,
+            progress=progress,
+        )  # fmt: skip
+        return made, _notes([*rows, *(one for own in intervals.values() for one in own)])
 
-    def _import_videos(self, progress: Callable[[int, int], None]) -> list[Path]:
+    def _no_folder(self) -> BadInput:
+        return BadInput(
+            f"the folder of the data set {self.table}", "none", "name it with --data FOLDER"
+        )
+
+    def _import_videos(self, progress: Callable[[int, int], None]) -> tuple[list[Path], list[str]]:
         from taxel.recordings.video_rows import read_video_rows
 
         try:
@@ -87,18 +119,19 @@ class Import:
             table = Path(self.table)
             rows = read_video_rows(table, self.data or table.parent)
         elif self.data is None:
-            raise BadInput(
-                f"the folder of the data set {self.table}", "none", "name it with --data FOLDER"
-            )
+            raise self._no_folder()
         else:
             rows = KNOWN_VIDEOS[self.table](self.data)
-        return import_videos(rows, self.output, overwrite=self.overwrite, progress=progress)
+        made = import_videos(rows, self.output, overwrite=self.overwrite, progress=progress)
+        return made, _notes(rows)
+
+
+def _notes(parts: Sequence[ImportRow | VideoRow | Interval]) -> list[str]:
+    """Return a line for each lot of labels or groups that may be one, differently typed."""
+    return [*look_alikes("label", (one.labels for one in parts)),
+            *look_alikes("group", (one.groups for one in parts))]  # fmt: skip
 
 
 def _of_videos(table: Path) -> bool:
-    """True where a table's first line names a left camera's video."""
-    try:
-        with table.open(errors="replace") as file:
-            return "left" in [name.strip() for name in file.readline().split(",")]
-    except OSError:
-        return False
+    """Return whether a table's first line names a left camera's video."""
+    return "left" in [name.strip() for name in next(iter(read_cells(table)), [])]

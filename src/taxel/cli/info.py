@@ -115,6 +115,11 @@ def _print_folder(path: Path, rows: list[dict[str, Any]]) -> None:
     for name in sorted({name for row in rows for name in row["labels"]}):
         count = Counter(row["labels"].get(name, "–") for row in rows)
         print(f"label {name}: {_pairs(dict(sorted(count.items())))}")
+    for name in sorted({name for row in rows for name in row["marks_by_label"]}):
+        marked: Counter[str] = Counter()
+        for row in rows:
+            marked.update(row["marks_by_label"].get(name, {}))
+        print(f"marks {name}: {_pairs(dict(sorted(marked.items())))}")
     for name in sorted({name for row in rows for name in row["groups"]}):
         print(f"group {name}: {_span([row['groups'].get(name, '–') for row in rows])}")
 

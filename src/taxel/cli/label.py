@@ -1,4 +1,4 @@
-"""`taxel label`: show and correct when a grasp turned unstable."""
+"""`taxel label`: intervals of long recordings, and when a grasp turned unstable."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from rich.table import Table
 from rich.text import Text
 
 from taxel.cli.figure_files import need_figures, write_whole
-from taxel.cli.printing import console, print_json, progress
+from taxel.cli.printing import command, console, print_json, progress
 from taxel.errors import BadInput
 
 if TYPE_CHECKING:
@@ -22,14 +22,25 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, kw_only=True)
 class Label:
-    """Show when each grasp turned unstable, by rule, and how far the rules agree.
+    """Label intervals of an array's recordings, or show when each grasp turned unstable.
 
-    With --onset, --frame or --stable it writes a person's correction of one rule on one
-    recording, beside the recording as NAME.labels.json; it wins over the rule from then on.
+    With --intervals and --output it writes labelled copies of an array's recordings: each
+    interval becomes a mark, and so a trial. Without, it shows when each grasp before cameras
+    turned unstable, by rule, and how far the rules agree; with --onset, --frame or --stable it
+    writes a person's correction of one rule on one recording, beside the recording as
+    NAME.labels.json, which wins over the rule from then on.
     """
 
     path: tyro.conf.Positional[Path]
     """A recording (.mcap), or a folder of them."""
+    intervals: Path | None = None
+    """Label: a table (CSV) with the columns file, start_s, end_s or duration_s (seconds from the
+    recording's first scan), label:NAME and group:NAME; for a single recording also an Audacity
+    label track or MNE's annotations (.txt)."""
+    output: Path | None = None
+    """Label: folder to be made for the labelled copies."""
+    overwrite: bool = False
+    """Label: replace an existing output folder."""
     rule: str = "change"
     """Rule that is shown and corrected: change (the paper's, from images), micro-slip, slip,
     gross-slip or drop (from the simulator's physics truth)."""
@@ -54,7 +65,7 @@ class Label:
     """Print everything as JSON."""
 
     def run(self) -> None:
-        """Correct where that is asked for, then show."""
+        """Label intervals; or correct where that is asked for, then show."""
         from taxel.labels.rules import rule_named
         from taxel.recordings.reader import list_recordings
         from taxel.training.features import default_cache
@@ -64,6 +75,9 @@ class Label:
 
         rule_named(self.rule)
         self._check_options()
+        if self.intervals is not None and self.output is not None:
+            self._mark(self.intervals, self.output)
+            return
         with progress() as bar:
             paths = list_recordings(self.path)
             task = bar.add_task("reading", total=None)
@@ -86,6 +100,40 @@ class Label:
         if self.plot is not None:
             console.print(f"figure: {self.plot}", markup=False, soft_wrap=True)
 
+    def _mark(self, intervals: Path, output: Path) -> None:
+        """Write labelled copies, and say what was made."""
+        from taxel.labels.marking import mark_recordings
+        from taxel.recordings.spelling import look_alikes
+
+        with progress() as bar:
+            task = bar.add_task("labelling", total=None)
+            made = mark_recordings(
+                self.path, intervals, output, overwrite=self.overwrite,
+                progress=lambda done, of: bar.update(task, completed=done, total=of),
+            )  # fmt: skip
+        notes = [*look_alikes("label", (mark.labels for mark in made.marks)),
+                 *look_alikes("group", (mark.groups for mark in made.marks))]  # fmt: skip
+        if made.replaced:
+            notes.append(f"{made.replaced} earlier marks are not in the copies")
+        if made.left_out:
+            names = ", ".join(path.name for path in made.left_out)
+            notes.append(f"left out, without an interval: {names}")
+        if self.json:
+            print_json(
+                {
+                    "recordings": [str(path) for path in made.recordings],
+                    "marks": len(made.marks),
+                    "replaced": made.replaced,
+                    "left_out": [str(path) for path in made.left_out],
+                    "notes": notes,
+                }
+            )
+            return
+        for note in notes:
+            print(note)
+        print(f"{output}: {len(made.recordings)} recordings, {len(made.marks)} marks; next:",
+              command("taxel", "info", output))  # fmt: skip
+
     def _asked(self) -> list[str]:
         given = {"--onset": self.onset is not None, "--frame": self.frame is not None,
                  "--stable": self.stable, "--clear": self.clear}  # fmt: skip
@@ -94,6 +142,15 @@ class Label:
     def _check_options(self) -> None:
         """Refuse, before anything is read or written, what cannot be meant."""
         asked = self._asked()
+        if (self.intervals is None) != (self.output is None):
+            raise BadInput("--intervals and --output together", "one of them", "give both")
+        if self.overwrite and self.output is None:
+            raise BadInput("--output beside --overwrite", "none", "leave --overwrite out")
+        if self.intervals is not None and (
+            asked or self.author or self.note or self.plot or self.rule != "change"
+        ):
+            raise BadInput("--intervals without options of grasps before cameras", "both kinds",
+                           "label first, or correct first")  # fmt: skip
         if len(asked) > 1:
             raise BadInput("one of --onset, --frame, --stable and --clear", " and ".join(asked),
                            "choose one")  # fmt: skip

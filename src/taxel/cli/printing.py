@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import json
 import math
+import shlex
 import sys
 from typing import Any
 
@@ -17,6 +18,11 @@ _PLAIN_WIDTH = 110
 """Columns where the output is no terminal: a file or a pipe has no width of its own."""
 
 console = Console(highlight=False, width=None if sys.stdout.isatty() else _PLAIN_WIDTH)
+
+
+def command(*words: object) -> str:
+    """Return a command line to be pasted into a shell: words with blanks are quoted."""
+    return shlex.join(map(str, words))
 
 
 def print_json(data: Any) -> None:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, Literal
 import tyro
 from rich.table import Table
 
-from taxel.cli.printing import console, print_json, progress
+from taxel.cli.printing import command, console, print_json, progress
 from taxel.errors import BadInput, MissingExtra
 from taxel.windows.config import GATE_V, GRID_RATE_HZ
 
@@ -161,8 +161,8 @@ class Simulate:
             table.add_row(f"{force_n:g} N", str(len(own)), *map(str, counts), f"{slip_um:.0f} µm")
         console.print(table)
         print(f"{len(rows)} recordings of {self.duration_s:g} s, two cameras each")
-        print(f"look:  taxel view {self.output / rows[0]['run']}.mcap")
-        print(f"next:  taxel evaluate transition-tables --data {self.output}")
+        print("look: ", command("taxel", "view", self.output / f"{rows[0]['run']}.mcap"))
+        print("next: ", command("taxel", "evaluate", "transition-tables", "--data", self.output))
 
     def _print(self, rows: list[dict[str, Any]]) -> None:
         table = Table(title=f"{self.output}, preset {self.preset}", title_justify="left")
@@ -180,9 +180,10 @@ class Simulate:
         console.print(table)
         scans, gated = sum(row["scans"] for row in rows), sum(row["gated"] for row in rows)
         print(f"{len(rows)} recordings, {scans:,} scans, {gated / scans:.1%} above {GATE_V} V")
-        print(f"look:  taxel view {self.output / rows[0]['session']}.mcap")
+        print("look: ", command("taxel", "view", self.output / f"{rows[0]['session']}.mcap"))
         if self.preset == "honest":
-            print(f"next:  taxel train {self.output} --target shape --output runs/shape")
+            train = ("taxel", "train", self.output, "--target", "shape", "--output", "runs/shape")
+            print("next: ", command(*train))
         else:
             print("leaky: each class has a session of its own, so no honest split exists")
 

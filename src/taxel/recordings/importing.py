@@ -7,10 +7,10 @@ nothing about particular data sets (known.py).
 
 from __future__ import annotations
 
-import csv
 import os
 import tempfile
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -18,15 +18,16 @@ import numpy as np
 
 from taxel.errors import BadTable
 from taxel.recordings import tables
+from taxel.recordings.intervals import Interval, marks_of, read_intervals, stem_of, write_marked
 from taxel.recordings.layouts import find_layout
 from taxel.recordings.manifest import Manifest
+from taxel.recordings.spelling import composed
 from taxel.recordings.tables import Missing, Table
 from taxel.recordings.writer import Recorder
 from taxel.signals import Samples, SensorInfo
 
 PLAIN_COLUMNS = ("file", "channels", "time", "layout", "sensor", "full_scale")
 """Columns of an import table beside label:NAME and group:NAME."""
-SUFFIXES = (".csv.gz", ".csv", ".npy", ".txt")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -66,6 +67,7 @@ def import_table(
     output_dir: Path,
     *,
     data_dir: Path | None = None,
+    intervals: Path | None = None,
     options: ImportOptions = ImportOptions(),
     progress: Callable[[int, int], None] | None = None,
 ) -> list[Path]:
@@ -75,17 +77,19 @@ def import_table(
         manifest_csv: The import table.
         output_dir: Folder to be made.
         data_dir: What the column `file` is relative to; the table's own folder by default.
+        intervals: A table of labelled intervals, which become marks (intervals.py).
         options: How strictly files are read.
         progress: Called with files done and files in all.
 
     Raises:
-        BadTable: The table or any file is not as it should be; then nothing is written.
+        BadTable: A table or any file is not as it should be; then nothing is written.
         RecordingFailed: The disk refused.
     """
     rows = read_rows(manifest_csv, data_dir or manifest_csv.parent)
     return import_rows(
-        rows, output_dir, code_dir=manifest_csv.parent, options=options, progress=progress
-    )
+        rows, output_dir, code_dir=manifest_csv.parent, intervals=intervals_of(rows, intervals),
+        options=options, progress=progress,
+    )  # fmt: skip
 
 
 def import_rows(
@@ -93,28 +97,59 @@ def import_rows(
     output_dir: Path,
     *,
     code_dir: Path = Path(),
+    intervals: Mapping[str, Sequence[Interval]] | None = None,
     options: ImportOptions = ImportOptions(),
     progress: Callable[[int, int], None] | None = None,
 ) -> list[Path]:
-    """Write one recording for each row; see `import_table`."""
+    """Write one recording for each row; see `import_table` and `intervals_of`."""
     names = _output_names(rows)
-    if output_dir.exists() and not options.overwrite and _occupied(output_dir):
+    with new_folder(output_dir, options.overwrite) as made:
+        for done, (row, name) in enumerate(zip(rows, names, strict=True), 1):
+            own = (intervals or {}).get(name, ())
+            _import_file(row, own, made / f"{name}.mcap", code_dir, options)
+            if progress is not None:
+                progress(done, len(rows))
+    return [output_dir / f"{name}.mcap" for name in names]
+
+
+def intervals_of(rows: Sequence[ImportRow], table: Path | None) -> dict[str, list[Interval]]:
+    """Return the intervals of each row's recording, by its name; none without a table.
+
+    Raises:
+        BadTable: The table is not as it should be, or a file has neither an interval nor a
+            label of its own.
+    """
+    if table is None:
+        return {}
+    names = _output_names(rows)
+    found = read_intervals(table, names)
+    for row, name in zip(rows, names, strict=True):
+        if name not in found and not row.labels:
+            raise BadTable("an interval or a label for each file", f"none for {row.file}",
+                           f"add lines to {table}, or leave the file out")  # fmt: skip
+    return found
+
+
+@contextmanager
+def new_folder(path: Path, overwrite: bool) -> Iterator[Path]:
+    """Give a folder to fill, which gets its name when the block ends well, and else goes.
+
+    Raises:
+        BadTable: There is something of that name already, and it is not to be replaced.
+    """
+    if path.exists() and not overwrite and _occupied(path):
         raise BadTable(
-            "a new folder for the recordings", f"{output_dir}, which is not empty",
+            "a new folder for the recordings", f"{path}, which is not empty",
             "choose another --output, or add --overwrite",
         )  # fmt: skip
-    output_dir.parent.mkdir(parents=True, exist_ok=True)
-    with tempfile.TemporaryDirectory(prefix=".taxel-import-", dir=output_dir.parent) as scratch:
+    path.parent.mkdir(parents=True, exist_ok=True)
+    with tempfile.TemporaryDirectory(prefix=".taxel-import-", dir=path.parent) as scratch:
         made = Path(scratch) / "made"
         made.mkdir()
-        for done, (row, name) in enumerate(zip(rows, names, strict=True)):
-            _import_file(row, made / name, code_dir, options)
-            if progress is not None:
-                progress(done + 1, len(rows))
-        if output_dir.exists():
-            os.replace(output_dir, Path(scratch) / "replaced")
-        os.replace(made, output_dir)
-    return [output_dir / name for name in names]
+        yield made
+        if path.exists():
+            os.replace(path, Path(scratch) / "replaced")
+        os.replace(made, path)
 
 
 def read_rows(manifest_csv: Path, data_dir: Path) -> list[ImportRow]:
@@ -123,7 +158,7 @@ def read_rows(manifest_csv: Path, data_dir: Path) -> list[ImportRow]:
     Raises:
         BadTable: A column is unknown or missing, or a row is not complete.
     """
-    lines = _read_csv(manifest_csv)
+    lines = tables.read_cells(manifest_csv)
     header = [name.strip() for name in lines[0]] if lines else []
     _check_header(manifest_csv, header)
     if len(lines) < 2:
@@ -131,18 +166,8 @@ def read_rows(manifest_csv: Path, data_dir: Path) -> list[ImportRow]:
     return [
         _row(manifest_csv, number, header, cells, data_dir)
         for number, cells in enumerate(lines[1:], start=2)
-        if cells
+        if any(cell.strip() for cell in cells)
     ]
-
-
-def _read_csv(path: Path) -> list[list[str]]:
-    try:
-        with path.open(newline="", encoding="utf-8-sig") as file:
-            return list(csv.reader(file))
-    except (OSError, UnicodeDecodeError, csv.Error) as error:
-        raise BadTable(
-            "an import table (CSV) that can be read", f"{path}: {error}", "check the path"
-        ) from error
 
 
 def _check_header(path: Path, header: Sequence[str]) -> None:
@@ -190,12 +215,10 @@ def _full_scale(text: str, where: str) -> float | None:
 
 
 def _output_names(rows: Sequence[ImportRow]) -> list[str]:
+    """Return the recordings' names, without ending."""
     names: dict[str, Path] = {}
     for row in rows:
-        stem = row.file.name
-        for suffix in SUFFIXES:
-            stem = stem.removesuffix(suffix)
-        name = f"{stem}.mcap"
+        name = stem_of(row.file.name)
         if name in names:
             raise BadTable(
                 "files whose names differ", f"{names[name]} and {row.file}", "rename one of them"
@@ -208,7 +231,13 @@ def _occupied(folder: Path) -> bool:
     return not folder.is_dir() or any(folder.iterdir())
 
 
-def _import_file(row: ImportRow, path: Path, code_dir: Path, options: ImportOptions) -> None:
+def _import_file(
+    row: ImportRow,
+    intervals: Sequence[Interval],
+    path: Path,
+    code_dir: Path,
+    options: ImportOptions,
+) -> None:
     if not row.file.is_file():
         raise BadTable("a file to import", f"{row.file}, which is not there", "check the path")
     table = _read(row, code_dir, options)
@@ -222,13 +251,19 @@ def _import_file(row: ImportRow, path: Path, code_dir: Path, options: ImportOpti
         full_scale=row.full_scale,
         details={"imported_from": row.file.name, "layout": row.layout} | dict(row.details),
     )
-    recorder = Recorder(path, Manifest(sensor=info, labels=row.labels, groups=row.groups))
+    marks = marks_of(intervals, samples.fitted_s, info.rate_hz)
+    labels, groups = _composed(row.labels), _composed(row.groups)
+    recorder = Recorder(path, Manifest(sensor=info, labels=labels, groups=groups))
     try:
-        recorder.write(samples)
+        write_marked(recorder, samples, marks)
         recorder.close("imported")
     except BaseException:
         recorder.discard()
         raise
+
+
+def _composed(pairs: Mapping[str, str]) -> dict[str, str]:
+    return {composed(name): composed(value) for name, value in pairs.items()}
 
 
 def _read(row: ImportRow, code_dir: Path, options: ImportOptions) -> Table:

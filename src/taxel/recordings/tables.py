@@ -1,13 +1,16 @@
 """Read a table of values strictly: a cell that is not a number is an error, never a zero.
 
-Knows .csv, .csv.gz and .npy; other layouts are in layouts.py. Each error
-names the file, the line and the column. Knows nothing about recordings.
+Knows .csv, .csv.gz and .npy; other layouts are in layouts.py. Text is UTF-8,
+or UTF-16 that says so; no other encoding is certain, so none is guessed. Each
+error names the file, the line and the column. Knows nothing about recordings.
 """
 
 from __future__ import annotations
 
+import codecs
 import csv
 import gzip
+import io
 import re
 import zlib
 from collections.abc import Sequence
@@ -135,6 +138,40 @@ def read_table(
     )
 
 
+def read_cells(path: Path) -> list[list[str]]:
+    """Return the cells of a small table, line by line, whatever separates them.
+
+    The separator is the one of comma, semicolon and tab that stands most often in the first
+    line that is no "#" remark; where a comma ties, it is taken for a decimal comma.
+
+    Raises:
+        BadTable: It cannot be read, is not text in a certain encoding, or no CSV.
+    """
+    text = _text(path)
+    first = next((line for line in text.splitlines() if line.strip() and line[0] != "#"), "")
+    separator = max("\t;,", key=first.count)
+    try:
+        return list(csv.reader(io.StringIO(text, newline=""), delimiter=separator))
+    except csv.Error as error:
+        raise BadTable("a table (CSV)", f"{path}: {error}", "save it again as CSV") from error
+
+
+def is_number(cell: str) -> bool:
+    """Return whether a cell is a number as a table may hold it: Python would also take 1_000."""
+    try:
+        float(cell)
+    except ValueError:
+        return False
+    return "_" not in cell
+
+
+def mend_number(cell: str) -> str:
+    """Return how to mend a cell that is not a number: by its decimal comma, if it has one."""
+    if is_number(cell.replace(",", ".")):
+        return "write decimal points, not commas"
+    return "mend the file, or choose other columns"
+
+
 def check_values(
     path: Path,
     values: NDArray[np.float64],
@@ -220,7 +257,7 @@ def _csv_columns(path: Path, wanted: Sequence[Column]) -> tuple[NDArray[np.float
             "mend the file, which may have been cut short",
         )
     header = [name.strip() for name in rows[0]]
-    has_header = any(name and not _is_number(name) for name in header)
+    has_header = any(name and not is_number(name) for name in header)
     names = header if has_header else [str(number) for number in range(1, width + 1)]
     what = f"a header with {', '.join(header)}" if has_header else f"{width} columns, no header"
     where = [_index(path, names, column, what) for column in wanted]
@@ -237,15 +274,30 @@ def _text(path: Path) -> str:
         content = path.read_bytes()
         if path.name.endswith(".gz"):
             content = gzip.decompress(content)
-        return content.decode("utf-8-sig")
     except (EOFError, zlib.error, gzip.BadGzipFile) as error:
         raise BadTable("a whole gzip file", f"{path}: {error}", "copy it again") from error
     except OSError as error:
         raise BadTable(
             "a file that can be read", f"{path}: {error.strerror or error}", "check the path"
         ) from error
+    return _decoded(path, content)
+
+
+def _decoded(path: Path, content: bytes) -> str:
+    marked = content.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE))
+    try:
+        text = content.decode("utf-16" if marked else "utf-8-sig")
     except UnicodeDecodeError as error:
-        raise BadTable("text in UTF-8", f"{path}: {error}", "convert the file") from error
+        line = content[: error.start].count(b"\n") + 1
+        what = "broken UTF-16" if marked else "another encoding, such as Latin-1 or Windows-1252"
+        raise BadTable(
+            "text in UTF-8", f"{what} in {path}, line {line} (byte 0x{content[error.start]:02x})",
+            "save it as UTF-8 (in Excel: CSV UTF-8)",
+        ) from error  # fmt: skip
+    if "\0" in text:
+        raise BadTable("text in UTF-8", f"zero bytes in {path}, as of UTF-16 without its mark",
+                       "save it as UTF-8 (in Excel: CSV UTF-8)")  # fmt: skip
+    return text
 
 
 def _index(path: Path, names: Sequence[str], column: Column, what: str) -> int:
@@ -267,20 +319,11 @@ def _numbers(path: Path, cells: list[str], name: str, first_line: int) -> NDArra
         pass
     numbers = np.empty(len(cells))
     for row, cell in enumerate(cells):
-        if cell.strip() and not _is_number(cell):
+        if cell.strip() and not is_number(cell):
             raise BadTable(
                 "a number",
                 f"{cell!r} in {path}, line {row + first_line}, column {name!r}",
-                "mend the file, or choose other columns",
+                mend_number(cell),
             )
         numbers[row] = float(cell) if cell.strip() else np.nan
     return numbers
-
-
-def _is_number(cell: str) -> bool:
-    """True for what a table may hold: Python would also take 1_000."""
-    try:
-        float(cell)
-    except ValueError:
-        return False
-    return "_" not in cell

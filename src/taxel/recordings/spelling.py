@@ -1,0 +1,35 @@
+"""One spelling a name: Unicode in composed form, and a word on values that only look alike.
+
+Knows nothing about files, recordings or tables.
+"""
+
+from __future__ import annotations
+
+import unicodedata
+from collections import defaultdict
+from collections.abc import Iterable, Mapping
+
+
+def composed(text: str) -> str:
+    """Return a text with composed letters (NFC): "é" is one letter, however it was typed."""
+    return unicodedata.normalize("NFC", text)
+
+
+def look_alikes(what: str, sets: Iterable[Mapping[str, str]]) -> list[str]:
+    """Return a line for each lot of values that differ in case or blanks only.
+
+    Args:
+        what: What the values are: "label" or "group".
+        sets: Labels, or groups, of everything there is: name → value.
+    """
+    lots: dict[tuple[str, str], set[str]] = defaultdict(set)
+    for one in sets:
+        for name, value in one.items():
+            spelt = composed(value)
+            lots[composed(name), "".join(spelt.casefold().split())].add(spelt)
+    return [
+        f"{what} {name}: {', '.join(map(repr, sorted(values)))} differ in case or blanks only; "
+        f"they count as {len(values)}"
+        for (name, _), values in sorted(lots.items())
+        if len(values) > 1
+    ]
