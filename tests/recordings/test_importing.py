@@ -5,7 +5,7 @@ import pytest
 
 from taxel.errors import BadTable
 from taxel.recordings.importing import ImportOptions, import_table
-from taxel.recordings.reader import list_recordings, read_recording
+from taxel.recordings.reader import iterate_blocks, list_recordings, read_recording
 from taxel.signals import Validity
 
 HEADER = "file,label:object,group:session,channels,time,sensor,full_scale\n"
@@ -149,3 +149,60 @@ def test_a_wrong_layout_is_one_plain_line(folder, layout, words):
     with pytest.raises(BadTable, match=words):
         import_table(folder / "table.csv", folder / "out", options=ImportOptions(allow_code=True))
     assert not (folder / "out").exists()
+
+
+INTERVALS = "file,start_s,end_s,label:object,group:try\na.csv,0.02,0.05,egg,1\n"
+
+
+def test_intervals_become_marks_behind_their_scans(folder):
+    """A file without intervals keeps its own label; the marks' label wins over the file's."""
+    (folder / "iv.csv").write_text(INTERVALS + "a.csv,0.05,0.08,cup,2\n")
+    made = import_table(folder / "table.csv", folder / "out", intervals=folder / "iv.csv")
+
+    first, second = map(read_recording, made)
+    assert [(round(m.start_s, 3), round(m.end_s, 3)) for m in first.marks] == [
+        (0.03, 0.05), (0.06, 0.08)
+    ]  # fmt: skip
+    assert [(m.labels, m.groups) for m in first.marks] == [
+        ({"object": "egg"}, {"try": "1"}), ({"object": "cup"}, {"try": "2"})
+    ]  # fmt: skip
+    assert len(first.samples) == 8
+    assert second.marks == []
+    order = ["mark" if block.marks else len(block.samples) for block in iterate_blocks(made[0])]
+    assert order == [5, "mark", 3, "mark"]
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        (INTERVALS + "b.csv,0.05,0.09,egg,1\n", "within 0 and 0.08 s"),
+        (INTERVALS + "c.csv,0,0.05,egg,1\n", "among a, b"),
+    ],
+)
+def test_a_wrong_interval_leaves_nothing(folder, text, words):
+    (folder / "iv.csv").write_text(text)
+    before = sorted(path.name for path in folder.iterdir())
+    with pytest.raises(BadTable, match=words):
+        import_table(folder / "table.csv", folder / "out", intervals=folder / "iv.csv")
+    assert sorted(path.name for path in folder.iterdir()) == before
+
+
+def test_a_file_with_neither_label_nor_interval_is_named(folder):
+    (folder / "table.csv").write_text("file,channels,time\na.csv,x[V],t[ms]\nb.csv,x[V],t[ms]\n")
+    (folder / "iv.csv").write_text(INTERVALS)
+    with pytest.raises(BadTable, match=r"none for .*b\.csv"):
+        import_table(folder / "table.csv", folder / "out", intervals=folder / "iv.csv")
+
+
+def test_an_import_table_from_a_spreadsheet_is_read(folder):
+    """Semicolons, UTF-16 with its mark, and empty lines of separators."""
+    text = (folder / "table.csv").read_text().replace(",", ";") + ";;;;;;\n"
+    (folder / "table.csv").write_bytes(text.encode("utf-16"))
+    assert len(import_table(folder / "table.csv", folder / "out")) == 2
+
+
+def test_labels_and_groups_are_stored_with_composed_letters(folder):
+    text = (folder / "table.csv").read_text().replace("cup", "cafe\u0301")
+    (folder / "table.csv").write_text(text, "utf-8")
+    made = import_table(folder / "table.csv", folder / "out")
+    assert read_recording(made[0]).manifest.labels == {"object": "caf\u00e9"}

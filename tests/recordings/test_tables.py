@@ -142,3 +142,27 @@ def test_wrong_time_texts_are_refused(text):
     """Time needs a known unit or a rate above 0."""
     with pytest.raises(BadTable):
         parse_time(text, "here")
+
+
+@pytest.mark.parametrize(
+    ("content", "words"),
+    [
+        (GOOD.replace("spare", "caf\u00e9").encode("latin-1"), "Latin-1.*line 1 .byte 0xe9"),
+        (GOOD.encode("utf-16-le"), "UTF-16 without its mark"),
+        (GOOD.encode("utf-16") + b"\0", "broken UTF-16"),
+    ],
+)
+def test_an_encoding_that_is_not_certain_is_named(tmp_path, content, words):
+    (tmp_path / "a.csv").write_bytes(content)
+    with pytest.raises(BadTable, match=words):
+        read_table(tmp_path / "a.csv", VOLTS, MILLISECONDS)
+
+
+def test_utf_16_with_its_mark_is_read(tmp_path):
+    (tmp_path / "a.csv").write_bytes(GOOD.encode("utf-16"))
+    assert len(read_table(tmp_path / "a.csv", VOLTS, MILLISECONDS).values) == 3
+
+
+def test_a_decimal_comma_is_called_one(tmp_path):
+    (tmp_path / "a.csv").write_text("t;a;b\n10;1,5;2\n")
+    assert "decimal points, not commas" in refusal(tmp_path / "a.csv")
