@@ -91,6 +91,15 @@ def test_another_rate_is_refused_where_scans_are_rows(tmp_path: Path):
     Recogniser(bundle(tmp_path, WindowConfig(steps=STEPS, stride=STEPS)), fast)
 
 
+@pytest.mark.parametrize("names", [("c", "b", "a"), ("a", "b", "x")])
+def test_channels_of_another_order_or_name_are_refused_with_both(
+    plain: Bundle, names: tuple[str, ...]
+):
+    """A finger's values in another finger's column would be told as touch that never was."""
+    with pytest.raises(BadBundle, match=f"a, b, c, in this order; got {', '.join(names)} from 't'"):
+        Recogniser(plain, replace(SENSOR, channels=names))
+
+
 def test_named_channels_are_found_wherever_they_stand(tmp_path: Path):
     """A bundle of channels c and a takes these two from any array that has them."""
     window = WindowConfig(steps=STEPS, stride=STEPS, channels=("c", "a"))

@@ -24,8 +24,8 @@ SILENT = replace(
 )  # fmt: skip
 
 
-def printed(points: list[Point], cameras: bool = False) -> str:
-    console = Console(width=110, file=io.StringIO())
+def printed(points: list[Point], cameras: bool = False, width: int = 110) -> str:
+    console = Console(width=width, file=io.StringIO())
     console.print(sweep_table(points, "shape · b.taxel on d", cameras=cameras))
     text = console.file.getvalue()
     assert isinstance(text, str)
@@ -53,6 +53,24 @@ def test_the_table_says_how_many_draws_are_pooled_and_where_little_is_told():
     assert "4 draws" in text
     assert "dead           not up to 3 channels; at 2 channels only 30.0 % told" in text
     assert "dead, channels, 4 draws" in printed([BASE, dead[0]])
+
+
+def test_no_figure_is_cut_off_where_the_terminal_is_narrow():
+    wide = replace(NOISE[0], fault="channel-drift", unit="% of full scale", accuracy=1.0, low=1.0,
+                   high=1.0, level=50_000.5, draws=4, windows=166_012)  # fmt: skip
+    for width in (110, 80):
+        text = printed([BASE, wide], width=width)
+        assert "…" not in text
+        assert "1.000]" in text
+        assert "166,012" in text
+
+
+def test_the_interval_is_spoken_of_where_there_is_one():
+    alone = replace(BASE, low=NAN, high=NAN)
+
+    assert "Interval: sessions resampled" in printed([BASE, SILENT])
+    assert "No interval: one session only" in printed([alone, SILENT])
+    assert "sessions resampled" not in printed([alone, SILENT])
 
 
 def test_a_grasp_bundles_table_speaks_of_moments_and_slips():

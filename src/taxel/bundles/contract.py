@@ -71,8 +71,8 @@ class Contract:
         """Refuse a sensor that this bundle was not made for.
 
         Raises:
-            BadBundle: Number of channels or units differ, a named channel is missing, or
-                windows of the sensor's own scans would last another time.
+            BadBundle: The channels are others in number, unit, name or order, or windows of
+                the sensor's own scans would last another time.
         """
         named = self.window.channels
         if named is not None and set(named) <= set(sensor.channels):
@@ -83,6 +83,13 @@ class Contract:
                 f"{len(sensor.channels)} in {', '.join(sorted(set(sensor.units)))} "
                 f"from {sensor.name!r}",
                 "train a bundle on recordings of this sensor",
+            )
+        if sensor.channels != self.channels:
+            raise BadBundle(
+                f"the channels {', '.join(self.channels)}, in this order",
+                f"{', '.join(sensor.channels)} from {sensor.name!r}",
+                "name or order them so in the import table or with channels= in serial://, if you "
+                "are sure which is which; or train with --channels, which takes them by name",
             )
         low_hz, high_hz = self.rate_hz / _MOST_RATE_CHANGE, self.rate_hz * _MOST_RATE_CHANGE
         if self.window.grid_hz is None and not low_hz <= sensor.rate_hz <= high_hz:

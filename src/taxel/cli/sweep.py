@@ -61,8 +61,9 @@ class Sweep:
     """Write what --json prints to this file too."""
     json: bool = False
     """Print JSON: a list of {fault, level, unit, accuracy, low, high, answered, windows, grasps,
-    told, outside, draws}; shares 0…1, the first without any fault. draws: passes with other random
-    choices, all windows of which are counted."""
+    told, outside, draws, base}; shares 0…1, the first without any fault. draws: passes with other
+    random choices, all windows of which are counted. base: skew: accuracy without it of as many
+    first windows of each touch as are left, null where all are."""
 
     def run(self) -> None:
         """Measure, print and write."""
@@ -141,6 +142,10 @@ class Sweep:
                 channels = len(known.channels) if known.window.channels is None else None
                 plan = plan_array(names, levels, channels)
                 touches, digest = read_touches(self.data)
+                asked, channels = names or plan, len(touches[0].sensor.channels)
+                plan = plan_array(names, levels, channels)
+                if left := ", ".join(name for name in asked if name not in plan):
+                    _note(f"{left} left out: an array of {channels} channels cannot have it.")
                 _warn_if_seen(digest, model.contract.data_digest)
                 task = bar.add_task("without faults", total=1 + sum(map(len, plan.values())))
                 points = sweep_array(
@@ -198,11 +203,14 @@ class Sweep:
 
 def _warn_if_seen(digest: str, trained: str) -> None:
     if digest == trained:
-        print(
-            "taxel: these are the recordings that the bundle was trained on: the accuracies below "
-            "are not honest, only their falls say something.",
-            file=sys.stderr,
+        _note(
+            "these are the recordings that the bundle was trained on: the accuracies below "
+            "are not honest, only their falls say something."
         )
+
+
+def _note(text: str) -> None:
+    print(f"taxel: {text}", file=sys.stderr)
 
 
 def _words(given: Sequence[str]) -> tuple[str, ...]:

@@ -29,10 +29,10 @@ def sweep_table(points: Sequence[Point], about: str, *, cameras: bool = False) -
         cameras: True for a grasp bundle.
     """
     accuracy, windows, grasps, told, outside = _CAMERA_COLUMNS if cameras else _ARRAY_COLUMNS
-    table = Table(box=SIMPLE_HEAD, pad_edge=False)
-    table.add_column("fault", no_wrap=True)
+    table = Table(box=SIMPLE_HEAD, pad_edge=False, collapse_padding=True)
+    table.add_column("fault", overflow="fold")  # a figure goes on below, and is never cut off
     for column in ("level", accuracy, "change", "answered", windows, grasps, told, outside):
-        table.add_column(column, justify="right", no_wrap=True)
+        table.add_column(column, justify="right", overflow="fold")
     base = points[0]
     for fault, group in groupby(points, key=lambda one: one.fault):
         own = list(group)
@@ -41,7 +41,7 @@ def sweep_table(points: Sequence[Point], about: str, *, cameras: bool = False) -
         if len(own) < len(heads):
             heads = [", ".join(heads)]
         for index, one in enumerate(own):
-            change = 100 * (one.accuracy - base.accuracy)
+            change = 100 * (one.beside(base.accuracy) - base.accuracy)
             table.add_row(
                 heads[index] if index < len(heads) else "",
                 f"{one.level:g}" if one.unit else "",
@@ -55,8 +55,7 @@ def sweep_table(points: Sequence[Point], about: str, *, cameras: bool = False) -
                 style=_style(change),
             )
         table.add_section()
-    drawn = any(one.draws > 1 for one in points)
-    return Group(Text(about, style="bold"), table, *_falls(points), *_notes(cameras, drawn))
+    return Group(Text(about, style="bold"), table, *_falls(points), *_notes(points, cameras))
 
 
 def _falls(points: Sequence[Point]) -> list[Text]:
@@ -78,20 +77,25 @@ def _silence(own: Sequence[Point], base: Point) -> str:
     return f"; at {few[0].level:g} {few[0].unit} only {_percent(few[0].told)} told"
 
 
-def _notes(cameras: bool, draws: bool) -> list[Text]:
+def _notes(points: Sequence[Point], cameras: bool) -> list[Text]:
+    one = math.isnan(points[0].low) and not math.isnan(points[0].accuracy)
     if cameras:
         words = (
             "accuracy: stable and unstable moments weigh alike, of those whose state is known. "
             "warned: slips with an alarm in time. told: recordings with any known state. "
-            "false: alarms a minute of grasps that hold. Interval: cups resampled."
+            "false: alarms a minute of grasps that hold. "
+            + ("No interval: one cup only." if one else "Interval: cups resampled.")
         )
     else:
         words = (
             "accuracy: of windows that were answered, that is not UNKNOWN for input that cannot be "
-            "used. grasps: told right, of all; told: of which anything was answered. outside: "
-            "windows a minute where nothing was touched. Interval: sessions resampled."
+            "used, or unlike the learned. grasps: told right, of all; told: of which anything was "
+            "answered. outside: windows a minute where nothing was touched. "
+            + ("No interval: one session only." if one else "Interval: sessions resampled.")
         )
-    if draws:
+    if any(point.base is not None for point in points):
+        words += " change of skew: against as many first windows of each touch without it."
+    if any(point.draws > 1 for point in points):
         words += " draws: passes over the recordings, each with other random choices, pooled."
     return [Text(words, style="dim")]
 

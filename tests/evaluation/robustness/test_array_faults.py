@@ -161,6 +161,14 @@ def test_a_slow_clock_gives_fewer_scans_over_the_same_time():
     assert np.diff(samples.fitted_s).mean() == pytest.approx(0.0105, rel=1e-3)
 
 
+def test_a_clock_that_is_hardly_slow_cuts_no_scan_off():
+    """One scan fewer would be a whole window fewer, where windows just fill the touch."""
+    samples, before = made("skew", 10), presses().samples
+
+    assert len(samples) == len(before)
+    assert (np.diff(samples.fitted_s) > 0).all()
+
+
 def test_jitter_moves_edges_and_leaves_the_stamps():
     samples, before = made("jitter", 5.0), presses().samples
 

@@ -1,5 +1,7 @@
 """Points, losses and where five points are gone: closed forms."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -91,6 +93,14 @@ def test_the_level_is_read_off_straight_lines():
     assert reached([point(1.0, 0.80)], 0.9) == 1.0
     assert reached([point(1.0, 0.88)], 0.9) is None
     assert reached([point(40.0, 0.90), point(20.0, 0.80)], 0.9) == pytest.approx(30.0)
+
+
+def test_a_fall_is_counted_from_the_windows_that_are_left():
+    """0.88 of windows of which 0.90 were right is no fall from 0.95."""
+    left = replace(point(1.0, 0.88), base=0.90)
+
+    assert reached([left], 0.95) is None
+    assert left.beside(0.95) == pytest.approx(0.93)
 
 
 def test_words_say_whether_it_fell_or_fell_silent():

@@ -17,7 +17,7 @@ from taxel.evaluation.robustness.conditions import (
     simulate_at,
     sweep_conditions,
 )
-from taxel.evaluation.robustness.touches import Model, Recorded, train_model
+from taxel.evaluation.robustness.touches import Model, Recorded, judge, train_model
 from taxel.training.recipes import find_recipe
 from taxel.windows.config import WindowConfig
 
@@ -64,6 +64,25 @@ def test_an_array_without_gate_full_scale_or_reference_is_swept_too(
     assert points[3].accuracy < points[0].accuracy
 
 
+def test_a_slow_clock_is_compared_with_the_windows_that_it_leaves(
+    model: Model, touches: list[Recorded]
+):
+    """Every second scan: half the windows, and beside them the first half of each touch's."""
+    none, half = sweep_array(model, touches, {"skew": (500_000,)})
+    clean = judge(model, touches)
+    few = judge(model, [replace(one, samples=one.samples[::2]) for one in touches])
+    first = [
+        right for number in np.unique(clean.trial)
+        for right in clean.right[clean.trial == number][: (few.trial == number).sum()]
+    ]  # fmt: skip
+
+    assert half.windows < 0.8 * none.windows
+    assert none.base is None
+    assert half.base is not None
+    assert half.base == pytest.approx(np.mean(first), abs=0.05)
+    assert half.beside(none.accuracy) - none.accuracy == pytest.approx(half.accuracy - half.base)
+
+
 def test_no_faults_named_means_all_and_levels_are_for_those_named():
     assert len(plan_array()) > 12
     assert plan_array(["hum"], [3.0]) == {"hum": (3.0,)}
@@ -76,6 +95,7 @@ def test_no_faults_named_means_all_and_levels_are_for_those_named():
 def test_a_small_array_is_swept_over_the_faults_that_it_can_have():
     assert plan_array(["dead"], channels=3) == {"dead": (1, 2, 3)}
     assert "swapped" not in plan_array(channels=1)
+    assert plan_array(["swapped", "dead"], channels=1) == {"dead": (1,)}
     with pytest.raises(BadInput, match="pairs"):
         plan_array(["swapped"], channels=1)
 

@@ -7,9 +7,12 @@ import numpy as np
 import pytest
 
 from taxel.bundles.contract import at_level
+from taxel.decisions.recognition import UNKNOWN, GraspVote, decide
+from taxel.decisions.unknown import Strangeness
 from taxel.errors import BadBundle, BadDataset
 from taxel.evaluation.robustness.touches import ANSWER_ALL, Model, Recorded, judge, read_touches
 from taxel.signals import Samples, Validity
+from taxel.training.unknown import fit_unknown
 from taxel.windows.dataset import load_dataset
 from taxel.windows.reference import touch_level
 
@@ -133,6 +136,34 @@ def test_touches_of_kinds_that_the_model_does_not_know_are_left_out(
     sphere = model.contract.classes.index("sphere")
     assert len(answers.y) < len(judge(model, touches).y)
     assert not (answers.y == sphere).any()
+
+
+def test_what_a_bundles_own_test_calls_unknown_is_not_answered_as_live(
+    model: Model, seen: Path, unseen: Path, touches: list[Recorded]
+):
+    """Windows by themselves, and touches as a whole, each as `decide` and `GraspVote` say live."""
+    contract = replace(model.contract, reference=None)
+    plain = replace(contract.window, reference=None)
+    learned = load_dataset(seen, plain, target="shape")
+    unknown = fit_unknown(learned, "shape", contract.scaling, 0.3)
+    bare = Model(replace(contract, window=plain), model.probabilities)
+    strict = Model(replace(bare.contract, unknown=unknown), model.probabilities)
+    answers, lenient = judge(strict, touches), judge(bare, touches)
+    data, test = load_dataset(unseen, plain), Strangeness(unknown)
+    votes = {number: GraspVote(contract.classes, 1e9, test) for number in range(len(data.trials))}
+    told, whole = [], {}
+    for i, number in enumerate(data.trial.tolist()):
+        values, mask = data.windows.values[i : i + 1], data.windows.mask[i : i + 1]
+        strange = test.of_window(contract.scaling.apply(values, mask)[0])
+        one = decide(model.probabilities(values, mask)[0], 1.0, float(data.windows.saturated[i]),
+                     (0.0, 0.0), contract.classes, ANSWER_ALL, strange, test)  # fmt: skip
+        told.append(one.label != UNKNOWN)
+        whole[number] = votes[number].add(one)[0] != UNKNOWN
+
+    assert 0.5 < np.mean(told) < 0.9
+    assert answers.answered.mean() == pytest.approx(np.mean(told), abs=1e-9)
+    assert lenient.answered.mean() > 0.99
+    assert len(answers.told_grasps()[0]) == sum(whole.values()) < len(lenient.told_grasps()[0])
 
 
 def test_the_digest_is_the_data_sets(model: Model, seen: Path):

@@ -58,6 +58,8 @@ class ArrayFault:
     make: Make
     draws: int = 1
     """Passes with other random choices, where one would say little."""
+    shortens: bool = False
+    """True where a touch is over after fewer windows, so that its last are not told at all."""
 
 
 def touched(
@@ -173,9 +175,9 @@ def skew(one: Touched, level: float, random: np.random.Generator) -> Samples:
     """
     time_s = one.samples.fitted_s
     step = 1.0 + level * 1e-6
-    count = int((len(time_s) - 1) / step) + 1
-    place = np.arange(count, dtype=np.float64) * step
     index = np.arange(len(time_s))
+    count = round(index[-1] / step) + 1  # half a scan beyond the end is the last: none is cut off
+    place = (np.arange(count) * step).clip(max=float(index[-1]))
     taken_s = np.interp(place, index, time_s)
     part = one.samples[np.floor(place).astype(np.intp)]
     return replace(
@@ -271,7 +273,12 @@ ARRAY_FAULTS: Mapping[str, ArrayFault] = {
         2,
     ),
     "skew": ArrayFault(
-        "a clock that is slow", "ppm", (100, 1000, 10_000, 50_000), (0, 500_000), skew
+        "a clock that is slow",
+        "ppm",
+        (100, 1000, 10_000, 50_000),
+        (0, 500_000),
+        skew,
+        shortens=True,
     ),
     "jitter": ArrayFault(
         "uneven scans, stamped evenly", "ms", (1, 2, 5, 10, 20), (0, 10_000), jitter

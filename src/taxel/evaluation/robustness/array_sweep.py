@@ -21,7 +21,14 @@ from taxel.evaluation.robustness.array_faults import (
     limits_of,
     touched,
 )
-from taxel.evaluation.robustness.curve import CLEAN, Answers, Point, mildest_first, point_of
+from taxel.evaluation.robustness.curve import (
+    CLEAN,
+    Answers,
+    Point,
+    mildest_first,
+    point_of,
+    shared_accuracy,
+)
 from taxel.evaluation.robustness.touches import ANSWER_ALL, Model, Recorded, judge
 
 
@@ -50,15 +57,16 @@ def sweep_array(
     """
     points: list[Point] = []
 
-    def add(answers: Answers, fault: str, level: float, unit: str, draws: int = 1) -> None:
-        points.append(point_of(answers, fault, level, unit, draws))
-        on_point(points[-1])
+    def add(point: Point) -> None:
+        points.append(point)
+        on_point(point)
 
     known = [_touched(one, model.contract.window.gate) for one in touches]
     for name, levels in plan.items():
         for level in levels:
             check_level(name, find_array_fault(name), level, len(known[0].full))
-    add(judge(model, touches, config), CLEAN, 0.0, "")
+    clean = judge(model, touches, config)
+    add(point_of(clean, CLEAN, 0.0, ""))
     for name, levels in plan.items():
         fault = find_array_fault(name)
         for level in levels:
@@ -66,7 +74,9 @@ def sweep_array(
                 judge(model, list(_faulted(touches, known, name, fault, level, seed, draw)), config)
                 for draw in range(fault.draws)
             ]
-            add(Answers.join(passes), name, level, fault.unit, fault.draws)
+            base = shared_accuracy(clean, passes[0]) if fault.shortens else None
+            told = Answers.join(passes)
+            add(point_of(told, name, level, fault.unit, fault.draws, base))
     return points
 
 
@@ -78,17 +88,19 @@ def plan_array(
     Args:
         faults: Names; all unless given.
         levels: For every fault named; each fault's own that the array can have unless given.
-        channels: How many the array has; not known unless given.
+        channels: How many the array has; not known unless given. Faults that it cannot have are
+            left out.
 
     Raises:
-        BadInput: A fault is unknown, or a level outside its limits.
+        BadInput: A fault is unknown, a level outside its limits, or the array can have no fault
+            of those named.
     """
     plan = {}
     for name in faults or tuple(ARRAY_FAULTS):
         fault = find_array_fault(name)
         most = limits_of(fault, channels)[1]
         own = tuple(level for level in fault.levels if level <= most)
-        for level in levels or (() if own or not faults else fault.levels):
+        for level in levels or (() if own or len(faults) != 1 else fault.levels):
             check_level(name, fault, level, channels)
         plan[name] = mildest_first(levels, fault.levels) or own
     return {name: own for name, own in plan.items() if own}

@@ -5,6 +5,7 @@ Knows nothing about faults, recordings or models.
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -49,6 +50,13 @@ class Point:
     minute of grasps that hold."""
     draws: int = 1
     """Passes over the recordings, each with other random choices; their windows are pooled."""
+    base: float | None = None
+    """Accuracy without the fault, of as many first windows of each touch as the fault leaves,
+    0…1; None where all of them are compared."""
+
+    def beside(self, base: float) -> float:
+        """Return the accuracy as it compares with that of all windows without the fault, 0…1."""
+        return self.accuracy if self.base is None else self.accuracy + base - self.base
 
 
 @dataclass(frozen=True, slots=True)
@@ -71,6 +79,9 @@ class Answers:
     """Windows cut outside any touch."""
     minutes: float
     """Length of the recordings."""
+    known: NDArray[np.bool_] | None = None
+    """Shape (n,): False where live the whole touch is UNKNOWN to the test of its bundle; None where
+    none is."""
 
     @staticmethod
     def join(parts: Sequence[Answers]) -> Answers:
@@ -84,6 +95,9 @@ class Answers:
             np.concatenate([one.grasps for one in parts]),
             sum(one.outside for one in parts),
             sum(one.minutes for one in parts),
+            np.concatenate(
+                [np.ones(len(one.y), bool) if one.known is None else one.known for one in parts]
+            ),
         )
 
     @property
@@ -96,7 +110,7 @@ class Answers:
         """Return whether each grasp with an answered window is right by all of them joined, and
         its session.
         """
-        told = self.answered
+        told = self.answered if self.known is None else self.answered & self.known
         if not told.any():
             return np.zeros(0, bool), np.zeros(0, str)
         _, y, joined = by_trial(self.trial[told], self.y[told], self.probabilities[told])
@@ -160,8 +174,36 @@ def _share(counts: NDArray[np.float64]) -> NDArray[np.float64]:
     return np.asarray(counts[..., 0] / np.maximum(counts[..., 1], 1.0))
 
 
-def point_of(answers: Answers, fault: str, level: float, unit: str, draws: int = 1) -> Point:
-    """Return the point that answers make; `draws`: how many passes are joined in them."""
+def shared_accuracy(base: Answers, worse: Answers) -> float | None:
+    """Return the accuracy of as many first windows of each touch of `base` as `worse` has, 0…1;
+    None where it has all of them.
+    """
+    left = Counter(worse.trial.tolist())
+    kept = []
+    for trial in base.trial.tolist():
+        kept.append(left[trial] > 0)
+        left[trial] -= 1
+    return None if all(kept) else _mean(base.right[base.answered & np.array(kept, bool)])
+
+
+def point_of(
+    answers: Answers,
+    fault: str,
+    level: float,
+    unit: str,
+    draws: int = 1,
+    base: float | None = None,
+) -> Point:
+    """Return the point that answers make.
+
+    Args:
+        answers: What was told.
+        fault: Its name.
+        level: How bad.
+        unit: Of the level.
+        draws: How many passes are joined in the answers.
+        base: As `Point.base` says.
+    """
     told, right = answers.answered, answers.right
     low, high = float("nan"), float("nan")
     if told.any():
@@ -180,6 +222,7 @@ def point_of(answers: Answers, fault: str, level: float, unit: str, draws: int =
         told=len(whole) / grasps if grasps else float("nan"),
         outside=answers.outside / answers.minutes if answers.minutes else float("nan"),
         draws=draws,
+        base=base,
     )
 
 
@@ -209,12 +252,13 @@ def reached(points: Sequence[Point], base: float, fall: float = FALL) -> float |
     for one in points:
         if np.isnan(one.accuracy):
             return None
-        if one.accuracy <= base - fall:
+        accuracy = one.beside(base)
+        if accuracy <= base - fall:
             if level is None:
                 return one.level
-            share = (value - (base - fall)) / (value - one.accuracy)
+            share = (value - (base - fall)) / (value - accuracy)
             return level + share * (one.level - level)
-        level, value = one.level, one.accuracy
+        level, value = one.level, accuracy
     return None
 
 

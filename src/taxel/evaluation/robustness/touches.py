@@ -1,8 +1,8 @@
 """Recorded touch under test, and what a recogniser tells of it: as live, before anything is cut.
 
-The same grid, gate, windows and validity as live; windows with input that cannot be used
-are UNKNOWN. A session is brought to the recogniser's level by its own reference touches.
-Knows nothing about faults.
+The same grid, gate, windows, validity and decisions as live: windows with input that cannot be
+used, and what a bundle's own test calls unlike the learned, are UNKNOWN. A session is brought to
+the recogniser's level by its own reference touches. Knows nothing about faults.
 """
 
 from __future__ import annotations
@@ -10,6 +10,7 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from math import inf
 from pathlib import Path
 
 import numpy as np
@@ -17,7 +18,8 @@ from numpy.typing import NDArray
 
 from taxel.bundles.contract import Contract
 from taxel.bundles.reader import Bundle
-from taxel.decisions.recognition import RecogniseConfig
+from taxel.decisions.recognition import UNKNOWN, GraspVote, RecogniseConfig, decide
+from taxel.decisions.unknown import Strangeness
 from taxel.errors import BadDataset
 from taxel.evaluation.crossval import Job, fit_model
 from taxel.evaluation.robustness.curve import Answers
@@ -37,7 +39,7 @@ from taxel.windows.reference import (
 from taxel.windows.windower import Windows, cut_windows
 
 ANSWER_ALL = RecogniseConfig(least_confidence=0.0)
-"""UNKNOWN only for input that cannot be used, so that curves of any number of classes compare.
+"""No answer is UNKNOWN for its confidence, so that curves of any number of classes compare.
 Source: our choice, docs/decisions/0029."""
 _TIME_SLACK_S = 1e-6
 """A window this little outside its touch still belongs to it, seconds: hides float rounding."""
@@ -154,6 +156,7 @@ def judge(
             own = names == name
             cut = _Cut(windows, np.where(own[owner], owner, -1), one.trials, own)
             sessions.setdefault(str(name), []).append(cut)
+    test = Strangeness(contract.unknown) if contract.unknown is not None else None
     parts, grasps = [], []
     told = 0
     for name, cuts in sessions.items():
@@ -166,7 +169,7 @@ def judge(
             kept = (cut.owner >= 0) & (y[cut.owner] >= 0)
             parts.append(
                 _told(model, cut.windows[kept], y[cut.owner[kept]], cut.owner[kept] + told,
-                      name, factor, config)
+                      name, factor, config, test)
             )  # fmt: skip
             grasps += [name] * int((y >= 0).sum())
             told += len(cut.trials)
@@ -175,11 +178,11 @@ def judge(
             f"touches of a {contract.target} that the bundle knows: {', '.join(contract.classes)}",
             "none beside reference touches", "choose recordings of those",
         )  # fmt: skip
-    y, found, answered, trial, session = (
+    y, found, answered, trial, session, known = (
         np.concatenate(arrays) for arrays in zip(*parts, strict=True)
     )
     return Answers(
-        y, found, answered, trial, session, np.array(grasps), outside, seconds / 60
+        y, found, answered, trial, session, np.array(grasps), outside, seconds / 60, known
     )  # fmt: skip
 
 
@@ -201,22 +204,35 @@ def _told(
     session: str,
     factor: NDArray[np.float32] | None,
     config: RecogniseConfig,
+    test: Strangeness | None,
 ) -> tuple[NDArray[np.intp], NDArray[np.float64], NDArray[np.bool_], NDArray[np.intp],
-           NDArray[np.str_]]:  # fmt: skip
-    """Return class, probabilities, whether answered, touch and session of each window."""
-    found = np.zeros((len(windows), len(model.contract.classes)))
-    answered = (windows.usable >= config.least_usable) & (
-        windows.saturated <= config.most_saturated
-    )
-    if factor is None:
-        answered[:] = False
-    elif len(windows):
+           NDArray[np.str_], NDArray[np.bool_]]:  # fmt: skip
+    """Return class, probabilities, whether answered, touch and session of each window, and
+    whether its whole touch is answered.
+    """
+    classes = model.contract.classes
+    found = np.zeros((len(windows), len(classes)))
+    answered = np.zeros(len(windows), bool)
+    whole: dict[int, bool] = {}
+    if factor is not None and len(windows):
         values = (windows.values * factor).astype(np.float32)
-        found = np.asarray(model.probabilities(values, windows.mask), np.float64)
-        with np.errstate(invalid="ignore"):
-            answered &= found.max(axis=1) >= config.least_confidence
-        answered &= np.isfinite(found).all(axis=1)
-    return y, np.nan_to_num(found), answered, trial, np.full(len(y), session)
+        raw = model.probabilities(values, windows.mask)
+        found = np.asarray(raw, np.float64)
+        rows = None if test is None else model.contract.scaling.apply(values, windows.mask)
+        votes = {touch: GraspVote(classes, inf, test) for touch in trial.tolist()}
+        for i, touch in enumerate(trial.tolist()):
+            strange = None
+            if test is not None and rows is not None and windows.mask[i].any():
+                strange = test.of_window(rows[i][windows.mask[i]])
+            decision = decide(
+                raw[i], float(windows.usable[i]), float(windows.saturated[i]),
+                (float(windows.start_s[i]), float(windows.end_s[i])), classes, config,
+                strange, test,
+            )  # fmt: skip
+            answered[i] = decision.label != UNKNOWN
+            whole[touch] = votes[touch].add(decision)[0] != UNKNOWN
+    known = np.array([whole.get(touch, False) for touch in trial.tolist()], bool)
+    return y, np.nan_to_num(found), answered, trial, np.full(len(y), session), known
 
 
 def _level(
