@@ -1,6 +1,7 @@
 """Claims about what `taxel evaluate unknown` prints and refuses."""
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -8,6 +9,8 @@ import pytest
 from taxel.cli.evaluate_unknown import run_unknown
 from taxel.cli.options import RecipeOptions
 from taxel.errors import BadDataset, BadInput
+from taxel.recordings.reader import list_recordings, read_recording
+from taxel.recordings.writer import Recorder
 from taxel.sim.teng_hand import TengHandConfig
 from taxel.sources.data_sets import write_sessions
 
@@ -46,6 +49,27 @@ def test_each_class_is_left_out_where_none_is_named(
 def test_a_split_that_holds_no_group_out_is_refused(folder: Path):
     with pytest.raises(BadInput, match="whole groups"):
         run_unknown(folder, RecipeOptions(split="random"), 0, 3, False)
+
+
+def test_files_are_held_out_where_there_are_no_sessions_and_the_share_can_be_set(
+    folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+):
+    """Two classes, one never learned; the recipe would hold out sessions."""
+    for number, file in enumerate(list_recordings(folder)):
+        recording = read_recording(file)
+        manifest = replace(recording.manifest, groups={"file": f"f{number}"})
+        with Recorder(tmp_path / file.name, manifest) as recorder:
+            recorder.write(recording.samples)
+            for mark in recording.marks:
+                recorder.mark(replace(mark, groups={}))
+    options = RecipeOptions(target="material")
+    with pytest.raises(BadDataset, match="let 0"):
+        run_unknown(tmp_path, options, 0, 3, True, ("rubber",), 0.001)
+    with pytest.raises(BadInput, match="--rejected between"):
+        run_unknown(tmp_path, options, 0, 3, True, ("rubber",), 0.0)
+    run_unknown(tmp_path, options, 0, 3, True, ("rubber",), 0.2)
+    (found,) = json.loads(capsys.readouterr().out)
+    assert found["split"] == "file held out"
 
 
 def test_a_value_that_no_label_has_is_refused(folder: Path):

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 from make_dataset import make_dataset
 
-from taxel.evaluation.baselines import trivial_accuracies
+from taxel.evaluation.baselines import below_majority, trivial_accuracies
 from taxel.evaluation.crossval import Job, pool, run_fold
 from taxel.evaluation.splits import by_group
 from taxel.training.loop import TrainConfig
@@ -39,8 +39,42 @@ def test_a_learnable_set_is_learned_and_the_trivial_baselines_are_not_fooled() -
 
     assert pooled.scores.accuracy > 0.9
     assert pooled.interval_group == "session"
+    assert pooled.interval_groups == 6
     assert pooled.interval[0] <= pooled.scores.accuracy <= pooled.interval[1]
     assert trivial["majority"] == 1 / 3
     assert trivial["channel means"] > 0.9
     assert trivial["session"] < 0.5
     assert trivial["length of the trial"] < 0.5
+
+
+def test_majority_is_what_the_best_constant_answer_reaches_whatever_is_held_out() -> None:
+    """With objects held out the training part's commonest class is never that of the test."""
+    dataset = make_dataset()
+    trials = tuple(
+        replace(one, groups={**one.groups, "object": one.labels["shape"] + one.groups["session"]})
+        for one in dataset.trials
+    )
+    dataset = replace(dataset, trials=trials)
+    split = by_group(dataset, "shape", "object", 18, seed=0)
+    assert len(split.folds) == 18
+    trivial = trivial_accuracies(dataset, "shape", split.folds)
+    assert trivial["majority"] == 1 / 3
+    assert trivial["length of the trial"] < 1 / 3
+    said = below_majority(trivial)
+    assert said is not None
+    assert "length of the trial" in said
+    assert "channel means" not in said
+    assert below_majority({"majority": 0.3, "channel means": 0.3}) is None
+
+
+def test_the_interval_is_by_the_object_where_objects_of_several_sessions_are_held_out() -> None:
+    dataset = make_dataset()
+    trials = tuple(
+        replace(one, groups={**one.groups, "object": one.groups["number"]})
+        for one in dataset.trials
+    )
+    dataset = replace(dataset, trials=trials)
+    split = by_group(dataset, "shape", "object", 6, seed=0)
+    job = Job(model="extra-trees", target="shape")
+    pooled = pool(dataset, split, [run_fold(dataset, fold, job) for fold in split.folds])
+    assert (pooled.interval_group, pooled.interval_groups) == ("object", 6)

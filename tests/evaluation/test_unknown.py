@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from make_dataset import make_dataset
-from rich.console import Console
+from rich.console import Console, RenderableType
 
 from taxel.bench.audit_unknown import glove_rows_of
 from taxel.errors import BadDataset
@@ -39,6 +39,13 @@ def found(dataset: Dataset) -> UnknownResult:
 
 def relabelled(trial: Trial, **labels: str) -> Trial:
     return replace(trial, labels={**trial.labels, **labels})
+
+
+def printed(what: RenderableType, width: int) -> list[str]:
+    console = Console(width=width)
+    with console.capture() as capture:
+        console.print(what)
+    return capture.get().splitlines()
 
 
 def test_what_is_beyond_everything_learned_is_found(found: UnknownResult):
@@ -84,12 +91,38 @@ def test_what_was_never_learned_was_never_learned(dataset: Dataset):
 
 
 def test_each_class_is_left_out_in_turn(dataset: Dataset):
-    results = leave_each_out(dataset, CONFIG)
+    results, refused = leave_each_out(dataset, CONFIG)
+    assert not refused
     assert list(results) == ["c0", "c1", "c2", "c3"]
     assert results["c0"].auroc("c0").grasps > 0.9
     for name, one in results.items():
         assert name not in one.rejected_by_class
         assert one.auroc(name).unknown_grasps == 15
+
+
+def test_a_class_without_which_too_little_is_left_does_not_end_the_others():
+    """Of 22 trials 20 are c0's: without them two are left, which calibrate nothing."""
+    dataset = make_dataset(sessions=4, trials_a_session=12, windows_a_trial=2)
+    rare = [one.labels["shape"] == "c0" or one.groups["number"] in "23" for one in dataset.trials]
+    trials = tuple(one if kept else relabelled(one, shape="c0")
+                   for one, kept in zip(dataset.trials, rare, strict=True))  # fmt: skip
+    results, refused = leave_each_out(replace(dataset, trials=trials), CONFIG)
+    assert list(results) == ["c1", "c2"]
+    assert list(refused) == ["c0"]
+    assert "contacts" in refused["c0"]
+    lines = printed(left_out_table(results, refused), 110)
+    assert any(line.startswith("c0 could not be left out: needed") for line in lines)
+    with pytest.raises(BadDataset, match="contacts"):
+        leave_each_out(make_dataset(sessions=2, trials_a_session=3), CONFIG)
+
+
+def test_answers_that_a_constant_one_beats_are_warned_of(found: UnknownResult):
+    """The share of the commonest class stands beside the accuracy at each coverage."""
+    assert found.majority.grasps[0] == pytest.approx(1 / 3)
+    assert found.majority.windows[-1] >= 1 / 3
+    assert not any("warning" in line for line in printed(unknown_tables([found]), 110))
+    worse = replace(found, majority=replace(found.majority, windows=(1.0,) * len(COVERAGES)))
+    assert any("no better than" in line for line in printed(unknown_tables([worse]), 110))
 
 
 def test_two_classes_are_too_few_to_leave_one_out():
@@ -117,16 +150,19 @@ def test_nothing_unknown_is_refused(dataset: Dataset):
         find_unknown(dataset, kinds_of(dataset, "shape", ["cone"]), CONFIG)
 
 
-def test_the_tables_hold_every_score_and_the_least(found: UnknownResult, dataset: Dataset):
-    console = Console(width=200, record=True, file=None, force_terminal=False)
-    with console.capture() as capture:
-        console.print(unknown_tables([found]))
-        console.print(left_out_table({"c3": found}))
-    said = capture.get()
+@pytest.mark.parametrize("width", [95, 110])
+def test_the_tables_hold_every_score_and_the_least_and_no_figure_is_cut(
+    found: UnknownResult, width: int
+):
+    said = printed(unknown_tables([found]), width) + printed(
+        left_out_table({"c3": found}, {}), width
+    )
+    words = " ".join(said)
     for score in SCORES:
-        assert score in said
-    assert f"{found.auroc('c3', OURS).windows:.3f}" in said
-    assert "least" in said
+        assert score in words
+    assert f"{found.auroc('c3', OURS).windows:.3f}" in words
+    assert any(line.startswith(" least") for line in said)
+    assert "…" not in words
 
 
 def test_without_recordings_the_glove_is_missing_and_says_why():

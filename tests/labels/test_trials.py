@@ -2,7 +2,9 @@
 
 from pathlib import Path
 
-from taxel.labels.trials import trials_of
+import pytest
+
+from taxel.labels.trials import Trial, coarsest_group, trials_of
 from taxel.recordings.manifest import Manifest
 from taxel.signals import Mark, SensorInfo
 
@@ -46,3 +48,33 @@ def test_trials_come_oldest_first_each_with_a_name_of_its_own():
     assert [trial.start_s for trial in trials] == [1.0, 2.0, 3.0]
     assert [trial.groups["trial"] for trial in trials] == ["B_1#0", "B_1#1", "B_1#2"]
     assert [mark.start_s for mark in marks] == [3.0, 1.0, 2.0]
+
+
+def made(*groups: dict[str, str]) -> list[Trial]:
+    return [
+        Trial(recording="r", start_s=i, end_s=i + 1.0, labels={}, groups={**own, "trial": str(i)})
+        for i, own in enumerate(groups)
+    ]
+
+
+@pytest.mark.parametrize(
+    ("groups", "split", "expected"),
+    [
+        ([{"session": "a", "file": "1"}, {"session": "b", "file": "2"}], "", "session"),
+        ([{"session": "a", "file": "1"}, {"session": "a", "file": "2"}], "", "file"),
+        ([{"session": "a", "recording": "1"}, {"recording": "2"}], "", "recording"),
+        ([{"session": "a"}, {"session": "a"}], "session held out", "trial"),
+    ],
+)
+def test_the_coarsest_group_is_one_that_all_have_and_of_which_there_are_two(
+    groups: list[dict[str, str]], split: str, expected: str
+):
+    assert coarsest_group(made(*groups), split) == expected
+
+
+def test_what_is_held_out_is_drawn_as_a_whole_unless_it_lies_within_a_session():
+    both = [{"session": s, "object": o} for s in "ab" for o in "12"]
+    assert coarsest_group(made(*both), "object held out") == "object"
+    assert coarsest_group(made(*both), "random windows (leaks)") == "session"
+    own = [{"session": s, "object": s + o} for s in "ab" for o in "12"]
+    assert coarsest_group(made(*own), "object held out") == "session"

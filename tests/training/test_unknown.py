@@ -144,18 +144,15 @@ def test_no_calibration_window_was_fitted():
     assert fit.densities[0].windows[-20] > usual.densities[0].windows[-1]
 
 
-def test_too_few_windows_to_promise_anything_are_refused():
-    few = make(sessions=2, trials=2, windows=2)
-    with pytest.raises(BadDataset, match="windows in sessions held out"):
-        fit_unknown(few, "shape", scaling(few))
-
-
-def test_too_few_contacts_to_promise_anything_are_refused():
+def test_too_few_contacts_are_refused_with_the_share_that_they_would_do_for():
     """Windows enough, but of few contacts."""
     few = make(sessions=2, trials=8, windows=8)
     with pytest.raises(BadDataset, match="19 contacts in sessions held out") as caught:
         fit_unknown(few, "shape", scaling(few))
-    assert "\n" not in str(caught.value)
+    assert "let 0.06 of known touch" in str(caught.value)
+    fit_unknown(few, "shape", scaling(few), rejected=0.06)
+    with pytest.raises(BadDataset):
+        fit_unknown(few, "shape", scaling(few), rejected=0.055)
 
 
 def test_a_joined_target_needs_more_for_its_p_is_multiplied():

@@ -130,7 +130,7 @@ def glove_rows_of(data: Path | None) -> list[Row]:
         config = UnknownConfig(
             target=recipe.target, model=GLOVE_MODEL, group=group, folds=GLOVE_FOLDS
         )
-        results = leave_each_out(dataset, config)
+        results, _ = leave_each_out(dataset, config)
         rows += _glove(results, group)
     return rows
 

@@ -23,6 +23,7 @@ def run_unknown(
     folds: int,
     as_json: bool,
     never: tuple[str, ...] = (),
+    rejected: float = 0.05,
 ) -> None:
     """Print how well objects that were never learned are told from the known.
 
@@ -35,10 +36,13 @@ def run_unknown(
         folds: Parts of the known groups.
         as_json: Print JSON.
         never: For a folder: values of labels that are never learned, instead of each in turn.
+        rejected: Share of known touch that may be called unknown, 0…1.
 
     Raises:
         BadInput: The options or recordings do not allow it.
     """
+    if not 0 < rejected < 1:
+        raise BadInput("--rejected between 0 and 1", f"{rejected:g}", "such as 0.05")
     group = None
     if options.split is not None:
         group = options.split.removeprefix("group:")
@@ -53,9 +57,9 @@ def run_unknown(
             bar.update(task, description=line, advance=1)
 
         if data is None:
-            _simulated(options, group, scans_per_class, folds, as_json, on_step)
+            _simulated(options, group, scans_per_class, folds, as_json, rejected, on_step)
         else:
-            _folder(data, options, group, folds, as_json, never, on_step)
+            _folder(data, options, group, folds, as_json, never, rejected, on_step)
 
 
 def _simulated(
@@ -64,6 +68,7 @@ def _simulated(
     scans: int,
     folds: int,
     as_json: bool,
+    rejected: float,
     on_step: Callable[[str], None],
 ) -> None:
     from taxel.evaluation.unknown import UnknownConfig, find_unknown, kinds_of
@@ -79,7 +84,7 @@ def _simulated(
             dataset = load_dataset(folder, recipe.window, target=target)
             config = UnknownConfig(
                 target=target, model=recipe.model, train=recipe.train, group=group, folds=folds,
-                seed=options.seed,
+                rejected=rejected, seed=options.seed,
             )  # fmt: skip
             kinds = kinds_of(dataset, target, UNKNOWN_SHAPES + UNKNOWN_MATERIALS)
             results.append(find_unknown(dataset, kinds, config, on_step))
@@ -98,6 +103,7 @@ def _folder(
     folds: int,
     as_json: bool,
     never: tuple[str, ...],
+    rejected: float,
     on_step: Callable[[str], None],
 ) -> None:
     from taxel.evaluation.unknown import UnknownConfig, find_unknown, kinds_of, leave_each_out
@@ -105,25 +111,27 @@ def _folder(
     from taxel.windows.dataset import load_dataset
 
     recipe = options.resolve()
-    if group is None and recipe.split.startswith("group:"):
-        group = recipe.split.removeprefix("group:")
     dataset = load_dataset(data, recipe.window, target=recipe.target)
+    own = recipe.split.removeprefix("group:")  # the recipe's, where these recordings have it
+    if group is None and all(own in trial.groups for trial in dataset.trials):
+        group = own
     config = UnknownConfig(
         target=recipe.target, model=options.model or "extra-trees", train=recipe.train,
-        group=group, folds=folds, seed=options.seed,
+        group=group, folds=folds, rejected=rejected, seed=options.seed,
     )  # fmt: skip
     if never:
         found = find_unknown(dataset, kinds_of(dataset, recipe.target, never), config, on_step)
         if as_json:
             print_json([asdict(found)])
         else:
-            console.print(unknown_tables([found]))
+            console.print(unknown_tables([found]), *dataset.notes, sep="\n")
         return
-    results = leave_each_out(dataset, config, on_step)
+    results, refused = leave_each_out(dataset, config, on_step)
     if as_json:
-        print_json({name: asdict(one) for name, one in results.items()})
+        each = {name: asdict(one) for name, one in results.items()}
+        print_json({**each, **{name: {"refused": why} for name, why in refused.items()}})
     else:
-        console.print(left_out_table(results))
+        console.print(left_out_table(results, refused), *dataset.notes, sep="\n")
 
 
 @contextmanager

@@ -1,12 +1,12 @@
 """Trivial baselines: what can be told without touch, printed beside every result.
 
 If one of them comes near a network, the network's accuracy says little about
-touch. Knows nothing about networks.
+touch; one below the majority tells nothing. Knows nothing about networks.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 
 import numpy as np
 from numpy.typing import NDArray
@@ -76,17 +76,29 @@ TRIVIAL: dict[str, Features] = {
 def trivial_accuracies(dataset: Dataset, target: str, folds: tuple[Fold, ...]) -> dict[str, float]:
     """Return each trivial baseline's accuracy over all test windows of the folds, 0…1.
 
-    "majority" always names the training part's commonest class.
+    "majority" is the share of the commonest class among them, the no-information rate: what the
+    best constant answer reaches. The training part's commonest class would do for less, for
+    where groups are held out it is the rarer one there; then any model would look well.
     """
     y = dataset.class_numbers(target)
-    found = {"majority": _pooled(_majority, np.zeros((len(y), 1), np.float32), y, dataset, folds)}
+    tested = y[np.concatenate([fold.windows(dataset)[1] for fold in folds])]
+    found = {"majority": float(np.bincount(tested).max() / len(tested))}
     for name, features in TRIVIAL.items():
-        found[name] = _pooled(_trees, features(dataset), y, dataset, folds)
+        found[name] = _pooled(features(dataset), y, dataset, folds)
     return found
 
 
+def below_majority(trivial: Mapping[str, float]) -> str | None:
+    """Return what must be said of baselines that a constant answer would beat; None without any.
+
+    Args:
+        trivial: As `trivial_accuracies` gives them.
+    """
+    below = [name for name, value in trivial.items() if value < trivial.get("majority", 0.0)]
+    return f"below the majority, so that they tell nothing: {', '.join(below)}" if below else None
+
+
 def _pooled(
-    predict: Callable[..., NDArray[np.intp]],
     features: NDArray[np.float32],
     y: NDArray[np.intp],
     dataset: Dataset,
@@ -95,16 +107,10 @@ def _pooled(
     right = total = 0
     for fold in folds:
         train, test = fold.windows(dataset)
-        guessed = predict(features[train], y[train], features[test])
+        guessed = _trees(features[train], y[train], features[test])
         right += int((guessed == y[test]).sum())
         total += len(test)
     return right / total
-
-
-def _majority(
-    _: NDArray[np.float32], y: NDArray[np.intp], test: NDArray[np.float32]
-) -> NDArray[np.intp]:
-    return np.full(len(test), np.bincount(y).argmax())
 
 
 def _trees(

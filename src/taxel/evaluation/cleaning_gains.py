@@ -16,7 +16,7 @@ import torch
 from numpy.typing import NDArray
 
 from taxel.errors import BadDataset
-from taxel.evaluation.crossval import FoldResult, Job, interval_group, pool, run_fold
+from taxel.evaluation.crossval import FoldResult, Job, pool, run_fold
 from taxel.evaluation.model_comparison import (
     ComparisonConfig,
     TrivialResult,
@@ -26,6 +26,7 @@ from taxel.evaluation.model_comparison import (
 )
 from taxel.evaluation.paired import LEVEL, difference_interval, sign_flip
 from taxel.evaluation.splits import Split
+from taxel.labels.trials import coarsest_group
 from taxel.processes import side_by_side
 from taxel.training.augment import Augment
 from taxel.windows.config import WAVELET, WindowConfig
@@ -172,7 +173,7 @@ def _count_right(
 ) -> _WayRun:
     test = np.concatenate([result.test for result in results])
     right = np.concatenate([result.probabilities.argmax(axis=1) == result.y for result in results])
-    owner = dataset.group(interval_group(dataset))[dataset.trial[test]]
+    owner = dataset.group(coarsest_group(dataset.trials))[dataset.trial[test]]
     names, index = np.unique(owner, return_inverse=True)
     return _WayRun(
         target=job.target,

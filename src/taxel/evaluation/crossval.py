@@ -15,6 +15,7 @@ from torch import nn
 
 from taxel.evaluation.metrics import Scores, accuracy_interval, by_trial, score
 from taxel.evaluation.splits import Fold, Split, TrialFold
+from taxel.labels.trials import coarsest_group
 from taxel.models.catalogue import Baseline, find_model
 from taxel.models.library import Estimator
 from taxel.training.loop import Epoch, Labelled, TrainConfig, fit, new_network, predict
@@ -176,7 +177,9 @@ class Pooled:
     interval: tuple[float, float]
     """95 % interval of the accuracy by resampling groups; NaN where there is one only."""
     interval_group: str
-    """The group that was resampled."""
+    """The group that was resampled: the coarsest, or what the split holds out."""
+    interval_groups: int
+    """How many there are."""
     trial_accuracy: float
     """Share of trials told right when a trial's windows are joined, 0…1."""
     fold_accuracies: tuple[float, ...]
@@ -188,14 +191,16 @@ def pool(dataset: Dataset, split: Split, results: Sequence[FoldResult]) -> Poole
     probabilities = np.concatenate([result.probabilities for result in results])
     test = np.concatenate([result.test for result in results])
     trial = dataset.trial[test]
-    key = interval_group(dataset)
+    key = coarsest_group(dataset.trials, split.name)
+    groups = dataset.group(key)[trial]
     correct = probabilities.argmax(axis=1) == y
     _, trial_y, joined = by_trial(trial, y, probabilities)
     return Pooled(
         split=split.name,
         scores=score(y, probabilities),
-        interval=accuracy_interval(correct, dataset.group(key)[trial]),
+        interval=accuracy_interval(correct, groups),
         interval_group=key,
+        interval_groups=len(np.unique(groups)),
         trial_accuracy=float((joined.argmax(axis=1) == trial_y).mean()),
         fold_accuracies=tuple(result.scores.accuracy for result in results),
     )
@@ -222,12 +227,3 @@ def predictions_of(
         y=np.concatenate([result.y for result in results]),
         probabilities=np.concatenate([result.probabilities for result in results]),
     )
-
-
-def interval_group(dataset: Dataset) -> str:
-    """Return the coarsest group that every trial has and that has two values: session first."""
-    for key in ("session", "file", "recording"):
-        everywhere = all(key in trial.groups for trial in dataset.trials)
-        if everywhere and len(set(dataset.group(key))) > 1:
-            return key
-    return "trial"

@@ -16,9 +16,10 @@ import torch
 
 from taxel.evaluation.baselines import trivial_accuracies
 from taxel.evaluation.checked import check_gate
-from taxel.evaluation.crossval import Job, Pooled, interval_group, pool, run_fold
+from taxel.evaluation.crossval import Job, Pooled, pool, run_fold
 from taxel.evaluation.inference_time import milliseconds_per_window
 from taxel.evaluation.splits import Split, by_group, random_windows
+from taxel.labels.trials import coarsest_group
 from taxel.models.catalogue import count_parameters
 from taxel.processes import WORKERS, side_by_side
 from taxel.training.loop import TrainConfig
@@ -161,7 +162,7 @@ def split_windows(
     """Return the split of one kind; the random one with the folds that are run."""
     seed = config.train.seed
     if kind == "held out":
-        return by_group(dataset, target, interval_group(dataset), config.folds, seed)
+        return by_group(dataset, target, coarsest_group(dataset.trials), config.folds, seed)
     split = random_windows(dataset, target, config.folds, seed, 0.0)
     return replace(split, folds=split.folds[: config.random_folds])
 

@@ -15,10 +15,11 @@ from sklearn.metrics import roc_auc_score
 from sklearn.neighbors import NearestNeighbors
 
 from taxel.decisions.unknown import Strangeness
-from taxel.errors import BadDataset
-from taxel.evaluation.crossval import Job, fit_model, interval_group
+from taxel.errors import BadDataset, BadInput
+from taxel.evaluation.crossval import Job, fit_model
 from taxel.evaluation.metrics import by_trial
 from taxel.evaluation.splits import TrialFold, by_group
+from taxel.labels.trials import coarsest_group
 from taxel.training.loop import TrainConfig
 from taxel.training.unknown import REJECTED, fit_unknown
 from taxel.windows.dataset import Dataset
@@ -99,6 +100,8 @@ class UnknownResult:
     """Class → share of its known trials that are called unknown."""
     aurocs: tuple[Auroc, ...]
     curves: tuple[Curve, ...]
+    majority: Curve
+    """Share of the commonest class among what `OURS` lets be answered: what `curves` must beat."""
 
     def auroc(self, kind: str, score: str = OURS) -> Auroc:
         """Return one kind's figures by one score."""
@@ -160,7 +163,7 @@ def find_unknown(
     if not np.any((kinds != "") & (kinds != "-")):
         raise BadDataset("trials that are not learned", "none", "name values that the labels have")
     known = _subset(dataset, kinds == "")
-    key = config.group or interval_group(known)
+    key = config.group or coarsest_group(known.trials)
     split = by_group(known, config.target, key, config.folds, config.seed)
     windows, grasps = [], []
     for number, fold in enumerate(split.folds, 1):
@@ -174,11 +177,14 @@ def find_unknown(
 
 def leave_each_out(
     dataset: Dataset, config: UnknownConfig, on_step: Callable[[str], None] = lambda _: None
-) -> dict[str, UnknownResult]:
-    """Leave each class out of the training in turn: class → how well it is found unknown.
+) -> tuple[dict[str, UnknownResult], dict[str, str]]:
+    """Leave each class out of the training in turn.
+
+    Returns:
+        Class → how well it is found unknown, and class → why that could not be measured.
 
     Raises:
-        BadDataset: There are fewer than three classes, or too few known trials.
+        BadInput: There are fewer than three classes, or none can be left out.
     """
     classes = dataset.classes(config.target)
     if len(classes) < 3:
@@ -186,15 +192,20 @@ def leave_each_out(
             "at least three classes, so that two are left to learn", f"{len(classes)}",
             "name values that are never learned instead",
         )  # fmt: skip
-    return {
-        name: find_unknown(
-            dataset,
-            kinds_of(dataset, config.target, [name]),
-            config,
-            lambda line, name=name: on_step(f"without {name} · {line}"),  # type: ignore[misc]
-        )
-        for name in classes
-    }
+    found: dict[str, UnknownResult] = {}
+    refused: dict[str, str] = {}
+    for name in classes:
+        kinds = kinds_of(dataset, config.target, [name])
+        try:
+            found[name] = find_unknown(
+                dataset, kinds, config,
+                lambda line, name=name: on_step(f"without {name} · {line}"),  # type: ignore[misc]
+            )  # fmt: skip
+        except BadInput as error:
+            if len(refused) == len(classes) - 1:
+                raise
+            refused[name] = str(error)
+    return found, refused
 
 
 def _subset(dataset: Dataset, trials: NDArray[np.bool_]) -> Dataset:
@@ -335,6 +346,7 @@ def _result(config: UnknownConfig, split: str, windows: _Scored, grasps: _Scored
             Curve(score=name, windows=_curve(windows, name), grasps=_curve(grasps, name))
             for name in (OURS, "max softmax")
         ),
+        majority=Curve(score=OURS, windows=_commonest(windows), grasps=_commonest(grasps)),
     )
 
 
@@ -381,7 +393,20 @@ def _interval(one: _Scored, score: str, kind: str) -> tuple[float, float]:
 
 def _curve(one: _Scored, score: str) -> tuple[float, ...]:
     """Return the accuracy over the least strange shares of the known."""
-    known = one.kind == ""
-    order = np.argsort(one.scores[score][known], kind="stable")
-    right = (one.answer[known] == one.truth[known])[order]
-    return tuple(float(right[: max(1, round(share * len(right)))].mean()) for share in COVERAGES)
+    right = one.answer == one.truth
+    return tuple(float(right[rows].mean()) for rows in _answered(one, score))
+
+
+def _commonest(one: _Scored) -> tuple[float, ...]:
+    """Return the share of the commonest class among them."""
+    _, classes = np.unique(one.truth, return_inverse=True)
+    return tuple(
+        float(np.bincount(classes[rows]).max() / len(rows)) for rows in _answered(one, OURS)
+    )
+
+
+def _answered(one: _Scored, score: str) -> list[NDArray[np.intp]]:
+    """Return the rows of the known that are answered, the least strange, one a coverage."""
+    known = np.flatnonzero(one.kind == "")
+    order = known[np.argsort(one.scores[score][known], kind="stable")]
+    return [order[: max(1, round(share * len(order)))] for share in COVERAGES]

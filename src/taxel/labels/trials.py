@@ -52,8 +52,8 @@ def coarsest_group(trials: Sequence[Trial], split: str = "") -> str:
     first = next((key for key, own in known.items() if len(own) > 1 and None not in own), "trial")
     held = split.removesuffix(" held out")
     if held != split and all(held in one.groups for one in trials):
-        pairs = {(one.groups[held], one.groups[first]) for one in trials}
-        if len(pairs) > len({one for one, _ in pairs}):
+        own = {one.groups[held] for one in trials}
+        if 1 < len(own) < len({(one.groups[held], one.groups[first]) for one in trials}):
             return held
     return first
 

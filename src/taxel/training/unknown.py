@@ -20,6 +20,7 @@ from taxel.decisions.unknown import (
     summaries,
 )
 from taxel.errors import BadDataset
+from taxel.labels.trials import coarsest_group
 from taxel.windows.dataset import Dataset
 from taxel.windows.scaling import Scaling
 
@@ -83,7 +84,7 @@ def fit_unknown(
         held.append((out, np.array([test.of_window(values[i][mask[i]]) for i in out])))
     needed = _least_scores(len(labels), rejected)
     index = np.concatenate([np.zeros(0, np.intp), *(one for one, _ in held)])
-    _check({"windows": len(index), "contacts": len(set(owner[index]))}, needed, rejected)
+    _check(len(set(owner[index])), len(labels), rejected)
     order = np.argsort(index)  # windows of a trial come in their order
     scores = np.concatenate([one for _, one in held])[order]
     whole = _fit(values, mask, labels, rejected)
@@ -103,26 +104,30 @@ def _least_scores(labels: int, rejected: float) -> int:
     return needed + (labels * (1 / (1 + needed)) > rejected)
 
 
-def _check(counts: dict[str, int], needed: int, rejected: float) -> None:
-    for name, count in counts.items():
-        if count < needed:
-            raise BadDataset(
-                f"at least {needed} {name} in sessions held out, to call {rejected:g} of them "
-                "unknown",
-                f"{count}",
-                "record each class in more sessions, or leave --unknown out",
-            )
+def _check(contacts: int, labels: int, rejected: float) -> None:
+    """Refuse fewer contacts than the share needs; say which share they would do for."""
+    needed = _least_scores(labels, rejected)
+    if contacts < needed:
+        each = (percent / 100 for percent in range(1, 51))
+        share = next((one for one in each if _least_scores(labels, one) <= contacts), None)
+        raise BadDataset(
+            f"at least {needed} contacts in sessions held out, to call {rejected:g} of them "
+            "unknown",
+            f"{contacts}",
+            "record each class in more sessions"
+            + (
+                f", or let {share:g} of known touch be called unknown (train --unknown, evaluate "
+                "unknown --rejected)"
+                if share
+                else ""
+            ),
+        )
 
 
 def _parts(dataset: Dataset, target: str, used: NDArray[np.bool_]) -> NDArray[np.intp]:
     """Return each trial's part, shape (trials,): whole sessions, or files where there are none."""
-    keys = [key for key in ("session", "file", "recording")
-            if all(key in one.groups for one in dataset.trials)]  # fmt: skip
-    names = np.array([one.groups["trial"] for one in dataset.trials])
-    for key in keys:
-        if len(set(dataset.group(key)[used])) > 1:
-            names = dataset.group(key)
-            break
+    key = coarsest_group([dataset.trials[i] for i in np.flatnonzero(used)])
+    names = np.array([one.groups.get(key, "") for one in dataset.trials])
     classes = [tuple(one.labels[part] for part in target.split("+")) for one in dataset.trials]
     first = dict(zip(names[::-1], classes[::-1], strict=True))
     ordered = sorted(set(names[used]), key=lambda name: (first[name], name))

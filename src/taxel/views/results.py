@@ -103,11 +103,11 @@ def bracketed(
 
 
 def result_table(title: str | None, columns: Sequence[str]) -> Table:
-    """Return a table without rows: the first column to the left, numbers to the right."""
+    """Return a table without rows: names to the left, which may wrap, numbers to the right."""
     table = Table(title=title, title_justify="left", title_style="bold", box=SIMPLE_HEAD,
                   pad_edge=False)  # fmt: skip
     for index, column in enumerate(columns):
-        table.add_column(column, justify="right" if index else "left", no_wrap=True)
+        table.add_column(column, justify="right" if index else "left", no_wrap=index > 0)
     return table
 
 

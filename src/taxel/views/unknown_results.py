@@ -22,17 +22,21 @@ def unknown_tables(results: Sequence[UnknownResult]) -> RenderableType:
     return Group(*(part for one in results for part in (_scores(one), _coverage(one), _said(one))))
 
 
-def left_out_table(results: Mapping[str, UnknownResult]) -> RenderableType:
+def left_out_table(
+    results: Mapping[str, UnknownResult], refused: Mapping[str, str]
+) -> RenderableType:
     """Return one table: each class left out in turn, their mean and the least.
 
     Args:
         results: As `leave_each_out` gives them.
+        refused: As above: classes that could not be left out, and why.
     """
     first = next(iter(results.values()))
     table = result_table(
         f"{first.target} · each class left out of the training in turn · split: {first.split}",
-        ("never learned", *SCORES, "by trial [95 %]", "known rejected"),
-    )
+        [heading.replace(" ", "\n") for heading in ("never learned", *SCORES, "by trial",
+                                                    "known rejected")],
+    )  # fmt: skip
     for name, one in results.items():
         each = [one.auroc(name, score) for score in SCORES]
         rejected = f"{one.rejected_windows:.1%}"
@@ -47,8 +51,10 @@ def left_out_table(results: Mapping[str, UnknownResult]) -> RenderableType:
         table,
         Text(
             "Area under the ROC curve over windows, known ones of held-out groups against those of "
-            "the class that was never learned; by trial: a trial's windows joined."
+            "the class that was never learned; by trial: a trial's windows joined, "
+            "with its 95 % interval."
         ),
+        *(Text(f"{name} could not be left out: {why}") for name, why in refused.items()),
     )
 
 
@@ -56,7 +62,7 @@ def _scores(one: UnknownResult) -> Table:
     table = result_table(
         f"unknown to {one.target} · split: {one.split} · {one.known_windows} windows and "
         f"{one.known_grasps} grasps known",
-        ("never learned", "score", "AUROC windows", "grasps [95 %]", "found windows", "grasps"),
+        ("never learned", "score", "AUROC\nwindows", "grasps [95 %]", "found\nwindows", "grasps"),
     )
     for own in one.aurocs:
         ours = own.score == OURS
@@ -80,14 +86,21 @@ def _coverage(one: UnknownResult) -> Table:
     for curve in one.curves:
         for name, values in (("windows", curve.windows), ("grasps", curve.grasps)):
             table.add_row(f"{curve.score}, {name}", *(f"{value:.3f}" for value in values))
+    for name, values in (("windows", one.majority.windows), ("grasps", one.majority.grasps)):
+        cells = [f"{value:.3f}" for value in values]
+        table.add_row(f"majority by {OURS}, {name}", *cells, style="dim")
     return table
 
 
 def _said(one: UnknownResult) -> Text:
     each = ", ".join(f"{name} {share:.1%}" for name, share in one.rejected_by_class.items())
+    accuracy, constant = one.curves[0].windows[0], one.majority.windows[0]
+    behind = accuracy <= constant
     return Text(
         f"known touch called unknown: {one.rejected_windows:.1%} of windows, "
         f"{one.rejected_grasps:.1%} of grasps ({each})\n"
+        + f"warning: the answers ({accuracy:.3f}) are no better than always the commonest class "
+        f"({constant:.3f}): of little use, whatever is turned away\n" * behind
     )
 
 
