@@ -8,7 +8,7 @@ import pytest
 from taxel.errors import BadInput, BadTable
 from taxel.labels.marking import mark_recordings
 from taxel.recordings.manifest import Manifest
-from taxel.recordings.reader import list_recordings, read_recording
+from taxel.recordings.reader import iterate_frames, list_recordings, read_recording
 from taxel.recordings.writer import Recorder
 from taxel.signals import Mark, Samples, SensorInfo
 from taxel.windows.config import WindowConfig
@@ -82,3 +82,16 @@ def test_the_raw_recordings_are_never_replaced(raw, tmp_path):
         with pytest.raises(BadInput, match="another folder"):
             mark_recordings(raw, tmp_path / "table.csv", output, overwrite=True)
     assert len(list_recordings(raw)) == 3
+
+
+def test_cameras_beside_the_array_come_along(pour, tmp_path):
+    table = tmp_path / "table.csv"
+    table.write_text("start_s,end_s,label:object\n0.5,1.5,cup\n")
+
+    made = mark_recordings(pour, table, tmp_path / "out")
+
+    old, new = (list(iterate_frames(path)) for path in (pour, *made.recordings))
+    assert [(f.camera, f.fitted_s, f.jpeg) for f in new] == [
+        (f.camera, f.fitted_s, f.jpeg) for f in old
+    ]
+    assert [mark.labels for mark in read_recording(made.recordings[0]).marks] == [{"object": "cup"}]
