@@ -165,6 +165,9 @@ def test_tables_are_printed_for_people(place: Path, capsys: pytest.CaptureFixtur
         ("run --new nothing.mcap", "not there"),
         ("run --new new.mcap --grasps 0", "--grasps"),
         ("run --correct new.mcap", "--new"),
+        ("run --new new.mcap --test new.mcap", "are those to learn; record others"),
+        ("run --new new.mcap --test .", "bare.mcap, where"),
+        ("run --correct held-out.mcap --test held-out.mcap", "are those to learn"),
         ("run --touches touch.mcap --rollback", "one after the other"),
         ("run --history --test held-out.mcap", "--history and --test"),
         ("cup-pour --touches touch.mcap", "of tactile cameras; leave it as it is"),
@@ -208,12 +211,16 @@ def test_the_level_of_the_touches_is_that_of_their_sessions_test_recordings_too(
 ) -> None:
     """Spheres of the touches' session, without touches of their own, are tested."""
     copy(place / "new.mcap", place / "own-touch.mcap", KNOWN)
-    words = "adapt run --new bare.mcap --touches own-touch.mcap"
+    starts = [mark.start_s for mark in read_recording(place / "bare.mcap").marks]
+    middle = sorted(starts)[len(starts) // 2]
+    copy(place / "bare.mcap", place / "few.mcap", lambda mark: mark.start_s < middle)
+    copy(place / "bare.mcap", place / "rest.mcap", lambda mark: mark.start_s >= middle)
 
-    own = run(f"{words} --test bare.mcap", capsys)
+    own = run("adapt run --new few.mcap --touches own-touch.mcap --test rest.mcap", capsys)
 
     assert own["after"] == {"all": own["after"]["sphere"], "sphere": own["after"]["sphere"]}
     assert own["after"]["sphere"] > 0.7
+    assert own["not_tested"] == ["cylinder", "rectangle"]  # that they suffered nobody knows
 
 
 def test_touches_alone_are_tested_as_live_sees_their_session(

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, replace
 from datetime import datetime
 from functools import partial
@@ -59,8 +59,8 @@ class Adapt:
     order. Notices drift (needs taxel[adapt])."""
     test: Path | None = None
     """Labelled recordings to measure accuracy on before and after, by class: with --touches alone,
-    of that session; with --new or --correct, of any, the run's rehearsed grasps unless given, which
-    flatters."""
+    of that session; with --new or --correct, of any that hold none of the grasps to learn, best of
+    all classes; the run's rehearsed grasps unless given, which flatters."""
     output: Path | None = None
     """Write the adapted version here and leave the one at hand as it is."""
     history: bool = False
@@ -192,6 +192,7 @@ class Adapt:
         run = _load(self.trained)
         with progress() as bar:
             task = bar.add_task("reading", total=None)
+            self._check_test(self.new)
             level = self._level(run.contract)
             grasps = read_grasps(self.new, run.contract, level).first(self.grasps)
             names = sorted(set(grasps.label) - set(run.contract.classes))
@@ -228,7 +229,7 @@ class Adapt:
         )
         if run.contract.unknown is not None:
             said += "\nthe test for unknown touch is left out: it was learned without this class"
-        self._say(change, stored, detail, said)
+        self._say(adapted.run.contract, change, stored, detail, said)
 
     def _learn_corrections(self) -> None:
         from taxel.bundles.versions import Change
@@ -240,6 +241,7 @@ class Adapt:
         run = _load(self.trained)
         with progress() as bar:
             task = bar.add_task("reading", total=None)
+            self._check_test([self.correct])
             level = self._level(run.contract)
             grasps = read_grasps([self.correct], run.contract, level)
             bar.update(task, description="learning", total=len(set(grasps.grasp)))
@@ -271,7 +273,13 @@ class Adapt:
         for one, time in zip(found.drifts, times, strict=True):
             said += f"\ndrift since {time} (doubt {one.before:.2f} → {one.after:.2f}): touch the "
             said += "reference object, and give that recording to --touches"
-        self._say(change, stored, detail, said)
+        self._say(found.run.contract, change, stored, detail, said)
+
+    def _check_test(self, learned: Sequence[Path]) -> None:
+        from taxel.training.adapt.new_data import check_apart
+
+        if self.test is not None:
+            check_apart(learned, self.test)
 
     def _level(self, contract: Contract) -> TouchLevel | None:
         from taxel.bundles.levels import measure_level
@@ -305,19 +313,27 @@ class Adapt:
         version = replace_with(self.trained, place, change)
         return Stored(version.number, version.digest != before)
 
-    def _say(self, change: Change, stored: Stored, detail: dict[str, Any], said: str) -> None:
+    def _say(
+        self, contract: Contract, change: Change, stored: Stored, detail: dict[str, Any], said: str
+    ) -> None:
         measured_on = str(self.test) if self.test else "the run's rehearsed grasps"
+        untested = [name for name in contract.classes if name not in change.before]
         if self.json:
             print_json(
                 {"output": str(self.output or self.trained),
                  "version": stored.version, "changed": stored.changed, **detail,
-                 "measured_on": measured_on, "before": change.before, "after": change.after}
+                 "measured_on": measured_on, "not_tested": untested,
+                 "before": change.before, "after": change.after}
             )  # fmt: skip
             return
         from taxel.views.adapt_results import before_after_table
 
         console.print(said, markup=False)
         console.print(before_after_table(change, measured_on))
+        if untested:
+            names = ", ".join(untested)
+            said = f"--test holds no {names}: what was lost or won of these is not known"
+            console.print(said, style="yellow", markup=False, soft_wrap=True)
         self._say_stored(stored)
 
     def _say_stored(self, stored: Stored) -> None:

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from hashlib import sha256
 from pathlib import Path
 
 import numpy as np
@@ -15,7 +16,9 @@ from numpy.typing import NDArray
 from taxel.bundles.contract import Contract
 from taxel.bundles.levels import TouchLevel
 from taxel.bundles.recordings import load_at_level, load_by_session
-from taxel.errors import BadDataset
+from taxel.errors import BadDataset, BadInput
+from taxel.labels.trials import trials_of
+from taxel.recordings.reader import list_recordings, read_recording
 from taxel.training.adapt.exemplars import label_of
 from taxel.windows.windower import Windows
 
@@ -101,6 +104,45 @@ def read_grasps(
         start_s=tuple(start for part in parts for start in part.start_s),
         digest=" ".join(part.digest for part in parts),
     )
+
+
+def check_apart(learned: Sequence[Path], test: Path) -> None:
+    """Refuse to test on grasps that are learned from: their accuracy would say nothing.
+
+    Args:
+        learned: Recordings, or folders of them.
+        test: The same.
+
+    Raises:
+        BadInput: A grasp of `test` has, value for value, the scans of one of `learned`.
+        BadRecording: A recording is damaged.
+    """
+    known = {one for path in learned for file in list_recordings(path) for one in _contents(file)}
+    for file in list_recordings(test):
+        own = _contents(file)
+        shared = sum(one in known for one in own)
+        if shared:
+            raise BadInput(
+                "grasps for --test that nothing is learned from",
+                f"{file.name}, where {shared} of {len(own)} are those to learn",
+                "record others, best in another session",
+            )
+
+
+def _contents(file: Path) -> list[bytes]:
+    """Return a digest of each grasp's scans."""
+    recording = read_recording(file)
+    samples = recording.samples
+    if not len(samples):
+        return []
+    time_s = samples.fitted_s
+    trials = trials_of(
+        file, recording.manifest, recording.marks, float(time_s[0]), float(time_s[-1])
+    )
+    return [
+        sha256(samples.values[(time_s >= one.start_s) & (time_s <= one.end_s)].tobytes()).digest()
+        for one in trials
+    ]
 
 
 def _read(path: Path, contract: Contract, touches: TouchLevel | None, by_session: bool) -> Grasps:
