@@ -49,6 +49,14 @@ def test_the_paper_preset_has_one_session_a_class_and_is_called_leaky(tmp_path, 
     assert "leaky" in capsys.readouterr().out
 
 
+def test_commands_are_printed_as_a_shell_takes_them(tmp_path, capsys, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    simulate(Path("my set"), sessions=1)
+    printed = capsys.readouterr().out
+    assert "look:  taxel view 'my set/session-1.mcap'" in printed
+    assert "next:  taxel train 'my set' --target shape --output runs/shape" in printed
+
+
 def test_an_existing_folder_is_left_alone(tmp_path, capsys):
     (tmp_path / "set").mkdir()
     (tmp_path / "set" / "mine.txt").write_text("mine")
