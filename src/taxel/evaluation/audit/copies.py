@@ -1,7 +1,8 @@
 """Trials that are copies of others: the same values, nearly the same, or mirrored.
 
 Copies share runs of rows, whatever place they start at. Near copies are rescaled, offset or
-have noise added: their course is far more alike than that of any honest neighbour. Mirrored
+have noise added: their course is far more alike than that of any honest neighbour, or they share
+their noise at another place. Mirrored
 ones are so after time, sign or image is turned round. Knows nothing about labels' meaning.
 """
 
@@ -14,6 +15,7 @@ from itertools import combinations
 import numpy as np
 from numpy.typing import NDArray
 
+from taxel.evaluation.audit.noise import shared_noise
 from taxel.evaluation.audit.touch_set import TouchSet
 
 RUN = 6
@@ -113,6 +115,10 @@ def near_copies(touch: TouchSet, known: Pairs) -> tuple[Pairs, Pairs, Pairs]:
             turned[pair] = max(alike, turned.get(pair, 0.0))
     near = {pair: alike for pair, alike in straight.items()
             if _same_noise(*(touch.rows[trial] for trial in pair))}  # fmt: skip
+    shifted, backwards = shared_noise(touch.rows)
+    for found, more in ((near, shifted), (turned, backwards)):
+        fresh = more.keys() - known.keys() - near.keys() - found.keys()
+        found |= {pair: more[pair] for pair in sorted(fresh) if not _overlap(touch, *pair)}
     return near, {pair: straight[pair] for pair in straight.keys() - near.keys()}, turned
 
 

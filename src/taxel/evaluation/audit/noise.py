@@ -1,0 +1,91 @@
+"""Trials that share their noise from row to row, wherever they start: copies, shifted or cut.
+
+Touch may repeat, noise never does. Second differences are mostly noise; limited, so that no edge of
+touch outweighs it, they are compared at every lag. A copy stands out at one lag, from all other
+lags (hum and tones repeat) and from all other trials (edges meet). Knows nothing about
+labels.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import fft
+
+SAME = 0.7
+"""Least correlation of copies at their lag. Our choice, docs/decisions/0023."""
+ALONE = 1.75
+"""A copy's correlation over that with the tenth nearest trial, and over that at other lags, at
+least. Our choice, decision 23."""
+_ENOUGH = 150
+"""Differences that must say something in each of the two: fewer meet by chance."""
+_LIMIT = 3.0
+"""Medians to which a difference is limited."""
+_MIXED = 4
+"""Channels, or sums of channels with random signs, that are compared."""
+_TENTH = 10
+_NEAR = 4
+"""Lags beside the best one that belong to it."""
+_MANY = 700
+"""Trials that are compared; beyond, an even choice of them."""
+_WORK, _STRETCH = 200_000_000, 256
+"""Trials² × rows that are compared, about 10 s; beyond, the middle rows of each, 256 at least."""
+
+Table = NDArray[np.float32]
+
+
+def shared_noise(rows: tuple[Table, ...]) -> tuple[dict[tuple[int, int], float], ...]:
+    """Return pairs of trials that share their noise, as they are and with one run backwards.
+
+    Args:
+        rows: The trials, each shape (rows, channels).
+
+    Returns:
+        Pairs (lower number first) → correlation, for either way.
+    """
+    index = np.unique(np.linspace(0, len(rows) - 1, min(len(rows), _MANY)).round().astype(int))
+    longest = min(max(map(len, rows)), max(_STRETCH, _WORK // len(index) ** 2))
+    fine = [_fine(rows[i], longest) for i in index]
+    size = fft.next_fast_len(2 * longest, real=True)
+    spectra = np.stack([fft.rfft(one, size, axis=0) for one in fine])
+    usable = np.array([np.count_nonzero(one) >= _ENOUGH for one in fine])
+    return tuple(_pairs(spectra, other, size, usable, index)
+                 for other in (spectra.conj(), spectra))  # fmt: skip
+
+
+def _fine(rows: Table, longest: int) -> Table:
+    """Return what changes from row to row in the middle rows, shape (rows − 2, mixed), norm 1."""
+    first = (len(rows) - min(len(rows), longest)) // 2
+    change = np.diff(rows[first : first + longest].astype(np.float64), n=2, axis=0)
+    usual = np.median(np.abs(change), axis=0) if len(change) else np.zeros(rows.shape[1])
+    change = np.clip(change / np.where(usual > 0, usual, 1e-12), -_LIMIT, _LIMIT)
+    size = np.linalg.norm(change, axis=0)
+    change /= np.where(size > 0, size, 1.0)
+    if change.shape[1] > _MIXED:
+        change = change @ np.random.default_rng(0).choice((-1.0, 1.0), (change.shape[1], _MIXED))
+    return np.asarray(change / max(float(np.linalg.norm(change)), 1e-12), np.float32)
+
+
+def _pairs(
+    own: NDArray[np.complex64],
+    other: NDArray[np.complex64],
+    size: int,
+    usable: NDArray[np.bool_],
+    index: NDArray[np.intp],
+) -> dict[tuple[int, int], float]:
+    """Return pairs that stand out at one lag, from other lags and other trials."""
+    n = len(own)
+    best, second = np.zeros((n, n), np.float32), np.zeros((n, n), np.float32)
+    around = np.arange(-_NEAR, _NEAR + 1)
+    for place in range(n - 1):
+        rest = slice(place + 1, n)
+        lags = fft.irfft((own[place] * other[rest]).sum(axis=2), size, axis=1)
+        at = lags.argmax(axis=1)
+        best[place, rest] = best[rest, place] = lags.max(axis=1)
+        np.put_along_axis(lags, (at[:, None] + around) % size, 0.0, axis=1)
+        second[place, rest] = np.abs(lags).max(axis=1)
+    tenth = min(_TENTH, max(1, n // 3))
+    usual = np.partition(best, -tenth, axis=1)[:, -tenth]
+    least = np.maximum(SAME, ALONE * np.maximum(second, np.maximum(usual[:, None], usual)))
+    found = np.argwhere(np.triu((best >= least) & usable[:, None] & usable, 1))
+    return {(int(index[a]), int(index[b])): float(best[a, b]) for a, b in found}
