@@ -9,7 +9,7 @@ from taxel.cli.bundle import Bundle
 from taxel.cli.simulate import Simulate
 from taxel.cli.train import Train
 from taxel.errors import BadInput
-from taxel.evaluation.run_scores import beside_baselines
+from taxel.evaluation.run_scores import GroupInterval, beside_baselines, few_groups
 
 
 @pytest.fixture(scope="module")
@@ -32,6 +32,9 @@ def test_a_network_behind_a_baseline_is_warned_of_and_what_is_unknown_is_told_in
     lines = capsys.readouterr().out.splitlines()
     (warned,) = (one for one in lines if one.startswith("warning: "))
     assert "is no better than the baseline “" in warned
+    assert any(one.startswith("3 sessions: the interval is about") for one in lines)
+    assert any(one.startswith("below the majority") for one in lines)
+    assert any(one.startswith("confusion") for one in lines)
     (unknown,) = (one for one in lines if one.startswith("says UNKNOWN"))
     assert "stranger than 80 % of known touch" in unknown
     assert "at most about 20 % of usual windows" in unknown
@@ -61,13 +64,23 @@ def test_an_older_bundle_is_replaced_and_anything_else_is_left(
 
 
 @pytest.mark.parametrize(
-    ("accuracy", "low", "standing"),
-    [(0.6, 0.5, "behind"), (0.7, 0.55, "near"), (0.7, float("nan"), "clear"), (0.7, 0.61, "clear")],
+    ("accuracy", "low", "groups", "standing"),
+    [
+        (0.6, 0.5, 9, "behind"),
+        (0.7, 0.55, 9, "near"),
+        (0.7, float("nan"), 1, "few"),
+        (0.7, 0.61, 5, "few"),
+        (0.7, 0.61, 6, "clear"),
+    ],
 )
-def test_a_network_stands_clear_where_its_whole_interval_does(
-    accuracy: float, low: float, standing: str
+def test_a_network_stands_clear_where_its_whole_interval_does_and_runs_could_be_compared(
+    accuracy: float, low: float, groups: int, standing: str
 ):
-    found, said = beside_baselines("net", accuracy, low, {"majority": 0.3, "means": 0.6})
+    """Of fewer than six groups, taxel compare claims nothing."""
+    interval = GroupInterval(low, 0.8, groups)
+    trivial = {"majority": 0.3, "means": 0.6}
+    found, said = beside_baselines("net", accuracy, interval, "session", trivial)
 
     assert found == standing
     assert "“means”" in said
+    assert (few_groups("session", groups) is None) == (groups > 5)

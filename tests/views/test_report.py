@@ -270,8 +270,10 @@ def test_a_run_below_a_trivial_baseline_is_said_to_be(tmp_path: Path):
     assert "is no better than the baseline “channel means”" in page_of(
         tmp_path, runs={"weak": make_run(accuracy=0.4)}
     )
+    few = page_of(tmp_path, runs={"good": make_run(accuracy=0.99)})
+    assert "with 3 sessions no difference can be claimed" in few
     assert "stands clear of every baseline" in page_of(
-        tmp_path, runs={"good": make_run(accuracy=0.99)}
+        tmp_path, runs={"good": make_run(accuracy=0.99, sessions=6)}
     )
 
 

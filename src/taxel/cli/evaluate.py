@@ -35,6 +35,8 @@ class Evaluate:
     taxel simulate writes them. All but slip-trials simulate their own unless given."""
     never: tuple[str, ...] = ()
     """unknown, with --data: values of the label that are never learned, instead of each in turn."""
+    rejected: float = 0.05
+    """unknown: share of known touch that may be called unknown, 0…1."""
     scans_per_class: int = 160_000
     """teng-table: scans a class to simulate (the thesis: about 160,000)."""
     folds: int = 5
@@ -67,8 +69,9 @@ class Evaluate:
             from taxel.cli.evaluate_unknown import run_unknown
 
             run_unknown(
-                self.data, self.recipe, self.scans_per_class, self.folds, self.json, self.never
-            )
+                self.data, self.recipe, self.scans_per_class, self.folds, self.json, self.never,
+                self.rejected,
+            )  # fmt: skip
         elif self.what == "transition-tables":
             run_tables(self.grasps, self.data, self.recipe.seed, self.json)
         elif self.what == "grasp-warnings":

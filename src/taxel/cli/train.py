@@ -122,16 +122,19 @@ class Train:
                     "accuracy": accuracy,
                     "loss": run.history[-1].loss,
                     "trivial": dict(run.trivial),
+                    "notes": checked.dataset.notes if self.check else None,
                     "warning": warning(checked) if self.check else None,
                 }
             )
             return
         if self.check:
-            from taxel.views.results import checked_table
+            from taxel.views.results import checked_table, confusion_table
 
             console.print(checked_table(checked))
             if said := warning(checked):
                 console.print(f"warning: {said}", style="yellow", soft_wrap=True)
+            classes = checked.dataset.classes(recipe.target)
+            console.print(confusion_table(classes, checked.pooled.scores.confusion))
         console.print(
             f"{self.output}{', replaced' if older else ''}: {recipe.model}, "
             f"{run.contract.parameters:,} parameters, tells {recipe.target}: "
@@ -146,17 +149,22 @@ class Train:
 
 
 def warning(checked: Checked) -> str | None:
-    """Return what must be said where a trivial baseline is ahead or within noise; else nothing."""
-    from taxel.evaluation.run_scores import beside_baselines
+    """Return what must be said where it cannot be claimed that touch was told; else nothing."""
+    from taxel.evaluation.run_scores import GroupInterval, beside_baselines
 
     pooled, model = checked.pooled, checked.recipe.model
-    accuracy, low = pooled.scores.accuracy, pooled.interval[0]
+    accuracy, interval = pooled.scores.accuracy, pooled.interval
     standing, said = beside_baselines(
-        f"{model} ({accuracy:.1%})".replace("%", " %"), accuracy, low, checked.trivial
+        f"{model} ({accuracy:.1%})".replace("%", " %"),
+        accuracy,
+        GroupInterval(*interval, pooled.interval_groups),
+        pooled.interval_group,
+        checked.trivial,
     )
     mend = {
         "behind": "do not claim what it tells; train longer, or record more sessions",
-        "near": "the difference may be chance; record more sessions",
+        "near": f"the difference may be chance; record more {pooled.interval_group}s",
+        "few": "record more of them",
     }
     return f"{said}: {mend[standing]}" if standing in mend else None
 

@@ -14,6 +14,7 @@ from scipy.stats import binomtest
 
 from taxel.errors import BadInput
 from taxel.evaluation.metrics import RESAMPLES
+from taxel.labels.trials import coarsest_group
 from taxel.training.predictions import Predictions
 from taxel.training.run import Run
 
@@ -93,7 +94,7 @@ def compare_runs(first: Run, second: Run, group: str | None = None) -> Paired:
         BadInput: A run has no predictions, or the two were not tested alike.
     """
     ours, theirs = _alike(first, second)
-    coarsest = coarsest_group(ours)
+    coarsest = coarsest_of(ours)
     key = group or coarsest
     names, index = np.unique(ours.group(key), return_inverse=True)
     right, other = ours.correct, theirs.correct
@@ -115,7 +116,7 @@ def compare_runs(first: Run, second: Run, group: str | None = None) -> Paired:
         only_second=only_second,
         p_windows=mcnemar(only_first, only_second),
         p_groups=sign_flip(changed),
-        smallest_p=min(1.0, 2.0 ** (1 - len(names))),
+        smallest_p=smallest_p(len(names)),
         groups=tuple(
             GroupPair(str(name), int(n), float(a / n), float(b / n))
             for name, n, a, b in zip(names, count, *wins, strict=True)
@@ -149,6 +150,11 @@ def sign_flip(changed: NDArray[np.float64], seed: int = 0) -> float:
     return (as_large + 1) / (_DRAWN + 1)
 
 
+def smallest_p(groups: int) -> float:
+    """Return the least that `sign_flip` can say of so many groups: nothing below 6 of them."""
+    return min(1.0, 2.0 ** (1 - groups))
+
+
 def difference_interval(
     changed: NDArray[np.float64], count: NDArray[np.intp], seed: int = 0
 ) -> tuple[float, float]:
@@ -167,12 +173,10 @@ def difference_interval(
     return float(low), float(high)
 
 
-def coarsest_group(predictions: Predictions) -> str:
-    """Return the coarsest group that every trial has and that has two values: session first."""
-    for key in ("session", "file", "recording"):
-        if key in predictions.groups() and len(set(predictions.group(key))) > 1:
-            return key
-    return "trial"
+def coarsest_of(predictions: Predictions) -> str:
+    """Return the group to draw as a whole: the coarsest, or what the split holds out."""
+    tested = [predictions.trials[index] for index in np.unique(predictions.trial)]
+    return coarsest_group(tested, predictions.split)
 
 
 def _alike(first: Run, second: Run) -> tuple[Predictions, Predictions]:

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taxel.evaluation.metrics import Scores, accuracy_interval, by_trial, score
-from taxel.evaluation.paired import coarsest_group
+from taxel.evaluation.paired import LEVEL, coarsest_of, smallest_p
 from taxel.training.predictions import Predictions
 
 BINS = 10
@@ -74,7 +74,7 @@ class RunScores:
 def judge(predictions: Predictions) -> RunScores:
     """Return all that can be said of a run's test predictions."""
     y, probabilities, correct = predictions.y, predictions.probabilities, predictions.correct
-    main = coarsest_group(predictions)
+    main = coarsest_of(predictions)
     owner = predictions.group(main)
     names, index = np.unique(owner, return_inverse=True)
     shares = np.bincount(index, weights=correct) / np.bincount(index)
@@ -123,28 +123,51 @@ def reliability(
     )
 
 
-Standing = Literal["behind", "near", "clear"]
-"""Of an accuracy beside the best trivial baseline: no better, within its interval, or above."""
+Standing = Literal["behind", "near", "few", "clear"]
+"""Of an accuracy beside the best trivial baseline: no better, within its interval, above it with
+fewer groups than `compare_runs` could claim anything of, or above."""
 
 
 def beside_baselines(
-    name: str, accuracy: float, low: float, trivial: Mapping[str, float]
+    name: str,
+    accuracy: float,
+    interval: GroupInterval,
+    group: str,
+    trivial: Mapping[str, float],
 ) -> tuple[Standing, str]:
     """Return whether an accuracy stands clear of the best trivial baseline, and that in words.
 
     Args:
         name: Whose accuracy it is.
         accuracy: 0…1.
-        low: The lower end of its interval; NaN where there is none.
+        interval: Its own.
+        group: What was resampled for that.
         trivial: Baseline → accuracy, 0…1; at least one.
     """
     best = max(trivial, key=lambda what: trivial[what])
     beside = f"the baseline “{best}” ({100 * trivial[best]:.1f} %)"
     if accuracy <= trivial[best]:
         return "behind", f"{name} is no better than {beside}"
-    if math.isfinite(low) and low <= trivial[best]:
+    if math.isfinite(interval.low) and interval.low <= trivial[best]:
         return "near", f"{name} is above {beside}, but its interval is not"
+    if smallest_p(interval.groups) >= LEVEL:
+        return "few", (
+            f"{name} is above {beside}, but with {_count(interval.groups, group)} no difference "
+            f"can be claimed (smallest possible p {smallest_p(interval.groups):.2g})"
+        )
     return "clear", f"{name} stands clear of every baseline, the best being “{best}”"
+
+
+def few_groups(group: str, groups: int) -> str | None:
+    """Return what must be said of an interval of so few groups that it promises too much."""
+    if smallest_p(groups) < LEVEL:
+        return None
+    said = "no interval" if groups < 2 else "the interval is about their lowest and highest"
+    return f"{_count(groups, group)}: {said}; record more"
+
+
+def _count(number: int, group: str) -> str:
+    return f"{number} {group}{'s' * (number != 1)}"
 
 
 def split_groups(predictions: Predictions) -> list[str]:
@@ -153,7 +176,7 @@ def split_groups(predictions: Predictions) -> list[str]:
 
     The coarsest group always stands first, whatever its values look like.
     """
-    first = coarsest_group(predictions)
+    first = coarsest_of(predictions)
     found = [first]
     for key in predictions.groups():
         values = sorted({trial.groups[key] for trial in predictions.trials})

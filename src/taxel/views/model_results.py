@@ -9,7 +9,7 @@ from rich.text import Text
 
 from taxel.evaluation.cleaning_gains import BASE, NOTHING, Gain
 from taxel.evaluation.model_comparison import ModelResult, TrivialResult
-from taxel.views.results import bracketed, result_table, with_interval
+from taxel.views.results import below, bracketed, few, result_table, with_interval
 
 
 def model_tables(
@@ -40,7 +40,7 @@ def model_tables(
             )
         for name, accuracy in beside.accuracies.items():
             table.add_row(name, f"{accuracy:.4f}", "", "", "", "", style="dim")
-        parts.append(table)
+        parts += [table, *below(beside.accuracies)]
     group = results[0].pooled.interval_group
     return Group(
         *parts,
@@ -49,6 +49,7 @@ def model_tables(
             "predict its test part, one thread. µs: the median for one window on one thread, "
             "networks in ONNX Runtime as live, library models (parameters –) as they are."
         ),
+        *few(results[0].pooled),
     )
 
 
@@ -80,7 +81,7 @@ def cleaning_tables(gains: Sequence[Gain], trivial: Sequence[TrivialResult]) -> 
             )
         for name, accuracy in beside.accuracies.items():
             table.add_row(name, f"{accuracy:.4f}", "", "", "", "", "", style="dim")
-        parts.append(table)
+        parts += [table, *below(beside.accuracies)]
     return Group(
         *parts,
         Text(

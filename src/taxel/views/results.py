@@ -6,15 +6,17 @@ Knows nothing about how results were made.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 
 from rich.box import SIMPLE_HEAD
 from rich.console import Group, RenderableType
 from rich.table import Table
 from rich.text import Text
 
+from taxel.evaluation.baselines import below_majority
 from taxel.evaluation.checked import Checked
 from taxel.evaluation.crossval import Pooled
+from taxel.evaluation.run_scores import few_groups
 from taxel.evaluation.teng_table import PUBLISHED, ROWS, Section
 
 HEADINGS = {"cnn1d": "1D", "cnn2d": "2D", "minirocket": "MiniRocket"}
@@ -59,7 +61,7 @@ def _beside(section: Section) -> list[Text]:
         )
     trivial = " · ".join(f"{name} {value:.3f}" for name, value in section.trivial.items())
     lines.append(Text(f"  trivial baselines: {trivial}", style="dim"))
-    return lines
+    return [*lines, *below(section.trivial), *few(column.pooled)]
 
 
 def checked_table(checked: Checked) -> RenderableType:
@@ -85,7 +87,22 @@ def checked_table(checked: Checked) -> RenderableType:
         table.add_row(name, f"{accuracy:.4f}", "", "", "", "", style="dim")
     folds = "folds: " + " ".join(f"{value:.4f}" for value in pooled.fold_accuracies)
     interval = f"interval: 95 %, whole groups resampled by {pooled.interval_group}"
-    return Group(about, table, *(Text(line) for line in (folds, interval, *dataset.notes)))
+    return Group(
+        about, table, *below(checked.trivial), Text(folds), Text(interval), *few(pooled),
+        *map(Text, dataset.notes),
+    )  # fmt: skip
+
+
+def below(trivial: Mapping[str, float]) -> list[Text]:
+    """Return the line about trivial baselines that a constant answer would beat, if any."""
+    said = below_majority(trivial)
+    return [Text(said, style="dim")] if said else []
+
+
+def few(pooled: Pooled) -> list[Text]:
+    """Return the line about an interval of few groups, if it is one."""
+    said = few_groups(pooled.interval_group, pooled.interval_groups)
+    return [Text(said)] if said else []
 
 
 def with_interval(pooled: Pooled) -> str:

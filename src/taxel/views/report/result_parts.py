@@ -102,8 +102,9 @@ def _cleared(judged: Mapping[str, RunScores], runs: Mapping[str, Run]) -> Html:
         trivial = runs[name].trivial
         if not trivial:
             continue
-        accuracy, (low, _) = own.scores.accuracy, _main_interval(own)
-        standing, line = beside_baselines(name, accuracy, low, trivial)
+        standing, line = beside_baselines(
+            name, own.scores.accuracy, own.intervals[own.group], own.group, trivial
+        )
         bad = bad or standing == "behind"
         said.append(line)
     if not said:
