@@ -24,6 +24,9 @@ from taxel.evaluation.audit.reading import read_touch
 from taxel.evaluation.audit.sides import Sides, named_sides, table_sides
 from taxel.evaluation.audit.touch_set import Pieces, TouchSet, usual_steps
 from taxel.labels.trials import Trial
+from taxel.recordings.manifest import Manifest
+from taxel.recordings.writer import Recorder
+from taxel.signals import Samples, SensorInfo
 from taxel.sim.cup_pour import CupPourConfig
 from taxel.sources.data_sets import simulate_presets
 from taxel.sources.pour_sets import write_pours
@@ -171,9 +174,8 @@ def _copies(touch: TouchSet, _: Path) -> Planted:
         lambda rows: rows.copy(), near, lambda rows: rows[::-1].copy(),
     )  # fmt: skip
     spoilt = touch
-    lively = np.argsort([-float(rows.std(axis=0).sum()) for rows in touch.rows])[:9]
-    for place, index in enumerate(lively):
-        spoilt = _append(spoilt, int(index), ways[place % 3](touch.rows[index]))
+    for place, index in enumerate(_lively(touch, 9)):
+        spoilt = _append(spoilt, index, ways[place % 3](touch.rows[index]))
     return spoilt, None, None
 
 
@@ -186,6 +188,28 @@ def _copies_across(touch: TouchSet, folder: Path) -> Planted:
               "test" if names[i] == "copy" or i % 5 == 0 else "train"]
              for i, t in enumerate(spoilt.trials)]  # fmt: skip
     return spoilt, _table(spoilt, folder, ["recording", "start_s", "end_s", "side"], lines), None
+
+
+def _shifted_at_250_hz(touch: TouchSet, folder: Path) -> Planted:
+    """In files of 250 Hz, copies that start an odd number of rows later, or run backwards.
+
+    Two as they are, two times 1.1 with noise, two backwards.
+    """
+    rng = np.random.default_rng(3)
+    spoilt = touch
+    for place, index in enumerate(_lively(touch, 6)):
+        rows = touch.rows[index]
+        if place % 3 == 1:
+            rows = 1.1 * rows + rng.normal(0.0, 1.0, rows.shape) * 0.02 * rows.std(axis=0)
+        elif place % 3 == 2:
+            rows = rows[::-1]
+        spoilt = _append(spoilt, index, rows[(1, 3, 7)[place % 3] :].astype(np.float32))
+    return _as_files(spoilt, folder, 250.0), None, None
+
+
+def _scaled_at_250_hz(touch: TouchSet, folder: Path) -> Planted:
+    """Files of 250 Hz with mean 0 and deviation 1 over the whole set."""
+    return _as_files(_scaled_before(touch, folder)[0], folder, 250.0), None, None
 
 
 def _shorter(touch: TouchSet, _: Path) -> Planted:
@@ -293,6 +317,10 @@ def _one_class(touch: TouchSet, folder: Path) -> Planted:
 PLANTS: tuple[Plant, ...] = (
     Plant(("duplicates", "near-duplicates", "augmented copies"), _copies),
     Plant(("duplicates", "near-duplicates", "augmented copies"), _copies_across),
+    Plant(
+        ("duplicates", "near-duplicates", "augmented copies"), _shifted_at_250_hz, arrays_only=True
+    ),
+    Plant(("scaling",), _scaled_at_250_hz, arrays_only=True),
     Plant(("length",), _shorter),
     Plant(("first frame",), _first_rows),
     Plant(("level",), _levels),
@@ -304,6 +332,23 @@ PLANTS: tuple[Plant, ...] = (
     Plant(("place",), _places),
     Plant(("one-class folds",), _one_class),
 )
+
+
+def _as_files(touch: TouchSet, folder: Path, rate_hz: float) -> TouchSet:
+    """Return the trials as they are read from a file each, written at another rate."""
+    made = Path(tempfile.mkdtemp(dir=folder))
+    names = tuple(f"c{number}" for number in range(len(touch.views)))
+    sensor = SensorInfo(name="array", channels=names, units=("V",) * len(names), rate_hz=rate_hz)
+    for number, (trial, rows) in enumerate(zip(touch.trials, touch.rows, strict=True)):
+        manifest = Manifest(sensor=sensor, labels=trial.labels, groups=trial.groups)
+        with Recorder(made / f"{number:05d}.mcap", manifest) as recorder:
+            recorder.write(Samples.from_values(rows, np.arange(len(rows)) / rate_hz))
+    return read_touch(made, touch.target, lambda *_: None)
+
+
+def _lively(touch: TouchSet, count: int) -> list[int]:
+    """Return the trials in which most changes."""
+    return [int(i) for i in np.argsort([-float(r.std(axis=0).sum()) for r in touch.rows])[:count]]
 
 
 def _usual(touch: TouchSet) -> NDArray[np.bool_]:
@@ -334,7 +379,8 @@ def _append(touch: TouchSet, index: int, rows: NDArray[np.float32]) -> TouchSet:
     )  # fmt: skip
     return replace(
         touch, trials=(*touch.trials, copy), rows=(*touch.rows, rows),
-        time_s=(*touch.time_s, touch.time_s[index]), created=(*touch.created, touch.created[index]),
+        time_s=(*touch.time_s, touch.time_s[index][: len(rows)]),
+        created=(*touch.created, touch.created[index]),
         files=(*touch.files, touch.files[index]),
     )  # fmt: skip
 

@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from taxel.bundles.contract import Contract
 from taxel.errors import BadInput
 from taxel.evaluation.audit.audit import audit
 from taxel.evaluation.audit.finding import Audit
@@ -35,7 +36,7 @@ def audit_run(
     Raises:
         BadInput: The run has no predictions, or the recordings are others.
     """
-    found, steps = run.predictions, run.contract.window.steps
+    found = run.predictions
     if found is None:
         raise BadInput(
             "a run with test predictions to audit its split",
@@ -43,8 +44,17 @@ def audit_run(
             "leave --audit out, or look at the recordings with: taxel audit",
         )
     touch = read_touch(data, run.contract.target, lambda *_: None)
+    steps = _rows(run.contract, touch)
     split = sides_of(found, touch, steps)
     return audit(touch, data.name, split, run=folder, steps=steps, on_step=on_step)
+
+
+def _rows(contract: Contract, touch: TouchSet) -> int:
+    """Return how many of the recordings' rows a window of the run spans."""
+    window = contract.window
+    own_hz = contract.rate_hz / touch.every
+    share = own_hz / window.grid_hz if window.grid_hz and own_hz > 0 else 1 / touch.every
+    return max(2, round(window.steps * share))
 
 
 def sides_of(found: Predictions, touch: TouchSet, steps: int) -> tuple[Pieces, Sides]:

@@ -106,5 +106,5 @@ def _rest(found: Audit, everything: bool) -> str:
     unknown = [one.kind for one in found.findings if one.verdict == "not checked"]
     lines = [] if everything else [f"looked for and not found: {', '.join(clear) or 'nothing'}"]
     if unknown and not everything:
-        lines.append(f"not checked, for want of information: {', '.join(unknown)}")
+        lines.append(f"not checked: {', '.join(unknown)}")
     return "\n".join(lines)

@@ -18,7 +18,7 @@ MEANING: dict[Verdict, str] = {
     "hazard": "becomes a leak under a split that allows it",
     "note": "say it beside the result",
     "clear": "looked for, not found",
-    "not checked": "the recordings do not say what this needs",
+    "not checked": "the recordings do not say what this needs, or are too many",
 }
 
 

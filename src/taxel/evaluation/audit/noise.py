@@ -17,7 +17,7 @@ SAME = 0.7
 ALONE = 1.75
 """A copy's correlation over that with the tenth nearest trial, and over that at other lags, at
 least. Our choice, decision 23."""
-_ENOUGH = 150
+_ENOUGH = 120
 """Differences that must say something in each of the two: fewer meet by chance."""
 _LIMIT = 3.0
 """Medians to which a difference is limited."""
