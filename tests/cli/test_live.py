@@ -1,13 +1,29 @@
 """`taxel live`: what it is given is what it runs."""
 
+import json
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 import tyro
 
+from taxel.bundles.contract import Contract
+from taxel.bundles.writer import write_bundle
 from taxel.cli import live
+from taxel.cli.main import main
 from taxel.errors import BadBundle
+from taxel.models.cnn2d import Cnn2d
+from taxel.recordings.manifest import Manifest
+from taxel.recordings.reader import read_manifest
+from taxel.recordings.writer import Recorder
+from taxel.signals import Samples, SensorInfo
+from taxel.training.loop import new_network
+from taxel.windows.config import WindowConfig
+from taxel.windows.scaling import fit_scaling
+
+SENSOR = SensorInfo(name="pad", channels=("a", "b", "c"), units=("V",) * 3, rate_hz=100.0)
+STEPS = 40
 
 
 def test_a_runs_folder_is_refused_with_the_verb_that_bundles_it(tmp_path: Path) -> None:
@@ -24,3 +40,47 @@ def test_a_second_bundle_beside_one_of_cameras_is_not_left_out(
     words = ["cup-pour", "sim://cup-pour", "--also", "cup-pour"]
     tyro.cli(live.Live, args=words).run()
     assert len(ran[0].bundles) == 2
+
+
+@pytest.fixture
+def short_touch(tmp_path: Path) -> tuple[str, str]:
+    """A bundle that pads to 0.4 s, and a labelled recording of 0.3 s."""
+    values = np.random.default_rng(0).random((8, STEPS, 3)).astype(np.float32)
+    mask = np.ones((8, STEPS), bool)
+    contract = Contract(
+        target="shape", classes=("ball", "block"),
+        window=WindowConfig(steps=STEPS, stride=STEPS, grid_hz=None, pad=True),
+        scaling=fit_scaling("standard", values, mask, None), channels=SENSOR.channels,
+        units=SENSOR.units, rate_hz=100.0, model="cnn2d", parameters=1, data_digest="0" * 64,
+        accuracy={}, software="taxel test", parity=None,
+    )  # fmt: skip
+    network = new_network(lambda: Cnn2d(STEPS, 3, 2), 0)
+    write_bundle(tmp_path / "b.taxel", (network,), contract, values, mask)
+    manifest = Manifest.started_now(SENSOR, {"shape": "ball"}, now_s=0.0)
+    with Recorder(tmp_path / "touch.mcap", manifest) as recorder:
+        recorder.write(Samples.from_values(values[0, :30], np.arange(30) / 100.0))
+    return str(tmp_path / "b.taxel"), str(tmp_path / "touch.mcap")
+
+
+def test_a_padded_touch_is_told_right_or_wrong_by_the_sources_labels(
+    short_touch: tuple[str, str], capsys: pytest.CaptureFixture[str]
+) -> None:
+    main(["live", *short_touch, "--json"])
+    (found,) = json.loads(capsys.readouterr().out)
+
+    assert (found["windows"], found["marked"], found["grasps"]) == (1, 1, 1)
+
+
+def test_what_is_recorded_live_keeps_its_session_and_the_answers_are_summed_up(
+    short_touch: tuple[str, str], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Nothing watches a grasp here: neither its state nor its alarms are spoken of."""
+    output = tmp_path / "out.mcap"
+    words = ["--record", str(output), "--label", "shape=ball", "--group", "session=7"]
+    main(["live", *short_touch, *words, "--least-confidence", "0"])
+    said = capsys.readouterr().out
+
+    assert read_manifest(output).groups == {"session": "7"}
+    assert "shape: 1 windows: b" in said
+    assert "NONE" not in said
+    assert "alarms" not in said

@@ -35,6 +35,20 @@ def test_unknown_is_the_right_answer_to_what_was_never_learned(label: str, truth
     assert (tally.marked, tally.right) == (1, right)
 
 
+def test_a_padded_window_is_counted_although_its_mark_came_first():
+    """It is cut when the touch is long over, or when the source ends."""
+    first, second = (
+        Mark(start_s=start, end_s=start + 2.0, labels={"shape": truth})
+        for start, truth in ((0.0, "ball"), (-3.0, "block"))
+    )
+    tally = Tally("shape", GraspVote(CLASSES, 0.8), late=True)
+    tally.compare(second)
+    tally.compare(first)
+    tally.add(told("ball"))
+    tally.settle()
+    assert (tally.marked, tally.right, tally.grasps, tally.grasps_right) == (1, 1, 1, 1)
+
+
 def test_two_labels_joined_are_compared_as_one():
     tally = Tally("shape+material", GraspVote(("ball glass", "block wood"), 0.8))
     tally.add(told("ball glass"))

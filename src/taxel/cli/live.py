@@ -9,7 +9,7 @@ from typing import Annotated
 import tyro
 
 from taxel.bundles.shipped import find_bundle
-from taxel.cli.live_station import StationOptions
+from taxel.cli.live_station import StationOptions, answers_line
 from taxel.cli.pairs import Pairs, parse_pairs
 from taxel.cli.printing import console, print_json
 from taxel.errors import BadInput
@@ -44,6 +44,8 @@ class Live:
     """Record everything to this file, ending in .mcap."""
     label: Pairs = ()
     """With --record: what may be learned, as in shape=sphere material=glass."""
+    group: Pairs = ()
+    """With --record: what it belongs to and must not be split, as in session=3 object=cup."""
     overwrite: bool = False
     """With --record: replace an existing recording."""
     gripper: str | None = None
@@ -109,8 +111,7 @@ class Live:
             print_json(results)
             return
         for result in results:
-            line = ", ".join(f"{name} {count}" for name, count in result["answers"].items())
-            console.print(f"{result['target']}: {result['windows']} windows: {line or 'none'}")
+            console.print(answers_line(result), markup=False, soft_wrap=True)
             if result["marked"]:
                 console.print(
                     f"  right by the source's own labels: {result['right']} of the "
@@ -139,6 +140,7 @@ class Live:
             least_confidence=self.least_confidence,
             record=self.record,
             labels=parse_pairs(self.label, "--label"),
+            groups=parse_pairs(self.group, "--group"),
             overwrite=self.overwrite,
             page=self.page,
             page_host=self.page_host,

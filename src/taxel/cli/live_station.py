@@ -45,6 +45,7 @@ class StationOptions:
     least_confidence: float
     record: Path | None = None
     labels: dict[str, str] = field(default_factory=dict)
+    groups: dict[str, str] = field(default_factory=dict)
     overwrite: bool = False
     recordings: Path = Path("recordings")
     """Folder of recordings that are started from the page."""
@@ -109,7 +110,9 @@ def live_station(options: StationOptions) -> dict[str, Any]:
             if station.wiring.not_recorded:
                 left = station.wiring.not_recorded
                 _note(options, f"a recording holds one array: {left} is left out")
-            station.record(options.record, options.labels, overwrite=options.overwrite)
+            station.record(
+                options.record, options.labels, options.groups, overwrite=options.overwrite
+            )
         for url in station.wiring.unwatched:
             _note(options, f"nothing watches {url}: name one more bundle with --also")
         armed = [not options.arm]
@@ -263,12 +266,22 @@ def _open_rerun(options: StationOptions, station: Station) -> None:
     station.add_process("rerun", stream, lambda place: RerunJob(place=place, view=view))
 
 
+def answers_line(told: dict[str, Any]) -> str:
+    """Return how many windows had which answer."""
+    each = ", ".join(f"{name} {count}" for name, count in told["answers"].items())
+    return f"{told['target']}: {told['windows']} windows: {each or 'none'}"
+
+
 def _summary(station: Station) -> dict[str, Any]:
     alarms = station.guard.alarms
     return {
         "state": station.guard.shown[0],
         "events": [{"time_s": time_s, "text": text} for _, time_s, text in station.events],
         "given_up": station.failed,
+        "answers": [
+            {"target": target, "windows": told.total(), "answers": dict(told.most_common())}
+            for target, told in station.told.items()
+        ],
         "alarms": alarms.as_json(),
         "latency_ms": {
             stage: dict(zip(("p50", "p95", "p99"), values, strict=True))
@@ -280,8 +293,13 @@ def _summary(station: Station) -> dict[str, Any]:
 
 
 def _print_summary(result: dict[str, Any]) -> None:
+    from taxel.live.station.guard import NO_GRASP
+
+    for one in result["answers"]:
+        console.print(answers_line(one), markup=False, soft_wrap=True)
     counts = result["alarms"]["counts"]
-    console.print(f"alarms: {counts['raised']} raised, {counts['acknowledged']} acknowledged")
+    if result["state"] != NO_GRASP or counts["raised"]:
+        console.print(f"alarms: {counts['raised']} raised, {counts['acknowledged']} acknowledged")
     for name, one in result["processes"].items():
         again = f", started {one['starts']} times" if one["starts"] > 1 else ""
         console.print(

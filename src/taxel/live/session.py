@@ -39,11 +39,15 @@ class Tally:
     grasp_answer: tuple[str, float] = (UNKNOWN, float("nan"))
     latest: Answer | None = None
     latencies_s: list[float] = field(default_factory=list)
+    late: bool = False
+    """True where an answer may come after the mark that it lies in, as of a padded window."""
     _waiting: list[tuple[float, float, str, str]] = field(default_factory=list)
+    _marks: list[Mark] = field(default_factory=list)
 
     def add(self, answer: Answer) -> None:
         """Take in one answer."""
         decision = answer.decision
+        self.settle(decision.start_s)
         self.latest = answer
         self.windows += 1
         self.answers[decision.label] += 1
@@ -58,8 +62,22 @@ class Tally:
     def compare(self, mark: Mark) -> None:
         """Count the windows inside a mark as right or wrong; its last vote is the grasp's.
 
-        The right answer to an object that was never learned is UNKNOWN.
+        The right answer to an object that was never learned is UNKNOWN. Where answers may be
+        late, it is counted when one beyond the mark has come, or by `settle`.
         """
+        self._marks.append(mark)
+        del self._marks[:-_KEPT_ANSWERS]
+        if not self.late:
+            self.settle()
+
+    def settle(self, start_s: float = inf) -> None:
+        """Count the marks that are over before any answer to come begins."""
+        over = [mark for mark in self._marks if mark.end_s < start_s]
+        self._marks = [mark for mark in self._marks if not mark.end_s < start_s]
+        for mark in over:
+            self._count(mark)
+
+    def _count(self, mark: Mark) -> None:
         parts = self.target.split("+")
         if any(part not in mark.labels for part in parts):
             return
@@ -118,6 +136,7 @@ def run_session(
                 recogniser.bundle.contract.window.max_gap_s,
                 recogniser.bundle.strangeness,
             ),
+            late=recogniser.bundle.contract.window.pad,
         )
         for recogniser in recognisers
     ]
@@ -140,6 +159,8 @@ def run_session(
         for answer in recogniser.flush():
             tally.add(answer)
     _compare(source, tallies, end_s)
+    for tally in tallies:
+        tally.settle()
     return tallies
 
 

@@ -20,7 +20,7 @@ from taxel.bundles.reader import read_bundle
 from taxel.decisions.recognition import GraspVote, RecogniseConfig
 from taxel.decisions.stability import Stability
 from taxel.live.grasp_monitor import GraspMonitor
-from taxel.live.recogniser import Recogniser
+from taxel.live.recogniser import Answer, Recogniser
 from taxel.live.station.beats import Work
 from taxel.live.station.packets import Packet, pack, unpack
 from taxel.live.station.ring import RingReader, RingWriter
@@ -75,6 +75,9 @@ def infer(job: Inference) -> None:
             if not content and not orders.waiting:
                 source = pulse.work_of(job.source_row)
                 if pulse.stopping and (pulse.orphaned or source in (Work.ENDED, Work.FAILED)):
+                    for watcher in watchers:
+                        watcher.end()
+                    pulse.produced = writer.written
                     break
                 now_s = monotonic()
                 if now_s - looked_s >= _LOOK_S:
@@ -128,6 +131,9 @@ class _GraspWatcher:
     def spoil(self) -> None:
         """Let the model give NaN from now on: a drill."""
         self._monitor.bundle = replace(self._monitor.bundle, head=_NanHead())
+
+    def end(self) -> None:
+        """A grasp that is not over has no last answer."""
 
     def silent(self, now_s: float) -> None:
         """Look at the input's age when nothing came."""
@@ -186,18 +192,26 @@ class _RecogniseWatcher:
             if not isinstance(packet, Samples):
                 continue
             pulse.beat()
-            began_s = monotonic()
+            times = {"arrival_s": float(packet.arrival_s[-1]), "taken_s": taken_s,
+                     "began_s": monotonic()}  # fmt: skip
             for answer in self._recogniser.push(packet):
-                decision = answer.decision
-                voted, confidence = self._vote.add(decision)
-                note = {
-                    "kind": "answer", "target": self._target, "label": decision.label,
-                    "confidence": _number(decision.confidence), "reason": decision.reason,
-                    "grasp": voted, "grasp_confidence": _number(confidence),
-                    "time_s": decision.end_s, "arrival_s": float(packet.arrival_s[-1]),
-                    "taken_s": taken_s, "began_s": began_s, "decided_s": monotonic(),
-                }  # fmt: skip
-                self._writer.put(pack(note))
+                self._tell(answer, times)
+
+    def end(self) -> None:
+        """Answer the stream's last, padded window, if there is one."""
+        for answer in self._recogniser.flush():
+            self._tell(answer, {})
+
+    def _tell(self, answer: Answer, times: dict[str, float]) -> None:
+        decision = answer.decision
+        voted, confidence = self._vote.add(decision)
+        note = {
+            "kind": "answer", "target": self._target, "label": decision.label,
+            "confidence": _number(decision.confidence), "reason": decision.reason,
+            "grasp": voted, "grasp_confidence": _number(confidence),
+            "time_s": decision.end_s, **times, "decided_s": monotonic(),
+        }  # fmt: skip
+        self._writer.put(pack(note))
 
     def spoil(self) -> None:
         """Nothing to spoil: an answer opens no gripper."""

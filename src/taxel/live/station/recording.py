@@ -147,7 +147,8 @@ class _Desk:
         if not isinstance(order, dict):
             return
         if order.get("do") == "record" and self._recorder is None:
-            self._begin(Path(order["path"]), order.get("labels", {}), bool(order.get("overwrite")))
+            about = order.get("labels", {}), order.get("groups", {})
+            self._begin(Path(order["path"]), *about, overwrite=bool(order.get("overwrite")))
         elif order.get("do") == "end":
             self.finish("cleanly")
         self._tell(monotonic())
@@ -181,11 +182,13 @@ class _Desk:
             self._error = str(error)
         self._tell(monotonic(), recorder.statistics())
 
-    def _begin(self, path: Path, labels: Mapping[str, str], overwrite: bool) -> None:
+    def _begin(
+        self, path: Path, labels: Mapping[str, str], groups: Mapping[str, str], *, overwrite: bool
+    ) -> None:
         arrays = [one.sensor for one in self._job.sources if one.array]
         cameras = apart([camera for one in self._job.sources for camera in one.cameras])
         manifest = Manifest.started_now(
-            arrays[0] if arrays else NO_ARRAY, dict(labels), cameras=cameras
+            arrays[0] if arrays else NO_ARRAY, dict(labels), dict(groups), cameras=cameras
         )
         try:
             self._recorder = Recorder(path, manifest, stall_s=_STALL_S, overwrite=overwrite)

@@ -8,7 +8,7 @@ nothing about windows, models or pixels.
 from __future__ import annotations
 
 import contextlib
-from collections import deque
+from collections import Counter, deque
 from collections.abc import Callable
 from datetime import datetime
 from multiprocessing.process import BaseProcess
@@ -22,7 +22,7 @@ from taxel.actions.interlock import Interlock, Order, OrderKind
 from taxel.live.station.acting import SimulatedGrip
 from taxel.live.station.beats import Beats, Work
 from taxel.live.station.crew import Crew, Worker
-from taxel.live.station.guard import Guard
+from taxel.live.station.guard import NO_GRASP, Guard
 from taxel.live.station.packets import Packet, pack, unpack
 from taxel.live.station.page_link import ViewConfig
 from taxel.live.station.ring import RingReader, RingWriter
@@ -71,6 +71,8 @@ class Station:
         self._releasing = False
         self.latencies = Latencies()
         self._answers: dict[str, dict[str, Any]] = {}
+        self.told: dict[str, Counter[str]] = {}
+        """Target → answer → windows, of each recogniser."""
         self.recording = dict(_NO_RECORDING)
         """The recorder's newest note."""
         self.events: deque[tuple[int, float, str]] = deque(maxlen=_EVENTS)
@@ -81,7 +83,7 @@ class Station:
         self.refused_wishes = 0
         """Wishes of the page that were none."""
         self._told_s = 0.0
-        self._word = ""
+        self._word = NO_GRASP
         self._mute: set[str] = set()
         self._stopped = False
         self._coming: list[Worker] = []
@@ -111,9 +113,17 @@ class Station:
         if to is not None:
             to.put(pack(note))
 
-    def record(self, path: Path, labels: dict[str, str], *, overwrite: bool = False) -> None:
+    def record(
+        self,
+        path: Path,
+        labels: dict[str, str],
+        groups: dict[str, str] | None = None,
+        *,
+        overwrite: bool = False,
+    ) -> None:
         """Begin to record all sources; news tell how it goes."""
-        note = {"do": "record", "path": str(path), "labels": labels, "overwrite": overwrite}
+        note = {"do": "record", "path": str(path), "labels": labels, "groups": groups or {},
+                "overwrite": overwrite}  # fmt: skip
         self.wiring.to_recorder.put(pack(note))
 
     def end_recording(self) -> None:
@@ -259,6 +269,7 @@ class Station:
                     self._weigh_late(note, now_s)
                 else:
                     self._answers[note["target"]] = note
+                    self.told[note["target"]][note["label"]] += 1
             if mind.watches:
                 beat = self._beats.read(mind.worker.row)
                 for who in mind.watchers:
@@ -378,6 +389,7 @@ class Station:
         for mind in wiring.minds:
             for who in mind.watchers:
                 self.guard.expect(who, now_s)
+            self.told |= {one["target"]: Counter() for one in mind.told if one["kind"] == "answer"}
         settle_memory()
 
     def close(self) -> None:
