@@ -1,0 +1,162 @@
+"""Arrays of any rate: copies, scaling and lengths are judged by all rows, or it is said."""
+
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from taxel.evaluation.audit import reading
+from taxel.evaluation.audit.audit import audit, make_case
+from taxel.evaluation.audit.copies import near_copies, same_rows
+from taxel.evaluation.audit.gaps import measure_gaps
+from taxel.evaluation.audit.nuisances import read_length
+from taxel.evaluation.audit.reading import read_touch
+from taxel.evaluation.audit.scaled import scaled_values
+from taxel.evaluation.audit.touch_set import TouchSet, usual_steps
+from taxel.evaluation.audit_of_run import _rows
+from taxel.recordings.manifest import Manifest
+from taxel.recordings.writer import Recorder
+from taxel.signals import Samples, SensorInfo
+from taxel.windows.config import WindowConfig
+
+Make = dict[str, Callable[..., TouchSet]]
+
+
+def pad_set(folder: Path, rate_hz: float, change: Callable[[list[np.ndarray]], None]) -> TouchSet:
+    """Write sixteen touches of a pad of three taxels, changed before they are written, and read."""
+    rng = np.random.default_rng(5)
+    rows = []
+    for _ in range(16):
+        x = np.arange(rng.integers(300, 420))
+        bump = np.exp(-(((x - rng.uniform(90, 200)) / rng.uniform(20, 60)) ** 2))
+        rows.append(bump[:, None] * rng.uniform(0.3, 1.0, 3) + rng.normal(0, 0.05, (len(x), 3)))
+    change(rows)
+    names = ("a", "b", "c")
+    sensor = SensorInfo(name="pad", channels=names, units=("N",) * 3, rate_hz=rate_hz)
+    for index, values in enumerate(rows):
+        manifest = Manifest(sensor=sensor, labels={"texture": "ab"[index % 2]},
+                            groups={"session": f"day{index // 2 % 4}"})  # fmt: skip
+        with Recorder(folder / f"t{index:02d}.mcap", manifest) as recorder:
+            recorder.write(Samples.from_values(values, np.arange(len(values)) / rate_hz))
+    return read_touch(folder, None, lambda *_: None)
+
+
+@pytest.mark.parametrize(("rate_hz", "shift"), [(250.0, 1), (2000.0, 7), (50.0, 3)])
+def test_copies_are_found_at_any_rate_and_shift(tmp_path: Path, rate_hz: float, shift: int) -> None:
+    """As they are, times 1.1 with noise, and run backwards, all from another row on."""
+    rng = np.random.default_rng(6)
+
+    def copied(rows: list[np.ndarray]) -> None:
+        rows[5] = rows[0][shift:]
+        rows[6] = (1.1 * rows[1] + rng.normal(0, 0.01, rows[1].shape))[shift:]
+        rows[7] = rows[2][::-1][shift:]
+
+    touch = pad_set(tmp_path, rate_hz, copied)
+    same = same_rows(touch)
+    near, repeats, turned = near_copies(touch, same)
+
+    assert [set(same), set(near), set(turned)] == [{(0, 5)}, {(1, 6)}, {(2, 7)}]
+    assert not repeats
+
+
+def test_honest_trials_of_a_fast_pad_share_no_noise(tmp_path: Path) -> None:
+    """Sixteen touches, none of them a copy."""
+    touch = pad_set(tmp_path, 250.0, lambda _: None)
+
+    assert not any((same_rows(touch), *near_copies(touch, {})))
+
+
+def test_values_that_are_held_for_many_rows_are_found_as_copies(tmp_path: Path) -> None:
+    """A sensor of 100 Hz that is asked 2,000 times a second."""
+
+    def held(rows: list[np.ndarray]) -> None:
+        rows[:] = [np.repeat(one[::4], 20, axis=0) for one in rows]
+        rows[5] = rows[0][7:]
+
+    assert set(same_rows(pad_set(tmp_path, 2000.0, held))) == {(0, 5)}
+
+
+def test_scaling_over_all_scans_is_seen_at_any_rate(tmp_path: Path) -> None:
+    """Files of 250 Hz, of mean 0 and deviation 1 over all of their scans."""
+
+    def scaled(rows: list[np.ndarray]) -> None:
+        every = np.concatenate(rows)
+        rows[:] = [(one - every.mean(axis=0)) / every.std(axis=0) for one in rows]
+
+    touch = pad_set(tmp_path, 250.0, scaled)
+    inner = replace(touch, rows=tuple(one[40:] for one in touch.rows),
+                    time_s=tuple(one[40:] for one in touch.time_s))  # fmt: skip
+
+    assert scaled_values(make_case(touch, None, 10, 0)).verdict == "leak"
+    assert scaled_values(make_case(inner, None, 10, 0)).verdict == "leak"
+
+
+def test_a_set_too_large_says_what_it_does_not_see(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """All files are thinned alike, not below 150 Hz; a copy between the rows seen is not denied."""
+    monkeypatch.setattr(reading, "MOST", 8 * 1500)
+
+    def copied(rows: list[np.ndarray]) -> None:
+        rows[5] = rows[0][1:]
+
+    touch = pad_set(tmp_path, 1000.0, copied)
+    found = {one.kind: one for one in audit(touch, "large").findings}
+
+    assert touch.every == 4
+    assert sum(map(len, touch.rows)) < 1500
+    assert touch.rate_hz == pytest.approx(250.0)
+    assert found["duplicates"].verdict == "not checked"
+    assert "one row of 4" in touch.notes[-1]
+
+
+def test_lengths_are_told_in_the_files_own_rows(tmp_path: Path) -> None:
+    """At 250 Hz: 200 and 300 rows."""
+
+    def cut(rows: list[np.ndarray]) -> None:
+        rows[:] = [one[: 200 + 100 * (index % 2)] for index, one in enumerate(rows)]
+
+    touch = pad_set(tmp_path, 250.0, cut)
+
+    assert read_length(make_case(touch, None, 50, 0)).examples == ("a: 200 rows", "b: 300 rows")
+
+
+def test_missing_sessions_are_said_without_a_split(make_set: Make) -> None:
+    """They cannot be held out, nor their leak be measured."""
+    touch = make_set["array"]()
+    trials = [replace(one, groups={k: v for k, v in one.groups.items() if k != "session"})
+              for one in touch.trials]  # fmt: skip
+
+    def verdicts(touch: TouchSet) -> dict[str, str]:
+        return {one.kind: one.verdict for one in audit(touch, "x").findings}
+
+    assert verdicts(replace(touch, trials=tuple(trials)))["same session"] == "not checked"
+    assert "same session" not in verdicts(touch)
+
+
+def test_cheap_trees_see_what_is_faster_than_the_windows_grid(tmp_path: Path) -> None:
+    """Tones of 400 and 800 Hz at 2 kHz, which rows of 100 Hz cannot tell apart."""
+
+    def tones(rows: list[np.ndarray]) -> None:
+        rng = np.random.default_rng(7)
+        for index, one in enumerate(rows):
+            x = np.arange(len(one)) / 2000.0
+            tone = np.sin(2 * np.pi * (400 + 400 * (index % 2)) * x + rng.uniform(0, 6))
+            rows[index] = tone[:, None] + rng.normal(0, 0.3, one.shape)
+
+    touch = pad_set(tmp_path, 2000.0, tones)
+
+    gaps = measure_gaps(make_case(touch, None, usual_steps(touch), 0))
+    assert gaps[0].low > 0.9
+
+
+def test_a_window_of_a_run_spans_its_own_time_at_the_recordings_rate(make_set: Make) -> None:
+    """Twelve rows of the grid of 100 Hz are 30 at 250 Hz, 15 where every second row is held."""
+    touch = make_set["array"]()
+    contract = SimpleNamespace(rate_hz=250.0, window=WindowConfig(steps=12))
+
+    assert _rows(contract, touch) == 30  # type: ignore[arg-type]
+    assert _rows(contract, replace(touch, every=2)) == 15  # type: ignore[arg-type]
