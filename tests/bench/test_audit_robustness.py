@@ -1,6 +1,7 @@
 """Rows of robustness: goals are judged at the worst level, and faults have none."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -8,6 +9,7 @@ import pytest
 from taxel.bench import audit_robustness as rows
 from taxel.evaluation.robustness.conditions import LEVELS
 from taxel.evaluation.robustness.curve import CLEAN, Answers, Point
+from taxel.evaluation.robustness.touches import Model
 
 
 def told(right: int, of: int = 100) -> Answers:
@@ -62,3 +64,16 @@ def test_a_fault_has_no_goal_and_says_where_nothing_is_answered():
 
 def test_sessions_that_choose_nothing_are_those_tested():
     assert rows.TESTED.seed not in (rows.TRAIN_SEED, 0, 6023, 9023)
+
+
+def test_two_recognisers_side_by_side_tell_both_labels_in_the_order_of_one():
+    def knows(classes: tuple[str, ...], told: list[float]) -> Model:
+        contract = SimpleNamespace(classes=classes)
+        return Model(contract, lambda values, _: np.tile(told, (len(values), 1)))  # type: ignore[arg-type]
+
+    both = knows(("b x", "a x", "a y", "b y"), [0.25] * 4)
+    model = rows._side_by_side(knows(("a", "b"), [0.3, 0.7]), knows(("x", "y"), [0.9, 0.1]), both)
+    found = model.probabilities(np.zeros((2, 5, 3), np.float32), np.ones((2, 5), bool))
+
+    assert model.contract is both.contract
+    np.testing.assert_allclose(found, np.tile([0.63, 0.27, 0.03, 0.07], (2, 1)))

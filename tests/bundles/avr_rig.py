@@ -44,7 +44,7 @@ class Trained:
         fitted = fit_model(
             self.dataset.windows[self.train],
             self.y[self.train],
-            self.dataset.class_parts("shape"),
+            3,
             self.dataset.sensor.full_scale,
             Job(model="cnn2d", target="shape"),
         )

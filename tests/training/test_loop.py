@@ -52,27 +52,6 @@ def test_a_broken_run_resumes_to_the_same_weights(tmp_path: Path) -> None:
         assert torch.equal(a, b)
 
 
-def test_a_broken_run_by_parts_resumes_to_the_same_weights(tmp_path: Path) -> None:
-    config, parts = replace(CONFIG, by_parts=True), np.array([[0, 0], [0, 1], [1, 0], [1, 1]])
-    four = replace(data(), y=np.arange(64) % 4)
-
-    def run(checkpoint: Path | None, epochs: int) -> torch.nn.Module:
-        net = new_network(lambda: Cnn2d(6, 4, 4), seed=3)
-
-        def stop(epoch: Epoch) -> None:
-            if epoch.number == epochs < config.epochs:
-                raise BrokenOffError
-
-        fit(net, four, config, parts=parts, checkpoint=checkpoint, on_epoch=stop)
-        return net
-
-    path = tmp_path / "run.safetensors"
-    with pytest.raises(BrokenOffError):
-        run(path, 2)
-    for a, b in zip(weights(run(None, 4)), weights(run(path, 4)), strict=True):
-        assert torch.equal(a, b)
-
-
 def test_a_checkpoint_of_another_configuration_is_refused(tmp_path: Path) -> None:
     path = tmp_path / "run.safetensors"
     fit(network(), data(), replace(CONFIG, epochs=1), checkpoint=path)

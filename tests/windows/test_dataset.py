@@ -52,17 +52,6 @@ def test_a_window_across_a_border_is_left_out_and_said(tmp_path: Path):
     )
 
 
-def test_joined_classes_know_their_parts_and_single_ones_are_their_own(tmp_path: Path):
-    for number, (shape, material) in enumerate([("a b", "x"), ("a", "y"), ("c", "x"), ("c", "y")]):
-        record(tmp_path, f"r{number}", [grasp(0, 99, shape)], labels={"material": material})
-    dataset = load_dataset(tmp_path, CONFIG, target="shape+material")
-    assert dataset.classes("shape+material") == ["a b x", "a y", "c x", "c y"]
-    assert dataset.class_parts("shape+material").tolist() == [[1, 0], [0, 1], [2, 0], [2, 1]]
-    some = dataset.class_parts("shape+material", ["c x", "c y"])
-    assert some.tolist() == [[0, 0], [0, 1]]
-    assert dataset.class_parts("shape").tolist() == [[0], [1], [2]]
-
-
 def test_what_lies_in_no_trial_is_no_training_window(tmp_path: Path):
     record(tmp_path, "a", [grasp(20, 59, "sphere"), grasp(100, 139, "cylinder")])
     dataset = load_dataset(tmp_path, CONFIG, target="shape")

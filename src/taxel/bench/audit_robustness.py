@@ -13,6 +13,9 @@ from itertools import groupby
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+from numpy.typing import NDArray
+
 from taxel.bench.rows import Row, row
 from taxel.bundles.shipped import CUP_POUR, shipped_bundle
 from taxel.evaluation.robustness.array_sweep import plan_array, sweep_array
@@ -47,6 +50,8 @@ from taxel.training.recipes import find_recipe
 from taxel.windows.pours import read_pours
 
 TARGETS = ("shape", "material", "shape+material")
+TWO = "shape+material by two recognisers"
+"""Both labels, each told by a recogniser of its own (docs/decisions/0029)."""
 SCANS = 160_000
 """Scans a class to train on. Source: TENG thesis, section 3.5.1."""
 TRAIN_SEED = 1
@@ -71,7 +76,7 @@ def condition_rows() -> list[Row]:
     """Measure each condition's loss, both recognisers, three targets: minutes on two cores."""
     plain, robust = side_by_side(_at_conditions, [(False,), (True,)])
     rows = []
-    for target in TARGETS:
+    for target in (*TARGETS, TWO):
         for grasps in (False, True):
             what = f"{target} by {'whole grasps' if grasps else 'windows'}"
             rows.append(_base_row(what, plain[target], robust[target], grasps))
@@ -123,6 +128,7 @@ _Told = dict[tuple[str, float], Answers]
 def _at_conditions(robust: bool) -> dict[str, _Told]:
     """Return target → (condition, level) → answers; runs in a process of its own."""
     models = _train(TARGETS, robust)
+    models[TWO] = _side_by_side(models["shape"], models["material"], models["shape+material"])
     places = [(CLEAN, 0.0), *((name, at) for name, (_, levels) in LEVELS.items() for at in levels)]
     found: dict[str, _Told] = {target: {} for target in models}
     for name, level in places:
@@ -150,6 +156,19 @@ def _train(targets: Sequence[str], robust: bool) -> dict[str, Model]:
             target: train_model(Path(scratch) / "train", replace(recipe, target=target))
             for target in targets
         }
+
+
+def _side_by_side(shape: Model, material: Model, both: Model) -> Model:
+    """Return two recognisers as one: the product of what each tells, in the order of `both`."""
+    names = [f"{one} {two}" for one in shape.contract.classes for two in material.contract.classes]
+    order = [names.index(name) for name in both.contract.classes]
+
+    def probabilities(values: NDArray[np.float32], mask: NDArray[np.bool_]) -> NDArray[np.float64]:
+        one, two = shape.probabilities(values, mask), material.probabilities(values, mask)
+        product = np.einsum("ni,nj->nij", one, two).reshape(len(values), -1)
+        return np.asarray(product[:, order], np.float64)
+
+    return Model(both.contract, probabilities)
 
 
 def _base_row(what: str, plain: _Told, robust: _Told, grasps: bool) -> Row:

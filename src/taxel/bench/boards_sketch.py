@@ -81,7 +81,7 @@ def on_chip(
     from taxel.training.run import contract_of
 
     y, windows = dataset.class_numbers("shape"), dataset.windows
-    fitted = fit_model(windows[train], y[train], dataset.class_parts("shape"),
+    fitted = fit_model(windows[train], y[train], len(dataset.classes("shape")),
                        dataset.sensor.full_scale, Job(model="cnn2d", target="shape"))  # fmt: skip
     assert isinstance(fitted.model, tuple)
     contract = contract_of(dataset, "shape", "cnn2d", fitted.model, fitted.scaling, {})

@@ -58,9 +58,6 @@ class RecipeOptions:
     """Bring each session to one level by its first touches of a known object, KEY=VALUE:COUNT such
     as object=cylinder-glass:3; those touches are neither learned from nor tested. "none" does
     not."""
-    by_parts: bool | None = None
-    """Score the classes of a joined target, such as shape+material, as sums of their parts'
-    scores; the recipe's own way unless given."""
     epochs: int | None = None
     """Passes over the training windows."""
     members: int | None = None
@@ -98,8 +95,6 @@ class RecipeOptions:
             longer = round(longer * window.steps / recipe.window.steps)
         if self.epochs is not None:
             train = replace(train, epochs=self.epochs)
-        if self.by_parts is not None:
-            train = replace(train, by_parts=self.by_parts)
         return replace(
             recipe,
             window=window,

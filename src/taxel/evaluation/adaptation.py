@@ -217,8 +217,7 @@ def run_of(
     """
     own = _renumbered(train, dataset.classes(target), classes)
     job = Job(model=recipe.model, target=target, train=recipe.train, members=recipe.members)
-    parts = dataset.class_parts(target, classes)
-    fitted = fit_model(windows_of(own), own.y, parts, dataset.sensor.full_scale, job)
+    fitted = fit_model(windows_of(own), own.y, len(classes), dataset.sensor.full_scale, job)
     assert isinstance(fitted.model, tuple)
     contract = contract_of(dataset, target, recipe.model, fitted.model, fitted.scaling, {})
     return Run(

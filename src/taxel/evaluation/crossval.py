@@ -75,7 +75,7 @@ class FoldResult:
 def fit_model(
     windows: Windows,
     y: NDArray[np.intp],
-    parts: NDArray[np.intp],
+    classes: int,
     full_scale: float | None,
     job: Job,
     *,
@@ -88,7 +88,7 @@ def fit_model(
     Args:
         windows: Training windows only.
         y: Their class numbers, shape (n,).
-        parts: Each class's number in each label that the target joins, shape (classes, labels).
+        classes: How many classes there are.
         full_scale: The sensor's largest value, None where unknown.
         job: What to fit.
         steps: Rows that the network takes, where the training windows are longer.
@@ -114,14 +114,13 @@ def fit_model(
     history: list[Epoch] = []
     for member in range(job.members):
         config = replace(job.train, seed=job.train.seed + member)
-        network = new_network(lambda: model.build(rows, channels, len(parts)), config.seed)
+        network = new_network(lambda: model.build(rows, channels, classes), config.seed)
         history += fit(
             network,
             Labelled(scaled, windows.mask, y),
             config,
             steps=rows,
             validation=watched,
-            parts=parts,
             on_epoch=on_epoch,
         )
         networks.append(network)
@@ -156,7 +155,7 @@ def run_fold(
     fitted = fit_model(
         source.windows[train],
         source_y[train],
-        dataset.class_parts(job.target),
+        len(dataset.classes(job.target)),
         dataset.sensor.full_scale,
         job,
         steps=dataset.config.steps,

@@ -69,7 +69,7 @@ def train_on_all(
         kind = "standard"
     scaling = fit_scaling(kind, windows.values, windows.mask, full_scale)
     data = Labelled(scaling.apply(windows.values, windows.mask), windows.mask, y)
-    parts = dataset.class_parts(recipe.target)
+    classes = len(dataset.classes(recipe.target))
     if not resume:
         shutil.rmtree(checkpoints, ignore_errors=True)
     checkpoints.mkdir(parents=True, exist_ok=True)
@@ -78,14 +78,13 @@ def train_on_all(
     for member in range(recipe.members):
         config = replace(recipe.train, seed=recipe.train.seed + member)
         steps, channels = recipe.window.steps, data.values.shape[2]
-        network = new_network(lambda: model.build(steps, channels, len(parts)), config.seed)  # noqa: B023
+        network = new_network(lambda: model.build(steps, channels, classes), config.seed)  # noqa: B023
         checkpoint = checkpoints / f"member-{member}.safetensors"
         history = fit(
             network,
             data,
             config,
             steps=steps,
-            parts=parts,
             checkpoint=checkpoint,
             on_epoch=on_epoch,
             job=_job_text(recipe, dataset.digest),

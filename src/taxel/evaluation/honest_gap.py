@@ -40,7 +40,6 @@ class Rung:
     window: WindowConfig = TENG_WINDOW
     model: str = "cnn2d"
     augment: Augment = field(default_factory=Augment)
-    by_parts: bool = False
     own_level: bool = False
     """Each window is divided by its own level: a normalisation that needs no touches."""
 
@@ -57,8 +56,6 @@ RUNGS = (
     Rung(name="augmented gains", split="session", augment=Augment(gain=0.3, channel_gain=0.12)),
     Rung(name="1 reference touch", split="session", window=with_touches(1)),
     Rung(name="3 reference touches", split="session", window=with_touches(3)),
-    Rung(name="3 reference touches, by parts", split="session", window=with_touches(3),
-         by_parts=True),
     Rung(name="3 reference touches, windows of 36 rows", split="session",
          window=replace(with_touches(3), steps=36)),
     Rung(name="3 reference touches", split="random", window=with_touches(3)),
@@ -101,7 +98,7 @@ def honest_gap(
 
     Args:
         folders: Sets of recordings with sessions, such as sim://teng with several seeds.
-        rungs: What to measure; those by parts on joined targets only.
+        rungs: What to measure.
         targets: What to tell.
         train: How; the thesis's way unless given.
         workers: Processes at a time.
@@ -113,7 +110,7 @@ def honest_gap(
     """
     train = train or TrainConfig()
     jobs = [(folder, rung, target, train) for target in targets for rung in rungs
-            if "+" in target or not rung.by_parts for folder in folders]  # fmt: skip
+            for folder in folders]  # fmt: skip
     done = side_by_side(_measure, jobs, lambda one: on_step(one[2]), workers)
     steps = []
     for index in range(0, len(jobs), len(folders)):
@@ -140,9 +137,7 @@ def _measure(folder: Path, rung: Rung, target: str, train: TrainConfig) -> tuple
     dataset = load_dataset(folder, rung.window, target=target)
     if rung.own_level:
         dataset = _at_own_level(dataset)
-    job = Job(model=rung.model, target=target, train=replace(
-        train, augment=rung.augment, by_parts=rung.by_parts
-    ))  # fmt: skip
+    job = Job(model=rung.model, target=target, train=replace(train, augment=rung.augment))
     if rung.split == "random":
         split = random_windows(dataset, target, _FOLDS, train.seed, 0.0)
         split = replace(split, folds=split.folds[:_RANDOM_FOLDS_RUN])

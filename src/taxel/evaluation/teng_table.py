@@ -234,8 +234,8 @@ def _last_fit(dataset: Dataset, fold: Fold, job: Job) -> tuple[FoldResult, dict[
     development, test = fold.windows(dataset)
     watched = _watched(dataset, fold, development, job.train.seed)
     train = development[~watched]
-    windows, parts = dataset.windows, dataset.class_parts(job.target)
-    fitted = fit_model(windows[train], y[train], parts, dataset.sensor.full_scale, job)
+    windows, classes = dataset.windows, len(dataset.classes(job.target))
+    fitted = fit_model(windows[train], y[train], classes, dataset.sensor.full_scale, job)
 
     def accuracy(part: NDArray[np.intp]) -> float:
         found = fitted.probabilities(windows.values[part], windows.mask[part])

@@ -112,6 +112,8 @@ class UnknownResult:
 class _Scored:
     """Test windows, or trials, of all folds."""
 
+    index: NDArray[np.intp]
+    """Which it is, shape (n,): what no fold learns may be tested in several."""
     kind: NDArray[np.str_]
     """Shape (n,): empty for the known."""
     group: NDArray[np.str_]
@@ -241,8 +243,7 @@ def _one_fold(
     y = np.searchsorted(classes, labels[dataset.trial[train]])
     job = Job(model=config.model, target=config.target, train=config.train)
     learned, windows = dataset.windows[train], dataset.windows[test]
-    parts = dataset.class_parts(config.target, classes)
-    fitted = fit_model(learned, y, parts, dataset.sensor.full_scale, job)
+    fitted = fit_model(learned, y, len(classes), dataset.sensor.full_scale, job)
     p = fitted.probabilities(windows.values, windows.mask)
     scaled = fitted.scaling.apply(windows.values, windows.mask)
     test_of = Strangeness(
@@ -262,6 +263,7 @@ def _one_fold(
     names = np.array(classes)
     each = [
         _Scored(
+            index=index,
             kind=kinds[rows],
             group=groups[rows],
             scores={
@@ -273,9 +275,9 @@ def _one_fold(
             truth=labels[rows],
             answer=names[probability.argmax(axis=1)],
         )
-        for rows, p_known, own_strange, probability, own_trivial in (
-            (owner, p_window, strange, p, trivial),
-            (trial, p_grasp, means, joined,
+        for index, rows, p_known, own_strange, probability, own_trivial in (
+            (test, owner, p_window, strange, p, trivial),
+            (trial, trial, p_grasp, means, joined,
              {name: _means(own[:, None], owner)[0][:, 0] for name, own in trivial.items()}),
         )
     ]  # fmt: skip
@@ -314,6 +316,7 @@ def _trivial(
 
 def _join(parts: list[_Scored]) -> _Scored:
     return _Scored(
+        np.concatenate([one.index for one in parts]),
         np.concatenate([one.kind for one in parts]),
         np.concatenate([one.group for one in parts]),
         {name: np.concatenate([one.scores[name] for one in parts]) for name in SCORES},
@@ -363,8 +366,8 @@ def _auroc(score: str, kind: str, windows: _Scored, grasps: _Scored) -> Auroc:
         interval=_interval(grasps, score, kind) if score == OURS else (np.nan, np.nan),
         found_windows=told[0],
         found_grasps=told[1],
-        unknown_windows=int((windows.kind == kind).sum()),
-        unknown_grasps=int((grasps.kind == kind).sum()),
+        unknown_windows=len(set(windows.index[windows.kind == kind])),
+        unknown_grasps=len(set(grasps.index[grasps.kind == kind])),
     )
 
 

@@ -17,7 +17,6 @@ from torch import Tensor, nn
 from torch.nn import functional
 
 from taxel.models.forest import CourseForest
-from taxel.models.parts import settle_parts, share_parts
 from taxel.models.touchnet import TouchNet
 from taxel.training.augment import Augment
 from taxel.training.checkpoints import load_checkpoint, save_checkpoint
@@ -43,9 +42,6 @@ class TrainConfig:
     """Decoupled weight decay (AdamW); 0 is the thesis's plain Adam."""
     label_smoothing: float = 0.0
     """Share of each label spread over all classes."""
-    by_parts: bool = False
-    """Whether a joined target's class, such as "shape+material", is scored as the sum of its
-    parts' scores (docs/decisions/0030); single labels are not concerned."""
     augment: Augment = field(default_factory=Augment)
     """Random changes to training windows; none by default, as in the thesis."""
     seed: int = 0
@@ -103,7 +99,6 @@ def fit(
     *,
     steps: int | None = None,
     validation: Labelled | None = None,
-    parts: NDArray[np.intp] | None = None,
     checkpoint: Path | None = None,
     job: str = "",
     on_epoch: Callable[[Epoch], None] | None = None,
@@ -120,8 +115,6 @@ def fit(
         steps: Rows that the network takes, where training windows are longer and
             `Augment.warp` draws a stretch from each; their own length unless given.
         validation: Windows to watch.
-        parts: Each class's number in each part of a joined target, shape (classes, parts), for
-            `TrainConfig.by_parts`.
         checkpoint: A file written after each epoch; if it exists, training
             goes on from it and gives the weights that an unbroken run gives.
         job: What else the checkpoint must have been written for, such as the data's digest.
@@ -133,8 +126,6 @@ def fit(
     if isinstance(network, CourseForest):
         return _grow(network, train, config, validation, on_epoch)
     shape = _prepare(network, train, steps)
-    if config.by_parts and parts is not None:
-        share_parts(network, parts)
     optimiser = torch.optim.AdamW(
         network.parameters(), lr=config.learning_rate, weight_decay=config.weight_decay
     )
@@ -149,7 +140,6 @@ def fit(
             save_checkpoint(checkpoint, network, optimiser, config, history, job)
         if on_epoch is not None:
             on_epoch(history[-1])
-    settle_parts(network)
     network.eval()
     return history
 

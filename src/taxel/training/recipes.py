@@ -72,7 +72,6 @@ RECIPES: dict[str, Recipe] = {
         model="cnn2d",
         target="shape",
         split="group:session",
-        train=TrainConfig(by_parts=True),
     ),
     "teng-robust": Recipe(
         summary="the TENG hand in damp, dust and motion: weak touches too, 0.6 s of contact",
@@ -82,7 +81,7 @@ RECIPES: dict[str, Recipe] = {
         model="cnn2d",
         target="shape",
         split="group:session",
-        train=TrainConfig(epochs=25, by_parts=True),
+        train=TrainConfig(epochs=25),
         train_stride=12,
     ),
     "teng-glove": Recipe(

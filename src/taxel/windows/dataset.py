@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import hashlib
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -69,20 +69,6 @@ class Dataset:
         index = {name: number for number, name in enumerate(self.classes(target))}
         by_trial = np.array([index[trial.labels[target]] for trial in self.trials], np.intp)
         return by_trial[self.trial]
-
-    def class_parts(self, target: str, classes: Sequence[str] | None = None) -> NDArray[np.intp]:
-        """Return each class's number in each label that a target joins, shape (classes, labels).
-
-        Args:
-            target: A label, or several joined by "+".
-            classes: Those of `classes(target)` that are asked for; all unless given.
-        """
-        joined = all(key in self.trials[0].labels for key in target.split("+"))
-        keys = target.split("+") if joined else [target]
-        own = {trial.labels[target]: [trial.labels[key] for key in keys] for trial in self.trials}
-        names = np.array([own[name] for name in classes or self.classes(target)])
-        columns = [np.unique(column, return_inverse=True)[1] for column in names.T]
-        return np.stack(columns, axis=1)
 
     def group(self, key: str) -> NDArray[np.str_]:
         """Return each trial's group, shape (trials,).

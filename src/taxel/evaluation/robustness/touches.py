@@ -87,10 +87,10 @@ def train_model(path: Path, recipe: Recipe) -> Model:
     if recipe.train_stride is not None:
         rows = recipe.train_steps or recipe.window.steps
         source = recut(path, dataset, recipe.train_stride, rows)
-    parts = dataset.class_parts(recipe.target)
+    classes = len(dataset.classes(recipe.target))
     job = Job(model=recipe.model, target=recipe.target, train=recipe.train, members=recipe.members)
     fitted = fit_model(
-        source.windows, source.class_numbers(recipe.target), parts,
+        source.windows, source.class_numbers(recipe.target), classes,
         dataset.sensor.full_scale, job, steps=recipe.window.steps,
     )  # fmt: skip
     networks = fitted.model if isinstance(fitted.model, tuple) else ()
