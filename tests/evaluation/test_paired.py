@@ -228,3 +228,20 @@ def test_runs_with_other_folds_are_refused():
 def test_a_group_that_is_not_there_is_refused():
     with pytest.raises(BadInput, match="'object'"):
         compare_runs(make_run([0.5]), make_run([0.5]), group="object")
+
+
+def test_objects_that_were_held_out_over_several_sessions_are_taken_as_wholes():
+    def held(run: Run) -> Run:
+        assert run.predictions is not None
+        trials = tuple(
+            replace(one, groups={**one.groups, "object": one.groups["grasp"][-1]})
+            for one in run.predictions.trials
+        )
+        return replace(
+            run, predictions=replace(run.predictions, trials=trials, split="object held out")
+        )
+
+    first, second = make_run([0.5, 0.6, 0.7]), make_run([0.6, 0.7, 0.8])
+    found = compare_runs(held(first), held(second))
+    assert (found.group, len(found.groups)) == ("object", 4)
+    assert compare_runs(first, second).group == "session"

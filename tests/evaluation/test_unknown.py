@@ -121,7 +121,8 @@ def test_answers_that_a_constant_one_beats_are_warned_of(found: UnknownResult):
     assert found.majority.grasps[0] == pytest.approx(1 / 3)
     assert found.majority.windows[-1] >= 1 / 3
     assert not any("warning" in line for line in printed(unknown_tables([found]), 110))
-    worse = replace(found, majority=replace(found.majority, windows=(1.0,) * len(COVERAGES)))
+    assert found.curves[0].windows[0] < 1.0
+    worse = replace(found, majority=found.curves[0])
     assert any("no better than" in line for line in printed(unknown_tables([worse]), 110))
 
 
@@ -143,6 +144,15 @@ def test_a_trial_that_is_unknown_by_another_label_only_is_neither(dataset: Datas
                    for one in trials)  # fmt: skip
     kinds = kinds_of(replace(dataset, trials=joined), "shape+material", ["c3", "rubber"])
     assert set(kinds) == {"", "rubber", "c3+rubber"}
+
+
+def test_what_is_tested_in_every_fold_is_counted_once(dataset: Dataset):
+    """Trials in groups of their own: no fold learns from those of c3, each tests them all."""
+    found = find_unknown(
+        dataset, kinds_of(dataset, "shape", ["c3"]), replace(CONFIG, group="trial", folds=3)
+    )
+    assert found.auroc("c3").unknown_grasps == 15
+    assert found.auroc("c3").unknown_windows == 45
 
 
 def test_nothing_unknown_is_refused(dataset: Dataset):
