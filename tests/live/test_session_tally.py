@@ -14,12 +14,13 @@ from taxel.windows.windower import Windows
 CLASSES = ("ball", "block")
 
 
-def told(label: str) -> Answer:
+def told(label: str, start_s: float = 0.0, ball: float = 0.5) -> Answer:
     window = Windows(
         np.zeros((1, 2, 1), np.float32), np.ones((1, 2), bool), np.ones(1, np.float32),
         np.zeros(1, np.float32), np.zeros(1), np.ones(1),
     )  # fmt: skip
-    decision = Decision(label, 0.9, np.array([0.5, 0.5], np.float32), "", 0.0, 1.0)
+    probabilities = np.array([ball, 1 - ball], np.float32)
+    decision = Decision(label, 0.9, probabilities, "", start_s, start_s + 1.0)
     return Answer(decision, window, 1e-4)
 
 
@@ -54,3 +55,15 @@ def test_two_labels_joined_are_compared_as_one():
     tally.add(told("ball glass"))
     tally.compare(Mark(start_s=0.0, end_s=2.0, labels={"shape": "ball", "material": "glass"}))
     assert (tally.marked, tally.right) == (1, 1)
+
+
+def test_what_was_grasped_before_has_no_vote_where_no_pause_parts_the_grasps():
+    """Long recordings have labelled stretches side by side, without a contact's end."""
+    tally = Tally("shape", GraspVote(CLASSES, 0.8))
+    for start_s in range(4):
+        tally.add(told("ball", float(start_s), ball=0.99))
+    tally.add(told("block", 4.0, ball=0.2))
+    tally.compare(Mark(start_s=0.0, end_s=4.0, labels={"shape": "ball"}))
+    tally.compare(Mark(start_s=4.0, end_s=5.0, labels={"shape": "block"}))
+    assert (tally.grasps, tally.grasps_right) == (2, 2)
+    assert tally.grasp_answer[0] == "ball"  # what is shown knows no marks

@@ -149,6 +149,10 @@ class GraspVote:
         """How many windows have voted in this contact."""
         return self._count
 
+    def emptied(self) -> GraspVote:
+        """Return such a vote in which no window has voted."""
+        return GraspVote(self.classes, self._gap_s, self._test)
+
     def add(self, decision: Decision) -> tuple[str, float]:
         """Take in one decision; return the contact's answer so far and its confidence, 0…1."""
         if self._end_s is not None and decision.start_s - self._end_s > self._gap_s:

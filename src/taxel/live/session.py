@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from taxel.decisions.recognition import UNKNOWN, GraspVote
+from taxel.decisions.recognition import UNKNOWN, Decision, GraspVote
 from taxel.live.recogniser import Answer, Recogniser
 from taxel.signals import Mark, Samples
 from taxel.sources.contract import Source
@@ -41,7 +41,7 @@ class Tally:
     latencies_s: list[float] = field(default_factory=list)
     late: bool = False
     """True where an answer may come after the mark that it lies in, as of a padded window."""
-    _waiting: list[tuple[float, float, str, str]] = field(default_factory=list)
+    _waiting: list[Decision] = field(default_factory=list)
     _marks: list[Mark] = field(default_factory=list)
 
     def add(self, answer: Answer) -> None:
@@ -54,13 +54,13 @@ class Tally:
         self.grasp_answer = self.vote.add(decision)
         self.latencies_s.append(answer.latency_s)
         del self.latencies_s[:-_KEPT_LATENCIES]
-        self._waiting.append(
-            (decision.start_s, decision.end_s, decision.label, self.grasp_answer[0])
-        )
+        self._waiting.append(decision)
         del self._waiting[:-_KEPT_ANSWERS]
 
     def compare(self, mark: Mark) -> None:
-        """Count the windows inside a mark as right or wrong; its last vote is the grasp's.
+        """Count the windows inside a mark as right or wrong; their vote is the grasp's.
+
+        Only they vote: where no pause parts one grasp from the next, the mark does.
 
         The right answer to an object that was never learned is UNKNOWN. Where answers may be
         late, it is counted when one beyond the mark has come, or by `settle`.
@@ -81,17 +81,21 @@ class Tally:
         parts = self.target.split("+")
         if any(part not in mark.labels for part in parts):
             return
-        inside = [w for w in self._waiting if w[0] >= mark.start_s and w[1] <= mark.end_s]
-        self._waiting = [w for w in self._waiting if w[1] > mark.end_s]
+        inside = [
+            one for one in self._waiting if one.start_s >= mark.start_s and one.end_s <= mark.end_s
+        ]
+        self._waiting = [one for one in self._waiting if one.end_s > mark.end_s]
         if not inside:
             return
         truth = " ".join(mark.labels[part] for part in parts)
         if truth not in self.vote.classes:
             truth = UNKNOWN
         self.marked += len(inside)
-        self.right += sum(label == truth for _, _, label, _ in inside)
+        self.right += sum(one.label == truth for one in inside)
+        vote = self.vote.emptied()
+        told = [vote.add(one)[0] for one in inside]
         self.grasps += 1
-        self.grasps_right += inside[-1][3] == truth
+        self.grasps_right += told[-1] == truth
 
     def summary(self) -> dict[str, Any]:
         """Return the counts and latencies, for printing."""
