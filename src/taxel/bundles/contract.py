@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from taxel.decisions.unknown import Unknown, unknown_from_json, unknown_to_json
 from taxel.errors import BadBundle
 from taxel.signals import SensorInfo
-from taxel.windows.config import WindowConfig
+from taxel.windows.config import MOST_RATE_CHANGE, WindowConfig
 from taxel.windows.reference import Reference
 from taxel.windows.scaling import Scaling
 
@@ -28,10 +28,6 @@ FORMAT = 1
 LARGEST_DIFFERENCE = 1e-4
 """A probability may differ by this much between training framework, export and load.
 Source: our choice, docs/decisions/0009."""
-
-_MOST_RATE_CHANGE = 1.25
-"""Where a sensor's own scans are rows, its rate may differ by this factor from the one trained
-on: beyond it a window lasts another time than the model has learned. Source: our choice."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -91,7 +87,7 @@ class Contract:
                 "name or order them so in the import table or with channels= in serial://, if you "
                 "are sure which is which; or train with --channels, which takes them by name",
             )
-        low_hz, high_hz = self.rate_hz / _MOST_RATE_CHANGE, self.rate_hz * _MOST_RATE_CHANGE
+        low_hz, high_hz = self.rate_hz / MOST_RATE_CHANGE, self.rate_hz * MOST_RATE_CHANGE
         if self.window.grid_hz is None and not low_hz <= sensor.rate_hz <= high_hz:
             raise BadBundle(
                 f"about {self.rate_hz:g} scans/s, whose rows this bundle takes as they come",

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import hashlib
 import io
+import shlex
 import zipfile
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -80,7 +81,7 @@ def need_bundle(path: Path) -> None:
     if path.is_dir():
         is_run = (path / "run.json").exists()
         got = f"{path}, {'a run' if is_run else 'a folder'}"
-        mend = f"taxel bundle {path if is_run else 'RUN'} --output FILE"
+        mend = f"taxel bundle {shlex.quote(str(path)) if is_run else 'RUN'} --output FILE"
     raise BadBundle("a bundle's file", got, f"write one with: {mend}")
 
 

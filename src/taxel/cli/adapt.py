@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import tyro
 
-from taxel.cli.printing import console, print_json, progress
+from taxel.cli.printing import command, console, print_json, progress
 from taxel.errors import BadInput
 
 if TYPE_CHECKING:
@@ -342,7 +342,9 @@ class Adapt:
             said = f"{name}: nothing changed, it is version {version} already; no version is added"
             console.print(said, markup=False, soft_wrap=True)
             return
-        back = "" if self.output else f"; back with: taxel adapt {name} --rollback"
+        back = (
+            "" if self.output else f"; back with: {command('taxel', 'adapt', name, '--rollback')}"
+        )
         console.print(f"{name}: version {version}{back}", markup=False, soft_wrap=True)
 
     def _show_history(self) -> None:

@@ -14,7 +14,7 @@ from urllib.parse import parse_qsl
 import tyro
 from rich.table import Table
 
-from taxel.cli.printing import console, print_json
+from taxel.cli.printing import command, console, print_json
 from taxel.clock import SystemClock
 from taxel.errors import BadInput, BadSource, MissingExtra
 from taxel.recordings.reader import read_recording
@@ -292,7 +292,9 @@ class Calibrate:
             console.print(line, soft_wrap=True, markup=False)
         if self.html is not None:
             print(f"page:  {self.html}")
-        print(f"next:  taxel calibrate RECORDING --apply {self.output} --output CORRECTED.mcap")
+        further = command("taxel", "calibrate", "RECORDING", "--apply", self.output,
+                          "--output", "CORRECTED.mcap")  # fmt: skip
+        print(f"next:  {further}")
 
 
 def _identity(info: SensorInfo) -> tuple[Any, ...]:

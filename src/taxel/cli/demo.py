@@ -7,7 +7,7 @@ import time
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from taxel.cli.printing import console, progress
+from taxel.cli.printing import command, console, progress
 from taxel.errors import BadInput
 
 _MARK = "made-by-taxel-demo"
@@ -154,21 +154,22 @@ class Demo:
     def _what_to_look_at(self, seconds: float) -> None:
         out = self.output
         console.print(f"\n[bold]done in {seconds:.0f} s.[/] What to look at:")
-        for what, command in (
-            ("the report, in a browser", f"{out}/report.html"),
-            ("raw touch, no model", "taxel view sim://teng --seconds 20"),
-            ("one session's recording", f"taxel info {out}/honest/session-1.mcap"),
+        for what, words in (
+            ("the report, in a browser", (out / "report.html",)),
+            ("raw touch, no model", ("taxel", "view", "sim://teng", "--seconds", "20")),
+            ("one session's recording", ("taxel", "info", out / "honest/session-1.mcap")),
             ("such touches, by hand",
-             f"taxel adapt {out}/shape.taxel --touches {out}/touches.mcap"),
-            ("are the recordings sound?", f"taxel audit {out}/honest"),
+             ("taxel", "adapt", out / "shape.taxel", "--touches", out / "touches.mcap")),
+            ("are the recordings sound?", ("taxel", "audit", out / "honest")),
             ("the same live, in your time",
-             f"taxel live {out}/shape.taxel --also {out}/material.taxel "
-             f"'sim://teng?seed={self.seed + 1}' --seconds 60"),
+             ("taxel", "live", out / "shape.taxel", "--also", out / "material.taxel",
+              f"sim://teng?seed={self.seed + 1}", "--seconds", "60")),
             ("a cup, a gripper, a page",
-             "taxel live cup-pour sim://cup-pour --page --gripper sim --arm"),
-            ("your own sensor", "docs/how-to/own-array.md"),
+             ("taxel", "live", "cup-pour", "sim://cup-pour", "--page", "--gripper", "sim",
+              "--arm")),
+            ("your own sensor", ("docs/how-to/own-array.md",)),
         ):  # fmt: skip
-            console.print(f"  {what:<30} {command}", soft_wrap=True)
+            console.print(f"  {what:<30} {command(*words)}", soft_wrap=True)
 
     def _say(self, number: int, title: str, text: str) -> None:
         console.print(f"\n[bold]{number}. {title}[/] · {text}")

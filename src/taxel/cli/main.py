@@ -44,7 +44,7 @@ VERBS = {
     "import": "turn tables of values, or a public data set, into recordings",
     "info": "say what a recording or a folder of them holds",
     "view": "look at raw touch, without any model",
-    "label": "show and correct when a grasp turned unstable",
+    "label": "label intervals of long recordings; correct when a grasp turned unstable",
     "audit": "find leaks in recordings or in a split, before a reviewer does",
     "models": "list models and recipes, with their parameter counts",
     "train": "train a recogniser on recordings",

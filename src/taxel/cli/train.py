@@ -10,7 +10,7 @@ import tyro
 
 from taxel.cli.evaluate_grasps import GraspOptions
 from taxel.cli.options import RecipeOptions, check_run_folder
-from taxel.cli.printing import console, print_json, progress
+from taxel.cli.printing import command, console, print_json, progress
 from taxel.errors import BadInput, RecordingFailed, TaxelError
 
 if TYPE_CHECKING:
@@ -143,9 +143,11 @@ class Train:
         )
         if run.contract.unknown is not None:
             console.print(_rejects(run.contract.unknown), soft_wrap=True)
-        console.print(f"next: taxel bundle {self.output} --output {self.output}.taxel")
+        bundle = command("taxel", "bundle", self.output, "--output", f"{self.output}.taxel")
+        console.print(f"next: {bundle}", markup=False, soft_wrap=True)
         if self.check:
-            console.print(f"or:   taxel report {self.output} --output report.html")
+            page = command("taxel", "report", self.output, "--output", "report.html")
+            console.print(f"or:   {page}", markup=False, soft_wrap=True)
 
 
 def warning(checked: Checked) -> str | None:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from taxel.cli.evaluate_grasps import GEL, GraspOptions, extract_features, load_set, open_features
-from taxel.cli.printing import console, print_json, progress
+from taxel.cli.printing import command, console, print_json, progress
 from taxel.errors import BadInput
 
 if TYPE_CHECKING:
@@ -66,7 +66,8 @@ def train_grasps(
     )
     if measured:
         console.print("on cups held out: " + ", ".join(f"{k} {v:.3g}" for k, v in measured.items()))
-    console.print(f"next: taxel live {output} 'sim://cup-pour' --seconds 20")
+    watch = command("taxel", "live", output, "sim://cup-pour", "--seconds", "20")
+    console.print(f"next: {watch}", markup=False, soft_wrap=True)
 
 
 def fine_tune_backbone(
@@ -123,9 +124,9 @@ def fine_tune_backbone(
         f"{output}: {backbone} after {epochs} epochs on {done.device}, {done.processes} "
         f"process(es); loss {', '.join(f'{loss:.3f}' for loss in done.losses)}"
     )
-    console.print(
-        f"next: taxel train {data} --grasp {backbone} --weights {output} --output grasp.taxel"
-    )
+    further = command("taxel", "train", data, "--grasp", backbone, "--weights", output,
+                      "--output", "grasp.taxel")  # fmt: skip
+    console.print(f"next: {further}", markup=False, soft_wrap=True)
 
 
 def _contract(

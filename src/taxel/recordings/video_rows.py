@@ -5,12 +5,13 @@ FORMAT.md describes the table. Knows nothing about pixels.
 
 from __future__ import annotations
 
-import csv
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
 from taxel.errors import BadTable
+from taxel.recordings.spelling import composed
+from taxel.recordings.tables import read_cells
 
 _CAMERA_COLUMNS = ("left", "right")
 
@@ -40,11 +41,7 @@ def read_video_rows(table: Path, data_dir: Path) -> list[VideoRow]:
     Raises:
         BadTable: The table cannot be read, or a column is missing or unknown.
     """
-    try:
-        with table.open(newline="", encoding="utf-8-sig") as file:
-            lines = list(csv.reader(file))
-    except (OSError, UnicodeDecodeError, csv.Error) as error:
-        raise BadTable("an import table (CSV)", f"{table}: {error}", "check the path") from error
+    lines = read_cells(table)
     columns = [name.strip() for name in lines[0]] if lines else []
     _check_columns(table, columns)
     rows = [
@@ -100,7 +97,11 @@ def _row(
 
 
 def _prefixed(line: Mapping[str, str], prefix: str) -> dict[str, str]:
-    return {key.removeprefix(prefix): cell for key, cell in line.items() if key.startswith(prefix)}
+    return {
+        key.removeprefix(prefix): composed(cell)
+        for key, cell in line.items()
+        if key.startswith(prefix)
+    }
 
 
 def _number(text: str, column: str, where: str) -> float | None:

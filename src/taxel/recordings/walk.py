@@ -8,6 +8,7 @@ records by itself (recovery.py). Knows nothing about scans or sensors.
 from __future__ import annotations
 
 import io
+import shlex
 import struct
 import zlib
 from collections.abc import Iterator
@@ -70,7 +71,7 @@ def damaged(path: Path, what: str) -> BadRecording:
     return BadRecording(
         "a complete, undamaged recording",
         f"{path}: {what}",
-        f"run: taxel recover {path} --output {mended}",
+        f"run: taxel recover {shlex.quote(str(path))} --output {shlex.quote(str(mended))}",
     )
 
 

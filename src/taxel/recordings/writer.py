@@ -13,6 +13,7 @@ import contextlib
 import errno
 import math
 import os
+import shlex
 import threading
 import time
 from collections import deque
@@ -325,7 +326,7 @@ class Recorder:
         return RecordingFailed(self._line(reason))
 
     def _line(self, reason: str) -> str:
-        mend = f"free space, then run: taxel recover {self._part} --output {self._path}"
+        mend = f"free space, then run: {_recover(self._part, self._path)}"
         if not self._part.is_file():
             mend = "free space or choose another folder, then record again"
         return f"needed room to record {self._path}; {reason}; {mend}."
@@ -354,5 +355,9 @@ def _refuse_existing(path: Path, overwrite: bool) -> None:
         raise BadInput(
             "a new file to record to",
             f"the unfinished {part}",
-            f"run: taxel recover {part} --output {path}, or add --overwrite",
+            f"run: {_recover(part, path)}, or add --overwrite",
         )
+
+
+def _recover(part: Path, path: Path) -> str:
+    return shlex.join(["taxel", "recover", str(part), "--output", str(path)])

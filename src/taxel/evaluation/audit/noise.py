@@ -12,13 +12,12 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import fft
 
-SAME = 0.7
-"""Least correlation of copies at their lag. Our choice, docs/decisions/0023."""
-ALONE = 1.75
+SAME, BY_CHANCE = 0.5, 10.0
+"""Least correlation of copies at their lag; where few differences say something, so much over the
+root of their number. Our choice, docs/decisions/0023."""
+ALONE = 2.2
 """A copy's correlation over that with the tenth nearest trial, and over that at other lags, at
 least. Our choice, decision 23."""
-_ENOUGH = 120
-"""Differences that must say something in each of the two: fewer meet by chance."""
 _LIMIT = 3.0
 """Medians to which a difference is limited."""
 _MIXED = 4
@@ -48,8 +47,9 @@ def shared_noise(rows: tuple[Table, ...]) -> tuple[dict[tuple[int, int], float],
     fine = [_fine(rows[i], longest) for i in index]
     size = fft.next_fast_len(2 * longest, real=True)
     spectra = np.stack([fft.rfft(one, size, axis=0) for one in fine])
-    usable = np.array([np.count_nonzero(one) >= _ENOUGH for one in fine])
-    return tuple(_pairs(spectra, other, size, usable, index)
+    count = np.array([np.count_nonzero(one) for one in fine])
+    least = np.maximum(SAME, BY_CHANCE / np.sqrt(np.maximum(count, 1)))
+    return tuple(_pairs(spectra, other, size, least, index)
                  for other in (spectra.conj(), spectra))  # fmt: skip
 
 
@@ -70,7 +70,7 @@ def _pairs(
     own: NDArray[np.complex64],
     other: NDArray[np.complex64],
     size: int,
-    usable: NDArray[np.bool_],
+    least: NDArray[np.float64],
     index: NDArray[np.intp],
 ) -> dict[tuple[int, int], float]:
     """Return pairs that stand out at one lag, from other lags and other trials."""
@@ -86,6 +86,6 @@ def _pairs(
         second[place, rest] = np.abs(lags).max(axis=1)
     tenth = min(_TENTH, max(1, n // 3))
     usual = np.partition(best, -tenth, axis=1)[:, -tenth]
-    least = np.maximum(SAME, ALONE * np.maximum(second, np.maximum(usual[:, None], usual)))
-    found = np.argwhere(np.triu((best >= least) & usable[:, None] & usable, 1))
+    alone = best >= ALONE * np.maximum(second, np.maximum(usual[:, None], usual))
+    found = np.argwhere(np.triu(alone & (best >= np.maximum(least[:, None], least)), 1))
     return {(int(index[a]), int(index[b])): float(best[a, b]) for a, b in found}
