@@ -76,8 +76,8 @@ def check_target(trials: Sequence[Trial], target: str) -> None:
             raise BadDataset(
                 f"the label {target!r} on every trial",
                 f"{trial.groups['trial']} with the labels {known}",
-                "name one of those, or label the recordings: taxel label RECORDINGS --intervals TABLE "
-                "--output FOLDER",
+                "name one of those, or label the recordings: "
+                "taxel label RECORDINGS --intervals TABLE --output FOLDER",
             )
     classes = {trial.labels[target] for trial in trials}
     if len(classes) < 2:
