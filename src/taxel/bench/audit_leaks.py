@@ -203,7 +203,7 @@ def _shifted_at_250_hz(touch: TouchSet, folder: Path) -> Planted:
             rows = 1.1 * rows + rng.normal(0.0, 1.0, rows.shape) * 0.01 * rows.std(axis=0)
         elif place % 3 == 2:
             rows = rows[::-1]
-        spoilt = _append(spoilt, index, rows[(1, 3, 5)[place % 3] :].astype(np.float32))
+        spoilt = _append(spoilt, index, rows[(1, 3, 7)[place % 3] :].astype(np.float32))
     return _as_files(spoilt, folder, 250.0), None, None
 
 

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections import defaultdict
 from collections.abc import Callable
+from dataclasses import replace
 from itertools import combinations
 
 import numpy as np
@@ -45,22 +46,32 @@ Pairs = dict[tuple[int, int], float]
 """Pairs of trials (lower number first) → how alike they are, 0…1."""
 
 
-def same_rows(touch: TouchSet) -> Pairs:
+def same_rows(touch: TouchSet, wanted: Callable[[int, int], bool] = lambda _a, _b: True) -> Pairs:
     """Return pairs of different trials that share runs of rows; 1 is all of the shorter one's.
 
     Coarse values meet by chance: many pairs then share a little and few share much, and longer
-    runs are asked for until that is no longer so.
+    runs are asked for until that is no longer so. Only pairs that are wanted count.
     """
     shortest = min(len(rows) for rows in touch.rows)
     run = min(RUN, shortest)
     while True:
-        every, plenty = _shared_runs(touch, run)
+        found, plenty = _shared_runs(touch, run)
+        every = {pair: share for pair, share in found.items() if wanted(*pair)}
         alike = {pair: share for pair, share in every.items() if share >= SHARED}
         if plenty and 4 * len(alike) >= 3 * len(every):
             return alike
         if run == shortest:
             return {}  # chance and copies cannot be told apart
         run = min(2 * run, shortest)
+
+
+def rows_backwards(touch: TouchSet) -> Pairs:
+    """Return pairs of trials of which one, run backwards, shares runs of rows with the other."""
+    n = len(touch)
+    both = replace(touch, trials=2 * touch.trials,
+                   rows=(*touch.rows, *(rows[::-1] for rows in touch.rows)))  # fmt: skip
+    return {(min(a, b - n), max(a, b - n)): share for (a, b), share in
+            same_rows(both, lambda a, b: a < n <= b).items()}  # fmt: skip
 
 
 def _shared_runs(touch: TouchSet, run: int) -> tuple[Pairs, bool]:
@@ -116,7 +127,7 @@ def near_copies(touch: TouchSet, known: Pairs) -> tuple[Pairs, Pairs, Pairs]:
     near = {pair: alike for pair, alike in straight.items()
             if _same_noise(*(touch.rows[trial] for trial in pair))}  # fmt: skip
     shifted, backwards = shared_noise(touch.rows)
-    for found, more in ((near, shifted), (turned, backwards)):
+    for found, more in ((near, shifted), (turned, backwards), (turned, rows_backwards(touch))):
         fresh = more.keys() - known.keys() - near.keys() - found.keys()
         found |= {pair: more[pair] for pair in sorted(fresh) if not _overlap(touch, *pair)}
     return near, {pair: straight[pair] for pair in straight.keys() - near.keys()}, turned
