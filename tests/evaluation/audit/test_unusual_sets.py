@@ -8,7 +8,7 @@ import pytest
 
 from taxel.errors import BadDataset
 from taxel.evaluation.audit.audit import audit, make_case
-from taxel.evaluation.audit.copies import near_copies, same_rows
+from taxel.evaluation.audit.copies import near_copies, rows_backwards, same_rows
 from taxel.evaluation.audit.finding import Finding
 from taxel.evaluation.audit.origins import read_origins
 from taxel.evaluation.audit.scaled import scaled_values
@@ -105,6 +105,17 @@ def test_coarse_values_that_meet_by_chance_are_no_copies(make_set: Make, seed: i
 
     copied = replace(touch, rows=(*touch.rows[:-1], touch.rows[0]))
     assert list(same_rows(copied)) == [(0, len(touch) - 1)]
+
+
+@pytest.mark.parametrize("seed", range(2))
+def test_pulses_of_a_few_steps_are_no_copies_either_way_round(make_set: Make, seed: int) -> None:
+    """One channel in steps of half a pulse: few rows say something, and those meet by chance."""
+    touch = make_set["array"](seed)
+    rows = tuple(np.asarray(np.round(2 * one[:, :1]) / 2, np.float32) for one in touch.rows)
+    steps = replace(touch, views=("array",), rows=rows)
+
+    assert not same_rows(steps)
+    assert not rows_backwards(steps)
 
 
 def test_a_trial_copied_often_is_found(make_set: Make) -> None:

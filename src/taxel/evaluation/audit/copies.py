@@ -77,7 +77,8 @@ def rows_backwards(touch: TouchSet) -> Pairs:
 def _shared_runs(touch: TouchSet, run: int) -> tuple[Pairs, bool]:
     """Return pairs of trials that share any run of so many rows → share of the shorter one's.
 
-    And whether half of the trials have such runs: none has where values are held for many rows.
+    And whether half of the trials have several such runs: where values are coarse or held for many
+    rows, few runs say something.
     """
     each = [np.unique(_runs(rows, run)) for rows in touch.rows]
     sizes = [len(own) for own in each]
@@ -103,7 +104,7 @@ def _shared_runs(touch: TouchSet, run: int) -> tuple[Pairs, bool]:
         (a, b): count / min(sizes[a], sizes[b])
         for (a, b), count in shared.items()
         if not _overlap(touch, a, b)
-    }, bool(np.median(sizes) > 0)
+    }, bool(np.median(sizes) >= min(RUN, min(map(len, touch.rows)) - run + 1))
 
 
 def near_copies(touch: TouchSet, known: Pairs) -> tuple[Pairs, Pairs, Pairs]:
