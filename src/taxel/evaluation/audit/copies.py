@@ -149,11 +149,11 @@ def _same_noise(one: NDArray[np.float32], other: NDArray[np.float32]) -> bool:
 def _runs(rows: NDArray[np.float32], run: int) -> NDArray[np.uint64]:
     """Return one number for each run of rows that says something, shape (m,)."""
     rng = np.random.default_rng(0)
-    factors = rng.integers(1, 2**63, rows.shape[1], dtype=np.uint64) | np.uint64(1)
+    drawn = np.asarray(rng.integers(1, 2**63, rows.shape[1], dtype=np.uint64))
     of_row = np.zeros(len(rows), np.uint64)
     with np.errstate(over="ignore"):
-        for column, factor in zip(rows.T, factors, strict=True):
-            bits = np.ascontiguousarray(column).view(np.uint32).astype(np.uint64)
+        for number, factor in enumerate(drawn | np.uint64(1)):
+            bits = np.ascontiguousarray(rows[:, number]).view(np.uint32).astype(np.uint64)
             mixed = (bits ^ (bits >> np.uint64(7))) * factor
             of_row ^= mixed * (mixed >> np.uint64(29) | np.uint64(1))
         found = np.zeros(len(rows) - run + 1, np.uint64)

@@ -135,7 +135,7 @@ def _array_recordings(paths: Iterator[Path]) -> list[_Read]:
 
 
 def _size(read: _Read) -> int:
-    return len(read.rows) * max(8, read.rows.shape[1])
+    return int(len(read.rows) * max(8, read.rows.shape[1]))
 
 
 def _thinned(read: _Read, every: int) -> _Read:
