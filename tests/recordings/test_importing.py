@@ -109,13 +109,19 @@ def test_one_bad_file_among_good_ones_leaves_nothing(folder):
 
 
 def test_an_output_folder_with_something_in_it_is_not_replaced_unasked(folder):
-    """With overwrite it is replaced as a whole."""
-    (folder / "out").mkdir()
-    (folder / "out" / "old.mcap").write_text("precious")
+    """With overwrite it is replaced as a whole, unless something would be lost with it."""
+    again = ImportOptions(overwrite=True)
+    import_table(folder / "table.csv", folder / "out")
     with pytest.raises(BadTable, match="--overwrite"):
         import_table(folder / "table.csv", folder / "out")
+    (folder / "out" / "old.mcap").write_text("precious")
+    with pytest.raises(BadTable, match=r"with old\.mcap;"):
+        import_table(folder / "table.csv", folder / "out", options=again)
+    with pytest.raises(BadTable, match=r"and [0-9] more"):
+        import_table(folder / "table.csv", folder, options=again)
     assert (folder / "out" / "old.mcap").read_text() == "precious"
-    import_table(folder / "table.csv", folder / "out", options=ImportOptions(overwrite=True))
+    (folder / "out" / "old.mcap").unlink()
+    import_table(folder / "table.csv", folder / "out", options=again)
     assert [path.name for path in list_recordings(folder / "out")] == ["a.mcap", "b.mcap"]
 
 

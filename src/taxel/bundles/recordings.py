@@ -35,10 +35,12 @@ def load_at_level(
     Raises:
         BadDataset: There is no window, a trial lacks the target, or a session lacks its
             reference touches.
+        BadBundle: The array is another than the bundle's.
         BadRecording: A recording is damaged.
     """
     window = contract.window if touches is None else replace(contract.window, reference=None)
     dataset = load_dataset(path, window, target=target)
+    contract.check_sensor(dataset.sensor)
     own = dataset.reference.level if dataset.reference is not None else None
     level = own if touches is None else touches.level
     if level is None or contract.reference is None:
@@ -64,21 +66,23 @@ def load_by_session(path: Path, contract: Contract, touches: TouchLevel) -> Data
     Raises:
         BadDataset: There is no window beside the touches, or a session with a name of its own
             lacks its reference touches.
+        BadBundle: The array is another than the bundle's.
         BadRecording: A recording is damaged.
     """
     assert contract.window.reference is not None
     assert contract.reference is not None
     dataset = load_dataset(path, replace(contract.window, reference=None))
+    contract.check_sensor(dataset.sensor)
     wanted = parse_reference(contract.window.reference)
     trials = dataset.trials
     named = all("session" in trial.groups for trial in trials)
     session = dataset.group("session" if named else "recording")
     held = Counter(name for name, one in zip(session, trials, strict=True) if wanted.matches(one))
     for name in sorted(set(session)):
-        if held[name] < wanted.count and named and name not in (touches.sessions or {name}):
+        if held[name] < wanted.count and named and name not in touches.sessions:
             raise BadDataset(
                 f"{wanted.count} touches of {wanted.key}={wanted.value} in each session but that "
-                f"of --touches ({', '.join(sorted(touches.sessions))})",
+                f"of --touches ({', '.join(sorted(touches.sessions)) or 'which name none'})",
                 f"{held[name]} in {name}", "leave it out, or give its own touches",
             )  # fmt: skip
     own = np.flatnonzero([held[name] >= wanted.count for name in session])

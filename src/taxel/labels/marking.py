@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from taxel.errors import BadInput
-from taxel.recordings.importing import new_folder
+from taxel.recordings.folders import new_folder
 from taxel.recordings.intervals import marks_of, read_intervals, stem_of, write_marked
 from taxel.recordings.reader import iterate_frames, list_recordings, read_recording
 from taxel.recordings.writer import Recorder
@@ -45,7 +45,7 @@ def mark_recordings(
         path: A recording of an array, or a folder of them.
         table: The intervals (recordings/intervals.py).
         output_dir: Folder to be made; complete or not there.
-        overwrite: Replace an existing folder.
+        overwrite: Replace an existing folder that holds nothing else than the copies.
         progress: Called with recordings done and recordings in all.
 
     Raises:
@@ -63,7 +63,8 @@ def mark_recordings(
     chosen = [(one, name) for one, name in zip(paths, names, strict=True) if name in intervals]
     marks: list[Mark] = []
     replaced = 0
-    with new_folder(output_dir, overwrite) as made:
+    files = [one.name for one, _ in chosen]
+    with new_folder(output_dir, files, overwrite=overwrite) as made:
         for done, (one, name) in enumerate(chosen, 1):
             recording = read_recording(one)
             samples, manifest = recording.samples, recording.manifest

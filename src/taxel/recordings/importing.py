@@ -7,10 +7,7 @@ nothing about particular data sets (known.py).
 
 from __future__ import annotations
 
-import os
-import tempfile
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -18,6 +15,7 @@ import numpy as np
 
 from taxel.errors import BadTable
 from taxel.recordings import tables
+from taxel.recordings.folders import new_folder
 from taxel.recordings.intervals import Interval, marks_of, read_intervals, stem_of, write_marked
 from taxel.recordings.layouts import find_layout
 from taxel.recordings.manifest import Manifest
@@ -59,7 +57,7 @@ class ImportOptions:
     allow_code: bool = False
     """Run layouts of the form module.py:function."""
     overwrite: bool = False
-    """Replace an existing output folder."""
+    """Replace an existing output folder that holds nothing else than what is written again."""
 
 
 def import_table(
@@ -103,13 +101,14 @@ def import_rows(
 ) -> list[Path]:
     """Write one recording for each row; see `import_table` and `intervals_of`."""
     names = _output_names(rows)
-    with new_folder(output_dir, options.overwrite) as made:
-        for done, (row, name) in enumerate(zip(rows, names, strict=True), 1):
+    files = [f"{name}.mcap" for name in names]
+    with new_folder(output_dir, files, overwrite=options.overwrite) as made:
+        for done, (row, name, file) in enumerate(zip(rows, names, files, strict=True), 1):
             own = (intervals or {}).get(name, ())
-            _import_file(row, own, made / f"{name}.mcap", code_dir, options)
+            _import_file(row, own, made / file, code_dir, options)
             if progress is not None:
                 progress(done, len(rows))
-    return [output_dir / f"{name}.mcap" for name in names]
+    return [output_dir / file for file in files]
 
 
 def intervals_of(rows: Sequence[ImportRow], table: Path | None) -> dict[str, list[Interval]]:
@@ -128,28 +127,6 @@ def intervals_of(rows: Sequence[ImportRow], table: Path | None) -> dict[str, lis
             raise BadTable("an interval or a label for each file", f"none for {row.file}",
                            f"add lines to {table}, or leave the file out")  # fmt: skip
     return found
-
-
-@contextmanager
-def new_folder(path: Path, overwrite: bool) -> Iterator[Path]:
-    """Give a folder to fill, which gets its name when the block ends well, and else goes.
-
-    Raises:
-        BadTable: There is something of that name already, and it is not to be replaced.
-    """
-    if path.exists() and not overwrite and _occupied(path):
-        raise BadTable(
-            "a new folder for the recordings", f"{path}, which is not empty",
-            "choose another --output, or add --overwrite",
-        )  # fmt: skip
-    path.parent.mkdir(parents=True, exist_ok=True)
-    with tempfile.TemporaryDirectory(prefix=".taxel-import-", dir=path.parent) as scratch:
-        made = Path(scratch) / "made"
-        made.mkdir()
-        yield made
-        if path.exists():
-            os.replace(path, Path(scratch) / "replaced")
-        os.replace(made, path)
 
 
 def read_rows(manifest_csv: Path, data_dir: Path) -> list[ImportRow]:
@@ -225,10 +202,6 @@ def _output_names(rows: Sequence[ImportRow]) -> list[str]:
             )
         names[name] = row.file
     return list(names)
-
-
-def _occupied(folder: Path) -> bool:
-    return not folder.is_dir() or any(folder.iterdir())
 
 
 def _import_file(

@@ -9,8 +9,6 @@ data sets.
 
 from __future__ import annotations
 
-import os
-import tempfile
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 
@@ -20,6 +18,7 @@ from numpy.typing import NDArray
 
 from taxel.errors import BadTable
 from taxel.frame_codec import encode_jpeg
+from taxel.recordings.folders import new_folder
 from taxel.recordings.manifest import NO_ARRAY, Manifest
 from taxel.recordings.video_rows import VideoRow
 from taxel.recordings.writer import Recorder
@@ -45,30 +44,20 @@ def import_videos(
     Args:
         rows: What each recording is made of.
         output_dir: Folder to be made.
-        overwrite: Replace an existing folder.
+        overwrite: Replace an existing folder that holds nothing else than these.
         progress: Called with recordings done and in all.
 
     Raises:
         BadTable: A video is missing, empty, cut short, grey, or unlike its partner.
         RecordingFailed: The disk refused.
     """
-    if output_dir.exists() and not overwrite:
-        raise BadTable(
-            "a new folder for the recordings", f"{output_dir}, which exists",
-            "choose another --output, or add --overwrite",
-        )  # fmt: skip
-    output_dir.parent.mkdir(parents=True, exist_ok=True)
-    with tempfile.TemporaryDirectory(prefix=".taxel-import-", dir=output_dir.parent) as scratch:
-        made = Path(scratch) / "made"
-        made.mkdir()
-        for done, row in enumerate(rows):
-            _import_row(row, made / f"{row.name}.mcap")
+    files = [f"{row.name}.mcap" for row in rows]
+    with new_folder(output_dir, files, overwrite=overwrite) as made:
+        for done, (row, file) in enumerate(zip(rows, files, strict=True), 1):
+            _import_row(row, made / file)
             if progress is not None:
-                progress(done + 1, len(rows))
-        if output_dir.exists():
-            os.replace(output_dir, Path(scratch) / "replaced")
-        os.replace(made, output_dir)
-    return [output_dir / f"{row.name}.mcap" for row in rows]
+                progress(done, len(rows))
+    return [output_dir / file for file in files]
 
 
 class _Video:

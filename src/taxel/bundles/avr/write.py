@@ -136,7 +136,6 @@ def write_avr(
     rows, columns = contract.window.steps, len(contract.channels)
     network = read_network(model_of(bundle), rows, columns)
     known = load_at_level(calibration, contract)
-    contract.check_sensor(known.sensor)
     converter = Converter(reference_mv=reference_mv or reference_of(known.sensor))
     window = board_window(contract, converter, known.sensor.full_scale)
     integers = quantise(network, contract.scaling, converter, known.windows.values)

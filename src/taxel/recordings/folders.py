@@ -1,0 +1,56 @@
+"""A folder of recordings that is made as a whole, or not at all.
+
+Knows nothing about what is in a recording.
+"""
+
+from __future__ import annotations
+
+import os
+import tempfile
+from collections.abc import Collection, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from taxel.errors import BadTable
+
+
+@contextmanager
+def new_folder(path: Path, names: Collection[str], *, overwrite: bool) -> Iterator[Path]:
+    """Give a folder to fill, which gets its name when the block ends well, and else goes.
+
+    Args:
+        path: The name.
+        names: Files that will be in it.
+        overwrite: Replace a folder that holds nothing but files of those names.
+
+    Raises:
+        BadTable: There is something of that name already that is not to be replaced.
+    """
+    if path.exists():
+        _check_replaceable(path, names, overwrite)
+    path.parent.mkdir(parents=True, exist_ok=True)
+    with tempfile.TemporaryDirectory(prefix=".taxel-import-", dir=path.parent) as scratch:
+        made = Path(scratch) / "made"
+        made.mkdir()
+        yield made
+        if path.exists():
+            os.replace(path, Path(scratch) / "replaced")
+        os.replace(made, path)
+
+
+def _check_replaceable(path: Path, names: Collection[str], overwrite: bool) -> None:
+    if not path.is_dir():
+        raise BadTable("a folder for the recordings", f"{path}, a file", "choose another --output")
+    held = sorted(one.name for one in path.iterdir())
+    if held and not overwrite:
+        raise BadTable(
+            "a new folder for the recordings", f"{path}, which is not empty",
+            "choose another --output, or add --overwrite",
+        )  # fmt: skip
+    others = [name for name in held if name not in names]
+    if others:
+        raise BadTable(
+            "a folder that holds only what is written again, to replace",
+            f"{path} with {others[0]}" + (f" and {len(others) - 1} more" if others[1:] else ""),
+            "move what you need, or choose another --output",
+        )
