@@ -207,12 +207,26 @@ def test_only_sessions_without_touches_of_their_own_have_those_given(
     np.testing.assert_allclose(dataset.windows.values, np.broadcast_to(OLD, (16, 6, 4)), rtol=1e-5)
 
 
-def test_touches_are_not_lent_to_a_session_of_another_name(tmp_path: Path) -> None:
-    touches = measure_level(record(tmp_path / "t.mcap", ["ball"], OLD, "today"), contract())
+@pytest.mark.parametrize("session", [None, "today"])
+def test_touches_are_not_lent_to_a_session_of_another_name(
+    tmp_path: Path, session: str | None
+) -> None:
+    touches = measure_level(record(tmp_path / "t.mcap", ["ball"], OLD, session), contract())
     path = record(tmp_path / "a.mcap", ["can", "ball"], OLD, "before")
 
     with pytest.raises(BadDataset, match="got 1 in before"):
         load_by_session(path, contract(), touches)
+
+
+def test_channels_in_another_order_are_refused_wherever_recordings_are_cut(tmp_path: Path) -> None:
+    path = record(tmp_path / "a.mcap", GRASPS, OLD)
+    other = replace(contract(), channels=tuple("bacd"))
+    touches = measure_level(record(tmp_path / "t.mcap", ["ball"], OLD), contract())
+
+    with pytest.raises(BadBundle, match="a, b"):
+        load_at_level(path, other)
+    with pytest.raises(BadBundle, match="a, b"):
+        load_by_session(path, other, touches)
 
 
 def test_recordings_of_a_bundle_without_touches_stay_as_measured(tmp_path: Path) -> None:

@@ -3,13 +3,15 @@
 from pathlib import Path
 
 import numpy as np
+import pytest
 
 from taxel.bundles.contract import Contract
+from taxel.errors import BadInput
 from taxel.recordings.manifest import Manifest
 from taxel.recordings.writer import Recorder
 from taxel.signals import Mark, Samples, SensorInfo
 from taxel.training.adapt.exemplars import Exemplars, thin_out
-from taxel.training.adapt.new_data import read_grasps
+from taxel.training.adapt.new_data import check_apart, read_grasps
 from taxel.windows.config import WindowConfig
 from taxel.windows.dataset import load_dataset
 from taxel.windows.scaling import fit_scaling
@@ -87,3 +89,21 @@ def test_grasps_of_one_name_in_two_sessions_are_thinned_out_apart() -> None:
     few = thin_out(both, most=3)
 
     assert [int((few.session == name).sum()) for name in ("day1", "day2")] == [3, 3]
+
+
+def test_a_test_set_is_refused_for_the_same_scans_and_for_nothing_else(tmp_path: Path) -> None:
+    """Marks without a scan, and trials in which nothing moves, are alike without being copies."""
+    learned = record(tmp_path / "learn" / "a.mcap", 0)
+    still = []
+    for day in "12":
+        path = tmp_path / f"still-{day}.mcap"
+        with Recorder(path, Manifest.started_now(SENSOR, now_s=0.0)) as recorder:
+            recorder.write(Samples.from_values(np.zeros((ROWS, 4)), np.arange(ROWS) / 100.0))
+            recorder.mark(Mark(start_s=0.0, end_s=0.1, labels={"shape": "none"}))
+            recorder.mark(Mark(start_s=0.113, end_s=0.117, labels={"shape": "none"}))
+        still.append(path)
+
+    check_apart([learned, still[0]], still[1])
+    check_apart([learned], record(tmp_path / "test" / "a.mcap", 1))
+    with pytest.raises(BadInput, match="3 of 3"):
+        check_apart([learned], record(tmp_path / "copy.mcap", 0))
