@@ -164,7 +164,7 @@ def warning(checked: Checked) -> str | None:
         checked.trivial,
     )
     mend = {
-        "behind": "do not claim what it tells; train longer, or record more sessions",
+        "behind": f"do not claim what it tells; train longer, or record more {pooled.interval_group}s",
         "near": f"the difference may be chance; record more {pooled.interval_group}s",
         "few": "record more of them",
     }

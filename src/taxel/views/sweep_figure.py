@@ -83,7 +83,8 @@ def _panel(axes: Axes, base: Point, own: Sequence[Point], fault: str) -> None:
     axes.fill_between(place, low, high, color=_ACCURACY, alpha=0.18, lw=0)
     axes.plot(place, [one.grasps for one in each], "s--", color=_GRASPS, ms=3.5, lw=1.0)
     axes.plot(place, [one.accuracy for one in each], "o-", color=_ACCURACY, ms=4.5, lw=1.7)
-    axes.axhline(base.accuracy - FALL, color=_ACCURACY, lw=0.8, ls=(0, (4, 3)), alpha=0.6)
+    usual = np.array([base.accuracy if one.base is None else one.base for one in each])
+    axes.plot(place, usual - FALL, color=_ACCURACY, lw=0.8, ls=(0, (4, 3)), alpha=0.6)
     axes.set_xticks(place, ["none", *(f"{one.level:g}" for one in own)], fontsize=8)
     axes.set_title(fault, fontsize=10, loc="left", weight="bold")
     draws = f", {own[0].draws} draws" if own[0].draws > 1 else ""

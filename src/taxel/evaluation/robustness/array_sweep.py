@@ -100,7 +100,8 @@ def plan_array(
         fault = find_array_fault(name)
         most = limits_of(fault, channels)[1]
         own = tuple(level for level in fault.levels if level <= most)
-        for level in levels or (() if own or len(faults) != 1 else fault.levels):
+        impossible = fault.levels if len(faults) == 1 and not own else ()
+        for level in levels or impossible:  # a fault named alone is refused, not left out
             check_level(name, fault, level, channels)
         plan[name] = mildest_first(levels, fault.levels) or own
     return {name: own for name, own in plan.items() if own}

@@ -34,6 +34,8 @@ class SweepPoint:
     """95 % of the accuracy, 0…1; NaN where there is one session only."""
     answered: float = float("nan")
     """Share of windows answered, not UNKNOWN, 0…1; NaN where it was not counted."""
+    base: float = float("nan")
+    """Accuracy without the fault of those windows that are left with it, 0…1; NaN where all are."""
 
 
 UNCHANGED = "none"
@@ -94,6 +96,7 @@ def read_sweep(rows: Any, name: str) -> list[SweepPoint]:
                 low=_share(row["low"]),
                 high=_share(row["high"]),
                 answered=_share(row.get("answered")),
+                base=_share(row.get("base")),
             )
             for row in rows
         ]
@@ -131,10 +134,7 @@ def _fault_chart(fault: str, own: list[SweepPoint], unchanged: list[SweepPoint])
     lowest, highest = levels[0], levels[-1]
     if lowest == highest:
         lowest, highest = lowest - 1, highest + 1
-    lines = [
-        Line(name="unchanged", x=[lowest, highest], y=[one.accuracy] * 2, colour="var(--grey)")
-        for one in unchanged
-    ]
+    lines = [_unchanged(one, own, (lowest, highest)) for one in unchanged]
     if any(math.isfinite(point.answered) for point in own):
         lines.append(
             Line(name="answered", x=levels, y=[point.answered for point in own], colour=colour(2))
@@ -162,6 +162,15 @@ def _fault_chart(fault: str, own: list[SweepPoint], unchanged: list[SweepPoint])
     worst = min(told, key=lambda point: point.accuracy)
     said = f"least {percent(worst.accuracy)} {band(worst.low, worst.high)}".rstrip()
     return figure(chart, f"{fault}: {said} at {worst.level:g} {unit}".rstrip())
+
+
+def _unchanged(clean: SweepPoint, own: list[SweepPoint], ends: tuple[float, float]) -> Line:
+    """Return what is told without a fault, of the windows that are left with it."""
+    x, y = list(ends), [clean.accuracy] * 2
+    if any(math.isfinite(one.base) for one in own):
+        x = [one.level for one in own]
+        y = [one.base if math.isfinite(one.base) else clean.accuracy for one in own]
+    return Line(name="unchanged", x=x, y=y, colour="var(--grey)")
 
 
 def environment_part(made: Mapping[str, Made]) -> Html:
