@@ -163,9 +163,10 @@ def warning(checked: Checked) -> str | None:
         pooled.interval_group,
         checked.trivial,
     )
+    more = f"record more {pooled.interval_group}s"
     mend = {
-        "behind": f"do not claim what it tells; train longer, or record more {pooled.interval_group}s",
-        "near": f"the difference may be chance; record more {pooled.interval_group}s",
+        "behind": f"do not claim what it tells; train longer, or {more}",
+        "near": f"the difference may be chance; {more}",
         "few": "record more of them",
     }
     return f"{said}: {mend[standing]}" if standing in mend else None
