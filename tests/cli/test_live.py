@@ -84,3 +84,28 @@ def test_what_is_recorded_live_keeps_its_session_and_the_answers_are_summed_up(
     assert "shape: 1 windows: b" in said
     assert "NONE" not in said
     assert "alarms" not in said
+
+
+@pytest.mark.parametrize("recorded", [False, True], ids=["one process", "station"])
+def test_two_bundles_with_one_target_are_counted_and_named_apart(
+    short_touch: tuple[str, str],
+    recorded: bool,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    bundle, touch = short_touch
+    second = tmp_path / "second.taxel"
+    second.write_bytes(Path(bundle).read_bytes())
+    words = ["live", bundle, "--also", str(second), touch]
+    words += ["--record", str(tmp_path / "out.mcap"), "--overwrite"] if recorded else []
+    main([*words, "--json"])
+    found = json.loads(capsys.readouterr().out)
+    main(words)
+    lines = [line for line in capsys.readouterr().out.splitlines() if " windows: " in line]
+
+    told = [(one["bundle"], one["windows"]) for one in (found["answers"] if recorded else found)]
+    assert told == [(bundle, 1), (str(second), 1)]
+    assert [line.split(" (")[1].split(")")[0].split(", ")[0] for line in lines] == [
+        bundle,
+        str(second),
+    ]

@@ -9,7 +9,7 @@ from typing import Annotated
 import tyro
 
 from taxel.bundles.shipped import find_bundle
-from taxel.cli.live_station import StationOptions, answers_line
+from taxel.cli.live_station import StationOptions, answers_lines
 from taxel.cli.pairs import Pairs, parse_pairs
 from taxel.cli.printing import console, print_json
 from taxel.errors import BadInput
@@ -106,12 +106,15 @@ class Live:
 
                 with LiveView(console, source.info, recognisers) as view:
                     shown = run_session(source, recognisers, self.seconds, view.show)
-        results = [tally.summary() for tally in shown]
+        results = [
+            {"bundle": str(file)} | tally.summary()
+            for file, tally in zip(files, shown, strict=True)
+        ]
         if self.json:
             print_json(results)
             return
-        for result in results:
-            console.print(answers_line(result), markup=False, soft_wrap=True)
+        for line, result in zip(answers_lines(results), results, strict=True):
+            console.print(line, markup=False, soft_wrap=True)
             if result["marked"]:
                 console.print(
                     f"  right by the source's own labels: {result['right']} of the "

@@ -266,10 +266,15 @@ def _open_rerun(options: StationOptions, station: Station) -> None:
     station.add_process("rerun", stream, lambda place: RerunJob(place=place, view=view))
 
 
-def answers_line(told: dict[str, Any]) -> str:
-    """Return how many windows had which answer."""
-    each = ", ".join(f"{name} {count}" for name, count in told["answers"].items())
-    return f"{told['target']}: {told['windows']} windows: {each or 'none'}"
+def answers_lines(results: list[dict[str, Any]]) -> list[str]:
+    """Return how many windows of each recogniser had which answer."""
+    from taxel.live.station.answers import titles
+
+    lines = []
+    for title, told in zip(titles(results), results, strict=True):
+        each = ", ".join(f"{name} {count}" for name, count in told["answers"].items())
+        lines.append(f"{title}: {told['windows']} windows: {each or 'none'}")
+    return lines
 
 
 def _summary(station: Station) -> dict[str, Any]:
@@ -278,10 +283,7 @@ def _summary(station: Station) -> dict[str, Any]:
         "state": station.guard.shown[0],
         "events": [{"time_s": time_s, "text": text} for _, time_s, text in station.events],
         "given_up": station.failed,
-        "answers": [
-            {"target": target, "windows": told.total(), "answers": dict(told.most_common())}
-            for target, told in station.told.items()
-        ],
+        "answers": station.answers.summary(),
         "alarms": alarms.as_json(),
         "latency_ms": {
             stage: dict(zip(("p50", "p95", "p99"), values, strict=True))
@@ -295,8 +297,8 @@ def _summary(station: Station) -> dict[str, Any]:
 def _print_summary(result: dict[str, Any]) -> None:
     from taxel.live.station.guard import NO_GRASP
 
-    for one in result["answers"]:
-        console.print(answers_line(one), markup=False, soft_wrap=True)
+    for line in answers_lines(result["answers"]):
+        console.print(line, markup=False, soft_wrap=True)
     counts = result["alarms"]["counts"]
     if result["state"] != NO_GRASP or counts["raised"]:
         console.print(f"alarms: {counts['raised']} raised, {counts['acknowledged']} acknowledged")

@@ -108,7 +108,7 @@ class _GraspWatcher:
         self._skipped = 0
         stability = bundle.contract.stability
         self.what = {
-            "kind": "grasp", "who": self._who, "bundle": path.name, "rule": bundle.contract.rule,
+            "kind": "grasp", "who": self._who, "bundle": str(path), "rule": bundle.contract.rule,
             "warn": stability.warn, "unstable": stability.unstable,
         }  # fmt: skip
 
@@ -176,15 +176,15 @@ class _RecogniseWatcher:
 
     def __init__(self, path: Path, job: Inference, writer: RingWriter, number: int) -> None:
         bundle = read_bundle(path)
-        who = f"{job.place.name}/{number}"
+        self._who = f"{job.place.name}/{number}"
         config = RecogniseConfig(least_confidence=job.least_confidence)
         self._recogniser = Recogniser(bundle, job.sensor, config)
         contract = bundle.contract
         self._vote = GraspVote(contract.classes, contract.window.max_gap_s, bundle.strangeness)
         self._target = contract.target
         self._writer = writer
-        self.what = {"kind": "answer", "who": who, "bundle": path.name, "target": contract.target,
-                     "classes": list(contract.classes)}  # fmt: skip
+        self.what = {"kind": "answer", "who": self._who, "bundle": str(path),
+                     "target": contract.target, "classes": list(contract.classes)}  # fmt: skip
 
     def take(self, packets: list[Packet], taken_s: float, pulse: Pulse) -> None:
         """Answer each window that the scans complete."""
@@ -206,7 +206,7 @@ class _RecogniseWatcher:
         decision = answer.decision
         voted, confidence = self._vote.add(decision)
         note = {
-            "kind": "answer", "target": self._target, "label": decision.label,
+            "kind": "answer", "who": self._who, "target": self._target, "label": decision.label,
             "confidence": _number(decision.confidence), "reason": decision.reason,
             "grasp": voted, "grasp_confidence": _number(confidence),
             "time_s": decision.end_s, **times, "decided_s": monotonic(),

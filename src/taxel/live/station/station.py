@@ -8,7 +8,7 @@ nothing about windows, models or pixels.
 from __future__ import annotations
 
 import contextlib
-from collections import Counter, deque
+from collections import deque
 from collections.abc import Callable
 from datetime import datetime
 from multiprocessing.process import BaseProcess
@@ -16,12 +16,13 @@ from pathlib import Path
 from time import monotonic, sleep
 from typing import Any, Self
 
-from taxel.actions.actuators import Actuator, hear_all
+from taxel.actions.actuators import Actuator
 from taxel.actions.grip_policy import GripPolicy, GripPolicyConfig
-from taxel.actions.interlock import Interlock, Order, OrderKind
-from taxel.live.station.acting import SimulatedGrip
+from taxel.actions.interlock import Interlock
+from taxel.live.station.answers import Answers
 from taxel.live.station.beats import Beats, Work
 from taxel.live.station.crew import Crew, Worker
+from taxel.live.station.driving import Driving
 from taxel.live.station.guard import NO_GRASP, Guard
 from taxel.live.station.packets import Packet, pack, unpack
 from taxel.live.station.page_link import ViewConfig
@@ -66,13 +67,9 @@ class Station:
         limits = config.interlock
         policy = GripPolicy(max(limits.min_n, 0.1), GripPolicyConfig(most_n=limits.max_n))
         self.guard = Guard(Interlock(limits), config.guard, policy)
-        self._actuators: list[Actuator] = []
-        self._faults: dict[str, str] = {}
-        self._releasing = False
+        self._driving = Driving(self.guard, limits.min_n)
         self.latencies = Latencies()
-        self._answers: dict[str, dict[str, Any]] = {}
-        self.told: dict[str, Counter[str]] = {}
-        """Target → answer → windows, of each recogniser."""
+        self.answers = Answers(())
         self.recording = dict(_NO_RECORDING)
         """The recorder's newest note."""
         self.events: deque[tuple[int, float, str]] = deque(maxlen=_EVENTS)
@@ -137,7 +134,7 @@ class Station:
 
     def drive(self, actuator: Actuator) -> None:
         """Give each tick's order to one more actuator, which is connected."""
-        self._actuators.append(actuator)
+        self._driving.add(actuator)
 
     def arm(self) -> tuple[str, ...]:
         """Arm the interlock, on behalf of a person at the terminal; return what forbids it."""
@@ -209,13 +206,8 @@ class Station:
         """Hear, weigh, act, tell: once."""
         notes = self._hear(now_s)
         self._look(now_s)
-        faults = hear_all(self.guard.interlock, self._actuators, now_s)
-        order = self.guard.tick(now_s)
-        self._release(order)
-        for actuator in self._actuators:
-            actuator.tell(self.guard.decision, order, now_s)
+        self._driving.tick(now_s)
         acted_s = monotonic()
-        self._weigh_actuators(faults, now_s)
         for note in notes:
             self.latencies.add(note, acted_s)
             self._on_note(note)
@@ -229,29 +221,17 @@ class Station:
 
     def snapshot(self, now_s: float) -> dict[str, Any]:
         """Return the state of everything, as the page's link gives it."""
-        interlock = self.guard.interlock
-        gripper = None
-        if self._actuators:
-            gripper = {
-                "interlock": str(interlock.state), "armed": interlock.armed,
-                "commanded_n": interlock.force_n, "force_n": None, "motion": "",
-                "note": next(iter(self._faults.values()), interlock.reason),
-                **self._actuators[0].told(),
-            }  # fmt: skip
         limits = next((one for mind in self.wiring.minds for one in mind.told if "warn" in one), {})
         return guard_snapshot(self.guard, now_s) | {
             "thresholds": {key: limits[key] for key in ("warn", "unstable") if key in limits},
-            "answers": [
-                {"target": a["target"], "label": a["grasp"], "confidence": a["grasp_confidence"],
-                 "reason": a["reason"]} for a in self._answers.values()
-            ],
+            "answers": self.answers.newest(),
             "consumers": [
                 consumer_snapshot(worker.name, self._beats.read(worker.row), now_s)
                 for worker in self._crew.workers
                 if all(worker is not feed.worker for feed in self.wiring.feeds)
             ],
             "latency_ms": self.latencies.lately_ms(now_s),
-            "gripper": gripper,
+            "gripper": self._driving.told(),
             "recording": {key: self.recording.get(key) for key in _NO_RECORDING},
             "events": [[time_s, text] for _, time_s, text in self.events],
         }  # fmt: skip
@@ -262,14 +242,13 @@ class Station:
             for note in _notes(mind.heard):
                 heard.append(note)
                 if note["kind"] == "new grasp":
-                    self._begin_grasp()
+                    self._driving.new_grasp()
                 elif note["kind"] == "grasp":
                     self.guard.decide(note["who"], note)
                     self.skipped = max(self.skipped, int(note["skipped"]))
                     self._weigh_late(note, now_s)
                 else:
-                    self._answers[note["target"]] = note
-                    self.told[note["target"]][note["label"]] += 1
+                    self.answers.add(note)
             if mind.watches:
                 beat = self._beats.read(mind.worker.row)
                 for who in mind.watchers:
@@ -284,30 +263,6 @@ class Station:
             except (ValueError, KeyError, TypeError):
                 self.refused_wishes += 1
         return heard
-
-    def _begin_grasp(self) -> None:
-        """Begin again at the least force, once the new grasp is calm: that is the robot's doing."""
-        self.guard.new_grasp()
-        self._releasing = True
-        for actuator in self._actuators:
-            if isinstance(actuator, SimulatedGrip):
-                actuator.new_grasp()
-
-    def _release(self, order: Order) -> None:
-        """Let the interlock's force begin anew; never once this grasp was raised or stopped."""
-        if order.kind in (OrderKind.GRIP, OrderKind.STOP):
-            self._releasing = False
-        elif self._releasing and self.guard.interlock.release(self.config.interlock.min_n):
-            self._releasing = False
-            self.guard.new_grasp()
-
-    def _weigh_actuators(self, faults: dict[str, str], now_s: float) -> None:
-        for name in self._faults.keys() - faults.keys():
-            self.guard.over(name, now_s)
-        for name, fault in faults.items():
-            if self._faults.get(name) != fault:
-                self.guard.trouble(name, f"{name}: {fault}", now_s)
-        self._faults = faults
 
     def _weigh_late(self, note: dict[str, Any], now_s: float) -> None:
         late = note.get("late") or {}
@@ -389,7 +344,8 @@ class Station:
         for mind in wiring.minds:
             for who in mind.watchers:
                 self.guard.expect(who, now_s)
-            self.told |= {one["target"]: Counter() for one in mind.told if one["kind"] == "answer"}
+        every = [one for mind in wiring.minds for one in mind.told]
+        self.answers = Answers([one for one in every if one["kind"] == "answer"])
         settle_memory()
 
     def close(self) -> None:

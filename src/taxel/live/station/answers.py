@@ -1,0 +1,56 @@
+"""What each recogniser of a station has told. Knows nothing about processes or windows."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Sequence
+from typing import Any
+
+
+def titles(told: Sequence[dict[str, Any]]) -> list[str]:
+    """Return what each recogniser is called: its target, where two share one also its bundle.
+
+    Args:
+        told: For each its target, bundle and, in a station, who it is: one bundle may run twice.
+    """
+    targets = Counter(one["target"] for one in told)
+    own = [", ".join(one[key] for key in ("bundle", "who") if key in one) for one in told]
+    return [
+        one["target"] if targets[one["target"]] == 1 else f"{one['target']} ({name})"
+        for one, name in zip(told, own, strict=True)
+    ]
+
+
+class Answers:
+    """Counts each recogniser's answers and keeps its newest.
+
+    Args:
+        recognisers: For each its target, bundle and who it is.
+    """
+
+    def __init__(self, recognisers: Sequence[dict[str, Any]]) -> None:
+        self._recognisers = recognisers
+        self._counts: dict[str, Counter[str]] = {one["who"]: Counter() for one in recognisers}
+        self._newest: dict[str, dict[str, Any]] = {}
+
+    def add(self, note: dict[str, Any]) -> None:
+        """Take in one window's answer."""
+        self._newest[note["who"]] = note
+        self._counts[note["who"]][note["label"]] += 1
+
+    def newest(self) -> list[dict[str, Any]]:
+        """Return the newest answers as the page's link gives them."""
+        return [
+            {"target": title, "label": note["grasp"], "confidence": note["grasp_confidence"],
+             "reason": note["reason"]}
+            for one, title in zip(self._recognisers, titles(self._recognisers), strict=True)
+            if (note := self._newest.get(one["who"])) is not None
+        ]  # fmt: skip
+
+    def summary(self) -> list[dict[str, Any]]:
+        """Return how many windows of each recogniser had which answer."""
+        return [
+            {"target": one["target"], "bundle": one["bundle"], "who": one["who"],
+             "windows": told.total(), "answers": dict(told.most_common())}
+            for one, told in zip(self._recognisers, self._counts.values(), strict=True)
+        ]  # fmt: skip

@@ -1,0 +1,78 @@
+"""The actuators of a station: heard, told the guard's orders, begun anew at a new grasp.
+
+Knows nothing about processes or models.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from taxel.actions.actuators import Actuator, hear_all
+from taxel.actions.interlock import Order, OrderKind
+from taxel.live.station.acting import SimulatedGrip
+from taxel.live.station.guard import Guard
+
+
+class Driving:
+    """All actuators under one guard.
+
+    Args:
+        guard: Orders, and is told what is wrong with them.
+        least_n: The force at which a grasp begins, newtons.
+    """
+
+    def __init__(self, guard: Guard, least_n: float) -> None:
+        self._guard = guard
+        self._least_n = least_n
+        self._actuators: list[Actuator] = []
+        self._faults: dict[str, str] = {}
+        self._releasing = False
+
+    def add(self, actuator: Actuator) -> None:
+        """Give each tick's order to one more actuator, which is connected."""
+        self._actuators.append(actuator)
+
+    def new_grasp(self) -> None:
+        """Begin again at the least force, once the new grasp is calm: that is the robot's doing."""
+        self._guard.new_grasp()
+        self._releasing = True
+        for actuator in self._actuators:
+            if isinstance(actuator, SimulatedGrip):
+                actuator.new_grasp()
+
+    def tick(self, now_s: float) -> None:
+        """Hear all actuators, weigh, and tell them what to do: once."""
+        faults = hear_all(self._guard.interlock, self._actuators, now_s)
+        order = self._guard.tick(now_s)
+        self._release(order)
+        for actuator in self._actuators:
+            actuator.tell(self._guard.decision, order, now_s)
+        self._weigh(faults, now_s)
+
+    def told(self) -> dict[str, Any] | None:
+        """Return how the gripper does, as the page's link gives it; None without any."""
+        if not self._actuators:
+            return None
+        interlock = self._guard.interlock
+        return {
+            "interlock": str(interlock.state), "armed": interlock.armed,
+            "commanded_n": interlock.force_n, "force_n": None, "motion": "",
+            "note": next(iter(self._faults.values()), interlock.reason),
+            **self._actuators[0].told(),
+        }  # fmt: skip
+
+    def _release(self, order: Order) -> None:
+        """Let the interlock's force begin anew; never once this grasp was raised or stopped."""
+        if order.kind in (OrderKind.GRIP, OrderKind.STOP):
+            self._releasing = False
+        elif self._releasing and self._guard.interlock.release(self._least_n):
+            self._releasing = False
+            self._guard.new_grasp()
+
+    def _weigh(self, faults: dict[str, str], now_s: float) -> None:
+        for name in self._faults.keys() - faults.keys():
+            self._guard.over(name, now_s)
+        for name, fault in faults.items():
+            if self._faults.get(name) != fault:
+                self._guard.trouble(name, f"{name}: {fault}", now_s)
+        self._faults = faults
