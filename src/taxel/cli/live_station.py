@@ -94,6 +94,8 @@ def live_station(options: StationOptions) -> dict[str, Any]:
             bundles=options.bundles,
             least_confidence=options.least_confidence,
             recordings=options.recordings,
+            labels=options.labels,
+            groups=options.groups,
             guard=GuardConfig(silent_s=_PATIENT_S) if simulated else GuardConfig(),
             interlock=replace(interlock, watchdog_s=_PATIENT_S) if simulated else interlock,
         )

@@ -15,6 +15,7 @@ import pytest
 
 from taxel.bundles.shipped import CUP_POUR, shipped_bundle
 from taxel.errors import BadBundle, BadSource
+from taxel.live.station.packets import pack
 from taxel.live.station.page_link import StationView
 from taxel.live.station.ring import RingWriter
 from taxel.live.station.station import Station
@@ -231,6 +232,22 @@ def test_a_wish_that_is_none_is_counted_and_changes_nothing():
                 page.put(wish)
         until(station, lambda: station.refused_wishes >= 5)
         assert not station.recording["on"]
+
+
+def test_a_recording_begun_on_the_page_keeps_the_groups_and_labels_given_at_start(tmp_path: Path):
+    config = StationConfig(
+        sources=("sim://teng",), bundles=(), recordings=tmp_path,
+        labels={"shape": "ball", "operator": "a"}, groups={"day": "3", "session": "7"},
+    )  # fmt: skip
+    with Station(config) as station:
+        station.run(0.0)
+        with RingWriter(station.view_config().requests) as page:
+            page.put(pack({"do": "record", "labels": {"operator": "b", "session": "8"}}))
+        until(station, lambda: station.recording["on"] and station.recording["kept"] > 5)
+    (path,) = tmp_path.glob("*.mcap")
+    manifest = read_recording(path).manifest
+    assert manifest.labels == {"shape": "ball", "operator": "b"}
+    assert manifest.groups == {"day": "3", "session": "8"}
 
 
 def test_a_source_at_another_speed_is_refused(pour: Path):

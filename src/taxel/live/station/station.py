@@ -289,9 +289,12 @@ class Station:
         if wish["do"] == "acknowledge":
             self.acknowledge()
         elif wish["do"] == "record":
-            labels = {str(key): str(value) for key, value in dict(wish["labels"]).items()}
+            typed = {str(key): str(value) for key, value in dict(wish["labels"]).items()}
+            given = self.config.groups
+            groups = {name: typed.pop(name, value) for name, value in given.items()}
             stamp = datetime.now().strftime("%Y-%m-%d_%H-%M-%S")
-            self.record(self.config.recordings / f"{stamp}.mcap", labels)
+            path = self.config.recordings / f"{stamp}.mcap"
+            self.record(path, {**self.config.labels, **typed}, groups)
         elif wish["do"] == "end":
             self.end_recording()
 

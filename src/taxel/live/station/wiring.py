@@ -6,6 +6,7 @@ Knows nothing about supervising them.
 from __future__ import annotations
 
 import contextlib
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -42,6 +43,10 @@ class StationConfig:
     )
     recordings: Path = Path("recordings")
     """Folder of recordings that are started from the page."""
+    labels: Mapping[str, str] = field(default_factory=dict)
+    """Of such recordings; what is typed on the page goes first."""
+    groups: Mapping[str, str] = field(default_factory=dict)
+    """Of such recordings, too."""
     drill: bool = False
     """Let processes obey orders to go wrong, for `taxel bench faults`."""
     disk_bytes: int | None = None
