@@ -11,6 +11,7 @@ import pytest
 from taxel.bundles.shipped import CUP_POUR, find_bundle, shipped_bundle
 from taxel.cli.main import main
 from taxel.errors import BadBundle
+from taxel.live.station.wiring import StationConfig
 from taxel.recordings.reader import iterate_frames
 from taxel.sim.cup_pour import CupPourConfig, list_runs
 from taxel.sources.pour_sets import CAMERA_HZ, write_run
@@ -68,6 +69,8 @@ def test_what_a_person_must_know_stands_beside_the_json_not_in_it(
         (["--tell", "udp://8.8.8.8:5005"], "an address of this machine"),
         (["--record", "{pour}"], "which exists"),
         (["--record", "x.mcap", "--label", "cup"], "--label NAME=VALUE"),
+        (["--label", "object=cup", "--group", "session=3"], "--page with --label and --group"),
+        (["--overwrite", "--gripper", "sim"], "--page with --overwrite; got no recording"),
         (["--beside", "sim://nothing"], "a simulator that exists"),
         (["--page", "--least-n", "60"], "N"),
     ],
@@ -89,6 +92,21 @@ def test_what_cannot_be_is_told_in_one_line_before_anything_runs(
     assert len(lines) == 1
     assert told in lines[0]
     assert list(tmp_path.iterdir()) == []
+
+
+def test_labels_and_groups_with_a_page_wait_for_the_recordings_that_begin_there(
+    pour: Path, monkeypatch: pytest.MonkeyPatch
+):
+    found: list[StationConfig] = []
+
+    def stop(config: StationConfig) -> None:
+        found.append(config)
+        raise SystemExit
+
+    monkeypatch.setattr("taxel.live.station.station.Station", stop)
+    with pytest.raises(SystemExit):
+        main(["live", CUP_POUR, str(pour), "--page", "--label", "object=cup", "--group", "day=3"])
+    assert (found[0].labels, found[0].groups) == ({"object": "cup"}, {"day": "3"})
 
 
 def test_a_bundle_that_comes_with_taxel_is_named_without_a_path_and_a_file_goes_first(

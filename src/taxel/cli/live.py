@@ -43,9 +43,11 @@ class Live:
     record: Path | None = None
     """Record everything to this file, ending in .mcap."""
     label: Pairs = ()
-    """With --record: what may be learned, as in shape=sphere material=glass."""
+    """With --record or --page: what may be learned of every recording, as in shape=sphere
+    material=glass."""
     group: Pairs = ()
-    """With --record: what it belongs to and must not be split, as in session=3 object=cup."""
+    """With --record or --page: what it belongs to and must not be split, as in session=3
+    object=cup."""
     overwrite: bool = False
     """With --record: replace an existing recording."""
     gripper: str | None = None
@@ -86,6 +88,13 @@ class Live:
             raise BadInput(
                 "--least-confidence within 0 and 1", str(self.least_confidence), "choose another"
             )
+        about = {"--label": self.label, "--group": self.group, "--overwrite": self.overwrite}
+        given = [option for option, one in about.items() if one]
+        if given and not (self.record or self.page):
+            raise BadInput(
+                f"--record or --page with {' and '.join(given)}", "no recording",
+                "name a file with --record",
+            )  # fmt: skip
         files = tuple(find_bundle(path) for path in (self.bundle, *self.also))
         for file in files:
             need_bundle(file)
