@@ -107,6 +107,28 @@ def test_coarse_values_that_meet_by_chance_are_no_copies(make_set: Make, seed: i
     assert list(same_rows(copied)) == [(0, len(touch) - 1)]
 
 
+@pytest.mark.parametrize("seed", range(3))
+def test_one_short_trial_hides_no_copy_among_coarse_values(make_set: Make, seed: int) -> None:
+    """45 % of a trial stand in another; a trial of eight rows has no runs long enough to tell."""
+    rng = np.random.default_rng(seed)
+    waves = [np.sin(np.arange(120) / 3 + rng.uniform(0, 6)) for _ in range(40)]
+    rows = [np.round(one + rng.normal(0, 0.5, 120))[:, None].astype(np.float32) for one in waves]
+    rows[5][10:64] = rows[0][20:74]
+    rows[20] = rows[20][:8]
+
+    assert set(same_rows(replace(make_set["array"](trials=40), rows=tuple(rows))) or {}) == {(0, 5)}
+
+
+def test_copies_that_cannot_be_told_from_chance_are_not_denied(make_set: Make) -> None:
+    """Values of two steps that hardly change."""
+    touch = make_set["array"]()
+    rows = tuple(np.asarray(one[:, :1] > 0.8, np.float32) for one in touch.rows)
+    steps = replace(touch, views=("array",), rows=rows)
+
+    found = {one.kind: one for one in audit(steps, "coarse").findings}
+    assert found["duplicates"].verdict == "not checked"
+
+
 @pytest.mark.parametrize("seed", range(2))
 def test_pulses_of_a_few_steps_are_no_copies_either_way_round(make_set: Make, seed: int) -> None:
     """One channel in steps of half a pulse: few rows say something, and those meet by chance."""

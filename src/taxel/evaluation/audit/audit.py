@@ -16,6 +16,7 @@ from taxel.evaluation.audit.nuisances import read_first, read_length, read_level
 from taxel.evaluation.audit.origins import read_origins
 from taxel.evaluation.audit.scaled import scaled_run, scaled_values
 from taxel.evaluation.audit.shared import (
+    COPIES_UNKNOWN,
     SESSIONS_UNKNOWN,
     future_labels,
     one_class_folds,
@@ -70,8 +71,9 @@ def audit(
         facts.append(scaled_run(case, run))
     on_step("copies")
     same = same_rows(touch)
-    facts.append(shared_copies(case, "duplicates", same, "hold the same rows"))
-    near, repeats, turned = near_copies(touch, same)
+    facts.append(COPIES_UNKNOWN if same is None else
+                 shared_copies(case, "duplicates", same, "hold the same rows"))  # fmt: skip
+    near, repeats, turned = near_copies(touch, same or {})
     if near or not repeats:
         facts.append(shared_copies(case, "near-duplicates", near,
                                    "are copies but for scale, offset or noise"))  # fmt: skip

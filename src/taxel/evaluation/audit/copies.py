@@ -46,23 +46,26 @@ Pairs = dict[tuple[int, int], float]
 """Pairs of trials (lower number first) → how alike they are, 0…1."""
 
 
-def same_rows(touch: TouchSet, wanted: Callable[[int, int], bool] = lambda _a, _b: True) -> Pairs:
+def same_rows(
+    touch: TouchSet, wanted: Callable[[int, int], bool] = lambda _a, _b: True
+) -> Pairs | None:
     """Return pairs of different trials that share runs of rows; 1 is all of the shorter one's.
 
     Coarse values meet by chance: many pairs then share a little and few share much, and longer
-    runs are asked for until that is no longer so. Only pairs that are wanted count.
+    runs are asked for until that is no longer so, up to what nine trials of ten have: None where
+    that is not enough to tell copies from chance. Only pairs that are wanted count.
     """
-    shortest = min(len(rows) for rows in touch.rows)
-    run = min(RUN, shortest)
+    longest = int(np.percentile([len(rows) for rows in touch.rows], 10))
+    run = min(RUN, longest)
     while True:
-        found, plenty = _shared_runs(touch, run)
+        found, plenty = _shared_runs(touch, run, longest)
         every = {pair: share for pair, share in found.items() if wanted(*pair)}
         alike = {pair: share for pair, share in every.items() if share >= SHARED}
         if plenty and 4 * len(alike) >= 3 * len(every):
             return alike
-        if run == shortest:
-            return {}  # chance and copies cannot be told apart
-        run = min(2 * run, shortest)
+        if run == longest:
+            return None
+        run = min(2 * run, longest)
 
 
 def rows_backwards(touch: TouchSet) -> Pairs:
@@ -71,10 +74,10 @@ def rows_backwards(touch: TouchSet) -> Pairs:
     both = replace(touch, trials=2 * touch.trials,
                    rows=(*touch.rows, *(rows[::-1] for rows in touch.rows)))  # fmt: skip
     return {(min(a, b - n), max(a, b - n)): share for (a, b), share in
-            same_rows(both, lambda a, b: a < n <= b).items()}  # fmt: skip
+            (same_rows(both, lambda a, b: a < n <= b) or {}).items()}  # fmt: skip
 
 
-def _shared_runs(touch: TouchSet, run: int) -> tuple[Pairs, bool]:
+def _shared_runs(touch: TouchSet, run: int, longest: int) -> tuple[Pairs, bool]:
     """Return pairs of trials that share any run of so many rows → share of the shorter one's.
 
     And whether half of the trials have several such runs: where values are coarse or held for many
@@ -104,7 +107,7 @@ def _shared_runs(touch: TouchSet, run: int) -> tuple[Pairs, bool]:
         (a, b): count / min(sizes[a], sizes[b])
         for (a, b), count in shared.items()
         if not _overlap(touch, a, b)
-    }, bool(np.median(sizes) >= min(RUN, min(map(len, touch.rows)) - run + 1))
+    }, bool(np.median(sizes) >= min(RUN, longest - run + 1))
 
 
 def near_copies(touch: TouchSet, known: Pairs) -> tuple[Pairs, Pairs, Pairs]:
@@ -147,7 +150,13 @@ def _same_noise(one: NDArray[np.float32], other: NDArray[np.float32]) -> bool:
 
 
 def _runs(rows: NDArray[np.float32], run: int) -> NDArray[np.uint64]:
-    """Return one number for each run of rows that says something, shape (m,)."""
+    """Return one number for each run of rows that says something, shape (m,).
+
+    A trial that is shorter than the shortest runs is one by itself.
+    """
+    if len(rows) < run > RUN:
+        return np.zeros(0, np.uint64)
+    run = min(run, len(rows))
     rng = np.random.default_rng(0)
     drawn = np.asarray(rng.integers(1, 2**63, rows.shape[1], dtype=np.uint64))
     of_row = np.zeros(len(rows), np.uint64)

@@ -28,6 +28,12 @@ SESSIONS_UNKNOWN = Finding(
     mend="record it as a group; without it nobody can hold one out",
 )  # fmt: skip
 
+COPIES_UNKNOWN = Finding(
+    kind="duplicates", verdict="not checked",
+    said="Values change in so few steps that copies cannot be told from chance.",
+    mend="record finer steps, longer trials or more channels",
+)  # fmt: skip
+
 
 def shared_moments(case: Case) -> list[Finding]:
     """Return the findings on overlap, and on views of one moment in different folds."""
