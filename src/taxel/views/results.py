@@ -132,12 +132,12 @@ def confusion_table(classes: Iterable[str], confusion: list[list[int]]) -> Table
     """Return a confusion matrix: rows true, columns predicted."""
     names = list(classes)
     table = Table(
-        title="confusion (rows: true, columns: told, in the same order)",
+        title="confusion",
         title_justify="left",
         box=SIMPLE_HEAD,
         pad_edge=False,
     )
-    table.add_column("", no_wrap=True)
+    table.add_column("true ↓  told →", no_wrap=True)
     for name in names:
         table.add_column(name[:4], justify="right", no_wrap=True)
     for name, row in zip(names, confusion, strict=True):
