@@ -50,10 +50,11 @@ def audit_run(
 
 
 def _rows(contract: Contract, touch: TouchSet) -> int:
-    """Return how many of the recordings' rows a window of the run spans."""
+    """Return how many rows a window of the run spans in the first recording, the contract's."""
     window = contract.window
-    own_hz = contract.rate_hz / touch.every
-    share = own_hz / window.grid_hz if window.grid_hz and own_hz > 0 else 1 / touch.every
+    every = touch.every.get(touch.trials[0].recording, 1)
+    own_hz = contract.rate_hz / every
+    share = own_hz / window.grid_hz if window.grid_hz and own_hz > 0 else 1 / every
     return max(2, round(window.steps * share))
 
 

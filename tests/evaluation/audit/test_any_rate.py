@@ -8,10 +8,11 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from taxel.evaluation.audit import reading
+from taxel.evaluation.audit import noise, reading
 from taxel.evaluation.audit.audit import audit, make_case
 from taxel.evaluation.audit.copies import near_copies, same_rows
 from taxel.evaluation.audit.gaps import measure_gaps
+from taxel.evaluation.audit.noise import shared_noise
 from taxel.evaluation.audit.nuisances import read_length
 from taxel.evaluation.audit.reading import read_touch
 from taxel.evaluation.audit.scaled import scaled_values
@@ -25,8 +26,13 @@ from taxel.windows.config import WindowConfig
 Make = dict[str, Callable[..., TouchSet]]
 
 
-def pad_set(folder: Path, rate_hz: float, change: Callable[[list[np.ndarray]], None]) -> TouchSet:
-    """Write sixteen touches of a pad of three taxels, changed before they are written, and read."""
+def pad_set(
+    folder: Path, rate_hz: float | tuple[float, float], change: Callable[[list[np.ndarray]], None]
+) -> TouchSet:
+    """Write sixteen touches of a pad of three taxels, changed before they are written, and read.
+
+    Two rates alternate, as do the classes.
+    """
     rng = np.random.default_rng(5)
     rows = []
     for _ in range(16):
@@ -35,12 +41,13 @@ def pad_set(folder: Path, rate_hz: float, change: Callable[[list[np.ndarray]], N
         rows.append(bump[:, None] * rng.uniform(0.3, 1.0, 3) + rng.normal(0, 0.05, (len(x), 3)))
     change(rows)
     names = ("a", "b", "c")
-    sensor = SensorInfo(name="pad", channels=names, units=("N",) * 3, rate_hz=rate_hz)
     for index, values in enumerate(rows):
+        own_hz = float(np.resize(rate_hz, 16)[index])
+        sensor = SensorInfo(name="pad", channels=names, units=("N",) * 3, rate_hz=own_hz)
         manifest = Manifest(sensor=sensor, labels={"texture": "ab"[index % 2]},
                             groups={"session": f"day{index // 2 % 4}"})  # fmt: skip
         with Recorder(folder / f"t{index:02d}.mcap", manifest) as recorder:
-            recorder.write(Samples.from_values(values, np.arange(len(values)) / rate_hz))
+            recorder.write(Samples.from_values(values, np.arange(len(values)) / own_hz))
     return read_touch(folder, None, lambda *_: None)
 
 
@@ -106,11 +113,53 @@ def test_a_set_too_large_says_what_it_does_not_see(
     touch = pad_set(tmp_path, 1000.0, copied)
     found = {one.kind: one for one in audit(touch, "large").findings}
 
-    assert touch.every == 4
+    assert set(touch.every.values()) == {4}
     assert sum(map(len, touch.rows)) < 1500
     assert touch.rate_hz == pytest.approx(250.0)
     assert found["duplicates"].verdict == "not checked"
     assert "one row of 4" in touch.notes[-1]
+
+
+def test_only_files_that_are_thinned_are_said_to_be(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Those of 2 kHz are, those of 100 Hz are not; all hold 256 rows."""
+    monkeypatch.setattr(reading, "MOST", 8 * 2500)
+
+    def cut(rows: list[np.ndarray]) -> None:
+        rows[:] = [one[:256] for one in rows]
+
+    touch = pad_set(tmp_path, (100.0, 2000.0), cut)
+
+    assert "one row of 8 is seen in 8 of 16 recordings" in touch.notes[-1]
+    assert read_length(make_case(touch, None, 20, 0)).examples == ("a: 256 rows", "b: 256 rows")
+
+
+def test_shifted_copies_are_found_among_many_trials() -> None:
+    """Twenty of 800."""
+    rng = np.random.default_rng(3)
+    rows = [rng.normal(0, 1, (100, 4)).astype(np.float32) for _ in range(800)]
+    pairs = {(7 * k, 7 * k + 401) for k in range(20)}
+    for original, copy in pairs:
+        rows[copy] = np.float32(1.1) * rows[original][5:]
+
+    straight, backwards = shared_noise(tuple(rows))
+    assert straight.keys() == pairs
+    assert not backwards
+
+
+@pytest.mark.parametrize(("name", "value"), [("MANY", 20), ("_HELD", 24 * 30)])
+def test_trials_or_rows_too_many_to_be_compared_are_not_called_clear(
+    make_set: Make, monkeypatch: pytest.MonkeyPatch, name: str, value: int
+) -> None:
+    """Twenty of 24 trials, or 30 of 40 rows."""
+    monkeypatch.setattr(noise, name, value)
+    monkeypatch.setattr(noise, "_STRETCH", 8)
+
+    found = {one.kind: one for one in audit(make_set["array"](trials=24), "large").findings}
+    for kind in ("near-duplicates", "augmented copies"):
+        assert found[kind].verdict == "not checked"
+    assert found["duplicates"].verdict == "clear"
 
 
 def test_lengths_are_told_in_the_files_own_rows(tmp_path: Path) -> None:
@@ -159,4 +208,4 @@ def test_a_window_of_a_run_spans_its_own_time_at_the_recordings_rate(make_set: M
     contract = SimpleNamespace(rate_hz=250.0, window=WindowConfig(steps=12))
 
     assert _rows(contract, touch) == 30  # type: ignore[arg-type]
-    assert _rows(contract, replace(touch, every=2)) == 15  # type: ignore[arg-type]
+    assert _rows(contract, replace(touch, every={"r00.mcap": 2})) == 15  # type: ignore[arg-type]

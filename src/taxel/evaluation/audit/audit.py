@@ -12,6 +12,7 @@ from taxel.evaluation.audit.case import Case, Reading
 from taxel.evaluation.audit.copies import near_copies, same_rows
 from taxel.evaluation.audit.finding import Audit, Finding, holm, sort_findings
 from taxel.evaluation.audit.gaps import Gap, measure_gaps
+from taxel.evaluation.audit.noise import left_out
 from taxel.evaluation.audit.nuisances import read_first, read_length, read_level, read_place
 from taxel.evaluation.audit.origins import read_origins
 from taxel.evaluation.audit.scaled import scaled_run, scaled_values
@@ -74,12 +75,15 @@ def audit(
     facts.append(COPIES_UNKNOWN if same is None else
                  shared_copies(case, "duplicates", same, "hold the same rows"))  # fmt: skip
     near, repeats, turned = near_copies(touch, same or {})
+    unseen = left_out(touch.rows)
     if near or not repeats:
         facts.append(shared_copies(case, "near-duplicates", near,
-                                   "are copies but for scale, offset or noise"))  # fmt: skip
+                                   "are copies but for scale, offset or noise",
+                                   unseen))  # fmt: skip
     else:
         facts.append(repeated(repeats))
-    facts.append(shared_copies(case, "augmented copies", turned, "are copies turned round"))
+    facts.append(shared_copies(case, "augmented copies", turned, "are copies turned round",
+                               unseen))  # fmt: skip
     on_step("scaling")
     facts.append(scaled_values(case))
     if case.sides is not None:

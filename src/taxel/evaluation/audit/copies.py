@@ -16,7 +16,7 @@ from itertools import combinations
 import numpy as np
 from numpy.typing import NDArray
 
-from taxel.evaluation.audit.noise import shared_noise
+from taxel.evaluation.audit.noise import MANY, shared_noise
 from taxel.evaluation.audit.touch_set import TouchSet
 
 RUN = 6
@@ -39,8 +39,6 @@ _FAINT = 0.2
 """Size of a trial's change over the median one, below which it has no course. Our choice."""
 _ENDS = 2
 """Moments at either end that are left out."""
-_MANY = 2000
-"""Trials of which courses are compared; beyond, an even choice of them."""
 
 Pairs = dict[tuple[int, int], float]
 """Pairs of trials (lower number first) → how alike they are, 0…1."""
@@ -119,7 +117,7 @@ def near_copies(touch: TouchSet, known: Pairs) -> tuple[Pairs, Pairs, Pairs]:
         touch: The trials.
         known: Pairs not to name again.
     """
-    index = np.unique(np.linspace(0, len(touch) - 1, min(len(touch), _MANY)).round().astype(int))
+    index = np.unique(np.linspace(0, len(touch) - 1, min(len(touch), MANY)).round().astype(int))
     courses = _courses(touch, index)
     plain = _signatures(courses)
     straight = _outliers(plain, plain, plain, touch, index, known)

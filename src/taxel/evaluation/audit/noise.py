@@ -25,10 +25,11 @@ _MIXED = 4
 _TENTH = 10
 _NEAR = 4
 """Lags beside the best one that belong to it."""
-_MANY = 700
+MANY = 2000
 """Trials that are compared; beyond, an even choice of them."""
-_WORK, _STRETCH = 200_000_000, 256
-"""Trials² × rows that are compared, about 10 s; beyond, the middle rows of each, 256 at least."""
+_WORK, _HELD, _STRETCH = 1_500_000_000, 6_250_000, 256
+"""Trials² × rows that are compared, about 20 s, and trials × rows that are held, 0.5 GB; beyond,
+the middle rows of each, 256 at least."""
 
 Table = NDArray[np.float32]
 
@@ -42,15 +43,30 @@ def shared_noise(rows: tuple[Table, ...]) -> tuple[dict[tuple[int, int], float],
     Returns:
         Pairs (lower number first) → correlation, for either way.
     """
-    index = np.unique(np.linspace(0, len(rows) - 1, min(len(rows), _MANY)).round().astype(int))
-    longest = min(max(map(len, rows)), max(_STRETCH, _WORK // len(index) ** 2))
+    index, longest = _compared(rows)
     fine = [_fine(rows[i], longest) for i in index]
     size = fft.next_fast_len(2 * longest, real=True)
-    spectra = np.stack([fft.rfft(one, size, axis=0) for one in fine])
+    spectra = np.stack([fft.rfft(one, size, axis=0) for one in fine], axis=2)
     count = np.array([np.count_nonzero(one) for one in fine])
     least = np.maximum(SAME, BY_CHANCE / np.sqrt(np.maximum(count, 1)))
     return tuple(_pairs(spectra, other, size, least, index)
                  for other in (spectra.conj(), spectra))  # fmt: skip
+
+
+def left_out(rows: tuple[Table, ...]) -> str:
+    """Return a sentence on what of some trials is not compared; empty where all is."""
+    index, longest = _compared(rows)
+    if len(index) == len(rows) and longest >= max(map(len, rows)):
+        return ""
+    return f"Of {len(rows)} trials {len(index)} are compared, of each {longest} rows at most."
+
+
+def _compared(rows: tuple[Table, ...]) -> tuple[NDArray[np.intp], int]:
+    """Return which trials are compared, and how many rows of each at most."""
+    n = min(len(rows), MANY)
+    index = np.unique(np.linspace(0, len(rows) - 1, n).round().astype(np.intp))
+    most = max(_STRETCH, min(_WORK // n**2, _HELD // n))
+    return index, min(max(map(len, rows)), most)
 
 
 def _fine(rows: Table, longest: int) -> Table:
@@ -74,18 +90,31 @@ def _pairs(
     index: NDArray[np.intp],
 ) -> dict[tuple[int, int], float]:
     """Return pairs that stand out at one lag, from other lags and other trials."""
-    n = len(own)
-    best, second = np.zeros((n, n), np.float32), np.zeros((n, n), np.float32)
-    around = np.arange(-_NEAR, _NEAR + 1)
+    n = own.shape[2]
+    best = np.zeros((n, n), np.float32)
     for place in range(n - 1):
-        rest = slice(place + 1, n)
-        lags = fft.irfft((own[place] * other[rest]).sum(axis=2), size, axis=1)
-        at = lags.argmax(axis=1)
-        best[place, rest] = best[rest, place] = lags.max(axis=1)
-        np.put_along_axis(lags, (at[:, None] + around) % size, 0.0, axis=1)
-        second[place, rest] = np.abs(lags).max(axis=1)
+        lags = _lags(own, other, place, slice(place + 1, n), size)
+        best[place, place + 1 :] = best[place + 1 :, place] = lags.max(axis=0)
     tenth = min(_TENTH, max(1, n // 3))
     usual = np.partition(best, -tenth, axis=1)[:, -tenth]
-    alone = best >= ALONE * np.maximum(second, np.maximum(usual[:, None], usual))
-    found = np.argwhere(np.triu(alone & (best >= np.maximum(least[:, None], least)), 1))
-    return {(int(index[a]), int(index[b])): float(best[a, b]) for a, b in found}
+    alone = best >= np.maximum(ALONE * np.maximum(usual[:, None], usual),
+                               np.maximum(least[:, None], least))  # fmt: skip
+    found = {}
+    for a, b in np.argwhere(np.triu(alone, 1)):
+        lags = _lags(own, other, a, slice(b, b + 1), size)[:, 0]
+        lags[(lags.argmax() + np.arange(-_NEAR, _NEAR + 1)) % size] = 0.0
+        if best[a, b] >= ALONE * np.abs(lags).max():
+            found[int(index[a]), int(index[b])] = float(best[a, b])
+    return found
+
+
+def _lags(
+    own: NDArray[np.complex64],
+    other: NDArray[np.complex64],
+    one: int,
+    others: slice,
+    size: int,
+) -> Table:
+    """Return a trial's correlation with others at every lag, shape (size, others)."""
+    product = (own[:, None, :, one] @ other[:, :, others])[:, 0]
+    return np.asarray(fft.irfft(product, size, axis=0, overwrite_x=True), np.float32)

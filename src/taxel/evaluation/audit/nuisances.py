@@ -32,9 +32,9 @@ it must go half of that at most. Our choice, decision 23."""
 def read_length(case: Case) -> Reading:
     """Return how well a trial's length tells the label."""
     touch = case.touch
-    features = np.array([[t[-1] - t[0], len(t)] for t in touch.time_s])
-    found = tell_trials(case, features)
-    lengths = touch.every * np.array([len(rows) for rows in touch.rows])
+    lengths = np.array([touch.every.get(trial.recording, 1) * len(rows)
+                        for trial, rows in zip(touch.trials, touch.rows, strict=True)])  # fmt: skip
+    found = tell_trials(case, np.stack([[t[-1] - t[0] for t in touch.time_s], lengths], axis=1))
     middle = [
         f"{name}: {np.median(lengths[touch.y == c]):.0f} rows"
         for c, name in enumerate(touch.classes)

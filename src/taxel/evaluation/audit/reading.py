@@ -274,10 +274,12 @@ def _assemble(
     target, notes = _target(trials, target)
     if short:
         notes += (f"{short} trials have fewer than {LEAST_ROWS} rows: left out",)
-    every = max(read.every for read in reads)
-    if every > 1:
-        notes += (f"more values than are held: one row of {every} is seen; copies that begin "
-                  "between those cannot be found",)  # fmt: skip
+    every = {read.name: read.every for read in reads if read.every > 1}
+    if every:
+        rate = " or ".join(map(str, sorted(set(every.values()))))
+        notes += (f"more values than are held: one row of {rate} is seen in {len(every)} of "
+                  f"{len(reads)} recordings; copies that begin between those cannot be found",
+                  )  # fmt: skip
     labelled = np.flatnonzero([target in trial.labels for trial in trials])
     if len(labelled) < len(trials):
         notes += (f"{len(trials) - len(labelled)} trials lack the label {target!r}: left out",)

@@ -124,7 +124,7 @@ def _of(case: Case, key: str) -> NDArray[np.str_]:
     return values
 
 
-def shared_copies(case: Case, kind: str, pairs: Pairs, what: str) -> Finding:
+def shared_copies(case: Case, kind: str, pairs: Pairs, what: str, unseen: str = "") -> Finding:
     """Return the finding on copies: across sides, within the test part, or anywhere.
 
     Args:
@@ -132,13 +132,17 @@ def shared_copies(case: Case, kind: str, pairs: Pairs, what: str) -> Finding:
         kind: Its name.
         pairs: Trials that are copies of each other.
         what: What they are, such as "hold the same rows".
+        unseen: A sentence on what was not compared; empty where all was.
     """
     touch = case.touch
     names = [trial.groups["trial"] for trial in touch.trials]
-    if not pairs and touch.every > 1:
+    thinned = max(touch.every.values(), default=1)
+    if thinned > 1:
+        unseen = f"One row of {thinned} is seen where files are large. {unseen}".rstrip()
+    if not pairs and unseen:
         return Finding(kind=kind, verdict="not checked",
-                       said=f"One row of {touch.every} is seen, and among those no two trials "
-                            f"{what}.", mend="audit fewer trials at a time")  # fmt: skip
+                       said=f"{unseen} Among those no two trials {what}.",
+                       mend="audit fewer trials at a time")  # fmt: skip
     if not pairs:
         return Finding(kind=kind, verdict="clear", said=f"No two trials {what}.")
     partners: dict[int, set[int]] = {}

@@ -55,8 +55,8 @@ class TouchSet:
     files: tuple[Mapping[str, str], ...]
     """What the file says beside labels and groups: serial number, rate, size …"""
     notes: tuple[str, ...] = ()
-    every: int = 1
-    """Of so many rows one is held; above 1 only where a set is too large."""
+    every: Mapping[str, int] = field(default_factory=dict)
+    """Recording → of so many rows one is held; only those that are thinned, in too large a set."""
     scans: Mapping[str, NDArray[np.float64]] = field(default_factory=dict)
     """Recording → how many usable values each channel has over all of its scans, their sum and
     the sum of their squares, shape (3, channels); empty where nothing but trials is known."""
