@@ -48,6 +48,18 @@ def test_a_condition_is_judged_at_its_worst_level(grasps: bool):
     assert "above 95 %" in row.note  # the thesis beside both
 
 
+@pytest.mark.parametrize("grasps", [False, True])
+def test_the_commonest_class_stands_beside_the_accuracy(grasps: bool):
+    """Of a hundred grasps sixty are of one class; each of the others gave two windows."""
+    many = told(95)
+    y = np.repeat([0, 1], [120, 80])
+    trial = np.concatenate([np.arange(120), 120 + np.arange(80) // 2])
+    own = {(CLEAN, 0.0): replace(many, y=y, trial=trial)}
+    row = rows._base_row("shape", own, own, grasps)
+
+    assert f"majority {0.75 if grasps else 0.6:.3f}" in row.note
+
+
 def test_a_fault_has_no_goal_and_says_where_nothing_is_answered():
     base = Point(
         fault=CLEAN, level=0.0, unit="", accuracy=0.9, low=0.8, high=1.0, answered=1.0, windows=9,

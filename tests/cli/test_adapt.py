@@ -14,13 +14,13 @@ import pytest
 
 from taxel.bundles.reader import read_bundle, read_contract
 from taxel.bundles.versions import digest_of
-from taxel.cli.adapt import _clock_time
 from taxel.cli.main import main
 from taxel.recordings.manifest import Manifest
 from taxel.recordings.reader import read_recording
 from taxel.recordings.writer import Recorder
 from taxel.signals import Mark, SensorInfo
 from taxel.sources.data_sets import simulate_presets
+from taxel.training.adapt.new_data import clock_time
 from taxel.windows.dataset import load_dataset
 
 SENSOR = SensorInfo(name="t", channels=("a",), units=("V",), rate_hz=100.0)
@@ -250,8 +250,8 @@ def test_drift_is_dated_by_the_clock_of_its_own_recording(tmp_path: Path) -> Non
         manifest = replace(Manifest.started_now(SENSOR, now_s=0.0), wall_anchor_ns=began)
         Recorder(tmp_path / f"{name}.mcap", manifest).close()
 
-    assert _clock_time(tmp_path, "0123/b#4", 120.0) == "10:02"
-    assert _clock_time(tmp_path / "a.mcap", "a#0", 60.0) == "09:01"
+    assert clock_time(tmp_path, "0123/b#4", 120.0) == "10:02"
+    assert clock_time(tmp_path / "a.mcap", "a#0", 60.0) == "09:01"
 
 
 @pytest.mark.parametrize("trained", ["shape.taxel", "run"])

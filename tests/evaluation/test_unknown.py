@@ -10,15 +10,12 @@ from rich.console import Console, RenderableType
 from taxel.bench.audit_unknown import glove_rows_of
 from taxel.errors import BadDataset
 from taxel.evaluation.unknown import (
-    COVERAGES,
-    OURS,
-    SCORES,
     UnknownConfig,
-    UnknownResult,
     find_unknown,
     kinds_of,
     leave_each_out,
 )
+from taxel.evaluation.unknown_scores import COVERAGES, OURS, SCORES, UnknownResult
 from taxel.labels.trials import Trial
 from taxel.views.unknown_results import left_out_table, unknown_tables
 from taxel.windows.dataset import Dataset

@@ -174,7 +174,13 @@ def _side_by_side(shape: Model, material: Model, both: Model) -> Model:
 def _base_row(what: str, plain: _Told, robust: _Told, grasps: bool) -> Row:
     before, after = (point_of(told[CLEAN, 0.0], CLEAN, 0.0, "") for told in (plain, robust))
     value = after.grasps if grasps else after.accuracy
+    known = robust[CLEAN, 0.0]
+    truth = (
+        [known.y[known.trial == one][0] for one in np.unique(known.trial)] if grasps else known.y
+    )
+    majority = np.bincount(truth).max() / len(truth)
     note = (
+        f"majority {majority:.3f}; "
         f"{PLAIN}: {before.grasps if grasps else before.accuracy:.3f}; grasps told of "
         f"{after.told:.3f} against {before.told:.3f}; thesis, section 4.4: above {LEAST:g}"
     )

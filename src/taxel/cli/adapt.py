@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, replace
-from datetime import datetime
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -145,6 +144,7 @@ class Adapt:
         from taxel.bundles.reader import read_contract
         from taxel.bundles.versions import Change
         from taxel.training.adapt.new_data import measured_at
+        from taxel.training.run import save_at_level
 
         assert self.touches is not None
         is_run = (self.trained / "run.json").exists()
@@ -160,7 +160,7 @@ class Adapt:
         )  # fmt: skip
         place = self._place()
         if run is not None:
-            _save_at_level(place, run, found.level)
+            save_at_level(place, run, found.level)
         else:
             write_whole(place, bundle_at_level(self.trained, found.level)[1])
         stored = self._store(place, change)
@@ -234,7 +234,7 @@ class Adapt:
     def _learn_corrections(self) -> None:
         from taxel.bundles.versions import Change
         from taxel.training.adapt.correcting import learn_corrections, measured
-        from taxel.training.adapt.new_data import read_grasps
+        from taxel.training.adapt.new_data import clock_time, read_grasps
         from taxel.training.run import save_run
 
         assert self.correct is not None
@@ -255,7 +255,7 @@ class Adapt:
         save_run(place, _made(found.run))
         stored = self._store(place, change)
         times = [
-            _clock_time(self.correct, found.order[one.grasp], found.starts[one.grasp])
+            clock_time(self.correct, found.order[one.grasp], found.starts[one.grasp])
             for one in found.drifts
         ]
         detail = {
@@ -382,32 +382,3 @@ def _made(run: Run) -> Run:
     from taxel.training.environment import Made
 
     return replace(run, made=Made.now())
-
-
-def _save_at_level(place: Path, run: Run, level: Any) -> None:
-    """Write a run for another level, exemplars too; at the level that it has, byte for byte."""
-    from taxel.bundles.contract import at_level
-    from taxel.training.run import save_run
-
-    contract = at_level(run.contract, level)
-    assert run.contract.reference is not None
-    exemplars = run.exemplars
-    if exemplars is not None:
-        exemplars = exemplars.at_level(run.contract.reference.level, level)
-    same = (level == run.contract.reference.level).all()
-    moved = replace(run, contract=contract, exemplars=exemplars)
-    save_run(place, moved if same else _made(moved))
-
-
-def _clock_time(path: Path, grasp: str, start_s: float) -> str:
-    """Return when a grasp began, as a clock on the wall had it; seconds where that is unknown.
-
-    Each recording has a clock of its own; the grasp's name, DATA/STEM#NUMBER, says which.
-    """
-    from taxel.recordings.reader import read_manifest
-
-    stem = grasp.rpartition("#")[0].rpartition("/")[2]
-    anchor_ns = read_manifest(path / f"{stem}.mcap" if path.is_dir() else path).wall_anchor_ns
-    if not anchor_ns:
-        return f"{start_s:.0f} s"
-    return datetime.fromtimestamp(anchor_ns / 1e9 + start_s).strftime("%H:%M")

@@ -1,4 +1,4 @@
-"""How well is the unknown told from the known: AUROC, false rejection, coverage against accuracy.
+"""How well is the unknown told from the known: trained, tested and scored fold by fold.
 
 Known objects of groups held out, such as sessions, against objects that were never
 learned; trivial scores beside. Knows nothing about screens.
@@ -11,7 +11,6 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from sklearn.metrics import roc_auc_score
 from sklearn.neighbors import NearestNeighbors
 
 from taxel.decisions.unknown import Strangeness
@@ -19,20 +18,11 @@ from taxel.errors import BadDataset, BadInput
 from taxel.evaluation.crossval import Job, fit_model
 from taxel.evaluation.metrics import by_trial
 from taxel.evaluation.splits import TrialFold, by_group
+from taxel.evaluation.unknown_scores import OURS, Scored, UnknownResult, join_scored, result_of
 from taxel.labels.trials import coarsest_group
 from taxel.training.loop import TrainConfig
 from taxel.training.unknown import REJECTED, fit_unknown
 from taxel.windows.dataset import Dataset
-
-OURS = "density"
-"""The score that a bundle carries (docs/decisions/0027); the others are there to compare."""
-SCORES = (OURS, "max softmax", "weak touch", "unusual level", "1-NN on raw windows")
-"""1 − largest probability; minus the mean of all values; its distance from the training part's;
-distance to the nearest training window."""
-COVERAGES = (1.0, 0.95, 0.9, 0.8, 0.7, 0.5)
-"""Shares of known touch that are answered, of which the accuracy is told."""
-RESAMPLES = 200
-"""Bootstrap resamples of whole groups. Source: our choice."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -50,78 +40,6 @@ class UnknownConfig:
     rejected: float = REJECTED
     """Share of known touch that may be called unknown, 0…1."""
     seed: int = 0
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Auroc:
-    """How well one score tells one kind of unknown object from the known."""
-
-    score: str
-    kind: str
-    """What was not learned, such as "prism"."""
-    windows: float
-    """Area under the ROC curve over windows, 0…1."""
-    grasps: float
-    """The same over trials, a trial's windows joined."""
-    interval: tuple[float, float]
-    """95 % of `grasps`, whole groups resampled; NaN for the scores beside ours."""
-    found_windows: float
-    """Share of the unknown windows that are told to be so, 0…1; NaN beside ours."""
-    found_grasps: float
-    """The same of trials."""
-    unknown_windows: int
-    unknown_grasps: int
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Curve:
-    """Accuracy over the known touch that is answered, by how much of it is."""
-
-    score: str
-    windows: tuple[float, ...]
-    """One a coverage of `COVERAGES`."""
-    grasps: tuple[float, ...]
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class UnknownResult:
-    """One target's figures."""
-
-    target: str
-    split: str
-    groups: int
-    known_windows: int
-    known_grasps: int
-    rejected_windows: float
-    """Share of the known windows in held-out groups that are called unknown, 0…1."""
-    rejected_grasps: float
-    """The same of trials."""
-    rejected_by_class: dict[str, float]
-    """Class → share of its known trials that are called unknown."""
-    aurocs: tuple[Auroc, ...]
-    curves: tuple[Curve, ...]
-    majority: Curve
-    """Share of the commonest class among what `OURS` lets be answered: what `curves` must beat."""
-
-    def auroc(self, kind: str, score: str = OURS) -> Auroc:
-        """Return one kind's figures by one score."""
-        return next(one for one in self.aurocs if (one.kind, one.score) == (kind, score))
-
-
-@dataclass(frozen=True, slots=True)
-class _Scored:
-    """Test windows, or trials, of all folds."""
-
-    index: NDArray[np.intp]
-    """Which it is, shape (n,): what no fold learns may be tested in several."""
-    kind: NDArray[np.str_]
-    """Shape (n,): empty for the known."""
-    group: NDArray[np.str_]
-    scores: dict[str, NDArray[np.float64]]
-    """Score → the larger the stranger, shape (n,)."""
-    told_unknown: NDArray[np.bool_]
-    truth: NDArray[np.str_]
-    answer: NDArray[np.str_]
 
 
 def kinds_of(dataset: Dataset, target: str, never: Sequence[str]) -> NDArray[np.str_]:
@@ -174,7 +92,7 @@ def find_unknown(
         windows.append(one[0])
         grasps.append(one[1])
         on_step(f"{config.target} · {fold.name} ({number} of {len(split.folds)})")
-    return _result(config, split.name, _join(windows), _join(grasps))
+    return result_of(config.target, split.name, join_scored(windows), join_scored(grasps))
 
 
 def leave_each_out(
@@ -228,7 +146,7 @@ def _one_fold(
     fold: TrialFold,
     key: str,
     config: UnknownConfig,
-) -> tuple[_Scored, _Scored]:
+) -> tuple[Scored, Scored]:
     """Fit on a fold's known trials; score its known test trials and the unknown of other groups."""
     groups = dataset.group(key)
     training = np.zeros(len(dataset.trials), bool)
@@ -262,7 +180,7 @@ def _one_fold(
     trivial = _trivial(fitted.scaling.apply(learned.values, learned.mask), scaled)
     names = np.array(classes)
     each = [
-        _Scored(
+        Scored(
             index=index,
             kind=kinds[rows],
             group=groups[rows],
@@ -312,104 +230,3 @@ def _trivial(
         "unusual level": np.abs(level - usual.mean()),
         "1-NN on raw windows": np.asarray(distance[:, 0], float),
     }
-
-
-def _join(parts: list[_Scored]) -> _Scored:
-    return _Scored(
-        np.concatenate([one.index for one in parts]),
-        np.concatenate([one.kind for one in parts]),
-        np.concatenate([one.group for one in parts]),
-        {name: np.concatenate([one.scores[name] for one in parts]) for name in SCORES},
-        np.concatenate([one.told_unknown for one in parts]),
-        np.concatenate([one.truth for one in parts]),
-        np.concatenate([one.answer for one in parts]),
-    )
-
-
-def _result(config: UnknownConfig, split: str, windows: _Scored, grasps: _Scored) -> UnknownResult:
-    known = grasps.kind == ""
-    return UnknownResult(
-        target=config.target,
-        split=split,
-        groups=len(set(grasps.group[known])),
-        known_windows=int((windows.kind == "").sum()),
-        known_grasps=int(known.sum()),
-        rejected_windows=float(windows.told_unknown[windows.kind == ""].mean()),
-        rejected_grasps=float(grasps.told_unknown[known].mean()),
-        rejected_by_class={
-            str(name): float(grasps.told_unknown[known & (grasps.truth == name)].mean())
-            for name in sorted(set(grasps.truth[known]))
-        },
-        aurocs=tuple(
-            _auroc(name, kind, windows, grasps)
-            for kind in sorted(set(grasps.kind) - {""})
-            for name in SCORES
-        ),
-        curves=tuple(
-            Curve(score=name, windows=_curve(windows, name), grasps=_curve(grasps, name))
-            for name in (OURS, "max softmax")
-        ),
-        majority=Curve(score=OURS, windows=_commonest(windows), grasps=_commonest(grasps)),
-    )
-
-
-def _auroc(score: str, kind: str, windows: _Scored, grasps: _Scored) -> Auroc:
-    told = [
-        float(own.told_unknown[own.kind == kind].mean()) if score == OURS else float("nan")
-        for own in (windows, grasps)
-    ]
-    return Auroc(
-        score=score,
-        kind=kind,
-        windows=_area(windows, score, kind),
-        grasps=_area(grasps, score, kind),
-        interval=_interval(grasps, score, kind) if score == OURS else (np.nan, np.nan),
-        found_windows=told[0],
-        found_grasps=told[1],
-        unknown_windows=len(set(windows.index[windows.kind == kind])),
-        unknown_grasps=len(set(grasps.index[grasps.kind == kind])),
-    )
-
-
-def _area(one: _Scored, score: str, kind: str) -> float:
-    part = (one.kind == "") | (one.kind == kind)
-    return float(roc_auc_score(one.kind[part] == kind, one.scores[score][part]))
-
-
-def _interval(one: _Scored, score: str, kind: str) -> tuple[float, float]:
-    """Return a 95 % interval by resampling whole groups; NaN where there are too few."""
-    part = (one.kind == "") | (one.kind == kind)
-    names, group = np.unique(one.group[part], return_inverse=True)
-    truth, value = one.kind[part] == kind, one.scores[score][part]
-    rows = [np.flatnonzero(group == number) for number in range(len(names))]
-    rng = np.random.default_rng(0)
-    areas = []
-    for _ in range(RESAMPLES):
-        drawn = np.concatenate([rows[i] for i in rng.integers(0, len(names), len(names))])
-        if 0 < truth[drawn].sum() < len(drawn):
-            areas.append(roc_auc_score(truth[drawn], value[drawn]))
-    if len(names) < 2 or not areas:
-        return float("nan"), float("nan")
-    low, high = np.percentile(areas, [2.5, 97.5])
-    return float(low), float(high)
-
-
-def _curve(one: _Scored, score: str) -> tuple[float, ...]:
-    """Return the accuracy over the least strange shares of the known."""
-    right = one.answer == one.truth
-    return tuple(float(right[rows].mean()) for rows in _answered(one, score))
-
-
-def _commonest(one: _Scored) -> tuple[float, ...]:
-    """Return the share of the commonest class among them."""
-    _, classes = np.unique(one.truth, return_inverse=True)
-    return tuple(
-        float(np.bincount(classes[rows]).max() / len(rows)) for rows in _answered(one, OURS)
-    )
-
-
-def _answered(one: _Scored, score: str) -> list[NDArray[np.intp]]:
-    """Return the rows of the known that are answered, the least strange, one a coverage."""
-    known = np.flatnonzero(one.kind == "")
-    order = known[np.argsort(one.scores[score][known], kind="stable")]
-    return [order[: max(1, round(share * len(order)))] for share in COVERAGES]

@@ -13,14 +13,16 @@ import json
 import os
 import shutil
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+from numpy.typing import NDArray
 from torch import nn
 
 from taxel import __version__
-from taxel.bundles.contract import Contract, contract_from_json, contract_to_json
+from taxel.bundles.contract import Contract, at_level, contract_from_json, contract_to_json
 from taxel.errors import BadInput, RecordingFailed, TaxelError
 from taxel.models.catalogue import count_parameters, find_network
 from taxel.training.adapt.exemplars import Exemplars, load_exemplars, save_exemplars
@@ -101,6 +103,28 @@ def save_run(folder: Path, run: Run) -> None:
         ) from error
     finally:
         shutil.rmtree(temporary, ignore_errors=True)
+
+
+def save_at_level(folder: Path, run: Run, level: NDArray[np.float32]) -> None:
+    """Write a run for another level of its reference touches, exemplars too.
+
+    At the level that it has, it is written byte for byte as it was.
+
+    Args:
+        folder: Where to.
+        run: One that was trained with reference touches.
+        level: The new level, shape (channels,), in the channels' units.
+
+    Raises:
+        RecordingFailed: The disk refused.
+    """
+    assert run.contract.reference is not None
+    old, exemplars = run.contract.reference.level, run.exemplars
+    if exemplars is not None:
+        exemplars = exemplars.at_level(old, level)
+    made = run.made if (level == old).all() else Made.now()
+    contract = at_level(run.contract, level)
+    save_run(folder, replace(run, contract=contract, exemplars=exemplars, made=made))
 
 
 def _write_run(temporary: Path, run: Run) -> None:

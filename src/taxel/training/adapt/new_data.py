@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from datetime import datetime
 from hashlib import sha256
 from pathlib import Path
 
@@ -18,7 +19,7 @@ from taxel.bundles.levels import TouchLevel
 from taxel.bundles.recordings import load_at_level, load_by_session
 from taxel.errors import BadDataset, BadInput
 from taxel.labels.trials import trials_of
-from taxel.recordings.reader import list_recordings, read_recording
+from taxel.recordings.reader import list_recordings, read_manifest, read_recording
 from taxel.training.adapt.exemplars import label_of
 from taxel.windows.windower import Windows
 
@@ -127,6 +128,21 @@ def check_apart(learned: Sequence[Path], test: Path) -> None:
                 f"{file.name}, where {shared} of {len(own)} are those to learn",
                 "record others, best in another session",
             )
+
+
+def clock_time(path: Path, grasp: str, start_s: float) -> str:
+    """Return when a grasp began, as a clock on the wall had it; seconds where that is unknown.
+
+    Args:
+        path: The recording, or a folder of them; each has a clock of its own.
+        grasp: Its name, DATA/STEM#NUMBER, which says which.
+        start_s: When it began on that recording's clock, seconds.
+    """
+    stem = grasp.rpartition("#")[0].rpartition("/")[2]
+    anchor_ns = read_manifest(path / f"{stem}.mcap" if path.is_dir() else path).wall_anchor_ns
+    if not anchor_ns:
+        return f"{start_s:.0f} s"
+    return datetime.fromtimestamp(anchor_ns / 1e9 + start_s).strftime("%H:%M")
 
 
 def _contents(file: Path) -> list[bytes]:

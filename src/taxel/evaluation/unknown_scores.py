@@ -1,0 +1,197 @@
+"""What scores of strangeness are worth: AUROC, false rejection, coverage against accuracy.
+
+Knows nothing about data sets, training or screens.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from sklearn.metrics import roc_auc_score
+
+OURS = "density"
+"""The score that a bundle carries (docs/decisions/0027); the others are there to compare."""
+SCORES = (OURS, "max softmax", "weak touch", "unusual level", "1-NN on raw windows")
+"""1 − largest probability; minus the mean of all values; its distance from the training part's;
+distance to the nearest training window."""
+COVERAGES = (1.0, 0.95, 0.9, 0.8, 0.7, 0.5)
+"""Shares of known touch that are answered, of which the accuracy is told."""
+RESAMPLES = 200
+"""Bootstrap resamples of whole groups. Source: our choice."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Auroc:
+    """How well one score tells one kind of unknown object from the known."""
+
+    score: str
+    kind: str
+    """What was not learned, such as "prism"."""
+    windows: float
+    """Area under the ROC curve over windows, 0…1."""
+    grasps: float
+    """The same over trials, a trial's windows joined."""
+    interval: tuple[float, float]
+    """95 % of `grasps`, whole groups resampled; NaN for the scores beside ours."""
+    found_windows: float
+    """Share of the unknown windows that are told to be so, 0…1; NaN beside ours."""
+    found_grasps: float
+    """The same of trials."""
+    unknown_windows: int
+    unknown_grasps: int
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Curve:
+    """Accuracy over the known touch that is answered, by how much of it is."""
+
+    score: str
+    windows: tuple[float, ...]
+    """One a coverage of `COVERAGES`."""
+    grasps: tuple[float, ...]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class UnknownResult:
+    """One target's figures."""
+
+    target: str
+    split: str
+    groups: int
+    known_windows: int
+    known_grasps: int
+    rejected_windows: float
+    """Share of the known windows in held-out groups that are called unknown, 0…1."""
+    rejected_grasps: float
+    """The same of trials."""
+    rejected_by_class: dict[str, float]
+    """Class → share of its known trials that are called unknown."""
+    aurocs: tuple[Auroc, ...]
+    curves: tuple[Curve, ...]
+    majority: Curve
+    """Share of the commonest class among what `OURS` lets be answered: what `curves` must beat."""
+
+    def auroc(self, kind: str, score: str = OURS) -> Auroc:
+        """Return one kind's figures by one score."""
+        return next(one for one in self.aurocs if (one.kind, one.score) == (kind, score))
+
+
+@dataclass(frozen=True, slots=True)
+class Scored:
+    """Test windows, or trials, of all folds."""
+
+    index: NDArray[np.intp]
+    """Which it is, shape (n,): what no fold learns may be tested in several."""
+    kind: NDArray[np.str_]
+    """Shape (n,): empty for the known."""
+    group: NDArray[np.str_]
+    scores: dict[str, NDArray[np.float64]]
+    """Score → the larger the stranger, shape (n,)."""
+    told_unknown: NDArray[np.bool_]
+    truth: NDArray[np.str_]
+    answer: NDArray[np.str_]
+
+
+def join_scored(parts: list[Scored]) -> Scored:
+    """Return what all folds gave as one."""
+    return Scored(
+        np.concatenate([one.index for one in parts]),
+        np.concatenate([one.kind for one in parts]),
+        np.concatenate([one.group for one in parts]),
+        {name: np.concatenate([one.scores[name] for one in parts]) for name in SCORES},
+        np.concatenate([one.told_unknown for one in parts]),
+        np.concatenate([one.truth for one in parts]),
+        np.concatenate([one.answer for one in parts]),
+    )
+
+
+def result_of(target: str, split: str, windows: Scored, grasps: Scored) -> UnknownResult:
+    """Return one target's figures from all test windows, and all test trials."""
+    known = grasps.kind == ""
+    return UnknownResult(
+        target=target,
+        split=split,
+        groups=len(set(grasps.group[known])),
+        known_windows=int((windows.kind == "").sum()),
+        known_grasps=int(known.sum()),
+        rejected_windows=float(windows.told_unknown[windows.kind == ""].mean()),
+        rejected_grasps=float(grasps.told_unknown[known].mean()),
+        rejected_by_class={
+            str(name): float(grasps.told_unknown[known & (grasps.truth == name)].mean())
+            for name in sorted(set(grasps.truth[known]))
+        },
+        aurocs=tuple(
+            _auroc(name, kind, windows, grasps)
+            for kind in sorted(set(grasps.kind) - {""})
+            for name in SCORES
+        ),
+        curves=tuple(
+            Curve(score=name, windows=_curve(windows, name), grasps=_curve(grasps, name))
+            for name in (OURS, "max softmax")
+        ),
+        majority=Curve(score=OURS, windows=_commonest(windows), grasps=_commonest(grasps)),
+    )
+
+
+def _auroc(score: str, kind: str, windows: Scored, grasps: Scored) -> Auroc:
+    told = [
+        float(own.told_unknown[own.kind == kind].mean()) if score == OURS else float("nan")
+        for own in (windows, grasps)
+    ]
+    return Auroc(
+        score=score,
+        kind=kind,
+        windows=_area(windows, score, kind),
+        grasps=_area(grasps, score, kind),
+        interval=_interval(grasps, score, kind) if score == OURS else (np.nan, np.nan),
+        found_windows=told[0],
+        found_grasps=told[1],
+        unknown_windows=len(set(windows.index[windows.kind == kind])),
+        unknown_grasps=len(set(grasps.index[grasps.kind == kind])),
+    )
+
+
+def _area(one: Scored, score: str, kind: str) -> float:
+    part = (one.kind == "") | (one.kind == kind)
+    return float(roc_auc_score(one.kind[part] == kind, one.scores[score][part]))
+
+
+def _interval(one: Scored, score: str, kind: str) -> tuple[float, float]:
+    """Return a 95 % interval by resampling whole groups; NaN where there are too few."""
+    part = (one.kind == "") | (one.kind == kind)
+    names, group = np.unique(one.group[part], return_inverse=True)
+    truth, value = one.kind[part] == kind, one.scores[score][part]
+    rows = [np.flatnonzero(group == number) for number in range(len(names))]
+    rng = np.random.default_rng(0)
+    areas = []
+    for _ in range(RESAMPLES):
+        drawn = np.concatenate([rows[i] for i in rng.integers(0, len(names), len(names))])
+        if 0 < truth[drawn].sum() < len(drawn):
+            areas.append(roc_auc_score(truth[drawn], value[drawn]))
+    if len(names) < 2 or not areas:
+        return float("nan"), float("nan")
+    low, high = np.percentile(areas, [2.5, 97.5])
+    return float(low), float(high)
+
+
+def _curve(one: Scored, score: str) -> tuple[float, ...]:
+    """Return the accuracy over the least strange shares of the known."""
+    right = one.answer == one.truth
+    return tuple(float(right[rows].mean()) for rows in _answered(one, score))
+
+
+def _commonest(one: Scored) -> tuple[float, ...]:
+    """Return the share of the commonest class among them."""
+    _, classes = np.unique(one.truth, return_inverse=True)
+    return tuple(
+        float(np.bincount(classes[rows]).max() / len(rows)) for rows in _answered(one, OURS)
+    )
+
+
+def _answered(one: Scored, score: str) -> list[NDArray[np.intp]]:
+    """Return the rows of the known that are answered, the least strange, one a coverage."""
+    known = np.flatnonzero(one.kind == "")
+    order = known[np.argsort(one.scores[score][known], kind="stable")]
+    return [order[: max(1, round(share * len(order)))] for share in COVERAGES]
