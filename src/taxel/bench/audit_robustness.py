@@ -174,10 +174,8 @@ def _side_by_side(shape: Model, material: Model, both: Model) -> Model:
 def _base_row(what: str, plain: _Told, robust: _Told, grasps: bool) -> Row:
     before, after = (point_of(told[CLEAN, 0.0], CLEAN, 0.0, "") for told in (plain, robust))
     value = after.grasps if grasps else after.accuracy
-    known = robust[CLEAN, 0.0]
-    truth = (
-        [known.y[known.trial == one][0] for one in np.unique(known.trial)] if grasps else known.y
-    )
+    y, trial = robust[CLEAN, 0.0].y, robust[CLEAN, 0.0].trial
+    truth = y[np.unique(trial, return_index=True)[1]] if grasps else y
     majority = np.bincount(truth).max() / len(truth)
     note = (
         f"majority {majority:.3f}; "
