@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from saved_results import SWEEP, transition_tables
 
 from taxel.bundles.contract import Contract
 from taxel.errors import BadInput
@@ -14,7 +15,6 @@ from taxel.evaluation.audit.finding import Audit, Finding
 from taxel.evaluation.data_card import DataCard, Nuisance
 from taxel.evaluation.latency import Latency
 from taxel.evaluation.run_scores import judge, reliability, split_groups
-from taxel.evaluation.teng_table import ROWS
 from taxel.labels.trials import Trial
 from taxel.training.environment import Made
 from taxel.training.loop import Epoch, TrainConfig
@@ -22,17 +22,9 @@ from taxel.training.predictions import Predictions
 from taxel.training.run import Run
 from taxel.views.report import RunPage, write_run_report
 from taxel.views.report.audit_part import read_audit
-from taxel.views.report.charts import Axis, Dot, Line, dot_chart, line_chart, matrix
-from taxel.views.report.measured_parts import read_sweep, sweep_part
-from taxel.views.report.page import Html, band, percent, table, tag, text
-from taxel.views.report.saved_parts import saved_part
+from taxel.views.report.measured_parts import read_sweep
 from taxel.windows.config import TENG_WINDOW
 from taxel.windows.scaling import Scaling
-
-SWEEP = [
-    {"fault": "noise", "level": 20.0, "unit": "dB", "accuracy": 0.8, "low": 0.7, "high": 0.9},
-    {"fault": "noise", "level": 0.0, "unit": "dB", "accuracy": 0.5, "low": 0.4, "high": 0.6},
-]
 
 
 class Tags(HTMLParser):
@@ -181,35 +173,6 @@ def whole(tmp_path_factory: pytest.TempPathFactory) -> str:
     )
 
 
-def transition_tables() -> dict[str, Any]:
-    """What `taxel evaluate transition-tables --json` prints, for one model."""
-    scores = {"accuracy": 0.97, "interval": [0.95, 0.98], "balanced": 0.96, "auc": 0.99,
-              "windows": 100}  # fmt: skip
-    rows = [
-        {
-            "plan": {"tables": tables, "model": "densenet121+lstm", "frames": frames,
-                     "published": published},
-            "weights": "file:w",
-            "parameters": 8126801,
-            "published_ms": 31.84,
-            "published_mb": 62.72,
-            "size_mb": 31.0,
-            "single": scores,
-            "every_cup": scores if frames == 8 else None,
-            "training_s": 1.0,
-        }
-        for tables, frames, published in (([1, 2, 3], 8, 98.9), ([3], 4, 94.03))
-    ]  # fmt: skip
-    return {
-        "rule": "change",
-        "unstable": 0.5,
-        "rows": rows,
-        "baselines": [{"name": "difference of pixels", "single": scores, "every_cup": scores}],
-        "steps": [{"model": "densenet121+lstm", "frames": 8, "engine": "ort", "threads": 1,
-                   "stream_ms": 21.5, "window_ms": 90.0}],
-    }  # fmt: skip
-
-
 def test_the_page_needs_no_script_and_no_other_file(whole: str):
     assert "<script" not in whole
     assert not re.findall(r"""(?:src|href)=["'](?!#|data:)""", whole)
@@ -335,84 +298,6 @@ def test_runs_that_cannot_be_compared_say_why_on_the_page(tmp_path: Path):
     assert "same folds" in page_of(tmp_path, runs={"a": run, "b": moved})
 
 
-def test_a_saved_table_of_cameras_stands_beside_the_published_values():
-    title, inside = saved_part(transition_tables(), "t.json")
-
-    assert title == "Grasp transitions: Tables 1 to 3"
-    assert "98.90" in inside
-    assert "31.84" in inside
-    assert "97.0 [95.0, 98.0]" in inside
-    assert "difference of pixels" in inside
-    assert "parity with the paper" in inside
-
-
-def test_saved_warnings_and_slips_and_table_4_1_are_known():
-    events = {
-        "clusters": 5, "runs": 10, "events": 4, "lead_median_s": None,
-        "lead_interval_s": [None, None], "lead_p5_s": None, "lead_p95_s": None,
-        "missed_share": 0.5, "false_alarms_per_min": 2.0, "false_alarms_poisson": [1.0, 3.0],
-        "early_share": 0.0,
-    }  # fmt: skip
-    warned = [{"name": "gel+lstm", "windows": {"balanced": 0.9, "auc": None}, "events": events,
-               "by": {"force": {"15": events}}, "thresholds": []}]  # fmt: skip
-    slips = {"trials": 150, "objects": 29, "crops_a_trial": 3, "crop": 48, "folds": 5,
-             "rows": [{"name": "ours", "trials": {"accuracy": 0.92, "auc": 0.97}}]}  # fmt: skip
-    column = {"rows": dict.fromkeys(ROWS, 0.91),
-              "pooled": {"scores": {"accuracy": 0.91}, "interval": [None, None]}}  # fmt: skip
-    teng = [{"preset": "honest", "task": "shape", "split": "session held out",
-             "columns": {"cnn2d": column}, "trivial": {"majority": 0.3}}]  # fmt: skip
-
-    assert "by force" in saved_part(warned, "w")[1]
-    assert "0.920" in saved_part(slips, "s")[1]
-    assert "0.9983" in saved_part(teng, "t")[1]
-
-
-@pytest.mark.parametrize("data", [{}, [], [{"columns": 1, "preset": 2}], {"rows": []}, 3])
-def test_a_saved_file_of_another_kind_is_refused_by_name(data: Any):
-    with pytest.raises(BadInput, match=r"x\.json"):
-        saved_part(data, "x.json")
-
-
-@pytest.mark.parametrize(
-    "rows",
-    [[], {}, 1, [{"fault": "n"}], [{**SWEEP[0], "accuracy": 1.5}], [{**SWEEP[0], "level": "a"}]],
-)
-def test_a_sweep_of_another_kind_is_refused_by_name(rows: Any):
-    with pytest.raises(BadInput, match=r"x\.json"):
-        read_sweep(rows, "x.json")
-
-
-def test_a_sweep_shows_what_is_told_unchanged_and_where_nothing_is_answered():
-    rows = [
-        {**SWEEP[0], "fault": "none", "level": 0.0, "accuracy": 0.85, "low": None, "high": None},
-        *SWEEP,
-        {**SWEEP[0], "fault": "dust", "accuracy": None, "low": None, "high": None, "answered": 0.0},
-    ]
-
-    said = sweep_part(read_sweep(rows, "s.json"))
-
-    assert "Unchanged: 85.0 %" in said
-    assert "noise: least 50.0 % [40.0, 60.0] at 0 dB" in said
-    assert "dust: nothing was answered" in said
-    assert "nan" not in said
-
-
-def test_a_level_that_leaves_other_windows_is_drawn_beside_what_those_told_without_it():
-    clean = {**SWEEP[0], "fault": "none", "level": 0.0, "accuracy": 0.85}
-    fewer = [{**SWEEP[0], "fault": "skew", "level": float(one), "base": 0.95} for one in (1, 2)]
-    flat, raised = (
-        sweep_part(read_sweep([clean, *rows], "s.json"))
-        for rows in ([{**row, "base": None} for row in fewer], fewer)
-    )
-
-    def grey(page: str) -> set[str]:
-        (line,) = [one for one in page.split("<") if one.startswith("polyline") and "grey" in one]
-        return {pair.split(",")[1] for pair in line.split('points="')[1].split('"')[0].split()}
-
-    assert len(grey(flat)) == len(grey(raised)) == 1
-    assert float(grey(raised).pop()) < float(grey(flat).pop()), "higher on the page is more"
-
-
 def test_an_audit_comes_back_from_its_json():
     from dataclasses import asdict
 
@@ -449,43 +334,3 @@ def test_scores_of_a_run_know_every_session_once():
         sum(one.accuracy * one.windows for one in own.by_group) / len(predictions)
     )
     assert own.intervals["session"].groups == 3
-
-
-def test_cells_and_captions_are_escaped_and_html_is_kept():
-    assert "&lt;b&gt;" in table(["<b>"], [["<i>", Html("<u>x</u>")]])
-    assert "<u>x</u>" in table([], [[Html("<u>x</u>")]])
-    assert tag("p", "a & b") == "<p>a &amp; b</p>"
-    assert text(Html("<p>")) == "<p>"
-    assert percent(float("nan")) == percent(None) == "–"
-    assert band(float("nan"), float("nan")) == ""
-
-
-def test_a_chart_places_points_where_its_axes_say():
-    drawn = line_chart(
-        [Line(name="a", x=[0, 10], y=[0, 1], low=[0, 0.5], high=[0.5, 1])],
-        Axis(label="x", low=0, high=10),
-        Axis(label="y", low=0, high=1),
-        size=(480, 280),
-    )
-    (points,) = re.findall(r'<polyline points="([^"]+)"', drawn)
-
-    assert points == "56.0,236.0 466.0,12.0"
-    assert "<polygon" in drawn
-
-
-def test_a_value_that_is_not_finite_is_left_out_of_a_chart():
-    drawn = line_chart(
-        [Line(name="a", x=[0, 1, 2], y=[0, float("nan"), 1])],
-        Axis(label="x", low=0, high=2),
-        Axis(label="y", low=0, high=1),
-    )
-
-    assert "nan" not in drawn
-    assert "nan" not in dot_chart([Dot("a", float("nan"))]).replace("nan</text>", "")
-
-
-def test_a_matrix_shows_shares_of_the_true_class():
-    drawn = matrix(["a", "b"], [[3, 1], [0, 0]])
-
-    assert "0.75<br><small>3</small>" in drawn
-    assert "0.25<br><small>1</small>" in drawn

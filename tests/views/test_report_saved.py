@@ -1,0 +1,89 @@
+"""Saved results on the page: known by what they hold, refused by name."""
+
+from typing import Any
+
+import pytest
+from saved_results import SWEEP, transition_tables
+
+from taxel.errors import BadInput
+from taxel.evaluation.teng_table import ROWS
+from taxel.views.report.measured_parts import read_sweep, sweep_part
+from taxel.views.report.saved_parts import saved_part
+
+
+def test_a_saved_table_of_cameras_stands_beside_the_published_values():
+    title, inside = saved_part(transition_tables(), "t.json")
+
+    assert title == "Grasp transitions: Tables 1 to 3"
+    assert "98.90" in inside
+    assert "31.84" in inside
+    assert "97.0 [95.0, 98.0]" in inside
+    assert "difference of pixels" in inside
+    assert "parity with the paper" in inside
+
+
+def test_saved_warnings_and_slips_and_table_4_1_are_known():
+    events = {
+        "clusters": 5, "runs": 10, "events": 4, "lead_median_s": None,
+        "lead_interval_s": [None, None], "lead_p5_s": None, "lead_p95_s": None,
+        "missed_share": 0.5, "false_alarms_per_min": 2.0, "false_alarms_poisson": [1.0, 3.0],
+        "early_share": 0.0,
+    }  # fmt: skip
+    warned = [{"name": "gel+lstm", "windows": {"balanced": 0.9, "auc": None}, "events": events,
+               "by": {"force": {"15": events}}, "thresholds": []}]  # fmt: skip
+    slips = {"trials": 150, "objects": 29, "crops_a_trial": 3, "crop": 48, "folds": 5,
+             "rows": [{"name": "ours", "trials": {"accuracy": 0.92, "auc": 0.97}}]}  # fmt: skip
+    column = {"rows": dict.fromkeys(ROWS, 0.91),
+              "pooled": {"scores": {"accuracy": 0.91}, "interval": [None, None]}}  # fmt: skip
+    teng = [{"preset": "honest", "task": "shape", "split": "session held out",
+             "columns": {"cnn2d": column}, "trivial": {"majority": 0.3}}]  # fmt: skip
+
+    assert "by force" in saved_part(warned, "w")[1]
+    assert "0.920" in saved_part(slips, "s")[1]
+    assert "0.9983" in saved_part(teng, "t")[1]
+
+
+@pytest.mark.parametrize("data", [{}, [], [{"columns": 1, "preset": 2}], {"rows": []}, 3])
+def test_a_saved_file_of_another_kind_is_refused_by_name(data: Any):
+    with pytest.raises(BadInput, match=r"x\.json"):
+        saved_part(data, "x.json")
+
+
+@pytest.mark.parametrize(
+    "rows",
+    [[], {}, 1, [{"fault": "n"}], [{**SWEEP[0], "accuracy": 1.5}], [{**SWEEP[0], "level": "a"}]],
+)
+def test_a_sweep_of_another_kind_is_refused_by_name(rows: Any):
+    with pytest.raises(BadInput, match=r"x\.json"):
+        read_sweep(rows, "x.json")
+
+
+def test_a_sweep_shows_what_is_told_unchanged_and_where_nothing_is_answered():
+    rows = [
+        {**SWEEP[0], "fault": "none", "level": 0.0, "accuracy": 0.85, "low": None, "high": None},
+        *SWEEP,
+        {**SWEEP[0], "fault": "dust", "accuracy": None, "low": None, "high": None, "answered": 0.0},
+    ]
+
+    said = sweep_part(read_sweep(rows, "s.json"))
+
+    assert "Unchanged: 85.0 %" in said
+    assert "noise: least 50.0 % [40.0, 60.0] at 0 dB" in said
+    assert "dust: nothing was answered" in said
+    assert "nan" not in said
+
+
+def test_a_level_that_leaves_other_windows_is_drawn_beside_what_those_told_without_it():
+    clean = {**SWEEP[0], "fault": "none", "level": 0.0, "accuracy": 0.85}
+    fewer = [{**SWEEP[0], "fault": "skew", "level": float(one), "base": 0.95} for one in (1, 2)]
+    flat, raised = (
+        sweep_part(read_sweep([clean, *rows], "s.json"))
+        for rows in ([{**row, "base": None} for row in fewer], fewer)
+    )
+
+    def grey(page: str) -> set[str]:
+        (line,) = [one for one in page.split("<") if one.startswith("polyline") and "grey" in one]
+        return {pair.split(",")[1] for pair in line.split('points="')[1].split('"')[0].split()}
+
+    assert len(grey(flat)) == len(grey(raised)) == 1
+    assert float(grey(raised).pop()) < float(grey(flat).pop()), "higher on the page is more"
