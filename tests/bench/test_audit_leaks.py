@@ -6,7 +6,8 @@ from types import SimpleNamespace
 import pytest
 
 from taxel.bench import audit_leaks
-from taxel.bench.audit_leaks import Plant, new_alarms, planted_leaks
+from taxel.bench.audit_leaks import new_alarms, planted_leaks
+from taxel.bench.audit_plants import Plant
 from taxel.evaluation.audit.finding import Audit, Finding, Verdict
 
 CLEAN, SPLIT, SPOILT = "clean", "clean and split", "spoilt"
@@ -51,7 +52,7 @@ def bench(monkeypatch: pytest.MonkeyPatch, verdicts: dict[str, Verdicts], kinds:
 
     plant = Plant(tuple(kinds), lambda _touch, _folder: (spoilt, None, None))  # type: ignore[arg-type,return-value]
     monkeypatch.setattr(audit_leaks, "_clean_sets", lambda _: [("pours", touch, "cup")])
-    monkeypatch.setattr(audit_leaks, "_named", lambda *_: "split")
+    monkeypatch.setattr(audit_leaks, "named", lambda *_: "split")
     monkeypatch.setattr(audit_leaks, "audit", fake_audit)
     monkeypatch.setattr(audit_leaks, "PLANTS", (plant,))
     return planted_leaks()
