@@ -54,12 +54,18 @@ def test_recordings_give_a_list_of_points_a_file_and_a_figure(
     assert "not honest" not in said.err
 
 
+def test_numbers_do_not_take_the_place_of_a_picture_or_a_recording(place: Path, tmp_path: Path):
+    with pytest.raises(BadInput, match=r"\.json for --output.*--plot"):
+        sweep(place / "b.taxel", "--data", place / "new", "--output", tmp_path / "curves.png")
+
+
 def test_curves_are_printed_even_where_their_file_cannot_be_written(
-    place: Path, capsys: pytest.CaptureFixture[str]
+    place: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ):
     words = ("--data", place / "new", "--faults", "loss", "--levels", "10", "--json")
+    (tmp_path / "taken.json").mkdir()
     with pytest.raises(RecordingFailed):
-        sweep(place / "b.taxel", *words, "--output", place / "new")
+        sweep(place / "b.taxel", *words, "--output", tmp_path / "taken.json")
 
     assert len(json.loads(capsys.readouterr().out)) == 2
 

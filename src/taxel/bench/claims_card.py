@@ -15,7 +15,6 @@ from textwrap import wrap
 from typing import Any
 
 from taxel.bench.rows import STORE, Row, stored
-from taxel.bundles.files import write_whole
 from taxel.errors import BadInput
 from taxel.evaluation.claims import (
     ABOVE_GATE,
@@ -30,6 +29,7 @@ from taxel.evaluation.claims import (
     grasp_row,
     table_row,
 )
+from taxel.recordings.whole import write_whole
 from taxel.training.environment import environment
 
 MEASURED_FOR_CLAIMS = "claims"

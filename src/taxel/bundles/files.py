@@ -6,7 +6,6 @@ recordings or versions.
 
 from __future__ import annotations
 
-import os
 from pathlib import Path
 
 import numpy as np
@@ -15,7 +14,7 @@ from numpy.typing import NDArray
 from taxel.bundles.contract import Contract, at_level, contract_to_json
 from taxel.bundles.envelope import from_npy, pack, to_npy, unpack
 from taxel.bundles.reader import read_bundle
-from taxel.errors import BadBundle, RecordingFailed
+from taxel.errors import BadBundle
 
 
 def bundle_bytes(
@@ -38,27 +37,6 @@ def bundle_bytes(
     for name, array in {"values": values, "mask": mask, "probabilities": probabilities}.items():
         members[f"check_{name}.npy"] = to_npy(array)
     return pack(members)
-
-
-def write_whole(path: Path, data: bytes) -> None:
-    """Write a file, whole or not at all; an older one is replaced.
-
-    Raises:
-        RecordingFailed: The disk refused.
-    """
-    temporary = path.with_name(path.name + ".part")
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        try:
-            temporary.write_bytes(data)
-            os.replace(temporary, path)
-        finally:
-            temporary.unlink(missing_ok=True)
-    except OSError as error:
-        raise RecordingFailed(
-            f"needed to write {path}; got {error.strerror or error}; "
-            "make room or choose another place."
-        ) from error
 
 
 def bundle_at_level(path: Path, level: NDArray[np.float32]) -> tuple[Contract, bytes]:

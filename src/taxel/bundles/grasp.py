@@ -20,9 +20,9 @@ from numpy.typing import NDArray
 from taxel.bundles.contract import LARGEST_DIFFERENCE
 from taxel.bundles.engine import Engine, EngineName, Precision, open_engine
 from taxel.bundles.envelope import FIRST_WORDS, damaged, from_npy, pack, to_npy, unpack
-from taxel.bundles.files import write_whole
 from taxel.decisions.stability import StabilityConfig
 from taxel.errors import BadBundle
+from taxel.recordings.whole import write_whole
 from taxel.signals import CameraInfo
 from taxel.windows.rest import Tare
 

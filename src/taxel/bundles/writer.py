@@ -16,9 +16,10 @@ from numpy.typing import NDArray
 from torch import Tensor, nn
 
 from taxel.bundles.contract import LARGEST_DIFFERENCE, Contract
-from taxel.bundles.files import bundle_bytes, write_whole
+from taxel.bundles.files import bundle_bytes
 from taxel.bundles.reader import Bundle
 from taxel.errors import BadBundle
+from taxel.recordings.whole import write_whole
 
 _CHECK_WINDOWS = 16
 """Windows stored for the check on load."""

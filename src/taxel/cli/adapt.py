@@ -139,10 +139,11 @@ class Adapt:
             )  # fmt: skip
 
     def _bring_to_level(self) -> None:
-        from taxel.bundles.files import bundle_at_level, write_whole
+        from taxel.bundles.files import bundle_at_level
         from taxel.bundles.levels import measure_level
         from taxel.bundles.reader import read_contract
         from taxel.bundles.versions import Change
+        from taxel.recordings.whole import write_whole
         from taxel.training.adapt.new_data import measured_at
         from taxel.training.run import save_at_level
 

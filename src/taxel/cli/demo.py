@@ -123,10 +123,11 @@ class Demo:
 
     def _touch(self, bundles: list[Path]) -> None:
         """Record a glass cylinder in the new session; bring the bundles to its level."""
-        from taxel.bundles.files import bundle_at_level, write_whole
+        from taxel.bundles.files import bundle_at_level
         from taxel.bundles.levels import measure_level
         from taxel.bundles.reader import read_contract
         from taxel.cli.record import Record
+        from taxel.recordings.whole import write_whole
 
         touches = self.output / "touches.mcap"
         source = (

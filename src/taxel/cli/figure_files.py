@@ -1,11 +1,10 @@
-"""Where verbs put figures: a name that fits, and a file that is there as a whole or not at all."""
+"""Where verbs put figures: a name that fits, and what draws them."""
 
 from __future__ import annotations
 
-import os
 from pathlib import Path
 
-from taxel.errors import BadInput, MissingExtra, RecordingFailed
+from taxel.errors import BadInput, MissingExtra
 
 
 def need_figures(path: Path) -> None:
@@ -21,21 +20,3 @@ def need_figures(path: Path) -> None:
         import matplotlib  # noqa: F401
     except ModuleNotFoundError as error:
         raise MissingExtra("matplotlib", "train", "figures") from error
-
-
-def write_whole(path: Path, data: bytes) -> None:
-    """Write a file so that it is there as a whole or not at all.
-
-    Raises:
-        RecordingFailed: The disk refused.
-    """
-    part = path.with_name(path.name + ".part")
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        part.write_bytes(data)
-        os.replace(part, path)
-    except OSError as error:
-        part.unlink(missing_ok=True)
-        raise RecordingFailed(
-            f"needed to write {path}; got {error.strerror or error}; choose another place."
-        ) from error

@@ -10,9 +10,10 @@ import tyro
 from rich.table import Table
 from rich.text import Text
 
-from taxel.cli.figure_files import need_figures, write_whole
+from taxel.cli.figure_files import need_figures
 from taxel.cli.printing import command, console, print_json, progress
 from taxel.errors import BadInput
+from taxel.recordings.whole import write_whole
 
 if TYPE_CHECKING:
     from taxel.labels.agreement import Agreement

@@ -12,9 +12,10 @@ from typing import TYPE_CHECKING
 
 import tyro
 
-from taxel.cli.figure_files import need_figures, write_whole
+from taxel.cli.figure_files import need_figures
 from taxel.cli.printing import console, print_json, progress
 from taxel.errors import BadInput
+from taxel.recordings.whole import write_whole
 
 if TYPE_CHECKING:
     from taxel.evaluation.robustness.curve import Point
@@ -103,6 +104,9 @@ class Sweep:
             raise BadInput(
                 "--least-confidence within 0 and 1", f"{self.least_confidence:g}", "choose another"
             )
+        if self.output is not None and self.output.suffix.lower() != ".json":
+            raise BadInput("a name that ends in .json for --output", str(self.output),
+                           "rename it; a picture is asked for with --plot NAME.png")  # fmt: skip
         if not 1 <= self.sessions <= 1000 or not 10.0 <= self.session_s <= 36_000.0:
             raise BadInput(
                 "--sessions within 1 and 1000 and --session-s within 10 and 36000",

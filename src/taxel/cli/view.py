@@ -15,10 +15,11 @@ from rich.console import Group
 from rich.live import Live
 from rich.text import Text
 
-from taxel.cli.figure_files import need_figures, write_whole
+from taxel.cli.figure_files import need_figures
 from taxel.cli.printing import console, print_json
 from taxel.cli.view_cameras import view_cameras
 from taxel.errors import BadInput
+from taxel.recordings.whole import write_whole
 from taxel.signals import Samples
 from taxel.sources.contract import Source
 

@@ -6,8 +6,8 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from taxel.cli.figure_files import write_whole
 from taxel.cli.printing import console, print_json
+from taxel.recordings.whole import write_whole
 from taxel.sources.contract import Source
 from taxel.windows.pairs import FramePairer, FrameSet
 

@@ -10,9 +10,9 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from taxel.errors import BadInput
-from taxel.recordings.folders import new_folder
 from taxel.recordings.intervals import marks_of, read_intervals, stem_of, write_marked
 from taxel.recordings.reader import iterate_frames, list_recordings, read_recording
+from taxel.recordings.whole import new_folder
 from taxel.recordings.writer import Recorder
 from taxel.signals import Mark
 

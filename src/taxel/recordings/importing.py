@@ -15,12 +15,12 @@ import numpy as np
 
 from taxel.errors import BadTable
 from taxel.recordings import tables
-from taxel.recordings.folders import new_folder
 from taxel.recordings.intervals import Interval, marks_of, read_intervals, stem_of, write_marked
 from taxel.recordings.layouts import find_layout
 from taxel.recordings.manifest import Manifest
 from taxel.recordings.spelling import composed
 from taxel.recordings.tables import Missing, Table
+from taxel.recordings.whole import new_folder
 from taxel.recordings.writer import Recorder
 from taxel.signals import Samples, SensorInfo
 

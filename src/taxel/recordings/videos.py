@@ -18,9 +18,9 @@ from numpy.typing import NDArray
 
 from taxel.errors import BadTable
 from taxel.frame_codec import encode_jpeg
-from taxel.recordings.folders import new_folder
 from taxel.recordings.manifest import NO_ARRAY, Manifest
 from taxel.recordings.video_rows import VideoRow
+from taxel.recordings.whole import new_folder
 from taxel.recordings.writer import Recorder
 from taxel.signals import CameraInfo, Frame
 

@@ -12,8 +12,8 @@ import os
 from collections.abc import Sequence
 from pathlib import Path
 
-from taxel.bundles.files import write_whole
 from taxel.errors import BadInput
+from taxel.recordings.whole import write_whole
 
 _FIRST = b"<!doctype html>"
 """What a page begins with."""

@@ -1,6 +1,6 @@
-"""A folder of recordings that is made as a whole, or not at all.
+"""Files, and folders of recordings, that are there as a whole or not at all.
 
-Knows nothing about what is in a recording.
+Knows nothing about what is in them.
 """
 
 from __future__ import annotations
@@ -11,7 +11,28 @@ from collections.abc import Collection, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from taxel.errors import BadTable
+from taxel.errors import BadTable, RecordingFailed
+
+
+def write_whole(path: Path, data: bytes) -> None:
+    """Write a file, whole or not at all; an older one is replaced.
+
+    Raises:
+        RecordingFailed: The disk refused.
+    """
+    temporary = path.with_name(path.name + ".part")
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        try:
+            temporary.write_bytes(data)
+            os.replace(temporary, path)
+        finally:
+            temporary.unlink(missing_ok=True)
+    except OSError as error:
+        raise RecordingFailed(
+            f"needed to write {path}; got {error.strerror or error}; "
+            "make room or choose another place."
+        ) from error
 
 
 @contextmanager
