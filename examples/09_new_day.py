@@ -27,7 +27,6 @@ def main() -> None:
         train_bundle(place / "past", recipe, place / "hand.taxel")
         plain = load_dataset(place / "today", replace(recipe.window, reference=None))
         wanted = plain.class_numbers("material")
-
         for what in ("as it was trained", "after three touches"):
             bundle = read_bundle(place / "hand.taxel")
             found = bundle.probabilities(plain.windows.values, plain.windows.mask).argmax(axis=1)
