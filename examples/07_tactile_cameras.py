@@ -21,7 +21,7 @@ with tempfile.TemporaryDirectory() as name:
     truth_um = truth_of(pour)[:, 0]
     pairs = [found.frames for found in frame_sets(pour.path, cameras=2)]
 
-images = [[decode_jpeg(frame.jpeg) for frame in pair] for pair in pairs]
+images = [[decode_jpeg(frame.jpeg, None) for frame in pair] for pair in pairs]
 gels = [SlipFeatures([pair[camera] for pair in images[SETTLE]]) for camera in (0, 1)]
 column = SLIP_FEATURES.index("slip")
 

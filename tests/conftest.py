@@ -1,12 +1,39 @@
-"""What several rooms' tests share: a few short simulated pours, written once a session."""
+"""What several rooms' tests share: how long to fuzz, and a few short simulated pours.
 
+A fuzzer says `@settings(settings.get_profile("fuzz"))`, which is the profile `short` or `full`:
+pytest --fuzz full, or TAXEL_FUZZ=full, as CI says it; `search` tries other examples each time.
+"""
+
+import os
 import shutil
 from pathlib import Path
 
 import pytest
+from hypothesis import settings
 
 from taxel.sim.cup_pour import CupPourConfig, list_runs
 from taxel.sources.pour_sets import CAMERA_HZ, write_run
+
+FUZZ_PROFILES = {"short": 40, "full": 2000, "search": 2000}
+"""Profile → examples of each fuzzer. `search` draws new ones each time, the others the same."""
+_LONGEST_EXAMPLE_MS = 20_000
+"""An example that takes longer is a flaw, on a busy machine too."""
+
+
+def pytest_addoption(parser: pytest.Parser) -> None:
+    parser.addoption(
+        "--fuzz", choices=list(FUZZ_PROFILES), default=os.environ.get("TAXEL_FUZZ") or "short",
+        help="how many examples fuzzers try: short, the default, full, or search for new ones",
+    )  # fmt: skip
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    for name, examples in FUZZ_PROFILES.items():
+        settings.register_profile(
+            name, max_examples=examples, deadline=_LONGEST_EXAMPLE_MS, print_blob=True,
+            derandomize=name != "search",
+        )  # fmt: skip
+    settings.register_profile("fuzz", parent=settings.get_profile(config.getoption("--fuzz")))
 
 
 @pytest.fixture(scope="session")

@@ -2,6 +2,7 @@
 
     TaxelError
     ├── BadInput (ValueError)          what was given cannot be used as it is
+    │   ├── BadFile                    a file beyond the bounds of what is read
     │   ├── BadTable                   an import manifest or a table of values
     │   ├── BadRecording               a recording that cannot be read
     │   ├── BadDataset                 recordings that do not make a data set for this job
@@ -41,6 +42,10 @@ class BadInput(TaxelError, ValueError):
     def __reduce__(self) -> tuple[type[BadInput], tuple[str, str, str]]:
         """Cross from a worker process as what it was made of, not as its message."""
         return type(self), (self.needed, self.got, self.mend)
+
+
+class BadFile(BadInput):
+    """A file is no plain file, larger than is read, or nested or packed beyond measure."""
 
 
 class BadTable(BadInput):

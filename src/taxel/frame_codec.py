@@ -9,6 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taxel.errors import BadSource, MissingExtra
+from taxel.jpeg_head import read_head
+from taxel.signals import CameraInfo
 
 try:
     import cv2
@@ -33,15 +35,47 @@ def encode_jpeg(rgb: NDArray[np.uint8], quality: int = JPEG_QUALITY) -> bytes:
     return coded.tobytes()
 
 
-def decode_jpeg(jpeg: bytes) -> NDArray[np.uint8]:
+def decode_jpeg(jpeg: bytes, camera: CameraInfo | None) -> NDArray[np.uint8]:
     """Return a JPEG's pixels, shape (height, width, 3), red first.
 
+    What it declares is checked first (`taxel.jpeg_head`): nothing that the camera cannot have
+    sent reaches the decoder, whatever it would cost to decode.
+
+    Args:
+        jpeg: The image.
+        camera: Whose it is: its size is the only one taken. None takes any size up to
+            `taxel.jpeg_head.LARGEST_PX`, for images that belong to no camera.
+
     Raises:
-        BadSource: It is no JPEG, or is cut short.
+        BadSource: It is no JPEG, is cut short, or not such as the camera sends.
     """
-    bgr = cv2.imdecode(np.frombuffer(jpeg, np.uint8), cv2.IMREAD_COLOR) if jpeg else None
-    if bgr is None or not jpeg.endswith(b"\xff\xd9"):
-        raise BadSource(
-            "a whole JPEG image", f"{len(jpeg)} bytes that are none", "check the camera's cable"
-        )
+    read_head(jpeg, None if camera is None else (camera.width, camera.height))
+    flags = cv2.IMREAD_COLOR | cv2.IMREAD_IGNORE_ORIENTATION
+    bgr = cv2.imdecode(np.frombuffer(jpeg, np.uint8), flags)
+    if bgr is None:
+        raise _damaged(jpeg)
     return np.asarray(cv2.cvtColor(bgr, cv2.COLOR_BGR2RGB), dtype=np.uint8)
+
+
+def decode_grey_quarter(jpeg: bytes, camera: CameraInfo | None) -> NDArray[np.uint8]:
+    """Return a JPEG's brightness at a quarter of its size, shape (height / 4, width / 4).
+
+    Args:
+        jpeg: The image.
+        camera: As for `decode_jpeg`.
+
+    Raises:
+        BadSource: As for `decode_jpeg`.
+    """
+    read_head(jpeg, None if camera is None else (camera.width, camera.height))
+    flags = cv2.IMREAD_REDUCED_GRAYSCALE_4 | cv2.IMREAD_IGNORE_ORIENTATION
+    grey = cv2.imdecode(np.frombuffer(jpeg, np.uint8), flags)
+    if grey is None:
+        raise _damaged(jpeg)
+    return np.asarray(grey, dtype=np.uint8)
+
+
+def _damaged(jpeg: bytes) -> BadSource:
+    return BadSource(
+        "a whole JPEG image", f"{len(jpeg)} bytes that are none", "check the camera's cable"
+    )

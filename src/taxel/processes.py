@@ -6,7 +6,10 @@ Processes, not threads: small networks gain nothing from a second thread
 
 from __future__ import annotations
 
+import ctypes
 import os
+import signal
+import sys
 import threading
 import time
 from collections.abc import Callable, Sequence
@@ -17,6 +20,8 @@ from typing import Any, TypeVar
 _Result = TypeVar("_Result")
 WORKERS = 2
 """Processes at a time. Source: our choice; the machines that test taxel have two cores."""
+_PARENT_DEATH = 1
+"""PR_SET_PDEATHSIG of prctl(2)."""
 _LOOK_S = 1.0
 """How often a worker looks whether its parent lives, seconds."""
 
@@ -58,3 +63,22 @@ def _end_with_parent(parent: int) -> None:
         os._exit(1)
 
     threading.Thread(target=watch, daemon=True).start()
+
+
+def signal_at_parents_end(parent: int, number: signal.Signals = signal.SIGKILL) -> None:
+    """Let the system send this process a signal when its parent ends, however that happens.
+
+    SIGKILL ends also a process that is stopped or hangs; SIGCONT only wakes one that is
+    stopped, so that it can see for itself and complete its work. Linux only; nothing elsewhere.
+    The parent is the thread that started this process: it must live as long as its process.
+
+    Args:
+        parent: Process number of the parent; the signal comes at once where it is gone already.
+        number: The signal.
+    """
+    if sys.platform != "linux":
+        return
+    zero = ctypes.c_ulong(0)
+    ctypes.CDLL(None).prctl(_PARENT_DEATH, ctypes.c_ulong(number), zero, zero, zero)
+    if os.getppid() != parent:
+        os.kill(os.getpid(), number)

@@ -33,6 +33,12 @@ UNUSABLE = Validity.MISSING | Validity.STALE | Validity.RECONNECTING | Validity.
 """Flags under which a value says nothing at all; a saturated one still says "at least"."""
 
 
+PAUSE = "pause_s"
+"""Name of the detail by which a camera says how long it sends nothing after a grasp, seconds."""
+LONGEST_PAUSE_S = 2.0
+"""Longer pauses are not believed, seconds. Source: our choice, docs/decisions/0031."""
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SensorInfo:
     """What a sensor array is, as its driver or its recording's manifest says."""
@@ -100,6 +106,22 @@ class CameraInfo:
     """The device's serial number, or the simulator's name and version."""
     details: Mapping[str, str] = field(default_factory=dict)
     """Anything else worth keeping, such as exposure and simulator parameters."""
+
+    @property
+    def simulated(self) -> bool:
+        """True where a simulator made the images, live or in a recording."""
+        return self.serial.startswith("sim://")
+
+    @property
+    def pause_s(self) -> float:
+        """How long it sends nothing after a mark that ends a grasp, seconds: by `PAUSE` in its
+        details; 0 for one that streams on, as real ones do, and where the detail is no number.
+        """
+        try:
+            told_s = float(self.details.get(PAUSE, "0"))
+        except ValueError:
+            return 0.0
+        return min(told_s, LONGEST_PAUSE_S) if told_s > 0 else 0.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -191,7 +213,8 @@ class Samples:
             time_s: Shape (n,), seconds; becomes device, arrival and fitted time.
             full_scale: Where the converter saturates, in the values' unit.
         """
-        values32 = np.ascontiguousarray(values, dtype=np.float32)
+        with np.errstate(over="ignore"):  # beyond 32 bits is infinite, and flagged
+            values32 = np.ascontiguousarray(values, dtype=np.float32)
         time = np.ascontiguousarray(time_s, dtype=np.float64)
         return Samples(
             values=values32,
@@ -228,6 +251,18 @@ def flag_values(values: NDArray[np.float32], full_scale: float | None) -> NDArra
         with np.errstate(invalid="ignore"):
             flags[values >= np.float32(full_scale)] |= np.uint8(Validity.SATURATED)
     return flags
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SlipNote:
+    """The slip that a monitor measured at one moment, as it was told live."""
+
+    time_s: float
+    """When the newest frame behind it was taken, fitted clock, seconds."""
+    who: str
+    """Which monitor."""
+    values: Mapping[str, float | bool | None]
+    """slip_mm, slip_rate_mm_s, slip_compliance, the standard deviation of each, slip_seen."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

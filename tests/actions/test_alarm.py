@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from taxel.actions.alarm import GRASP, INPUT, AlarmLatch, Level
 from taxel.decisions.stability import Stability, StabilityDecision
 
-STABLE, WARNING, UNSTABLE, UNKNOWN = Stability
+STABLE, WARNING, UNSTABLE, UNKNOWN, NO_GRASP = Stability
 
 
 def told(state: Stability, reason: str = "") -> StabilityDecision:
@@ -171,3 +171,22 @@ def test_counts_add_up_and_no_danger_leaves_unacknowledged(events: list[tuple]) 
         assert counts.raised >= counts.acknowledged + counts.waiting
         assert counts.waiting == (sum(not alarm.acknowledged for alarm in latch.alarms))
         assert (latch.sounding is None) == (counts.waiting == 0)
+
+
+def test_a_grasp_s_acknowledged_alarm_does_not_silence_the_next_grasp_s() -> None:
+    """Between the two nothing was STABLE: the first ended while it slipped."""
+    latch = AlarmLatch()
+    latch.watch(told(UNSTABLE), armed=True, now_s=1.0)
+    latch.acknowledge(latch.alarms[0].number, 2.0)
+    latch.watch(told(NO_GRASP), armed=True, now_s=3.0)
+    assert latch.alarms == ()
+    latch.watch(told(UNSTABLE), armed=True, now_s=4.0)
+    assert latch.sounding is Level.DANGER
+
+
+def test_an_alarm_that_nobody_acknowledged_outlives_its_grasp() -> None:
+    latch = AlarmLatch()
+    latch.watch(told(UNSTABLE), armed=True, now_s=1.0)
+    latch.watch(told(NO_GRASP), armed=True, now_s=3.0)
+    assert [alarm.state for alarm in latch.alarms] == ["gone, not acknowledged"]
+    assert latch.sounding is Level.DANGER

@@ -1,6 +1,7 @@
 """An arm lowers within its limits and stops; JAKA's controller is spoken to as documented."""
 
 import json
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from itertools import pairwise
@@ -91,6 +92,53 @@ def test_lowering_is_one_relative_straight_line_and_moves_the_tool() -> None:
             "accel": 200.0,
         }
         assert arm.status().ok
+
+
+def test_an_order_to_lower_is_void_when_it_has_expired_and_sent_once_an_alarm() -> None:
+    """Asked each tick, since each order lives for 0.1 s."""
+    with jaka() as (server, arm):
+        arm.lower(20.0, expires_s=time.monotonic() - 0.001, number=1)
+        read_s = arm.status().read_s
+        until(lambda: arm.status().read_s > read_s + 0.05)
+        assert [c["cmdName"] for c in server.heard].count("moveL") == 0
+
+        def lowered() -> bool:
+            arm.lower(20.0, expires_s=time.monotonic() + 0.1, number=1)
+            return arm.status().height_mm < 381 and not arm.status().moving
+
+        until(lowered)
+        assert [c["cmdName"] for c in server.heard].count("moveL") == 1
+        arm.lower(20.0, expires_s=time.monotonic() + 0.1, number=2)
+        until(lambda: [c["cmdName"] for c in server.heard].count("moveL") == 2)
+
+
+def test_a_lowering_whose_answer_was_lost_is_not_sent_again() -> None:
+    with jaka(timeout_s=0.05) as (server, arm):
+        until(lambda: arm.status().ok)
+        server.mute = True
+        until_s = time.monotonic() + 60.0
+        arm.lower(20.0, expires_s=until_s, number=1)
+        until(lambda: not arm.status().ok)
+        server.mute = False
+        until(lambda: arm.status().ok)
+        arm.lower(20.0, expires_s=until_s, number=1)
+        read_s = arm.status().read_s
+        until(lambda: arm.status().read_s > read_s + 0.05)
+
+        assert [c["cmdName"] for c in server.heard].count("moveL") <= 1
+
+
+def test_the_simulated_arm_obeys_no_expired_order_and_lowers_once_an_alarm() -> None:
+    clock = ManualClock(10.0)
+    arm = SimArm(ArmLimits(), clock)
+    arm.connect()
+    arm.lower(20.0, expires_s=10.0, number=1)
+    clock.advance(2.0)
+    assert arm.status().height_mm == 400.0
+    for _ in range(100):
+        arm.lower(20.0, expires_s=clock.now_s() + 0.1, number=1)
+        clock.advance(0.05)
+    assert arm.status().height_mm == pytest.approx(380.0, abs=1e-3)
 
 
 def test_stop_ends_a_lowering_and_hold_ends_only_its_own() -> None:

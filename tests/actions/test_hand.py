@@ -10,10 +10,11 @@ from hand_rig import HandEmulator, emulated_hand
 from waiting import until
 
 from taxel.actions.actuators import HandActuator, hear_all
+from taxel.actions.bus_worker import Command
 from taxel.actions.hand import HandController
-from taxel.actions.hand_link import HandConfig
+from taxel.actions.hand_link import Grip, HandConfig, HandLink
 from taxel.actions.interlock import Interlock, InterlockConfig, InterlockState
-from taxel.clock import SystemClock
+from taxel.clock import ManualClock, SystemClock
 from taxel.decisions.stability import Stability, StabilityDecision
 from taxel.errors import BadInput
 from taxel.wire.messages import Ability, Order, State
@@ -76,6 +77,38 @@ def test_a_grip_that_is_not_refreshed_runs_out() -> None:
         driven.until(lambda: board.state is State.ARMED)
 
         assert 0 < board.closed < 600
+
+
+def test_a_wish_to_arm_does_not_outlive_an_owner_that_stood_still() -> None:
+    """Asked for while the owner was silent: not sent, not even once the owner is back."""
+    with rigged(owner_s=0.05) as (board, driven):
+        driven.hand.refresh()
+        silent_s = time.monotonic()
+        until(lambda: time.monotonic() > silent_s + 0.06)
+        driven.hand.arm()
+        beats = board.beats
+        until(lambda: not driven.hand._link.arm_wanted)
+        driven.beats(4)
+
+        assert board.beats > beats
+        assert not driven.hand.status().armed
+        assert board.state is not State.ARMED
+
+
+def test_a_grip_that_waited_is_sent_with_what_is_left_of_its_life() -> None:
+    """The board counts from the arrival, so that a late one would live twice as long."""
+    clock = ManualClock(10.0)
+    link = HandLink(HandConfig(port="none"), clock)
+    sent: list[Any] = []
+    link._send = sent.append  # type: ignore[method-assign]
+    link.grip = Grip(1, 1000, 300, 200)
+    link.do(Command("grip", expires_s=10.2))
+    clock.advance(0.15)
+    link.do(Command("grip", expires_s=10.2))
+    clock.advance(0.05)
+    link.do(Command("grip", expires_s=10.2))
+
+    assert [message.expires_ms for message in sent] == pytest.approx([200, 50], abs=1)
 
 
 def test_a_silent_owner_stops_the_hand_though_the_thread_lives() -> None:
@@ -185,7 +218,8 @@ def test_grips_that_do_not_fit_the_wire_are_refused(bad: tuple[int, int, int, fl
 
 def test_contact_that_the_board_does_not_stop_at_trips_the_interlock_and_stops_the_hand() -> None:
     """The grip names a limit that contact never reaches; the host's threshold does."""
-    lock = Interlock(InterlockConfig(min_n=0.0, max_n=1.0, contact_ma=300.0, contact_s=0.03))
+    limits = InterlockConfig(min_n=0.0, max_n=1.0, contact_ma=300.0, contact_s=0.03, stall_s=1.0)
+    lock = Interlock(limits)
     with rigged() as (board, driven):
         hand = driven.armed()
         actuator = HandActuator("hand", hand)

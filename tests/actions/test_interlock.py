@@ -134,13 +134,87 @@ def test_silence_of_the_decision_maker_stops_within_one_tick_of_the_watchdog(
     assert rig.lock.reason == "no word from the decision maker for 0.08 s"
 
 
-def test_a_beat_without_decisions_is_unknown_and_holds() -> None:
+def test_decisions_that_stop_coming_stop_although_the_heart_beats() -> None:
+    """0.3 s are a decision's life; the tick after it stops."""
     rig = Rig().into(READY)
+    last = rig.now
     rig.word = None
-    assert rig.step(n=29).kind is HOLD
-    assert rig.lock.state is READY
-    rig.step(n=2)
-    assert rig.lock.state is HOLDING
+    while rig.step().kind is HOLD:
+        assert rig.now - last < 0.305
+    assert rig.now - last == pytest.approx(0.31)
+    assert (rig.lock.state, rig.lock.reason) == (STOPPED, "no decision for 0.3 s")
+    assert rig.lock.arm(rig.now) == ("no decision for 0.3 s",)
+
+
+def test_a_decision_that_is_told_again_and_again_keeps_its_own_time() -> None:
+    rig = Rig().into(READY)
+    decided = rig.now
+    rig.word = None
+    for _ in range(31):
+        rig.lock.decision("WARNING", decided)
+        order = rig.step()
+    assert order.kind is STOP
+
+
+def test_before_the_first_decision_it_holds() -> None:
+    rig = Rig()
+    rig.word = None
+    rig.armed()
+    assert rig.step(n=100).kind is HOLD
+
+
+@pytest.mark.parametrize("start", [READY, RAISED, HOLDING])
+@pytest.mark.parametrize("gap_s", [0.081, 0.2, 0.45, 1.0, 3.0])
+def test_a_gap_between_ticks_stops_and_nothing_is_raised_until_armed_again(
+    start: InterlockState, gap_s: float
+) -> None:
+    """Everybody else lived on: only the caller of the interlock stood still."""
+    rig = Rig().into(start)
+    held = rig.lock.force_n
+    rig.now += gap_s - 0.01
+    assert rig.step("UNSTABLE").kind is STOP
+    assert rig.lock.reason == f"no tick for {gap_s:.2f} s"
+    assert rig.step(n=300).kind is STOP
+    assert rig.lock.force_n == held
+    assert rig.lock.arm(rig.now) == ()
+    assert rig.step().kind is GRIP
+
+
+def test_a_late_tick_counts_for_no_more_than_the_largest_step() -> None:
+    """100 N/s and 20 ms: 2 N, although 75 ms have passed."""
+    rig = Rig().into(RAISED)
+    before = rig.lock.force_n
+    rig.now += 0.065
+    assert rig.step("UNSTABLE").force_n == pytest.approx(before + 2.0)
+
+
+def test_a_key_that_was_pressed_during_a_stall_does_not_undo_the_stop() -> None:
+    rig = Rig().into(RAISED)
+    rig.now += 1.0
+    rig.step()
+    assert rig.lock.arm(rig.now) == ("ticks stood still less than 0.5 s ago",)
+    rig.step(n=51)
+    assert rig.lock.arm(rig.now) == ()
+
+
+def test_nor_does_one_pressed_during_a_second_stall_after_the_first_had_stopped() -> None:
+    rig = Rig().into(RAISED)
+    rig.now += 1.0
+    rig.step(n=100)
+    rig.now += 3.0
+    assert rig.step("STABLE").kind is STOP
+    assert rig.lock.arm(rig.now) == ("ticks stood still less than 0.5 s ago",)
+    rig.step(n=51)
+    assert rig.lock.arm(rig.now) == ()
+
+
+def test_the_stall_is_the_cause_where_it_is_looked_for_before_the_actuator_is_heard() -> None:
+    rig = Rig().into(READY)
+    rig.now += 1.0
+    assert rig.lock.wake(rig.now) == pytest.approx(1.0)
+    rig.lock.device(False, rig.now)
+    assert rig.lock.reason == "no tick for 1.00 s"
+    assert rig.lock.tick(rig.now).reason == "no tick for 1.00 s"
 
 
 @pytest.mark.parametrize(
@@ -217,9 +291,20 @@ def test_a_stop_that_a_broken_clock_caused_can_be_armed_again() -> None:
 @pytest.mark.parametrize("start", [READY, RAISED, HOLDING])
 def test_disarming_ends_all_orders(start: InterlockState) -> None:
     rig = Rig().into(start)
-    rig.lock.disarm(rig.now)
+    rig.lock.disarm(rig.now, "a person")
 
     assert rig.step("UNSTABLE").kind is NONE
+    assert rig.lock.reason == "disarmed by a person"
+
+
+def test_disarming_before_it_was_armed_is_counted_once_and_a_stop_stays() -> None:
+    rig = Rig()
+    for _ in range(3):
+        rig.lock.disarm(rig.now, "a person")
+    assert (rig.lock.disarms, rig.lock.reason) == (1, "disarmed by a person")
+    rig.into(STOPPED)
+    rig.lock.disarm(rig.now, "a person")
+    assert (rig.lock.disarms, rig.lock.state) == (1, STOPPED)
 
 
 def test_the_force_rises_by_the_slew_to_the_largest_and_no_further() -> None:
@@ -285,6 +370,8 @@ def test_beats_stamped_in_the_future_do_not_stretch_the_watchdog() -> None:
         {"min_n": 0.0, "max_n": math.inf},
         {"min_n": 0.0, "max_n": 4.0, "watchdog_s": 0.0},
         {"min_n": 0.0, "max_n": 4.0, "slew_n_s": math.nan},
+        {"min_n": 0.0, "max_n": 4.0, "stall_s": 0.0},
+        {"min_n": 0.0, "max_n": 4.0, "step_s": math.inf},
         {"min_n": 0.0, "max_n": 4.0, "over_ma": -1.0},
     ],
 )
@@ -320,7 +407,7 @@ def test_whatever_comes_the_promises_hold(
     config = HAND if hand else CONFIG
     lock = Interlock(config)
     now, last_beat, last_kind_stopped = 100.0, -math.inf, False
-    last_force = config.min_n
+    last_force, last_tick = config.min_n, now
     for (kind, one, two), step in events:
         now = now + step if math.isfinite(step) and 0 <= step < 1 else now
         stamp = now if math.isfinite(step) else step
@@ -359,11 +446,13 @@ def test_whatever_comes_the_promises_hold(
             assert lock.state is RAISED
             assert now - last_beat <= config.watchdog_s + 1e-6
             assert not last_kind_stopped or armed_by_hand
+            assert now - last_tick <= config.stall_s + 1e-6 or armed_by_hand
         if not released:
+            assert lock.force_n <= last_force + config.slew_n_s * config.step_s + 1e-9
             assert lock.force_n >= last_force
         if lock.armed:
             assert now - last_beat <= config.watchdog_s + 1e-6
         if last_kind_stopped and not armed_by_hand:
             assert order.kind is STOP
-        last_force = lock.force_n
+        last_force, last_tick = lock.force_n, now
         last_kind_stopped = order.kind is STOP

@@ -150,7 +150,7 @@ def test_the_whole_path_with_simulated_devices_raises_lowers_and_stops() -> None
     both = [gripper, arm]
     assert isinstance(gripper, GripperActuator)
     assert isinstance(gripper.gripper, SimGripper)
-    output = CallbackOutput(heard.append)
+    output = CallbackOutput(heard.append, clock)
     for one in both:
         one.connect()
     gripper.gripper.grip(20.0)

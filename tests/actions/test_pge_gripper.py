@@ -226,6 +226,22 @@ def test_settings_that_make_no_sense_are_refused(bad: dict[str, float]) -> None:
         PgeConfig(port="/dev/ttyUSB0", **bad)  # type: ignore[arg-type]
 
 
+def test_a_raise_is_not_repeated_after_it_has_expired() -> None:
+    """The first try is lost, and the quiet line that follows it outlasts the order's 0.1 s."""
+    with rig.pge_on_a_cable() as (cable, _), gripper(cable.near, retries=5) as hand:
+        hand.grip(30.0)
+        until(lambda: hand.latency.commands == 1)
+        cable.mute = True
+        cable.heard.clear()
+        hand.grip(90.0, time.monotonic() + 0.1)
+        until(lambda: hand.status().fault != "")
+        cable.mute = False
+        until(lambda: hand.status().ok)
+        raises = [said for said in cable.heard if said[1:6] == bytes([6, 1, 1, 0, 90])]
+
+        assert len(raises) <= 1
+
+
 def ticking(lock: Interlock, hand: PgeGripper) -> Callable[[str], InterlockState]:
     """Return one tick of a station: a word and the gripper to the interlock, its order back."""
     actuator = GripperActuator("gripper", hand, ForceRange(max_n=50.0, min_n=15.0))
@@ -243,7 +259,7 @@ def ticking(lock: Interlock, hand: PgeGripper) -> Callable[[str], InterlockState
 
 def test_interlock_and_gripper_together_raise_on_a_warning_and_stop_with_the_bus() -> None:
     """The whole path: decision, interlock, order, registers; then the cable is pulled."""
-    lock = Interlock(InterlockConfig(min_n=15.0, max_n=40.0, slew_n_s=400.0))
+    lock = Interlock(InterlockConfig(min_n=15.0, max_n=40.0, slew_n_s=400.0, stall_s=1.0))
     with rig.pge_on_a_cable() as (cable, pge), gripper(cable.near) as hand:
         tick = ticking(lock, hand)
         tick("STABLE")
@@ -258,7 +274,7 @@ def test_interlock_and_gripper_together_raise_on_a_warning_and_stop_with_the_bus
 
 def test_a_raise_begins_at_the_force_that_the_gripper_was_set_to_before() -> None:
     """60 % are 32.5 N: the first raise must not fall back to the least force."""
-    lock = Interlock(InterlockConfig(min_n=15.0, max_n=50.0, slew_n_s=100.0))
+    lock = Interlock(InterlockConfig(min_n=15.0, max_n=50.0, slew_n_s=100.0, stall_s=1.0))
     with rig.pge_on_a_cable(set_pct=60) as (cable, pge), gripper(cable.near) as hand:
         tick = ticking(lock, hand)
         tick("STABLE")

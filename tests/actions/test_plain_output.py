@@ -3,15 +3,28 @@
 import json
 import math
 import socket
+from dataclasses import replace
+from itertools import pairwise
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from waiting import until
 
-from taxel.actions.interlock import Order, OrderKind
+from taxel.actions.actuators import OutputActuator, hear_all
+from taxel.actions.interlock import (
+    Interlock,
+    InterlockConfig,
+    InterlockState,
+    Order,
+    OrderKind,
+)
+from taxel.actions.opening import open_actuator
 from taxel.actions.plain_output import Action, CallbackOutput, UdpOutput, action_of, open_udp
+from taxel.clock import ManualClock
 from taxel.decisions.stability import Stability, StabilityDecision
 from taxel.errors import BadInput
+from taxel.gel.slip_signal import Slip
 
 WARNING = StabilityDecision(Stability.WARNING, "", 9.5, 0.75)
 GRIP = Order(OrderKind.GRIP, 21.5, "the grasp is WARNING", 10.1)
@@ -21,7 +34,7 @@ def test_a_datagram_says_all_that_is_documented() -> None:
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as robot:
         robot.bind(("127.0.0.1", 0))
         robot.settimeout(5)
-        with UdpOutput("127.0.0.1", robot.getsockname()[1]) as output:
+        with UdpOutput("127.0.0.1", robot.getsockname()[1], clock=ManualClock(10.0)) as output:
             output.tell(WARNING, GRIP, 10.0)
             output.tell(WARNING, GRIP, 10.0)
             first, second = (json.loads(robot.recv(4096)) for _ in range(2))
@@ -34,12 +47,26 @@ def test_a_datagram_says_all_that_is_documented() -> None:
         "state": "WARNING",
         "reason": "",
         "probability": 0.75,
+        "slip": None,
         "since_s": 9.5,
         "order": "grip",
         "order_reason": "the grasp is WARNING",
         "force_n": 21.5,
+        "grasp": 1,
     }
     assert second["sequence"] == 2
+
+
+def test_a_datagram_tells_the_slip_where_a_monitor_follows_it() -> None:
+    slip = Slip(0.12, 0.3, 0.5, 0.01, math.inf, 0.1, True)
+    action = action_of(replace(WARNING, slip=slip), GRIP, 1, 10.0)
+
+    told = json.loads(action.as_json())["slip"]
+
+    assert told["slip_mm"] == 0.12
+    assert told["slip_rate_mm_s"] == 0.3
+    assert told["slip_rate_sd_mm_s"] is None
+    assert told["slip_seen"] is True
 
 
 def test_nobody_listening_or_a_closed_socket_stops_nothing() -> None:
@@ -76,7 +103,7 @@ def test_a_function_that_raises_is_counted_and_called_again() -> None:
             raise RuntimeError("the robot's own program is broken")
         heard.append(action)
 
-    output = CallbackOutput(robot)
+    output = CallbackOutput(robot, ManualClock(10.0))
     for _ in range(3):
         output.tell(WARNING, GRIP, 10.0)
 
@@ -93,6 +120,138 @@ def test_a_stop_never_expires_and_no_order_has_no_force() -> None:
     assert (none.order, none.force_n) == ("none", None)
 
 
+def hold(force_n: float, now_s: float) -> Order:
+    return Order(OrderKind.HOLD, force_n, "", now_s + 0.1)
+
+
+def test_the_force_told_never_falls_and_a_new_grasp_is_a_field_of_its_own() -> None:
+    """What a person's new grasp did: 43.8 N, then 15 N to a hand that still held the cup."""
+    heard: list[Action] = []
+    clock = ManualClock(10.0)
+    actuator = OutputActuator("robot", CallbackOutput(heard.append, clock))
+    for force_n in (15.0, 43.8):
+        actuator.tell(WARNING, hold(force_n, 10.0), 10.0)
+    actuator.new_grasp()
+    for force_n in (15.0, 20.0, 50.0):
+        actuator.tell(WARNING, hold(force_n, 10.0), 10.0)
+
+    assert [action.force_n for action in heard] == [15.0, 43.8, 43.8, 43.8, 50.0]
+    assert [action.grasp for action in heard] == [1, 1, 2, 2, 2]
+
+
+def test_an_order_that_expired_before_it_could_be_sent_is_not_told_but_a_stop_is() -> None:
+    """The process stood still between the tick and the sending: the tick's time is long ago."""
+    heard: list[Action] = []
+    clock = ManualClock(10.0)
+    output = CallbackOutput(heard.append, clock)
+    clock.advance(0.06)
+    output.tell(WARNING, GRIP, 10.0)
+    clock.advance(1.0)
+    output.tell(WARNING, GRIP, 10.0)
+    output.tell(WARNING, Order(OrderKind.STOP, 20.0, "", math.inf), 10.0)
+
+    assert [action.order for action in heard] == ["grip", "stop"]
+    assert heard[0].expires_in_s == pytest.approx(0.04)
+    assert (output.sent, output.lost) == (2, 1)
+
+
+def armed() -> Interlock:
+    interlock = Interlock(InterlockConfig(min_n=10.0, max_n=50.0))
+    interlock.beat(10.0)
+    interlock.decision("STABLE", 10.0)
+    interlock.device(True, 10.0)
+    assert interlock.arm(10.0) == ()
+    return interlock
+
+
+def test_the_robot_s_program_disarms_by_an_answer_and_nobody_else_does() -> None:
+    interlock = armed()
+    with (
+        socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as robot,
+        socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as other,
+    ):
+        robot.bind(("127.0.0.1", 0))
+        robot.settimeout(5)
+        output = UdpOutput("127.0.0.1", robot.getsockname()[1], clock=ManualClock(10.0))
+        actuator = OutputActuator("robot", output)
+        actuator.tell(WARNING, GRIP, 10.0)
+        _, taxel = robot.recvfrom(4096)
+        word = json.dumps({"schema": "taxel-action-1", "do": "disarm"}).encode()
+        other.sendto(word, taxel)
+        for nonsense in (b"", b"\xff", b"[]", b"{}", b'{"do":"disarm"}', b"[" * 500, b"x" * 9000):
+            robot.sendto(nonsense, taxel)
+        robot.sendto(json.dumps({"schema": "taxel-action-1", "do": "arm"}).encode(), taxel)
+        until(lambda: bool(actuator.hear(interlock, 10.0)) and output.refused == 9)
+        assert interlock.armed
+        robot.sendto(word, taxel)
+        until(lambda: bool(actuator.hear(interlock, 10.0)) and not interlock.armed)
+        output.close()
+        assert output.heard() == []
+
+    assert interlock.state is InterlockState.DISARMED
+    assert interlock.reason == "disarmed by the robot's program (robot)"
+
+
+def test_raises_begin_anew_where_the_robot_says_how_hard_it_grips_but_not_in_doubt() -> None:
+    heard: list[Action] = []
+    answers: list[object] = []
+
+    def robot(action: Action) -> object:
+        heard.append(action)
+        return answers.pop(0) if answers else None
+
+    interlock = armed()
+    assert interlock.release(40.0)
+    actuator = OutputActuator("robot", CallbackOutput(robot, ManualClock(10.0)))
+    for word, answer in (
+        ("WARNING", {"do": "gripping", "force_n": 15.0}),
+        ("STABLE", {"do": "gripping", "force_n": True}),
+        ("STABLE", {"do": "gripping", "force_n": 15.0}),
+        ("STABLE", None),
+    ):
+        interlock.decision(word, 10.0, 40.0)
+        actuator.hear(interlock, 10.0)
+        answers.append(answer)
+        actuator.tell(WARNING, interlock.tick(10.0), 10.0)
+
+    assert [action.force_n for action in heard] == [40.0, 40.0, 40.0, 15.0]
+
+
+def test_what_a_robot_says_of_its_own_grip_makes_no_step_of_a_gripper_driven_here() -> None:
+    """200 N/s: a tick of 10 ms raises by 2 N, whatever comes over the wire; it may still disarm."""
+    clock = ManualClock(10.0)
+    gripper = open_actuator("sim://gripper?max_force_n=50", clock)
+    gripper.connect()
+    told: list[object] = [{"do": "gripping", "force_n": 50.0}] * 20 + ["disarm"]
+    robot = OutputActuator("robot", CallbackOutput(lambda _: told.pop(0), clock))
+    every = (gripper, robot)
+    interlock = Interlock(InterlockConfig(min_n=10.0, max_n=50.0))
+    interlock.beat(10.0)
+    hear_all(interlock, every, 10.0)
+    assert interlock.arm(10.0) == ()
+    forces = [interlock.force_n]
+    for word in ["STABLE"] * 5 + ["UNSTABLE"] * 10:
+        clock.advance(0.01)
+        now_s = clock.now_s()
+        interlock.beat(now_s)
+        interlock.decision(word, now_s)
+        hear_all(interlock, every, now_s)
+        order = interlock.tick(now_s)
+        forces.append(order.force_n)
+        for actuator in every:
+            actuator.tell(WARNING, order, now_s)
+    assert max(after - before for before, after in pairwise(forces)) <= 2.0 + 1e-9
+    assert forces[-1] > forces[0]
+
+
+def test_a_function_disarms_by_what_it_returns() -> None:
+    interlock = armed()
+    actuator = OutputActuator("robot", CallbackOutput(lambda _: "disarm", ManualClock(10.0)))
+    actuator.tell(WARNING, GRIP, 10.0)
+    actuator.hear(interlock, 10.0)
+    assert not interlock.armed
+
+
 NUMBERS = st.floats(allow_nan=True, allow_infinity=True)
 
 
@@ -105,5 +264,5 @@ def test_whatever_the_numbers_it_is_json(
     )
 
     told = json.loads(action.as_json())
-    assert told["state"] == state.name
+    assert told["state"] == ("UNKNOWN" if state is Stability.NO_GRASP else state.name)
     assert told["probability"] == (p if math.isfinite(p) else None)

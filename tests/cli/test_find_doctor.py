@@ -1,6 +1,7 @@
 """Claims about `taxel find` and `taxel doctor`: ready addresses, plain lines, honest exit codes."""
 
 import json
+import os
 from pathlib import Path
 
 import pytest
@@ -207,3 +208,20 @@ def test_shared_memory_that_is_absent_is_required(tmp_path):
     check = doctor.shared_memory(tmp_path / "none")
 
     assert (check.ok, check.required) == (False, True)
+
+
+@pytest.mark.parametrize("permitted", [True, False])
+def test_doctor_says_whether_alarms_may_run_before_other_work(permitted: bool):
+    check = doctor.real_time(permitted)
+    (line,) = [line for line in doctor.report([check]) if "real-time" in line]
+    assert check.ok is permitted
+    assert not check.required
+    assert "permitted" in line
+    assert ("not permitted" in line) is not permitted
+    assert ("rtprio" in line) is not permitted
+
+
+def test_doctor_tries_real_time_scheduling_and_leaves_this_process_as_it_was():
+    before = os.sched_getscheduler(0), os.getpriority(os.PRIO_PROCESS, 0)
+    assert doctor.real_time().ok in (True, False)
+    assert (os.sched_getscheduler(0), os.getpriority(os.PRIO_PROCESS, 0)) == before

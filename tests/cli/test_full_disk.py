@@ -58,6 +58,8 @@ def files(folder: Path) -> list[str]:
 def test_simulate_leaves_no_half_data_set(tmp_path: Path):
     line = limited("simulate teng --output set --scans-per-class 4000", 60_000, tmp_path)
     assert "the disk" in line
+    assert "recover" not in line  # there would be nothing to recover
+    assert "needed room to write set;" in line
     assert list(tmp_path.iterdir()) == []
 
 

@@ -5,10 +5,13 @@ from __future__ import annotations
 import json
 import socket
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
+from taxel.actions.interlock import Interlock, InterlockConfig
 from taxel.bundles.shipped import CUP_POUR, find_bundle, shipped_bundle
+from taxel.cli.live_station import _press, _still_to_arm
 from taxel.cli.main import main
 from taxel.errors import BadBundle
 from taxel.live.station.wiring import StationConfig
@@ -44,8 +47,29 @@ def test_a_pour_is_watched_recorded_and_told_to_another_program(
     assert told["state"] in ("UNKNOWN", "STABLE", "WARNING", "UNSTABLE")
     made = result["processes"]["source"]["produced"]
     assert result["processes"]["recorder"]["consumed"] == made
-    assert set(result["latency_ms"]) == {"capture", "hand over", "wait", "model", "alarm"}
+    stages = {"capture", "source", "hand over", "wait", "model", "alarm"}
+    assert set(result["latency_ms"]) == stages
     assert len(list(iterate_frames(path))) == len(list(iterate_frames(pour)))
+
+
+def test_the_key_d_disarms():
+    pressed: list[str] = []
+    station = SimpleNamespace(disarm=lambda: pressed.append("disarm"))
+    _press("d", station)  # type: ignore[arg-type]
+    assert pressed == ["disarm"]
+
+
+def test_who_disarms_before_it_could_be_armed_is_not_overruled_by_arm():
+    """--arm waits for STABLE; a person, the page or the robot's program disarms meanwhile."""
+    interlock = Interlock(InterlockConfig(min_n=10.0, max_n=40.0))
+    armed: list[str] = []
+    guard = SimpleNamespace(interlock=interlock, shown=("UNKNOWN", "", 0.0))
+    station = SimpleNamespace(guard=guard, arm=lambda: armed.append("armed") or ())
+    assert _still_to_arm(station)  # type: ignore[arg-type]
+    interlock.disarm(1.0, "a person at the page")
+    guard.shown = ("STABLE", "", 2.0)
+    assert not _still_to_arm(station)  # type: ignore[arg-type]
+    assert armed == []
 
 
 def test_what_a_person_must_know_stands_beside_the_json_not_in_it(

@@ -7,6 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from taxel.decisions.reasons import REASONS
 from taxel.decisions.stability import (
     Stability,
     StabilityConfig,
@@ -16,7 +17,7 @@ from taxel.decisions.stability import (
 )
 from taxel.errors import BadInput
 
-STABLE, WARNING, UNSTABLE, UNKNOWN = Stability
+STABLE, WARNING, UNSTABLE, UNKNOWN, NO_GRASP = Stability
 CONFIG = StabilityConfig(
     warn=0.5, clear=0.3, unstable=0.8, raise_s=0.2, clear_s=0.3, largest_age_s=0.15
 )
@@ -137,7 +138,9 @@ def test_a_reset_monitor_knows_nothing() -> None:
     monitor = calm()
     monitor.reset()
 
-    assert monitor.push(0.1, 0.3) == StabilityDecision(UNKNOWN, "not enough input yet", 0.3, 0.1)
+    assert monitor.push(0.1, 0.3) == StabilityDecision(
+        UNKNOWN, REASONS["evidence"].say(left_s=CONFIG.raise_s), 0.3, 0.1
+    )
 
 
 @given(

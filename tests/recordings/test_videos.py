@@ -44,9 +44,9 @@ def test_a_pair_becomes_a_recording(tmp_path: Path, pair: dict[str, Path]) -> No
     assert [(f.camera, f.counter) for f in frames] == [(c, n) for n in range(20) for c in (0, 1)]
     assert frames[10].fitted_s == pytest.approx(5 / 25.0)
     assert [camera.name for camera in read_manifest(made).cameras] == ["left", "right"]
-    image = decode_jpeg(frames[0].jpeg)
+    image = decode_jpeg(frames[0].jpeg, None)
     assert np.abs(image[24, 40].astype(int) - (160, 90, 20)).max() < 12
-    bars = [np.flatnonzero(decode_jpeg(f.jpeg)[24, :, 2] > 130).mean() for f in frames[::2]]
+    bars = [np.flatnonzero(decode_jpeg(f.jpeg, None)[24, :, 2] > 130).mean() for f in frames[::2]]
     assert np.all(np.diff(bars) > 1)
     assert bars[-1] > bars[0] + 40
 

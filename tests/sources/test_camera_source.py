@@ -70,7 +70,7 @@ def test_frames_come_whole_once_in_order_and_on_time(images):
     counters = [frame.counter for frame in frames]
     assert counters == sorted(set(counters))
     assert {frame.jpeg for frame in frames} == set(images)
-    assert decode_jpeg(frames[0].jpeg).shape == (240, 320, 3)
+    assert decode_jpeg(frames[0].jpeg, None).shape == (240, 320, 3)
     for frame in frames:
         assert frame.fitted_s == frame.device_s
         assert 0.003 < frame.arrival_s - frame.fitted_s < 0.5

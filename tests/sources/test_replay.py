@@ -165,4 +165,4 @@ def test_damage_is_raised_when_it_is_reached(tmp_path):
 
     with pytest.raises(BadRecording, match="recover"):
         read_on()
-    assert sum(got) == 500
+    assert sum(got) == 1000

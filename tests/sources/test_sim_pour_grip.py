@@ -5,7 +5,7 @@ import pytest
 
 from taxel.errors import BadInput
 from taxel.signals import Frame
-from taxel.sim.cup_pour import CupPourConfig, list_runs
+from taxel.sim.cup_pour import CupPourConfig, Gel, list_runs
 from taxel.sim.cups import PourRun
 from taxel.sources.opening import open_source
 from taxel.sources.pour_sets import simulate_videos, video_frames
@@ -17,12 +17,14 @@ GRIP = 5
 """Column of the true grip in the truth."""
 
 
-@pytest.mark.parametrize(("run", "camera_hz"), [(RUNS[0], 25.0), (RUNS[1], 60.0)])
+@pytest.mark.parametrize(
+    ("run", "camera_hz", "gel"), [(RUNS[0], 25.0, 1), (RUNS[1], 60.0, 1), (RUNS[0], 25.0, 2)]
+)
 def test_without_commands_frames_and_truth_are_the_recorded_ones_to_the_last_byte(
-    run: PourRun, camera_hz: float
+    run: PourRun, camera_hz: float, gel: Gel
 ) -> None:
-    track, videos = simulate_videos(run, camera_hz, 60.0, 1.0)
-    pour = SteppedPour(run, camera_hz, 60.0, 1.0)
+    track, videos = simulate_videos(run, camera_hz, 60.0, 1.0, gel)
+    pour = SteppedPour(run, camera_hz, 60.0, 1.0, gel=gel)
     for frames, samples in video_frames(track, videos):
         own_frames, own_samples = pour.step()
         assert own_frames == frames
@@ -33,8 +35,9 @@ def test_without_commands_frames_and_truth_are_the_recorded_ones_to_the_last_byt
     assert pour.cameras == tuple(video.info for video in videos)
 
 
-def test_looking_away_changes_nothing_of_what_is_seen_later() -> None:
-    seen, away = SteppedPour(RUNS[0], duration_s=1.0), SteppedPour(RUNS[0], duration_s=1.0)
+@pytest.mark.parametrize("gel", [1, 2])
+def test_looking_away_changes_nothing_of_what_is_seen_later(gel: Gel) -> None:
+    seen, away = (SteppedPour(RUNS[0], duration_s=1.0, gel=gel) for _ in range(2))
     for index in range(60):
         frames, _ = seen.step()
         others, _ = away.step(look=index > 40)

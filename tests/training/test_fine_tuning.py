@@ -63,7 +63,7 @@ def test_a_window_gives_what_cached_features_give(few_pours: Path, tmp_path: Pat
     """But for the grasp at rest: the median of images here, of features there."""
     head = learnt_head(few_pours, tmp_path)
     pour = read_pours(few_pours)[0]
-    images = np.array([[decode_jpeg(f.jpeg) for f in one.frames]
+    images = np.array([[decode_jpeg(f.jpeg, None) for f in one.frames]
                        for one in frame_sets(pour.path, 2)])  # fmt: skip
     rest = np.median(images[9:24], axis=0).astype(np.uint8)
     (features,) = extract([pour], open_backbone(EDGE), tmp_path)

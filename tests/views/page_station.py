@@ -13,6 +13,7 @@ STATES = {
     "STABLE": ("", 0.08), "WARNING": ("", 0.62), "UNSTABLE": ("", 0.93),
     "UNKNOWN": ("camera right has been frozen for 0.24 s", None),
     "STOP": ("inference gave no beat for 52 ms", None),
+    "NO GRASP": ("the grasp has ended: nothing is held", None),
 }  # fmt: skip
 
 
@@ -21,6 +22,7 @@ class SimStation:
 
     def __init__(self, pour: str | None, hand: str | None) -> None:
         self.state = "STABLE"
+        self.armed = True
         self.said: list[object] = []
         self.alarms: list[dict[str, object]] = []
         self.frozen_s: float | None = None
@@ -109,7 +111,7 @@ class SimStation:
             "latency_ms": {"capture to window": [0.6, 1.1, 1.9], "features": [4.2, 5.0, 6.8],
                            "decision": [0.1, 0.2, 0.3], "action": [0.3, 0.5, 0.9],
                            "all": [5.3, 6.6, 9.4]},
-            "gripper": {"interlock": "closed", "armed": True, "force_n": 12.4,
+            "gripper": {"interlock": "closed", "armed": self.armed, "force_n": 12.4,
                         "commanded_n": 14.0, "motion": "holding", "note": ""},
             "recording": self.recording, "cameras": self._cameras, "array": self._array,
         }  # fmt: skip
@@ -133,6 +135,10 @@ class SimStation:
     def acknowledge(self):
         self.said.append("acknowledge")
         self.alarms = [{**alarm, "acknowledged": True} for alarm in self.alarms]
+
+    def disarm(self):
+        self.said.append("disarm")
+        self.armed = False
 
     def record(self, on, labels):
         self.said.append(("record", on, labels))

@@ -54,11 +54,27 @@ def test_each_state_differs_in_word_sign_and_pattern_not_in_colour_alone(
 
     browser.until(f"{WORD} === '{state}'")
     look = "getComputedStyle(document.getElementById('state'))"
-    assert browser.ask("document.getElementById('symbol').getAttribute('href')") == f"#sym-{state}"
+    sign = {"NO GRASP": "IDLE"}.get(state, state)
+    assert browser.ask("document.getElementById('symbol').getAttribute('href')") == f"#sym-{sign}"
     has_pattern = browser.ask(f"{look}.backgroundImage !== 'none' || {look}.borderStyle !== 'solid'"
                               f" || {look}.borderColor !== {look}.backgroundColor")  # fmt: skip
     assert has_pattern == (state != "STABLE")
     assert browser.ask("document.getElementById('spoken').textContent").startswith(state)
+
+
+def test_an_unknown_and_a_pause_say_why_and_for_how_long(browser, opened, station):
+    for state, reason in (
+        ("UNKNOWN", "learning the settled grasp, 0.4 s left"),
+        ("NO GRASP", "the grasp has ended: nothing is held"),
+    ):
+        before, STATES[state] = STATES[state], (reason, None)
+        try:
+            station.become(state)
+            browser.until(f"{WORD} === '{state}'")
+            browser.until(f"document.getElementById('reason').textContent === '{reason}'")
+            browser.until("/^for 0\\.[2-9] s$/.test(document.getElementById('since').textContent)")
+        finally:
+            STATES[state] = before
 
 
 def test_a_state_that_is_no_word_of_ours_is_shown_as_unknown(browser, opened, station):
@@ -143,12 +159,17 @@ def test_panels_that_do_not_apply_are_not_shown(browser, opened):
     assert not browser.ask(hidden("probability"))
 
 
-def test_the_gripper_is_shown_without_any_control(browser, opened):
+def test_the_gripper_s_only_control_is_to_disarm_by_button_or_key(browser, opened, station):
     browser.until("!!document.querySelector('#gripper dd')")
-    assert (
-        browser.ask("document.querySelectorAll('#gripper :is(button, input, select, a)').length")
-        == 0
-    )
+    controls = "[...document.querySelectorAll('#gripper :is(button, input, select, a)')]"
+    assert browser.ask(f"{controls}.map(c => c.id).join()") == "disarm"
+    browser.ask("document.getElementById('disarm').click()")
+    browser.until("document.querySelector('#gripper dd.armed') === null")
+    station.armed = True
+    browser.until("document.querySelector('#gripper dd.armed') !== null")
+    browser.key("d", "d")
+    browser.until("document.querySelector('#gripper dd.armed') === null")
+    assert station.said == ["disarm", "disarm"]
 
 
 def test_the_sound_button_says_that_it_waits_then_sounds_then_is_muted(browser, opened):

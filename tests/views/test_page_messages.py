@@ -1,14 +1,15 @@
-"""What a page may say: six commands, and nothing else gets through."""
+"""What a page may say: seven commands, and nothing else gets through."""
 
 import json
 
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from taxel.views.page.messages import (
     LARGEST_BYTES,
     Acknowledge,
+    Disarm,
     Pause,
     Play,
     Record,
@@ -24,7 +25,10 @@ ANY_JSON = st.recursive(
     lambda inner: st.lists(inner, max_size=4) | st.dictionaries(st.text(max_size=9), inner),
     max_leaves=12,
 )
-NAMES = st.sampled_from(["seen", "acknowledge", "record", "seek", "play", "pause", "arm", ""])
+FUZZ = settings(settings.get_profile("fuzz"))
+NAMES = st.sampled_from(
+    ["seen", "acknowledge", "record", "seek", "play", "pause", "arm", "disarm", ""]
+)
 FIELDS = st.sampled_from(["do", "number", "on", "labels", "time_s", "speed", "force_n"])
 
 
@@ -33,6 +37,7 @@ FIELDS = st.sampled_from(["do", "number", "on", "labels", "time_s", "speed", "fo
     [
         ('{"do":"seen","number":7}', Seen(7)),
         ('{"do":"acknowledge"}', Acknowledge()),
+        ('{"do":"disarm"}', Disarm()),
         (
             '{"do":"record","on":true,"labels":{"object":"cup 3"}}',
             Record(True, {"object": "cup 3"}),
@@ -50,6 +55,7 @@ def test_each_command_is_read_as_it_is_written(text, command):
     "text",
     [
         '{"do":"arm"}',
+        '{"do":"disarm","force_n":0}',
         '{"do":"record","on":1,"labels":{}}',
         '{"do":"record","on":true}',
         '{"do":"record","on":true,"labels":{},"force_n":90}',
@@ -86,16 +92,22 @@ def test_a_label_is_counted_in_bytes_of_the_message_not_in_characters():
         read_command('{"do":"acknowledge","x":"' + "€" * 2000 + '"}')
 
 
+@pytest.mark.data
+@FUZZ
 @given(st.text(max_size=200) | st.binary(max_size=200) | ANY_JSON.map(json.dumps))
 def test_any_text_is_a_command_or_is_refused(message):
     _read_or_refuse(message)
 
 
+@pytest.mark.data
+@FUZZ
 @given(st.dictionaries(FIELDS, ANY_JSON, max_size=4), NAMES)
 def test_any_fields_under_a_command_s_name_are_checked(fields, name):
     _read_or_refuse(json.dumps({**fields, "do": name}))
 
 
+@pytest.mark.data
+@FUZZ
 @given(st.dictionaries(st.text(max_size=40), st.text(max_size=80) | st.integers(), max_size=20))
 def test_labels_that_pass_are_short_printable_and_plainly_named(labels):
     try:
@@ -112,7 +124,7 @@ def test_labels_that_pass_are_short_printable_and_plainly_named(labels):
 
 
 def _read_or_refuse(message):
-    """Whatever is accepted is one of the six, with values within their limits."""
+    """Whatever is accepted is one of the seven, with values within their limits."""
     try:
         command = read_command(message)
     except RefusedMessage:
@@ -128,4 +140,4 @@ def _read_or_refuse(message):
         case Play(speed):
             assert 1 / 64 <= speed <= 64
         case _:
-            assert command in (Acknowledge(), Pause())
+            assert command in (Acknowledge(), Disarm(), Pause())

@@ -8,6 +8,7 @@ import pytest
 
 from taxel.clock import ManualClock
 from taxel.errors import BadRecording
+from taxel.frame_codec import encode_jpeg
 from taxel.recordings.manifest import Manifest
 from taxel.recordings.reader import iterate_frames, read_recording
 from taxel.recordings.writer import Recorder
@@ -16,6 +17,12 @@ from taxel.views.page.link import ReplayControls
 from taxel.views.page.replay_link import ReplayLink
 
 CHANNELS = 3
+
+
+def _image(number: int) -> bytes:
+    """Return an image of its own for each number."""
+    shade = np.full((8, 8, 3), (number % 256, number // 256, 0), np.uint8)
+    return encode_jpeg(shade)
 
 
 @pytest.fixture(scope="module")
@@ -36,7 +43,7 @@ def recording(tmp_path_factory: pytest.TempPathFactory) -> Path:
             for number in range(first // 20, (first + 500) // 20):
                 at_s = 1000 + number / 10
                 file.frame(
-                    Frame(camera=0, jpeg=b"\xff\xd8%d" % number, counter=number, device_s=at_s,
+                    Frame(camera=0, jpeg=_image(number), counter=number, device_s=at_s,
                           arrival_s=at_s, fitted_s=at_s)
                 )  # fmt: skip
             file.flush()

@@ -54,6 +54,10 @@ class Station:
         self.said.append("acknowledge")
         self.heard.set()
 
+    def disarm(self):
+        self.said.append("disarm")
+        self.heard.set()
+
     def record(self, on, labels):
         self.said.append((on, labels))
         self.heard.set()
@@ -376,6 +380,33 @@ def test_arrays_and_missing_numbers_become_lists_and_null():
     value = {"t": np.array([1.0, np.nan]), "n": np.float32(2.0), "x": float("inf"), "k": (1,)}
 
     assert json.loads(to_json(value)) == {"t": [1.0, None], "n": 2.0, "x": None, "k": [1]}
+
+
+@pytest.mark.parametrize("same_page", [True, False])
+def test_who_disarms_does_not_wait_for_a_recording_that_is_slow_to_start(same_page: bool):
+    """The recorder has 3 s to answer; no more orders must be possible at once, and pushes go on."""
+    may_start, asked, disarmed = threading.Event(), threading.Event(), threading.Event()
+
+    class Slow(Station):
+        def record(self, on, labels):
+            asked.set()
+            assert may_start.wait(30)
+            return ""
+
+        def disarm(self):
+            disarmed.set()
+
+    with serve_page(Slow()) as server, page(server) as first, page(server) as second:
+        first.send('{"do":"record","on":true,"labels":{}}')
+        assert asked.wait(10)
+        other = first if same_page else second
+        other.send('{"do":"disarm"}')
+        assert disarmed.wait(5)
+        assert answer(other) == {"done": "disarm", "reason": ""}
+        number = push(first)["number"]
+        assert push(first)["number"] > number
+        may_start.set()
+        assert answer(first) == {"done": "record", "reason": ""}
 
 
 def test_a_link_with_no_cursor_is_not_taken_for_a_recording():

@@ -6,12 +6,13 @@ from itertools import pairwise
 import numpy as np
 import pytest
 from cobs import cobs
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from taxel.wire.framing import LONGEST_FRAME, LONGEST_PAYLOAD, FrameDecoder, frame_of
-from taxel.wire.messages import Data, pack, unpack
+from taxel.wire.messages import Data, Kind, pack, unpack
 
+FUZZ = settings(settings.get_profile("fuzz"))
 payloads = st.binary(min_size=1, max_size=LONGEST_PAYLOAD)
 
 
@@ -34,6 +35,8 @@ def scan(seq: int, channels: int = 4) -> bytes:
     )
 
 
+@pytest.mark.data
+@FUZZ
 @given(st.lists(st.binary(max_size=600), max_size=12))
 def test_any_bytes_give_only_sound_frames_however_they_are_cut(pieces: list[bytes]):
     data = b"".join(pieces)
@@ -48,6 +51,8 @@ def test_any_bytes_give_only_sound_frames_however_they_are_cut(pieces: list[byte
         unpack(payload)
 
 
+@pytest.mark.data
+@FUZZ
 @given(st.lists(payloads, max_size=8), st.data())
 def test_what_is_framed_comes_out_again(sent: list[bytes], data: st.DataObject):
     stream = b"".join(frame_of(payload) for payload in sent)
@@ -60,7 +65,28 @@ def test_what_is_framed_comes_out_again(sent: list[bytes], data: st.DataObject):
     assert decoder.bad.total == 0
 
 
-@given(payloads.map(bytes))
+messages = st.one_of(
+    st.binary(min_size=1, max_size=LONGEST_PAYLOAD),
+    st.builds(
+        lambda kind, rest: bytes([kind]) + rest,
+        st.sampled_from(Kind),
+        st.binary(max_size=LONGEST_PAYLOAD - 1),
+    ),
+    *(
+        st.binary(min_size=size - 1, max_size=size - 1).map(lambda rest, k=kind: bytes([k]) + rest)
+        for kind, size in ((1, 26), (2, 18), (3, 19), (4, 19), (5, 19), (6, 18))
+    ),
+    st.builds(
+        lambda rest, name: b"\x01" + rest + bytes([len(name)]) + name,
+        st.binary(min_size=24, max_size=24),
+        st.text(st.characters(min_codepoint=32, max_codepoint=126), max_size=34).map(str.encode),
+    ),
+)
+
+
+@pytest.mark.data
+@FUZZ
+@given(messages)
 def test_any_payload_unpacks_to_a_message_that_packs_to_it_or_to_none(payload: bytes):
     message = unpack(payload)
     assert message is None or pack(message) == payload

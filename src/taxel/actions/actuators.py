@@ -2,7 +2,8 @@
 
 The loop of a tick:
 
-    for each word of the decision maker: interlock.beat, interlock.decision
+    interlock.wake(now_s)
+    for each word of the decision maker: interlock.beat, interlock.decision with its own time
     hear_all(interlock, actuators, now_s)
     order = interlock.tick(now_s)
     for actuator in actuators: actuator.tell(decision, order, now_s)
@@ -15,12 +16,12 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Any, Protocol, runtime_checkable
 
 from taxel.actions.arm import Arm
 from taxel.actions.gripper import ForceRange, Gripper, obey
 from taxel.actions.interlock import Interlock, Order, OrderKind
-from taxel.actions.plain_output import CallbackOutput, UdpOutput
+from taxel.actions.plain_output import CallbackOutput, Disarm, UdpOutput
 from taxel.decisions.stability import Stability, StabilityDecision
 
 if TYPE_CHECKING:
@@ -70,8 +71,20 @@ class Actuator(Protocol):
         ...
 
 
+@runtime_checkable
+class FollowsGrasps(Protocol):
+    """An actuator that does something of its own when a person says that a new grasp begins."""
+
+    def new_grasp(self) -> None:
+        """Hear that another grasp begins; nothing is lowered by it."""
+        ...
+
+
 def hear_all(interlock: Interlock, actuators: Sequence[Actuator], now_s: float) -> dict[str, str]:
     """Tell the interlock how all actuators are, the worst and the oldest counting.
+
+    Where something of a known force is driven, that alone says where raises begin: what another
+    robot says of its own grip must not make a step of this one's.
 
     Args:
         interlock: Hears of the device as of the oldest reading.
@@ -81,6 +94,10 @@ def hear_all(interlock: Interlock, actuators: Sequence[Actuator], now_s: float) 
     Returns:
         Name → what is wrong, for those where something is.
     """
+    outputs = [actuator for actuator in actuators if isinstance(actuator, OutputActuator)]
+    grips = any(actuator.force is not None for actuator in actuators if actuator not in outputs)
+    for output in outputs:
+        output.alone = not grips
     found = [(one.name, one.hear(interlock, now_s)) for one in actuators]
     faults = {name: health.fault for name, health in found if health.fault}
     read_s = min((health.read_s for _, health in found), default=now_s)
@@ -171,6 +188,7 @@ class ArmActuator:
         self.force: ForceRange | None = None
         self._lower_mm = lower_mm
         self._lowered = False
+        self._alarms = 0
         self._stopped = False
 
     def connect(self) -> None:
@@ -190,17 +208,21 @@ class ArmActuator:
             return
         self._stopped = False
         if order.kind is OrderKind.GRIP and decision.state is Stability.UNSTABLE:
-            self._lower()
+            self._lower(order)
         elif order.kind is OrderKind.GRIP and not self._lowered:
-            self.arm.hold()
+            self.arm.hold(order.expires_s)
         elif order.kind is OrderKind.HOLD and decision.state is Stability.STABLE:
             self._lowered = False
 
-    def _lower(self) -> None:
-        """Lower once an alarm: it is over when the grasp is stable again."""
-        if self._lower_mm > 0 and not self._lowered:
+    def _lower(self, order: Order) -> None:
+        """Lower once an alarm: it is over when the grasp is stable again.
+
+        Asked again each tick, since each order lives a short time; sent once.
+        """
+        if self._lower_mm > 0:
+            self._alarms += not self._lowered
             self._lowered = True
-            self.arm.lower(self._lower_mm)
+            self.arm.lower(self._lower_mm, expires_s=order.expires_s, number=self._alarms)
 
     def close(self) -> None:
         self.arm.close()
@@ -213,7 +235,7 @@ class ArmActuator:
 
 
 class OutputActuator:
-    """A plain output: whatever listens, it tells nothing back."""
+    """A plain output: whatever listens may disarm, or say with what force it grips."""
 
     def __init__(
         self, name: str, output: UdpOutput | CallbackOutput, force: ForceRange | None = None
@@ -221,12 +243,23 @@ class OutputActuator:
         self.name = name
         self.output = output
         self.force = force
+        self.alone = True
+        """No gripper is driven beside it: then raises begin at the force that it is said to set."""
 
     def connect(self) -> None:
         """Nothing to wait for."""
 
     def hear(self, interlock: Interlock, now_s: float) -> Health:
+        for word in self.output.heard():
+            if isinstance(word, Disarm):
+                interlock.disarm(now_s, f"the robot's program ({self.name})")
+            elif self.alone and interlock.release(word.force_n):
+                self.output.grips_with(interlock.force_n)
         return Health("", math.inf)
+
+    def new_grasp(self) -> None:
+        """Say from now on that another grasp has begun."""
+        self.output.new_grasp()
 
     def tell(self, decision: StabilityDecision, order: Order, now_s: float) -> None:
         self.output.tell(decision, order, now_s)

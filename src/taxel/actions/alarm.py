@@ -146,7 +146,8 @@ class AlarmLatch:
     def watch(self, decision: StabilityDecision, armed: bool, now_s: float) -> None:
         """Set and clear the alarms GRASP and INPUT by a decision.
 
-        UNKNOWN clears no grasp alarm: silence is no evidence.
+        UNKNOWN clears no grasp alarm: silence is no evidence. NO_GRASP does: the grasp that it
+        was about has ended, and that somebody acknowledged it must not silence the next one's.
 
         Args:
             decision: The newest state of the grasp.
@@ -158,7 +159,7 @@ class AlarmLatch:
             self.set(GRASP, Level.WARNING, "the grasp begins to slip", now_s)
         elif state is Stability.UNSTABLE:
             self.set(GRASP, Level.DANGER, "the grasp is unstable", now_s)
-        elif state is Stability.STABLE:
+        elif state in (Stability.STABLE, Stability.NO_GRASP):
             self.clear(GRASP, now_s)
         if state is Stability.UNKNOWN and armed:
             text = f"no decision: {decision.reason or 'the input is lost'}"

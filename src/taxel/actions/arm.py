@@ -88,12 +88,29 @@ class Arm(Protocol):
         """
         ...
 
-    def hold(self) -> None:
-        """End a motion that this interface began, and stay."""
+    def hold(self, expires_s: float = math.inf) -> None:
+        """End a motion that this interface began, and stay.
+
+        Args:
+            expires_s: From this moment on it is not sent, monotonic seconds.
+        """
         ...
 
-    def lower(self, way_mm: float, speed_mm_s: float | None = None) -> None:
+    def lower(
+        self,
+        way_mm: float,
+        speed_mm_s: float | None = None,
+        expires_s: float = math.inf,
+        number: int = 0,
+    ) -> None:
         """Go straight down, within the limits.
+
+        Args:
+            way_mm: How far, millimetres.
+            speed_mm_s: How fast, millimetres a second; the limits' by default.
+            expires_s: From this moment on it is not sent, monotonic seconds.
+            number: Of the alarm that asks. The same number again asks for the same lowering,
+                which is sent once; 0 always asks for another.
 
         Raises:
             BadInput: The way or the speed is not above 0.
@@ -128,18 +145,28 @@ class SimArm:
         self._most = 0.0
         self._now_s = clock.now_s()
         self._ready = False
+        self._number = 0
 
     def connect(self) -> None:
         self._advance()
         self._ready = True
 
-    def hold(self) -> None:
-        self.stop()
+    def hold(self, expires_s: float = math.inf) -> None:
+        if self._clock.now_s() < expires_s:
+            self.stop()
 
-    def lower(self, way_mm: float, speed_mm_s: float | None = None) -> None:
+    def lower(
+        self,
+        way_mm: float,
+        speed_mm_s: float | None = None,
+        expires_s: float = math.inf,
+        number: int = 0,
+    ) -> None:
         self._advance()
-        way, self._most = self._limits.lowering(way_mm, speed_mm_s)
-        if self._ready:
+        way, speed = self._limits.lowering(way_mm, speed_mm_s)
+        again = number != 0 and number == self._number
+        if self._ready and not again and self._clock.now_s() < expires_s:
+            self._most, self._number = speed, number
             self._goal_mm = max(0.0, self._height_mm - way)
 
     def stop(self) -> None:

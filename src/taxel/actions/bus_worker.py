@@ -11,7 +11,7 @@ from __future__ import annotations
 import math
 import threading
 from collections import deque
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Protocol
 
 import numpy as np
@@ -35,6 +35,8 @@ class Command:
     """From this moment on it is not sent, monotonic seconds."""
     given_s: float = -math.inf
     """When it was put into the mailbox, monotonic seconds."""
+    number: int = 0
+    """Of what asks for it; 0 where that does not matter."""
 
     @property
     def stops(self) -> bool:
@@ -54,7 +56,10 @@ class Device(Protocol):
         ...
 
     def do(self, command: Command) -> bool:
-        """Carry out a command; True where the device answered one, any exception: it is lost."""
+        """Carry out a command; True where the device answered one, any exception: it is lost.
+
+        A device that takes its time looks at `expires_s` again before each thing that it sends.
+        """
         ...
 
     def shut(self) -> None:
@@ -103,7 +108,7 @@ class BusWorker:
 
     def put(self, command: Command) -> None:
         """Leave a command for the thread, at once."""
-        given = Command(command.name, command.value, command.expires_s, self._clock.now_s())
+        given = replace(command, given_s=self._clock.now_s())
         with self._bell:
             if self._waiting is None or given.stops or not self._waiting.stops:
                 self._waiting = given

@@ -137,8 +137,13 @@ class HandLink:
             self._take(message)
         now_s = self._clock.now_s()
         config = self._config
-        if now_s - self.owner_s <= config.owner_s and now_s - self._beat_s >= config.beat_s:
+        owned = now_s - self.owner_s <= config.owner_s
+        if owned and now_s - self._beat_s >= config.beat_s:
             self._beat(now_s)
+        if not owned and self.arm_wanted:
+            # Whoever asked stood still meanwhile: a wish to arm does not outlive that.
+            self.arm_wanted = False
+            self._done("arm")
         if self.arm_wanted and "stop" not in self._since_s:
             self._urge("arm", wire.Order.ARM, now_s)
         if "stop" in self._since_s:
@@ -155,10 +160,14 @@ class HandLink:
                 self._urge("stop", wire.Order.STOP, now_s)
         elif self.grip is not None and "stop" not in self._since_s:
             grip = self.grip
+            # What is left of it: the board counts from the arrival.
+            left_ms = min(grip.lasts_ms, (command.expires_s - now_s) * 1e3)
+            if not left_ms >= 1:
+                return False
             self._command(
                 "grip",
                 wire.Order.GRIP,
-                grip.lasts_ms,
+                int(left_ms),
                 (grip.fingers, grip.closed_permille, grip.contact_ma),
             )
         return False

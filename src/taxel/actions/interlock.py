@@ -7,9 +7,9 @@ opening and lowering are left to the robot's own program (`release`).
     DISARMED   arm, and no cause persists                                 READY     HOLD
     DISARMED   anything else                                              DISARMED  NONE
     READY      WARNING or UNSTABLE                                        RAISED    GRIP
-    READY      UNKNOWN, or no decision for `decision_s`                   HOLDING   HOLD
+    READY      UNKNOWN                                                    HOLDING   HOLD
     RAISED     STABLE                                                     READY     HOLD
-    RAISED     UNKNOWN, or no decision for `decision_s`                   HOLDING   HOLD
+    RAISED     UNKNOWN                                                    HOLDING   HOLD
     HOLDING    STABLE                                                     READY     HOLD
     HOLDING    WARNING or UNSTABLE                                        RAISED    GRIP
     any three  a cause (below)                                            STOPPED   STOP
@@ -18,14 +18,16 @@ opening and lowering are left to the robot's own program (`release`).
     STOPPED    anything else, disarm too                                  STOPPED   STOP
 
 HOLD keeps the force last ordered and moves nothing; STOP ends all motion where it stands and
-keeps the force. Causes: no `beat` for `watchdog_s`; a fault; a device that is not well or has
-not been heard of for `device_s`; over-current; contact current for `contact_s` (hand); no
-current reading for `current_s` (where one is expected); a clock that is not finite or steps back.
-NaN is never good news: as a decision it is UNKNOWN, as a current it is over-current.
+keeps the force. Causes: no `beat` for `watchdog_s`; decisions that came and have not for
+`decision_s`, whatever beats; no tick for `stall_s`: whoever calls this stood still; a fault; a
+device that is not well or has not been heard of for `device_s`; over-current; contact current
+for `contact_s` (hand); no current reading for `current_s` (where one is expected); a clock that
+is not finite or steps back. Before the first decision it is UNKNOWN. NaN is never good news: as
+a decision it is UNKNOWN, as a current it is over-current.
 
-Every order carries the moment at which it expires. Called from one thread; nothing blocks.
-Knows nothing about buses, percent, alarms or models. Source of limits: our choice,
-docs/decisions/0016.
+Every order carries the moment at which it expires; whoever sends one looks at a clock of its
+own. Called from one thread; nothing blocks. Knows nothing about buses, percent, alarms or
+models. Source of limits: our choice, docs/decisions/0016 and 0030.
 """
 
 from __future__ import annotations
@@ -39,6 +41,9 @@ from taxel.errors import BadInput
 _AHEAD_S = 0.005
 """A word stamped this far ahead of the tick still counts, seconds: its thread read the clock
 after the tick did. Source: our choice."""
+_AWAKE_S = 0.5
+"""Arming is refused this long after a stall, seconds: a key that was pressed during it must not
+undo the stop. Source: our choice, docs/decisions/0030."""
 _EXACT_S = 1e-9
 """Times of equal distance may differ by this from rounding, seconds."""
 
@@ -99,7 +104,12 @@ class InterlockConfig:
     """STOPPED when the decision maker was last heard longer ago, seconds; with a tick every
     10 ms it keeps the limit of 100 ms for a process that was killed or hangs."""
     decision_s: float = 0.3
-    """A decision older than this is UNKNOWN, seconds."""
+    """STOPPED when the newest decision was taken longer ago, seconds, whatever beats."""
+    stall_s: float = 0.08
+    """STOPPED when the tick before was longer ago, seconds: nobody has watched meanwhile."""
+    step_s: float = 0.02
+    """The most that one tick counts for the slew, seconds: a late tick never makes a larger
+    step of force than this."""
     device_s: float = 0.5
     """STOPPED when the actuator was last heard longer ago, seconds."""
     contact_ma: float | None = None
@@ -121,6 +131,8 @@ class InterlockConfig:
             "expires_s": self.expires_s,
             "watchdog_s": self.watchdog_s,
             "decision_s": self.decision_s,
+            "stall_s": self.stall_s,
+            "step_s": self.step_s,
             "device_s": self.device_s,
             "contact_ma": 1.0 if self.contact_ma is None else self.contact_ma,
             "over_ma": 1.0 if self.over_ma is None else self.over_ma,
@@ -140,7 +152,10 @@ class Interlock:
         self._config = config
         self._state = InterlockState.DISARMED
         self._reason = "not armed"
+        self.disarms = 0
+        """How often it was disarmed."""
         self._now_s = -math.inf
+        self._woke_s = -math.inf
         self._held_n = config.min_n
         self._decision = "UNKNOWN"
         self._decided_s = -math.inf
@@ -153,6 +168,11 @@ class Interlock:
         self._over = False
         self._contact_since_s: float | None = None
         self._contact = False
+
+    @property
+    def config(self) -> InterlockConfig:
+        """Limits and times."""
+        return self._config
 
     @property
     def state(self) -> InterlockState:
@@ -174,18 +194,20 @@ class Interlock:
         """The force last ordered, newtons."""
         return self._held_n
 
-    def decision(self, state_name: str, now_s: float, force_n: float | None = None) -> None:
+    def decision(self, state_name: str, decided_s: float, force_n: float | None = None) -> None:
         """Take in the newest decision.
 
         Args:
             state_name: STABLE, WARNING, UNSTABLE or UNKNOWN; any other word is UNKNOWN.
-            now_s: When it was taken, monotonic seconds; NaN makes it UNKNOWN.
+            decided_s: When it was taken, monotonic seconds: the decision's own time, not that
+                of the call, or `decision_s` never finds that decisions have stopped. One
+                without a finite time is UNKNOWN, and does not count as one that came.
             force_n: The force that a policy asks for in WARNING or UNSTABLE, newtons, kept
                 within the limits; the largest force where it is None or NaN.
         """
-        known = state_name in ("STABLE", "WARNING", "UNSTABLE") and math.isfinite(now_s)
+        known = state_name in ("STABLE", "WARNING", "UNSTABLE") and math.isfinite(decided_s)
         self._decision = state_name if known else "UNKNOWN"
-        self._decided_s = now_s if math.isfinite(now_s) else -math.inf
+        self._decided_s = decided_s if math.isfinite(decided_s) else self._decided_s
         config = self._config
         asked = config.max_n if force_n is None or math.isnan(force_n) else force_n
         self._target_n = min(max(asked, config.min_n), config.max_n)
@@ -265,10 +287,40 @@ class Interlock:
         self._state, self._reason = InterlockState.READY, "armed"
         return ()
 
-    def disarm(self, now_s: float) -> None:
-        """Act no more, on behalf of a person; STOPPED stays STOPPED."""
-        if self.armed:
-            self._state, self._reason = InterlockState.DISARMED, "not armed"
+    def disarm(self, now_s: float, by: str = "") -> None:
+        """Act no more; STOPPED stays STOPPED.
+
+        Where it is not armed this is counted too, once: whoever waits to arm must not do so then.
+
+        Args:
+            now_s: This moment, monotonic seconds.
+            by: On whose behalf, in words.
+        """
+        reason = f"disarmed by {by}" if by else "not armed"
+        if self._state is InterlockState.STOPPED or (not self.armed and reason == self._reason):
+            return
+        self._state, self._reason = InterlockState.DISARMED, reason
+        self.disarms += 1
+
+    def wake(self, now_s: float) -> float:
+        """Look whether ticks stood still; stop where they did while armed.
+
+        `tick` does so itself. Call it first where others are heard before the tick, so that
+        the stall and not what it did to them is told as the cause.
+
+        Args:
+            now_s: This moment, monotonic seconds.
+
+        Returns:
+            Seconds since the tick before where that is longer than `stall_s`, else 0.
+        """
+        gap_s = now_s - self._now_s
+        if not self._config.stall_s + _EXACT_S < gap_s < math.inf:
+            return 0.0
+        if self._state is not InterlockState.DISARMED:
+            self._woke_s = now_s
+            self._stop(f"no tick for {gap_s:.2f} s")
+        return gap_s
 
     def tick(self, now_s: float) -> Order:
         """Return what the actuator is to do now.
@@ -276,6 +328,7 @@ class Interlock:
         Args:
             now_s: This moment, monotonic seconds.
         """
+        self.wake(now_s)
         passed_s = now_s - self._now_s if self._now_s > -math.inf else 0.0
         if self.armed:
             causes = self._causes(now_s)
@@ -289,17 +342,14 @@ class Interlock:
 
     def _follow(self, now_s: float, passed_s: float) -> None:
         """Go to the state that the newest decision asks for, and raise the force in RAISED."""
-        config = self._config
-        decision = self._decision
-        if not self._fresh(self._decided_s, now_s, config.decision_s):
-            decision = "UNKNOWN"
+        config, decision = self._config, self._decision
         if decision == "STABLE":
             self._state, self._reason = InterlockState.READY, "the grasp is stable"
         elif decision == "UNKNOWN":
             self._state, self._reason = InterlockState.HOLDING, "the state of the grasp is unknown"
         else:
             self._state, self._reason = InterlockState.RAISED, f"the grasp is {decision}"
-            step_n = config.slew_n_s * max(0.0, passed_s)
+            step_n = config.slew_n_s * min(max(0.0, passed_s), config.step_s)
             self._held_n = max(self._held_n, min(self._target_n, self._held_n + step_n))
 
     def _order(self, now_s: float) -> Order:
@@ -332,6 +382,12 @@ class Interlock:
             causes.append(f"no current reading for {config.current_s:g} s")
         if not self._fresh(self._beat_s, now_s, config.watchdog_s):
             causes.append(f"no word from the decision maker for {config.watchdog_s:g} s")
+        elif self._decided_s > -math.inf and not self._fresh(
+            self._decided_s, now_s, config.decision_s
+        ):
+            causes.append(f"no decision for {config.decision_s:g} s")
+        if 0 <= now_s - self._woke_s < _AWAKE_S:
+            causes.append(f"ticks stood still less than {_AWAKE_S:g} s ago")
         return tuple(causes)
 
     @staticmethod

@@ -90,13 +90,22 @@ class JakaArm:
                 "check power, network and address",
             )
 
-    def hold(self) -> None:
-        self._worker.put(Command("hold"))
+    def hold(self, expires_s: float = math.inf) -> None:
+        self._worker.put(Command("hold", expires_s=expires_s))
 
-    def lower(self, way_mm: float, speed_mm_s: float | None = None) -> None:
+    def lower(
+        self,
+        way_mm: float,
+        speed_mm_s: float | None = None,
+        expires_s: float = math.inf,
+        number: int = 0,
+    ) -> None:
         way, speed = self._config.limits.lowering(way_mm, speed_mm_s)
+        if number and number == self._line.number:
+            return
         self._line.speed_mm_s = speed
-        self._worker.put(Command("lower", way, self._clock.now_s() + self._config.stale_s))
+        until_s = min(expires_s, self._clock.now_s() + self._config.stale_s)
+        self._worker.put(Command("lower", way, until_s, number=number))
 
     def stop(self) -> None:
         self._worker.put(Command("stop"))
@@ -194,6 +203,8 @@ class _Line:
         self._waiting: list[dict[str, Any]] = []
         self._place: tuple[float, ...] | None = None
         self.speed_mm_s = config.limits.speed_mm_s
+        self.number = 0
+        """Of the alarm whose lowering was sent last: it is never sent twice."""
         self.began = False
         """True from a lowering to the next stop."""
         self.refused = ""
@@ -223,7 +234,7 @@ class _Line:
 
     def do(self, command: Command) -> bool:
         if command.name == "lower":
-            return self._lower(command.value)
+            return self._lower(command.value, command.number)
         if command.stops or (command.name == "hold" and self.began):
             self.refused = self._try("stop_program")
             if self.refused:
@@ -232,11 +243,14 @@ class _Line:
             return True
         return False
 
-    def _lower(self, way_mm: float) -> bool:
+    def _lower(self, way_mm: float, number: int) -> bool:
+        if number and number == self.number:
+            return False
         if not self.status.ready:
             self.refused = "not enabled: it was not lowered"
             return False
-        self.began = True
+        # Before it is sent: where the reply is lost, the arm may be on its way.
+        self.began, self.number = True, number
         self.refused = self._try(
             "moveL",
             relFlag=1,

@@ -127,10 +127,10 @@ def _open_jaka(name: str, texts: dict[str, str], clock: Clock) -> Actuator:
     return ArmActuator(f"JAKA arm at {name}", arm, lower_mm)
 
 
-def _open_udp(name: str, texts: dict[str, str], _: Clock) -> Actuator:
+def _open_udp(name: str, texts: dict[str, str], clock: Clock) -> Actuator:
     options = _parsed("udp://", texts, _UDP)
     force = _force(options) if "max_force_n" in options else None
-    output = open_udp(name, options.pop("allow_other_hosts", False))
+    output = open_udp(name, options.pop("allow_other_hosts", False), clock)
     return OutputActuator(f"UDP to {name}", output, force)
 
 

@@ -175,7 +175,7 @@ class _Bus:
             raise BusError(f"the port {config.port} cannot be opened")
         self._force = self._position = None  # it may have been switched off: believe nothing
         initialised, _, _ = self._read()
-        (set_pct,) = self._ask("read", FORCE, 1).registers
+        (set_pct,) = self._read_from(FORCE, 1)
         self._force = set_pct if MIN_PCT <= set_pct <= MAX_PCT else None
         if self._may_initialise and not initialised:
             self._write(INITIALISE, 1)
@@ -203,9 +203,11 @@ class _Bus:
         wanted = (int(command.value), CLOSED_PERMILLE)
         if not self.status.initialised or wanted == (self._force, self._position):
             return False
-        self._write(FORCE, wanted[0])
-        self._write(POSITION, wanted[1])
-        self._force, self._position = wanted
+        if not self._write(FORCE, wanted[0], command.expires_s):
+            return False
+        self._force = wanted[0]
+        if self._write(POSITION, wanted[1], command.expires_s):
+            self._position = wanted[1]
         return True
 
     def _stop(self) -> bool:
@@ -226,15 +228,28 @@ class _Bus:
                 client.close()  # type: ignore[no-untyped-call]
 
     def _read(self) -> tuple[int, int, int]:
-        initialised, state, position = self._ask("read", INITIALISED, 3).registers
+        initialised, state, position = self._read_from(INITIALISED, 3)
         return initialised, state, position
 
-    def _write(self, register: int, value: int) -> None:
-        self._ask("write", register, value)
+    def _read_from(self, register: int, number: int) -> list[int]:
+        reply = self._ask("read", register, number)
+        assert reply is not None  # a read never expires
+        return list(reply.registers)
 
-    def _ask(self, what: str, register: int, number: int) -> ModbusPDU:
-        """Return the reply to a request, sent again as often as allowed."""
+    def _write(self, register: int, value: int, expires_s: float = math.inf) -> bool:
+        """Write a register; False where the moment passed at which it had to be sent."""
+        return self._ask("write", register, value, expires_s) is not None
+
+    def _ask(
+        self, what: str, register: int, number: int, expires_s: float = math.inf
+    ) -> ModbusPDU | None:
+        """Return the reply to a request, sent again as often as allowed.
+
+        None where `expires_s` has passed: looked at before each try, since a try may wait.
+        """
         for left in range(self._config.retries, -1, -1):
+            if not self._clock.now_s() < expires_s:
+                return None
             try:
                 return self._ask_once(what, register, number)
             except (BusError, ModbusException) as error:

@@ -13,10 +13,6 @@ import tempfile
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-import matplotlib
-
-matplotlib.use("Agg")
-import matplotlib.pyplot as plt
 from matplotlib.axes import Axes
 
 from taxel.actions.grip_policy import GripPolicy
@@ -33,6 +29,7 @@ from taxel.live.closed_loop import (
 )
 from taxel.live.closed_loop_scores import LoopScores
 from taxel.live.grasp_monitor import GraspMonitor
+from taxel.plotting import plt
 from taxel.sim.cup_pour import list_runs
 from taxel.sim.cups import PourRun
 

@@ -16,6 +16,9 @@ from pathlib import Path
 from typing import Literal
 
 from rich.table import Table
+from rich.text import Text
+
+from taxel.plain_text import visible_line
 
 STORE = Path(__file__).with_name("stored")
 """Where `--full` keeps what takes longer than a few minutes."""
@@ -84,8 +87,7 @@ def store(bench: str, rows: Iterable[Row], data: str, *, only: str = "") -> list
         data: Digest of the recordings that were used.
         only: What `--only` chose: rows kept earlier under other names stay as they are.
     """
-    when = datetime.now(UTC).strftime("%Y-%m-%d")
-    stamp = f"commit {_commit()}, data {data[:12]}, {when}, taxel bench {bench} --full"
+    stamp = f"commit {commit()}, data {data[:12]}, {today()}, taxel bench {bench} --full"
     stamp += f" --only {shlex.quote(only)}" if only else ""
     stamped = [replace(one, stamp=stamp) for one in rows]
     if only:
@@ -124,10 +126,10 @@ def rows_table(rows: list[Row]) -> Table:
     for column in ("figure", "value", "unit", "goal", "", "note"):
         table.add_column(column, justify="right" if column == "value" else "left")
     for one in rows:
-        mark = {True: "[green]met[/]", False: "[red]missed[/]", None: "–"}[one.ok]
+        mark = {True: Text("met", "green"), False: Text("missed", "red"), None: Text("–")}[one.ok]
         value = "–" if one.value is None else _short(one.value)
         note = " · ".join(part for part in (one.note, one.stamp) if part)
-        table.add_row(one.name, value, one.unit, one.goal, mark, note)
+        table.add_row(visible_line(one.name), value, one.unit, one.goal, mark, visible_line(note))
     return table
 
 
@@ -135,7 +137,13 @@ def _short(value: float) -> str:
     return f"{value:,.0f}" if abs(value) >= 1000 else f"{value:.4g}"
 
 
-def _commit() -> str:
+def today() -> str:
+    """Return the date, year first."""
+    return datetime.now(UTC).strftime("%Y-%m-%d")
+
+
+def commit() -> str:
+    """Return the short name of the commit that is measured; "unknown" outside a checkout."""
     found = subprocess.run(
         ["git", "rev-parse", "--short", "HEAD"],
         capture_output=True,

@@ -18,6 +18,7 @@ from pathlib import Path
 from time import perf_counter, sleep
 from typing import TYPE_CHECKING, Any
 
+from taxel.bench import gel_shear
 from taxel.bench.rows import Row, missing, quietest, row
 from taxel.bundles.engine import EngineName, Precision
 
@@ -39,14 +40,21 @@ def quick_steps() -> list[tuple[str, Measure]]:
     return [
         ("parameter counts", parameter_counts),
         ("simulator", simulator_speed),
+        ("gel as a layer", lambda: gel_shear.speed(_child)),
         ("steps", steps),
         ("live path", live_path),
+        ("slip's live path", slip_live_path),
     ]
 
 
 def full_steps(data: Path | None) -> list[tuple[str, Measure]]:
     """Return the measurements that take longer than a few minutes."""
-    return [("the paper's set, tables, warnings", paper_set), ("slips", lambda: slips(data))]
+    return [
+        ("the paper's set, tables, warnings", paper_set),
+        ("slips", lambda: slips(data)),
+        ("slip warning", slip_warning),
+        ("markers' residual", lambda: gel_shear.residual_rows(data)),
+    ]
 
 
 def parameter_counts() -> list[Row]:
@@ -121,17 +129,22 @@ def _open(
 
 
 def live_path() -> list[Row]:
-    """Watch a recording of a pour as live, decoding included: time of a step, memory."""
+    """Watch a recording of a pour as live, decoding included: time of a step, memory.
+
+    At the cameras' pace, in the rank and with the memory of a station's monitor: flat out, a
+    process in real time is halted for 50 ms of each second.
+    """
     with tempfile.TemporaryDirectory(prefix="taxel-") as scratch:
         bundle, recording = _untrained_bundle(Path(scratch))
         code = (
             "import json,sys,numpy as np;from pathlib import Path;"
+            "from taxel.live.station.worker import Rank,hurry,settle_memory;hurry(Rank.MODEL);"
             "import cv2;cv2.setNumThreads(1);"
             "from taxel.bundles.grasp import read_grasp_bundle;"
             "from taxel.live.grasp_session import run_grasp_session;"
             "from taxel.sources.opening import open_source;"
             f"b=read_grasp_bundle(Path({str(bundle)!r}),threads=2);"
-            f"s=open_source('replay://'+{str(recording)!r}+'?speed=max');"
+            f"s=open_source('replay://'+{str(recording)!r});settle_memory();"
             "t=run_grasp_session(s,b);"
             "assert 'torch' not in sys.modules;"
             "m=np.array(t.latencies_s)*1e3;"
@@ -144,7 +157,8 @@ def live_path() -> list[Row]:
     return [
         quietest("EfficientNet-Lite0 + LSTM, a live step, decode included, 99 %",
                  [each[1] for each in found], "ms", FRAME_S * 1e3,
-                 f"median {median_ms:.1f}; {found[0][2]} moments each, 2 threads, ORT f32"),
+                 f"median {median_ms:.1f}; {found[0][2]} moments each at 60 a second, 2 threads, "
+                 "ORT f32"),
         row("live stability path: memory", memory_mb, "MiB", "<=", 600.0,
             "no training framework loaded"),
     ]  # fmt: skip
@@ -210,6 +224,20 @@ def slips(data: Path | None) -> list[Row]:
                str(folder), "--json")  # fmt: skip
         found = _taxel("evaluate", "slip-trials", "--data", str(folder), "--json")
     return slip_rows(name, found)
+
+
+def slip_live_path() -> list[Row]:
+    """Time the slip signal and a monitor on it."""
+    from taxel.bench.slip_warning import live_rows
+
+    return live_rows()
+
+
+def slip_warning() -> list[Row]:
+    """Warn of slip on cups never seen: images are followed once and kept."""
+    from taxel.bench.slip_warning import slip_warning_rows
+
+    return slip_warning_rows()
 
 
 def slip_rows(name: str, found: dict[str, Any]) -> list[Row]:

@@ -11,17 +11,19 @@ from __future__ import annotations
 import json
 from collections.abc import Mapping
 from dataclasses import MISSING, asdict, dataclass, fields, replace
-from typing import Any
+from typing import Any, get_args
 
 import numpy as np
 from numpy.typing import NDArray
 
 from taxel.decisions.unknown import Unknown, unknown_from_json, unknown_to_json
-from taxel.errors import BadBundle
+from taxel.errors import BadBundle, BadFile
+from taxel.foreign.json_text import Fields, parse_json
+from taxel.foreign.records import record_of
 from taxel.signals import SensorInfo
 from taxel.windows.config import MOST_RATE_CHANGE, WindowConfig
 from taxel.windows.reference import Reference
-from taxel.windows.scaling import Scaling
+from taxel.windows.scaling import Scaling, ScalingKind
 
 FORMAT = 1
 """Version of the layout above."""
@@ -136,40 +138,74 @@ def contract_to_json(contract: Contract) -> str:
     return json.dumps(data, indent=1, sort_keys=True)
 
 
-def contract_from_json(text: str) -> Contract:
+def contract_from_json(text: str | bytes) -> Contract:
     """Return the contract that a JSON text holds.
 
     Raises:
-        BadBundle: A field is missing, unknown or of the wrong kind.
+        BadBundle: A field is missing, unknown, or of the wrong kind, length or range.
     """
     try:
-        data: dict[str, Any] = json.loads(text)
-        if data.pop("format") != FORMAT:
-            raise ValueError("another format")
-        known = {field.name for field in fields(Contract)}
+        return _contract(parse_json(text))
+    except BadFile as error:
+        raise _another(error.got) from error
+    except ValueError as error:
+        raise _another(str(error)) from error
+
+
+def _contract(data: Any) -> Contract:
+    if isinstance(data, dict):  # what bundles of before lack
         data = {field.name: field.default for field in fields(Contract)
                 if field.default is not MISSING} | data  # fmt: skip
-        if set(data) != known:
-            raise ValueError(f"the fields {sorted(set(data) ^ known)} differ")
-        scaling = data["scaling"]
-        data["scaling"] = Scaling(
-            kind=scaling["kind"],
-            offset=np.array(scaling["offset"], np.float32),
-            factor=np.array(scaling["factor"], np.float32),
-        )
-        window = data["window"]
-        if window["channels"] is not None:
-            window["channels"] = tuple(window["channels"])
-        data["window"] = WindowConfig(**window)
-        if data["reference"] is not None:
-            level = np.array(data["reference"]["level"], np.float32)
-            data["reference"] = Reference(touches=data["reference"]["touches"], level=level)
-        if data["unknown"] is not None:
-            data["unknown"] = unknown_from_json(data["unknown"])
-        for key in ("classes", "channels", "units"):
-            data[key] = tuple(data[key])
-        return Contract(**data)
-    except (ValueError, KeyError, TypeError, AttributeError) as error:
-        raise BadBundle(
-            f"a bundle of format {FORMAT}", f"another ({error})", "write it again with taxel bundle"
-        ) from error
+    given = Fields(data, "the contract")
+    if given.any("format") != FORMAT:
+        raise ValueError("another format")
+    given.only({field.name for field in fields(Contract)} | {"format"})
+    classes, channels = given.texts("classes"), given.texts("channels")
+    units, n = given.texts("units"), len(channels)
+    if not classes or len(set(classes)) < len(classes):
+        raise ValueError("the classes are none, or one comes twice")
+    if not channels or len(set(channels)) < n or len(units) != n:
+        raise ValueError(f"{n} channels, of which one comes twice, with {len(units)} units")
+    return Contract(
+        target=given.text("target"),
+        classes=classes,
+        window=record_of(WindowConfig, given.any("window")),
+        scaling=_scaling(given.fields("scaling"), n),
+        channels=channels,
+        units=units,
+        rate_hz=given.number("rate_hz", 0.0),
+        model=given.text("model"),
+        parameters=given.count("parameters", 0, 2**53),
+        data_digest=given.text("data_digest"),
+        accuracy=given.numbers("accuracy"),
+        software=given.text("software"),
+        parity=given.number("parity") if "parity" in given else None,
+        reference=_reference(given.fields("reference"), n) if "reference" in given else None,
+        unknown=_unknown(given.any("unknown"), n) if "unknown" in given else None,
+    )
+
+
+def _scaling(given: Fields, channels: int) -> Scaling:
+    kind: ScalingKind = given.choice("kind", get_args(ScalingKind))  # type: ignore[assignment]
+    offset, factor = (
+        given.array(name, (channels,)).astype(np.float32) for name in ("offset", "factor")
+    )
+    return Scaling(kind=kind, offset=offset, factor=factor)
+
+
+def _reference(given: Fields, channels: int) -> Reference:
+    level = given.array("level", (channels,)).astype(np.float32)
+    return Reference(touches=given.text("touches"), level=level)
+
+
+def _unknown(data: object, channels: int) -> Unknown:
+    found = unknown_from_json(data)
+    if len(found.level) != channels:
+        raise ValueError(f"the test for the unknown is not of {channels} channels")
+    return found
+
+
+def _another(got: str) -> BadBundle:
+    return BadBundle(
+        f"a bundle of format {FORMAT}", f"another ({got})", "write it again with taxel bundle"
+    )

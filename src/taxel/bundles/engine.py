@@ -12,10 +12,16 @@ import onnxruntime
 from numpy.typing import NDArray
 
 from taxel.errors import BadBundle, MissingExtra
+from taxel.side_by_side import SideBySide
 
 EngineName = Literal["onnxruntime", "openvino"]
 Precision = Literal["f32", "bf16", "int8"]
 """int8 is a matter of the model, whose other numbers stay f32; bf16 of the engine."""
+
+
+def one_line(error: Exception) -> str:
+    """Return what a library says, on one line and not for long."""
+    return " ".join(str(error).split())[:300]
 
 
 class Engine(Protocol):
@@ -27,24 +33,50 @@ class Engine(Protocol):
 
 
 class _OnnxRuntime:
+    """Few rows run side by side, each in one thread; one row, or many, in all threads together.
+
+    Threads that share a row wait for each other after each of its layers, so that two rows of a
+    backbone take 2 to 8 % longer in two threads together. The row's numbers are the same.
+    """
+
     def __init__(self, model: bytes, threads: int) -> None:
-        options = onnxruntime.SessionOptions()
-        options.intra_op_num_threads = threads
-        options.inter_op_num_threads = 1
-        options.log_severity_level = 3
-        try:
-            self._session = onnxruntime.InferenceSession(
-                model, options, providers=["CPUExecutionProvider"]
-            )
-        except Exception as error:  # onnxruntime's own errors share no public base
-            raise BadBundle(
-                "a model that ONNX Runtime can run", f"one that it refuses ({error})",
-                "write it again with this version of taxel",
-            ) from error  # fmt: skip
+        self._threads = threads
+        self._together = _session(model, threads)
+        self._alone = _session(model, 1) if threads > 1 else self._together
+        self._beside = SideBySide(threads)
 
     def run(self, **inputs: NDArray[Any]) -> NDArray[np.float32]:
-        found: NDArray[np.float32] = self._session.run(None, inputs)[0]
-        return found
+        rows = min(len(values) for values in inputs.values())
+        if not 1 < rows <= self._threads:
+            return _output(self._together, inputs)
+        parts = [
+            {name: values[row : row + 1] for name, values in inputs.items()} for row in range(rows)
+        ]
+        return np.concatenate(self._beside.map(lambda part: _output(self._alone, part), parts))
+
+
+def _session(model: bytes, threads: int) -> onnxruntime.InferenceSession:
+    options = onnxruntime.SessionOptions()
+    options.intra_op_num_threads = threads
+    options.inter_op_num_threads = 1
+    options.log_severity_level = 3
+    # Threads wait for each other's next layer busily, but not for the next run: a core that
+    # spins on is taken from whoever has work.
+    options.add_session_config_entry("session.force_spinning_stop", "1")
+    try:
+        return onnxruntime.InferenceSession(model, options, providers=["CPUExecutionProvider"])
+    except Exception as error:  # onnxruntime's own errors share no public base
+        raise BadBundle(
+            "a model that ONNX Runtime can run", f"one that it refuses ({one_line(error)})",
+            "write it again with this version of taxel",
+        ) from error  # fmt: skip
+
+
+def _output(
+    session: onnxruntime.InferenceSession, inputs: dict[str, NDArray[Any]]
+) -> NDArray[np.float32]:
+    found: NDArray[np.float32] = session.run(None, inputs)[0]
+    return found
 
 
 class _OpenVino:

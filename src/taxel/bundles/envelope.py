@@ -1,7 +1,7 @@
 """The file that every bundle is: a first line with a checksum, then a zip. Nothing is unpickled.
 
-The first line is `TAXEL BUNDLE 1 <SHA-256 of the rest>`. Knows nothing about what the
-members mean.
+The first line is `TAXEL BUNDLE 1 <SHA-256 of the rest>`, and where it is signed a blank and the
+signature (signing.py). Knows nothing about what the members mean.
 """
 
 from __future__ import annotations
@@ -10,18 +10,36 @@ import hashlib
 import io
 import shlex
 import zipfile
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO
 
 import numpy as np
 from numpy.typing import NDArray
 
-from taxel.errors import BadBundle
+from taxel.bundles.signing import Signer, Trust, check_signature
+from taxel.errors import BadBundle, BadFile
+from taxel.foreign.archives import array_of, read_members
+from taxel.foreign.files import (
+    MIB,
+    open_file,
+    read_bytes,
+    refuse_larger,
+    sha256_of_rest,
+    size_of,
+)
 
 FIRST_WORDS = b"TAXEL BUNDLE 1 "
-_LARGEST_BYTES = 1024 * 2**20
-"""A bundle larger than this is refused. Source: our choice."""
+FIRST_LINE_BYTES = 512
+"""Of a first line, at most; one with a signature has 320."""
+LARGEST_BYTES = 512 * MIB
+"""A bundle larger than this is refused; one with a ResNet-101 has 180 MB. Source: our choice."""
+_LARGEST_JSON = 8 * MIB
+"""Of a contract; one with the test for the unknown has some 0.2 MB."""
+_MOST_PACKED = 8.0
+"""How many times as large as its file a bundle may unpack to, beside `archives.FREE`: weights
+hardly pack at all. Source: our choice."""
 
 
 def pack(members: Mapping[str, bytes]) -> bytes:
@@ -35,38 +53,98 @@ def pack(members: Mapping[str, bytes]) -> bytes:
     return FIRST_WORDS + hashlib.sha256(content).hexdigest().encode() + b"\n" + content
 
 
-def unpack(path: Path, needed: Sequence[str]) -> dict[str, bytes]:
-    """Return the members of a bundle, once their checksum was found right.
+def signed(bundle: bytes, signer: Signer) -> bytes:
+    """Return a whole bundle's bytes with a signature, in the place of an older one if any."""
+    line, _, body = bundle.partition(b"\n")
+    words, _ = _first_words(line)
+    return words + b" " + signer.sign(words) + b"\n" + body
+
+
+def signed_file(path: Path, signer: Signer) -> bytes:
+    """Return what a bundle's file holds, found whole, with a signature.
+
+    Raises:
+        BadBundle: As of `unpack`.
+    """
+    need_bundle(path)
+    with _refusing(path):
+        content = read_bytes(path, LARGEST_BYTES)
+        _checked(path, io.BytesIO(content))
+        return signed(content, signer)
+
+
+def is_signed(path: Path) -> bool:
+    """Return whether a bundle carries a signature, whoever made it; it is not checked."""
+    with open_file(path) as file:
+        return bool(_first_words(file.readline(FIRST_LINE_BYTES))[1])
+
+
+def unpack(
+    path: Path, needed: Sequence[str], trust: Trust | None = None, optional: Sequence[str] = ()
+) -> dict[str, bytes]:
+    """Return some members of a bundle, once its checksum was found right; no other is unpacked.
 
     Args:
         path: The bundle's file.
         needed: Members that it must hold.
+        trust: Keys of which one must have signed it, these very bytes; any bundle unless given.
+        optional: Members that it may hold.
 
     Raises:
-        BadBundle: It is missing, no bundle, too large or damaged, or lacks a member.
+        BadBundle: It is missing, no bundle, too large or damaged, lacks a member, unpacks to
+            more than a bundle's parts can have, or is not signed by a trusted key.
     """
     need_bundle(path)
-    try:
-        if path.stat().st_size > _LARGEST_BYTES:
-            raise damaged(path, "larger than 1 GiB")
-        line, _, body = path.read_bytes().partition(b"\n")
-    except OSError as error:
-        raise BadBundle(
-            "a bundle that can be read", f"{error.strerror or error} ({path})", "see who owns it"
-        ) from error
-    if not line.startswith(FIRST_WORDS):
-        raise damaged(path, "another kind of file, or a damaged first line")
-    if hashlib.sha256(body).hexdigest().encode() != line.removeprefix(FIRST_WORDS):
-        raise damaged(path, "a checksum that does not fit the contents")
-    try:
-        with zipfile.ZipFile(io.BytesIO(body)) as archive:
-            found = {name: archive.read(name) for name in archive.namelist()}
-    except zipfile.BadZipFile as error:
-        raise damaged(path, "contents that are no zip") from error
+    wanted = {name: _most(name) for name in (*needed, *optional)}
+    with _refusing(path), _opened(path, once=trust is not None) as file:
+        refuse_larger(path, size_of(file), LARGEST_BYTES)
+        words, signature = _checked(path, file)
+        if trust is not None:
+            check_signature(path, words, signature, trust)
+        found = read_members(file, wanted, _MOST_PACKED)
     lacking = [name for name in needed if name not in found]
     if lacking:
         raise damaged(path, f"another kind of bundle: it lacks {', '.join(lacking)}")
     return found
+
+
+def _opened(path: Path, *, once: bool) -> BinaryIO:
+    """Open a bundle; what a key signed is read once, so that nobody changes it after the check."""
+    return io.BytesIO(read_bytes(path, LARGEST_BYTES)) if once else open_file(path)
+
+
+@contextmanager
+def _refusing(path: Path) -> Iterator[None]:
+    """Turn what a file's readers raise into the words for bundles."""
+    try:
+        yield
+    except BadFile as error:
+        raise damaged(path, error.got) from error
+    except OSError as error:
+        raise BadBundle(
+            "a bundle that can be read", f"{error.strerror or error} ({path})", "see who owns it"
+        ) from error
+
+
+def _checked(path: Path, file: BinaryIO) -> tuple[bytes, bytes]:
+    """Return a bundle's first words and its signature, once the sum of the rest was compared."""
+    line = file.readline(FIRST_LINE_BYTES)
+    if not line.startswith(FIRST_WORDS) or not line.endswith(b"\n"):
+        raise damaged(path, "another kind of file, or a damaged first line")
+    words, signature = _first_words(line)
+    if words != FIRST_WORDS + sha256_of_rest(file).encode():
+        raise damaged(path, "a checksum that does not fit the contents")
+    return words, signature
+
+
+def _most(name: str) -> int:
+    return _LARGEST_JSON if name.endswith(".json") else LARGEST_BYTES
+
+
+def _first_words(line: bytes) -> tuple[bytes, bytes]:
+    """Return a first line's words up to the checksum, and the signature, which may be empty."""
+    head, blank, signature = line.rstrip(b"\n").removeprefix(FIRST_WORDS).partition(b" ")
+    return FIRST_WORDS + head + (b"" if signature else blank), signature
 
 
 def need_bundle(path: Path) -> None:
@@ -100,6 +178,12 @@ def to_npy(array: NDArray[Any]) -> bytes:
 
 
 def from_npy(member: bytes) -> NDArray[Any]:
-    """Return a member's array."""
-    found: NDArray[Any] = np.load(io.BytesIO(member), allow_pickle=False)
-    return found
+    """Return a member's array.
+
+    Raises:
+        BadBundle: It is none, or its size is not what it says.
+    """
+    try:
+        return array_of(member)
+    except BadFile as error:
+        raise BadBundle("check windows as arrays", error.got, "write the bundle again") from error

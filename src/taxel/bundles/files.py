@@ -56,9 +56,8 @@ def bundle_at_level(path: Path, level: NDArray[np.float32]) -> tuple[Contract, b
         raise BadBundle(f"{len(old.channels)} levels, one a channel", str(len(level)), "mend it")
     new = at_level(old, level)
     assert old.reference is not None
-    members = unpack(path, ())
-    values, mask, probabilities = (
-        from_npy(members[f"check_{name}.npy"]) for name in ("values", "mask", "probabilities")
-    )
+    checks = ("values", "mask", "probabilities")
+    members = unpack(path, ("model.onnx", *(f"check_{name}.npy" for name in checks)))
+    values, mask, probabilities = (from_npy(members[f"check_{name}.npy"]) for name in checks)
     change = (level / old.reference.level).astype(np.float32)
     return new, bundle_bytes(new, members["model.onnx"], values * change, mask, probabilities)

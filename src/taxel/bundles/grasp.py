@@ -9,19 +9,34 @@ nothing about training frameworks.
 from __future__ import annotations
 
 import json
+import math
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, fields
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args
 
 import numpy as np
 from numpy.typing import NDArray
 
 from taxel.bundles.contract import LARGEST_DIFFERENCE
 from taxel.bundles.engine import Engine, EngineName, Precision, open_engine
-from taxel.bundles.envelope import FIRST_WORDS, damaged, from_npy, pack, to_npy, unpack
+from taxel.bundles.envelope import (
+    FIRST_LINE_BYTES,
+    FIRST_WORDS,
+    damaged,
+    from_npy,
+    pack,
+    to_npy,
+    unpack,
+)
+from taxel.bundles.model_check import check_model
+from taxel.bundles.model_trial import Trial, try_models
+from taxel.bundles.signing import Trust
 from taxel.decisions.stability import StabilityConfig
-from taxel.errors import BadBundle
+from taxel.errors import BadBundle, BadFile
+from taxel.foreign.files import open_file
+from taxel.foreign.json_text import Fields, parse_json
+from taxel.foreign.records import record_of
 from taxel.recordings.whole import write_whole
 from taxel.signals import CameraInfo
 from taxel.windows.rest import Tare
@@ -29,6 +44,12 @@ from taxel.windows.rest import Tare
 FORMAT = 1
 GEL = "gel"
 """Features that markers and imprint give (`taxel.gel.slip_features`), without a backbone."""
+SLIP = "slip"
+"""Features of slip over all gels (`taxel.gel.slip_signal`): offset and factor have one row."""
+OWN_FEATURES = (GEL, SLIP)
+"""What needs no backbone."""
+_MOST_CAMERAS, _MOST_FRAMES, _LARGEST_SIDE = 16, 10_000, 8192
+"""Bounds of what a contract may say. Source: our choice."""
 _MEMBERS = ("grasp.json", "head.onnx", "check_features.npy", "check_probabilities.npy")
 
 
@@ -37,7 +58,7 @@ class GraspContract:
     """What a grasp bundle needs and gives."""
 
     features: str
-    """Name of the backbone, or "gel"."""
+    """Name of the backbone, "gel", or "slip"."""
     weights: str
     """ImageNet, file:NAME or RANDOM; empty for "gel"."""
     head: str
@@ -55,7 +76,7 @@ class GraspContract:
     rule: str
     """What "unstable" means."""
     offset: tuple[tuple[float, ...], ...]
-    """Shape (cameras, features), taken from what the head sees."""
+    """Shape (cameras, features), one row for "slip"; taken from what the head sees."""
     factor: tuple[tuple[float, ...], ...]
     """Shape (cameras, features), times which it sees them."""
     stability: StabilityConfig
@@ -108,10 +129,10 @@ class GraspBundle:
 def is_grasp_bundle(path: Path) -> bool:
     """Return whether a file is a grasp bundle, by its contents; False where it cannot be read."""
     try:
-        with path.open("rb") as file:
-            head = file.readline(200)
+        with open_file(path) as file:
+            head = file.readline(FIRST_LINE_BYTES)
             return head.startswith(FIRST_WORDS) and b"grasp.json" in file.read(100)
-    except OSError:
+    except (OSError, BadFile):
         return False
 
 
@@ -161,20 +182,31 @@ def read_grasp_bundle(
     engine: EngineName = "onnxruntime",
     precision: Precision = "f32",
     threads: int = 1,
+    trust: Trust | None = None,
 ) -> GraspBundle:
     """Open a bundle, after checking that it is whole and gives what it gave when written.
 
     Raises:
-        BadBundle: It is missing, damaged, of another kind or format, or gives other
-            probabilities.
+        BadBundle: It is missing, damaged, of another kind or format, gives other
+            probabilities, or none of the keys of `trust` signed it.
         MissingExtra: The engine is not installed.
     """
-    members = unpack(path, _MEMBERS)
-    contract = contract_from_json(members["grasp.json"].decode())
-    head = open_engine(members["head.onnx"], threads=1)
+    members = unpack(path, _MEMBERS, trust, ("backbone.onnx",))
+    contract = contract_from_json(members["grasp.json"])
     features, expected = (
         from_npy(members[f"check_{name}.npy"]) for name in ("features", "probabilities")
     )
+    _check_shapes(contract, features, expected)
+    trials = [Trial(members["head.onnx"], {"features": features})]
+    if contract.features not in OWN_FEATURES:
+        if "backbone.onnx" not in members:
+            raise damaged(path, f"no backbone for {contract.features}")
+        frame = np.zeros((1, contract.height, contract.width, 3), np.uint8)
+        trials.append(Trial(members["backbone.onnx"], {"frames": frame}))
+    for trial in trials:
+        check_model(trial.model)
+    try_models(trials)
+    head = open_engine(members["head.onnx"], threads=1)
     difference = _difference(head, features, expected)
     if not difference <= LARGEST_DIFFERENCE:
         raise BadBundle(
@@ -183,9 +215,7 @@ def read_grasp_bundle(
             "write the bundle again here, or report this machine's processor",
         )
     backbone = None
-    if contract.features != GEL:
-        if "backbone.onnx" not in members:
-            raise damaged(path, f"no backbone for {contract.features}")
+    if contract.features not in OWN_FEATURES:
         backbone = open_engine(members["backbone.onnx"], engine, precision, threads)
     return GraspBundle(
         contract,
@@ -196,13 +226,13 @@ def read_grasp_bundle(
     )
 
 
-def read_grasp_contract(path: Path) -> GraspContract:
+def read_grasp_contract(path: Path, trust: Trust | None = None) -> GraspContract:
     """Return what a grasp bundle needs and gives, without opening its models.
 
     Raises:
-        BadBundle: It is missing, damaged or of another format.
+        BadBundle: It is missing, damaged, of another format, or not signed by a key of `trust`.
     """
-    return contract_from_json(unpack(path, _MEMBERS)["grasp.json"].decode())
+    return contract_from_json(unpack(path, ("grasp.json",), trust)["grasp.json"])
 
 
 def contract_to_json(contract: GraspContract) -> str:
@@ -213,35 +243,88 @@ def contract_to_json(contract: GraspContract) -> str:
     return json.dumps(data, indent=1, sort_keys=True, allow_nan=False)
 
 
-def contract_from_json(text: str) -> GraspContract:
+def contract_from_json(text: str | bytes) -> GraspContract:
     """Return the contract that a JSON text holds.
 
     Raises:
-        BadBundle: A field is missing, unknown or of the wrong kind.
+        BadBundle: A field is missing, unknown, or of the wrong kind, length or range.
     """
     try:
-        data: dict[str, Any] = json.loads(text)
-        if data.pop("format") != FORMAT or data.pop("kind") != "grasp":
-            raise ValueError("another format or kind")
-        known = {field.name for field in fields(GraspContract)}
-        if set(data) != known:
-            raise ValueError(f"the fields {sorted(set(data) ^ known)} differ")
-        stability = data["stability"]
-        if stability["frozen_s"] is None:
-            stability["frozen_s"] = float("inf")
-        data["stability"] = StabilityConfig(**stability)
-        data["settle"] = (int(data["settle"][0]), int(data["settle"][1]))
-        for key in ("offset", "factor"):
-            data[key] = tuple(tuple(map(float, row)) for row in data[key])
-        return GraspContract(**data)
-    except (ValueError, KeyError, TypeError, AttributeError, IndexError) as error:
-        raise BadBundle(
-            f"a grasp bundle of format {FORMAT}", f"another ({error})",
-            "write it again with taxel bundle",
-        ) from error  # fmt: skip
+        return _contract(Fields(parse_json(text), "the contract"))
+    except BadFile as error:
+        raise _another(error.got) from error
+    except ValueError as error:
+        raise _another(str(error)) from error
+
+
+def _contract(given: Fields) -> GraspContract:
+    if given.any("format") != FORMAT or given.any("kind") != "grasp":
+        raise ValueError("another format or kind")
+    given.only({field.name for field in fields(GraspContract)} | {"format", "kind"})
+    stability = given.any("stability")
+    if isinstance(stability, dict) and stability.get("frozen_s", 0.0) is None:
+        stability = stability | {"frozen_s": math.inf}
+    first, last = given.array("settle", (2,)).tolist()
+    if not 0 <= first < last <= _MOST_FRAMES or first % 1 or last % 1:
+        raise ValueError("settle is not the first and last of some frames")
+    cameras = given.count("cameras", 1, _MOST_CAMERAS)
+    rows = 1 if given.any("features") == SLIP else cameras
+    offset, factor = (given.array(name, (rows, None)) for name in ("offset", "factor"))
+    if offset.shape != factor.shape:
+        raise ValueError("offset and factor differ in length")
+    tare: Tare = given.choice("tare", get_args(Tare))  # type: ignore[assignment]
+    return GraspContract(
+        features=given.text("features"),
+        weights=given.text("weights"),
+        head=given.text("head"),
+        frames=given.count("frames", 1, _MOST_FRAMES),
+        tare=tare,
+        settle=(int(first), int(last)),
+        cameras=cameras,
+        width=given.count("width", 1, _LARGEST_SIDE),
+        height=given.count("height", 1, _LARGEST_SIDE),
+        rate_hz=given.number("rate_hz", 0.001, 1e6),
+        rule=given.text("rule"),
+        offset=tuple(map(tuple, offset.tolist())),
+        factor=tuple(map(tuple, factor.tolist())),
+        stability=record_of(StabilityConfig, stability, finite=False),
+        parameters=given.count("parameters", 0, 2**53),
+        data_digest=given.text("data_digest"),
+        measured=given.numbers("measured"),
+        software=given.text("software"),
+    )
+
+
+def _another(got: str) -> BadBundle:
+    return BadBundle(
+        f"a grasp bundle of format {FORMAT}", f"another ({got})", "write it again with taxel bundle"
+    )
+
+
+def _check_shapes(contract: GraspContract, features: NDArray[Any], expected: NDArray[Any]) -> None:
+    """Refuse check windows that are not the contract's.
+
+    Raises:
+        BadBundle: A shape or kind of number is another.
+    """
+    n = len(features) if features.ndim else 0
+    window = (n, contract.frames, len(contract.offset), len(contract.offset[0]))
+    for name, array, shape in (("features", features, window), ("probabilities", expected, (n,))):
+        if not n or array.shape != shape or array.dtype != np.float32:
+            raise BadBundle(
+                f"check {name} of shape {shape}", f"{array.dtype} of shape {array.shape}",
+                "write the bundle again with taxel bundle",
+            )  # fmt: skip
 
 
 def _difference(
     head: Engine, features: NDArray[np.float32], expected: NDArray[np.float32]
 ) -> float:
-    return float(np.abs(head.run(features=features) - expected).max())
+    found = head.run(features=features)
+    alone = head.run(features=features[:1])  # as it will be asked live
+    if found.shape != expected.shape or alone.shape != (1,):
+        raise BadBundle(
+            "a probability for each check window", f"an array of shape {found.shape}",
+            "write the bundle again with taxel bundle",
+        )  # fmt: skip
+    return float(np.abs(found - expected).max())

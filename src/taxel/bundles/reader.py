@@ -14,7 +14,11 @@ import onnxruntime
 from numpy.typing import NDArray
 
 from taxel.bundles.contract import LARGEST_DIFFERENCE, Contract, contract_from_json
+from taxel.bundles.engine import one_line
 from taxel.bundles.envelope import from_npy, unpack
+from taxel.bundles.model_check import check_model
+from taxel.bundles.model_trial import Trial, try_models
+from taxel.bundles.signing import Trust
 from taxel.decisions.unknown import Strangeness
 from taxel.errors import BadBundle
 
@@ -49,7 +53,7 @@ class Bundle:
             )
         except Exception as error:  # onnxruntime's own errors share no public base
             raise BadBundle(
-                "a model that ONNX Runtime can run", f"one that it refuses ({error})",
+                "a model that ONNX Runtime can run", f"one that it refuses ({one_line(error)})",
                 "write the bundle again with this version of taxel",
             ) from error  # fmt: skip
         self._inputs = {entry.name for entry in self._session.get_inputs()}
@@ -96,20 +100,31 @@ class Bundle:
         return found
 
 
-def read_bundle(path: Path, threads: int = 1) -> Bundle:
+def read_bundle(path: Path, threads: int = 1, trust: Trust | None = None) -> Bundle:
     """Open a bundle, after checking that it is whole and gives what it gave when written.
 
     Raises:
-        BadBundle: It is missing, damaged, of another format, or its check
-            windows give other probabilities.
+        BadBundle: It is missing, damaged, of another format, its check windows give other
+            probabilities, or none of the keys of `trust` signed it.
     """
-    members = unpack(path, _MEMBERS)
-    contract = contract_from_json(members["bundle.json"].decode())
-    bundle = Bundle(contract, members["model.onnx"], threads)
+    members = unpack(path, _MEMBERS, trust)
+    contract = contract_from_json(members["bundle.json"])
     values, mask, expected = (
         from_npy(members[f"check_{name}.npy"]) for name in ("values", "mask", "probabilities")
     )
-    difference = float(np.abs(bundle.probabilities(values, mask) - expected).max())
+    _check_shapes(contract, values, mask, expected)
+    check_model(members["model.onnx"])
+    scaled = contract.scaling.apply(values, mask)
+    try_models([Trial(members["model.onnx"], {"values": scaled, "mask": mask})])
+    bundle = Bundle(contract, members["model.onnx"], threads)
+    found = bundle.probabilities(values, mask)
+    alone = bundle.probabilities(values[:1], mask[:1])  # as it will be asked live
+    if found.shape != expected.shape or alone.shape != expected[:1].shape:
+        raise BadBundle(
+            f"probabilities of {len(contract.classes)} classes", f"{found.shape} from the model",
+            "write the bundle again with taxel bundle",
+        )  # fmt: skip
+    difference = float(np.abs(found - expected).max())
     if not difference <= LARGEST_DIFFERENCE:
         raise BadBundle(
             f"its check windows to give the stored probabilities within {LARGEST_DIFFERENCE:g}",
@@ -119,10 +134,30 @@ def read_bundle(path: Path, threads: int = 1) -> Bundle:
     return bundle
 
 
-def read_contract(path: Path) -> Contract:
+def read_contract(path: Path, trust: Trust | None = None) -> Contract:
     """Return what a bundle needs and gives, without opening its model.
 
     Raises:
-        BadBundle: It is missing, damaged or of another format.
+        BadBundle: It is missing, damaged, of another format, or not signed by a key of `trust`.
     """
-    return contract_from_json(unpack(path, _MEMBERS)["bundle.json"].decode())
+    return contract_from_json(unpack(path, ("bundle.json",), trust)["bundle.json"])
+
+
+def _check_shapes(
+    contract: Contract, values: NDArray[Any], mask: NDArray[Any], expected: NDArray[Any]
+) -> None:
+    """Refuse check windows that are not the contract's.
+
+    Raises:
+        BadBundle: A shape or kind of number is another.
+    """
+    n = len(values) if values.ndim else 0
+    window = (n, contract.window.steps, len(contract.channels))
+    wanted = (("values", values, window, "f"), ("mask", mask, window[:2], "b"),
+              ("probabilities", expected, (n, len(contract.classes)), "f"))  # fmt: skip
+    for name, array, shape, kind in wanted:
+        if not n or array.shape != shape or array.dtype.kind != kind or array.dtype.itemsize > 4:
+            raise BadBundle(
+                f"check {name} of shape {shape}", f"{array.dtype} of shape {array.shape}",
+                "write the bundle again with taxel bundle",
+            )  # fmt: skip

@@ -17,15 +17,22 @@ import os
 import re
 import shutil
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import asdict, dataclass, field, fields, replace
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import Any
 
+from taxel.bundles.envelope import LARGEST_BYTES
 from taxel.errors import BadInput, RecordingFailed
+from taxel.foreign.files import MIB, sha256_of
+from taxel.foreign.json_text import Fields, read_json
+from taxel.foreign.records import record_of
 
 FORMAT = 1
 """Version of the history's layout."""
+_LARGEST_HISTORY = 4 * MIB
+_LARGEST_NUMBER = 10**9 - 1
+_MOST_FILES = 1000
+"""Bounds of a history and of a run's folder, which has ten or so files. Source: our choice."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -93,13 +100,20 @@ def named_path(path: Path) -> Path:
 
 
 def digest_of(path: Path) -> str:
-    """Return the SHA-256 of a file, or over a folder's files and their names, hexadecimal."""
-    if path.is_file():
-        return hashlib.sha256(path.read_bytes()).hexdigest()
+    """Return the SHA-256 of a file, or over a folder's files and their names, hexadecimal.
+
+    Raises:
+        BadInput: It is no plain file, a file is larger than a bundle may be, or there are too
+            many of them.
+    """
+    if not path.is_dir():
+        return sha256_of(path, LARGEST_BYTES)
     whole = hashlib.sha256()
-    for file in sorted(one for one in path.rglob("*") if one.is_file()):
-        whole.update(file.relative_to(path).as_posix().encode() + b"\0")
-        whole.update(hashlib.sha256(file.read_bytes()).digest())
+    for number, file in enumerate(sorted(one for one in path.rglob("*") if one.is_file())):
+        if number >= _MOST_FILES:
+            raise BadInput(f"a run of at most {_MOST_FILES} files", f"more in {path}", "look at it")
+        whole.update(file.relative_to(path).as_posix().encode(errors="surrogateescape") + b"\0")
+        whole.update(bytes.fromhex(sha256_of(file, LARGEST_BYTES)))
     return whole.hexdigest()
 
 
@@ -307,33 +321,31 @@ def _read(path: Path) -> tuple[Version, ...]:
     if not path.exists():
         return ()
     try:
-        stored: dict[str, Any] = json.loads(path.read_text())
-        if stored["format"] != FORMAT:
-            raise ValueError
-        versions = tuple(_version(one) for one in stored["versions"])
+        stored = Fields(read_json(path, _LARGEST_HISTORY), "the history")
+        if stored.any("format") != FORMAT:
+            raise ValueError("another format")
+        versions = tuple(map(_version, stored.items("versions")))
         if len({one.number for one in versions}) < len(versions):
-            raise ValueError
-    except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
+            raise ValueError("a number comes twice")
+    except (OSError, ValueError) as error:  # BadFile is a ValueError
         raise BadInput(
-            f"a history that can be read in {path}", "a damaged one, or one of another version",
+            f"a history that can be read in {path}",
+            f"a damaged one, or one of another version ({getattr(error, 'got', error)})",
             "move it away; the former versions beside it stay",
-        ) from error  # fmt: skip
+        ) from error
     return versions
 
 
-def _version(stored: dict[str, Any]) -> Version:
-    change = stored["change"]
-    made = Change(**(change | {"data": tuple(change["data"])}))
-    version = Version(**(stored | {"change": made}))
-    if type(version.number) is not int or version.number < 1:
-        raise ValueError
-    texts = (version.digest, version.parent, version.made, made.what, made.data_digest, *made.data)
-    if not all(isinstance(one, str) for one in texts):
-        raise ValueError
-    for shares in (made.before, made.after):
-        if not all(isinstance(one, int | float) for one in shares.values()):
-            raise ValueError
-    return version
+def _version(stored: object) -> Version:
+    given = Fields(stored, "a version")
+    given.only({field.name for field in fields(Version)})
+    return Version(
+        number=given.count("number", 1, _LARGEST_NUMBER),
+        digest=given.text("digest"),
+        parent=given.text("parent"),
+        made=given.text("made"),
+        change=record_of(Change, given.any("change"), finite=False),
+    )
 
 
 def _write(path: Path, versions: tuple[Version, ...]) -> None:

@@ -16,8 +16,10 @@ from numpy.typing import NDArray
 from torch import Tensor, nn
 
 from taxel.bundles.contract import LARGEST_DIFFERENCE, Contract
+from taxel.bundles.envelope import signed
 from taxel.bundles.files import bundle_bytes
 from taxel.bundles.reader import Bundle
+from taxel.bundles.signing import Signer
 from taxel.errors import BadBundle
 from taxel.recordings.whole import write_whole
 
@@ -46,6 +48,7 @@ def write_bundle(
     contract: Contract,
     values: NDArray[np.float32],
     mask: NDArray[np.bool_],
+    signer: Signer | None = None,
 ) -> Contract:
     """Write a bundle, whole or not at all, and return its contract with the parity found.
 
@@ -55,6 +58,7 @@ def write_bundle(
         contract: What the bundle says of itself; its parity is measured here.
         values: Unscaled windows to measure parity on, shape (n, steps, channels).
         mask: Shape (n, steps).
+        signer: Signs the bundle; it is not signed unless given.
 
     Raises:
         BadBundle: The exported model gives other probabilities than the networks.
@@ -75,7 +79,8 @@ def write_bundle(
         )
     contract = replace(contract, parity=parity)
     part = np.linspace(0, len(values) - 1, min(_CHECK_WINDOWS, len(values))).astype(int)
-    write_whole(path, bundle_bytes(contract, model, values[part], mask[part], wanted[part]))
+    whole = bundle_bytes(contract, model, values[part], mask[part], wanted[part])
+    write_whole(path, whole if signer is None else signed(whole, signer))
     return contract
 
 

@@ -11,18 +11,15 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-import matplotlib
 import numpy as np
-from numpy.typing import NDArray
-
-matplotlib.use("Agg")
-from matplotlib import pyplot as plt
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Rectangle
+from numpy.typing import NDArray
 
 from taxel.calibration.curves import Curve
+from taxel.plotting import drawn_name, plt
 
 _DPI = 110
 _ACROSS = 4
@@ -59,7 +56,7 @@ def curves(document: Document) -> bytes:
 def _curve(axes: Axes, one: Mapping[str, Any], form: str) -> None:
     force, volts = _numbers(one["force_n"]), _numbers(one["volts"])
     rising = np.array(one["rising"], bool)
-    axes.set_title(one["channel"], fontsize=8)
+    axes.set_title(drawn_name(one["channel"]), fontsize=8)
     axes.tick_params(labelsize=7)
     axes.spines[["top", "right"]].set_visible(False)
     if len(force) == 0:
@@ -110,7 +107,7 @@ def errors_by_force(document: Document) -> bytes:
 def uniformity(document: Document) -> bytes:
     """Return each sensor's volts at one force, and what pins read of known voltages."""
     results = [document["at_one_force"], *document["references"]]
-    names = [one["channel"] for one in document["channels"]]
+    names = [drawn_name(one["channel"]) for one in document["channels"]]
     figure, grid = plt.subplots(
         1, len(results), figsize=(3.2 + 2.6 * len(results), 0.9 + 0.24 * len(names)),
         layout="constrained", squeeze=False, sharey=True,
@@ -147,7 +144,7 @@ def _about(result: Mapping[str, Any]) -> str:
 
 def ghosts(document: Document) -> bytes:
     """Return the cross-talk matrix, % of the pressed sensor; its diagonal is left out."""
-    names = [one["channel"] for one in document["channels"]]
+    names = [drawn_name(one["channel"]) for one in document["channels"]]
     share = 100.0 * np.array([_numbers(row) for row in document["ghosts"]["share"]])
     np.fill_diagonal(share, np.nan)
     known = share[np.isfinite(share)]
@@ -174,7 +171,7 @@ def ghosts(document: Document) -> bytes:
 def rest(document: Document) -> bytes:
     """Return noise, hum and drift of each sensor at rest."""
     channels = document["channels"]
-    names = [one["channel"] for one in channels]
+    names = [drawn_name(one["channel"]) for one in channels]
     place = np.arange(len(names))
     figure, (left, right) = plt.subplots(
         1, 2, figsize=(8.6, 0.9 + 0.24 * len(names)), layout="constrained", sharey=True

@@ -6,13 +6,15 @@ Knows nothing about volts measured, curves or files of recordings.
 from __future__ import annotations
 
 import csv
+import io
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
 
-from taxel.errors import BadDataset, BadTable
+from taxel.errors import BadDataset, BadFile, BadTable
+from taxel.foreign.text_lines import lines_of
 from taxel.signals import Mark, SensorInfo
 
 LARGEST_FORCE_N = 1000.0
@@ -94,22 +96,18 @@ def script_of_table(path: Path, sensor: SensorInfo, first_s: float) -> Script:
     """
     rows = []
     try:
-        if path.stat().st_size > _LARGEST_TABLE_BYTES:
-            raise BadTable(
-                "a table of presses of at most 10 MB", f"{path}, which is larger", "check it"
-            )
-        with path.open(newline="", encoding="utf-8-sig") as file:
-            reader = csv.DictReader(file, strict=True)
-            _check_header(path, reader.fieldnames or ())
-            for row in reader:
-                where = f"{path}, line {reader.line_num}"
-                if None in row or None in row.values():
-                    raise BadTable("as many cells as columns", f"others in {where}", "mend it")
-                labels = {key: value.strip() for key, value in row.items() if value.strip()}
-                start_s, end_s = (_time(labels.pop(k, ""), where) for k in ("start_s", "end_s"))
-                rows.append((where, labels, first_s + start_s, first_s + end_s))
-    except (OSError, UnicodeDecodeError, csv.Error) as error:
-        reason = getattr(error, "strerror", None) or error
+        text = "".join(lines_of(path, _LARGEST_TABLE_BYTES))
+        reader = csv.DictReader(io.StringIO(text, newline=""), strict=True)
+        _check_header(path, reader.fieldnames or ())
+        for row in reader:
+            where = f"{path}, line {reader.line_num}"
+            if None in row or None in row.values():
+                raise BadTable("as many cells as columns", f"others in {where}", "mend it")
+            labels = {key: value.strip() for key, value in row.items() if value.strip()}
+            start_s, end_s = (_time(labels.pop(k, ""), where) for k in ("start_s", "end_s"))
+            rows.append((where, labels, first_s + start_s, first_s + end_s))
+    except (OSError, BadFile, csv.Error) as error:
+        reason = getattr(error, "strerror", None) or getattr(error, "got", error)
         raise BadTable("a table of presses (CSV)", f"{path}: {reason}", "check it") from error
     return _script(rows, sensor)
 

@@ -6,13 +6,13 @@ No script, no link to another file. Knows nothing about recordings or how figure
 from __future__ import annotations
 
 import base64
-import html
 import os
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 from taxel.errors import RecordingFailed
+from taxel.plain_text import html_text
 
 Document = Mapping[str, Any]
 
@@ -151,9 +151,9 @@ def write_page(path: Path, document: Document, command: str) -> None:
 
     sensor = document["sensor"]
     title = f"Sensors of {sensor['name']} {sensor['serial']}".strip()
-    head = "".join(f"<th>{html.escape(name)}</th>" for name in COLUMNS)
+    head = "".join(f"<th>{html_text(name)}</th>" for name in COLUMNS)
     body = "".join(
-        "<tr>" + "".join(f"<td>{html.escape(cell)}</td>" for cell in sensor_row(one)) + "</tr>"
+        "<tr>" + "".join(f"<td>{html_text(cell)}</td>" for cell in sensor_row(one)) + "</tr>"
         for one in document["channels"]
     )
     conditions = ", ".join(f"{k} {v}" for k, v in document["conditions"].items()) or "not known"
@@ -161,13 +161,13 @@ def write_page(path: Path, document: Document, command: str) -> None:
         f"{one['source']}, {one['presses']} presses" for one in document["made_from"]
     )
     parts = [
-        f"<h1>{html.escape(title)}</h1>",
-        f"<p>{html.escape(document['created'])}; {html.escape(sources)}. "
-        f"Conditions: {html.escape(conditions)}.</p>",
-        "<ul>" + "".join(f"<li>{html.escape(one)}</li>" for one in findings(document)) + "</ul>",
+        f"<h1>{html_text(title)}</h1>",
+        f"<p>{html_text(document['created'])}; {html_text(sources)}. "
+        f"Conditions: {html_text(conditions)}.</p>",
+        "<ul>" + "".join(f"<li>{html_text(one)}</li>" for one in findings(document)) + "</ul>",
         f'<div class="scroll"><table><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table>'
         "</div>",
-        f"<p><small>{'. '.join(map(html.escape, NOTES))}.</small></p>",
+        f"<p><small>{'. '.join(map(html_text, NOTES))}.</small></p>",
         "<h2>Force to voltage</h2>",
         _figure(figures.curves(document), "Volts above the baseline over the gauge's newtons."),
         "<h2>Error on presses that were not fitted on</h2>",
@@ -185,12 +185,12 @@ def write_page(path: Path, document: Document, command: str) -> None:
         _figure(figures.ghosts(document), "Area of each channel while another one is pressed."),
         "<h2>At rest</h2>",
         _figure(figures.rest(document), "Noise and hum; drift with its 95 % interval."),
-        f"<h2>How this was made</h2><p><code>{html.escape(command)}</code></p>"
-        f"<p><small>{html.escape(document['software'])}; calibration "
+        f"<h2>How this was made</h2><p><code>{html_text(command)}</code></p>"
+        f"<p><small>{html_text(document['software'])}; calibration "
         f"{document['sha256'][:12]}.</small></p>",
     ]
     page = (
-        f'<!doctype html><html lang="en"><meta charset="utf-8"><title>{html.escape(title)}</title>'
+        f'<!doctype html><html lang="en"><meta charset="utf-8"><title>{html_text(title)}</title>'
         '<meta name="viewport" content="width=device-width,initial-scale=1">'
         f"<style>{_STYLE}</style><body>{''.join(parts)}</body></html>\n"
     )
@@ -221,8 +221,8 @@ def _uniform(result: Mapping[str, Any]) -> str:
 def _figure(png: bytes, caption: str) -> str:
     data = base64.b64encode(png).decode()
     return (
-        f'<figure><img alt="{html.escape(caption)}" src="data:image/png;base64,{data}">'
-        f"<figcaption>{html.escape(caption)}</figcaption></figure>"
+        f'<figure><img alt="{html_text(caption)}" src="data:image/png;base64,{data}">'
+        f"<figcaption>{html_text(caption)}</figcaption></figure>"
     )
 
 

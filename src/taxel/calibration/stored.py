@@ -19,7 +19,8 @@ from typing import Any
 from taxel import __version__
 from taxel.calibration.curves import FORMS, Curve
 from taxel.calibration.results import Characterisation, SensorResult
-from taxel.errors import BadInput, RecordingFailed
+from taxel.errors import BadFile, BadInput, RecordingFailed
+from taxel.foreign.json_text import read_json
 from taxel.signals import SensorInfo
 
 FORMAT = "taxel-calibration"
@@ -205,13 +206,11 @@ def read_calibration(path: Path) -> Calibration:
         BadInput: It is missing, no calibration, of another version, damaged or edited.
     """
     try:
-        if path.stat().st_size > _LARGEST_BYTES:
-            raise _bad(path, "a file of more than 20 MB")
-        document = json.loads(path.read_text(encoding="utf-8"), parse_constant=_no_constant)
+        document = read_json(path, _LARGEST_BYTES, finite=True)
     except OSError as error:
         raise _bad(path, error.strerror or str(error)) from error
-    except (ValueError, RecursionError) as error:
-        raise _bad(path, "no JSON, or a damaged one") from error
+    except BadFile as error:
+        raise _bad(path, f"no JSON, or a damaged one ({error.got})") from error
     if not isinstance(document, dict) or document.get("format") != FORMAT:
         raise _bad(path, "another kind of file")
     if document.get("version") != VERSION:
@@ -226,7 +225,7 @@ def read_calibration(path: Path) -> Calibration:
         raise _bad(path, "one that was damaged or edited: its check sum does not hold")
     try:
         return _parse(document, digest)
-    except (KeyError, TypeError, ValueError, AttributeError) as error:
+    except (KeyError, TypeError, ValueError, AttributeError, IndexError) as error:
         raise _bad(path, f"an incomplete one ({type(error).__name__}: {error})") from error
 
 
@@ -278,10 +277,6 @@ def _plain(data: Any) -> Any:
     if isinstance(data, list | tuple):
         return [_plain(value) for value in data]
     return data
-
-
-def _no_constant(name: str) -> float:
-    raise ValueError(f"{name} is no number")
 
 
 def _bad(path: Path, got: str) -> BadInput:

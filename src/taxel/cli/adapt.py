@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import tyro
 
-from taxel.cli.printing import command, console, print_json, progress
+from taxel.cli.printing import command, console, print_json, progress, say
 from taxel.errors import BadInput
 
 if TYPE_CHECKING:
@@ -139,6 +139,7 @@ class Adapt:
             )  # fmt: skip
 
     def _bring_to_level(self) -> None:
+        from taxel.bundles.envelope import is_signed
         from taxel.bundles.files import bundle_at_level
         from taxel.bundles.levels import measure_level
         from taxel.bundles.reader import read_contract
@@ -151,6 +152,7 @@ class Adapt:
         is_run = (self.trained / "run.json").exists()
         run = _load(self.trained) if is_run else None
         contract = run.contract if run is not None else read_contract(self.trained)
+        signed = False
         found = measure_level(self.touches, contract)
         before, after = (
             measured_at(self._tell(run), contract, self.test, found) if self.test else ({}, {})
@@ -163,6 +165,7 @@ class Adapt:
         if run is not None:
             save_at_level(place, run, found.level)
         else:
+            signed = is_signed(self.trained)
             write_whole(place, bundle_at_level(self.trained, found.level)[1])
         stored = self._store(place, change)
         if self.json:
@@ -182,6 +185,10 @@ class Adapt:
         if after:
             console.print(before_after_table(change, f"{self.test}, as measured"))
         self._say_stored(stored)
+        if signed:
+            again = self.output or self.trained
+            sign = command("taxel", "bundle", again, "--sign", "KEY", "--output", again)
+            say(f"it was signed and, being another bundle now, is not any more: {sign}")
 
     def _learn_class(self) -> None:
         from taxel.bundles.versions import Change
@@ -329,24 +336,24 @@ class Adapt:
             return
         from taxel.views.adapt_results import before_after_table
 
-        console.print(said, markup=False)
+        say(said)
         console.print(before_after_table(change, measured_on))
         if untested:
             names = ", ".join(untested)
             said = f"--test holds no {names}: what was lost or won of these is not known"
-            console.print(said, style="yellow", markup=False, soft_wrap=True)
+            say(said, style="yellow")
         self._say_stored(stored)
 
     def _say_stored(self, stored: Stored) -> None:
         name, version = self.output or self.trained, stored.version
         if not stored.changed:
             said = f"{name}: nothing changed, it is version {version} already; no version is added"
-            console.print(said, markup=False, soft_wrap=True)
+            say(said)
             return
         back = (
             "" if self.output else f"; back with: {command('taxel', 'adapt', name, '--rollback')}"
         )
-        console.print(f"{name}: version {version}{back}", markup=False, soft_wrap=True)
+        say(f"{name}: version {version}{back}")
 
     def _show_history(self) -> None:
         from taxel.bundles.versions import read_history
@@ -367,8 +374,7 @@ class Adapt:
         if self.json:
             print_json(asdict(found))
             return
-        console.print(f"{self.trained}: version {found.number} again ({found.change.what})",
-                      markup=False, soft_wrap=True)  # fmt: skip
+        say(f"{self.trained}: version {found.number} again ({found.change.what})")  # fmt: skip
 
 
 def _load(path: Path) -> Run:

@@ -28,6 +28,8 @@ class Bench:
     """Only the measurements whose name holds this text; rows kept of others stay as they are."""
     data: Path | None = None
     """Folder that holds teng-glove/, icub-grasp/ and gelsight-slip/, for --full."""
+    page: Path | None = None
+    """With `faults`: also write all rows as a page of Markdown, to this file."""
     json: bool = False
     """Print JSON: a list of {name, value, unit, goal, ok, note, stamp}."""
 
@@ -35,6 +37,12 @@ class Bench:
         """Measure and print."""
         from taxel.bench.rows import measure, rows_table, store, stored
 
+        if self.page is not None and (self.name != "faults" or self.only):
+            raise BadInput(
+                "--page with `faults` and all of its rows",
+                f"--page with `{self.name}`{' and --only' if self.only else ''}",
+                "leave --page out, or measure all faults",
+            )
         bench = import_module(f"taxel.bench.{self.name.replace('-', '_')}")
         with progress() as bar:
             task = bar.add_task("starting", total=None)
@@ -52,6 +60,10 @@ class Bench:
                 rows += store(self.name, measure(slow, on_step), digest, only=self.only)
             else:
                 rows += stored(self.name)
+        if self.page is not None:
+            from taxel.bench.fault_page import write_fault_page
+
+            write_fault_page(self.page, rows)
         if self.json:
             print_json([asdict(one) for one in rows])
         else:

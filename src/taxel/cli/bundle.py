@@ -2,14 +2,20 @@
 
 from __future__ import annotations
 
+import sys
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
 import tyro
 
-from taxel.cli.printing import command, console, print_json
+from taxel.cli.printing import command, print_json, say
 from taxel.errors import BadInput
+
+if TYPE_CHECKING:
+    from taxel.bundles.contract import Contract
+    from taxel.bundles.signing import Signer
 
 BOARD_BUNDLE = "network.taxel"
 """The bundle that stands beside its C."""
@@ -19,11 +25,18 @@ BOARD_BUNDLE = "network.taxel"
 class Bundle:
     """Export a run to one file (ONNX, window, scaling, labels, checksum) and check parity."""
 
-    trained: tyro.conf.Positional[Path]
-    """A run's folder, as taxel train writes it."""
-    output: Path
+    trained: tyro.conf.Positional[Path | None] = None
+    """A run's folder, as taxel train writes it; with --sign also a bundle, which is signed as it
+    is."""
+    output: Path | None = None
     """The file to write, by custom NAME.taxel; for avr a folder, such as a copy of
     firmware/teng_classify. An older bundle there is replaced."""
+    sign: Path | None = None
+    """Sign it with this private key, an Ed25519 key of OpenSSH's form; taxel live --trust KEY.pub
+    then takes it and no other."""
+    new_key: Path | None = None
+    """Alone: write a new private key to this file, and its public key to the same name with .pub.
+    No file is replaced."""
     target: Literal["live", "avr"] = "live"
     """live: a file for taxel live. avr: the same, and C for an Arduino Mega 2560 beside it, which
     tells on the board itself (networks of the model cnn2d)."""
@@ -40,69 +53,149 @@ class Bundle:
     """Print JSON."""
 
     def run(self) -> None:
-        """Export and print the parity found."""
+        """Make a key; or sign a bundle; or export a run and print the parity found."""
+        if self.new_key is not None:
+            self._make_key(self.new_key)
+            return
+        if self.trained is None or self.output is None:
+            got = f"{self.trained} alone" if self.trained is not None else "no run's folder"
+            raise BadInput("a run's folder and --output FILE", got, "name both")
+        if self.sign is not None and self.target == "avr":
+            raise BadInput(
+                "--target live beside --sign",
+                "avr, whose board checks no signature",
+                "leave one out",
+            )
+        signer = None if self.sign is None else _signer(self.sign)
+        if signer is not None and self.trained.is_file():
+            self._sign_bundle(self.trained, self.output, signer)
+            return
+        self._export(self.trained, self.output, signer)
+
+    def _export(self, folder: Path, output: Path, signer: Signer | None) -> None:
         from taxel.bundles.recordings import load_at_level
+        from taxel.bundles.signing import fingerprint
         from taxel.bundles.writer import write_bundle
         from taxel.sim.teng_constants import SENSORS
         from taxel.training.run import load_run
 
         if self.target == "live" and (self.test or self.reference_mv):
             raise BadInput("--test and --reference-mv with --target avr", "them without", "say it")
-        path = self.output if self.target == "live" else self.output / BOARD_BUNDLE
+        path = output if self.target == "live" else output / BOARD_BUNDLE
         older = _older(path)
-        trained = load_run(self.trained)
+        trained = load_run(folder)
         data = self.data or Path(trained.data)
         if not data.exists():
             raise BadInput(
                 "recordings to measure parity on", f"no {data}", "name some with --data FOLDER"
             )
         windows = load_at_level(data, trained.contract).windows[:2000]
-        contract = write_bundle(
-            path, trained.networks, trained.contract, windows.values, windows.mask
-        )
+
+        def write(path: Path) -> Contract:
+            return write_bundle(
+                path, trained.networks, trained.contract, windows.values, windows.mask, signer
+            )
+
         if self.target == "avr":
-            self._write_avr(path, data)
+            self._write_avr(write, output, data)
             return
+        contract = write(path)
         assert contract.parity is not None
         if self.json:
             print_json(
                 {
-                    "bundle": str(self.output),
+                    "bundle": str(output),
                     "replaced": older,
-                    "bytes": self.output.stat().st_size,
+                    "bytes": output.stat().st_size,
                     "parity": contract.parity,
                     "windows": len(windows),
+                    "signed_by": signer and fingerprint(signer.public),
                 }
             )
             return
-        console.print(
-            f"{self.output}{', replaced' if older else ''}: {self.output.stat().st_size:,} bytes; "
+        say(f"{output}{', replaced' if older else ''}: {output.stat().st_size:,} bytes; "
             f"probabilities differ from PyTorch's by at most {contract.parity:.1e} over "
-            f"{len(windows)} windows", soft_wrap=True, markup=False,
-        )  # fmt: skip
+            f"{len(windows)} windows")  # fmt: skip
+        if signer is not None:
+            say(_signed_by(signer))
         hand = contract.channels == SENSORS
         source = ("sim://teng", "--seconds", "20") if hand else ("replay://RECORDING",)
         if contract.reference is not None:
-            adapt = command("taxel", "adapt", self.output, "--touches", "RECORDING")
-            console.print(f"in a new session first: {adapt} ({contract.reference.touches})",
-                          soft_wrap=True, markup=False)  # fmt: skip
-        live = command("taxel", "live", self.output, *source)
-        console.print(f"next: {live}", soft_wrap=True, markup=False)
+            adapt = command("taxel", "adapt", output, "--touches", "RECORDING")
+            say(f"in a new session first: {adapt} ({contract.reference.touches})")
+        live = command("taxel", "live", output, *source)
+        say(f"next: {live}")
 
-    def _write_avr(self, bundle: Path, data: Path) -> None:
-        """Write the bundle's network as C and print what it costs."""
+    def _write_avr(self, write: Callable[[Path], Contract], output: Path, data: Path) -> None:
+        """Write the network as C and its bundle beside it; print what it costs.
+
+        The bundle takes its place last: where the C is refused, an older one stays.
+        """
         from dataclasses import asdict
 
         from taxel.bundles.avr.write import write_avr
+        from taxel.held import scratch_folder
+        from taxel.recordings.whole import write_whole
 
-        report = write_avr(
-            bundle, self.output, data, test=self.test, reference_mv=self.reference_mv
-        )
+        with scratch_folder(output) as scratch:
+            made = scratch / BOARD_BUNDLE
+            write(made)
+            report = write_avr(made, output, data, test=self.test, reference_mv=self.reference_mv)
+            write_whole(output / BOARD_BUNDLE, made.read_bytes())
         if self.json:
             print_json(asdict(report) | {"points_lost": report.points_lost})
             return
         for line in report.lines():
-            console.print(line)
+            say(line)
+
+    def _sign_bundle(self, bundle: Path, output: Path, signer: Signer) -> None:
+        """Write a copy of a bundle with a signature; the same file is written anew."""
+        from taxel.bundles.envelope import signed_file
+        from taxel.bundles.signing import fingerprint
+        from taxel.recordings.whole import write_whole
+
+        older = _older(output)
+        write_whole(output, signed_file(bundle, signer))
+        if self.json:
+            print_json(
+                {
+                    "bundle": str(output),
+                    "replaced": older,
+                    "bytes": output.stat().st_size,
+                    "signed_by": fingerprint(signer.public),
+                }
+            )
+            return
+        say(f"{output}{', replaced' if older else ''}: {_signed_by(signer)}")
+
+    def _make_key(self, path: Path) -> None:
+        from taxel.bundles.signing import fingerprint, new_key, read_trust
+
+        if self.trained is not None or self.output is not None or self.sign is not None:
+            raise BadInput("--new-key alone", "more beside it", "make the key first, then sign")
+        public = new_key(path)
+        (key,) = read_trust(public).keys
+        if self.json:
+            files = {"private": str(path), "public": str(public)}
+            print_json(files | {"fingerprint": fingerprint(key)})
+            return
+        say(f"{path}: a private key; keep it to yourself, it is what makes a bundle yours")
+        say(f"{public}: its public key, for taxel live --trust; {fingerprint(key)}")
+
+
+def _signer(path: Path) -> Signer:
+    """Open a private key; a passphrase is asked for where there is a person."""
+    from getpass import getpass
+
+    from taxel.bundles.signing import read_key
+
+    return read_key(path, getpass if sys.stdin.isatty() else None)
+
+
+def _signed_by(signer: Signer) -> str:
+    from taxel.bundles.signing import fingerprint
+
+    return f"signed by {fingerprint(signer.public)}"
 
 
 def _older(path: Path) -> bool:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 import math
 import shlex
 import sys
@@ -14,9 +13,10 @@ from urllib.parse import parse_qsl
 import tyro
 from rich.table import Table
 
-from taxel.cli.printing import command, console, print_json
+from taxel.cli.printing import ask, command, console, print_json, say, say_aside
 from taxel.clock import SystemClock
 from taxel.errors import BadInput, BadSource, MissingExtra
+from taxel.foreign.files import sha256_of
 from taxel.recordings.reader import read_recording
 from taxel.signals import Samples, SensorInfo
 
@@ -169,7 +169,7 @@ class Calibrate:
             made_from.append(
                 {
                     "source": path.name,
-                    "sha256": hashlib.sha256(path.read_bytes()).hexdigest(),
+                    "sha256": sha256_of(path, path.stat().st_size),
                     "presses": len(script.presses),
                     "groups": dict(recording.manifest.groups),
                 }
@@ -238,11 +238,11 @@ class Calibrate:
                 path,
                 wishes(chosen, self.forces, self.rounds),
                 _ask,
-                lambda line: print(line, file=sys.stderr),
+                say_aside,
                 SystemClock(),
                 self.overwrite,
             )
-        print(f"{path}: {made} presses", file=sys.stderr)
+        say_aside(f"{path}: {made} presses")
         return path
 
     def _correct(self, calibration: Path) -> None:
@@ -265,17 +265,13 @@ class Calibrate:
         drift = max((abs(one["drift_v_per_hour"]) for one in lines), default=0.0)
         level = max((abs(one["level_v"]) for one in lines), default=0.0)
         borrowed = ledger["borrowed_baselines"]
-        console.print(
+        say(
             f"{self.output}: {ledger['scans']} scans in {self.unit}; baselines up to "
             f"{1000 * level:.1f} mV and drifts up to {1000 * drift:.1f} mV/h taken away; "
-            f"raw: {self.source[0]}",
-            soft_wrap=True,
+            f"raw: {self.source[0]}"
         )
         if borrowed:
-            console.print(
-                f"no rest seen on {', '.join(borrowed)}: the calibration's own baseline was taken",
-                soft_wrap=True,
-            )
+            say(f"no rest seen on {', '.join(borrowed)}: the calibration's own baseline was taken")
 
     def _print(self, document: dict[str, Any]) -> None:
         from taxel.calibration.report import NARROW, NOTES, findings, narrow_row
@@ -289,12 +285,12 @@ class Calibrate:
             table.add_row(*narrow_row(one))
         console.print(table)
         for line in [*findings(document), *NOTES]:
-            console.print(line, soft_wrap=True, markup=False)
+            say(line)
         if self.html is not None:
-            print(f"page:  {self.html}")
+            say(f"page:  {self.html}")
         further = command("taxel", "calibrate", "RECORDING", "--apply", self.output,
                           "--output", "CORRECTED.mcap")  # fmt: skip
-        print(f"next:  {further}")
+        say(f"next:  {further}")
 
 
 def _identity(info: SensorInfo) -> tuple[Any, ...]:
@@ -302,7 +298,7 @@ def _identity(info: SensorInfo) -> tuple[Any, ...]:
 
 
 def _ask(question: str) -> str:
-    print(question, end="", file=sys.stderr, flush=True)
+    ask(question)
     line = sys.stdin.readline()
     if not line:
         raise EOFError

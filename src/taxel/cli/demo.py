@@ -7,7 +7,7 @@ import time
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from taxel.cli.printing import command, console, progress
+from taxel.cli.printing import command, console, progress, say
 from taxel.errors import BadInput
 
 _MARK = "made-by-taxel-demo"
@@ -115,7 +115,7 @@ class Demo:
         recipe = replace(find_recipe("teng-referenced"), target=target)
         path = self.output / f"{target}.taxel"
         contract = train_bundle(self.output / "honest", recipe, path, self.output / target)
-        console.print(
+        say(
             f"  {path}: {path.stat().st_size:,} bytes, {contract.parameters:,} parameters, "
             f"differs from PyTorch by at most {contract.parity:.0e}"
         )
@@ -138,7 +138,7 @@ class Demo:
             found = measure_level(touches, read_contract(bundle), count=3)
             write_whole(bundle, bundle_at_level(bundle, found.level)[1])
         low, high = found.change.min(), found.change.max()
-        console.print(
+        say(
             f"  channels stand at {low:.2f} to {high:.2f} of their usual level: "
             "both bundles brought to that"
         )
@@ -154,7 +154,8 @@ class Demo:
 
     def _what_to_look_at(self, seconds: float) -> None:
         out = self.output
-        console.print(f"\n[bold]done in {seconds:.0f} s.[/] What to look at:")
+        console.print()
+        say(f"done in {seconds:.0f} s. What to look at:", style="bold")
         for what, words in (
             ("the report, in a browser", (out / "report.html",)),
             ("raw touch, no model", ("taxel", "view", "sim://teng", "--seconds", "20")),
@@ -170,7 +171,8 @@ class Demo:
               "--arm")),
             ("your own sensor", ("docs/how-to/own-array.md",)),
         ):  # fmt: skip
-            console.print(f"  {what:<30} {command(*words)}", soft_wrap=True)
+            say(f"  {what:<30} {command(*words)}")
 
     def _say(self, number: int, title: str, text: str) -> None:
-        console.print(f"\n[bold]{number}. {title}[/] · {text}")
+        console.print()
+        say(f"{number}. {title} · {text}", style="bold")

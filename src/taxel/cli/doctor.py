@@ -17,15 +17,19 @@ from dataclasses import asdict, dataclass
 from importlib.util import find_spec
 from pathlib import Path
 
+from rich.text import Text
+
 from taxel.cli.printing import console, print_json
 from taxel.errors import BadInput
+from taxel.plain_text import visible_line
 
 LIVE_PACKAGES = ("numpy", "mcap", "lz4", "onnxruntime", "rich", "tyro")
 EXTRAS = {
     "camera": (("cv2",), "tactile cameras"),
     "serial": (("serial", "cobs"), "sensor boards"),
     "gripper": (("pymodbus", "serial"), "a gripper"),
-    "page": (("starlette", "uvicorn", "websockets", "uplot"), "the operator's page"),
+    "page": (("starlette", "uvicorn", "websockets"), "the operator's page"),
+    "sign": (("cryptography",), "signed bundles"),
     "sim": (("cv2", "scipy"), "the simulators"),
     "train": (("torch", "sklearn", "onnx", "safetensors"), "training"),
 }
@@ -83,21 +87,22 @@ class Doctor:
             sys.exit(1)
 
 
-def report(checks: list[Check]) -> list[str]:
-    """Return the lines for a person, in the console's markup; missing ones say how to mend."""
+def report(checks: list[Check]) -> list[Text]:
+    """Return the lines for a person; missing ones say how to mend."""
     lines = []
     for one in checks:
         colour = "green" if one.ok else "red" if one.required else "yellow"
         word = "ok" if one.ok else "missing"
         mend = "" if one.ok else f"; {one.mend}"
-        lines.append(f"[{colour}]{word:<8}[/]{_plain(one.name)}: {_plain(one.found + mend)}")
+        said = visible_line(f"{one.name}: {one.found}{mend}")
+        lines.append(Text.assemble((f"{word:<8}", colour), said))
     required = sum(one.required and not one.ok for one in checks)
     optional = sum(not one.required and not one.ok for one in checks)
     if required:
-        lines.append(f"Live work cannot start: {required} required missing, {optional} optional.")
+        end = f"Live work cannot start: {required} required missing, {optional} optional."
     else:
-        lines.append(f"Live work can start: all required is there; {optional} optional missing.")
-    return lines
+        end = f"Live work can start: all required is there; {optional} optional missing."
+    return [*lines, Text(end)]
 
 
 def examine(output: Path, root: Path = Path("/")) -> Iterator[Check]:
@@ -116,6 +121,7 @@ def examine(output: Path, root: Path = Path("/")) -> Iterator[Check]:
     for group, patterns in GROUPS.items():
         yield device_nodes(group, patterns, root / "dev")
     yield cores(len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else 1)
+    yield real_time()
     yield governor(root / "sys/devices/system/cpu/cpu0/cpufreq/scaling_governor")
     yield clock_source(root / "sys/devices/system/clocksource/clocksource0/current_clocksource")
     yield Check(name="browser", ok=True, found="none is needed here: the page opens on any machine")
@@ -208,6 +214,26 @@ def cores(count: int) -> Check:
     )
 
 
+def real_time(permitted: bool | None = None) -> Check:
+    """Look whether sources, monitors and the supervisor may run before all other work.
+
+    Args:
+        permitted: Tried here unless given.
+    """
+    if permitted is None:
+        from taxel.live.station.worker import may_run_in_real_time
+
+        permitted = may_run_in_real_time()
+    return Check(
+        name="real-time scheduling",
+        ok=permitted,
+        found="permitted" if permitted else "not permitted",
+        mend="alarms may wait milliseconds for other work; add the line '@dialout - rtprio 3' to "
+        "/etc/security/limits.d/taxel.conf and log in again; in a container, start it with "
+        "--cap-add=SYS_NICE",
+    )
+
+
 def governor(file: Path) -> Check:
     """Look at how the processor's clock is governed."""
     found = _read(file)
@@ -248,8 +274,3 @@ def _read(file: Path) -> str:
         return file.read_text().strip()
     except OSError:
         return ""
-
-
-def _plain(text: str) -> str:
-    """Return text whose brackets the console does not take for colours."""
-    return text.replace("[", r"\[")

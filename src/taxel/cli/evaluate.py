@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import tempfile
+from contextlib import nullcontext
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Annotated, Any
@@ -11,8 +12,9 @@ import tyro
 
 from taxel.cli.evaluate_grasps import GraspOptions, run_precisions, run_tables, run_warnings
 from taxel.cli.options import RecipeOptions, check_run_folder
-from taxel.cli.printing import console, print_json, progress
+from taxel.cli.printing import console, print_json, progress, say
 from taxel.errors import BadInput
+from taxel.held import only_writer
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -43,6 +45,10 @@ class Evaluate:
     """Folders: how many folds."""
     output: Path | None = None
     """Folders: keep the result as a run without weights, for taxel compare and taxel report."""
+    fresh: bool = False
+    """Folders with --output: fit every fold, also those that a run that was broken off had
+    finished: they are kept beside it as OUTPUT.folds, and used where recipe, data and software
+    are the same."""
     html: Path | None = None
     """Write a self-contained page with figures to this file."""
     json: bool = False
@@ -56,6 +62,8 @@ class Evaluate:
 
     def run(self) -> None:
         """Measure and print."""
+        if self.fresh and self.output is None:
+            raise BadInput("--output with --fresh", "none", "without it no folds are kept")
         older = self._older_page()
         if self.what == "teng-table":
             self._teng_table()
@@ -85,7 +93,8 @@ class Evaluate:
                 self.data, self.recipe.seed, self.json, self.grasps.cache, self.crop, self.folds
             )
         else:
-            self._folder(Path(self.what))
+            with nullcontext() if self.output is None else only_writer(self.output):
+                self._folder(Path(self.what))
             self._say_page(older)
 
     def _older_page(self) -> bool:
@@ -101,7 +110,7 @@ class Evaluate:
     def _say_page(self, older: bool) -> None:
         if self.html is not None and not self.json:
             said = f"page with figures: {self.html}{', replaced' if older else ''}"
-            console.print(said, markup=False, soft_wrap=True)
+            say(said)
 
     def _teng_table(self) -> None:
         from taxel.evaluation.teng_table import TengTableConfig, section_plan, teng_table
@@ -138,13 +147,14 @@ class Evaluate:
         console.print(teng_sections(sections))
         training_s = sum(c.training_s for s in sections for c in s.columns.values()
                          if c.model != "minirocket")  # fmt: skip
-        console.print(
+        say(
             f"training of both networks, all of the above: {training_s:.0f} s. "
             "Intervals: 95 %, whole sessions resampled."
         )
 
     def _folder(self, path: Path) -> None:
         from taxel.evaluation.checked import check_recipe
+        from taxel.evaluation.kept_folds import folds_folder, forget_folds
 
         recipe = self.recipe.resolve()
         if self.output is not None:
@@ -155,6 +165,8 @@ class Evaluate:
                 path,
                 recipe,
                 folds=self.folds,
+                keep_in=None if self.output is None else folds_folder(self.output),
+                fresh=self.fresh,
                 on_step=lambda line: bar.update(task, description=line, advance=1),
             )
         if self.output is not None:
@@ -162,6 +174,7 @@ class Evaluate:
             from taxel.training.run import save_run
 
             save_run(self.output, run_of_check(path, checked))
+            forget_folds(self.output)
         if self.html is not None:
             from taxel.views.report import write_checked_report
 
@@ -177,15 +190,18 @@ class Evaluate:
                 "result": asdict(checked.pooled),
                 "bars": {name: asdict(bar_) for name, bar_ in checked.bars.items()},
                 "trivial": checked.trivial,
+                "folds_kept": checked.kept,
             }
             print_json(result)
             return
-        from taxel.cli.train import warning
+        from taxel.cli.train import kept_line, warning
         from taxel.views.results import checked_table, confusion_table
 
         console.print(checked_table(checked))
+        if checked.kept:
+            say(kept_line(checked))
         if said := warning(checked):
-            console.print(f"warning: {said}", style="yellow", soft_wrap=True)
+            say(f"warning: {said}", style="yellow")
         classes = checked.dataset.classes(recipe.target)
         console.print(confusion_table(classes, checked.pooled.scores.confusion))
 

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, Literal
 
 from rich.progress import Progress as Bar
 
-from taxel.cli.printing import console, print_json, progress
+from taxel.cli.printing import console, print_json, progress, say
 from taxel.errors import BadInput
 
 if TYPE_CHECKING:
@@ -110,12 +110,12 @@ def run_tables(
     from taxel.views.grasp_results import transition_tables
 
     console.print(transition_tables(rows, baselines, times, options.rule, pours.unstable_share()))
-    console.print(
+    say(
         f"training of all rows: {sum(row.training_s for row in rows):.0f} s of processor time; "
         f"steps: {options.engine} {options.precision}, {options.threads} thread(s)."
     )
     if options.rule == "change":
-        console.print(
+        say(
             "The rule compares images with the first ones, so a difference of pixels solves it "
             "too: read the tables as parity with the paper, not as a warning of slip."
         )
@@ -174,7 +174,7 @@ def run_warnings(
 
     console.print(warning_tables(results, options.rule))
     if plot is not None:
-        console.print(f"probability over time with the true events: {plot}")
+        say(f"probability over time with the true events: {plot}")
 
 
 def run_precisions(options: GraspOptions, data: Path | None, seed: int, as_json: bool) -> None:
@@ -217,7 +217,7 @@ def run_precisions(options: GraspOptions, data: Path | None, seed: int, as_json:
 
     console.print(precision_table(rows, options.rule, options.threads))
     if len(ways) == 1:
-        console.print("OpenVINO and 8-bit numbers are not installed: pip install 'taxel[openvino]'")
+        say("OpenVINO and 8-bit numbers are not installed: pip install 'taxel[openvino]'")
 
 
 def _plain(result: Any) -> dict[str, Any]:

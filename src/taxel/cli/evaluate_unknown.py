@@ -9,7 +9,7 @@ from dataclasses import asdict, replace
 from pathlib import Path
 
 from taxel.cli.options import RecipeOptions
-from taxel.cli.printing import console, print_json, progress
+from taxel.cli.printing import console, print_json, progress, say
 from taxel.errors import BadInput
 
 SIMULATED = ("shape", "material", "shape+material")
@@ -124,14 +124,18 @@ def _folder(
         if as_json:
             print_json([asdict(found)])
         else:
-            console.print(unknown_tables([found]), *dataset.notes, sep="\n")
+            console.print(unknown_tables([found]))
+            for note in dataset.notes:
+                say(note)
         return
     results, refused = leave_each_out(dataset, config, on_step)
     if as_json:
         each = {name: asdict(one) for name, one in results.items()}
         print_json({**each, **{name: {"refused": why} for name, why in refused.items()}})
     else:
-        console.print(left_out_table(results, refused), *dataset.notes, sep="\n")
+        console.print(left_out_table(results, refused))
+        for note in dataset.notes:
+            say(note)
 
 
 @contextmanager

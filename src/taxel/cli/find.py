@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-from taxel.cli.printing import print_json
+from taxel.cli.printing import command, print_json, say
 from taxel.errors import MissingExtra
 
 if TYPE_CHECKING:
@@ -43,11 +43,12 @@ class Find:
             )
             return
         for line in [*board_lines(boards, problems), "", *camera_lines(cameras)]:
-            print(line)
+            say(line)
         if addresses:
-            print("\nready to use, for example: taxel view ADDRESS")
+            say("")
+            say("ready to use, for example: taxel view ADDRESS")
             for address in addresses:
-                print(f"  '{address}'")
+                say(f"  {command(address)}")
 
 
 def find_boards() -> tuple[list[dict[str, Any]], list[str]]:

@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import re
-import shlex
 import subprocess
-import sys
 import tempfile
 from dataclasses import dataclass
 from pathlib import Path
@@ -14,9 +12,10 @@ from typing import TYPE_CHECKING, Literal
 import tyro
 
 from taxel.cli.flash_tools import BOARDS, BoardKind, commands, find_sketch
-from taxel.cli.printing import print_json
+from taxel.cli.printing import print_json, say, say_aside
 from taxel.clock import Clock, SystemClock
 from taxel.errors import BadInput, BadSource, MissingExtra
+from taxel.plain_text import shell_words
 from taxel.wire.framing import FrameDecoder, frame_of
 from taxel.wire.messages import EVERY_BOARD, PROTOCOL, Command, Hello, Order, pack, unpack
 
@@ -129,7 +128,7 @@ class Flash:
             print_json({"commands": steps})
             return
         for step in steps:
-            print(shlex.join(step))
+            say(shell_words(*step))
 
     def _print(self, steps: list[list[str]], port: str, hello: Hello) -> None:
         if self.json:
@@ -148,11 +147,11 @@ class Flash:
             )
             return
         does = f"{hello.channels} channels at {hello.rate_hz} Hz, " if hello.channels else ""
-        print(
+        say(
             f"{port}: board {hello.board}, {hello.board_id or 'no name'}, runs firmware "
             f"{_dotted(hello.firmware)}: {does}reference {hello.reference_mv} mV"
         )
-        print(f"next:  taxel view 'serial://{port}'" if hello.channels else "next:  taxel find")
+        say(f"next:  taxel view 'serial://{port}'" if hello.channels else "next:  taxel find")
 
 
 def check_port(path: str, baud: int) -> None:
@@ -236,7 +235,7 @@ def _run(command: list[str]) -> None:
     Raises:
         BadInput: It failed, was missing, or took too long; with its last line.
     """
-    print(f"+ {shlex.join(command)}", file=sys.stderr)
+    say_aside(f"+ {shell_words(*command)}")
     try:
         done = subprocess.run(
             command,
@@ -253,7 +252,8 @@ def _run(command: list[str]) -> None:
             error.strerror or str(error))  # fmt: skip
         raise BadInput(f"{command[0]} to run", why, "look at that program by itself") from error
     if done.returncode:
-        print(done.stdout, end="", file=sys.stderr)
+        for line in done.stdout.splitlines():
+            say_aside(line)
         lines = [line.strip() for line in done.stdout.splitlines() if line.strip()]
         last = lines[-1] if lines else "without a word"
         raise BadInput(

@@ -8,10 +8,8 @@ from pathlib import Path
 from typing import Literal
 
 import tyro
-from rich.console import Console
-from rich.progress import Progress
 
-from taxel.cli.printing import command, print_json
+from taxel.cli.printing import command, print_json, progress, say
 from taxel.errors import BadInput, MissingExtra
 from taxel.recordings.importing import (
     ImportOptions,
@@ -23,7 +21,7 @@ from taxel.recordings.importing import (
 from taxel.recordings.intervals import Interval
 from taxel.recordings.known import KNOWN, KNOWN_VIDEOS
 from taxel.recordings.spelling import look_alikes
-from taxel.recordings.tables import read_cells
+from taxel.recordings.table_columns import read_cells
 from taxel.recordings.video_rows import VideoRow
 
 
@@ -58,6 +56,9 @@ class Import:
     """Empty cells, NaN and infinity: refuse the file, or keep them flagged as invalid."""
     allow_code: bool = False
     """Run layouts of the form module.py:function; they can do whatever you can."""
+    allow_outside: bool = False
+    """Take files that the table names outside of its folder (or of --data): absolute paths, .. and
+    links that lead out."""
     overwrite: bool = False
     """Replace an existing output folder."""
     json: bool = False
@@ -65,19 +66,15 @@ class Import:
 
     def run(self) -> None:
         """Import everything, or nothing at all."""
-        with Progress(console=Console(stderr=True), transient=True) as progress:
-            bar = progress.add_task("importing", total=None)
-            made, notes = self._import(
-                lambda done, of: progress.update(bar, completed=done, total=of)
-            )
+        with progress() as bars:
+            bar = bars.add_task("importing", total=None)
+            made, notes = self._import(lambda done, of: bars.update(bar, completed=done, total=of))
         if self.json:
             print_json({"recordings": [str(path) for path in made], "notes": notes})
             return
         for note in notes:
-            print(note)
-        print(
-            f"{self.output}: {len(made)} recordings; next:", command("taxel", "info", self.output)
-        )
+            say(note)
+        say(f"{self.output}: {len(made)} recordings; next:", command("taxel", "info", self.output))
 
     def _import(self, progress: Callable[[int, int], None]) -> tuple[list[Path], list[str]]:
         """Return the recordings, and what to say of their labels and groups."""
@@ -88,7 +85,7 @@ class Import:
                                "leave --intervals out")  # fmt: skip
             return self._import_videos(progress)
         if self.table not in KNOWN:
-            rows = read_rows(table, self.data or table.parent)
+            rows = read_rows(table, self.data or table.parent, outside=self.allow_outside)
         elif self.data is None:
             raise self._no_folder()
         else:
@@ -117,7 +114,7 @@ class Import:
             raise MissingExtra(error.name or "cv2", "camera", "videos") from error
         if self.table not in KNOWN_VIDEOS:
             table = Path(self.table)
-            rows = read_video_rows(table, self.data or table.parent)
+            rows = read_video_rows(table, self.data or table.parent, outside=self.allow_outside)
         elif self.data is None:
             raise self._no_folder()
         else:

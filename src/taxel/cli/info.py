@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections import Counter
 from dataclasses import dataclass
 from pathlib import Path
@@ -10,11 +9,10 @@ from typing import Any
 
 import tyro
 from rich.box import SIMPLE_HEAD
-from rich.console import Console
-from rich.progress import track
 from rich.table import Table
-from rich.text import Text
 
+from taxel.cli.printing import console, print_json, progress, say
+from taxel.plain_text import visible
 from taxel.recordings.reader import list_recordings
 from taxel.recordings.summary import summarise
 from taxel.recordings.tally import camera_line
@@ -35,12 +33,10 @@ class Info:
     def run(self) -> None:
         """Read everything and print it."""
         paths = list_recordings(self.path)
-        console = Console(stderr=True)
-        rows = [
-            summarise(path) for path in track(paths, "reading", console=console, transient=True)
-        ]
+        with progress() as bar:
+            rows = [summarise(path) for path in bar.track(paths, description="reading")]
         if self.json:
-            print(json.dumps(rows if self.path.is_dir() else rows[0]))
+            print_json(rows if self.path.is_dir() else rows[0], indent=None)
         elif self.path.is_dir():
             _print_folder(self.path, rows)
         else:
@@ -48,11 +44,10 @@ class Info:
 
 
 def _print_recording(row: dict[str, Any]) -> None:
-    console = Console()
     rate = row["rate_hz"]
     lines = {
         "recording": f"{row['path']}, {row['bytes'] / 1e6:.2f} MB, all check sums hold",
-        "sensor": f"{row['sensor']['name']} {row['sensor']['serial']}".strip(),
+        "sensor": f"{visible(row['sensor']['name'])} {visible(row['sensor']['serial'])}".strip(),
         "written by": f"{row['software']} {row['created']}".strip(),
         "labels": _pairs(row["labels"]),
         "groups": _pairs(row["groups"]),
@@ -61,25 +56,31 @@ def _print_recording(row: dict[str, Any]) -> None:
         f"{row['sensor']['rate_hz']:g} nominal",
         "lost": f"{row['lost_scans']} scans at {row['counter_gaps']} places",
         "marks": f"{row['marks']}"
-        + "".join(f"; {name}: {_pairs(count)}" for name, count in row["marks_by_label"].items()),
+        + "".join(
+            f"; {visible(name)}: {_pairs(count)}" for name, count in row["marks_by_label"].items()
+        ),
     }
     if not row["channels"]:
         for name in ("sensor", "scans", "rate", "lost"):
             del lines[name]
     cameras = [
-        ("camera", f"{camera['name']} {camera['width']}×{camera['height']}: {camera_line(camera)}")
+        (
+            "camera",
+            f"{visible(camera['name'])} {camera['width']}×{camera['height']}: "
+            f"{camera_line(camera)}",
+        )
         for camera in row["cameras"]
     ]
     for name, text in [*lines.items(), *cameras]:
-        console.print(f"{name:<11}{text}", highlight=False, markup=False, soft_wrap=True)
+        say(f"{name:<11}{text}")
     if not row["channels"]:
         return
     table = Table("channel", "unit", "min", "mean", "max", "saturated %", "unusable %")
     for channel in row["channels"]:
         figures = [channel["min"], channel["mean"], channel["max"]]
         table.add_row(
-            channel["name"],
-            channel["unit"],
+            visible(channel["name"]),
+            visible(channel["unit"]),
             *["–" if figure is None else f"{figure:.4g}" for figure in figures],
             f"{100 * channel['saturated_share']:.2f}",
             f"{100 * channel['unusable_share']:.2f}",
@@ -95,7 +96,7 @@ def _print_folder(path: Path, rows: list[dict[str, Any]]) -> None:
         "lost": [str(row["lost_scans"]) for row in rows],
         "frames": [str(_frames(row) or "") for row in rows],
         "marks": [str(row["marks"] or "") for row in rows],
-        "labels": [", ".join(map(str, row["labels"].values())) for row in rows],
+        "labels": [", ".join(map(visible, row["labels"].values())) for row in rows],
     }
     shown = {name: cells for name, cells in columns.items() if any(cells)}
     table = Table(box=SIMPLE_HEAD, pad_edge=False)
@@ -105,36 +106,36 @@ def _print_folder(path: Path, rows: list[dict[str, Any]]) -> None:
         table.add_column(name, justify="left" if left else "right", no_wrap=not left,
                          overflow="fold")  # fmt: skip
     for row, *cells in zip(rows, *shown.values(), strict=True):
-        table.add_row(Text(Path(row["path"]).name), *map(Text, cells))
-    Console().print(table)
+        table.add_row(visible(Path(row["path"]).name), *cells)
+    console.print(table)
     scans = sum(row["scans"] for row in rows)
     seconds = sum(map(_seconds, rows))
     frames = sum(map(_frames, rows))
     held = f"{scans} scans, {f'{frames} frames, ' if frames else ''}{seconds:.1f} s"
-    print(f"{path}: {len(rows)} recordings, {held}, all check sums hold")
+    say(f"{path}: {len(rows)} recordings, {held}, all check sums hold")
     for name in sorted({name for row in rows for name in row["labels"]}):
         count = Counter(row["labels"].get(name, "–") for row in rows)
-        print(f"label {name}: {_pairs(dict(sorted(count.items())))}")
+        say(f"label {visible(name)}: {_pairs(dict(sorted(count.items())))}")
     for name in sorted({name for row in rows for name in row["marks_by_label"]}):
         marked: Counter[str] = Counter()
         for row in rows:
             marked.update(row["marks_by_label"].get(name, {}))
-        print(f"marks {name}: {_pairs(dict(sorted(marked.items())))}")
+        say(f"marks {visible(name)}: {_pairs(dict(sorted(marked.items())))}")
     for name in sorted({name for row in rows for name in row["groups"]}):
-        print(f"group {name}: {_span([row['groups'].get(name, '–') for row in rows])}")
+        say(f"group {visible(name)}: {_span([row['groups'].get(name, '–') for row in rows])}")
 
 
 def _span(values: list[str]) -> str:
     """Return what a group holds: its one value, figures from least to most, or some names."""
     names = sorted(set(values))
     if len(names) == 1:
-        return names[0]
+        return visible(names[0])
     try:
         names.sort(key=float)
     except ValueError:
         more = f" and {len(names) - _NAMES} more" if len(names) > _NAMES else ""
-        return ", ".join(names[:_NAMES]) + more
-    return f"{names[0]} to {names[-1]}"
+        return ", ".join(map(visible, names[:_NAMES])) + more
+    return f"{visible(names[0])} to {visible(names[-1])}"
 
 
 def _frames(row: dict[str, Any]) -> int:
@@ -147,4 +148,4 @@ def _seconds(row: dict[str, Any]) -> float:
 
 
 def _pairs(pairs: dict[str, Any]) -> str:
-    return ", ".join(f"{name}={value}" for name, value in pairs.items()) or "none"
+    return ", ".join(f"{visible(name)}={visible(value)}" for name, value in pairs.items()) or "none"

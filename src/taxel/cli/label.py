@@ -8,11 +8,11 @@ from typing import TYPE_CHECKING, Any
 
 import tyro
 from rich.table import Table
-from rich.text import Text
 
 from taxel.cli.figure_files import need_figures
-from taxel.cli.printing import command, console, print_json, progress
+from taxel.cli.printing import command, console, print_json, progress, say
 from taxel.errors import BadInput
+from taxel.plain_text import visible, visible_line
 from taxel.recordings.whole import write_whole
 
 if TYPE_CHECKING:
@@ -96,10 +96,10 @@ class Label:
             print_json(_plain(sheet, self.rule))
             return
         if done:
-            console.print(done, markup=False, soft_wrap=True)
+            say(done)
         _print(sheet, self.rule)
         if self.plot is not None:
-            console.print(f"figure: {self.plot}", markup=False, soft_wrap=True)
+            say(f"figure: {self.plot}")
 
     def _mark(self, intervals: Path, output: Path) -> None:
         """Write labelled copies, and say what was made."""
@@ -131,9 +131,9 @@ class Label:
             )
             return
         for note in notes:
-            print(note)
-        print(f"{output}: {len(made.recordings)} recordings, {len(made.marks)} marks; next:",
-              command("taxel", "info", output))  # fmt: skip
+            say(note)
+        say(f"{output}: {len(made.recordings)} recordings, {len(made.marks)} marks; next:",
+            command("taxel", "info", output))  # fmt: skip
 
     def _asked(self) -> list[str]:
         given = {"--onset": self.onset is not None, "--frame": self.frame is not None,
@@ -222,7 +222,7 @@ def _print(sheet: list[PourLabels], rule: str) -> None:
     from taxel.labels.rules import rule_named
     from taxel.training.label_sheet import person_agreement, rule_agreement
 
-    console.print(f"{rule}: {rule_named(rule).summary}")
+    say(f"{rule}: {rule_named(rule).summary}")
     table = Table()
     table.add_column("recording")
     for column in ("frames", "onset s", "unstable"):
@@ -231,16 +231,16 @@ def _print(sheet: list[PourLabels], rule: str) -> None:
     for one in sheet:
         share = one.unstable_share(rule)
         table.add_row(
-            Text(one.pour.name),
+            visible(one.pour.name),
             str(len(one.pour)),
             _seconds(one.onset(rule)),
             "–" if share != share else f"{share:.1%}",
-            Text(_said(one, rule)),
+            visible_line(_said(one, rule)),
         )
     console.print(table)
     unsaid = sum(one.labels(rule) is None for one in sheet)
     if unsaid:
-        console.print(f"{unsaid} of {len(sheet)} recordings have no physics truth for {rule}: "
+        say(f"{unsaid} of {len(sheet)} recordings have no physics truth for {rule}: "
                       "label them with --onset, --frame or --stable")  # fmt: skip
     rows = rule_agreement(sheet)
     person = person_agreement(sheet, rule)
@@ -249,7 +249,7 @@ def _print(sheet: list[PourLabels], rule: str) -> None:
     if rows:
         console.print(_agreement_table(rows))
     if not any(row.first in ("micro-slip", "slip") for row in rows):
-        console.print("no physics truth beside all of these images: only change can be worked out")
+        say("no physics truth beside all of these images: only change can be worked out")
 
 
 def _said(one: PourLabels, rule: str) -> str:

@@ -4,15 +4,18 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import tyro
 
 from taxel.bundles.shipped import find_bundle
 from taxel.cli.live_station import StationOptions, answers_lines
 from taxel.cli.pairs import Pairs, parse_pairs
-from taxel.cli.printing import console, print_json
+from taxel.cli.printing import console, print_json, say
 from taxel.errors import BadInput
+
+if TYPE_CHECKING:
+    from taxel.bundles.signing import Trust
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -31,6 +34,9 @@ class Live:
     be given several times."""
     least_confidence: float = 0.5
     """Below this probability the answer is UNKNOWN, 0…1."""
+    trust: Path | None = None
+    """A public key, or a file of several: a bundle that none of them signed is refused. See
+    taxel bundle --sign."""
     beside: Annotated[tuple[str, ...], tyro.conf.UseAppendAction] = ()
     """One more source to run beside the first, such as a hand beside a pair of cameras; each
     bundle goes to the first source that it fits. May be given several times."""
@@ -98,13 +104,18 @@ class Live:
         files = tuple(find_bundle(path) for path in (self.bundle, *self.also))
         for file in files:
             need_bundle(file)
+        trust = None
+        if self.trust is not None:
+            from taxel.bundles.signing import read_trust
+
+            trust = read_trust(self.trust)
         if self._needs_station() or (len(files) > 1 and any(map(is_grasp_bundle, files))):
-            live_station(self._station(files))
+            live_station(self._station(files, trust))
             return
         if is_grasp_bundle(files[0]):
-            live_grasps(files[0], self.source, self.seconds, self.quiet, self.json)
+            live_grasps(files[0], self.source, self.seconds, self.quiet, self.json, trust)
             return
-        bundles = [read_bundle(file) for file in files]
+        bundles = [read_bundle(file, trust=trust) for file in files]
         config = RecogniseConfig(least_confidence=self.least_confidence)
         with open_source(self.source) as source:
             recognisers = [Recogniser(bundle, source.info, config) for bundle in bundles]
@@ -123,17 +134,16 @@ class Live:
             print_json(results)
             return
         for line, result in zip(answers_lines(results), results, strict=True):
-            console.print(line, markup=False, soft_wrap=True)
+            say(line)
             if result["marked"]:
-                console.print(
+                say(
                     f"  right by the source's own labels: {result['right']} of the "
                     f"{result['marked']} windows inside a finished grasp, {result['grasps_right']} "
                     f"of the {result['grasps']} finished grasps that gave a window (UNKNOWN is "
-                    "right only for what was never learned)",
-                    soft_wrap=True,
+                    "right only for what was never learned)"
                 )
             if result["windows"]:
-                console.print(
+                say(
                     f"  a window to a decision: median {result['latency_us_median']:.0f} µs, "
                     f"99 % of the windows below {result['latency_us_p99']:.0f} µs"
                 )
@@ -144,12 +154,13 @@ class Live:
             self.beside or self.page or self.record or self.gripper or self.tell or self.rerun
         )
 
-    def _station(self, bundles: tuple[Path, ...]) -> StationOptions:
+    def _station(self, bundles: tuple[Path, ...], trust: Trust | None) -> StationOptions:
         return StationOptions(
             bundles=bundles,
             sources=(self.source, *self.beside),
             seconds=self.seconds,
             least_confidence=self.least_confidence,
+            trust=trust,
             record=self.record,
             labels=parse_pairs(self.label, "--label"),
             groups=parse_pairs(self.group, "--group"),

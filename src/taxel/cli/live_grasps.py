@@ -5,23 +5,32 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from taxel.cli.printing import console, print_json
+from rich.text import Text
+
+from taxel.cli.printing import console, print_json, say
+from taxel.plain_text import visible, visible_line
 
 if TYPE_CHECKING:
+    from taxel.bundles.signing import Trust
     from taxel.live.grasp_monitor import GraspAnswer
 
 _COLOURS = {"STABLE": "green", "WARNING": "yellow", "UNSTABLE": "red", "UNKNOWN": "dim"}
 
 
 def live_grasps(
-    bundle: Path, source_url: str, seconds: float | None, quiet: bool, as_json: bool
+    bundle: Path,
+    source_url: str,
+    seconds: float | None,
+    quiet: bool,
+    as_json: bool,
+    trust: Trust | None = None,
 ) -> None:
     """Watch a source with cameras; print each change of state, then a summary."""
     from taxel.bundles.grasp import read_grasp_bundle
     from taxel.live.grasp_session import run_grasp_session
     from taxel.sources.opening import open_source
 
-    opened = read_grasp_bundle(bundle)
+    opened = read_grasp_bundle(bundle, trust=trust)
     first_s: list[float] = []
 
     def show(answer: GraspAnswer, changed: bool) -> None:
@@ -29,10 +38,15 @@ def live_grasps(
         if changed and not quiet and not as_json:
             name = answer.decision.state.name
             reason = f"  {answer.decision.reason}" if answer.decision.reason else ""
+            slip = answer.decision.slip
+            reason += f"  {slip.words}" if slip is not None and slip.seen else ""
+            what = f"P({visible(opened.contract.rule)}) {answer.probability:.2f}"
             console.print(
-                f"{answer.time_s - first_s[0]:8.2f} s  [{_COLOURS[name]}]{name:<8}[/]  "
-                f"P({opened.contract.rule}) {answer.probability:.2f}{reason}"
-            )
+                Text.assemble(
+                    f"{answer.time_s - first_s[0]:8.2f} s  ", (f"{name:<8}", _COLOURS[name]),
+                    f"  {what}{visible_line(reason)}",
+                ), soft_wrap=True,
+            )  # fmt: skip
 
     with open_source(source_url) as source:
         tally = run_grasp_session(source, opened, seconds, on_answer=show)
@@ -41,13 +55,13 @@ def live_grasps(
         print_json(result)
         return
     states = ", ".join(f"{name} {count}" for name, count in result["states"].items())
-    console.print(f"{result['moments']} moments: {states or 'none'}; {result['alarms']} alarms")
+    say(f"{result['moments']} moments: {states or 'none'}; {result['alarms']} alarms")
     for grasp in result["grasps"]:
         told = grasp["first_alarm_s"]
         warned = "no alarm" if told is None else f"first alarm after {told:.2f} s"
-        console.print(f"  {grasp.get('run', 'grasp')}: {grasp['outcome'] or '–'}, {warned}")
+        say(f"  {visible(grasp.get('run', 'grasp'))}: {visible(grasp['outcome'] or '–')}, {warned}")
     if result["moments"]:
-        console.print(
+        say(
             f"frames to decision: median {result['latency_ms_median']:.1f} ms, "
             f"99 % below {result['latency_ms_p99']:.1f} ms"
         )

@@ -11,26 +11,30 @@ from pathlib import Path
 from secrets import token_urlsafe
 from typing import TYPE_CHECKING, Any
 
-from rich.console import Console
-from rich.markup import escape
+from rich.text import Text
 
-from taxel.cli.printing import console, print_json
+from taxel.cli.printing import console, print_json, say, say_aside
 from taxel.cli.record import stop_signals
 from taxel.errors import BadInput
+from taxel.plain_text import visible, visible_line
 
 if TYPE_CHECKING:
     from taxel.actions.actuators import Actuator
     from taxel.actions.gripper import ForceRange
+    from taxel.bundles.signing import Trust
     from taxel.live.station.station import Station
 
 COLOURS = {
     "STABLE": "green", "WARNING": "yellow", "UNSTABLE": "red", "UNKNOWN": "magenta",
-    "STOP": "bold white on red", "NONE": "dim",
+    "NO GRASP": "dim", "STOP": "bold white on red", "NONE": "dim",
 }  # fmt: skip
 _KEYS = "keys: q end · a acknowledge · n new grasp"
+_GRIP_KEYS = " · m arm · d disarm"
 _PATIENT_S = 0.3
 """Silence that a monitor is allowed where only a simulated cup can drop: the simulator itself
 takes most of a core, and a shared machine is late at times. Our choice."""
+_PATIENCE = {"watchdog_s": _PATIENT_S, "decision_s": _PATIENT_S + 0.2, "stall_s": 0.12}
+"""What follows from it for the interlock, seconds; the alarm of a stall still sounds in 0.15 s."""
 SIMULATED = "sim"
 """Names the gripper of the simulated cup."""
 
@@ -43,6 +47,7 @@ class StationOptions:
     sources: tuple[str, ...]
     seconds: float | None
     least_confidence: float
+    trust: Trust | None = None
     record: Path | None = None
     labels: dict[str, str] = field(default_factory=dict)
     groups: dict[str, str] = field(default_factory=dict)
@@ -92,12 +97,13 @@ def live_station(options: StationOptions) -> dict[str, Any]:
         config = StationConfig(
             sources=options.sources,
             bundles=options.bundles,
+            trust=options.trust,
             least_confidence=options.least_confidence,
             recordings=options.recordings,
             labels=options.labels,
             groups=options.groups,
             guard=GuardConfig(silent_s=_PATIENT_S) if simulated else GuardConfig(),
-            interlock=replace(interlock, watchdog_s=_PATIENT_S) if simulated else interlock,
+            interlock=replace(interlock, **_PATIENCE) if simulated else interlock,
         )
         stopped = stack.enter_context(stop_signals())
         station = stack.enter_context(Station(config))
@@ -117,17 +123,18 @@ def live_station(options: StationOptions) -> dict[str, Any]:
             )
         for url in station.wiring.unwatched:
             _note(options, f"nothing watches {url}: name one more bundle with --also")
-        armed = [not options.arm]
+        to_arm = options.arm
 
         def on_tick(_: float) -> None:
-            if not armed[0] and station.guard.shown[0] == "STABLE":
-                armed[0] = not station.arm()
+            nonlocal to_arm
+            to_arm = to_arm and _still_to_arm(station)
             for key in keys.typed():
                 _press(key, station)
             said.tell(station)
 
         if console.is_terminal and not (options.quiet or options.json):
-            console.print(_KEYS + (" · m arm" if options.gripper else ""), style="dim")
+            acts = options.gripper or options.tell
+            say(_KEYS + (_GRIP_KEYS if acts else ""), style="dim")
         station.run(options.seconds, stopped, on_tick)
     result = _summary(station)
     if options.json:
@@ -162,26 +169,27 @@ def _drive_simulated(options: StationOptions, station: Station) -> None:
     if not feeds:
         raise BadInput(f"a source sim://cup-pour with --gripper {SIMULATED}", "none", "name one")
     name = feeds[0].worker.name
-    station.drive(
-        SimulatedGrip(lambda force_n: station.order(name, {"grip_n": force_n}), _range(options))
-    )
+
+    def send(force_n: float, expires_s: float) -> None:
+        station.order(name, {"grip_n": force_n, "expires_s": expires_s})
+
+    station.drive(SimulatedGrip(send, _range(options)))
 
 
 def _note(options: StationOptions, text: str) -> None:
     """Say what a person must know, beside the JSON where that is asked for."""
-    out = Console(stderr=True) if options.json else console
-    out.print(text, soft_wrap=True, markup=False)
+    (say_aside if options.json else say)(text)
 
 
 class _Printer:
     """Prints in a thread of its own: a terminal that stands still must not stop the supervisor."""
 
     def __init__(self) -> None:
-        self._lines: queue.Queue[str | None] = queue.Queue(maxsize=256)
+        self._lines: queue.Queue[Text | None] = queue.Queue(maxsize=256)
         self._thread = threading.Thread(target=self._run, name="taxel printer", daemon=True)
         self._thread.start()
 
-    def say(self, line: str) -> None:
+    def say(self, line: Text) -> None:
         """Print a line soon; drop it where too many wait."""
         with suppress(queue.Full):
             self._lines.put_nowait(line)
@@ -194,7 +202,7 @@ class _Printer:
 
     def _run(self) -> None:
         while (line := self._lines.get()) is not None:
-            console.print(line)
+            console.print(line, soft_wrap=True)
 
 
 class _Said:
@@ -215,8 +223,19 @@ class _Said:
                 continue
             self._began_s = time_s if self._began_s is None else self._began_s
             colour = COLOURS.get(text.partition(":")[0], "cyan")
-            self._printer.say(f"{time_s - self._began_s:8.2f} s  [{colour}]{escape(text)}[/]")
+            when = f"{time_s - self._began_s:8.2f} s  "
+            self._printer.say(Text.assemble(when, (visible_line(text), colour)))
         self._told = newest
+
+
+def _still_to_arm(station: Station) -> bool:
+    """Arm once the grasp is stable, as --arm asks; return whether that is still to be done.
+
+    Whoever disarms before it was armed wants no orders: then it is never armed by itself.
+    """
+    if station.guard.interlock.disarms:
+        return False
+    return station.guard.shown[0] != "STABLE" or bool(station.arm())
 
 
 def _press(key: str, station: Station) -> None:
@@ -226,6 +245,8 @@ def _press(key: str, station: Station) -> None:
         station.acknowledge()
     elif key == "n":
         station.new_grasp()
+    elif key == "d":
+        station.disarm()
     elif key == "m":
         causes = station.arm()
         words = f"not armed: {causes[0]}" if causes else "armed"
@@ -274,7 +295,7 @@ def answers_lines(results: list[dict[str, Any]]) -> list[str]:
 
     lines = []
     for title, told in zip(titles(results), results, strict=True):
-        each = ", ".join(f"{name} {count}" for name, count in told["answers"].items())
+        each = ", ".join(f"{visible(name)} {count}" for name, count in told["answers"].items())
         lines.append(f"{title}: {told['windows']} windows: {each or 'none'}")
     return lines
 
@@ -300,26 +321,26 @@ def _print_summary(result: dict[str, Any]) -> None:
     from taxel.live.station.guard import NO_GRASP
 
     for line in answers_lines(result["answers"]):
-        console.print(line, markup=False, soft_wrap=True)
+        say(line)
     counts = result["alarms"]["counts"]
     if result["state"] != NO_GRASP or counts["raised"]:
-        console.print(f"alarms: {counts['raised']} raised, {counts['acknowledged']} acknowledged")
+        say(f"alarms: {counts['raised']} raised, {counts['acknowledged']} acknowledged")
     for name, one in result["processes"].items():
         again = f", started {one['starts']} times" if one["starts"] > 1 else ""
-        console.print(
+        say(
             f"  {name}: made {one['produced']}, took in {one['consumed']}, "
             f"lost {one['dropped']}{again}"
         )
     if result["latency_ms"]:
         parts = [f"{stage} {one['p50']:.1f}" for stage, one in result["latency_ms"].items()]
-        console.print(f"  median latency, ms: {' · '.join(parts)}")
+        say(f"  median latency, ms: {' · '.join(parts)}")
     recording = result["recording"]
     if recording.get("error"):
-        console.print(recording["error"], style="red", markup=False)
+        say(recording["error"], style="red")
     elif recording.get("ledger"):
         ledger = recording["ledger"]
         parts = [f"{ledger['scans']} scans"] if ledger["scans"] else []
         parts += [
             f"{name} {one['frames']} frames" for name, one in ledger.get("cameras", {}).items()
         ]
-        console.print(f"  recorded: {recording['path']}: {', '.join(parts)}", markup=False)
+        say(f"  recorded: {recording['path']}: {', '.join(parts)}")

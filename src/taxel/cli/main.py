@@ -16,12 +16,17 @@ os.environ.setdefault("OMP_NUM_THREADS", "1")
 os.environ.setdefault("OMP_WAIT_POLICY", "PASSIVE")
 
 from collections.abc import Sequence
+from contextlib import redirect_stderr
 from importlib import import_module
+from io import BytesIO, TextIOWrapper
 from keyword import iskeyword
+from traceback import format_exception
+from types import TracebackType
 from typing import Protocol
 
 from taxel import __version__
 from taxel.errors import TaxelError
+from taxel.plain_text import visible_line, without_controls
 
 
 class Verb(Protocol):
@@ -95,11 +100,9 @@ def main(argv: Sequence[str] | None = None) -> None:
         return
     if words[0] not in VERBS:
         _fail(f"needed one of the verbs {', '.join(VERBS)}; got {words[0]!r}; run: taxel --help.")
-    import tyro
-
+    sys.excepthook = _crash
     try:
-        command = tyro.cli(load_verb(words[0]), prog=f"taxel {words[0]}", args=words[1:])
-        command.run()
+        _parsed(words[0], words[1:]).run()
     except TaxelError as error:
         _fail(str(error))
     except BrokenPipeError:
@@ -114,8 +117,26 @@ def main(argv: Sequence[str] | None = None) -> None:
         sys.exit(130)
 
 
+def _parsed(verb: str, words: list[str]) -> Verb:
+    """Return the verb with its options; what tyro says of wrong ones may quote any word."""
+    import tyro
+
+    said = TextIOWrapper(BytesIO(), encoding="utf-8", errors="backslashreplace")
+    try:
+        with redirect_stderr(said):
+            return tyro.cli(load_verb(verb), prog=f"taxel {verb}", args=words)
+    finally:
+        said.seek(0)
+        sys.stderr.write(without_controls(said.read()))
+
+
+def _crash(kind: type[BaseException], error: BaseException, trace: TracebackType | None) -> None:
+    """Print a traceback of ours, whose message may quote foreign text."""
+    sys.stderr.write(without_controls("".join(format_exception(kind, error, trace))))
+
+
 def _fail(line: str) -> None:
-    print(f"taxel: {' '.join(line.split())}", file=sys.stderr)
+    print(f"taxel: {visible_line(' '.join(line.split()))}", file=sys.stderr)
     sys.exit(2)
 
 

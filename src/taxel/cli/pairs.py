@@ -30,7 +30,18 @@ def parse_pairs(pairs: tuple[tuple[str, ...], ...], option: str) -> dict[str, st
         name, equals, value = word.partition("=")
         if not (name and equals and value):
             raise BadInput(f"{option} NAME=VALUE", repr(word), "write it as in shape=sphere")
+        if not _is_text(word):
+            raise BadInput(f"text in UTF-8 with {option}", repr(word), "type it anew")
         if name in found:
             raise BadInput(f"each {option} once", f"{name!r} twice", "leave one of them out")
         found[name] = value
     return found
+
+
+def _is_text(word: str) -> bool:
+    """Return whether a word is text; bytes of a shell that are none come as half surrogates."""
+    try:
+        word.encode()
+    except UnicodeEncodeError:
+        return False
+    return True

@@ -1,48 +1,63 @@
 """How verbs print: one console, JSON, and progress on long work.
 
-Progress goes to the error stream, so that `--json` on the output stays clean.
+Progress goes to the error stream, so that `--json` on the output stays clean. All text from
+files, devices and people passes here, or the console of `taxel.views.console`: no other module
+writes to the output (tests/test_plain_text.py).
 """
 
 from __future__ import annotations
 
-import json
 import math
-import shlex
 import sys
 from typing import Any
 
-from rich.console import Console
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
+from rich.progress import Progress
+from rich.style import Style
+from rich.text import Text
 
-_PLAIN_WIDTH = 110
-"""Columns where the output is no terminal: a file or a pipe has no width of its own."""
+from taxel.plain_text import json_text, shell_words, visible_line, without_controls
+from taxel.views.console import error_console, output_console, progress_on
 
-console = Console(highlight=False, width=None if sys.stdout.isatty() else _PLAIN_WIDTH)
+console = output_console()
 
 
 def command(*words: object) -> str:
     """Return a command line to be pasted into a shell: words with blanks are quoted."""
-    return shlex.join(map(str, words))
+    return shell_words(*words)
 
 
-def print_json(data: Any) -> None:
-    """Print data as JSON; numbers that are not finite become null."""
-    json.dump(_finite(data), sys.stdout, indent=1, ensure_ascii=False)
-    sys.stdout.write("\n")
+def say(*parts: object, style: str | Style = "") -> None:
+    """Print one line, whatever it quotes; it is never broken, so that it can be copied."""
+    console.print(Text(_line(parts), style), soft_wrap=True)
+
+
+def say_aside(*parts: object) -> None:
+    """Print one line on the error stream."""
+    print(_line(parts), file=sys.stderr)
+
+
+def ask(question: str) -> None:
+    """Print a question on the error stream; the answer is typed behind it."""
+    print(without_controls(question), end="", file=sys.stderr, flush=True)
+
+
+def print_json(data: Any, indent: int | None = 1) -> None:
+    """Print data as JSON; numbers that are not finite become null.
+
+    Args:
+        data: What `json.dumps` takes.
+        indent: Spaces a level; None prints one line.
+    """
+    sys.stdout.write(json_text(_finite(data), indent) + "\n")
 
 
 def progress() -> Progress:
     """Return a progress bar on the error stream; silent where that is no terminal."""
-    errors = Console(stderr=True)
-    return Progress(
-        TextColumn("{task.description}"),
-        BarColumn(),
-        MofNCompleteColumn(),
-        TimeElapsedColumn(),
-        console=errors,
-        transient=True,
-        disable=not errors.is_terminal,
-    )
+    return progress_on(error_console())
+
+
+def _line(parts: tuple[object, ...]) -> str:
+    return visible_line(" ".join(map(str, parts)))
 
 
 def _finite(data: Any) -> Any:

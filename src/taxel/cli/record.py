@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import json
 import signal
-import sys
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -14,10 +12,9 @@ from types import FrameType
 from typing import Any
 
 import tyro
-from rich.console import Console
-from rich.progress import Progress
 
 from taxel.cli.pairs import Pairs, parse_pairs
+from taxel.cli.printing import print_json, progress, say, say_aside
 from taxel.errors import BadInput, BadSource
 from taxel.recordings.manifest import Manifest
 from taxel.recordings.tally import camera_line
@@ -75,9 +72,9 @@ class Record:
                 stopped=stopped,
             )
         if self.json:
-            print(json.dumps(ledger))
+            print_json(ledger, indent=None)
         else:
-            Console().print(ledger_line(ledger), highlight=False, soft_wrap=True)
+            say(ledger_line(ledger))
 
 
 def record_source(
@@ -115,9 +112,9 @@ def record_source(
     ended = "cleanly"
     with (
         Recorder(output, manifest, overwrite=overwrite) as recorder,
-        Progress(console=Console(stderr=True), transient=True) as progress,
+        progress() as bars,
     ):
-        bar = progress.add_task(f"recording {output.name}", total=seconds)
+        bar = bars.add_task(f"recording {output.name}", total=seconds)
         heard = time.monotonic()
         while True:
             scans, inside = span.take(samples, frames)
@@ -128,7 +125,7 @@ def record_source(
                 recorder.mark(mark)
             if len(samples) or frames:
                 heard = time.monotonic()
-                progress.update(bar, completed=span.done_s)
+                bars.update(bar, completed=span.done_s)
             if span.over or stopped() or source.ended:
                 break
             if time.monotonic() - heard > SILENCE_S:
@@ -222,7 +219,7 @@ def stop_signals() -> Iterator[Callable[[], bool]]:
             signal.signal(number, signal.SIG_DFL)
             signal.raise_signal(number)
         received.append(number)
-        print("stopping: completing the file", file=sys.stderr)
+        say_aside("stopping: completing the file")
 
     names = [name for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name)]
     before = {name: signal.signal(getattr(signal, name), note) for name in names}

@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-import json
 from dataclasses import dataclass
 from pathlib import Path
 
 import tyro
-from rich.console import Console
-from rich.progress import Progress
 
+from taxel.cli.printing import print_json, progress, say
 from taxel.recordings.recovery import recover
 
 
@@ -32,21 +30,21 @@ class Recover:
 
     def run(self) -> None:
         """Recover, then print what was saved and what was lost."""
-        with Progress(console=Console(stderr=True), transient=True) as progress:
-            bar = progress.add_task(f"recovering {self.file.name}", total=1.0)
+        with progress() as bars:
+            bar = bars.add_task(f"recovering {self.file.name}, %", total=100)
             report = recover(
                 self.file,
                 self.output,
                 overwrite=self.overwrite,
-                progress=lambda share: progress.update(bar, completed=share),
+                progress=lambda share: bars.update(bar, completed=100 * share),
             )
         if self.json:
-            print(json.dumps({"recording": str(self.output), **report.as_dict()}))
+            print_json({"recording": str(self.output), **report.as_dict()}, indent=None)
             return
-        print(
+        say(
             f"{self.output}: {report.scans} scans, {report.frames} frames and {report.marks} marks "
             f"saved; {report.damaged_stretches} damaged stretches, "
             f"{report.bytes_skipped} bytes skipped, {report.time_lost_s:.3f} s lost between them"
         )
         for note in report.notes:
-            print(note)
+            say(note)

@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-import json
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import tyro
 
-from taxel.cli.printing import console, print_json, progress
-from taxel.errors import BadInput
+from taxel.cli.printing import print_json, progress, say
+from taxel.errors import BadFile, BadInput
+from taxel.foreign.json_text import read_json
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
@@ -90,7 +90,7 @@ class Report:
             print_json({"written": written, "replaced": [one for one in written if older[one]]})
             return
         for one in written:
-            console.print(f"{one}, replaced" if older[one] else one, markup=False, soft_wrap=True)
+            say(f"{one}, replaced" if older[one] else one)
 
     def _page(self, output: Path) -> None:
         from taxel.bundles.versions import read_history
@@ -197,11 +197,11 @@ def _accuracies(path: Path, history: History) -> dict[int, Mapping[str, float]]:
 
 def _read(path: Path) -> Any:
     try:
-        return json.loads(path.read_text(encoding="utf-8"))
-    except (OSError, ValueError) as error:
-        got = "something else"
+        return read_json(path)
+    except (OSError, BadFile) as error:
+        got = getattr(error, "got", "")
         if isinstance(error, OSError):
-            got = "a folder" if path.is_dir() else (error.strerror or "none").lower()
+            got = (error.strerror or "none").lower()
         raise BadInput(
             f"JSON in {path}", got, "write it again with: taxel … --json > FILE.json"
         ) from error

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, Literal
 import tyro
 from rich.table import Table
 
-from taxel.cli.printing import command, console, print_json, progress
+from taxel.cli.printing import command, console, print_json, progress, say
 from taxel.errors import BadInput, MissingExtra
 from taxel.windows.config import GATE_V, GRID_RATE_HZ
 
@@ -56,6 +56,9 @@ class Simulate:
     camera_hz: float = 25.0
     """cup-pour: images a second that the cameras take, Hz; the video has 60 frames a second
     and repeats them, as real ones do."""
+    gel: Literal[1, 2] = 1
+    """cup-pour: how the gels shear: 1 each as one rigid piece, 2 as an elastic layer whose rim
+    slips first; the cups move alike in both."""
     sessions: int = 6
     """Sessions of the honest preset."""
     rate_hz: float = GRID_RATE_HZ
@@ -134,6 +137,7 @@ class Simulate:
                 repetitions=self.repetitions,
                 negatives=self.negatives,
                 duration_s=self.duration_s,
+                gel=self.gel,
             )
             if not 1.0 <= self.camera_hz <= 60.0:
                 raise ValueError(f"needed --camera-hz within 1 and 60; got {self.camera_hz:g}")
@@ -160,9 +164,9 @@ class Simulate:
             slip_um = sorted(row["slip_um"] for row in own)[len(own) // 2]
             table.add_row(f"{force_n:g} N", str(len(own)), *map(str, counts), f"{slip_um:.0f} µm")
         console.print(table)
-        print(f"{len(rows)} recordings of {self.duration_s:g} s, two cameras each")
-        print("look: ", command("taxel", "view", self.output / f"{rows[0]['run']}.mcap"))
-        print("next: ", command("taxel", "evaluate", "transition-tables", "--data", self.output))
+        say(f"{len(rows)} recordings of {self.duration_s:g} s, two cameras each")
+        say("look: ", command("taxel", "view", self.output / f"{rows[0]['run']}.mcap"))
+        say("next: ", command("taxel", "evaluate", "transition-tables", "--data", self.output))
 
     def _print(self, rows: list[dict[str, Any]]) -> None:
         table = Table(title=f"{self.output}, preset {self.preset}", title_justify="left")
@@ -179,13 +183,13 @@ class Simulate:
             )
         console.print(table)
         scans, gated = sum(row["scans"] for row in rows), sum(row["gated"] for row in rows)
-        print(f"{len(rows)} recordings, {scans:,} scans, {gated / scans:.1%} above {GATE_V} V")
-        print("look: ", command("taxel", "view", self.output / f"{rows[0]['session']}.mcap"))
+        say(f"{len(rows)} recordings, {scans:,} scans, {gated / scans:.1%} above {GATE_V} V")
+        say("look: ", command("taxel", "view", self.output / f"{rows[0]['session']}.mcap"))
         if self.preset == "honest":
             train = ("taxel", "train", self.output, "--target", "shape", "--output", "runs/shape")
-            print("next: ", command(*train))
+            say("next: ", command(*train))
         else:
-            print("leaky: each class has a session of its own, so no honest split exists")
+            say("leaky: each class has a session of its own, so no honest split exists")
 
 
 def _need_simulators() -> None:

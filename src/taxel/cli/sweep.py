@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import math
-import sys
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -13,7 +12,7 @@ from typing import TYPE_CHECKING
 import tyro
 
 from taxel.cli.figure_files import need_figures
-from taxel.cli.printing import console, print_json, progress
+from taxel.cli.printing import console, print_json, progress, say, say_aside
 from taxel.errors import BadInput
 from taxel.recordings.whole import write_whole
 
@@ -202,7 +201,7 @@ class Sweep:
             picture = sweep_figure(points, about, chance=chance, cameras=cameras)
             write_whole(self.plot, picture)
             if not self.json:
-                console.print(f"curves: {self.plot}")
+                say(f"curves: {self.plot}")
 
 
 def _warn_if_seen(digest: str, trained: str) -> None:
@@ -214,7 +213,7 @@ def _warn_if_seen(digest: str, trained: str) -> None:
 
 
 def _note(text: str) -> None:
-    print(f"taxel: {text}", file=sys.stderr)
+    say_aside(f"taxel: {text}")
 
 
 def _words(given: Sequence[str]) -> tuple[str, ...]:

@@ -10,8 +10,10 @@ import tyro
 
 from taxel.cli.evaluate_grasps import GraspOptions
 from taxel.cli.options import RecipeOptions, check_run_folder
-from taxel.cli.printing import command, console, print_json, progress
+from taxel.cli.printing import command, console, print_json, progress, say
 from taxel.errors import BadInput, RecordingFailed, TaxelError
+from taxel.held import only_writer
+from taxel.plain_text import visible
 
 if TYPE_CHECKING:
     from taxel.decisions.unknown import Unknown
@@ -36,11 +38,18 @@ class Train:
     touch, 0…1, such as 0.05."""
     resume: bool = False
     """Go on from the checkpoint of a run that was broken off."""
+    fresh: bool = False
+    """Fit every fold, also those that a run that was broken off had finished: they are kept
+    beside --output as OUTPUT.folds, and used where recipe, data and software are the same."""
     json: bool = False
     """Print JSON."""
     grasp: str | None = None
     """For recordings of tactile cameras: learn a monitor from these features: gel (what markers
-    and imprint do) or a backbone's name; --output is then the bundle itself, NAME.taxel."""
+    and imprint do) or a backbone's name; --output is then the bundle itself, NAME.taxel. "slip"
+    learns a slip warning from simulated cups instead, whose poses are kept in DATA."""
+    false_alarms: float = 0.3
+    """With --grasp slip: false alarms a minute of grasps that hold which are promised; the
+    threshold that keeps it comes from training cups held out."""
     fine_tune: int = 0
     """With --grasp BACKBONE: instead, train the backbone itself end to end for so many epochs;
     --output is then its weights, NAME.safetensors, for --weights. Runs on any device, and under
@@ -50,8 +59,18 @@ class Train:
 
     def run(self) -> None:
         """Check, train and save."""
+        if self.fresh and not self.check:
+            raise BadInput("--fresh with a cross-validation", "--no-check", "leave one out")
         if self.fine_tune and self.grasp is None:
             raise BadInput("--grasp BACKBONE beside --fine-tune", "none", "name one")
+        if self.grasp == "slip":
+            from taxel.cli.train_slip import train_slip
+
+            train_slip(
+                self.data, self.output, self.grasps.head, self.false_alarms, self.recipe.seed,
+                as_json=self.json,
+            )  # fmt: skip
+            return
         if self.grasp is not None:
             from taxel.cli.train_grasps import fine_tune_backbone, train_grasps
 
@@ -62,12 +81,18 @@ class Train:
                 )  # fmt: skip
                 return
 
-            train_grasps(
-                self.grasps, self.grasp, self.data, self.output, self.recipe.seed, self.json
-            )
+            with only_writer(self.output):
+                train_grasps(
+                    self.grasps, self.grasp, self.data, self.output, self.recipe.seed, self.json
+                )
             return
+        with only_writer(self.output):
+            self._train()
+
+    def _train(self) -> None:
         from taxel.evaluation.checked import check_recipe
         from taxel.evaluation.final import train_on_all
+        from taxel.evaluation.kept_folds import folds_folder, forget_folds
         from taxel.models.catalogue import find_network
         from taxel.training.environment import Made
         from taxel.training.run import save_run
@@ -87,7 +112,13 @@ class Train:
 
             if self.check:
                 checked = check_recipe(
-                    self.data, recipe, folds=self.folds, bars=(), on_step=on_step
+                    self.data,
+                    recipe,
+                    folds=self.folds,
+                    bars=(),
+                    keep_in=folds_folder(self.output),
+                    fresh=self.fresh,
+                    on_step=on_step,
                 )
                 accuracy[checked.pooled.split] = checked.pooled.scores.accuracy
             try:
@@ -104,6 +135,7 @@ class Train:
                 if self.check:
                     run = replace(run, predictions=checked.predictions, trivial=checked.trivial)
                 save_run(self.output, run)
+                forget_folds(self.output)
             except TaxelError:
                 raise
             except OSError as error:
@@ -123,6 +155,7 @@ class Train:
                     "loss": run.history[-1].loss,
                     "trivial": dict(run.trivial),
                     "notes": checked.dataset.notes if self.check else None,
+                    "folds_kept": checked.kept if self.check else 0,
                     "warning": warning(checked) if self.check else None,
                 }
             )
@@ -131,23 +164,30 @@ class Train:
             from taxel.views.results import checked_table, confusion_table
 
             console.print(checked_table(checked))
+            if checked.kept:
+                say(kept_line(checked))
             if said := warning(checked):
-                console.print(f"warning: {said}", style="yellow", soft_wrap=True)
+                say(f"warning: {said}", style="yellow")
             classes = checked.dataset.classes(recipe.target)
             console.print(confusion_table(classes, checked.pooled.scores.confusion))
-        console.print(
+        say(
             f"{self.output}{', replaced' if older else ''}: {recipe.model}, "
             f"{run.contract.parameters:,} parameters, tells {recipe.target}: "
-            f"{', '.join(run.contract.classes)}",
-            soft_wrap=True,
+            f"{', '.join(map(visible, run.contract.classes))}"
         )
         if run.contract.unknown is not None:
-            console.print(_rejects(run.contract.unknown), soft_wrap=True)
+            say(_rejects(run.contract.unknown))
         bundle = command("taxel", "bundle", self.output, "--output", f"{self.output}.taxel")
-        console.print(f"next: {bundle}", markup=False, soft_wrap=True)
+        say(f"next: {bundle}")
         if self.check:
             page = command("taxel", "report", self.output, "--output", "report.html")
-            console.print(f"or:   {page}", markup=False, soft_wrap=True)
+            say(f"or:   {page}")
+
+
+def kept_line(checked: Checked) -> str:
+    """Return what must be said where folds were not fitted by this run."""
+    folds = f"{checked.kept} fold{'s' if checked.kept > 1 else ''}"
+    return f"{folds} kept from a run that was broken off; --fresh fits all of them again"
 
 
 def warning(checked: Checked) -> str | None:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from taxel.cli.evaluate_grasps import GEL, GraspOptions, extract_features, load_set, open_features
-from taxel.cli.printing import command, console, print_json, progress
+from taxel.cli.printing import command, print_json, progress, say
 from taxel.errors import BadInput
 
 if TYPE_CHECKING:
@@ -60,14 +60,14 @@ def train_grasps(
         print_json({"bundle": str(output), "parity": parity, "measured": measured,
                     "parameters": contract.parameters})  # fmt: skip
         return
-    console.print(
+    say(
         f"{output}: {features_name} + {config.head}, {contract.parameters:,} parameters, warns of "
         f"{options.rule}; probabilities differ from PyTorch's by at most {parity:.1e}"
     )
     if measured:
-        console.print("on cups held out: " + ", ".join(f"{k} {v:.3g}" for k, v in measured.items()))
+        say("on cups held out: " + ", ".join(f"{k} {v:.3g}" for k, v in measured.items()))
     watch = command("taxel", "live", output, "sim://cup-pour", "--seconds", "20")
-    console.print(f"next: {watch}", markup=False, soft_wrap=True)
+    say(f"next: {watch}")
 
 
 def fine_tune_backbone(
@@ -120,13 +120,13 @@ def fine_tune_backbone(
         print_json({"weights": str(output), "losses": done.losses, "device": done.device,
                     "processes": done.processes})  # fmt: skip
         return
-    console.print(
+    say(
         f"{output}: {backbone} after {epochs} epochs on {done.device}, {done.processes} "
         f"process(es); loss {', '.join(f'{loss:.3f}' for loss in done.losses)}"
     )
     further = command("taxel", "train", data, "--grasp", backbone, "--weights", output,
                       "--output", "grasp.taxel")  # fmt: skip
-    console.print(f"next: {further}", markup=False, soft_wrap=True)
+    say(f"next: {further}")
 
 
 def _contract(

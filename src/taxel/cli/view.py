@@ -16,7 +16,7 @@ from rich.live import Live
 from rich.text import Text
 
 from taxel.cli.figure_files import need_figures
-from taxel.cli.printing import console, print_json
+from taxel.cli.printing import console, print_json, say
 from taxel.cli.view_cameras import view_cameras
 from taxel.errors import BadInput
 from taxel.recordings.whole import write_whole
@@ -87,7 +87,7 @@ class View:
         if not path.is_file():
             raise BadInput("a recording's file with --page", repr(self.source), "name one")
         link = ReplayLink(path)
-        run_page(link, on_open=lambda url: console.print(f"the page: {url}", soft_wrap=True))
+        run_page(link, on_open=lambda url: say(f"the page: {url}"))
 
     def _check(self) -> None:
         """Refuse, before anything is opened, what cannot be meant."""
@@ -136,7 +136,7 @@ class View:
             print_json(screen.buffer.summary())
             return
         for line in screen.summary():
-            print(line)
+            say(line)
 
     def _write_png(self, source: Source, path: Path) -> None:
         from taxel.views.touch_figure import touch_figure
@@ -148,7 +148,7 @@ class View:
         if not buffer.scans:
             raise BadInput("a source with scans", f"none from {self.source}", "choose another")
         write_whole(path, touch_figure(buffer, self.source))
-        console.print(f"{path}: {buffer.scans:,} scans of {buffer.info.name}", soft_wrap=True)
+        say(f"{path}: {buffer.scans:,} scans of {buffer.info.name}")
 
 
 def follow(

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from taxel.cli.printing import console, print_json
+from taxel.cli.printing import print_json, say
 from taxel.recordings.whole import write_whole
 from taxel.sources.contract import Source
 from taxel.windows.pairs import FramePairer, FrameSet
@@ -60,7 +60,7 @@ def view_cameras(
     if png is not None:
         lines.append(f"figure: {png}")
     for line in lines:
-        console.print(line, markup=False, soft_wrap=True)
+        say(line)
 
 
 def frame_sets_of(source: Source) -> Iterator[FrameSet]:

@@ -13,7 +13,9 @@ from enum import IntEnum
 import numpy as np
 from numpy.typing import NDArray
 
+from taxel.decisions.reasons import REASONS
 from taxel.errors import BadInput
+from taxel.gel.slip_signal import Slip
 
 _EXACT_S = 1e-9
 """Times of equal distance may differ by this from rounding, seconds."""
@@ -26,6 +28,14 @@ class Stability(IntEnum):
     WARNING = 1
     UNSTABLE = 2
     UNKNOWN = 3
+    NO_GRASP = 4
+    """A grasp has ended and the next has not begun: no fault, and no evidence of anything. Only
+    live; what is measured over recorded grasps never holds it."""
+
+    @property
+    def word(self) -> str:
+        """What a person is shown."""
+        return self.name.replace("_", " ")
 
 
 _ALARMS = (Stability.WARNING, Stability.UNSTABLE)
@@ -73,11 +83,13 @@ class StabilityDecision:
     state: Stability
     """What is believed."""
     reason: str
-    """Why the state is UNKNOWN; empty otherwise."""
+    """Why the state is UNKNOWN or NO_GRASP, in words of `taxel.decisions.reasons`; else empty."""
     since_s: float
     """When this state began, on the frames' clock, seconds."""
     probability: float
     """The newest probability of instability, 0…1; NaN where it cannot be used."""
+    slip: Slip | None = None
+    """How far the object has slipped; None where nothing follows it."""
 
     @property
     def alarm(self) -> bool:
@@ -100,7 +112,7 @@ class StabilityMonitor:
         """Forget everything: a new grasp."""
         self._held: Stability | None = None  # what the evidence says, whatever the input's health
         self._told = StabilityDecision(
-            Stability.UNKNOWN, "no input yet", float("nan"), float("nan")
+            Stability.UNKNOWN, REASONS["no input"].say(), float("nan"), float("nan")
         )
         self._last_s: float | None = None
         self._value = float("nan")
@@ -131,7 +143,8 @@ class StabilityMonitor:
         self._last_s = time_s
         self._weigh(probability, time_s)
         if self._held is None:
-            return self._tell(Stability.UNKNOWN, "not enough input yet", time_s, probability)
+            reason = REASONS["evidence"].say(left_s=self._left_s(time_s))
+            return self._tell(Stability.UNKNOWN, reason, time_s, probability)
         return self._tell(self._held, "", time_s, probability)
 
     def at(self, now_s: float) -> StabilityDecision:
@@ -144,8 +157,15 @@ class StabilityMonitor:
             return self._told
         age_s = now_s - self._last_s
         if not age_s <= self._config.largest_age_s:
-            return self._doubted(f"the newest input is {age_s:.2f} s old", now_s)
+            return self._doubted(REASONS["old"].say(age_s=age_s), now_s)
         return self._told
+
+    def over(self, now_s: float) -> StabilityDecision:
+        """Take in that the grasp has ended and all of it is forgotten; return NO_GRASP."""
+        told = self._told
+        self.reset()
+        self._told = told
+        return self._tell(Stability.NO_GRASP, REASONS["grasp over"].say(), now_s, float("nan"))
 
     def doubt(self, reason: str, now_s: float) -> StabilityDecision:
         """Take in that nothing can be said now, and why; return UNKNOWN."""
@@ -155,21 +175,21 @@ class StabilityMonitor:
         """Return why the input cannot be used; empty where it can."""
         config = self._config
         if not math.isfinite(time_s):
-            return "the input has no time"
+            return REASONS["no time"].say()
         if self._last_s is not None and time_s < self._last_s:
             self._last_s = None  # a clock that was set back is believed from here on
-            return "the input's time stepped back"
+            return REASONS["time stepped back"].say()
         if not now_s - time_s <= config.largest_age_s:
-            return f"the newest input is {now_s - time_s:.2f} s old"
+            return REASONS["old"].say(age_s=now_s - time_s)
         if not usable:
-            return "the images cannot be used"
+            return REASONS["unusable"].say()
         if not 0 <= probability <= 1:
-            return "the model gave NaN" if math.isnan(probability) else "no probability"
+            return REASONS["nan" if math.isnan(probability) else "no probability"].say()
         if probability != self._value:
             self._value, self._same_since_s = probability, time_s
         frozen = time_s - self._same_since_s > config.frozen_s
         if frozen and 0 < probability < 1 and self._held not in _ALARMS:
-            return f"the input has not changed for {time_s - self._same_since_s:.2f} s"
+            return REASONS["unchanged"].say(same_s=time_s - self._same_since_s)
         return ""
 
     def _doubted(self, reason: str, time_s: float) -> StabilityDecision:
@@ -204,6 +224,12 @@ class StabilityMonitor:
             self._held = Stability.WARNING
         elif self._held is None and _lasted(self._calm_s, time_s, config.raise_s):
             self._held = Stability.STABLE
+
+    def _left_s(self, time_s: float) -> float:
+        """Return how long the newest evidence must still stand until a state is told, seconds."""
+        begun = [one for one in (self._calm_s, self._warn_s) if one is not None]
+        stood_s = time_s - min(begun) if begun else 0.0
+        return max(0.0, self._config.raise_s - stood_s)
 
     def _tell(
         self, state: Stability, reason: str, time_s: float, probability: float

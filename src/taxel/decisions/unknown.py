@@ -10,6 +10,7 @@ offline and live. Knows nothing about networks, sources or screens (docs/decisio
 from __future__ import annotations
 
 import math
+import re
 from bisect import bisect_left
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
@@ -18,11 +19,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from taxel.foreign.json_text import Fields
+
 MOMENTS = 3
 """Of each channel: level, deviation, change."""
 SMALLEST = 0.05
 """Deviation and change below this share of the usual one are as good as none. Source: our
 choice, docs/decisions/0027."""
+_PLAIN_COUNT = re.compile(r"[1-9][0-9]{0,6}")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -241,25 +245,44 @@ def unknown_to_json(unknown: Unknown) -> dict[str, Any]:
     }
 
 
-def unknown_from_json(data: dict[str, Any]) -> Unknown:
+def unknown_from_json(data: object) -> Unknown:
     """Return what `unknown_to_json` was given.
 
     Raises:
-        KeyError: A field is missing.
-        ValueError: A list is no array.
+        ValueError: A field is missing, or no array of its shape, or out of its range.
     """
-    densities = tuple(
-        Density(
-            label=one["label"],
-            contacts={int(count): np.array(own, float) for count, own in one["contacts"].items()},
-            **{
-                name: np.array(one[name], float)
-                for name in ("projection", "centres", "log_share", "windows")
-            },
-        )
-        for one in data["densities"]
-    )
-    arrays = {name: np.array(data[name], float) for name in ("level", "wander", "least")}
+    given = Fields(data, "the test for the unknown")
+    level = given.array("level", (None,))
+    channels = len(level)
+    wander, least = given.array("wander", (channels,)), given.array("least", (2, channels))
+    if not (wander > 0).all() or not (least > 0).all():
+        raise ValueError("wander or least is not above 0")
+    densities = tuple(_density(one, channels) for one in given.items("densities"))
+    if not densities:
+        raise ValueError("the test for the unknown has no densities")
     return Unknown(
-        rejected=float(data["rejected"]), lag=int(data["lag"]), densities=densities, **arrays
+        rejected=given.number("rejected", 0.0, 1.0),
+        lag=given.count("lag", 0, 10**6),
+        level=level,
+        wander=wander,
+        least=least,
+        densities=densities,
+    )
+
+
+def _density(data: object, channels: int) -> Density:
+    given = Fields(data, "a density")
+    centres = given.array("centres", (None, None))
+    classes, k = centres.shape
+    contacts = given.fields("contacts")
+    counts = {name: int(name) for name in given.any("contacts") if _PLAIN_COUNT.fullmatch(name)}
+    if not counts or len(counts) < len(given.any("contacts")) or not classes:
+        raise ValueError("the contacts or centres of a density are none")
+    return Density(
+        label=given.text("label"),
+        projection=given.array("projection", (MOMENTS * channels, k)),
+        centres=centres,
+        log_share=given.array("log_share", (classes,)),
+        windows=given.array("windows", (None,)),
+        contacts={count: contacts.array(name, (None,)) for name, count in counts.items()},
     )

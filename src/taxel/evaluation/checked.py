@@ -6,12 +6,20 @@ Knows nothing about screens or pages.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
 
 from taxel.errors import BadDataset
 from taxel.evaluation.baselines import trivial_accuracies
-from taxel.evaluation.crossval import FoldResult, Job, Pooled, pool, predictions_of, run_fold
+from taxel.evaluation.crossval import (
+    FoldPredictions,
+    Job,
+    Pooled,
+    pool,
+    predictions_of,
+    run_fold,
+)
+from taxel.evaluation.kept_folds import KeptFolds
 from taxel.evaluation.splits import Split, WindowFold, parse_split
 from taxel.training.predictions import Predictions
 from taxel.training.recipes import Recipe
@@ -34,6 +42,8 @@ class Checked:
     """Trivial baseline → accuracy, 0…1."""
     predictions: Predictions
     """What the recipe's own model said of each test window."""
+    kept: int = 0
+    """Folds that were finished by a run that was broken off."""
 
 
 def check_recipe(
@@ -42,6 +52,8 @@ def check_recipe(
     *,
     folds: int = 5,
     bars: tuple[str, ...] = BARS,
+    keep_in: Path | None = None,
+    fresh: bool = False,
     on_step: Callable[[str], None] = lambda _: None,
 ) -> Checked:
     """Cross-validate a recipe.
@@ -51,19 +63,28 @@ def check_recipe(
         recipe: Window, model, target, split and training.
         folds: How many folds.
         bars: Library models to print beside.
+        keep_in: A folder for finished folds; those that are there already are not fitted again
+            where recipe, data and software are the same.
+        fresh: Start afresh: remove what is there.
         on_step: Called with a line before each fit.
 
     Raises:
         BadDataset: The recordings do not make such a data set.
         BadSplit: They cannot be split so.
+        RecordingFailed: The disk refused a fold.
     """
     dataset = load_dataset(path, recipe.window, target=recipe.target)
     check_gate(dataset)
     split = parse_split(recipe.split, dataset, recipe.target, folds, recipe.train.seed)
     training = _overlapping(path, dataset, split, recipe)
-    results = _results(dataset, split, _job(recipe, recipe.model), training, on_step)
+    depends_on = {"recipe": asdict(recipe), "folds": folds, "data": dataset.digest}
+    kept = KeptFolds(keep_in, depends_on, dataset, recipe.target, fresh=fresh)
+    job = _job(recipe, recipe.model)
+    results = _results(dataset, split, job, training, kept, on_step)
     beside = {
-        name: pool(dataset, split, _results(dataset, split, _job(recipe, name), None, on_step))
+        name: pool(
+            dataset, split, _results(dataset, split, _job(recipe, name), None, kept, on_step)
+        )
         for name in bars
         if name != recipe.model
     }
@@ -75,6 +96,7 @@ def check_recipe(
         bars=beside,
         trivial=trivial_accuracies(dataset, recipe.target, split.folds),
         predictions=predictions_of(dataset, split, results, recipe.target),
+        kept=kept.used,
     )
 
 
@@ -109,10 +131,15 @@ def _results(
     split: Split,
     job: Job,
     training: Dataset | None,
+    kept: KeptFolds,
     on_step: Callable[[str], None],
-) -> list[FoldResult]:
+) -> list[FoldPredictions]:
     results = []
-    for fold in split.folds:
+    for number, fold in enumerate(split.folds):
         on_step(f"{job.model} · {split.name} · {fold.name}")
-        results.append(run_fold(dataset, fold, job, training=training))
+        result = kept.find(job.model, number, fold)
+        if result is None:
+            result = run_fold(dataset, fold, job, training=training)
+            kept.keep(job.model, number, result)
+        results.append(result)
     return results

@@ -58,7 +58,7 @@ class Fitted:
 
 
 @dataclass(frozen=True, slots=True)
-class FoldResult:
+class FoldPredictions:
     """One fold's test predictions."""
 
     name: str
@@ -69,6 +69,12 @@ class FoldResult:
     probabilities: NDArray[np.float64]
     """Shape (m, classes)."""
     scores: Scores
+
+
+@dataclass(frozen=True, slots=True)
+class FoldResult(FoldPredictions):
+    """One fold's test predictions, with what was fitted for them."""
+
     fitted: Fitted
 
 
@@ -184,7 +190,7 @@ class Pooled:
     fold_accuracies: tuple[float, ...]
 
 
-def pool(dataset: Dataset, split: Split, results: Sequence[FoldResult]) -> Pooled:
+def pool(dataset: Dataset, split: Split, results: Sequence[FoldPredictions]) -> Pooled:
     """Join the folds' test predictions."""
     y = np.concatenate([result.y for result in results])
     probabilities = np.concatenate([result.probabilities for result in results])
@@ -206,7 +212,7 @@ def pool(dataset: Dataset, split: Split, results: Sequence[FoldResult]) -> Poole
 
 
 def predictions_of(
-    dataset: Dataset, split: Split, results: Sequence[FoldResult], target: str
+    dataset: Dataset, split: Split, results: Sequence[FoldPredictions], target: str
 ) -> Predictions:
     """Return the folds' test predictions with the trials that they belong to, for a run."""
     test = np.concatenate([result.test for result in results])

@@ -16,7 +16,7 @@ from taxel.errors import BadDataset
 from taxel.labels.agreement import onset_s
 from taxel.labels.slip import label_truth
 from taxel.models.sequence import SENSORS
-from taxel.sim.pour_state import TRUTH_CHANNELS
+from taxel.sim.pour_state import TRUTH_CHANNELS, has_truth
 from taxel.training.features import Extractor, FrameFeatures, Progress, extract
 from taxel.training.frame_labels import change_signals, frame_labels, truth_of
 from taxel.training.heads import HeadConfig, Track, TrainedHead, fit_head
@@ -155,7 +155,7 @@ def trivial_features(data: PourSet, index: int) -> dict[str, NDArray[np.float64]
         "frame index": np.arange(len(pour), dtype=np.float64),
         "difference to first frames": data.signals[index].max(axis=1).astype(np.float64),
     }
-    if pour.sensor.channels == TRUTH_CHANNELS:
+    if has_truth(pour.sensor.channels):
         poured = truth_of(pour)[:, TRUTH_CHANNELS.index("poured")]
         found["pour started (not seen by the sensor)"] = (poured > 0).astype(np.float64)
     return found

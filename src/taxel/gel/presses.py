@@ -12,8 +12,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taxel.errors import BadTable
+from taxel.foreign.archives import read_arrays
 
 Archive = dict[str, NDArray[np.generic]]
+_FIELDS = ("imgs", "f0", "touch_center", "touch_radius", "ball_radius_mm", "mm_per_px", "order")
 
 TAXIM_BALL_RADIUS_MM = 2.0
 """Radius of the ball behind Taxim's archive `dataPack.npz`, which does not hold it. Source:
@@ -104,13 +106,12 @@ def read_presses(where: Path | str) -> list[Press]:
 
 def _read_archive(file: Path) -> list[Press]:
     try:
-        with np.load(file, allow_pickle=False) as loaded:
-            archive: Archive = {name: loaded[name] for name in loaded.files if name != "img_name"}
-        return _presses(archive)
+        return _presses(read_arrays(file, _FIELDS))
     except (OSError, ValueError, KeyError, TypeError, IndexError) as error:
+        got = getattr(error, "got", error)
         raise BadTable(
             "an archive with imgs, f0, touch_center and touch_radius",
-            f"{file.name}: {' '.join(str(error).split())}",
+            f"{file.name}: {' '.join(str(got).split())}",
             "see read_presses for the fields",
         ) from error
 

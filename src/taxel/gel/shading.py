@@ -19,6 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taxel.errors import BadTable, MissingExtra
+from taxel.foreign.json_text import parse_json, read_json
 
 try:
     import cv2 as cv2
@@ -108,9 +109,9 @@ def read_shading(where: Path | None = None) -> Shading:
     try:
         if where is None:
             text = (files("taxel.gel") / "shading_gelsight_mini.json").read_text(encoding="utf-8")
+            document = parse_json(text)
         else:
-            text = where.read_text(encoding="utf-8")
-        document = json.loads(text)
+            document = read_json(where)
         coefficients = np.asarray(document["coefficients"], dtype=np.float64)
         steepest = float(document["steepest"])
         provenance = str(document["provenance"])

@@ -16,11 +16,14 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from taxel.errors import BadInput, RecordingFailed
+from taxel.errors import BadFile, BadInput, RecordingFailed
+from taxel.foreign.files import MIB
+from taxel.foreign.json_text import read_json
 from taxel.labels.rules import rule_named
 
 FORMAT_VERSION = "1"
 """Raised when a reader of the old format would misread the new one."""
+_LARGEST_BYTES = MIB
 _MEND = "correct the file, or delete it and label again"
 
 
@@ -80,15 +83,13 @@ def read_corrections(recording: Path, duration_s: float) -> dict[str, Correction
     """
     path = corrections_path(recording)
     try:
-        text = path.read_text(encoding="utf-8")
+        stored = read_json(path, _LARGEST_BYTES)
     except FileNotFoundError:
         return {}
-    except (OSError, UnicodeDecodeError) as error:
+    except OSError as error:
         raise BadInput(f"a readable {path}", type(error).__name__, _MEND) from error
-    try:
-        stored = json.loads(text)
-    except ValueError as error:
-        raise BadInput(f"JSON in {path}", "something else", _MEND) from error
+    except BadFile as error:
+        raise BadInput(f"JSON in {path}", error.got, _MEND) from error
     if not isinstance(stored, dict) or stored.get("format") != FORMAT_VERSION:
         raise BadInput(f"labels of format {FORMAT_VERSION} in {path}", "another", _MEND)
     entries = stored.get("corrections")

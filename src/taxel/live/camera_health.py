@@ -10,6 +10,7 @@ import math
 from collections import deque
 from statistics import median
 
+from taxel.decisions.reasons import REASONS, SIMULATED
 from taxel.signals import CameraInfo, Frame
 
 FROZEN_CADENCES = 2.6
@@ -63,10 +64,19 @@ class CameraHealth:
             now_s: This moment, on the clock of `Frame.arrival_s`, seconds.
         """
         for info, watched in zip(self._infos, self._watched, strict=True):
-            reason = watched.doubt(now_s)
+            reason = watched.doubt(info, now_s)
             if reason:
-                return f"the {info.name} camera {reason}"
+                return reason
         return ""
+
+    def rest(self, until_s: float) -> None:
+        """Hear that no frame is due before a moment; it ends with each camera's next frame.
+
+        Args:
+            until_s: On the clock of `Frame.arrival_s`, seconds.
+        """
+        for watched in self._watched:
+            watched.rest(until_s)
 
     def late(self) -> dict[str, float]:
         """Return how far cameras are behind the promptest, seconds, by name; the late ones only.
@@ -101,15 +111,19 @@ class _Watched:
         """When the newest different image was taken."""
         self._arrival_s = math.nan
         """When the newest frame came."""
+        self._rest_s = -math.inf
+        """Until when no frame is due."""
         self._frozen = False
         self._spans: deque[float] = deque(maxlen=_RECENT)
         self._delays: deque[float] = deque(maxlen=_RECENT)
         self.cadence_s = self._slowest_s
 
     def see(self, frame: Frame) -> bool:
-        self._arrival_s = frame.arrival_s
+        self._arrival_s, self._rest_s = frame.arrival_s, -math.inf
         self._delays.append(frame.arrival_s - frame.fitted_s)
         if frame.jpeg == self._jpeg:
+            if math.isnan(self._image_s):
+                self._image_s = frame.fitted_s  # after a rest
             # By the frames' own stamps: how late they arrive must not look like standing still.
             still_s = frame.fitted_s - self._image_s
             self._frozen = still_s > FROZEN_CADENCES * self.cadence_s
@@ -119,13 +133,20 @@ class _Watched:
         self._jpeg, self._image_s, self._frozen = frame.jpeg, frame.fitted_s, False
         return True
 
-    def doubt(self, now_s: float) -> str:
+    def doubt(self, info: CameraInfo, now_s: float) -> str:
         if not self._jpeg:
-            return "has sent no frame yet"
-        silent_s = now_s - self._arrival_s
-        if silent_s > self._gone_s:
-            return f"is gone: no frame for {silent_s * 1e3:.0f} ms"
-        return "is frozen" if self._frozen else ""
+            return REASONS["no frame yet"].say(camera=info.name)
+        if now_s - max(self._arrival_s, self._rest_s) > self._gone_s:
+            silent_ms = 1e3 * (now_s - self._arrival_s)
+            return REASONS["gone"].say(camera=info.name, silent_ms=silent_ms)
+        if not self._frozen:
+            return ""
+        # A simulator repeats an image for so long on purpose only.
+        return (SIMULATED if info.simulated else "") + REASONS["frozen"].say(camera=info.name)
+
+    def rest(self, until_s: float) -> None:
+        self._rest_s = until_s
+        self._image_s, self._frozen = math.nan, False  # the pause is no time between two images
 
     def delay_s(self) -> float:
         """Return the median delay from taking to arrival, seconds; NaN before 30 frames."""

@@ -108,8 +108,8 @@ class PixelGrip:
         started = perf_counter()
         known = dict(self._shown)
         self._shown = [
-            (frame.jpeg, known[frame.jpeg] if frame.jpeg in known else decode_jpeg(frame.jpeg))
-            for frame in found.frames
+            (jpeg, known[jpeg] if jpeg in known else decode_jpeg(jpeg, None))
+            for jpeg in (frame.jpeg for frame in found.frames)
         ]
         force_n = self._policy.push([image for _, image in self._shown], found.time_s)
         self.latencies_s.append(perf_counter() - started)

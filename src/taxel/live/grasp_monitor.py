@@ -14,12 +14,16 @@ from time import perf_counter
 import numpy as np
 from numpy.typing import NDArray
 
-from taxel.bundles.grasp import GraspBundle
+from taxel.bundles.grasp import SLIP, GraspBundle
+from taxel.decisions.reasons import REASONS
 from taxel.decisions.stability import StabilityConfig, StabilityDecision, StabilityMonitor
 from taxel.errors import BadSource
 from taxel.frame_codec import decode_jpeg
 from taxel.gel.slip_features import SlipFeatures
+from taxel.gel.slip_signal import Slip
 from taxel.live.camera_health import CameraHealth
+from taxel.live.slip_watch import SlipWatch, taken_of
+from taxel.side_by_side import SideBySide
 from taxel.signals import CameraInfo, Frame
 from taxel.windows.pairs import FrameSet
 from taxel.windows.rest import seen, settled
@@ -37,13 +41,16 @@ class GraspAnswer:
     """When the newest frame was taken, fitted clock, seconds."""
     latency_s: float
     """From the frames in hand to the decision, decoding included, seconds."""
+    gels: tuple[Slip, ...] = ()
+    """The slip over each gel; empty for a bundle that looks at something else."""
 
 
 class GraspMonitor:
     """Turn sets of frames of one grasp into decisions.
 
     The first moments are the settled grasp, against which all later ones are seen: until
-    they are over the state is UNKNOWN. Call `reset` when a new grasp begins.
+    they are over the state is UNKNOWN. Call `reset` when a new grasp begins, `over` when one has
+    ended: the state is then NO_GRASP until the next frames, which begin another.
 
     Args:
         bundle: Features, head and thresholds.
@@ -65,21 +72,50 @@ class GraspMonitor:
         # Repeated frames repeat their probability; frozen input is told from the bytes.
         self._config = replace(config or bundle.contract.stability, frozen_s=float("inf"))
         self._settle = slice(*bundle.contract.settle)
+        self._cameras = cameras
         self._health = CameraHealth(cameras)
         self._watched = False
+        self._begun = self._ended = False
+        self._beside = SideBySide(len(cameras))
         self.reset()
 
     def reset(self) -> None:
         """Forget the grasp: the next frames are another one's settled first moments."""
         contract = self.bundle.contract
         self._monitor = StabilityMonitor(self._config)
-        self._ring = FeatureRing(contract.frames, contract.cameras, self.bundle.offset.shape[1])
-        self._eyes = [_Eye() for _ in range(contract.cameras)]
+        self._ring = FeatureRing(contract.frames, *self.bundle.offset.shape)
+        self._watch = SlipWatch(self._cameras, self._settle) if contract.features == SLIP else None
+        self._eyes = [_Eye(camera) for camera in self._cameras]
+        self._over = False
         self._slips: list[SlipFeatures] | None = None
         self._early: list[tuple[NDArray[np.uint8], ...]] = []
         self._early_rows: list[NDArray[np.float32]] = []
         self._rows = np.zeros_like(self.bundle.offset)
         self._rest: NDArray[np.float32] | None = None
+
+    def over(self, time_s: float, now_s: float | None = None) -> StabilityDecision:
+        """Hear that a grasp has ended; return NO_GRASP, or UNKNOWN where a camera is gone.
+
+        Frames that the source does not send between two grasps are not missed for as long as it
+        said (`CameraInfo.pause_s`); a camera that streams on is watched as ever.
+
+        Args:
+            time_s: When it ended, on the frames' clock, seconds.
+            now_s: This moment on the same clock, seconds; `time_s` by default.
+        """
+        told = self._monitor
+        self.reset()
+        self._monitor, self._over = told, True
+        self._monitor.over(time_s)
+        now_s = time_s if now_s is None else now_s
+        # A mark from ahead, as of a damaged recording, must not keep cameras from being missed.
+        pause_s = max(camera.pause_s for camera in self._cameras)
+        self._health.rest(min(time_s, now_s) + pause_s)
+        return self.at(now_s)
+
+    def end(self) -> None:
+        """Hear that the source has ended: no frame comes any more."""
+        self._ended = True
 
     @property
     def settling(self) -> bool:
@@ -91,17 +127,22 @@ class GraspMonitor:
 
         Without this `push` goes by the sets that it is given.
         """
-        self._watched = True
+        self._watched = self._begun = True
         self._health.see(frame)
 
-    def push(self, found: FrameSet, now_s: float | None = None) -> GraspAnswer:
+    def push(
+        self, found: FrameSet, now_s: float | None = None, heard_s: float | None = None
+    ) -> GraspAnswer:
         """Take in the newest frame of each camera; return the decision.
 
         Args:
             found: The frames.
             now_s: This moment on the frames' clock, seconds; the frames' own by default.
+            heard_s: When it was last looked which frames have come, seconds; `now_s` by default.
+                A camera is missed by this: frames that wait while a model computes have come.
         """
         started = perf_counter()
+        self._begun, self._over = True, False
         if not self._watched:
             for frame in found.frames:
                 self._health.see(frame)
@@ -109,51 +150,72 @@ class GraspMonitor:
         try:
             images, fresh = self._look(found)
         except BadSource as error:
-            doubt = str(error)
+            doubt = error.got
         else:
-            window = self._window(images, fresh)
+            window = self._window(images, fresh, found)
             if window is not None:
                 probability = self.bundle.probability(window)
         arrived_s = max(frame.arrival_s for frame in found.frames)
-        doubt = doubt or self._health.doubt(arrived_s if now_s is None else now_s)
+        looked_s = now_s if heard_s is None else heard_s
+        doubt = doubt or self._health.doubt(arrived_s if looked_s is None else looked_s)
         now = found.time_s if now_s is None else now_s
         if doubt:
             decision = self._monitor.doubt(doubt, now)
         elif self._rest is None or len(self._ring) < self.bundle.contract.frames:
-            decision = self._monitor.at(now)
+            decision = self._monitor.doubt(self._waiting(), now)
         else:
             decision = self._monitor.push(probability, found.time_s, True, now_s)
-        return GraspAnswer(decision, probability, found.time_s, perf_counter() - started)
+        gels: tuple[Slip, ...] = ()
+        if self._watch is not None:
+            gels = self._watch.gels
+            decision = replace(decision, slip=self._watch.slip)
+        return GraspAnswer(decision, probability, found.time_s, perf_counter() - started, gels)
 
     def at(self, now_s: float) -> StabilityDecision:
         """Return the state when no frame came: UNKNOWN once a camera is gone."""
-        told = self._monitor.at(now_s)
+        if self._ended:
+            return self._monitor.doubt(REASONS["source over"].say(), now_s)
         doubt = self._health.doubt(now_s)
-        begun = any(eye.image is not None for eye in self._eyes)
-        return self._monitor.doubt(doubt, now_s) if doubt and begun else told
+        if doubt and self._begun:
+            return self._monitor.doubt(doubt, now_s)
+        return self._monitor.over(now_s) if self._over else self._monitor.at(now_s)
 
     def late(self) -> dict[str, float]:
         """Return the cameras that deliver clearly later than the others: name, seconds."""
         return self._health.late()
+
+    def _waiting(self) -> str:
+        """Return what is waited for before the first answer, and how long it will take."""
+        contract = self.bundle.contract
+        if self._rest is None:
+            early = max(len(self._early), len(self._early_rows))
+            early = early if self._watch is None else self._watch.waiting
+            left = max(self._settle.stop, contract.frames) - early
+            return REASONS["settling"].say(left_s=max(0, left) / contract.rate_hz)
+        left = contract.frames - len(self._ring)
+        return REASONS["window"].say(left_s=left / contract.rate_hz)
 
     def _look(self, found: FrameSet) -> tuple[tuple[NDArray[np.uint8], ...], list[int]]:
         """Return the images, and which cameras show another one than before."""
         fresh = [
             camera
             for camera, (eye, frame) in enumerate(zip(self._eyes, found.frames, strict=True))
-            if eye.see(frame.jpeg)
+            if eye.differs(frame.jpeg)
         ]
+        self._beside.map(lambda camera: self._eyes[camera].see(found.frames[camera].jpeg), fresh)
         images = []
         for eye in self._eyes:
             if eye.image is None:
-                raise BadSource("a frame of each camera", "none yet", "wait")
+                raise BadSource("a frame of each camera", REASONS["no input"].say(), "wait")
             images.append(eye.image)
         return tuple(images), fresh
 
     def _window(
-        self, images: tuple[NDArray[np.uint8], ...], fresh: Sequence[int]
+        self, images: tuple[NDArray[np.uint8], ...], fresh: Sequence[int], found: FrameSet
     ) -> NDArray[np.float32] | None:
         """Return the scaled window that ends with these images; None while it is not complete."""
+        if self._watch is not None:
+            return self._slip_window(self._watch, images, found)
         if self.bundle.backbone is not None:
             if fresh:
                 rows = self.bundle.backbone.run(frames=np.stack([images[c] for c in fresh]))
@@ -166,6 +228,16 @@ class GraspMonitor:
                 return None
             return self._begin()
         return self._next(self._gel_rows(images, fresh))
+
+    def _slip_window(
+        self, watch: SlipWatch, images: tuple[NDArray[np.uint8], ...], found: FrameSet
+    ) -> NDArray[np.float32] | None:
+        """Take in a moment's slip; return the scaled window that ends with it."""
+        window = None
+        for row in watch.push(images, [taken_of(frame) for frame in found.frames]):
+            self._rest = self._rows
+            window = self._ring.push((row - self.bundle.offset) * self.bundle.factor)
+        return window
 
     def _begin(self) -> NDArray[np.float32] | None:
         """Set up the gels' references, then go through the frames that were waiting."""
@@ -214,18 +286,28 @@ class GraspMonitor:
 class _Eye:
     """What one camera showed last."""
 
-    def __init__(self) -> None:
+    def __init__(self, camera: CameraInfo) -> None:
+        self._camera = camera
         self.image: NDArray[np.uint8] | None = None
         self._jpeg = b""
 
-    def see(self, jpeg: bytes) -> bool:
-        """Take in a frame; return whether it differs from the one before.
+    def differs(self, jpeg: bytes) -> bool:
+        """Return whether a frame differs from the one before."""
+        return jpeg != self._jpeg
+
+    def see(self, jpeg: bytes) -> None:
+        """Take in a frame.
 
         Raises:
-            BadSource: It cannot be decoded; the one before is kept.
+            BadSource: It cannot be decoded, or is not such as this camera sends; the one before
+                is kept.
         """
-        if jpeg == self._jpeg:
-            return False
-        self.image = decode_jpeg(jpeg)
+        try:
+            self.image = decode_jpeg(jpeg, self._camera)
+        except BadSource as error:
+            why = f"needed {error.needed}; got {error.got}"
+            raise BadSource(
+                error.needed, REASONS["bad image"].say(camera=self._camera.name, why=why),
+                error.mend,
+            ) from error  # fmt: skip
         self._jpeg = jpeg
-        return True

@@ -14,7 +14,9 @@ from typing import Any
 import numpy as np
 
 from taxel.bundles.grasp import GraspBundle
+from taxel.decisions.reasons import kind_of
 from taxel.decisions.stability import Stability, StabilityConfig
+from taxel.gel.slip_signal import Slip
 from taxel.live.grasp_monitor import GraspAnswer, GraspMonitor
 from taxel.signals import Mark
 from taxel.sources.contract import Source
@@ -38,6 +40,10 @@ class GraspTally:
     """One entry a grasp whose outcome the source told: outcome, first alarm (s)."""
     dropped: int = 0
     """Frames that found no partner."""
+    slip: Slip | None = None
+    """The newest; None where the bundle does not follow slip."""
+    largest_slip_mm: float | None = None
+    """In the grasp that slipped furthest."""
 
     def summary(self) -> dict[str, Any]:
         """Return the counts and latencies, for printing."""
@@ -48,6 +54,8 @@ class GraspTally:
             "alarms": self.alarms,
             "grasps": self.grasps,
             "frames_without_partner": self.dropped,
+            "slip": None if self.slip is None else self.slip.as_dict(),
+            "largest_slip_mm": self.largest_slip_mm,
             "latency_ms_median": float(np.median(latencies)),
             "latency_ms_p99": float(np.percentile(latencies, 99)),
         }
@@ -70,7 +78,7 @@ def run_grasp_session(
         seconds: Length on the frames' fitted clock, seconds; None has no end. Frames and marks
             beyond it are left out, however many a read gives at once.
         config: Thresholds in place of the bundle's.
-        on_answer: Called with each answer, and True where the state has changed.
+        on_answer: Called with each answer, and True where the state, or why it is so, has changed.
 
     Raises:
         BadBundle: The bundle was not made for such cameras.
@@ -78,7 +86,7 @@ def run_grasp_session(
     monitor = GraspMonitor(bundle, source.cameras, config)
     pairer = FramePairer(len(source.cameras))
     tally = GraspTally()
-    before: Stability | None = None
+    before: tuple[Stability, str | None] | None = None
     end_s: float | None = None
     over = False
     first_alarm_s: float | None = None
@@ -96,20 +104,25 @@ def run_grasp_session(
                 continue
             answer = monitor.push(found)
             state = answer.decision.state
+            shown = state, kind_of(answer.decision.reason)
             tally.moments += 1
             tally.states[state.name] += 1
             tally.latencies_s.append(answer.latency_s)
+            slip = answer.decision.slip
+            if slip is not None and slip.seen:
+                tally.slip = slip
+                tally.largest_slip_mm = max(tally.largest_slip_mm or 0.0, slip.distance_mm)
             if answer.decision.alarm and first_alarm_s is None:
                 first_alarm_s = answer.time_s
                 tally.alarms += 1
             if on_answer is not None:
-                on_answer(answer, state is not before)
-            before = state
+                on_answer(answer, shown != before)
+            before = shown
         for mark in source.marks():
             if end_s is not None and mark.end_s >= end_s:
                 continue
             tally.grasps.append(_told(mark, first_alarm_s))
-            monitor.reset()
+            monitor.over(mark.end_s)
             first_alarm_s = None
     tally.dropped = pairer.dropped
     return tally

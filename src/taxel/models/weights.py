@@ -20,7 +20,8 @@ from pathlib import Path
 
 from torch import nn
 
-from taxel.errors import BadInput, RecordingFailed
+from taxel.errors import BadFile, BadInput, RecordingFailed
+from taxel.foreign.files import open_file
 from taxel.models.backbones.catalogue import Published, find_backbone
 from taxel.models.backbones.random_start import fill_randomly
 from taxel.models.backbones.weight_files import load_backbone_weights
@@ -134,13 +135,14 @@ def _describe(backbone: str, path: Path) -> Weights:
 def _hash_file(path: Path) -> tuple[str, str]:
     sha256, md5 = hashlib.sha256(), hashlib.md5(usedforsecurity=False)
     try:
-        with path.open("rb") as file:
+        with open_file(path) as file:
             while block := file.read(1 << 20):
                 sha256.update(block)
                 md5.update(block)
-    except OSError as error:
+    except (OSError, BadFile) as error:
+        got = getattr(error, "got", None) or getattr(error, "strerror", None) or error
         raise BadInput(
-            f"to read the weights {path}", f"{error.strerror or error}", "check the file's rights"
+            f"to read the weights {path}", f"{got}", "check the file's rights"
         ) from error
     return sha256.hexdigest(), md5.hexdigest()
 

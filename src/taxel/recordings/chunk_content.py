@@ -21,10 +21,14 @@ from taxel.recordings.scan_layout import (
     SCAN_CHANNEL,
     decode_mark,
     decode_scans,
+    end_of_scans,
     record_dtype,
-    run_of_scans,
 )
-from taxel.signals import Frame, Mark, Samples
+from taxel.recordings.slip_layout import decode_slip, slip_channel
+from taxel.signals import Frame, Mark, Samples, SlipNote
+
+_MOST_MARKS = 50_000
+"""In a chunk; one that taxel writes has room for 2,000. Source: our choice."""
 
 
 @dataclass(slots=True)
@@ -32,9 +36,10 @@ class ChunkContent:
     """The messages of a chunk, by kind, each in the order of the file."""
 
     runs: list[NDArray[np.void]] = field(default_factory=list)
-    """Scans as message records."""
+    """Scans as message records: none, or all in one array."""
     marks: list[Mark] = field(default_factory=list)
     frames: list[Frame] = field(default_factory=list)
+    slips: list[SlipNote] = field(default_factory=list)
 
     def samples(self, channels: int) -> Samples:
         """Return the chunk's scans, which may be none."""
@@ -57,21 +62,39 @@ def decode_chunk(content: bytes, channels: int, cameras: int) -> ChunkContent:
     found = ChunkContent()
     dtype: np.dtype[Any] = record_dtype(channels)
     at = 0
+    spans: list[tuple[int, int]] = []
     while at < len(content):
+        if at + RECORD_HEAD.size > len(content):
+            raise ValueError("a chunk ends within a record's head")
         opcode, length = RECORD_HEAD.unpack_from(content, at)
         end = at + RECORD_HEAD.size + length
         if end > len(content):
             raise ValueError("a record ends beyond its chunk")
         if opcode == MESSAGE_OPCODE:
+            if length < MESSAGE_HEAD.size:
+                raise ValueError("a message is shorter than its head")
             channel = struct.unpack_from("<H", content, at + RECORD_HEAD.size)[0]
             body = at + RECORD_HEAD.size + MESSAGE_HEAD.size
             if channel == SCAN_CHANNEL:
-                run = run_of_scans(content, at, dtype)
-                found.runs.append(run)
-                end = at + run.nbytes
+                end = end_of_scans(content, at, dtype)
+                spans.append((at, end))
             elif channel == MARK_CHANNEL:
+                if len(found.marks) >= _MOST_MARKS:
+                    raise ValueError(f"more than {_MOST_MARKS:,} marks in a chunk")
                 found.marks.append(decode_mark(content[body:end]))
             elif 0 <= channel - FRAME_CHANNEL < cameras:
                 found.frames.append(decode_frame(channel, content[body:end]))
+            elif channel == slip_channel(cameras):
+                found.slips.append(decode_slip(content[body:end]))
         at = end
+    if spans:
+        found.runs.append(_joined(content, spans, dtype))
     return found
+
+
+def _joined(content: bytes, spans: list[tuple[int, int]], dtype: np.dtype[Any]) -> NDArray[np.void]:
+    """Return the scans of some stretches; a single one is not copied."""
+    if len(spans) == 1:
+        ((start, end),) = spans
+        return np.frombuffer(content, dtype, (end - start) // dtype.itemsize, start)
+    return np.frombuffer(b"".join(content[start:end] for start, end in spans), dtype)

@@ -12,14 +12,14 @@ from typing import Any, BinaryIO
 import numpy as np
 from mcap.records import Schema
 
-from taxel.recordings import frame_layout
+from taxel.recordings import frame_layout, slip_layout
 from taxel.recordings import scan_layout as layout
 from taxel.recordings.manifest import Manifest, to_record
 from taxel.recordings.mcap_file import McapFile, Messages
 from taxel.recordings.tally import FrameTally, Tally
-from taxel.signals import Frame, Mark, Samples
+from taxel.signals import Frame, Mark, Samples, SlipNote
 
-Item = Samples | Mark | Frame
+Item = Samples | Mark | Frame | SlipNote
 CHUNK_BYTES = 256 * 1024
 """Largest content of a chunk: what one damaged byte may take. At 1 kHz the flush comes first."""
 
@@ -40,6 +40,7 @@ class ChunkWriter:
     def __init__(self, raw: BinaryIO, manifest: Manifest) -> None:
         self._manifest = manifest
         self._tally = Tally()
+        self._slips = 0
         self._frame_tallies = [FrameTally() for _ in manifest.cameras]
         pairs = to_record(manifest)
         file = self._file = McapFile(raw, manifest.software)
@@ -97,6 +98,9 @@ class ChunkWriter:
             frames = self._write_frames(frames)
         if marks:
             self._write_marks(marks)
+        slips = [item for item in batch if isinstance(item, SlipNote)]
+        if slips:
+            self._write_slips(slips)
 
     def finish(self, ended: str) -> None:
         """Write the ledger and what completes the file; leave it open.
@@ -166,6 +170,28 @@ class ChunkWriter:
             contents.append(content)
         self._file.add_chunk([_messages(layout.MARK_CHANNEL, log_ns, contents)])
         self._tally.marks += len(marks)
+
+    def _write_slips(self, slips: list[SlipNote]) -> None:
+        """Write slip as a chunk of its own; the first brings its channel with it."""
+        cameras = len(self._manifest.cameras)
+        if not self._slips:
+            schema = Schema(
+                id=slip_layout.slip_channel(cameras),
+                name=slip_layout.SLIP_SCHEMA_NAME,
+                encoding="jsonschema",
+                data=slip_layout.SLIP_SCHEMA,
+            )
+            self._file.add_channel(slip_layout.SLIP_TOPIC, "json", schema)
+        stamps, contents = [], []
+        for note in slips:
+            stamp, content = slip_layout.encode_slip(
+                note, self._slips, cameras, self._manifest.wall_anchor_ns
+            )
+            self._slips += 1
+            stamps.append(stamp)
+            contents.append(content)
+        channel = slip_layout.slip_channel(cameras)
+        self._file.add_chunk([_messages(channel, stamps, contents)])
 
 
 def _messages(channel: int, log_ns: list[int], contents: list[bytes]) -> Messages:

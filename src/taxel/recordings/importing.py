@@ -19,6 +19,8 @@ from taxel.recordings.intervals import Interval, marks_of, read_intervals, stem_
 from taxel.recordings.layouts import find_layout
 from taxel.recordings.manifest import Manifest
 from taxel.recordings.spelling import composed
+from taxel.recordings.table_columns import is_number, read_cells
+from taxel.recordings.table_files import file_of
 from taxel.recordings.tables import Missing, Table
 from taxel.recordings.whole import new_folder
 from taxel.recordings.writer import Recorder
@@ -56,6 +58,8 @@ class ImportOptions:
     """Empty cells, NaN and infinity: refuse the file, or keep them flagged as not finite."""
     allow_code: bool = False
     """Run layouts of the form module.py:function."""
+    allow_outside: bool = False
+    """Take files that lie outside the data folder; see table_files.py."""
     overwrite: bool = False
     """Replace an existing output folder that holds nothing else than what is written again."""
 
@@ -83,7 +87,7 @@ def import_table(
         BadTable: A table or any file is not as it should be; then nothing is written.
         RecordingFailed: The disk refused.
     """
-    rows = read_rows(manifest_csv, data_dir or manifest_csv.parent)
+    rows = read_rows(manifest_csv, data_dir or manifest_csv.parent, outside=options.allow_outside)
     return import_rows(
         rows, output_dir, code_dir=manifest_csv.parent, intervals=intervals_of(rows, intervals),
         options=options, progress=progress,
@@ -129,19 +133,24 @@ def intervals_of(rows: Sequence[ImportRow], table: Path | None) -> dict[str, lis
     return found
 
 
-def read_rows(manifest_csv: Path, data_dir: Path) -> list[ImportRow]:
+def read_rows(manifest_csv: Path, data_dir: Path, *, outside: bool = False) -> list[ImportRow]:
     """Return the rows of an import table.
 
+    Args:
+        manifest_csv: The import table.
+        data_dir: What the column `file` is relative to.
+        outside: Also files that lie outside of that folder.
+
     Raises:
-        BadTable: A column is unknown or missing, or a row is not complete.
+        BadTable: A column is unknown or missing, a row is not complete, or its file lies outside.
     """
-    lines = tables.read_cells(manifest_csv)
+    lines = read_cells(manifest_csv)
     header = [name.strip() for name in lines[0]] if lines else []
     _check_header(manifest_csv, header)
     if len(lines) < 2:
         raise BadTable("a row for each file", f"none in {manifest_csv}", "add rows")
     return [
-        _row(manifest_csv, number, header, cells, data_dir)
+        _row(manifest_csv, number, header, cells, data_dir, outside)
         for number, cells in enumerate(lines[1:], start=2)
         if any(cell.strip() for cell in cells)
     ]
@@ -162,7 +171,12 @@ def _check_header(path: Path, header: Sequence[str]) -> None:
 
 
 def _row(
-    path: Path, number: int, header: Sequence[str], cells: Sequence[str], data_dir: Path
+    path: Path,
+    number: int,
+    header: Sequence[str],
+    cells: Sequence[str],
+    data_dir: Path,
+    outside: bool,
 ) -> ImportRow:
     where = f"{path}, line {number}"
     if len(cells) != len(header):
@@ -172,7 +186,7 @@ def _row(
     if empty:
         raise BadTable(f"something in the column {empty[0]!r}", f"nothing in {where}", "fill it in")
     return ImportRow(
-        file=data_dir / named["file"],
+        file=file_of(named["file"], data_dir, where, outside=outside),
         labels={n.removeprefix("label:"): c for n, c in named.items() if n.startswith("label:")},
         groups={"file": named["file"]}
         | {n.removeprefix("group:"): c for n, c in named.items() if n.startswith("group:")},
@@ -185,10 +199,9 @@ def _row(
 
 
 def _full_scale(text: str, where: str) -> float | None:
-    try:
-        return float(text) if text else None
-    except ValueError as error:
-        raise BadTable("a number in 'full_scale'", f"{text!r} in {where}", "mend it") from error
+    if text and not (is_number(text) and abs(float(text)) <= tables.LARGEST_VALUE):
+        raise BadTable("a number in 'full_scale'", f"{text[:80]!r} in {where}", "mend it")
+    return float(text) if text else None
 
 
 def _output_names(rows: Sequence[ImportRow]) -> list[str]:

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from taxel.errors import BadTable
 from taxel.recordings.spelling import composed
-from taxel.recordings.tables import is_number, mend_number, read_cells
+from taxel.recordings.table_columns import is_number, mend_number, read_cells
 from taxel.recordings.writer import Recorder
 from taxel.signals import Mark, Samples
 

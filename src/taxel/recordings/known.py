@@ -6,15 +6,15 @@ data themselves are not part of taxel. Knows nothing about models or splits.
 
 from __future__ import annotations
 
-import gzip
 import re
-import zlib
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 from taxel.errors import BadTable
+from taxel.foreign.text_lines import lines_of
 from taxel.recordings.importing import ImportRow
+from taxel.recordings.table_columns import LARGEST_TABLE
 from taxel.recordings.video_rows import VideoRow
 
 GLOVE_CHANNELS = (
@@ -191,11 +191,15 @@ def _files(folder: Path, pattern: str) -> list[Path]:
 def _span_ms(path: Path) -> tuple[float, float]:
     """Return the first and the last time stamp of a glove's file, milliseconds."""
     try:
-        lines = gzip.decompress(path.read_bytes()).decode().splitlines()
-        return float(lines[1].split(",")[0]), float(lines[-1].split(",")[0])
-    except (OSError, EOFError, zlib.error, ValueError, IndexError) as error:
+        lines = lines_of(path, LARGEST_TABLE)
+        next(lines)
+        first = last = next(lines)
+        for line in lines:
+            last = line
+        return float(first.split(",")[0]), float(last.split(",")[0])
+    except (OSError, ValueError, StopIteration) as error:  # BadFile is a ValueError
         raise BadTable(
             "a gzipped table with time stamps in its first column",
-            f"{path}: {error}",
+            f"{path}: {getattr(error, 'got', error)}",
             "copy the file again",
         ) from error

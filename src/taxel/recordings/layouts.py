@@ -21,8 +21,11 @@ from types import ModuleType
 import numpy as np
 from numpy.typing import NDArray
 
-from taxel.errors import BadTable
+from taxel.errors import BadFile, BadTable
+from taxel.foreign.files import MIB, read_text
 
+_LARGEST_BYTES = 8 * MIB
+"""Of a text that is read as a whole; the longest grasp of the iCub's has 0.1 MB."""
 LayoutReader = Callable[
     [Path], tuple[NDArray[np.float64], NDArray[np.float64], Sequence[str], Sequence[str]]
 ]
@@ -127,9 +130,10 @@ def _load(path: Path) -> ModuleType:
 
 def _lines(path: Path) -> list[str]:
     try:
-        return [line for line in path.read_text("utf-8").splitlines() if line.strip()]
-    except (OSError, UnicodeDecodeError) as error:
-        raise BadTable("a text file that can be read", f"{path}: {error}", "check it") from error
+        return [line for line in read_text(path, _LARGEST_BYTES).splitlines() if line.strip()]
+    except (OSError, BadFile) as error:
+        got = getattr(error, "got", error)
+        raise BadTable("a text file that can be read", f"{path}: {got}", "check it") from error
 
 
 def _numbers(path: Path, line: int, text: str) -> list[float]:

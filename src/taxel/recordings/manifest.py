@@ -8,21 +8,30 @@ nothing about files, scans or models.
 from __future__ import annotations
 
 import json
+import re
 import time
 import zlib
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
 from datetime import UTC, datetime
-from typing import Any
 
 from taxel import __version__
-from taxel.errors import BadRecording
+from taxel.errors import BadFile, BadInput, BadRecording
+from taxel.foreign.json_text import Fields, parse_json
+from taxel.foreign.records import record_of
 from taxel.signals import CameraInfo, SensorInfo
 
 NO_ARRAY = SensorInfo(name="none", channels=(), units=(), rate_hz=0.0)
 """The sensor of a recording that holds cameras only."""
 FORMAT_VERSION = "1"
 """Raised when a reader of the old format would misread the new one."""
+_MOST_CAMERAS, _LARGEST_SIDE, _LARGEST_RATE_HZ = 64, 65_535, 1e9
+"""Bounds of what a manifest may say; no JPEG has a longer side. Source: our choice."""
+_LARGEST_32 = 3.4e38
+"""What 32 bits hold, about."""
+_WHOLE = re.compile(r"-?[0-9]{1,19}")
+_FURTHEST_NS = 4 * 10**18
+"""Until the year 2096, nanoseconds: with the furthest time of a scan it still fits 64 bits."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -102,6 +111,20 @@ def to_record(manifest: Manifest) -> dict[str, str]:
     return pairs | {"crc32": _check_sum(pairs)}
 
 
+def check_manifest(manifest: Manifest) -> None:
+    """Refuse a manifest that, once written, no reader would take.
+
+    Raises:
+        BadInput: A field is of another kind, or out of its range.
+    """
+    try:
+        from_record(to_record(manifest))
+    except BadRecording as error:
+        raise BadInput(
+            "a sensor or cameras that a recording can describe", error.got, "mend the source"
+        ) from error
+
+
 def from_record(pairs: Mapping[str, str]) -> Manifest:
     """Return the manifest that `to_record` wrote.
 
@@ -121,31 +144,52 @@ def from_record(pairs: Mapping[str, str]) -> Manifest:
         )
     try:
         return _parse(body)
-    except (KeyError, TypeError, ValueError) as error:
+    except BadFile as error:
+        raise BadRecording("a complete manifest", error.got, "record it again") from error
+    except (KeyError, ValueError) as error:
         raise BadRecording(
             "a complete manifest", f"{type(error).__name__}: {error}", "record it again"
         ) from error
 
 
 def _parse(body: Mapping[str, str]) -> Manifest:
-    sensor: dict[str, Any] = json.loads(body["sensor"])
+    sensor = Fields(parse_json(body["sensor"]), "sensor")
+    own = Fields({name: parse_json(body[name]) for name in ("labels", "groups")}, "the manifest")
+    cameras = parse_json(body.get("cameras", "[]"))
+    if not isinstance(cameras, list) or len(cameras) > _MOST_CAMERAS:
+        raise ValueError(f"cameras is no list of at most {_MOST_CAMERAS}")
+    anchor = body["wall_anchor_ns"]
+    if not _WHOLE.fullmatch(anchor) or abs(int(anchor)) > _FURTHEST_NS:
+        raise ValueError("wall_anchor_ns is no whole number of nanoseconds")
     return Manifest(
         sensor=SensorInfo(
-            name=sensor["name"],
-            channels=tuple(sensor["channels"]),
-            units=tuple(sensor["units"]),
-            rate_hz=float(sensor["rate_hz"]),
-            full_scale=sensor["full_scale"],
-            serial=sensor["serial"],
-            details=sensor["details"],
+            name=sensor.text("name"),
+            channels=sensor.texts("channels"),
+            units=sensor.texts("units"),
+            rate_hz=sensor.number("rate_hz", 0.0, _LARGEST_RATE_HZ),
+            full_scale=sensor.number("full_scale", -_LARGEST_32, _LARGEST_32)
+            if "full_scale" in sensor
+            else None,
+            serial=sensor.text("serial"),
+            details=sensor.pairs("details"),
         ),
-        cameras=tuple(CameraInfo(**camera) for camera in json.loads(body.get("cameras", "[]"))),
-        labels=json.loads(body["labels"]),
-        groups=json.loads(body["groups"]),
+        cameras=tuple(map(_camera, cameras)),
+        labels=own.pairs("labels"),
+        groups=own.pairs("groups"),
         software=body["software"],
         created=body["created"],
-        wall_anchor_ns=int(body["wall_anchor_ns"]),
+        wall_anchor_ns=int(anchor),
     )
+
+
+def _camera(value: object) -> CameraInfo:
+    camera = record_of(CameraInfo, value)
+    sides = (camera.width, camera.height)
+    if not 1 <= min(sides) <= max(sides) <= _LARGEST_SIDE:
+        raise ValueError(f"a camera of {camera.width}×{camera.height} pixels")
+    if not 0 <= camera.rate_hz <= _LARGEST_RATE_HZ:
+        raise ValueError(f"a camera of {camera.rate_hz:g} frames a second")
+    return camera
 
 
 def _json(value: object) -> str:

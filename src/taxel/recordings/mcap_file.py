@@ -96,7 +96,16 @@ class McapFile:
     def add_channel(
         self, topic: str, encoding: str, schema: Schema, pairs: Mapping[str, str] | None = None
     ) -> int:
-        """Append a schema and a channel that uses it; return the channel's number, from 1."""
+        """Append a schema and a channel that uses it; return the channel's number, from 1.
+
+        Chunks that are there already hold nothing of it.
+        """
+        fields = self._fields_a_chunk
+        wider = array("Q")
+        for at in range(0, len(self._chunks), fields):
+            wider.extend(self._chunks[at : at + fields])
+            wider.append(0)
+        self._chunks = wider
         channel = Channel(
             id=len(self._channels) + 1,
             topic=topic,

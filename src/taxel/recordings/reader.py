@@ -6,7 +6,7 @@ with the command that saves it. Knows nothing about labels, windows or models.
 
 from __future__ import annotations
 
-import json
+import os
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -16,13 +16,29 @@ import numpy as np
 from mcap.opcode import Opcode
 from numpy.typing import NDArray
 
-from taxel.errors import BadRecording
+from taxel.errors import BadFile, BadRecording
+from taxel.foreign.files import in_words
+from taxel.foreign.json_text import parse_json
 from taxel.recordings import scan_layout as layout
 from taxel.recordings.chunk_content import ChunkContent, decode_chunk
 from taxel.recordings.manifest import Manifest, from_record
-from taxel.recordings.walk import Damaged, damaged, open_chunk, parse_metadata, walk
+from taxel.recordings.walk import damaged, open_chunk, parse_metadata, walk
 from taxel.recordings.writer import PART_SUFFIX, part_path
-from taxel.signals import Frame, Mark, Samples
+from taxel.signals import Frame, Mark, Samples, SlipNote
+
+_MARK_BYTES = 1000
+"""What a mark takes in memory, about."""
+
+
+def _half_of_memory() -> int:
+    try:
+        return os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE") // 2
+    except (AttributeError, ValueError, OSError):  # systems that do not say
+        return 4 * 2**30
+
+
+_MOST_HELD = _half_of_memory()
+"""Bytes of scans and marks that are read as a whole; a small file can hold much that packs well."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -58,6 +74,7 @@ def read_recording(path: Path) -> Recording:
     statistics: dict[str, Any] = {}
     runs: list[NDArray[np.void]] = []
     marks: list[Mark] = []
+    held = 0
     for item in _items(path):
         if isinstance(item, Manifest):
             manifest = item
@@ -66,6 +83,12 @@ def read_recording(path: Path) -> Recording:
         else:
             runs += item.runs
             marks += item.marks
+            held += sum(run.nbytes for run in item.runs) + _MARK_BYTES * len(item.marks)
+            if held > _MOST_HELD:
+                raise BadRecording(
+                    f"a recording of at most {in_words(_MOST_HELD)} of scans, half of this "
+                    "machine's memory", f"more in {path}", "record shorter ones",
+                )  # fmt: skip
     if manifest is None:
         raise _no_manifest(path)
     dtype = layout.record_dtype(len(manifest.sensor.channels))
@@ -112,6 +135,17 @@ def iterate_frames(path: Path, camera: int | None = None) -> Iterator[Frame]:
             for frame in sorted(item.frames, key=lambda one: one.fitted_s):
                 if camera is None or frame.camera == camera:
                     yield frame
+
+
+def iterate_slips(path: Path) -> Iterator[SlipNote]:
+    """Yield the slip that was measured while it was recorded, oldest first, in constant memory.
+
+    Raises:
+        BadRecording: It is missing, no recording of taxel's, cut short, or damaged.
+    """
+    for item in _items(path):
+        if isinstance(item, ChunkContent):
+            yield from item.slips
 
 
 def iterate_samples(path: Path, block_scans: int = 4096) -> Iterator[Samples]:
@@ -190,16 +224,32 @@ def _items(path: Path) -> Iterator[Item]:
                     manifest = from_record(pairs)
                     yield manifest
                 elif name == "taxel.statistics":
-                    yield {key: json.loads(value) for key, value in pairs.items()}
+                    yield {key: parse_json(value) for key, value in pairs.items()}
             elif record.opcode == Opcode.CHUNK:
                 if manifest is None:
                     raise _no_manifest(path)
                 content = open_chunk(record.payload)
-                yield decode_chunk(content, len(manifest.sensor.channels), len(manifest.cameras))
+                yield decoded(content, manifest)
     except BadRecording:
         raise
-    except (Damaged, ValueError, KeyError, TypeError) as error:
+    except BadFile as error:
+        raise damaged(path, error.got) from error
+    except ValueError as error:
         raise damaged(path, str(error)) from error
+
+
+def decoded(content: bytes, manifest: Manifest) -> ChunkContent:
+    """Return what a chunk's uncompressed bytes hold, with times that a clock can have.
+
+    Raises:
+        ValueError: A record is not laid out as FORMAT.md says, or its time is none.
+    """
+    found = decode_chunk(content, len(manifest.sensor.channels), len(manifest.cameras))
+    times = [run["fitted_s"] for run in found.runs]
+    times.append(np.array([frame.fitted_s for frame in found.frames]))
+    if not all((np.abs(own) <= layout.FURTHEST_S).all() for own in times):  # NaN is not, either
+        raise ValueError("a scan or frame has a time that no clock shows")
+    return found
 
 
 def _no_manifest(path: Path) -> BadRecording:

@@ -11,7 +11,6 @@ lost). Knows nothing about sensors or labels.
 from __future__ import annotations
 
 import contextlib
-import math
 import mmap
 import os
 from collections.abc import Callable, Iterator
@@ -22,13 +21,15 @@ from typing import Any
 import numpy as np
 from mcap.opcode import Opcode
 
-from taxel.errors import BadInput, BadRecording
+from taxel.errors import BadFile, BadInput, BadRecording
+from taxel.foreign.files import open_file
 from taxel.recordings import scan_layout as layout
 from taxel.recordings.chunk_content import decode_chunk
 from taxel.recordings.manifest import Manifest, from_record
 from taxel.recordings.mcap_file import COMPRESSION, MAGIC, RECORD_HEAD
 from taxel.recordings.walk import (
     LARGEST_CHUNK,
+    LARGEST_METADATA,
     Damaged,
     open_chunk,
     parse_channel,
@@ -41,8 +42,13 @@ _CHUNK_SIGN = len(COMPRESSION).to_bytes(4, "little") + COMPRESSION.encode()
 """Stands in the head of every chunk that taxel writes …"""
 _SIGN_AT = RECORD_HEAD.size + 28
 """… this many bytes after its beginning: opcode, length, two times, size and CRC come first."""
-_LARGEST_HEAD = 16 * 1024 * 1024
-"""Bytes; no manifest comes near."""
+_PART = 32 * 1024 * 1024
+"""Bytes that are searched before the system may forget them: a file may be larger than memory."""
+_MANIFEST_WITHIN = 2 * _PART
+"""A manifest's copies stand at the head and in the summary: so near to the file's ends, bytes."""
+_FREE_EFFORT, _EFFORT_A_BYTE = 512 * 1024 * 1024, 8
+"""Bytes that may be looked at in vain before a file counts as made to take for ever: damage
+costs each chunk once, false heads within one another cost all that follows. Our choice."""
 
 
 @dataclass(slots=True, kw_only=True)
@@ -82,7 +88,7 @@ class _Piece:
     end: int
     opcode: int | None
     content: bytes = b""
-    """A chunk's uncompressed bytes, or another record's payload."""
+    """A chunk's uncompressed bytes."""
 
 
 def recover(
@@ -112,15 +118,18 @@ def recover(
             "a new file for what is recovered", f"{output}, which exists", "add --overwrite"
         )
     with _mapped(path) as content:
-        manifest = _find_manifest(content, path)
-        return _copy(content, manifest, output, progress or (lambda share: None))
+        effort = _Effort(path, len(content))
+        manifest = _find_manifest(content, path, effort)
+        return _copy(content, manifest, output, effort, progress or (lambda share: None))
 
 
 def _mapped(path: Path) -> mmap.mmap:
     """Return the file's bytes, of which only those that are looked at are read."""
     try:
-        with path.open("rb") as file:
+        with open_file(path) as file:
             return mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ)
+    except BadFile as error:
+        raise BadRecording("a recording's file", error.got, "name a recording (.mcap)") from error
     except OSError as error:
         raise BadRecording(
             "a recording that can be opened", f"{path}: {error.strerror}", "check the path"
@@ -131,10 +140,37 @@ def _mapped(path: Path) -> mmap.mmap:
         ) from error
 
 
+class _Effort:
+    """Counts the bytes that were looked at in vain.
+
+    Args:
+        path: The file, for the message.
+        size: Its bytes.
+    """
+
+    def __init__(self, path: Path, size: int) -> None:
+        self._path = path
+        self._left = _FREE_EFFORT + _EFFORT_A_BYTE * size
+
+    def spend(self, count: int) -> None:
+        """Note so many bytes.
+
+        Raises:
+            BadRecording: They are more than damage explains.
+        """
+        self._left -= count
+        if self._left < 0:
+            raise BadRecording(
+                "a damaged recording", f"{self._path}, full of heads of chunks that are none",
+                "nothing can be saved from it",
+            )  # fmt: skip
+
+
 def _copy(
     content: mmap.mmap,
     manifest: Manifest,
     output: Path,
+    effort: _Effort,
     progress: Callable[[float], None],
 ) -> RecoveryReport:
     report = RecoveryReport()
@@ -144,7 +180,7 @@ def _copy(
     scratch = output.with_name(f"{output.stem}.recovering")
     recorder = Recorder(scratch, manifest, overwrite=True)
     try:
-        for piece in _pieces(content):
+        for piece in _pieces(content, effort):
             progress(piece.end / len(content))
             if piece.opcode is None:
                 report.damaged_stretches += 1
@@ -174,7 +210,7 @@ def _copy_chunk(
     """Copy what a sound chunk holds; one of another layout counts as damaged."""
     try:
         found = decode_chunk(content, len(manifest.sensor.channels), len(manifest.cameras))
-    except (ValueError, KeyError, TypeError) as error:
+    except ValueError as error:
         report.damaged_stretches += 1
         report.bytes_skipped += len(content)
         report.notes.append(f"a chunk is sound but not taxel's: {error}")
@@ -183,14 +219,16 @@ def _copy_chunk(
     report.chunks += 1
     if found.runs:
         samples = found.samples(len(manifest.sensor.channels))
-        samples = samples[np.isfinite(samples.fitted_s)]
+        samples = samples[np.abs(samples.fitted_s) <= layout.FURTHEST_S]
         recorder.write(samples)
         report.scans += len(samples)
         gaps.continued(_ends_s(samples))
     for mark in found.marks:
         recorder.mark(mark)
     report.marks += len(found.marks)
-    frames = [frame for frame in found.frames if math.isfinite(frame.fitted_s)]
+    for note in found.slips:
+        recorder.slip(note)
+    frames = [frame for frame in found.frames if abs(frame.fitted_s) <= layout.FURTHEST_S]
     for frame in frames:
         recorder.frame(frame)
     report.frames += len(frames)
@@ -225,22 +263,25 @@ def _ends_s(samples: Samples) -> list[float]:
     return [float(part.fitted_s[0]) for part in (samples[:1], samples[-1:]) if len(part)]
 
 
-def _find_manifest(content: mmap.mmap, path: Path) -> Manifest:
+def _find_manifest(content: mmap.mmap, path: Path, effort: _Effort) -> Manifest:
     """Return the first of the manifest's copies whose check sum holds.
 
     The copies stand in the metadata "taxel" and in the scans' channel record,
     at the head and, in a finished file, again in the summary.
     """
+    ends = [(0, _MANIFEST_WITHIN), (max(0, len(content) - _MANIFEST_WITHIN), len(content))]
     for sign, before, parse in (
         (b"\5\0\0\0taxel", 0, _metadata_pairs),
         (layout.scan_topic("").encode(), 8, _channel_pairs),
     ):
-        at = content.find(sign)
-        while at >= 0:
-            payload = _plausible(content, at - before - RECORD_HEAD.size, _LARGEST_HEAD)
-            with contextlib.suppress(Damaged, BadRecording):
-                return from_record(parse(payload or b""))
-            at = content.find(sign, at + 1)
+        for start, end in ends:
+            at = _find(content, sign, start, end)
+            while at >= 0:
+                payload = _plausible(content, at - before - RECORD_HEAD.size, LARGEST_METADATA)
+                with contextlib.suppress(Damaged, BadRecording):
+                    return from_record(parse(payload or b""))
+                effort.spend(len(payload or b"") + len(sign))
+                at = _find(content, sign, at + 1, end)
     raise BadRecording(
         "a recording that taxel wrote",
         f"{path}, in which no copy of taxel's manifest is sound",
@@ -271,35 +312,58 @@ def _plausible(content: mmap.mmap, at: int, largest: int) -> bytes | None:
     return content[start : start + length]
 
 
-def _pieces(content: mmap.mmap) -> Iterator[_Piece]:
+def _find(content: mmap.mmap, sign: bytes, start: int, end: int | None = None) -> int:
+    """Return where a sign stands next, −1 where nowhere; memory is that of one part."""
+    end = len(content) if end is None else min(end, len(content))
+    while start < end:
+        stop = min(end, start + _PART + len(sign) - 1)
+        at = content.find(sign, start, stop)
+        if at >= 0:
+            return at
+        _forget(content, start, stop)
+        start += _PART
+    return -1
+
+
+def _forget(content: mmap.mmap, start: int, end: int) -> None:
+    """Tell the system that a stretch will not be needed soon."""
+    if hasattr(content, "madvise"):
+        first = start - start % mmap.PAGESIZE
+        content.madvise(mmap.MADV_DONTNEED, first, end - first)
+
+
+def _pieces(content: mmap.mmap, effort: _Effort) -> Iterator[_Piece]:
     """Yield sound records and, between them, the stretches that are not."""
-    at = len(MAGIC)
+    at, held = len(MAGIC), 0
     end = len(content)
     if content[:at] != MAGIC:
         yield _Piece(0, at, None)
     while at < end:
-        piece = _record_at(content, at)
+        if at - held > _PART:
+            _forget(content, held, at)
+            held = at
+        piece = _record_at(content, at, effort)
         if piece is None:
-            following = _next_chunk(content, at + 1)
+            following = _next_chunk(content, at + 1, effort)
             yield _Piece(at, end if following is None else following.start, None)
             if following is None:
                 return
             piece = following
         yield piece
         at = piece.end
-        if piece.opcode == Opcode.FOOTER and content[at:] == MAGIC:
+        if piece.opcode == Opcode.FOOTER and content[at : at + len(MAGIC) + 1] == MAGIC:
             return
 
 
-def _record_at(content: mmap.mmap, at: int) -> _Piece | None:
+def _record_at(content: mmap.mmap, at: int, effort: _Effort) -> _Piece | None:
     """Return the record at `at` if it is sound."""
     opcode = content[at]
     if opcode == Opcode.CHUNK:
-        return _chunk_at(content, at)
-    payload = _plausible(content, at, _LARGEST_HEAD)
+        return _chunk_at(content, at, effort)
+    payload = _plausible(content, at, LARGEST_CHUNK)
     if payload is None or not _sound(opcode, payload):
         return None
-    return _Piece(at, at + RECORD_HEAD.size + len(payload), opcode, payload)
+    return _Piece(at, at + RECORD_HEAD.size + len(payload), opcode)
 
 
 def _sound(opcode: int, payload: bytes) -> bool:
@@ -317,25 +381,26 @@ def _sound(opcode: int, payload: bytes) -> bool:
     return opcode in set(Opcode) - {Opcode.MESSAGE}
 
 
-def _chunk_at(content: mmap.mmap, at: int) -> _Piece | None:
+def _chunk_at(content: mmap.mmap, at: int, effort: _Effort) -> _Piece | None:
     payload = _plausible(content, at, LARGEST_CHUNK)
     if payload is None:
         return None
     try:
         opened = open_chunk(payload)
     except Damaged:
+        effort.spend(2 * len(payload))  # copied, and opened as far as it went
         return None
     return _Piece(at, at + RECORD_HEAD.size + len(payload), Opcode.CHUNK, opened)
 
 
-def _next_chunk(content: mmap.mmap, after: int) -> _Piece | None:
+def _next_chunk(content: mmap.mmap, after: int, effort: _Effort) -> _Piece | None:
     """Return the first sound chunk that begins at `after` or later."""
-    sign = content.find(_CHUNK_SIGN, after + _SIGN_AT)
+    sign = _find(content, _CHUNK_SIGN, after + _SIGN_AT)
     while sign >= 0:
         start = sign - _SIGN_AT
         if content[start] == Opcode.CHUNK:
-            piece = _chunk_at(content, start)
+            piece = _chunk_at(content, start, effort)
             if piece is not None:
                 return piece
-        sign = content.find(_CHUNK_SIGN, sign + 1)
+        sign = _find(content, _CHUNK_SIGN, sign + 1)
     return None

@@ -11,11 +11,14 @@ from __future__ import annotations
 
 import json
 import struct
+from collections.abc import Mapping
+from functools import cache
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from taxel.foreign.json_text import Fields, parse_json
 from taxel.recordings.mcap_file import RECORD_HEAD
 from taxel.signals import Mark, Samples
 
@@ -51,9 +54,14 @@ MARK_SCHEMA = json.dumps(
 SCAN_CHANNEL, MARK_CHANNEL = 1, 2
 """MCAP channel numbers, the same in every recording, so that a chunk can be read alone."""
 
+FURTHEST_S = 4e9
+"""No clock that counts from a boot or from 1970 lies further from zero, seconds: until 2096."""
+
 MESSAGE_OPCODE = 0x05
 MESSAGE_HEAD = struct.Struct("<HIQQ")
 """Channel, sequence, log time and publish time (ns), before every message's own bytes."""
+_ONE_BY_ONE = 8
+"""Scans of a run that are looked at one by one before arrays are worth it. Our choice."""
 CDR_LITTLE_ENDIAN = 0x0100
 """The CDR head 00 01 00 00, read as one little-endian u32."""
 
@@ -104,9 +112,9 @@ def encode_scans(samples: Samples, first_sequence: int, wall_anchor_ns: int) -> 
     records["length"] = records.dtype.itemsize - RECORD_HEAD.size
     records["channel"] = SCAN_CHANNEL
     records["sequence"] = np.arange(first_sequence, first_sequence + n) & 0xFFFFFFFF
-    records["log_ns"] = _wall_ns(samples.fitted_s, wall_anchor_ns)
+    records["log_ns"] = wall_ns(samples.fitted_s, wall_anchor_ns)
     arrival = np.where(np.isfinite(samples.arrival_s), samples.arrival_s, samples.fitted_s)
-    records["publish_ns"] = _wall_ns(arrival, wall_anchor_ns)
+    records["publish_ns"] = wall_ns(arrival, wall_anchor_ns)
     records["cdr"] = CDR_LITTLE_ENDIAN
     records["fitted_s"] = samples.fitted_s
     records["device_s"] = samples.device_s
@@ -141,45 +149,89 @@ def encode_mark(mark: Mark, sequence: int, wall_anchor_ns: int) -> tuple[int, by
         },
         ensure_ascii=False,
     ).encode()
-    log_ns = int(_wall_ns(np.array([mark.start_s]), wall_anchor_ns)[0])
+    log_ns = int(wall_ns(np.array([mark.start_s]), wall_anchor_ns)[0])
     head = RECORD_HEAD.pack(MESSAGE_OPCODE, MESSAGE_HEAD.size + len(text))
     return log_ns, head + MESSAGE_HEAD.pack(MARK_CHANNEL, sequence, log_ns, log_ns) + text
 
 
-def run_of_scans(content: bytes, at: int, dtype: np.dtype[Any]) -> NDArray[np.void]:
-    """Return all scans that follow one another from `at`, without copying.
+def end_of_scans(content: bytes, at: int, dtype: np.dtype[Any]) -> int:
+    """Return where the run of scans that begins at `at` ends, bytes.
+
+    What is looked at is bounded by the run's own length, so that a chunk of any mixture takes a
+    time in proportion to its size.
 
     Raises:
         ValueError: The first is not laid out as FORMAT.md says.
     """
-    channels = dtype["values"].shape[0]
-    count = (len(content) - at) // dtype.itemsize
-    records = np.frombuffer(content, dtype, count, at)
-    fits = (
-        (records["opcode"] == MESSAGE_OPCODE)
-        & (records["length"] == dtype.itemsize - RECORD_HEAD.size)
-        & (records["channel"] == SCAN_CHANNEL)
-        & (records["cdr"] == CDR_LITTLE_ENDIAN)
-        & (records["n_values"] == channels)
-        & (records["n_validity"] == channels)
+    begin, size = at, dtype.itemsize
+    signs = _signs(dtype)
+    for _ in range(_ONE_BY_ONE):
+        if not _is_scan(content, at, size, signs):
+            break
+        at += size
+    else:
+        at += size * _fitting(content, at, dtype)
+    if at == begin:
+        raise ValueError(f"a scan is not laid out for {dtype['values'].shape[0]} channels")
+    return at
+
+
+def _is_scan(content: bytes, at: int, size: int, signs: tuple[tuple[int, bytes], ...]) -> bool:
+    return at + size <= len(content) and all(
+        content.startswith(sign, at + place) for place, sign in signs
     )
-    run = count if fits.all() else int(np.argmin(fits))
-    if run == 0:
-        raise ValueError(f"a scan is not laid out for {channels} channels")
-    return records[:run]
+
+
+@cache
+def _signs(dtype: np.dtype[Any]) -> tuple[tuple[int, bytes], ...]:
+    """Return what stands at which byte of every scan."""
+    fields: Mapping[str, Any] = dtype.fields or {}
+    length = dtype.itemsize - RECORD_HEAD.size
+    counted = struct.pack("<I", dtype["values"].shape[0])
+    return (
+        (0, RECORD_HEAD.pack(MESSAGE_OPCODE, length) + struct.pack("<H", SCAN_CHANNEL)),
+        (fields["cdr"][1], struct.pack("<I", CDR_LITTLE_ENDIAN)),
+        (fields["n_values"][1], counted),
+        (fields["n_validity"][1], counted),
+    )
+
+
+def _fitting(content: bytes, at: int, dtype: np.dtype[Any]) -> int:
+    """Return how many scans follow one another from `at`; looks at twice as many each time."""
+    channels = dtype["values"].shape[0]
+    records = np.frombuffer(content, dtype, (len(content) - at) // dtype.itemsize, at)
+    run, step = 0, _ONE_BY_ONE
+    while run < len(records):
+        part = records[run : run + step]
+        fits = (
+            (part["opcode"] == MESSAGE_OPCODE)
+            & (part["length"] == dtype.itemsize - RECORD_HEAD.size)
+            & (part["channel"] == SCAN_CHANNEL)
+            & (part["cdr"] == CDR_LITTLE_ENDIAN)
+            & (part["n_values"] == channels)
+            & (part["n_validity"] == channels)
+        )
+        if not fits.all():
+            return run + int(np.argmin(fits))
+        run, step = run + len(part), 2 * step
+    return run
 
 
 def decode_mark(text: bytes) -> Mark:
-    """Return the mark that a message holds."""
-    fields = json.loads(text)
+    """Return the mark that a message holds.
+
+    Raises:
+        ValueError: It is not laid out as FORMAT.md says.
+    """
+    fields = Fields(parse_json(text), "a mark")
     return Mark(
-        start_s=float(fields["start_s"]),
-        end_s=float(fields["end_s"]),
-        labels=fields["labels"],
-        groups=fields["groups"],
+        start_s=fields.number("start_s", -FURTHEST_S, FURTHEST_S),
+        end_s=fields.number("end_s", -FURTHEST_S, FURTHEST_S),
+        labels=fields.pairs("labels"),
+        groups=fields.pairs("groups"),
     )
 
 
-def _wall_ns(time_s: NDArray[np.float64], wall_anchor_ns: int) -> NDArray[np.int64]:
+def wall_ns(time_s: NDArray[np.float64], wall_anchor_ns: int) -> NDArray[np.int64]:
     """Return wall nanoseconds; MCAP knows no time before 1970, so earlier becomes 0."""
     return np.maximum(np.rint(time_s * 1e9).astype(np.int64) + wall_anchor_ns, 0)

@@ -11,7 +11,8 @@ from pathlib import Path
 
 from taxel.errors import BadTable
 from taxel.recordings.spelling import composed
-from taxel.recordings.tables import read_cells
+from taxel.recordings.table_columns import read_cells
+from taxel.recordings.table_files import file_of
 
 _CAMERA_COLUMNS = ("left", "right")
 
@@ -31,21 +32,23 @@ class VideoRow:
     mm_per_px: float | None = None
 
 
-def read_video_rows(table: Path, data_dir: Path) -> list[VideoRow]:
+def read_video_rows(table: Path, data_dir: Path, *, outside: bool = False) -> list[VideoRow]:
     """Return the rows of an import table whose columns are left, right, label:… and group:….
 
     Args:
         table: A CSV; `rate` (hertz) and `mm_per_px` are further columns, where wanted.
         data_dir: What the videos' paths are relative to.
+        outside: Also videos that lie outside of that folder.
 
     Raises:
-        BadTable: The table cannot be read, or a column is missing or unknown.
+        BadTable: The table cannot be read, a column is missing or unknown, or a video lies
+            outside.
     """
     lines = read_cells(table)
     columns = [name.strip() for name in lines[0]] if lines else []
     _check_columns(table, columns)
     rows = [
-        _row(table, number, columns, cells, data_dir)
+        _row(table, number, columns, cells, data_dir, outside)
         for number, cells in enumerate(lines[1:], start=2)
         if cells
     ]
@@ -71,7 +74,12 @@ def _check_columns(table: Path, columns: Sequence[str]) -> None:
 
 
 def _row(
-    table: Path, number: int, columns: Sequence[str], cells: Sequence[str], data_dir: Path
+    table: Path,
+    number: int,
+    columns: Sequence[str],
+    cells: Sequence[str],
+    data_dir: Path,
+    outside: bool,
 ) -> VideoRow:
     where = f"{table}, line {number}"
     if len(cells) != len(columns):
@@ -85,7 +93,11 @@ def _row(
     empty = [name for name, cell in line.items() if ":" in name and not cell]
     if empty:
         raise BadTable(f"something in the column {empty[0]!r}", f"nothing in {where}", "fill it in")
-    files = {name: data_dir / line[name] for name in _CAMERA_COLUMNS if name in line}
+    files = {
+        name: file_of(line[name], data_dir, where, outside=outside)
+        for name in _CAMERA_COLUMNS
+        if name in line
+    }
     return VideoRow(
         name=f"{number - 1:04d}-{files['left'].stem}",
         files=files,

@@ -16,8 +16,10 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from taxel.errors import BadTable
+from taxel.errors import BadFile, BadSource, BadTable
+from taxel.foreign.files import open_file
 from taxel.frame_codec import encode_jpeg
+from taxel.jpeg_head import check_size
 from taxel.recordings.manifest import NO_ARRAY, Manifest
 from taxel.recordings.video_rows import VideoRow
 from taxel.recordings.whole import new_folder
@@ -28,6 +30,8 @@ QUALITY = 95
 """Of the JPEG that imported frames are kept as, 0…100. Source: our choice, decision 12."""
 LARGEST_DIFFERENCE = 2
 """Frames by which the videos of a pair may differ in length; the longer one is cut."""
+LARGEST_SIDE = 8192
+"""Pixels; beyond it a frame alone takes 200 MB. Source: our choice."""
 _GREY = 3.0
 """Mean difference between colours, grey levels, below which a video has no colour."""
 
@@ -73,11 +77,17 @@ class _Video:
         self.rate_hz = float(self._capture.get(cv2.CAP_PROP_FPS))
         self.width = int(self._capture.get(cv2.CAP_PROP_FRAME_WIDTH))
         self.height = int(self._capture.get(cv2.CAP_PROP_FRAME_HEIGHT))
+        if max(self.width, self.height) > LARGEST_SIDE:
+            raise BadTable(
+                f"frames with sides of at most {LARGEST_SIDE} pixels",
+                f"{self.width}×{self.height} in {path}", "make the video smaller",
+            )  # fmt: skip
         if not self._capture.isOpened() or self.count < 1 or self.rate_hz <= 0:
             raise BadTable(
                 "a video with frames", f"{path} of {path.stat().st_size} bytes without any",
                 "copy or record it again",
             )  # fmt: skip
+        _refuse_large(path, self.width, self.height)
 
     def frames(self) -> Iterator[NDArray[np.uint8]]:
         """Yield the frames, red first.
@@ -92,6 +102,11 @@ class _Video:
                 raise BadTable(
                     f"the {self.count} frames that {self.path} says it has",
                     f"{number}: it is cut short", "copy it again, or cut it at a whole frame",
+                )  # fmt: skip
+            if bgr.shape[:2] != (self.height, self.width):
+                raise BadTable(
+                    f"frames of {self.width} × {self.height} px throughout {self.path}",
+                    f"one of {bgr.shape[1]} × {bgr.shape[0]} px", "write it anew at one size",
                 )  # fmt: skip
             if number < 5:
                 spread = bgr[:, :, ::2].astype(np.int16) - bgr[:, :, 1:2]
@@ -108,6 +123,20 @@ class _Video:
         self._capture.release()
 
 
+def _refuse_large(path: Path, width: int, height: int) -> None:
+    """Refuse a video that declares frames no camera has, before the first is decoded.
+
+    Raises:
+        BadTable: They are larger than `taxel.jpeg_head.LARGEST_PX`, or empty.
+    """
+    try:
+        check_size(width, height)
+    except BadSource as error:
+        raise BadTable(
+            f"{error.needed} in {path}", error.got, "write it anew at the sensor's own size"
+        ) from error
+
+
 def _refuse_cut(path: Path) -> None:
     """Refuse an AVI that is shorter than its own head says: decoders do not mind.
 
@@ -115,8 +144,10 @@ def _refuse_cut(path: Path) -> None:
         BadTable: It is cut short, or cannot be read.
     """
     try:
-        with path.open("rb") as file:
+        with open_file(path) as file:
             head = file.read(8)
+    except BadFile as error:
+        raise BadTable("a video of each camera", error.got, "check the path") from error
     except OSError as error:
         raise BadTable(
             "a video that can be read", f"{path}: {error.strerror or error}", "check its rights"

@@ -21,13 +21,27 @@ from mcap.data_stream import ReadDataStream
 from mcap.opcode import Opcode
 from mcap.records import Channel, Metadata
 
-from taxel.errors import BadRecording
+from taxel.errors import BadFile, BadRecording
+from taxel.foreign.files import open_file
 from taxel.recordings.mcap_file import MAGIC, RECORD_HEAD
 
-LARGEST_CHUNK = 64 * 1024 * 1024
+LARGEST_CHUNK = 32 * 1024 * 1024
 """Bytes; no chunk that taxel writes comes near, and no damaged length may cost more memory."""
+LARGEST_METADATA = 4 * 1024 * 1024
+"""Bytes of a metadata or channel record; a manifest of 10,000 channels has 0.3 MB."""
+_BLOCK = 1024 * 1024
+"""Bytes of other records that are held at a time."""
 _CHUNK_HEAD = struct.Struct("<QQQII")
 """Start and end (ns), uncompressed size, CRC, length of the compression's name."""
+
+
+_KEPT = {
+    Opcode.CHUNK: LARGEST_CHUNK,
+    Opcode.METADATA: LARGEST_METADATA,
+    Opcode.CHANNEL: LARGEST_METADATA,
+    Opcode.DATA_END: 4,
+}
+"""Records whose payload is held → bytes that it may have."""
 
 
 class Damaged(ValueError):
@@ -39,7 +53,10 @@ class Record:
     """One MCAP record."""
 
     opcode: int
+    length: int
+    """Bytes of its payload."""
     payload: bytes
+    """Empty for kinds that no reader needs: only chunks, metadata and channels are held."""
 
 
 def walk(path: Path) -> Iterator[Record]:
@@ -52,10 +69,12 @@ def walk(path: Path) -> Iterator[Record]:
         BadRecording: It is missing, no recording, cut short, or damaged.
     """
     try:
-        with path.open("rb") as file:
+        with open_file(path) as file:
             yield from _records(file, path)
     except Damaged as error:
         raise damaged(path, str(error)) from error
+    except BadFile as error:
+        raise BadRecording("a recording's file", error.got, "name a recording (.mcap)") from error
     except OSError as error:
         raise BadRecording(
             "a recording that can be opened",
@@ -81,8 +100,8 @@ def open_chunk(payload: bytes) -> bytes:
     Raises:
         Damaged: Any length or the CRC is wrong, or it is compressed in another way.
     """
-    if len(payload) < _CHUNK_HEAD.size:
-        raise Damaged("a chunk is cut short")
+    if len(payload) < _CHUNK_HEAD.size or len(payload) > LARGEST_CHUNK:
+        raise Damaged("a chunk is cut short, or too large")
     _, _, size, crc, name_length = _CHUNK_HEAD.unpack_from(payload)
     at = _CHUNK_HEAD.size + name_length
     if at + 8 > len(payload) or size > LARGEST_CHUNK:
@@ -137,23 +156,40 @@ def _records(file: BinaryIO, path: Path) -> Iterator[Record]:
         opcode, length = RECORD_HEAD.unpack(head)
         if length > size - file.tell():
             raise Damaged("it is cut short or a length is wrong")
-        payload = file.read(length)
+        if opcode == 0:
+            raise Damaged("a record is of no kind")
+        if opcode in _KEPT or opcode == Opcode.FOOTER:
+            if length > _KEPT.get(opcode, _BLOCK):
+                raise Damaged(f"a record of {length:,} bytes is larger than such records are")
+            parts = iter((file.read(length),))
+        else:  # passed over: only its check sum counts
+            parts = _blocks(file, length)
         if opcode == Opcode.FOOTER:
-            _check_foot(file, summary_crc, head, payload)
+            _check_foot(file, summary_crc, head, next(parts))
             return
         if opcode == Opcode.DATA_END and not in_summary:
-            in_summary = True
+            in_summary, payload = True, b"".join(parts)
             if length != 4 or int.from_bytes(payload, "little") not in (0, crc):
                 raise Damaged("the check sum of its data fails")
         elif in_summary:
-            summary_crc = zlib.crc32(payload, zlib.crc32(head, summary_crc))
+            summary_crc = zlib.crc32(head, summary_crc)
+            for payload in parts:
+                summary_crc = zlib.crc32(payload, summary_crc)
         else:
-            crc = zlib.crc32(payload, zlib.crc32(head, crc))
-            yield Record(opcode, payload)
+            crc, payload = zlib.crc32(head, crc), b""
+            for payload in parts:
+                crc = zlib.crc32(payload, crc)
+            yield Record(opcode, length, payload if opcode in _KEPT else b"")
+
+
+def _blocks(file: BinaryIO, length: int) -> Iterator[bytes]:
+    while length > 0 and (block := file.read(min(_BLOCK, length))):
+        length -= len(block)
+        yield block
 
 
 def _check_foot(file: BinaryIO, summary_crc: int, head: bytes, payload: bytes) -> None:
-    if len(payload) != 20 or file.read() != MAGIC:
+    if len(payload) != 20 or file.read(len(MAGIC) + 1) != MAGIC:
         raise Damaged("it does not end as a recording ends")
     crc = zlib.crc32(payload[:16], zlib.crc32(head, summary_crc))
     if int.from_bytes(payload[16:], "little") not in (0, crc):

@@ -6,12 +6,12 @@ Knows nothing about what is in them.
 from __future__ import annotations
 
 import os
-import tempfile
 from collections.abc import Collection, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
 from taxel.errors import BadTable, RecordingFailed
+from taxel.held import MADE, REPLACED, scratch_folder
 
 
 def write_whole(path: Path, data: bytes) -> None:
@@ -46,16 +46,16 @@ def new_folder(path: Path, names: Collection[str], *, overwrite: bool) -> Iterat
 
     Raises:
         BadTable: There is something of that name already that is not to be replaced.
+        RecordingFailed: The disk refused.
     """
     if path.exists():
         _check_replaceable(path, names, overwrite)
-    path.parent.mkdir(parents=True, exist_ok=True)
-    with tempfile.TemporaryDirectory(prefix=".taxel-import-", dir=path.parent) as scratch:
-        made = Path(scratch) / "made"
+    with scratch_folder(path) as scratch:
+        made = scratch / MADE
         made.mkdir()
         yield made
         if path.exists():
-            os.replace(path, Path(scratch) / "replaced")
+            os.replace(path, scratch / REPLACED)
         os.replace(made, path)
 
 

@@ -11,7 +11,6 @@ from __future__ import annotations
 
 import contextlib
 import errno
-import math
 import os
 import shlex
 import threading
@@ -25,9 +24,11 @@ from typing import Any, BinaryIO, Self
 import numpy as np
 
 from taxel.errors import BadInput, RecordingFailed
+from taxel.held import output_of
 from taxel.recordings.chunk_writer import ChunkWriter, Item
-from taxel.recordings.manifest import Manifest
-from taxel.signals import Frame, Mark, Samples
+from taxel.recordings.manifest import Manifest, check_manifest
+from taxel.recordings.scan_layout import FURTHEST_S
+from taxel.signals import Frame, Mark, Samples, SlipNote
 
 PART_SUFFIX = ".part"
 """Added to the name of a recording that is not finished."""
@@ -57,7 +58,8 @@ class Recorder:
         opener: Opens the file for unbuffered writing; tests pass a full disk.
 
     Raises:
-        BadInput: The file exists, or its unfinished part does.
+        BadInput: The file exists, or its unfinished part does; or the manifest could not be
+            read again.
         RecordingFailed: The file cannot be created.
     """
 
@@ -87,6 +89,7 @@ class Recorder:
         self._error: RecordingFailed | None = None
         self._change = threading.Condition()
         self._thread = threading.Thread(target=self._run, name="taxel-recorder", daemon=True)
+        check_manifest(manifest)
         _refuse_existing(path, overwrite)
         try:
             path.parent.mkdir(parents=True, exist_ok=True)
@@ -130,9 +133,11 @@ class Recorder:
                 f"{samples.values.shape[1]}",
                 "let the manifest describe the source that is recorded",
             )
-        if not np.isfinite(samples.fitted_s).all():
+        if not (np.abs(samples.fitted_s) <= FURTHEST_S).all():
             raise BadInput(
-                "a finite fitted time for every scan", "NaN or infinity", "check the source's clock"
+                f"a finite fitted time for every scan, at most {FURTHEST_S:g} s",
+                "NaN, infinity or more",
+                "check the source's clock",
             )
         self._put(samples, len(samples))
 
@@ -143,7 +148,7 @@ class Recorder:
             RecordingFailed: The disk refused, now or earlier, or has stood still too long.
             BadInput: Its times are not finite.
         """
-        if not (math.isfinite(mark.start_s) and math.isfinite(mark.end_s)):
+        if not all(abs(time_s) <= FURTHEST_S for time_s in (mark.start_s, mark.end_s)):
             raise BadInput("a mark with finite times", f"{mark.start_s}, {mark.end_s}", "mend it")
         self._put(mark, 1)
 
@@ -160,9 +165,20 @@ class Recorder:
                 f"one of camera {frame.camera}",
                 "let the manifest describe the source that is recorded",
             )
-        if not math.isfinite(frame.fitted_s):
+        if not abs(frame.fitted_s) <= FURTHEST_S:
             raise BadInput("a finite fitted time", f"{frame.fitted_s}", "check the source's clock")
         self._put(frame, 1)
+
+    def slip(self, note: SlipNote) -> None:
+        """Hand over the slip that a monitor measured; returns before it is on disk.
+
+        Raises:
+            RecordingFailed: The disk refused, now or earlier, or has stood still too long.
+            BadInput: Its time is not finite.
+        """
+        if not abs(note.time_s) <= FURTHEST_S:
+            raise BadInput("slip at a finite time", f"{note.time_s}", "check the source's clock")
+        self._put(note, 1)
 
     def flush(self) -> None:
         """Wait until everything handed over is in the file, in a chunk of its own.
@@ -326,6 +342,10 @@ class Recorder:
         return RecordingFailed(self._line(reason))
 
     def _line(self, reason: str) -> str:
+        output = output_of(self._path)
+        if output is not None:  # which takes its name when all of it is complete, and else goes
+            return (f"needed room to write {output}; {reason}; "
+                    "free space or choose another folder, then start again.")  # fmt: skip
         mend = f"free space, then run: {_recover(self._part, self._path)}"
         if not self._part.is_file():
             mend = "free space or choose another folder, then record again"

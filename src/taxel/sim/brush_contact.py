@@ -143,6 +143,12 @@ class BrushField:
         self.path += slid
         self.speed = slid / dt_s
 
+    def friction(self) -> NDArray[np.float64]:
+        """Return each side's load-weighted friction now, shape (sides,)."""
+        fast = 1.0 - np.exp(self.speed * (-1.0 / STRIBECK_MM_S))
+        limit = self._static + (self._kinetic - self._static) * fast
+        return np.asarray(limit @ self.patch.share)
+
     def forces(self) -> tuple[float, float, float]:
         """Return what the pads hold against the object: x and y (N), and moment (N mm)."""
         x, y = self.shear_x.sum(axis=0), self.shear_y.sum(axis=0)

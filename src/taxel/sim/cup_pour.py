@@ -11,16 +11,21 @@ area) and real marker shear, as collected in PHYSICS.md; ranges, docs/decisions/
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from taxel.sim.brush_contact import BrushField, elliptic_patch
 from taxel.sim.cups import OTHER_KINDS, Kind, Position, PourRun, draw_cup, draw_run
-from taxel.sim.pour_state import GelMotion, HandleShape
+from taxel.sim.gel_shear import LayerGels, LayerMoment
+from taxel.sim.pour_state import GelMotion, HandleShape, PadHold
+from taxel.sim.pour_views import gel_motion, handle_shape, layer_motion, layer_truth
 
 SIM_VERSION = "1"
 """Of dynamics and nuisances together; recorded with every run."""
+Gel = Literal[1, 2]
+"""How a gel's face moves: 1 as one rigid piece, 2 as an elastic layer (docs/decisions/0037)."""
 GRAVITY_M_S2 = 9.81
 GEL_SHEAR_KPA = 145.0
 """E/3 of the gel, E = 435 kPa. Source: FEATS, C10 = 0.0725 MPa."""
@@ -28,6 +33,7 @@ GEL_MM = 4.5
 """Thickness. Source: FEATS."""
 LAYER_FACTOR = 3.5
 """Shear stiffness over G/thickness: matches real marker shear. Source: PHYSICS.md."""
+_SHEAR_STIFFNESS_N_MM3 = LAYER_FACTOR * GEL_SHEAR_KPA / 1000.0 / GEL_MM
 STEP_S = 1.0 / 480.0
 """Of the integration: eight a frame at 60 Hz."""
 DAMPING_S = 0.06
@@ -67,8 +73,12 @@ class CupPourConfig:
     """Runs of the other kinds, as a share of the paper's runs, 0…1."""
     duration_s: float = 6.0
     frame_hz: float = 60.0
+    gel: Gel = 1
+    """How the gels shear. The cups move alike in both."""
 
     def __post_init__(self) -> None:
+        if self.gel not in (1, 2):
+            raise ValueError(f"needed gel 1 or 2; got {self.gel}")
         if self.cups < 1 or self.repetitions < 1 or not self.positions or not self.forces_n:
             raise ValueError("needed at least one cup, position, force and repetition")
         if min(self.forces_n) <= 0:
@@ -130,10 +140,13 @@ class PourTrack:
     """Left and right gel."""
     shapes: tuple[HandleShape, HandleShape]
     truth: NDArray[np.float64]
-    """Shape (n, 8), columns as `TRUTH_CHANNELS`."""
+    """Shape (n, 8), columns as `TRUTH_CHANNELS`; with gels of version 2 (n, 14), columns as
+    `LAYER_CHANNELS` after them."""
     pour_start_s: float
     """Infinity without a pour."""
     pour_end_s: float
+    layer: tuple[LayerMoment, ...] = ()
+    """Gels of version 2 at the video's moments, of which `motions` may have more."""
 
 
 class PourSim:
@@ -156,9 +169,8 @@ class PourSim:
         self._owed_s = 0.0
         self.axis_rad = run.tilt_rad + 0.7 * run.along
         patch = elliptic_patch(*self.patch_mm, self.axis_rad)
-        stiffness = LAYER_FACTOR * GEL_SHEAR_KPA / 1000.0 / GEL_MM
         friction = run.cup.friction * np.array(run.side_friction)
-        self._field = BrushField(patch, stiffness, friction, run.cup.friction_kinetic)
+        self._field = BrushField(patch, _SHEAR_STIFFNESS_N_MM3, friction, run.cup.friction_kinetic)
         self._place = np.zeros(3)
         """Of the handle: x and y (mm), turn (rad)."""
         self._speed = np.zeros(3)
@@ -219,6 +231,24 @@ class PourSim:
             moved - self._surface[0],
             turn - self._surface[1],
             self._depth_mm,
+        )
+
+    def hold(self) -> PadHold:
+        """Return how the handle stands between the gels now, for gels of version 2."""
+        return PadHold(
+            time_s=self.time_s,
+            place=self._place - self._origin,
+            normal_n=self._normal_n,
+            friction=self._field.friction(),
+            patch_mm=self.patch_mm,
+            dropped=self.dropped,
+            release_s=RELEASE_S,
+        )
+
+    def layers(self) -> LayerGels:
+        """Return the gels of version 2 as they are now, the empty cup's load upon them."""
+        return LayerGels(
+            self._origin, self.hold(), self.axis_rad, self.run.creep, _SHEAR_STIFFNESS_N_MM3
         )
 
     def _advance(self, grip_n: float, dt_s: float, *, hanging: bool = False) -> None:
@@ -303,30 +333,47 @@ class PourSim:
         return np.array([unrest_n[0], down_n]), down_n * arm_mm
 
 
-def simulate_pour(run: PourRun, frame_hz: float = 60.0, duration_s: float = 6.0) -> PourTrack:
+def simulate_pour(
+    run: PourRun,
+    frame_hz: float = 60.0,
+    duration_s: float = 6.0,
+    gel: Gel = 1,
+    layer_every: int = 1,
+) -> PourTrack:
     """Simulate a run with its grip held as commanded.
 
     Args:
         run: What is tried.
         frame_hz: Moments a second that are returned.
         duration_s: Seconds.
+        gel: How the gels shear; with 2 the track says how the layers' faces move.
+        layer_every: Follow the layers at each so many moments, with straight lines between.
     """
     sim = PourSim(run)
     count = round(duration_s * frame_hz)
     truth, rows, patches = np.zeros((count, 8)), [], np.zeros((count, 2))
+    layers = sim.layers() if gel == 2 else None
+    layer: list[LayerMoment] = []
     for index in range(count):
         truth[index] = sim.state
         rows.append(sim.gel())
         patches[index] = sim.patch_mm
+        if layers is not None and index % layer_every == 0:
+            layer.append(layers.step(sim.hold()))
         sim.step(run.force_n, 1.0 / frame_hz)
+    motions = (gel_motion(rows, 0, patches), gel_motion(rows, 1, patches))
+    if layer:
+        motions = (layer_motion(motions[0], layer, 0), layer_motion(motions[1], layer, 1))
+        truth = np.concatenate([truth, layer_truth(layer, count)], axis=1)
     pours = run.flow_g_s > 0
     return PourTrack(
         time_s=np.arange(count) / frame_hz,
-        motions=(_motion(rows, 0, patches), _motion(rows, 1, patches)),
-        shapes=(_shape(run, 0), _shape(run, 1)),
+        motions=motions,
+        shapes=(handle_shape(run, 0), handle_shape(run, 1)),
         truth=truth,
         pour_start_s=run.start_s if pours else float("inf"),
         pour_end_s=run.start_s + run.amount_g / run.flow_g_s if pours else float("inf"),
+        layer=tuple(layer),
     )
 
 
@@ -345,39 +392,3 @@ def half_axes(run: PourRun, force_n: float) -> tuple[float, float]:
     ratio = (run.cup.radius_across_mm / run.cup.bend_mm) ** 0.5
     across = min(np.sqrt(area_mm2 / np.pi * ratio), run.cup.width_mm / 2.0)
     return float(across), float(min(area_mm2 / np.pi / across, 11.0))
-
-
-def _motion(
-    rows: list[tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64], float]],
-    side: int,
-    patches: NDArray[np.float64],
-) -> GelMotion:
-    """Return one gel's view; the right one sees the cup from behind."""
-    mirror = 1.0 if side == 0 else -1.0
-    place = np.stack([row[0] for row in rows])
-    moved = np.stack([row[1][side] for row in rows])
-    turn = np.array([row[2][side] for row in rows])
-    flip = np.array([mirror, 1.0])
-    return GelMotion(
-        depth_mm=np.array([row[3] for row in rows]),
-        object_mm=place[:, :2] * flip,
-        object_rad=place[:, 2] * mirror,
-        gel_mm=moved * flip,
-        gel_rad=turn * mirror,
-        patch_mm=patches,
-    )
-
-
-def _shape(run: PourRun, side: int) -> HandleShape:
-    mirror = 1.0 if side == 0 else -1.0
-    cup = run.cup
-    return HandleShape(
-        radius_across_mm=cup.radius_across_mm,
-        radius_along_mm=cup.bend_mm * (1.0 if side == 0 else 1.3),
-        width_mm=cup.width_mm,
-        axis_rad=mirror * (run.tilt_rad + 0.7 * run.along),
-        texture_um=cup.texture_um,
-        texture_mm=cup.texture_mm,
-        texture_along=cup.texture_along,
-        texture_seed=int(np.random.default_rng([15, cup.index, side]).integers(2**31)),
-    )

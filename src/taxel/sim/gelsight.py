@@ -7,6 +7,8 @@ exposure differ from sensor to sensor (`gelsight_camera`). Knows nothing about f
 
 from __future__ import annotations
 
+from functools import cache
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -25,12 +27,20 @@ from taxel.sim.gelsight_camera import (
     wear,
 )
 from taxel.sim.gelsight_markers import MarkerLayer
+from taxel.sim.gelsight_shear import ShearView
 from taxel.sim.gelsight_surface import HALF_PX, GelSurface
 from taxel.sim.pour_state import GelMotion, HandleShape
+from taxel.sim.pour_views import FaceShear
 
 __all__ = ["CameraTimes", "GelCamera", "SensorNuisance", "camera_times", "draw_sensor"]
 
 _SIZE = (WIDTH_PX, HEIGHT_PX)
+
+
+@cache
+def _shipped_shading() -> Shading:
+    """Read once: each new shading computes a table that takes 0.1 s."""
+    return read_shading()
 
 
 class GelCamera:
@@ -52,8 +62,9 @@ class GelCamera:
     ) -> None:
         self._axis_rad = shape.axis_rad
         self._sensor = sensor
-        self._shading = read_shading() if shading is None else shading
+        self._shading = _shipped_shading() if shading is None else shading
         self._surface = GelSurface(shape, sensor.mm_per_px)
+        self._shear = ShearView(sensor.mm_per_px)
         light = lamp_light(sensor)
         self._markers = MarkerLayer(sensor, seed, self._shading, light)
         self._still = light + wear(sensor, np.random.default_rng((seed, 0x3EA2)))
@@ -62,26 +73,32 @@ class GelCamera:
         self._relative_light *= np.asarray(sensor.gain, np.float32)
         self._noise = NoisePool(sensor, seed)
 
-    def frame(self, motion: GelMotion, index: int, time_s: float) -> NDArray[np.uint8]:
+    def frame(
+        self, motion: GelMotion, index: int, time_s: float, shear: FaceShear | None = None
+    ) -> NDArray[np.uint8]:
         """Return the image at one moment, shape (240, 320, 3), red first.
 
         Args:
             motion: How handle and gel move.
             index: Which moment of `motion`; also picks the frame's grain.
             time_s: Seconds since the recording began: exposure settles, brightness drifts.
+            shear: How the gel's face shears as an elastic layer; None moves the gel under the
+                contact as one rigid piece.
         """
-        image: NDArray[np.float32] = self._light(motion, index)
+        image: NDArray[np.float32] = self._light(motion, index, shear)
         noise, flicker = self._noise.at(index)
         cv2.add(image, noise, dst=image)
         factor, offset = exposure(self._sensor, time_s, flicker)
         np.maximum(image, 0, out=image)
         return np.asarray(cv2.convertScaleAbs(image, alpha=factor, beta=offset), np.uint8)
 
-    def _light(self, motion: GelMotion, index: int) -> NDArray[np.float32]:
+    def _light(self, motion: GelMotion, index: int, shear: FaceShear | None) -> NDArray[np.float32]:
         """Return the image without noise, grey levels, shape (240, 320, 3)."""
         depth_mm = float(motion.depth_mm[index])
         middle_mm, turned_rad = motion.object_mm[index], float(motion.object_rad[index])
-        slopes = self._surface.slopes(depth_mm, middle_mm, turned_rad)
+        seen = None if shear is None else self._shear.look(shear)
+        free = None if seen is None else seen[2:]
+        slopes = self._surface.slopes(depth_mm, middle_mm, turned_rad, free)
         change = self._shading.render(*slopes)
         cv2.multiply(change, self._relative_light, dst=change)
         image = cv2.resize(change, _SIZE, interpolation=cv2.INTER_LINEAR)
@@ -93,5 +110,6 @@ class GelCamera:
             patch_mm=motion.patch_mm[index],
             gel_mm=motion.gel_mm[index],
             gel_rad=float(motion.gel_rad[index]),
+            face_mm=None if seen is None else seen[:2],
         )
         return np.asarray(cv2.multiply(image, self._markers.light(*moved), dst=image), np.float32)

@@ -210,6 +210,7 @@ def camera_times(
     *,
     jitter: float = 0.03,
     skew_frames: int | None = None,
+    most_lost: int | None = None,
 ) -> CameraTimes:
     """Return how a free-running camera fills a video of fixed rate.
 
@@ -220,6 +221,8 @@ def camera_times(
         seed: Of phase, jitter, lost images and skew.
         jitter: Standard deviation of the interval between images, relative to it.
         skew_frames: How many video frames the camera lags; None draws 0, 1 or 2.
+        most_lost: Images that may be lost in a row; None sets no limit, so that a bad draw
+            (40 % lost) now and then repeats an image for as long as a camera that is frozen.
     """
     if min(camera_hz, frame_hz, duration_s) <= 0:
         raise ValueError("needed rates and a duration above 0")
@@ -232,6 +235,11 @@ def camera_times(
     taken += random.normal(0, jitter, count).clip(-0.3, 0.3) * interval_s
     lost = random.random(count) < min(float(np.exp(random.normal(np.log(0.002), 2.9))), 0.4)
     lost[:2] = False
+    if most_lost is not None:
+        row = 0
+        for index in range(count):
+            row = row + 1 if lost[index] and row < most_lost else 0
+            lost[index] = row > 0
     moments = np.arange(round(duration_s * frame_hz)) / frame_hz - lag_s
     newest = np.searchsorted(taken, moments, side="right") - 1
     kept = np.maximum.accumulate(np.where(lost, 0, np.arange(count)))

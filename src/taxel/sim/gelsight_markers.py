@@ -1,9 +1,9 @@
 """Markers printed under a gel's coat, and how the gel carries them along.
 
-The gel moves as one under the contact patch and less and less outside it; an indentation
-pushes it outwards. Both are smooth fields, computed at a quarter of the image's resolution;
-the layer of markers is then warped, so that markers move by fractions of a pixel. Knows
-nothing about noise or about what is pressed in.
+The gel moves as one under the contact patch and less and less outside it, unless it is told how
+its face shears; an indentation pushes it outwards. Both are smooth fields, computed at a quarter
+of the image's resolution; the layer of markers is then warped, so that markers move by fractions
+of a pixel. Knows nothing about noise or about what is pressed in.
 """
 
 from __future__ import annotations
@@ -60,6 +60,7 @@ class MarkerLayer:
         patch_mm: NDArray[np.float64],
         gel_mm: NDArray[np.float64],
         gel_rad: float,
+        face_mm: tuple[Image, Image] | None = None,
     ) -> tuple[Image, Image]:
         """Return the gel's movement (x, y) at a quarter of the resolution, pixels, (60, 80) each.
 
@@ -70,6 +71,8 @@ class MarkerLayer:
             patch_mm: Half axes of the patch (across, along).
             gel_mm: Movement of the gel in the middle of the patch (x, y).
             gel_rad: Its twist there, clockwise.
+            face_mm: Movement (x, y) of the gel's face by shear, of any resolution, in place of
+                what `gel_mm` and `gel_rad` say; None moves the gel as one rigid piece.
         """
         scale = np.float32(self._mm_per_px)
         x = (self._x - np.float32((WIDTH_PX - 1) / 2)) * scale - np.float32(middle_mm[0])
@@ -78,16 +81,19 @@ class MarkerLayer:
         half = np.maximum(patch_mm, 0.5).astype(np.float32)
         across, along = (cos * x + sin * y) / half[0], (cos * y - sin * x) / half[1]
         radius = np.sqrt(across * across + along * along)
-        beyond = 1 - 1 / np.maximum(radius, np.float32(1))
-        outside = np.hypot(x, y) * beyond * np.float32(1 / _DECAY_MM)
-        carried = np.exp(-outside * outside)
-        less, turn = np.float32(1 - np.cos(gel_rad)), np.float32(np.sin(gel_rad))
         push = np.exp(np.float32(0.5) - radius * radius / 2) * np.float32(
             _DILATION * max(depth_mm, 0.0) / half.mean()
         )
-        right = carried * (np.float32(gel_mm[0]) + less * x - turn * y) + push * x
-        down = carried * (np.float32(gel_mm[1]) + turn * x + less * y) + push * y
-        return right / scale, down / scale
+        if face_mm is None:
+            right, down = _rigid_mm(x, y, radius, gel_mm, gel_rad)
+        else:
+            right, down = (
+                np.asarray(
+                    cv2.resize(each, _QUARTER_PX, interpolation=cv2.INTER_LINEAR), np.float32
+                )
+                for each in face_mm
+            )
+        return (right + push * x) / scale, (down + push * y) / scale
 
     def light(self, right_px: Image, down_px: Image) -> Image:
         """Return the share of light that the moved markers leave, shape (240, 320, 3)."""
@@ -100,6 +106,20 @@ class MarkerLayer:
             ),
             np.float32,
         )
+
+
+def _rigid_mm(
+    x: Image, y: Image, radius: Image, gel_mm: NDArray[np.float64], gel_rad: float
+) -> tuple[Image, Image]:
+    """Return a rigid movement (x, y) under the patch that fades beyond its rim, radius 1."""
+    beyond = 1 - 1 / np.maximum(radius, np.float32(1))
+    outside = np.hypot(x, y) * beyond * np.float32(1 / _DECAY_MM)
+    carried = np.exp(-outside * outside)
+    less, turn = np.float32(1 - np.cos(gel_rad)), np.float32(np.sin(gel_rad))
+    return (
+        carried * (np.float32(gel_mm[0]) + less * x - turn * y),
+        carried * (np.float32(gel_mm[1]) + turn * x + less * y),
+    )
 
 
 def _printed(

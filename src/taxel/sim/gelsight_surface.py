@@ -50,7 +50,11 @@ class GelSurface:
         self._texture = _texture_slopes(shape)
 
     def slopes(
-        self, depth_mm: float, object_mm: NDArray[np.float64], object_rad: float
+        self,
+        depth_mm: float,
+        object_mm: NDArray[np.float64],
+        object_rad: float,
+        free: tuple[Image, Image] | None = None,
     ) -> tuple[Image, Image]:
         """Return (d depth/dx, d depth/dy), shape (120, 160) each, mm per mm.
 
@@ -58,10 +62,11 @@ class GelSurface:
             depth_mm: Deepest indentation; less than a micrometre gives a flat gel.
             object_mm: The handle's movement (x, y) since the grasp.
             object_rad: Its rotation, clockwise as seen.
+            free: Slopes (along x, y) of the gel where nothing touches it, of any resolution.
         """
         if depth_mm < _LEAST_DEPTH_MM:
             flat = np.zeros_like(self._x)
-            return flat, flat
+            return (flat, flat) if free is None else _at_half(free)
         angle = self._shape.axis_rad + object_rad
         cos, sin = np.float32(np.cos(angle)), np.float32(np.sin(angle))
         x = self._x - np.float32(object_mm[0])
@@ -77,7 +82,13 @@ class GelSurface:
         texture = self._texture_at(object_mm, cos, sin)
         slope_across = (slope_across + texture[..., 0]) * touch
         slope_along = (slope_along + texture[..., 1]) * touch
-        return cos * slope_across - sin * slope_along, sin * slope_across + cos * slope_along
+        right = cos * slope_across - sin * slope_along
+        down = sin * slope_across + cos * slope_along
+        if free is not None:
+            untouched, (free_right, free_down) = 1 - touch, _at_half(free)
+            right += untouched * free_right
+            down += untouched * free_down
+        return right, down
 
     def _profile_across(self, across: Image) -> tuple[Image, Image]:
         """Return the handle's (slope, drop in mm) at distances across its axis, millimetres."""
@@ -107,6 +118,15 @@ class GelSurface:
             ),
             np.float32,
         )
+
+
+def _at_half(slopes: tuple[Image, Image]) -> tuple[Image, Image]:
+    """Return slopes at half the image's resolution."""
+    right, down = (
+        np.asarray(cv2.resize(each, HALF_PX, interpolation=cv2.INTER_LINEAR), np.float32)
+        for each in slopes
+    )
+    return right, down
 
 
 def _soft_step(value: Image) -> Image:

@@ -55,6 +55,26 @@ class GelMotion:
     """Shape (n, 2): half axes of the contact patch across and along the handle, millimetres."""
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PadHold:
+    """How a handle stands between two gels, and how hard they hold it, at one moment."""
+
+    time_s: float
+    """Since the grasp."""
+    place: NDArray[np.float64]
+    """Shape (3,): the handle's move since the grasp, x and y (mm), and its turn (rad)."""
+    normal_n: float
+    """Grip force on each side."""
+    friction: NDArray[np.float64]
+    """Shape (2,): load-weighted coefficient of each side, between static and kinetic."""
+    patch_mm: tuple[float, float]
+    """Half axes of the contact, across and along the handle."""
+    dropped: bool
+    """True once nothing is held any more."""
+    release_s: float
+    """Time constant in which the gels then spring back."""
+
+
 TRUTH_CHANNELS = (
     "slip", "slip_fraction", "rotation", "descent", "load", "grip", "poured", "dropped"
 )  # fmt: skip
@@ -63,3 +83,17 @@ TRUTH_UNITS = ("um", "1", "deg", "mm", "N", "N", "g", "1")
 """slip: load-weighted slip distance since the grasp, larger of the two gels; slip_fraction:
 share of the normal load on cells that slide; rotation and descent of the cup in the gripper;
 load: weight and pour reaction; grip: true grip force; dropped: 1 once the cup has left."""
+
+LAYER_CHANNELS = (
+    "slip_left", "slip_right", "at_limit_left", "at_limit_right", "gel_turn_left", "gel_turn_right"
+)  # fmt: skip
+"""Further truth of gels that shear as layers (version 2), in this order."""
+LAYER_UNITS = ("um", "um", "1", "1", "deg", "deg")
+"""slip: load-weighted path of the handle over that gel's face since the grasp, by the layer's own
+friction; at_limit: share of the contact's area that friction no longer holds, Mindlin's annulus;
+gel_turn: load-weighted turn of the gel's face since the grasp: rotation less it is rigid slip."""
+
+
+def has_truth(channels: tuple[str, ...]) -> bool:
+    """Return True where recorded channels begin with the truth of a simulated pour."""
+    return channels[: len(TRUTH_CHANNELS)] == TRUTH_CHANNELS

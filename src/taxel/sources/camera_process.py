@@ -22,6 +22,7 @@ from dataclasses import asdict, dataclass
 from typing import Any
 
 from taxel.errors import BadSource
+from taxel.processes import signal_at_parents_end
 from taxel.sources.camera_capture import (
     Buffer,
     CameraGone,
@@ -227,6 +228,8 @@ def main() -> None:
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C ends the parent, and thereby this
     # From our own parent by an unnamed pipe, as multiprocessing does it; never from a file.
     job: CaptureJob = pickle.load(sys.stdin.buffer)
+    # A stopped one is woken by it, and ends; its parent's starting thread may end before.
+    signal_at_parents_end(job.parent, signal.SIGCONT)
     os.set_blocking(job.bell_fd, False)
     loop = CaptureLoop(job)
     gc.freeze()

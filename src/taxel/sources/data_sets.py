@@ -6,7 +6,6 @@ Knows nothing about windows, models or the command line.
 from __future__ import annotations
 
 import os
-import shutil
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
@@ -14,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from taxel.errors import BadInput, RecordingFailed
+from taxel.held import MADE, scratch_folder
 from taxel.recordings.manifest import Manifest
 from taxel.recordings.writer import Recorder
 from taxel.sim.teng_hand import (
@@ -81,23 +81,18 @@ def write_sessions(
         raise BadInput(
             "a folder that does not exist yet for --output", str(output), "choose another"
         )
-    temporary = output.with_name(f".{output.name}.{os.getpid()}.part")
     try:
-        output.parent.mkdir(parents=True, exist_ok=True)
-        temporary.mkdir()
-    except OSError as error:
-        raise _refused(output, error) from error
-    try:
-        rows = [
-            _write_session(temporary, session, config) for session in _announced(config, on_session)
-        ]
-        os.rename(temporary, output)
+        with scratch_folder(output) as scratch:
+            made = scratch / MADE
+            made.mkdir()
+            rows = [
+                _write_session(made, session, config) for session in _announced(config, on_session)
+            ]
+            os.rename(made, output)
     except RecordingFailed:
         raise
     except OSError as error:
         raise _refused(output, error) from error
-    finally:
-        shutil.rmtree(temporary, ignore_errors=True)
     return rows
 
 

@@ -5,9 +5,11 @@ Knows nothing about where samples come from.
 
 from __future__ import annotations
 
+import math
 from collections import deque
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import replace
+from heapq import heappop, heappush
 from itertools import islice
 
 import numpy as np
@@ -24,8 +26,12 @@ _BUNDLE_S = 0.005
 """Scans that come within this time are given together, as USB does: 5 at 1 kHz. Our choice."""
 _AHEAD = 6
 """Frames fetched before they fall due: three moments of two cameras. Our choice."""
+_LATER = 4
+"""Stretches fetched before they fall due: without scans two cameras use up two a moment. Ours."""
 _SPARE_S = 0.006
 """Idle time that fetching ahead needs, seconds: a chunk takes 1 to 4 ms. Our choice."""
+_ON_TIME_S = 0.005
+"""After a frame that fell due so lately none is looked for that is not made yet, seconds. Ours."""
 _BURST_FRAMES = 64
 """As above, for a source without scans. Our choice."""
 _BURST_SCANS = 4096
@@ -68,6 +74,10 @@ class Pacer:
         frames: The cameras' frames on the same clock, oldest first.
         ahead: Fetch the next frames and stretches while nothing is due, as a recording's can be
             and those of a simulator that is being acted on cannot.
+        together: Frames that are made at once, such as one of each camera.
+        frame_ready: Whether the next frame can be had without waiting for it; a source that
+            prepares its next grasp says no until that is done.
+        stretch_ready: The same for the next stretch.
     """
 
     def __init__(
@@ -79,10 +89,17 @@ class Pacer:
         frames: Iterator[Frame] | None = None,
         *,
         ahead: bool = False,
+        together: int = 1,
+        frame_ready: Callable[[], bool] = lambda: True,
+        stretch_ready: Callable[[], bool] = lambda: True,
     ) -> None:
+        self._frame_ready, self._stretch_ready = frame_ready, stretch_ready
         self._stretches = stretches
         self._later: deque[Stretch] = deque()
         self._may_fetch_ahead = ahead
+        self._together = together
+        self._owed = 1
+        """Fetches of stretches that are left for when nothing is due."""
         self._clock = clock
         self._speed = speed
         self._opened_s = clock.now_s()
@@ -90,7 +107,8 @@ class Pacer:
         self._none = Samples.empty(channels)
         self._head = self._none
         self._due_s: NDArray[np.float64] = np.zeros(0)
-        self._marks: list[Mark] = []
+        self._marks: list[tuple[float, int, Mark]] = []  # a heap: end, number, mark
+        self._marks_came = 0
         self._scans_given_s = self._frames_given_s = -np.inf
         self._over = False
         self._frames = iter(()) if frames is None else frames
@@ -98,11 +116,12 @@ class Pacer:
         self._given_frames: list[Frame] = []
         first = self._next_frame
         self._first_frame_s = first.fitted_s if first else np.inf
-        self._fetch()
+        self._fetch_owed()
 
     @property
     def ended(self) -> bool:
         """True when no scan and no frame is left."""
+        self._fetch_owed()
         return self._over and not len(self._head) and self._next_frame is None
 
     def begin(self) -> None:
@@ -118,27 +137,31 @@ class Pacer:
         )
         self._due_s = self._due_s + late_s
         self._marks = [
-            replace(m, start_s=m.start_s + late_s, end_s=m.end_s + late_s) for m in self._marks
+            (end_s + late_s, number, _moved(mark, late_s)) for end_s, number, mark in self._marks
         ]
 
     def read(self, timeout_s: float) -> Samples:
         """Return what is due, waiting at most `timeout_s` seconds for the first scan.
 
-        At the end of the stream it returns at once.
+        At the end of the stream it returns at once. What comes next is made by the next call, or
+        by `marks` or `ended`: a simulator takes milliseconds, for which nothing due may wait.
         """
         if self.ended:
             return self._none
         if self._speed == np.inf:
             return self._take_burst()
-        scan_s, frame_s = self._scan_due_s(), self._frame_due_s()
-        if self._may_fetch_ahead and min(scan_s, frame_s) > self._clock.now_s() + _SPARE_S:
+        if self._may_fetch_ahead:
             self._fetch_ahead()
+        scan_s, frame_s = self._scan_due_s(), self._frame_due_s()
         now_s = self._clock.now_s()
         if min(scan_s, frame_s) > now_s:
             # Scans are given some at a time; no frame waits for that.
-            self._clock.sleep(min(min(scan_s + _BUNDLE_S, frame_s) - now_s, timeout_s))
+            longest_s = timeout_s if self._frame_ready() else min(timeout_s, _BUNDLE_S)
+            self._clock.sleep(min(min(scan_s + _BUNDLE_S, frame_s) - now_s, longest_s))
         now_s = self._clock.now_s()
-        while self._frame_due_s() <= now_s:
+        due_s = -np.inf
+        while (self._ahead or due_s < now_s - _ON_TIME_S) and self._frame_due_s() <= now_s:
+            due_s = self._frame_due_s()
             self._take_frame()
         return self._take_due(now_s)
 
@@ -149,14 +172,16 @@ class Pacer:
 
     def marks(self) -> list[Mark]:
         """Return, once each, the marks whose scans and frames were given; at the end, the rest."""
+        self._fetch_owed()
         until_s = np.inf
-        if len(self._head):
+        if len(self._head) or self._owed:
             until_s = self._scans_given_s
-        if self._next_frame is not None:
+        if self._next_frame is not None or not self._frame_ready():
             until_s = min(until_s, self._frames_given_s)
-        done = [mark for mark in self._marks if mark.end_s <= until_s]
-        self._marks = [mark for mark in self._marks if mark.end_s > until_s]
-        return done
+        done: list[tuple[float, int, Mark]] = []
+        while self._marks and self._marks[0][0] <= until_s:
+            done.append(heappop(self._marks))
+        return [mark for _, _, mark in sorted(done, key=lambda waited: waited[1])]
 
     def close(self) -> None:
         """Give nothing more, and let go of the stream."""
@@ -168,17 +193,21 @@ class Pacer:
         self._later.clear()
 
     def _fetch_ahead(self) -> None:
-        """Fetch while there is time: reading a frame then delays none that is due."""
-        if len(self._ahead) < _AHEAD:
-            self._ahead.extend(islice(self._frames, _AHEAD - len(self._ahead)))
-        elif not self._later:
-            self._later.extend(islice(self._stretches, 1))
+        """Fetch while there is time: reading from the disk then delays nothing that is due."""
+        while min(self._scan_due_s(), self._frame_due_s()) > self._clock.now_s() + _SPARE_S:
+            frames, stretches = len(self._ahead), len(self._later)
+            if frames < _AHEAD:
+                self._ahead.extend(islice(self._frames, 1))
+            if len(self._ahead) == frames and stretches < _LATER:
+                self._later.extend(islice(self._stretches, 1))
+            if (frames, stretches) == (len(self._ahead), len(self._later)):
+                break
 
     @property
     def _next_frame(self) -> Frame | None:
-        """The next frame to give; fetched now where none was fetched ahead."""
-        if not self._ahead:
-            self._ahead.extend(islice(self._frames, 1))
+        """The next frame to give, fetched now where none was; None where it is not ready yet."""
+        if not self._ahead and self._frame_ready():
+            self._ahead.extend(islice(self._frames, self._together))
         return self._ahead[0] if self._ahead else None
 
     def _scan_due_s(self) -> float:
@@ -200,7 +229,7 @@ class Pacer:
             self._given_frames.append(moved)
             self._frames_given_s = moved.fitted_s
             self._ahead.popleft()
-            self._fetch()
+            self._owed += 1
 
     def _take_burst(self) -> Samples:
         """Give what comes next, frames and scans in step with each other."""
@@ -218,17 +247,20 @@ class Pacer:
         return self._take(min(count, _BURST_SCANS))
 
     def _take_due(self, now_s: float) -> Samples:
-        parts: list[Samples] = []
-        while len(self._head) and (count := int(np.searchsorted(self._due_s, now_s, side="right"))):
-            parts.append(self._take(count))
-        return Samples.join(parts) if parts else self._none
+        count = int(np.searchsorted(self._due_s, now_s, side="right"))
+        return self._take(count) if count else self._none
 
     def _take(self, count: int) -> Samples:
         given = self._head[:count]
         self._head, self._due_s = self._head[count:], self._due_s[count:]
         self._scans_given_s = float(given.fitted_s[-1])
-        self._fetch()
+        self._owed += 1
         return given
+
+    def _fetch_owed(self) -> None:
+        while self._owed and self._stretch_ready():
+            self._owed -= 1
+            self._fetch()
 
     def _fetch(self) -> None:
         """Make the head hold a scan, unless the stream is over.
@@ -251,10 +283,11 @@ class Pacer:
         if self._shift_s is None and np.isfinite(self._first_frame_s):
             self._shift_s = self._opened_s - self._first_frame_s
         if self._shift_s is not None:
-            shift = self._shift_s
-            self._marks += [
-                replace(m, start_s=m.start_s + shift, end_s=m.end_s + shift) for m in waiting
-            ]
+            for mark in waiting:
+                moved = _moved(mark, self._shift_s)
+                self._marks_came += 1
+                if not math.isnan(moved.end_s):  # else it never falls due, and keeps no order
+                    heappush(self._marks, (moved.end_s, self._marks_came, moved))
 
     def _put(self, samples: Samples) -> None:
         if self._shift_s is None:
@@ -265,3 +298,7 @@ class Pacer:
         self._head = replace(samples, fitted_s=fitted_s, arrival_s=arrival_s)
         came_s = np.maximum.accumulate(np.where(np.isfinite(arrival_s), arrival_s, fitted_s))
         self._due_s = self._opened_s + (came_s - self._opened_s) / self._speed
+
+
+def _moved(mark: Mark, by_s: float) -> Mark:
+    return replace(mark, start_s=mark.start_s + by_s, end_s=mark.end_s + by_s)

@@ -7,7 +7,6 @@ physics truth beside the images. Knows nothing about windows, models or the comm
 from __future__ import annotations
 
 import os
-import shutil
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -18,12 +17,21 @@ from numpy.typing import NDArray
 
 from taxel.errors import BadInput, RecordingFailed
 from taxel.frame_codec import encode_jpeg
+from taxel.held import MADE, scratch_folder
 from taxel.processes import side_by_side
 from taxel.recordings.manifest import Manifest
 from taxel.recordings.writer import Recorder
 from taxel.signals import CameraInfo, Frame, Mark, Samples, SensorInfo
-from taxel.sim.cup_pour import SIM_VERSION, CupPourConfig, PourTrack, list_runs, simulate_pour
+from taxel.sim.cup_pour import (
+    SIM_VERSION,
+    CupPourConfig,
+    Gel,
+    PourTrack,
+    list_runs,
+    simulate_pour,
+)
 from taxel.sim.cups import PourRun
+from taxel.sim.gel_shear_constants import GEL_VERSION
 from taxel.sim.gelsight import (
     CameraTimes,
     GelCamera,
@@ -31,7 +39,14 @@ from taxel.sim.gelsight import (
     camera_times,
     draw_sensor,
 )
-from taxel.sim.pour_state import TRUTH_CHANNELS, TRUTH_UNITS, GelMotion
+from taxel.sim.pour_state import (
+    LAYER_CHANNELS,
+    LAYER_UNITS,
+    TRUTH_CHANNELS,
+    TRUTH_UNITS,
+    GelMotion,
+)
+from taxel.sim.pour_views import LayerView
 
 SIDES = ("left", "right")
 CAMERA_HZ = 25.0
@@ -52,30 +67,36 @@ class SimulatedVideo:
     """The camera's different images in order, each shape (240, 320, 3)."""
 
 
-def sensor_info(frame_hz: float) -> SensorInfo:
-    """Return what the truth beside the images is."""
+def sensor_info(frame_hz: float, gel: Gel = 1) -> SensorInfo:
+    """Return what the truth beside the images is.
+
+    Args:
+        frame_hz: Moments a second.
+        gel: How the gels shear; with 2 there is more to say.
+    """
     return SensorInfo(
         name="truth",
-        channels=TRUTH_CHANNELS,
-        units=TRUTH_UNITS,
+        channels=TRUTH_CHANNELS if gel == 1 else TRUTH_CHANNELS + LAYER_CHANNELS,
+        units=TRUTH_UNITS if gel == 1 else TRUTH_UNITS + LAYER_UNITS,
         rate_hz=frame_hz,
         serial=f"sim://cup-pour {SIM_VERSION}",
     )
 
 
 def simulate_videos(
-    run: PourRun, camera_hz: float, frame_hz: float, duration_s: float
+    run: PourRun, camera_hz: float, frame_hz: float, duration_s: float, gel: Gel = 1
 ) -> tuple[PourTrack, tuple[SimulatedVideo, ...]]:
     """Return a run's track at the frames' times, and what both cameras see."""
-    fine = simulate_pour(run, frame_hz * FINE, duration_s)
+    fine = simulate_pour(run, frame_hz * FINE, duration_s, gel, layer_every=FINE)
     videos = []
     for side, name in enumerate(SIDES):
         times = camera_times(camera_hz, frame_hz, duration_s, run.seed * 2 + side)
         sensor = draw_sensor(run.seed, side)
         camera = GelCamera(fine.shapes[side], sensor, run.seed * 2 + side)
         motion = motion_at(fine.motions[side], fine.time_s, times.taken_s)
-        info = camera_info(name, sensor, camera_hz, frame_hz)
-        videos.append(SimulatedVideo(info, times, _images(camera, motion, times)))
+        info = camera_info(name, sensor, camera_hz, frame_hz, gel)
+        shear = LayerView(fine.layer, frame_hz, side) if gel == 2 else None
+        videos.append(SimulatedVideo(info, times, _images(camera, motion, times, shear)))
     part = slice(None, None, FINE)
     track = PourTrack(
         time_s=fine.time_s[part],
@@ -84,11 +105,14 @@ def simulate_videos(
         truth=fine.truth[part],
         pour_start_s=fine.pour_start_s,
         pour_end_s=fine.pour_end_s,
+        layer=fine.layer,
     )
     return track, tuple(videos)
 
 
-def camera_info(name: str, sensor: SensorNuisance, camera_hz: float, frame_hz: float) -> CameraInfo:
+def camera_info(
+    name: str, sensor: SensorNuisance, camera_hz: float, frame_hz: float, gel: Gel = 1
+) -> CameraInfo:
     """Return what one simulated camera is.
 
     Args:
@@ -96,7 +120,11 @@ def camera_info(name: str, sensor: SensorNuisance, camera_hz: float, frame_hz: f
         sensor: Its nuisances.
         camera_hz: Images a second that it takes.
         frame_hz: Frames a second that it delivers.
+        gel: How its gel shears.
     """
+    details = {"camera_hz": f"{camera_hz:g}"}
+    if gel == 2:
+        details["gel"] = GEL_VERSION
     return CameraInfo(
         name=name,
         width=320,
@@ -104,7 +132,7 @@ def camera_info(name: str, sensor: SensorNuisance, camera_hz: float, frame_hz: f
         rate_hz=frame_hz,
         mm_per_px=sensor.mm_per_px,
         serial=f"sim://cup-pour {SIM_VERSION} {name}",
-        details={"camera_hz": f"{camera_hz:g}"},
+        details=details,
     )
 
 
@@ -136,36 +164,36 @@ def write_pours(
         raise BadInput(
             "a folder that does not exist yet for --output", str(output), "choose another"
         )
-    temporary = output.with_name(f".{output.name}.{os.getpid()}.part")
     try:
-        output.parent.mkdir(parents=True, exist_ok=True)
-        temporary.mkdir()
-        jobs = [(temporary, run, config, camera_hz) for run in list_runs(config)]
-        rows = side_by_side(write_run, jobs, on_run, workers)
-        os.rename(temporary, output)
+        with scratch_folder(output) as scratch:
+            made = scratch / MADE
+            made.mkdir()
+            jobs = [(made, run, config, camera_hz) for run in list_runs(config)]
+            rows = side_by_side(write_run, jobs, on_run, workers)
+            os.rename(made, output)
     except RecordingFailed:
         raise
     except OSError as error:
         raise RecordingFailed(
             f"needed to write {output}; got {error.strerror or error}; choose another place."
         ) from error
-    finally:
-        shutil.rmtree(temporary, ignore_errors=True)
     return rows
 
 
 def write_run(
     folder: Path, run: PourRun, config: CupPourConfig, camera_hz: float
 ) -> dict[str, Any]:
-    """Simulate a run and write its recording; return its row."""
-    track, videos = simulate_videos(run, camera_hz, config.frame_hz, config.duration_s)
+    """Simulate a run and write its recording into a folder that is there; return its row."""
+    track, videos = simulate_videos(run, camera_hz, config.frame_hz, config.duration_s, config.gel)
     row = describe_run(run, track)
     manifest = Manifest.started_now(
-        sensor_info(config.frame_hz),
+        sensor_info(config.frame_hz, config.gel),
         groups=groups_of(run),
         now_s=0.0,
         cameras=tuple(video.info for video in videos),
     )
+    if not folder.is_dir():  # the folder's owner was killed: nobody would remove it again
+        raise RecordingFailed(f"needed the folder {folder}; it is gone; start again.")
     with Recorder(folder / f"{run.name}.mcap", manifest) as recorder:
         for frames, samples in video_frames(track, videos):
             recorder.write(samples)
@@ -253,10 +281,11 @@ def describe_run(run: PourRun, track: PourTrack) -> dict[str, Any]:
 
 
 def _images(
-    camera: GelCamera, motion: GelMotion, times: CameraTimes
+    camera: GelCamera, motion: GelMotion, times: CameraTimes, shear: LayerView | None
 ) -> Iterator[NDArray[np.uint8]]:
     for index, taken_s in enumerate(times.taken_s):
-        yield camera.frame(motion, index, float(taken_s))
+        face = None if shear is None else shear.at(float(taken_s))
+        yield camera.frame(motion, index, float(taken_s), face)
 
 
 def motion_at(

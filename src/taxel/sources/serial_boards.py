@@ -64,6 +64,9 @@ class SerialBoards:
             if self._options.format == "wire" and self._options.rate_hz is not None:
                 self._set_rate(round(self._options.rate_hz))
             self._info = self._describe()
+            for stream in self._streams:
+                if isinstance(stream, BoardStream):
+                    stream.settle()
         except BaseException:
             self._close()
             raise
@@ -213,7 +216,7 @@ class SerialBoards:
             for port, stream in zip(self._ports, self._streams, strict=True):
                 for scans in stream.feed(port.take()):
                     stream.ledger.early += len(scans.seq)
-            if all(stream.ready for stream in self._streams):
+            if all(_is_sure(stream) for stream in self._streams):
                 return
             if self._clock.now_s() >= until_s:
                 break
@@ -323,6 +326,10 @@ class SerialBoards:
         if isinstance(stream, CsvStream):
             return len(stream.channels)
         return _hello(stream).channels
+
+
+def _is_sure(stream: BoardStream | CsvStream) -> bool:
+    return stream.confirmed if isinstance(stream, BoardStream) else stream.ready
 
 
 def _hello(stream: BoardStream) -> Hello:

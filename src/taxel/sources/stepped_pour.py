@@ -15,11 +15,13 @@ from numpy.typing import NDArray
 
 from taxel.frame_codec import encode_jpeg
 from taxel.signals import Frame, Samples
-from taxel.sim.cup_pour import PourTrack, _motion, _shape
+from taxel.sim.cup_pour import Gel, PourTrack
 from taxel.sim.cups import PourRun
+from taxel.sim.gel_shear import LayerMoment
 from taxel.sim.gelsight import GelCamera, camera_times, draw_sensor
 from taxel.sim.grip_response import GrippedPour, GripResponseConfig
-from taxel.sim.pour_state import TRUTH_CHANNELS, GelMotion, HandleShape
+from taxel.sim.pour_state import GelMotion, HandleShape
+from taxel.sim.pour_views import LayerView, gel_motion, handle_shape, layer_motion, layer_state
 from taxel.sources.pour_sets import (
     CAMERA_HZ,
     FINE,
@@ -27,6 +29,7 @@ from taxel.sources.pour_sets import (
     camera_info,
     frame_of,
     motion_at,
+    sensor_info,
 )
 
 
@@ -39,6 +42,8 @@ class SteppedPour:
         frame_hz: Moments a second.
         duration_s: Length, seconds.
         response: How the gripper answers to `grip`.
+        most_lost: Images in a row that a camera may lose; None as in data sets, without a limit.
+        gel: How the gels shear.
     """
 
     def __init__(
@@ -48,6 +53,8 @@ class SteppedPour:
         frame_hz: float = 60.0,
         duration_s: float = 6.0,
         response: GripResponseConfig | None = None,
+        most_lost: int | None = None,
+        gel: Gel = 1,
     ) -> None:
         self.run = run
         self._pour = GrippedPour(run, response)
@@ -56,12 +63,14 @@ class SteppedPour:
         self._fine_s = np.arange(self._fine) / (frame_hz * FINE)
         self.moments = len(range(0, self._fine, FINE))
         """How many there are."""
-        self._shapes = (_shape(run, 0), _shape(run, 1))
+        self._shapes = (handle_shape(run, 0), handle_shape(run, 1))
         self._motions = (_still(self._fine), _still(self._fine))
-        self._truth = np.zeros((self.moments, len(TRUTH_CHANNELS)))
+        self._layers = self._pour.sim.layers() if gel == 2 else None
+        self._layer: list[LayerMoment] = []
+        self._truth = np.zeros((self.moments, len(sensor_info(frame_hz, gel).channels)))
         self._done = 0
         self._eyes = [
-            _Eye(run, side, shape, camera_hz, frame_hz, duration_s)
+            _Eye(run, side, shape, camera_hz, frame_hz, duration_s, most_lost, gel, self._layer)
             for side, shape in enumerate(self._shapes)
         ]
         self.cameras = tuple(eye.info for eye in self._eyes)
@@ -99,6 +108,13 @@ class SteppedPour:
         """
         self._pour.gripper.command(force_n, after_s)
 
+    def prepare(self) -> None:
+        """Make the gels that the cameras see, which takes most of a second, before they are asked
+        for: the first `step` does it otherwise.
+        """
+        for eye in self._eyes:
+            eye.prepare()
+
     def step(self, look: bool = True) -> tuple[list[Frame], Samples]:
         """Go on to the next moment; return a frame a camera, and the truth.
 
@@ -117,7 +133,7 @@ class SteppedPour:
             self._pour.step(1.0 / (self._frame_hz * FINE))
             self._keep(fine)
         time_s = index / self._frame_hz
-        self._truth[index] = self._pour.sim.state
+        self._truth[index] = self._state()
         until = slice(0, index * FINE + 1)
         frames = []
         if look:
@@ -126,23 +142,36 @@ class SteppedPour:
         scan = Samples.from_values(self._truth[index : index + 1], np.array([time_s]))
         return frames, replace(scan, counter=np.array([index]))
 
+    def _state(self) -> NDArray[np.float64]:
+        """Return the truth now; let gels of version 2 follow."""
+        state = self._pour.sim.state
+        if self._layers is None:
+            return state
+        self._layer.append(self._layers.step(self._pour.sim.hold()))
+        return np.concatenate([state, layer_state(self._layer[-1], self._layer[0])])
+
     def track(self) -> PourTrack:
         """Return the truth so far, and how the gels moved."""
         run, known = self.run, slice(0, max(0, self._done - 1) * FINE + 1)
         pours = run.flow_g_s > 0
+        motions = (_part(self._motions[0], known), _part(self._motions[1], known))
+        if self._layer:
+            left, right = motions
+            motions = (layer_motion(left, self._layer, 0), layer_motion(right, self._layer, 1))
         return PourTrack(
             time_s=np.arange(self._done) / self._frame_hz,
-            motions=(_part(self._motions[0], known), _part(self._motions[1], known)),
+            motions=motions,
             shapes=self._shapes,
             truth=self._truth[: self._done],
             pour_start_s=run.start_s if pours else float("inf"),
             pour_end_s=run.start_s + run.amount_g / run.flow_g_s if pours else float("inf"),
+            layer=tuple(self._layer),
         )
 
     def _keep(self, fine: int) -> None:
         row, patch = self._pour.sim.gel(), self._pour.sim.patch_mm
         for side, motion in enumerate(self._motions):
-            _copy(_motion([row], side, np.array([patch])), motion, fine)
+            _copy(gel_motion([row], side, np.array([patch])), motion, fine)
 
 
 class _Eye:
@@ -156,16 +185,26 @@ class _Eye:
         camera_hz: float,
         frame_hz: float,
         duration_s: float,
+        most_lost: int | None,
+        gel: Gel,
+        layer: list[LayerMoment],
     ) -> None:
         seed = run.seed * 2 + side
         sensor = draw_sensor(run.seed, side)
         self._side = side
-        self._times = camera_times(camera_hz, frame_hz, duration_s, seed)
+        self._times = camera_times(camera_hz, frame_hz, duration_s, seed, most_lost=most_lost)
         self._camera: GelCamera | None = None
         self._make = (shape, sensor, seed)
         self._seen = _still(len(self._times.taken_s))
         self._number, self._jpeg = -1, b""
-        self.info = camera_info(SIDES[side], sensor, camera_hz, frame_hz)
+        self._shear = LayerView(layer, frame_hz, side) if gel == 2 else None
+        self.info = camera_info(SIDES[side], sensor, camera_hz, frame_hz, gel)
+
+    def prepare(self) -> GelCamera:
+        """Make this camera's gel, once."""
+        if self._camera is None:
+            self._camera = GelCamera(*self._make)
+        return self._camera
 
     def look(
         self, motion: GelMotion, fine_s: NDArray[np.float64], index: int, time_s: float
@@ -173,13 +212,13 @@ class _Eye:
         """Return the frame of a moment up to which the gel's motion is known."""
         shown = int(self._times.shown[index])
         if shown != self._number:
-            if self._camera is None:
-                self._camera = GelCamera(*self._make)
+            camera = self.prepare()
             taken_s = self._times.taken_s[shown : shown + 1]
             first = max(int(np.searchsorted(fine_s, taken_s[0], side="right")) - 1, 0)
             near = slice(first, min(first + 2, len(fine_s)))
             _copy(motion_at(_part(motion, near), fine_s[near], taken_s), self._seen, shown)
-            image = self._camera.frame(self._seen, shown, float(taken_s[0]))
+            face = None if self._shear is None else self._shear.at(float(taken_s[0]))
+            image = camera.frame(self._seen, shown, float(taken_s[0]), face)
             self._number, self._jpeg = shown, encode_jpeg(image)
         return frame_of(self._side, self._jpeg, shown, self._times, time_s)
 

@@ -16,7 +16,10 @@ from safetensors import SafetensorError, safe_open
 from safetensors.torch import save_file
 from torch import nn
 
-from taxel.errors import BadInput, RecordingFailed
+from taxel.errors import BadFile, BadInput, RecordingFailed
+from taxel.foreign.files import check_tensors
+from taxel.foreign.json_text import parse_json
+from taxel.foreign.records import record_of
 
 _Record = TypeVar("_Record")
 
@@ -85,7 +88,14 @@ def load_checkpoint(
         index, key = name.split(".", 1)
         state.setdefault(int(index), {})[key] = value
     optimiser.load_state_dict({**optimiser.state_dict(), "state": state})
-    return [record(**epoch) for epoch in json.loads(about["history"])]
+    try:
+        history = parse_json(about.get("history", ""))
+        return [record_of(record, epoch, finite=False) for epoch in history]
+    except (TypeError, ValueError) as error:
+        raise BadInput(
+            f"a whole checkpoint {path.name}", f"one without its history ({error})",
+            "delete it and train again",
+        ) from error  # fmt: skip
 
 
 def _below(prefix: str, tensors: dict[str, torch.Tensor]) -> dict[str, torch.Tensor]:
@@ -116,11 +126,12 @@ def _save(path: Path, tensors: dict[str, torch.Tensor], about: dict[str, str]) -
 
 def _load(path: Path) -> tuple[dict[str, torch.Tensor], dict[str, str]]:
     try:
+        check_tensors(path)
         with safe_open(path, framework="pt") as file:
             return {key: file.get_tensor(key) for key in file.keys()}, file.metadata() or {}  # noqa: SIM118
-    except (SafetensorError, OSError) as error:
+    except (SafetensorError, OSError, BadFile) as error:
         raise BadInput(
             f"a readable safetensors file {path.name}",
-            f"a damaged one ({error})",
+            f"a damaged one ({getattr(error, 'got', error)})",
             "delete it and train again",
         ) from error

@@ -17,7 +17,9 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from taxel.errors import RecordingFailed
+from taxel.errors import BadFile, RecordingFailed
+from taxel.foreign.archives import LARGEST_ARRAYS, array_of
+from taxel.foreign.files import read_bytes
 from taxel.frame_codec import decode_jpeg
 from taxel.windows.pours import Pour, frame_sets
 
@@ -147,7 +149,7 @@ def _images(pour: Pour, camera: int) -> Iterator[NDArray[np.uint8]]:
     for found in frame_sets(pour.path, len(pour.cameras)):
         jpeg = found.frames[camera].jpeg
         if last is None or last[0] != jpeg:
-            last = (jpeg, decode_jpeg(jpeg))
+            last = (jpeg, decode_jpeg(jpeg, pour.cameras[camera]))
         yield last[1]
 
 
@@ -158,7 +160,7 @@ def _different(pour: Pour) -> Iterator[NDArray[np.uint8]]:
         for frame, number in zip(found.frames, row, strict=True):
             if number == known:
                 known += 1
-                yield decode_jpeg(frame.jpeg)
+                yield decode_jpeg(frame.jpeg, pour.cameras[frame.camera])
 
 
 def _batches(images: Iterable[NDArray[np.uint8]]) -> Iterator[list[NDArray[np.uint8]]]:
@@ -175,8 +177,8 @@ def _batches(images: Iterable[NDArray[np.uint8]]) -> Iterator[list[NDArray[np.ui
 def _load(path: Path, features: int) -> NDArray[np.float32] | None:
     """Return what the cache holds; None where it holds nothing, or something damaged."""
     try:
-        values = np.load(path, allow_pickle=False)
-    except (OSError, ValueError, EOFError):
+        values = array_of(read_bytes(path, LARGEST_ARRAYS)).copy()
+    except (OSError, BadFile):
         return None
     right = values.ndim == 2 and values.shape[1] == features and values.dtype == np.float32
     return values if right else None

@@ -205,7 +205,7 @@ def _windows(
 
 def _decode(pour: Pour) -> NDArray[np.uint8]:
     """Return all images, shape (n, cameras, h, w, 3)."""
-    found = [[decode_jpeg(frame.jpeg) for frame in one.frames]
+    found = [[decode_jpeg(frame.jpeg, pour.cameras[frame.camera]) for frame in one.frames]
              for one in frame_sets(pour.path, len(pour.cameras))]  # fmt: skip
     return np.asarray(found, np.uint8)
 

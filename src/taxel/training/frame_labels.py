@@ -17,7 +17,7 @@ from taxel.labels.change import ChangeConfig, change_signal, label_change
 from taxel.labels.corrections import Correction, apply_correction, read_corrections
 from taxel.labels.rules import rule_named
 from taxel.labels.slip import label_truth
-from taxel.sim.pour_state import TRUTH_CHANNELS
+from taxel.sim.pour_state import TRUTH_CHANNELS, has_truth
 from taxel.training.features import Progress, extract
 from taxel.windows.pours import Pour
 
@@ -118,13 +118,13 @@ def truth_of(pour: Pour) -> NDArray[np.float32]:
     Raises:
         BadDataset: The recording has none.
     """
-    if pour.sensor.channels != TRUTH_CHANNELS:
+    if not has_truth(pour.sensor.channels):
         raise BadDataset(
             "recordings with the simulator's physics truth for this rule",
             f"{pour.path} without it",
             "choose the rule change, or label by hand with: taxel label",
         )
-    return pour.beside
+    return pour.beside[:, : len(TRUTH_CHANNELS)]
 
 
 def rate_of(pour: Pour) -> float:

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from taxel.labels.agreement import Agreement, agreement, onset_s
 from taxel.labels.corrections import Correction, apply_correction
 from taxel.labels.rules import RULES, rule_named
-from taxel.sim.pour_state import TRUTH_CHANNELS
+from taxel.sim.pour_state import has_truth
 from taxel.training.features import Progress
 from taxel.training.frame_labels import change_signals, corrections_of, rule_labels
 from taxel.windows.pours import Pour
@@ -89,7 +89,7 @@ def label_sheet(
 
 def rules_of(pour: Pour) -> tuple[str, ...]:
     """Return the rules that can be worked out on a pour: those on images, and with truth all."""
-    truth = pour.sensor.channels == TRUTH_CHANNELS
+    truth = has_truth(pour.sensor.channels)
     return tuple(name for name, rule in RULES.items() if truth or rule.needs == "images")
 
 

@@ -7,7 +7,6 @@ pickled. Knows nothing about how folds were made or models fitted.
 from __future__ import annotations
 
 import json
-import zipfile
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
@@ -16,10 +15,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taxel.errors import BadInput
+from taxel.foreign.archives import read_arrays
+from taxel.foreign.files import MIB
+from taxel.foreign.json_text import Fields, read_json
+from taxel.foreign.records import record_of
 from taxel.labels.trials import Trial
 
 _ARRAYS = "predictions.npz"
 _NAMES = "predictions.json"
+_LARGEST_NAMES = 32 * MIB
+"""Bytes; a trial takes some 300. Source: our choice."""
+_KINDS = {"trained": "iub", "trial": "iu", "start_s": "f", "fold": "iu", "y": "iu",
+          "probabilities": "f"}  # fmt: skip
+"""Array → NumPy's letters for its numbers."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -102,32 +110,36 @@ def load_predictions(folder: Path) -> Predictions | None:
     if not (folder / _NAMES).exists() and not (folder / _ARRAYS).exists():
         return None
     try:
-        names: dict[str, Any] = json.loads((folder / _NAMES).read_text())
-        # Opened here, for np.load leaves a damaged file open.
-        with (folder / _ARRAYS).open("rb") as raw, np.load(raw, allow_pickle=False) as arrays:
-            found = Predictions(
-                split=str(names["split"]),
-                classes=tuple(names["classes"]),
-                trials=tuple(Trial(**trial) for trial in names["trials"]),
-                folds=tuple(names["folds"]),
-                trained=arrays["trained"].astype(np.intp),
-                trial=arrays["trial"].astype(np.intp),
-                start_s=arrays["start_s"].astype(np.float64),
-                fold=arrays["fold"].astype(np.intp),
-                y=arrays["y"].astype(np.intp),
-                probabilities=arrays["probabilities"].astype(np.float64),
-            )
+        names = Fields(read_json(folder / _NAMES, _LARGEST_NAMES), _NAMES)
+        arrays = read_arrays(folder / _ARRAYS, _KINDS)
+        for name, kinds in _KINDS.items():
+            if name not in arrays or arrays[name].dtype.kind not in kinds:
+                raise ValueError(f"{name} is not there, or no such numbers")
+        found = Predictions(
+            split=names.text("split"),
+            classes=names.texts("classes"),
+            trials=tuple(record_of(Trial, trial) for trial in names.items("trials")),
+            folds=names.texts("folds"),
+            trained=arrays["trained"].astype(np.intp),
+            trial=arrays["trial"].astype(np.intp),
+            start_s=arrays["start_s"].astype(np.float64),
+            fold=arrays["fold"].astype(np.intp),
+            y=arrays["y"].astype(np.intp),
+            probabilities=arrays["probabilities"].astype(np.float64),
+        )
         _check(found)
-    except (OSError, ValueError, KeyError, TypeError, EOFError, zipfile.BadZipFile) as error:
+    except (OSError, ValueError) as error:  # BadFile is a ValueError
         raise BadInput(
             f"predictions that can be read in {folder}",
-            f"damaged ones ({error})",
+            f"damaged ones ({getattr(error, 'got', error)})",
             "train the run again with: taxel train",
         ) from error
     return found
 
 
 def _check(found: Predictions) -> None:
+    if found.y.ndim != 1:
+        raise ValueError(f"y of shape {found.y.shape}")
     n = len(found)
     shapes = {
         "trained": (len(found.folds), len(found.trials)),
@@ -144,8 +156,11 @@ def _check(found: Predictions) -> None:
         values = getattr(found, name)
         if n == 0 or values.min() < 0 or values.max() >= limit:
             raise ValueError(f"{name} outside 0 … {limit - 1}")
-    if not np.isfinite(found.probabilities).all():
-        raise ValueError("a probability that is not finite")
+    if not np.isfinite(found.probabilities).all() or not np.isfinite(found.start_s).all():
+        raise ValueError("a probability or time that is not finite")
+    for trial in found.trials:
+        if not {"recording", "trial"} <= set(trial.groups):
+            raise ValueError("a trial without the groups recording and trial")
 
 
 def _trial_to_json(trial: Trial) -> dict[str, Any]:

@@ -76,4 +76,5 @@ def _spread(pour: Pour, count: int) -> Iterator[NDArray[np.uint8]]:
               for turn, moment in enumerate(np.linspace(0, len(pour) - 1, count))}  # fmt: skip
     for index, found in enumerate(frame_sets(pour.path, cameras)):
         if index in wanted:
-            yield decode_jpeg(found.frames[wanted[index]].jpeg)
+            frame = found.frames[wanted[index]]
+            yield decode_jpeg(frame.jpeg, pour.cameras[frame.camera])

@@ -15,7 +15,6 @@ import shutil
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,6 +23,8 @@ from torch import nn
 from taxel import __version__
 from taxel.bundles.contract import Contract, at_level, contract_from_json, contract_to_json
 from taxel.errors import BadInput, RecordingFailed, TaxelError
+from taxel.foreign.json_text import Fields, read_json
+from taxel.foreign.records import record_of
 from taxel.models.catalogue import count_parameters, find_network
 from taxel.training.adapt.exemplars import Exemplars, load_exemplars, save_exemplars
 from taxel.training.checkpoints import load_weights, save_weights
@@ -32,6 +33,12 @@ from taxel.training.loop import Epoch, TrainConfig
 from taxel.training.predictions import Predictions, load_predictions, save_predictions
 from taxel.windows.dataset import Dataset
 from taxel.windows.scaling import Scaling
+
+_MOST_MEMBERS = 1000
+"""Networks of a run. Source: our choice."""
+_LARGEST_SIDE, _LARGEST_WINDOW = 100_000, 1_000_000
+"""Steps, channels or classes, and values of a window, that a network is built for: it is built
+before its weights are read. Source: our choice."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -159,15 +166,18 @@ def load_run(folder: Path, *, weights: bool = True) -> Run:
         BadInput: The folder is no run, is damaged, or has no weights to load.
     """
     try:
-        about: dict[str, Any] = json.loads((folder / "run.json").read_text())
-        contract = contract_from_json(json.dumps(about["contract"]))
-        members = int(about["members"])
-        train = _train_config(about["train"])
-        history = tuple(Epoch(**epoch) for epoch in about["history"])
-        data, trivial = str(about["data"]), dict(about.get("trivial", {}))
-        made = Made(**about.get("made", {}))
-    except (OSError, ValueError, KeyError, TypeError) as error:  # BadBundle is a ValueError
-        got = "a damaged one" if (folder / "run.json").exists() else "none there"
+        about = Fields(read_json(folder / "run.json"), "run.json")
+        contract = contract_from_json(json.dumps(about.any("contract")))
+        members = about.count("members", 0, _MOST_MEMBERS)
+        train = _train_config(about.any("train"))
+        history = tuple(record_of(Epoch, one, finite=False) for one in about.items("history"))
+        data = about.text("data")
+        trivial = about.numbers("trivial") if "trivial" in about else {}
+        made = record_of(Made, about.any("made")) if "made" in about else Made()
+    except (OSError, ValueError) as error:  # BadBundle and BadFile are ValueErrors
+        got = "none there"
+        if (folder / "run.json").exists():
+            got = f"a damaged one ({getattr(error, 'got', error)})"
         raise BadInput(f"a run in {folder}", got, "train one with: taxel train") from error
     if weights and not members:
         raise BadInput(
@@ -191,15 +201,25 @@ def load_run(folder: Path, *, weights: bool = True) -> Run:
 
 def _load_networks(folder: Path, contract: Contract, members: int) -> tuple[nn.Module, ...]:
     build = find_network(contract.model).build
+    steps, channels, classes = contract.window.steps, len(contract.channels), len(contract.classes)
+    if max(steps, channels, classes) > _LARGEST_SIDE or steps * channels > _LARGEST_WINDOW:
+        raise BadInput(
+            f"a run of windows of at most {_LARGEST_WINDOW:,} values in {folder}",
+            f"{steps} × {channels} and {classes} classes", "train one with: taxel train",
+        )  # fmt: skip
     networks = []
     for index in range(members):
-        network = build(contract.window.steps, len(contract.channels), len(contract.classes))
+        network = build(steps, channels, classes)
         load_weights(folder / f"weights-{index}.safetensors", network)
         networks.append(network.eval())
     return tuple(networks)
 
 
-def _train_config(raw: dict[str, Any]) -> TrainConfig:
+def _train_config(raw: object) -> TrainConfig:
     from taxel.training.augment import Augment
 
-    return TrainConfig(**{**raw, "augment": Augment(**raw["augment"])})
+    if not isinstance(raw, dict):
+        raise ValueError("train is no object")
+    augment = record_of(Augment, raw.get("augment"))
+    plain = {key: value for key, value in raw.items() if key != "augment"}
+    return replace(record_of(TrainConfig, plain), augment=augment)

@@ -8,18 +8,19 @@ from __future__ import annotations
 from pathlib import Path
 
 from rich.table import Table
-from rich.text import Text
 
 from taxel.bundles.contract import Contract
 from taxel.bundles.levels import TouchLevel
 from taxel.bundles.versions import Change, History, kept_path
+from taxel.plain_text import visible, visible_line
 
 
 def level_table(contract: Contract, found: TouchLevel) -> Table:
     """Return each channel's level before and now, and what must be looked at."""
     table = Table(
         title=f"level by {found.touches} touches, {found.windows} windows",
-        title_justify="left", caption="\n".join(found.warnings) or None, caption_justify="left",
+        title_justify="left", caption_justify="left",
+        caption="\n".join(map(visible_line, found.warnings)) or None,
     )  # fmt: skip
     table.add_column("channel")
     for column in ("before", "now", "now / before"):
@@ -29,27 +30,29 @@ def level_table(contract: Contract, found: TouchLevel) -> Table:
         level, change = float(found.level[index]), float(found.change[index])
         quiet = bool(found.silent[index])
         table.add_row(
-            Text(name), f"{level / change:.3f}", "nothing" if quiet else f"{level:.3f}",
-            "–" if quiet else f"{change:.2f}", contract.units[index],
+            visible(name), f"{level / change:.3f}", "nothing" if quiet else f"{level:.3f}",
+            "–" if quiet else f"{change:.2f}", visible(contract.units[index]),
         )  # fmt: skip
     return table
 
 
 def before_after_table(change: Change, measured_on: str) -> Table:
     """Return the share of windows told right before and after, by class."""
-    table = Table(title=f"accuracy by window on {measured_on}", title_justify="left")
+    table = Table(title=f"accuracy by window on {visible(measured_on)}", title_justify="left")
     table.add_column("class")
     for column in ("before", "after", "points"):
         table.add_column(column, justify="right")
     for name, after in change.after.items():
         before = change.before[name]
-        table.add_row(Text(name), f"{before:.1%}", f"{after:.1%}", f"{100 * (after - before):+.1f}")
+        table.add_row(
+            visible(name), f"{before:.1%}", f"{after:.1%}", f"{100 * (after - before):+.1f}"
+        )
     return table
 
 
 def history_table(path: Path, history: History) -> Table:
     """Return all versions, the one in use marked."""
-    table = Table(title=f"versions of {path}", title_justify="left")
+    table = Table(title=f"versions of {visible(path)}", title_justify="left")
     for column in ("", "made", "what", "from", "before → after", "kept as"):
         table.add_column(column)
     numbers = {one.digest: one.number for one in reversed(history.versions)}
@@ -61,7 +64,8 @@ def history_table(path: Path, history: History) -> Table:
         measured = f"{both[0]:.1%} → {both[1]:.1%}" if None not in both else "–"
         source = f"version {numbers[one.parent]}" if one.parent in numbers else one.parent[:12]
         table.add_row(
-            f"{'→ ' if used else ''}{one.number}", one.made or "–", Text(one.change.what),
-            source or "–", measured, place,
+            f"{'→ ' if used else ''}{one.number}", visible(one.made or "–"),
+            visible_line(one.change.what),
+            visible(source or "–"), measured, visible(place),
         )  # fmt: skip
     return table

@@ -11,6 +11,7 @@ from rich.table import Table
 from rich.text import Text
 
 from taxel.evaluation.audit.finding import MEANING, Audit, Finding
+from taxel.plain_text import visible, visible_line
 
 _STYLE = {"leak": "bold red", "hazard": "yellow", "note": "cyan", "clear": "green",
           "not checked": "dim"}  # fmt: skip
@@ -26,10 +27,10 @@ def audit_table(found: Audit, *, everything: bool = False) -> RenderableType:
     shown = [one for one in found.findings if everything or one.verdict in ("leak", "hazard",
                                                                             "note")]  # fmt: skip
     parts: list[RenderableType] = [
-        Text(found.verdict, style="bold red" if found.alarms else "bold green"),
-        Text(_what(found), style="dim"),
+        Text(visible_line(found.verdict), style="bold red" if found.alarms else "bold green"),
+        Text(visible_line(_what(found)), style="dim"),
     ]
-    parts += [Text(note, style="dim") for note in found.notes]
+    parts += [Text(visible_line(note), style="dim") for note in found.notes]
     if shown:
         parts += [_figures(shown), Text("What was found, and what to do", style="bold")]
         parts += [_in_words(one) for one in shown]
@@ -42,7 +43,7 @@ def audit_table(found: Audit, *, everything: bool = False) -> RenderableType:
 
 def _what(found: Audit) -> str:
     trials = sum(found.classes.values())
-    classes = ", ".join(f"{name} {count}" for name, count in found.classes.items())
+    classes = ", ".join(f"{visible(name)} {count}" for name, count in found.classes.items())
     split = f"split: {found.split}" if found.split else "no split given"
     return (
         f"{found.data}: {found.kind}, {trials} trials, label {found.target!r} ({classes}); {split}"
@@ -57,7 +58,7 @@ def _figures(shown: list[Finding]) -> Table:
         table.add_column(column, justify="right", no_wrap=True)
     for one in shown:
         table.add_row(
-            Text(one.verdict, style=_STYLE[one.verdict]), one.kind,
+            Text(one.verdict, style=_STYLE[one.verdict]), visible_line(one.kind),
             *[_share(value) for value in (one.alone, one.majority, one.auc)],
             chance(one),
         )  # fmt: skip
@@ -88,12 +89,12 @@ def legend(found: Audit) -> list[str]:
 
 def _in_words(one: Finding) -> Text:
     text = Text()
-    text.append(f"{one.kind}: ", style=_STYLE[one.verdict])
-    text.append(one.said)
+    text.append(f"{visible_line(one.kind)}: ", style=_STYLE[one.verdict])
+    text.append(visible_line(one.said))
     if one.examples:
-        text.append(f" Such as: {'; '.join(one.examples)}.", style="dim")
+        text.append(f" Such as: {visible_line('; '.join(one.examples))}.", style="dim")
     if one.mend:
-        text.append(f"\n  → {one.mend}.")
+        text.append(f"\n  → {visible_line(one.mend)}.")
     return text
 
 

@@ -13,6 +13,7 @@ from rich.table import Table
 from rich.text import Text
 
 from taxel.evaluation.paired import Paired
+from taxel.plain_text import visible, visible_line
 
 MOST_GROUPS = 24
 """Groups that are printed; more fill the screen."""
@@ -27,13 +28,13 @@ def compare_table(found: Paired, first: str, second: str) -> RenderableType:
         second: Name of the second run.
     """
     table = Table(box=SIMPLE_HEAD, pad_edge=False)
-    table.add_column(found.group, no_wrap=True)
+    table.add_column(visible(found.group), no_wrap=True)
     for column in ("windows", "first", "second", "second − first"):
         table.add_column(column, justify="right", no_wrap=True)
     for one in found.groups[:MOST_GROUPS]:
         change = f"{100 * (one.second - one.first):+.1f}"
         table.add_row(
-            one.name, str(one.windows), f"{one.first:.4f}", f"{one.second:.4f}", change
+            visible(one.name), str(one.windows), f"{one.first:.4f}", f"{one.second:.4f}", change
         )  # fmt: skip
     if len(found.groups) > MOST_GROUPS:
         table.add_row(f"and {len(found.groups) - MOST_GROUPS} more (--json)", style="dim")
@@ -44,11 +45,11 @@ def compare_table(found: Paired, first: str, second: str) -> RenderableType:
     )  # fmt: skip
     n = len(found.groups)
     return Group(
-        Text(f"{found.target} · split: {found.split}", style="bold"),
-        Text(f"first: {first} · second: {second}; differences in points, [95 %]"),
+        Text(f"{visible(found.target)} · split: {visible(found.split)}", style="bold"),
+        Text(f"first: {visible(first)} · second: {visible(second)}; differences in points, [95 %]"),
         table,
         Text(
-            f"over {n} {found.group}s (sign-flip permutation): p = {found.p_groups:.2g}; "
+            f"over {n} {visible(found.group)}s (sign-flip permutation): p = {found.p_groups:.2g}; "
             f"smallest possible {found.smallest_p:.2g}"
         ),
         Text(
@@ -57,7 +58,7 @@ def compare_table(found: Paired, first: str, second: str) -> RenderableType:
             style="dim",
         ),
         Text(),
-        Text(found.verdict, style="bold"),
+        Text(visible_line(found.verdict), style="bold"),
     )
 
 

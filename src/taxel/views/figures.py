@@ -9,17 +9,18 @@ from __future__ import annotations
 import io
 from collections.abc import Sequence
 
-import matplotlib
 import numpy as np
+from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-matplotlib.use("Agg")
-from matplotlib import pyplot as plt
-from matplotlib.figure import Figure
+from taxel.plain_text import short_names, without_controls
+from taxel.plotting import drawn_name, plt
 
 _DPI = 110
 _MAP = "viridis"
 _MAPS_ACROSS = 5
+_NAME = 30
+"""Most characters of a class's name beside a matrix."""
 
 
 def traces(
@@ -43,10 +44,12 @@ def traces(
     figure, axes = plt.subplots(figsize=(9, 2.7), layout="constrained")
     colours = plt.colormaps["turbo"](np.linspace(0.05, 0.95, len(channels)))
     for column, name in enumerate(channels):
-        axes.plot(time_s, values[:, column], color=colours[column], lw=0.9, label=name)
+        axes.plot(time_s, values[:, column], color=colours[column], lw=0.9, label=drawn_name(name))
     if gate is not None:
-        axes.axhline(gate, color="black", ls="--", lw=0.8, label=f"gate {gate:g} {unit}")
-    axes.set(xlabel="time (s)", ylabel=unit, title=title)
+        axes.axhline(
+            gate, color="black", ls="--", lw=0.8, label=f"gate {gate:g} {drawn_name(unit)}"
+        )
+    axes.set(xlabel="time (s)", ylabel=drawn_name(unit), title=drawn_name(title))
     axes.spines[["top", "right"]].set_visible(False)
     axes.legend(loc="center left", bbox_to_anchor=(1.0, 0.5), fontsize=7, frameon=False)
     return _png(figure)
@@ -70,12 +73,12 @@ def intensity_maps(images: dict[str, NDArray[np.float32]], unit: str) -> bytes:
         axes.set_visible(False)
     for axes, (title, image) in zip(grid.ravel(), images.items(), strict=False):
         shown = axes.imshow(image, cmap=_MAP, vmin=low, vmax=high, aspect="auto")
-        axes.set_title(title, fontsize=9)
+        axes.set_title(without_controls(title), fontsize=9)
         axes.set_xlabel("sensor", fontsize=8)
         axes.tick_params(labelsize=7)
     for row in grid:
         row[0].set_ylabel("row (oldest on top)", fontsize=8)
-    figure.colorbar(shown, ax=grid.ravel().tolist(), label=unit, shrink=0.9)
+    figure.colorbar(shown, ax=grid.ravel().tolist(), label=drawn_name(unit), shrink=0.9)
     return _png(figure)
 
 
@@ -98,11 +101,12 @@ def confusion(classes: Sequence[str], counts: list[list[int]], title: str) -> by
                 color="white" if shares[row, column] > 0.55 else "black",
             )
     ticks = range(len(classes))
-    axes.set_xticks(ticks, classes, rotation=40, ha="right", fontsize=8)
-    axes.set_yticks(ticks, classes, fontsize=8)
+    names = short_names(classes, _NAME)
+    axes.set_xticks(ticks, names, rotation=40, ha="right", fontsize=8)
+    axes.set_yticks(ticks, names, fontsize=8)
     axes.set_xlabel("told", fontsize=8)
     axes.set_ylabel("true", fontsize=8)
-    axes.set_title(title, fontsize=9)
+    axes.set_title(drawn_name(title), fontsize=9)
     return _png(figure)
 
 
@@ -119,7 +123,7 @@ def accuracies(
             axes.plot([low, high], [place, place], color="#4477aa", lw=2, alpha=0.6)
         axes.plot(value, place, "o", color="#4477aa" if np.isfinite(low) else "#999999", ms=5)
         axes.text(1.02, place, f"{value:.3f}", va="center", fontsize=8)
-    axes.set_yticks(range(len(names)), names, fontsize=8)
+    axes.set_yticks(range(len(names)), list(map(drawn_name, names)), fontsize=8)
     axes.invert_yaxis()
     axes.set_xlim(0, 1)
     axes.set_title(title, fontsize=9, loc="left")

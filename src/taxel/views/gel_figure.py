@@ -17,10 +17,8 @@ from numpy.typing import NDArray
 
 from taxel.gel.depth import DepthModel
 from taxel.gel.markers import MarkerFlow, MarkerTracker, Rgb
+from taxel.plotting import drawn_name, plt
 from taxel.views.gel_moment import GelTouch, touch_of
-
-matplotlib.use("Agg")
-from matplotlib import pyplot as plt
 
 _DPI = 110
 _LONGEST_PX = 36.0
@@ -70,7 +68,7 @@ def gel_figure(
         2, 2, figsize=(9.6, 7.4 * height / width * 4 / 3 + 0.6), layout="constrained"
     )
     _draw(figure, axes.ravel(), touch)
-    figure.suptitle(f"{title}\n{touch.words()}", fontsize=10, x=0.01, ha="left")
+    figure.suptitle(f"{drawn_name(title)}\n{touch.words()}", fontsize=10, x=0.01, ha="left")
     return _finished(figure, kind)
 
 
@@ -90,8 +88,8 @@ def gels_figure(touches: Mapping[str, GelTouch], title: str, kind: Kind = "png")
     parts = figure.subfigures(len(touches), 1, height_ratios=heights, squeeze=False)[:, 0]
     for part, (name, touch) in zip(parts, touches.items(), strict=True):
         _draw(part, part.subplots(1, 4), touch)
-        part.suptitle(f"{name}: {touch.words()}", fontsize=10, x=0.005, ha="left")
-    figure.suptitle(title, fontsize=11, fontweight="bold", x=0.005, ha="left")
+        part.suptitle(f"{drawn_name(name)}: {touch.words()}", fontsize=10, x=0.005, ha="left")
+    figure.suptitle(drawn_name(title), fontsize=11, fontweight="bold", x=0.005, ha="left")
     return _finished(figure, kind)
 
 

@@ -8,7 +8,7 @@ sources, files or drawing.
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import chain, islice
 
 import numpy as np
@@ -23,8 +23,11 @@ from taxel.gel.integration import depth_from_gradients, normals_of
 from taxel.gel.markers import MarkerFlow, MarkerTracker, Rgb
 from taxel.gel.motion import dots_in, summarise_flow
 from taxel.gel.slip_features import median_frame
+from taxel.gel.slip_signal import GelSlip, Slip
+from taxel.gel.touch_poses import TouchFollower
 from taxel.labels.change import ChangeConfig
-from taxel.signals import CameraInfo
+from taxel.live.slip_watch import mm_per_px_of, taken_of
+from taxel.signals import CameraInfo, Frame
 from taxel.windows.pairs import FrameSet
 
 MM_PER_PX = 0.059
@@ -53,12 +56,15 @@ class GelTouch:
     """False where depth rests on another gel's presses: its shape holds, its scale is rough, up
     to 3 times the truth on simulated pours, whose gels are darker than the calibration's."""
 
+    slip: Slip | None = None
+    """How far the object has slipped over the gel; None where it was not followed."""
+
     @property
     def deepest_mm(self) -> float:
         """Depth of the imprint, but for single pixels, mm."""
         return float(np.percentile(self.depth_mm, _DEEPEST_PERCENTILE))
 
-    def figures(self) -> dict[str, float | int | None]:
+    def figures(self) -> dict[str, float | int | bool | None]:
         """Return what is told in words; None where it cannot be told.
 
         Lengths mm (depth: see `calibrated`), areas mm², turns degrees clockwise in the image.
@@ -77,6 +83,7 @@ class GelTouch:
             "shear_mm": self._mm(moved.shear_px) if told and moved.outside.dots else None,
             "dots": len(self.flow.seen),
             "dots_seen": int(self.flow.seen.sum()),
+            **({} if self.slip is None else self.slip.as_dict()),
         }
 
     def words(self) -> str:
@@ -95,6 +102,8 @@ class GelTouch:
             parts.append(f"dots in it moved {told['moved_mm']:.2f} mm, turned {turned_deg:+.1f}°")
         if told["shear_mm"] is not None:
             parts.append(f"{told['shear_mm']:.2f} mm further than those around")
+        if self.slip is not None and self.slip.seen:
+            parts.append(self.slip.words)
         return ", ".join([*parts, dots])
 
     def _mm(self, step_px: NDArray[np.float32]) -> float:
@@ -182,12 +191,14 @@ def look(sets: Iterable[FrameSet], cameras: Sequence[CameraInfo], moment: Moment
             "record for longer: the first ones are what dots are compared with",
         )  # fmt: skip
     followers = [
-        _Follower([found.frames[camera].jpeg for found in early[settled]])
-        for camera in range(len(cameras))
+        _Follower([found.frames[number].jpeg for found in early[settled]], camera)
+        for number, camera in enumerate(cameras)
     ]
     index, time_s = _follow(chain(early, rest), followers, moment)
     touches = tuple(
-        touch_of(one.rgb, bare_gel(one.rgb), one.flow, camera.mm_per_px)
+        replace(
+            touch_of(one.rgb, bare_gel(one.rgb), one.flow, camera.mm_per_px), slip=one.slip.slip
+        )
         for one, camera in zip(followers, cameras, strict=True)
     )
     return Looked(frame=index, time_s=time_s, touches=touches)
@@ -206,7 +217,7 @@ def _follow(
             return index, time_s
         index, time_s = number, now_s
         for follower, frame in zip(followers, found.frames, strict=True):
-            follower.push(frame.jpeg)
+            follower.push(frame)
         if moment.at_s is not None and time_s >= moment.at_s - 1e-3:
             return index, time_s
         if moment.frame is not None and index >= moment.frame:
@@ -219,17 +230,28 @@ def _follow(
 
 
 class _Follower:
-    """Follows one camera's dots; equal images, one after another, are looked at once."""
+    """Follows one camera's dots and slip; equal images, one after another, are looked at once."""
 
-    def __init__(self, settled: Sequence[bytes]) -> None:
-        reference = median_frame([decode_jpeg(jpeg) for jpeg in dict.fromkeys(settled)])
+    def __init__(self, settled: Sequence[bytes], camera: CameraInfo) -> None:
+        self._camera = camera
+        images = [decode_jpeg(jpeg, camera) for jpeg in dict.fromkeys(settled)]
+        reference = median_frame(images)
         self._tracker = MarkerTracker(reference)
+        self._touch = TouchFollower(images)
+        size_mm = mm_per_px_of(camera)
+        self._to_mm = np.array([size_mm, size_mm, 1.0])
         self._jpeg = b""
+        self.slip = GelSlip()
         self.rgb: Rgb = reference
         self.flow = self._tracker.track(reference)
 
-    def push(self, jpeg: bytes) -> None:
-        if jpeg == self._jpeg:
+    def push(self, frame: Frame) -> None:
+        if frame.jpeg == self._jpeg:
             return
-        self._jpeg, self.rgb = jpeg, decode_jpeg(jpeg)
+        self._jpeg, self.rgb = frame.jpeg, decode_jpeg(frame.jpeg, self._camera)
         self.flow = self._tracker.track(self.rgb)
+        pose = self._touch.follow(self.rgb)
+        self.slip.push(
+            pose.object * self._to_mm, pose.gel * self._to_mm, pose.spread * self._to_mm,
+            taken_of(frame), pose.seen,
+        )  # fmt: skip

@@ -7,17 +7,14 @@ from __future__ import annotations
 
 import io
 
-import matplotlib
 import numpy as np
 from matplotlib.axes import Axes
 
 from taxel.labels.change import ChangeConfig, thresholds
 from taxel.labels.rules import RULES
+from taxel.plotting import drawn_name, plt
 from taxel.training.frame_labels import rate_of
 from taxel.training.label_sheet import PERSON, PourLabels
-
-matplotlib.use("Agg")
-from matplotlib import pyplot as plt
 
 _DPI = 110
 _CAMERAS = ("#1f4e8c", "#2a9d8f", "#7b4ea3", "#6c757d")
@@ -47,7 +44,7 @@ def label_figure(labels: PourLabels, rule: str) -> bytes:
     onset = labels.onset(rule)
     if onset is not None:
         above.axvline(onset, color=_RULES.get(rule, "0.3"), lw=1.2, ls="--")
-    figure.suptitle(f"{labels.pour.name}: {rule}", fontsize=10, x=0.01, ha="left")
+    figure.suptitle(f"{drawn_name(labels.pour.name)}: {rule}", fontsize=10, x=0.01, ha="left")
     raw = io.BytesIO()
     figure.savefig(raw, format="png", dpi=_DPI)
     plt.close(figure)
@@ -65,7 +62,7 @@ def _draw_signal(axes: Axes, labels: PourLabels) -> None:
     )
     for column, camera in enumerate(labels.pour.cameras):
         colour = _CAMERAS[column % len(_CAMERAS)]
-        axes.plot(time_s, signal[:, column], color=colour, lw=1.2, label=camera.name)
+        axes.plot(time_s, signal[:, column], color=colour, lw=1.2, label=drawn_name(camera.name))
         axes.axhline(limits[column], color=colour, lw=0.9, ls=":")
     axes.plot([], [], color="0.4", lw=0.9, ls=":", label="threshold")
     axes.set(ylabel="change (% of brightness)", xlim=(0, float(time_s[-1])), ylim=(0, None))

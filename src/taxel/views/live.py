@@ -19,6 +19,7 @@ from rich.text import Text
 from taxel.decisions.recognition import UNKNOWN
 from taxel.live.recogniser import Recogniser
 from taxel.live.session import Tally
+from taxel.plain_text import visible, visible_line
 from taxel.signals import Samples, SensorInfo
 from taxel.views.terminal import array_map, heat_map
 
@@ -80,19 +81,19 @@ class LiveView:
         contract, latest = self._contracts[index], tally.latest
         lines = Text()
         if latest is None:
-            lines.append(f"{contract.target}: waiting for contact", style="dim")
+            lines.append(f"{visible(contract.target)}: waiting for contact", style="dim")
             return lines
         label, confidence = tally.grasp_answer
         sure = latest.decision.label != UNKNOWN
         style = "bold red" if label == UNKNOWN else "bold green" if sure else "bold yellow"
-        lines.append(f"{contract.target}: ")
-        lines.append(f"{label:<12}", style=style)
+        lines.append(f"{visible(contract.target)}: ")
+        lines.append(f"{visible(label):<12}", style=style)
         lines.append(f"{confidence:4.0%} over {tally.vote.windows} windows of this contact\n")
         for name, p in zip(contract.classes, latest.decision.probabilities, strict=True):
             full = round(float(p) * 20) if np.isfinite(p) else 0
-            lines.append(f"  {name:<12}{'█' * full}{'·' * (20 - full)} {p:4.0%}\n")
+            lines.append(f"  {visible(name):<12}{'█' * full}{'·' * (20 - full)} {p:4.0%}\n")
         if latest.decision.reason:
-            lines.append(f"  {latest.decision.reason}\n", style="red")
+            lines.append(f"  {visible_line(latest.decision.reason)}\n", style="red")
         lines.append(
             f"  {tally.windows} windows, {1e6 * latest.latency_s:.0f} µs the last"
             + (f", right {tally.right} of {tally.marked}" if tally.marked else ""),

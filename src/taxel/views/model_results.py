@@ -9,6 +9,7 @@ from rich.text import Text
 
 from taxel.evaluation.cleaning_gains import BASE, NOTHING, Gain
 from taxel.evaluation.model_comparison import ModelResult, TrivialResult
+from taxel.plain_text import visible
 from taxel.views.results import below, bracketed, few, result_table, with_interval
 
 
@@ -26,7 +27,7 @@ def model_tables(
         own = [one for one in results
                if (one.target, one.pooled.split) == (beside.target, beside.split)]  # fmt: skip
         table = result_table(
-            f"{beside.target} · split: {beside.split} · {beside.windows} windows",
+            f"{visible(beside.target)} · split: {visible(beside.split)} · {beside.windows} windows",
             ("model", "accuracy [95 %]", "by trial", "parameters", "s a fold", "µs a window"),
         )
         for one in own:
@@ -39,15 +40,15 @@ def model_tables(
                 f"{one.inference_us:,.0f}",
             )
         for name, accuracy in beside.accuracies.items():
-            table.add_row(name, f"{accuracy:.4f}", "", "", "", "", style="dim")
+            table.add_row(visible(name), f"{accuracy:.4f}", "", "", "", "", style="dim")
         parts += [table, *below(beside.accuracies)]
     group = results[0].pooled.interval_group
     return Group(
         *parts,
         Text(
-            f"Intervals: 95 %, every {group} as a whole resampled. Seconds to fit one fold and "
-            "predict its test part, one thread. µs: the median for one window on one thread, "
-            "networks in ONNX Runtime as live, library models (parameters –) as they are."
+            f"Intervals: 95 %, every {visible(group)} as a whole resampled. Seconds to fit one "
+            "fold and predict its test part, one thread. µs: the median for one window on one "
+            "thread, networks in ONNX Runtime as live, library models (parameters –) as they are."
         ),
         *few(results[0].pooled),
     )
@@ -64,7 +65,8 @@ def cleaning_tables(gains: Sequence[Gain], trivial: Sequence[TrivialResult]) -> 
     for beside in trivial:
         own = [one for one in gains if one.target == beside.target]
         table = result_table(
-            f"{beside.target} · {BASE} · split: {beside.split} · {len(own[0].by_run)} runs",
+            f"{visible(beside.target)} · {BASE} · split: {visible(beside.split)} · "
+            f"{len(own[0].by_run)} runs",
             ("windows", "accuracy", "by trial", "difference, points [95 %]", "p", "each run"),
         )
         table.add_column("what it gives")
@@ -80,7 +82,7 @@ def cleaning_tables(gains: Sequence[Gain], trivial: Sequence[TrivialResult]) -> 
                 one.verdict,
             )
         for name, accuracy in beside.accuracies.items():
-            table.add_row(name, f"{accuracy:.4f}", "", "", "", "", "", style="dim")
+            table.add_row(visible(name), f"{accuracy:.4f}", "", "", "", "", "", style="dim")
         parts += [table, *below(beside.accuracies)]
     return Group(
         *parts,

@@ -9,10 +9,6 @@ import os
 from pathlib import Path
 from typing import Literal
 
-import matplotlib
-
-matplotlib.use("Agg")
-import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
@@ -23,6 +19,7 @@ from taxel.decisions.stability import Stability, states
 from taxel.errors import RecordingFailed
 from taxel.evaluation.grasp_warnings import WarningResult
 from taxel.evaluation.transition_data import PourSet, truth_moments
+from taxel.plotting import drawn_name, plt
 
 _COLOURS = {
     Stability.STABLE: "#cfe8d5",
@@ -116,7 +113,7 @@ def _panel(axis: Axes, data: PourSet, result: WarningResult, place: int, frames:
         if moment_s is not None and np.isfinite(moment_s):
             at_s = moment_s - (0.0 if moment_s == start else pour.time_s[0])
             axis.axvline(at_s, color=colour, linestyle=style, linewidth=1.4)
-    axis.set_title(pour.name.replace("_", " "), fontsize=9, loc="left")
+    axis.set_title(drawn_name(pour.name.replace("_", " ")), fontsize=9, loc="left")
     axis.set_ylim(0, 1)
     axis.spines[["top", "right"]].set_visible(False)
 

@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 
 from taxel.errors import MissingExtra
+from taxel.jpeg_head import fits
 from taxel.live.station.packets import Packet, unpack
 from taxel.live.station.page_link import ViewConfig
 from taxel.live.station.recording import apart
@@ -99,6 +100,9 @@ class _Bridge:
     def _log(self, number: int, first_camera: int, packet: Packet) -> None:
         rerun = self._rerun
         if isinstance(packet, Frame):
+            seen = self._view.sources[number].cameras[packet.camera]
+            if not fits(packet.jpeg, (seen.width, seen.height)):
+                return  # the viewer would decode it
             rerun.set_time("time", duration=packet.fitted_s)
             name = self._cameras[first_camera + packet.camera]
             image = rerun.EncodedImage(contents=packet.jpeg, media_type="image/jpeg")
@@ -121,6 +125,9 @@ class _Bridge:
             return
         if note["p"] is not None:
             rerun.log("grasp/probability", rerun.Scalars([note["p"]]))
+        if note.get("slip", {}).get("slip_seen"):
+            rerun.log("grasp/slip_mm", rerun.Scalars([note["slip"]["slip_mm"]]))
+            rerun.log("grasp/slip_rate_mm_s", rerun.Scalars([note["slip"]["slip_rate_mm_s"]]))
         if note["state"] != self._word:
             self._word = note["state"]
             rerun.log("grasp/state", rerun.TextLog(f"{self._word} {note['reason']}".strip()))

@@ -18,6 +18,7 @@ from taxel.evaluation.checked import Checked
 from taxel.evaluation.crossval import Pooled
 from taxel.evaluation.run_scores import few_groups
 from taxel.evaluation.teng_table import PUBLISHED, ROWS, Section
+from taxel.plain_text import short_names, visible, visible_line
 
 HEADINGS = {"cnn1d": "1D", "cnn2d": "2D", "minirocket": "MiniRocket"}
 """Short names: 1D is signal-based, 2D image-based."""
@@ -68,8 +69,9 @@ def checked_table(checked: Checked) -> RenderableType:
     """Return one recipe's result with its bars and trivial baselines."""
     dataset, pooled = checked.dataset, checked.pooled
     about = Text(
-        f"{checked.recipe.target} · split: {pooled.split} · {len(dataset)} windows of "
-        f"{dataset.config.steps} × {len(dataset.sensor.channels)} in {len(dataset.trials)} trials",
+        f"{visible(checked.recipe.target)} · split: {visible(pooled.split)} · {len(dataset)} "
+        f"windows of {dataset.config.steps} × {len(dataset.sensor.channels)} in "
+        f"{len(dataset.trials)} trials",
         style="bold",
     )
     columns = ("model", "accuracy [95 %]", "by trial", "loss", "ROC-AUC", "F1")
@@ -84,30 +86,30 @@ def checked_table(checked: Checked) -> RenderableType:
             f"{result.scores.f1:.4f}",
         )
     for name, accuracy in checked.trivial.items():
-        table.add_row(name, f"{accuracy:.4f}", "", "", "", "", style="dim")
+        table.add_row(visible(name), f"{accuracy:.4f}", "", "", "", "", style="dim")
     folds = "folds: " + " ".join(f"{value:.4f}" for value in pooled.fold_accuracies)
-    interval = f"interval: 95 %, whole groups resampled by {pooled.interval_group}"
+    interval = f"interval: 95 %, whole groups resampled by {visible(pooled.interval_group)}"
     return Group(
         about, table, *below(checked.trivial), Text(folds), Text(interval), *few(pooled),
-        *map(Text, dataset.notes),
+        *(Text(visible_line(note)) for note in dataset.notes),
     )  # fmt: skip
 
 
 def below(trivial: Mapping[str, float]) -> list[Text]:
     """Return the line about trivial baselines that a constant answer would beat, if any."""
     said = below_majority(trivial)
-    return [Text(said, style="dim")] if said else []
+    return [Text(visible_line(said), style="dim")] if said else []
 
 
 def few(pooled: Pooled) -> list[Text]:
     """Return the line about an interval of few groups, if it is one."""
     said = few_groups(pooled.interval_group, pooled.interval_groups)
-    return [Text(said)] if said else []
+    return [Text(visible_line(said))] if said else []
 
 
 def with_interval(pooled: Pooled) -> str:
     """Return an accuracy with its interval, as text."""
-    alone = f"one {pooled.interval_group}"
+    alone = f"one {visible(pooled.interval_group)}"
     return bracketed(f"{pooled.scores.accuracy:.4f}", pooled.interval, ".3f", alone)
 
 
@@ -138,10 +140,10 @@ def confusion_table(classes: Iterable[str], confusion: list[list[int]]) -> Table
         pad_edge=False,
     )
     table.add_column("true ↓  told →", no_wrap=True)
-    for name in names:
-        table.add_column(name[:4], justify="right", no_wrap=True)
+    for name in short_names(names, 4, end=""):
+        table.add_column(name, justify="right", no_wrap=True)
     for name, row in zip(names, confusion, strict=True):
-        table.add_row(name, *(str(count) if count else "·" for count in row))
+        table.add_row(visible(name), *(str(count) if count else "·" for count in row))
     return table
 
 

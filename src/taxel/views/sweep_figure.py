@@ -11,16 +11,13 @@ import textwrap
 from collections.abc import Sequence
 from itertools import groupby
 
-import matplotlib
-
-matplotlib.use("Agg")
 import numpy as np
-from matplotlib import pyplot as plt
 from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
 from taxel.evaluation.robustness.curve import FALL, Point
+from taxel.plotting import drawn_name, plt
 
 _ACROSS = 4
 _DPI = 120
@@ -61,7 +58,7 @@ def sweep_figure(
             axes.axhline(chance, color="0.5", lw=0.8, ls=":")
     for row in grid:
         row[0].set_ylabel("balanced accuracy" if cameras else "share right", fontsize=9)
-    lines = textwrap.wrap(title, _TITLE_LETTERS * across)
+    lines = textwrap.wrap(drawn_name(title), _TITLE_LETTERS * across)
     figure.suptitle("\n".join(lines), fontsize=11, x=0.01, ha="left")
     handles = _legend(chance, cameras)
     figure.legend(

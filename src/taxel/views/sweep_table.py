@@ -15,6 +15,7 @@ from rich.table import Table
 from rich.text import Text
 
 from taxel.evaluation.robustness.curve import FALL, Point, fall_text
+from taxel.plain_text import visible_line
 
 _CAMERA_COLUMNS = ("balanced [95 %]", "moments", "warned", "told", "false")
 _ARRAY_COLUMNS = ("accuracy [95 %]", "windows", "grasps", "told", "outside")
@@ -55,7 +56,9 @@ def sweep_table(points: Sequence[Point], about: str, *, cameras: bool = False) -
                 style=_style(change),
             )
         table.add_section()
-    return Group(Text(about, style="bold"), table, *_falls(points), *_notes(points, cameras))
+    return Group(
+        Text(visible_line(about), style="bold"), table, *_falls(points), *_notes(points, cameras)
+    )
 
 
 def _falls(points: Sequence[Point]) -> list[Text]:

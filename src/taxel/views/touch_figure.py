@@ -12,18 +12,19 @@ import numpy as np
 from matplotlib.axes import Axes
 from numpy.typing import NDArray
 
+from taxel.plain_text import short_names
+from taxel.plotting import drawn_name, plt
 from taxel.signals import Samples, Validity
 from taxel.views.terminal import array_grid, hand_fingers, share_of, short_number
 from taxel.views.trace_buffer import TraceBuffer, measured_rate_hz, usable_values
-
-matplotlib.use("Agg")
-from matplotlib import pyplot as plt
 
 _DPI = 110
 _MAP = "viridis"
 _IMAGE_ROWS = 12
 _ROW_HZ = 100.0
 """The image is a window as in docs/decisions/0003."""
+_NAME = 24
+"""Most characters of a channel's name beside its lane."""
 _LANE = 0.86
 """Share of a lane's height that a full scale fills."""
 _MOST_POINTS = 4000
@@ -60,7 +61,7 @@ def touch_figure(buffer: TraceBuffer, title: str) -> bytes:
     picture = _draw_image(axes, shares, strongest, buffer.info.rate_hz)
     bar = figure.colorbar(picture, ax=axes, shrink=0.9)
     _label_bar(bar, buffer)
-    figure.suptitle(f"{title}\n{_facts(kept, buffer)}", fontsize=10, x=0.01, ha="left")
+    figure.suptitle(f"{drawn_name(title)}\n{_facts(kept, buffer)}", fontsize=10, x=0.01, ha="left")
     raw = io.BytesIO()
     figure.savefig(raw, format="png", dpi=_DPI)
     plt.close(figure)
@@ -87,7 +88,7 @@ def _draw_lanes(
         axes.plot(time_s[::step], high[::step], color="#c1121f", lw=1.6)
     axes.set_yticks(
         [count - 1 - column + 0.3 for column in range(count)],
-        buffer.info.channels,
+        short_names(buffer.info.channels, _NAME),
         fontsize=8 if count <= 24 else 6,
     )
     axes.tick_params(axis="y", length=0)
@@ -108,7 +109,7 @@ def _draw_map(
             axes.text(column, row, text, ha="center", va="center", color=ink, fontsize=8)
     fingers = hand_fingers(buffer.info.channels)
     if fingers:
-        axes.set_xticks(range(4), fingers, fontsize=8)
+        axes.set_xticks(range(4), short_names(fingers, _NAME), fontsize=8)
         axes.set_yticks(range(3), ["distal", "middle", "proximal"], fontsize=8)
     else:
         axes.set_xticks([])
@@ -150,7 +151,9 @@ def _facts(kept: Samples, buffer: TraceBuffer) -> str:
 def _lane_note(buffer: TraceBuffer, saturated: bool) -> str:
     red = "; red: saturated" if saturated else ""
     if buffer.info.full_scale is not None:
-        return f"each lane 0 to {buffer.info.full_scale:.3g} {buffer.info.units[0]}{red}"
+        return (
+            f"each lane 0 to {buffer.info.full_scale:.3g} {drawn_name(buffer.info.units[0])}{red}"
+        )
     return f"each lane from its least value, one span a unit{red}"
 
 
@@ -162,7 +165,7 @@ def _label_bar(bar: matplotlib.colorbar.Colorbar, buffer: TraceBuffer) -> None:
         return
     places = np.linspace(0, 1, 4)
     bar.set_ticks(list(places), labels=[f"{place * full:.1f}" for place in places], fontsize=7)
-    bar.set_label(buffer.info.units[0], fontsize=8)
+    bar.set_label(drawn_name(buffer.info.units[0]), fontsize=8)
 
 
 def _grey_where_bad() -> matplotlib.colors.Colormap:

@@ -11,6 +11,7 @@ from rich.console import Group, RenderableType
 from rich.table import Table
 from rich.text import Text
 
+from taxel.plain_text import short_names, visible
 from taxel.signals import Samples, SensorInfo, Validity
 from taxel.views.terminal import (
     array_map,
@@ -46,6 +47,8 @@ class TraceScreen:
 
     def __init__(self, info: SensorInfo) -> None:
         self._info = info
+        self._names = [visible(name) for name in info.channels]
+        self._units = [visible(unit) for unit in info.units]
         self.buffer = TraceBuffer(info, span_s(info, _KEPT_S))
 
     def add(self, samples: Samples) -> None:
@@ -56,7 +59,7 @@ class TraceScreen:
         """Return the screen for a terminal of some size, in characters."""
         kept = self.buffer.kept
         if not len(kept):
-            return Text(f"{self._info.name}: no scans yet", style="dim")
+            return Text(f"{visible(self._info.name)}: no scans yet", style="dim")
         low, high = self.buffer.scale()
         grid = Table.grid(padding=(0, 2))
         room = width - _SIDE - 2
@@ -68,12 +71,12 @@ class TraceScreen:
         """Return plain lines for where there is no terminal."""
         lines = [self._headline(self.buffer.kept).plain, self._health().plain]
         for channel in self.buffer.ranges():
-            name = f"  {channel.name:<18}"
+            name = f"  {visible(channel.name):<18}"
             if not np.isfinite(channel.most):
                 lines.append(f"{name} no usable value")
                 continue
             lines.append(
-                f"{name} {channel.least:10.3f} … {channel.most:10.3f} {channel.unit}, "
+                f"{name} {channel.least:10.3f} … {channel.most:10.3f} {visible(channel.unit)}, "
                 f"now {channel.latest:.3f}".replace("now nan", "now not usable")
             )
         return lines
@@ -81,8 +84,8 @@ class TraceScreen:
     def _headline(self, kept: Samples) -> Text:
         info, rate_hz = self._info, measured_rate_hz(kept)
         text = Text(no_wrap=True, overflow="ellipsis")
-        text.append(info.name, "bold")
-        text.append(f" {info.serial}" if info.serial else "", "dim")
+        text.append(visible(info.name), "bold")
+        text.append(f" {visible(info.serial)}" if info.serial else "", "dim")
         measured = f"{rate_hz:.1f}" if np.isfinite(rate_hz) else "–"
         text.append(f"  {measured} scans/s")
         text.append(f" (nominal {info.rate_hz:g})", "dim")
@@ -109,8 +112,8 @@ class TraceScreen:
     ) -> Table:
         """Return as many traces as fit, in columns side by side where one is too tall."""
         count = len(self._info.channels)
-        name_width = min(_NAME, max(map(len, self._info.channels)))
-        unit_width = max(map(len, self._info.units))
+        name_width = min(_NAME, max(map(len, self._names)))
+        unit_width = max(map(len, self._units))
         fixed = name_width + unit_width + 11
         most_columns = max(1, room // (fixed + _LEAST_SPARK))
         columns = min(most_columns, -(-count // max(rows, 1)))
@@ -138,7 +141,7 @@ class TraceScreen:
         widths: tuple[int, int, int],
     ) -> Text:
         name_width, spark, unit_width = widths
-        name = self._info.channels[column]
+        name = self._names[column]
         if len(name) > name_width:
             name = name[: name_width - 1] + "…"
         value = float(usable_values(kept[-1:])[0, column])
@@ -148,7 +151,7 @@ class TraceScreen:
         text.append(f"{name:<{name_width}} ")
         text.append(sparkline(cells, spark, low, high), "cyan")
         text.append(f" {short_number(value):>6}", "bold red" if saturated else "bold")
-        text.append(f" {self._info.units[column]:<{unit_width}}", "dim")
+        text.append(f" {self._units[column]:<{unit_width}}", "dim")
         return text
 
     def _side(
@@ -158,7 +161,7 @@ class TraceScreen:
         fingers = hand_fingers(self._info.channels)
         parts.append(Text("now, distal on top" if fingers else "now", style="dim"))
         if fingers:
-            heads = "".join(f"{finger[:6]:<7}" for finger in fingers)
+            heads = "".join(f"{finger:<7}" for finger in short_names(fingers, 6))
             parts.append(Text(heads.rstrip(), style="dim", no_wrap=True))
         parts.append(array_map(usable_values(kept[-1:])[0], *scale))
         image = _image(kept, self._info.rate_hz)

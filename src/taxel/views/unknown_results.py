@@ -10,6 +10,7 @@ from rich.table import Table
 from rich.text import Text
 
 from taxel.evaluation.unknown_scores import COVERAGES, OURS, SCORES, Auroc, UnknownResult
+from taxel.plain_text import visible, visible_line
 from taxel.views.results import bracketed, result_table
 
 
@@ -33,14 +34,17 @@ def left_out_table(
     """
     first = next(iter(results.values()))
     table = result_table(
-        f"{first.target} · each class left out of the training in turn · split: {first.split}",
+        f"{visible(first.target)} · each class left out of the training in turn · "
+        f"split: {visible(first.split)}",
         [heading.replace(" ", "\n") for heading in ("never learned", *SCORES, "by trial",
                                                     "known rejected")],
     )  # fmt: skip
     for name, one in results.items():
         each = [one.auroc(name, score) for score in SCORES]
         rejected = f"{one.rejected_windows:.1%}"
-        table.add_row(name, *(f"{own.windows:.3f}" for own in each), _interval(each[0]), rejected)
+        table.add_row(
+            visible(name), *(f"{own.windows:.3f}" for own in each), _interval(each[0]), rejected
+        )
     for name, join in (("mean", np.mean), ("least", np.min)):
         cells = [f"{join([one.auroc(key, score).windows for key, one in results.items()]):.3f}"
                  for score in SCORES]  # fmt: skip
@@ -54,20 +58,23 @@ def left_out_table(
             "the class that was never learned; by trial: a trial's windows joined, "
             "with its 95 % interval."
         ),
-        *(Text(f"{name} could not be left out: {why}") for name, why in refused.items()),
+        *(
+            Text(visible_line(f"{visible(name)} could not be left out: {why}"))
+            for name, why in refused.items()
+        ),
     )
 
 
 def _scores(one: UnknownResult) -> Table:
     table = result_table(
-        f"unknown to {one.target} · split: {one.split} · {one.known_windows} windows and "
-        f"{one.known_grasps} grasps known",
+        f"unknown to {visible(one.target)} · split: {visible(one.split)} · {one.known_windows} "
+        f"windows and {one.known_grasps} grasps known",
         ("never learned", "score", "AUROC\nwindows", "grasps [95 %]", "found\nwindows", "grasps"),
     )
     for own in one.aurocs:
         ours = own.score == OURS
         table.add_row(
-            f"{own.kind} ({own.unknown_grasps} grasps)" if ours else "",
+            f"{visible(own.kind)} ({own.unknown_grasps} grasps)" if ours else "",
             own.score,
             f"{own.windows:.3f}",
             _interval(own) if ours else f"{own.grasps:.3f}",
@@ -80,7 +87,7 @@ def _scores(one: UnknownResult) -> Table:
 
 def _coverage(one: UnknownResult) -> Table:
     table = result_table(
-        f"accuracy over the known touch that is answered, {one.target}",
+        f"accuracy over the known touch that is answered, {visible(one.target)}",
         ("answered", *(f"{share:.0%}" for share in COVERAGES)),
     )
     for curve in one.curves:
@@ -93,7 +100,9 @@ def _coverage(one: UnknownResult) -> Table:
 
 
 def _said(one: UnknownResult) -> Text:
-    each = ", ".join(f"{name} {share:.1%}" for name, share in one.rejected_by_class.items())
+    each = ", ".join(
+        f"{visible(name)} {share:.1%}" for name, share in one.rejected_by_class.items()
+    )
     accuracy, constant = one.curves[0].windows[0], one.majority.windows[0]
     behind = accuracy <= constant < 1.0  # one known class alone is always told
     return Text(

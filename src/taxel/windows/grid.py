@@ -12,12 +12,15 @@ from math import floor
 import numpy as np
 from numpy.typing import NDArray
 
+from taxel.errors import BadInput
 from taxel.signals import UNUSABLE, Samples, Validity
 
 _SAME_RATE = 0.005
 """Nominal rates closer than this fraction count as one rate: scans are rows."""
 _TICK_SLACK_S = 1e-6
 """A scan this close after a tick counts for the tick, seconds: hides float rounding."""
+_MOST_EMPTY_TICKS, _MOST_TICKS_A_SCAN = 2_000_000, 100
+"""What is put on the grid at once: five hours without a scan at 100 Hz. Source: our choice."""
 _UNUSABLE, _SATURATED, _STALE = (
     np.uint8(flag) for flag in (UNUSABLE, Validity.SATURATED, Validity.STALE)
 )
@@ -88,6 +91,7 @@ class Grid:
             tick_s = self._start_s + self._period_s * last_tick
             return self._at_tick(scans if before is None else before, scans, tick_s)
         known = scans if before is None else _joined(before, scans)
+        _refuse_jump(last_tick - self._tick, len(samples), self._period_s)
         ticks_s = self._start_s + self._period_s * np.arange(
             self._tick, last_tick + 1, dtype=np.float64
         )
@@ -115,6 +119,15 @@ class Grid:
 
 _Scans = tuple[NDArray[np.float64], NDArray[np.float32], NDArray[np.uint8]]
 """Fitted times (n,), values (n, channels) and validity (n, channels)."""
+
+
+def _refuse_jump(ticks: int, scans: int, period_s: float) -> None:
+    """Refuse scans whose times lie so far apart that the ticks between would fill the memory."""
+    if ticks > _MOST_EMPTY_TICKS + _MOST_TICKS_A_SCAN * scans:
+        raise BadInput(
+            "scans that follow one another", f"{scans} of them over {ticks * period_s:,.0f} s",
+            "look at the clock that they were recorded by, or take each scan as a row (--grid own)",
+        )  # fmt: skip
 
 
 def _joined(first: _Scans, second: _Scans) -> _Scans:

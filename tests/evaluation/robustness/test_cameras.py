@@ -50,7 +50,7 @@ def test_every_fault_gives_frames_that_decode_and_the_same_twice(name: str, fram
     first, again = (damaged(name, level, frames) for _ in range(2))
 
     assert first == again
-    assert all(decode_jpeg(frame.jpeg).shape == (240, 320, 3) for frame in first[:4])
+    assert all(decode_jpeg(frame.jpeg, None).shape == (240, 320, 3) for frame in first[:4])
     stamps = {(frame.camera, frame.fitted_s) for frame in frames}
     assert {(frame.camera, frame.fitted_s) for frame in first} <= stamps
 
@@ -75,7 +75,7 @@ def test_a_stop_doubles_the_light_and_white_stays_white():
 
 
 def test_blur_keeps_the_light_and_takes_the_detail(frames: list[Frame]):
-    image = decode_jpeg(frames[0].jpeg)
+    image = decode_jpeg(frames[0].jpeg, None)
     soft = blur(image, 4.0)
 
     assert soft.mean() == pytest.approx(image.mean(), abs=0.5)
@@ -85,7 +85,7 @@ def test_blur_keeps_the_light_and_takes_the_detail(frames: list[Frame]):
 
 
 def test_ink_that_has_gone_leaves_no_markers_and_the_rest_as_it_was(frames: list[Frame]):
-    image = decode_jpeg(frames[0].jpeg)
+    image = decode_jpeg(frames[0].jpeg, None)
     gone = fade(image, 1.0)
 
     assert len(find_markers(image)) > 20
@@ -94,8 +94,8 @@ def test_ink_that_has_gone_leaves_no_markers_and_the_rest_as_it_was(frames: list
 
 
 def test_lost_markers_are_as_many_as_the_level_says(frames: list[Frame]):
-    before = len(find_markers(decode_jpeg(frames[0].jpeg)))
-    after = len(find_markers(decode_jpeg(damaged("marker-loss", 50.0, frames[:2])[0].jpeg)))
+    before = len(find_markers(decode_jpeg(frames[0].jpeg, None)))
+    after = len(find_markers(decode_jpeg(damaged("marker-loss", 50.0, frames[:2])[0].jpeg, None)))
 
     assert 0.2 * before < after < 0.8 * before
 

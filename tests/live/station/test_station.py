@@ -2,19 +2,27 @@
 
 from __future__ import annotations
 
+import itertools
 import os
 import signal
 import subprocess
 import sys
 from collections.abc import Callable
+from contextlib import closing
 from pathlib import Path
 from time import monotonic, sleep
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
+from taxel.actions.actuators import Health
+from taxel.actions.gripper import ForceRange
+from taxel.actions.interlock import Interlock, Order
 from taxel.bundles.shipped import CUP_POUR, shipped_bundle
+from taxel.decisions.stability import StabilityDecision
 from taxel.errors import BadBundle, BadSource
+from taxel.live.station import station as supervision
 from taxel.live.station.packets import pack
 from taxel.live.station.page_link import StationView
 from taxel.live.station.ring import RingWriter
@@ -39,12 +47,59 @@ def pour(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder / f"{run.name}.mcap"
 
 
+class Idle:
+    """An actuator that is well and does nothing."""
+
+    def __init__(self) -> None:
+        self.name = "idle"
+        self.force: ForceRange | None = None
+
+    def connect(self) -> None:
+        pass
+
+    def hear(self, interlock: Interlock, now_s: float) -> Health:
+        return Health("", now_s)
+
+    def tell(self, decision: StabilityDecision, order: Order, now_s: float) -> None:
+        pass
+
+    def told(self) -> dict[str, object]:
+        return {"motion": ""}
+
+    def close(self) -> None:
+        pass
+
+
 def until(station: Station, holds: Callable[[], bool]) -> None:
     limit_s = monotonic() + WAIT_S
     while not holds():
         assert monotonic() < limit_s, f"shown: {station.guard.shown}"
         station.tick(monotonic())
         sleep(0.001)
+
+
+def test_on_a_core_too_slow_for_its_ticks_the_supervisor_still_lets_others_run(
+    monkeypatch: pytest.MonkeyPatch,
+):
+    """It runs before all others in real time: one that never sleeps would be alone on one core."""
+    station = Station(StationConfig(sources=("sim://teng",), bundles=()))
+    now_s = itertools.count(0.0, 0.002)  # a tick takes twice as long as it should
+    slept_s: list[float] = []
+
+    def wait(_: object, longest_s: float) -> bool:
+        slept_s.append(longest_s)
+        return False
+
+    monkeypatch.setattr(supervision, "monotonic", lambda: next(now_s))
+    monkeypatch.setattr(supervision, "wait_for_any", wait)
+    monkeypatch.setattr(station, "tick", lambda _: None)
+    monkeypatch.setattr(station, "_over", lambda _: len(slept_s) == 10)
+    feed = SimpleNamespace(worker=None)
+    station.wiring = SimpleNamespace(feeds=[feed], minds=[])  # type: ignore[assignment]
+    station.run()
+    station._stack.close()
+    assert min(slept_s) > 0.0
+    assert len(slept_s) == 10
 
 
 @pytest.mark.data
@@ -232,6 +287,41 @@ def test_a_wish_that_is_none_is_counted_and_changes_nothing():
                 page.put(wish)
         until(station, lambda: station.refused_wishes >= 5)
         assert not station.recording["on"]
+
+
+def test_a_supervisor_that_stands_still_is_a_stop_on_the_page_although_it_tells_nothing():
+    """It is this process, which simply does not tick."""
+    with (
+        Station(StationConfig(sources=("sim://teng",), bundles=())) as station,
+        closing(StationView(station.view_config())) as view,
+    ):
+        until(station, lambda: view.snapshot()["time_s"] > 0)
+        stood_s = monotonic()
+        while (told := view.snapshot())["state"] != "STOP":
+            assert monotonic() < stood_s + WAIT_S
+            sleep(0.001)
+        assert told["reason"].startswith("the supervisor has stood still for 0.")
+        assert (told["alarms"][0]["kind"], told["alarms"][0]["level"]) == ("supervisor", "danger")
+        assert told["time_s"] - told["since_s"] > 0.08
+        until(station, lambda: view.snapshot()["state"] == "NONE")
+        assert any(alarm.kind == "supervisor" for alarm in station.guard.alarms.alarms)
+
+
+def test_the_page_disarms_and_cannot_arm():
+    with (
+        Station(StationConfig(sources=("sim://teng",), bundles=())) as station,
+        closing(StationView(station.view_config())) as view,
+    ):
+        station.drive(Idle())
+        until(station, lambda: station.arm() == ())
+        view.disarm()
+        until(station, lambda: not station.guard.interlock.armed)
+        assert "disarmed by a person at the page" in [text for _, _, text in station.events]
+        with RingWriter(station.view_config().requests) as page:
+            page.put(pack({"do": "arm"}))
+        station.tick(monotonic())
+        station.tick(monotonic())
+        assert not station.guard.interlock.armed
 
 
 def test_a_recording_begun_on_the_page_keeps_the_groups_and_labels_given_at_start(tmp_path: Path):

@@ -5,7 +5,6 @@ Knows nothing about how the numbers were found or how C is compiled.
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from dataclasses import dataclass
 from math import floor
 from pathlib import Path
@@ -14,6 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from taxel.bundles.avr.c_text import c_number, c_numbers, c_origin, c_strings
 from taxel.bundles.avr.integers import (
     CERTAIN,
     EXP_TABLE,
@@ -152,36 +152,37 @@ def _model(
 ) -> str:
     """Return sizes, window and names: what a sketch may include anywhere."""
     low, high = network.input_ends
+    byte, word, long = 2**8 - 1, 2**16 - 1, 2**32 - 1
     sizes = {
-        "TAXEL_ROWS": network.rows,
-        "TAXEL_COLUMNS": network.columns,
-        "TAXEL_FILTERS_1": len(network.first.biases),
-        "TAXEL_FILTERS_2": len(network.second.biases),
-        "TAXEL_HIDDEN": len(network.hidden.biases),
-        "TAXEL_CLASSES": len(network.last_biases),
-        "TAXEL_SIGNED_INPUT": int(network.signed),
-        "TAXEL_INPUT_LEAST": low,
-        "TAXEL_INPUT_LARGEST": high,
-        "TAXEL_EXP_SHIFT": network.exp_shift,
-        "TAXEL_EXP_MULTIPLIER": f"{network.exp_multiplier}U",
-        "TAXEL_STRIDE": window.stride,
-        "TAXEL_TICK_HZ": window.tick_hz,
-        "TAXEL_GATE_COUNTS": f"({window.gate_counts})",
-        "TAXEL_END_COUNTS": f"{window.end_counts}U",
-        "TAXEL_GAP_TICKS": f"{window.gap_ticks}UL",
-        "TAXEL_LEAST_CONFIDENCE": window.least_confidence,
-        "TAXEL_MODEL_REFERENCE_MV": f"{converter.reference_mv}U",
+        "TAXEL_ROWS": c_number(network.rows, 1, 128),
+        "TAXEL_COLUMNS": c_number(network.columns, 1, 128),
+        "TAXEL_FILTERS_1": c_number(len(network.first.biases), 1, word),
+        "TAXEL_FILTERS_2": c_number(len(network.second.biases), 1, word),
+        "TAXEL_HIDDEN": c_number(len(network.hidden.biases), 1, word),
+        "TAXEL_CLASSES": c_number(len(network.last_biases), 1, byte),
+        "TAXEL_SIGNED_INPUT": c_number(int(network.signed), 0, 1),
+        "TAXEL_INPUT_LEAST": c_number(low, -word, word),
+        "TAXEL_INPUT_LARGEST": c_number(high, -word, word),
+        "TAXEL_EXP_SHIFT": c_number(network.exp_shift, -byte, byte),
+        "TAXEL_EXP_MULTIPLIER": c_number(network.exp_multiplier, 0, long, "U"),
+        "TAXEL_STRIDE": c_number(window.stride, 1, word),
+        "TAXEL_TICK_HZ": c_number(window.tick_hz, 1, word),
+        "TAXEL_GATE_COUNTS": c_number(window.gate_counts, -1, word),
+        "TAXEL_END_COUNTS": c_number(window.end_counts, 0, word, "U"),
+        "TAXEL_GAP_TICKS": c_number(window.gap_ticks, 0, long, "UL"),
+        "TAXEL_LEAST_CONFIDENCE": c_number(window.least_confidence, 0, word),
+        "TAXEL_MODEL_REFERENCE_MV": c_number(converter.reference_mv, 1, word, "U"),
     }
     lines = [f"#define {name} {value}" for name, value in sizes.items()]
-    classes = ", ".join(_quoted(name) for name in contract.classes)
-    channels = ", ".join(_quoted(name) for name in contract.channels)
+    classes = c_strings(contract.classes, "classes")
+    channels = c_strings(contract.channels, "channels")
     lacking = f"/* Left out: {left_out(contract)}. */\n" if left_out(contract) else ""
     return (
         f"{_head(contract)}"
         f"{lacking}"
         "#ifndef TAXEL_MODEL_H\n#define TAXEL_MODEL_H\n\n" + "\n".join(lines) + "\n\n"
         f"/* What it tells, and its classes in the order of their numbers. */\n"
-        f"#define TAXEL_TARGET {_quoted(contract.target)}\n"
+        f"#define TAXEL_TARGET {c_strings([contract.target], 'a target')}\n"
         f"#define TAXEL_CLASS_NAMES {classes}\n"
         f"/* The window's columns, in order. */\n"
         f"#define TAXEL_CHANNEL_NAMES {channels}\n\n#endif\n"
@@ -203,39 +204,28 @@ def _weights(network: IntegerNetwork, check: NDArray[np.uint16]) -> str:
     answer = run_integers(network, image)
     parts.append(_array("taxel_input", "check_image", image))
     parts.append(_array("int32_t", "check_logits", answer.logits))
-    parts.append(f"#define TAXEL_CHECK_CONFIDENCE {answer.confidence[0]}\n")
-    parts.append("#define TAXEL_EXPS " + ", ".join(f"{one}U" for one in EXP_TABLE) + "\n")
+    confidence = c_number(answer.confidence[0], 0, CERTAIN)
+    parts.append(f"#define TAXEL_CHECK_CONFIDENCE {confidence}\n")
+    exps = ", ".join(c_number(step, 0, 2**16, "U") for step in EXP_TABLE)
+    parts.append(f"#define TAXEL_EXPS {exps}\n")
     return "\n".join(parts)
 
 
 def _filters(name: str, layer: Layer) -> str:
-    rows = zip(layer.biases, layer.multipliers, layer.shifts, strict=True)
+    parts = (c_numbers(part) for part in (layer.biases, layer.multipliers, layer.shifts))
+    rows = zip(*parts, strict=True)
     body = "".join(f"  {{{bias}, {multiplier}U, {shift}}},\n" for bias, multiplier, shift in rows)
     return f"static const filter {name}_filters[] PROGMEM = {{\n{body}}};\n"
 
 
 def _array(kind: str, name: str, values: NDArray[Any]) -> str:
-    flat = values.ravel().tolist()
-    body = "".join(f"  {_joined(flat[i : i + 18])},\n" for i in range(0, len(flat), 18))
+    flat = c_numbers(values)
+    body = "".join(f"  {', '.join(flat[i : i + 18])},\n" for i in range(0, len(flat), 18))
     return f"static const {kind} {name}[] PROGMEM = {{\n{body}}};\n"
-
-
-def _joined(values: Iterable[int]) -> str:
-    return ", ".join(map(str, values))
-
-
-def _quoted(text: str) -> str:
-    """Return a C string; what is not plain ASCII becomes a question mark."""
-    plain = "".join(one if " " <= one <= "~" and one not in '"\\' else "?" for one in text)
-    return f'"{plain}"'
 
 
 def _head(contract: Contract) -> str:
     return (
         "/* Written by taxel bundle --target avr: change the bundle, not this file.\n"
-        f" * Trained on data {contract.data_digest[:12]} with {_plain(contract.software)}. */\n"
+        f" * Trained on {c_origin(contract.data_digest, contract.software)}. */\n"
     )
-
-
-def _plain(text: str) -> str:
-    return text.replace("*/", "")

@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from taxel.bundles.model_check import check_model
 from taxel.errors import BadBundle, MissingExtra
 
 Floats = NDArray[np.float32]
@@ -78,13 +79,14 @@ def read_network(model: bytes, rows: int, columns: int) -> ImageNetwork:
         from onnx import numpy_helper
     except ModuleNotFoundError as error:
         raise MissingExtra("onnx", "train", "a network in C") from error
+    check_model(model)
     graph = onnx.load_from_string(model).graph
     nodes = [node for node in graph.node if node.op_type not in ("Constant", "Unsqueeze")]
     if tuple(node.op_type for node in nodes) != _ORDER or not _one_line(nodes):
         raise _another(f"{len(nodes)} layers: {', '.join(node.op_type for node in nodes)[:120]}")
-    known = {one.name: np.asarray(numpy_helper.to_array(one), np.float32)
-             for one in graph.initializer}  # fmt: skip
     try:
+        known = {one.name: np.asarray(numpy_helper.to_array(one), np.float32)
+                 for one in graph.initializer}  # fmt: skip
         conv, dense = ([node for node in nodes if node.op_type == kind] for kind in
                        ("Conv", "Gemm"))  # fmt: skip
         for node in nodes:
@@ -92,6 +94,10 @@ def read_network(model: bytes, rows: int, columns: int) -> ImageNetwork:
         pairs = [(known[node.input[1]], known[node.input[2]]) for node in (*conv, *dense)]
     except (KeyError, IndexError) as error:
         raise _another("a layer whose weights are not stored in it") from error
+    except (TypeError, ValueError) as error:
+        raise _another(f"weights that cannot be read ({error})") from error
+    if [weights.ndim for weights, _ in pairs] != [4, 4, 2, 2]:
+        raise _another(f"weights of {[weights.ndim for weights, _ in pairs]} axes")
     return _assembled(pairs, rows, columns)
 
 

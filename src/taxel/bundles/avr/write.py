@@ -5,11 +5,9 @@ Knows nothing about screens.
 
 from __future__ import annotations
 
-import io
 import json
 import os
 import re
-import zipfile
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
@@ -27,6 +25,7 @@ from taxel.bundles.avr.integers import (
 from taxel.bundles.avr.measure import equal_windows, run_on_board, without_board
 from taxel.bundles.avr.network import ImageNetwork, read_network
 from taxel.bundles.avr.quantise import Converter, quantise
+from taxel.bundles.envelope import unpack
 from taxel.bundles.reader import Bundle, read_bundle
 from taxel.bundles.recordings import load_at_level
 from taxel.errors import BadBundle, BadInput
@@ -36,6 +35,8 @@ from taxel.windows.dataset import Dataset
 _EMULATED = 8
 """Windows that the report runs on the emulated board."""
 REPORT = "avr_report.json"
+_LARGEST_MV = 10_000
+"""No converter of a board compares with more, millivolts."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -152,9 +153,7 @@ def write_avr(
 
 def model_of(bundle: Path) -> bytes:
     """Return the ONNX model of a bundle that `read_bundle` has found whole."""
-    body = bundle.read_bytes().partition(b"\n")[2]
-    with zipfile.ZipFile(io.BytesIO(body)) as archive:
-        return archive.read("model.onnx")
+    return unpack(bundle, ("model.onnx",))["model.onnx"]
 
 
 def reference_of(sensor: SensorInfo) -> int:
@@ -163,16 +162,27 @@ def reference_of(sensor: SensorInfo) -> int:
     Raises:
         BadInput: They do not say it, or boards differ.
     """
-    said = {round(1000 * float(sensor.details["reference_v"]))} if "reference_v" in sensor.details \
-        else {int(one) for text in sensor.details.values()
-              for one in re.findall(r"reference (\d+) mV", text)}  # fmt: skip
-    if len(said) != 1:
+    said = {round(1000 * _volts(sensor.details["reference_v"]))} \
+        if "reference_v" in sensor.details else {
+            int(one) for text in sensor.details.values()
+            for one in re.findall(r"reference (\d{1,6}) mV", text)
+        }  # fmt: skip
+    if len(said) != 1 or not 1 <= min(said) <= _LARGEST_MV:
         raise BadInput(
             "one voltage of the board's converter",
             " and ".join(f"{one} mV" for one in sorted(said)) or "recordings that do not say it",
             "say --reference-mv 5000, or 3300 with 3.3 V on the pin AREF",
         )
     return said.pop()
+
+
+def _volts(text: str) -> float:
+    """Return the volts that a text names; 0 where it names none."""
+    try:
+        volts = float(text)
+    except ValueError:
+        return 0.0
+    return volts if 0 < volts < _LARGEST_MV / 1000 else 0.0
 
 
 def _clearest(bundle: Bundle, known: Dataset) -> int:

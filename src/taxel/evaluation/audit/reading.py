@@ -16,13 +16,14 @@ from numpy.typing import NDArray
 
 from taxel.errors import BadDataset, BadTable
 from taxel.evaluation.audit.touch_set import TouchSet, checked
+from taxel.jpeg_head import check_size
 from taxel.labels.trials import Trial, trials_of
 from taxel.recordings.importing import import_rows
 from taxel.recordings.known import KNOWN, KNOWN_VIDEOS
 from taxel.recordings.manifest import NO_ARRAY, Manifest
 from taxel.recordings.reader import list_recordings, read_recording
 from taxel.recordings.video_rows import VideoRow
-from taxel.signals import Mark
+from taxel.signals import CameraInfo, Mark
 from taxel.windows.pours import frame_sets
 
 SQUARES = (6, 8)
@@ -177,7 +178,8 @@ def _camera_recording(path: Path, cameras: int) -> _Read:
             continue  # a camera slower than its stream repeats its image
         for i, frame in enumerate(found.frames):
             if fresh[i]:
-                shown[i], grey[i] = frame.jpeg, _small_jpeg(frame.jpeg)
+                shown[i] = frame.jpeg
+                grey[i] = _small_jpeg(frame.jpeg, recording.manifest.cameras[i])
         rows.append(np.concatenate(grey))
         times.append(found.time_s)
     files = {"software": recording.manifest.software}
@@ -193,14 +195,10 @@ def _camera_recording(path: Path, cameras: int) -> _Read:
                  time_s=np.array(times), files=files)  # fmt: skip
 
 
-def _small_jpeg(jpeg: bytes) -> NDArray[np.float32]:
-    import cv2
+def _small_jpeg(jpeg: bytes, camera: CameraInfo) -> NDArray[np.float32]:
+    from taxel.frame_codec import decode_grey_quarter
 
-    grey = cv2.imdecode(np.frombuffer(jpeg, np.uint8), cv2.IMREAD_REDUCED_GRAYSCALE_4)
-    if grey is None:
-        raise BadDataset("frames that are JPEG images", "one that is none",
-                         "look at the recording with: taxel view")  # fmt: skip
-    return _small(np.asarray(grey, np.uint8))
+    return _small(decode_grey_quarter(jpeg, camera))
 
 
 def _small(grey: NDArray[np.uint8]) -> NDArray[np.float32]:
@@ -239,6 +237,9 @@ def _small_video(path: Path) -> NDArray[np.float32]:
 
     video = cv2.VideoCapture(str(path))
     rows = []
+    width, height = video.get(cv2.CAP_PROP_FRAME_WIDTH), video.get(cv2.CAP_PROP_FRAME_HEIGHT)
+    if video.isOpened():
+        check_size(int(width), int(height))
     while (read := video.read())[0]:
         rows.append(_small(np.asarray(cv2.cvtColor(read[1], cv2.COLOR_BGR2GRAY), np.uint8)))
     video.release()

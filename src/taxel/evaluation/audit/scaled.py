@@ -6,7 +6,6 @@ stored scaling that fits all windows rather than the training ones. Knows nothin
 
 from __future__ import annotations
 
-import json
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -19,6 +18,7 @@ from taxel.evaluation.audit.case import Case, rows_folds
 from taxel.evaluation.audit.finding import Finding
 from taxel.evaluation.audit.telling import majority
 from taxel.evaluation.audit.touch_set import SESSIONS, TouchSet
+from taxel.foreign.json_text import Fields, read_json
 
 _NEAR = 1e-3
 """Deviations within which an offset or a factor counts as equal. Our choice, decision 23."""
@@ -100,12 +100,12 @@ def _stored(run: Path, touch: TouchSet) -> tuple[Table, Table, str, list[str]]:
         raise BadInput("recordings of an array beside --run", "cameras, whose runs scale features",
                        "leave --run out")  # fmt: skip
     try:
-        contract = json.loads((run / "run.json").read_text())["contract"]
-        scaling = contract["scaling"]
-        offset, factor = np.array(scaling["offset"], float), np.array(scaling["factor"], float)
-        kind = str(scaling["kind"])
-        known = list(contract["accuracy"])  # splits by which it was cross-validated, refitted
-    except (OSError, ValueError, KeyError, TypeError) as error:
+        contract = Fields(read_json(run / "run.json"), "run.json").fields("contract")
+        scaling = contract.fields("scaling")
+        offset, factor = scaling.array("offset", (None,)), scaling.array("factor", (None,))
+        kind = scaling.text("kind")
+        known = list(contract.numbers("accuracy"))  # splits of its cross-validation, refitted
+    except (OSError, ValueError) as error:  # BadFile is a ValueError
         raise BadInput("a run's folder for --run", f"{run}, which holds none",
                        "train one with: taxel train") from error  # fmt: skip
     if offset.shape != (len(touch.views),):

@@ -18,16 +18,19 @@ Knows nothing about checks.
 from __future__ import annotations
 
 import csv
+import io
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
-from taxel.errors import BadTable
+from taxel.errors import BadFile, BadTable
 from taxel.evaluation.audit.telling import Fold
 from taxel.evaluation.audit.touch_set import Pieces, TouchSet, as_dataset, cut_pieces
 from taxel.evaluation.splits import TrialFold, parse_split
+from taxel.foreign.text_lines import lines_of
+from taxel.recordings.table_columns import LARGEST_LIST
 
 COLUMNS = ("recording", "fold", "side", "start_s", "end_s", "view", "label_s")
 _SLACK_S = 1e-3
@@ -119,11 +122,11 @@ def _folds(table: Path, names: NDArray[np.str_], by_fold: bool) -> tuple[Fold, .
 
 def _lines(table: Path) -> list[tuple[int, dict[str, str]]]:
     try:
-        with table.open(newline="", encoding="utf-8-sig") as file:
-            reader = csv.DictReader(file)
-            lines = [(number, line) for number, line in enumerate(reader, 2) if any(line.values())]
-            header = list(reader.fieldnames or [])
-    except (OSError, UnicodeDecodeError, csv.Error) as error:
+        text = "".join(lines_of(table, LARGEST_LIST))
+        reader = csv.DictReader(io.StringIO(text, newline=""))
+        lines = [(number, line) for number, line in enumerate(reader, 2) if any(line.values())]
+        header = list(reader.fieldnames or [])
+    except (OSError, BadFile, csv.Error) as error:
         raise BadTable("a table of folds (CSV) that can be read", f"{table}, which is none",
                        "check the path") from error  # fmt: skip
     unknown = [name for name in header if name not in COLUMNS]

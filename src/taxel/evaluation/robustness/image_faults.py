@@ -148,7 +148,7 @@ def _each(
                 own = np.random.default_rng([seed, frame.camera])
                 changes[frame.camera] = make(level, own)
             if frame.camera not in last or last[frame.camera][0] != frame.jpeg:
-                image = changes[frame.camera](decode_jpeg(frame.jpeg))
+                image = changes[frame.camera](decode_jpeg(frame.jpeg, None))
                 last[frame.camera] = frame.jpeg, encode_jpeg(image)
             yield replace(frame, jpeg=last[frame.camera][1])
 
@@ -160,7 +160,7 @@ def _quality(frames: Iterable[Frame], level: float, random: np.random.Generator)
     last: dict[int, tuple[bytes, bytes]] = {}
     for frame in frames:
         if frame.camera not in last or last[frame.camera][0] != frame.jpeg:
-            coded = encode_jpeg(decode_jpeg(frame.jpeg), round(level))
+            coded = encode_jpeg(decode_jpeg(frame.jpeg, None), round(level))
             last[frame.camera] = frame.jpeg, coded
         yield replace(frame, jpeg=last[frame.camera][1])
 
@@ -176,7 +176,7 @@ def _exposure_step(
         start_s = frame.fitted_s if start_s is None else start_s
         late = frame.fitted_s - start_s >= after_s
         if frame.camera not in coded or coded[frame.camera][:2] != (frame.jpeg, late):
-            image = decode_jpeg(frame.jpeg)
+            image = decode_jpeg(frame.jpeg, None)
             shown = encode_jpeg(exposure(image, level) if late else image)
             coded[frame.camera] = frame.jpeg, late, shown
         yield replace(frame, jpeg=coded[frame.camera][2])

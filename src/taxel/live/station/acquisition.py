@@ -14,7 +14,7 @@ from taxel.live.station.beats import Work
 from taxel.live.station.packets import pack, unpack
 from taxel.live.station.ring import RingReader, RingWriter
 from taxel.live.station.source_news import SourceNews
-from taxel.live.station.worker import Place, Pulse, at_work, settle_memory
+from taxel.live.station.worker import Place, Pulse, Rank, at_work, settle_memory
 from taxel.sources.contract import Source
 from taxel.sources.opening import open_source
 
@@ -48,12 +48,12 @@ class Acquisition:
     url: str
     ring: str
     orders: str
-    """Ring with notes such as {"grip_n": 30.0}, for a simulated gripper."""
+    """Ring with notes such as {"grip_n": 30.0, "expires_s": 512.3}, for a simulated gripper."""
 
 
 def acquire(job: Acquisition) -> None:
     """Read a source until it is asked to end; the entry point of the process."""
-    with at_work(job.place, urgent=True) as pulse:
+    with at_work(job.place, urgent=Rank.SOURCE) as pulse:
         try:
             source = open_source(job.url)
         except TaxelError as error:
@@ -81,12 +81,13 @@ def _pump(
             ended = True
             writer.put(pack({"ended": monotonic()}))
         samples = source.read(_WAIT_S)
-        frames, marks = source.frames(), source.marks()
+        frames = source.frames()
         if len(samples):
             writer.put(pack(samples))
         for frame in frames:
             writer.put(pack(frame))
-        for mark in marks:
+        # A simulator makes what comes next before it knows whether a mark is complete.
+        for mark in source.marks():
             writer.put(pack(mark))
         now_s = monotonic()
         news.add(samples, frames, now_s)
@@ -103,5 +104,7 @@ def _pump(
 def _obey(source: Source, orders: RingReader) -> None:
     told = orders.newest()
     order = unpack(told) if told is not None else None
-    if isinstance(order, dict) and "grip_n" in order and isinstance(source, Gripped):
+    if not isinstance(order, dict) or "grip_n" not in order or not isinstance(source, Gripped):
+        return
+    if monotonic() < float(order["expires_s"]):
         source.grip(float(order["grip_n"]))

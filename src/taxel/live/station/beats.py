@@ -13,12 +13,16 @@ from multiprocessing import shared_memory
 from typing import Self
 
 from taxel.live.station.ring import bytes_of
+from taxel.live.station.shared import create_shared
 
 ROWS = 32
 """Processes that one board of beats has room for. Source: our choice."""
 _FIELDS = 8
 _STOP_AT = ROWS * _FIELDS
 _GO_AT = _STOP_AT + 1
+_TICK_AT = _STOP_AT + 2
+_CELLS = _STOP_AT + 8
+"""Cells of eight bytes, with room."""
 
 
 class Work(IntEnum):
@@ -51,8 +55,8 @@ class Beats:
     """The board of beats and the word to stop, for as long as its maker lives."""
 
     def __init__(self) -> None:
-        size = (_STOP_AT + 8) * 8
-        self._memory = shared_memory.SharedMemory(create=True, size=size)
+        size = _CELLS * 8
+        self._memory = create_shared(size)
         bytes_of(self._memory)[:size] = bytes(size)
         self._view = BeatsView(self._memory.name)
         self.name = self._memory.name
@@ -68,6 +72,14 @@ class Beats:
     def fail(self, row: int) -> None:
         """Write on a process's behalf that it will make nothing more; its counts stay."""
         self._view.set_work(row, Work.FAILED)
+
+    def tick(self, now_s: float) -> None:
+        """Write that the supervisor lives; from now on its ticks are due."""
+        self._view.tick(now_s)
+
+    def rest(self) -> None:
+        """Write that no ticks are due until the next one."""
+        self._view.tick(0.0)
 
     def go(self) -> None:
         """Let the sources begin: everybody who follows them is there."""
@@ -99,7 +111,7 @@ class BeatsView:
 
     def __init__(self, name: str) -> None:
         self._memory = shared_memory.SharedMemory(name)
-        self._cells = bytes_of(self._memory)[: (_GO_AT + 1) * 8].cast("Q")
+        self._cells = bytes_of(self._memory)[: _CELLS * 8].cast("Q")
 
     @property
     def stopping(self) -> bool:
@@ -110,6 +122,15 @@ class BeatsView:
     def gone(self) -> bool:
         """True once the sources may begin."""
         return bool(self._cells[_GO_AT])
+
+    def tick(self, now_s: float) -> None:
+        """Write the moment of the supervisor's tick, monotonic seconds; 0: none is due."""
+        self._cells[_TICK_AT] = round(now_s * 1e9)
+
+    def still_s(self, now_s: float) -> float:
+        """Return how long ago the supervisor's last tick was, seconds; 0 where none is due."""
+        tick_ns = self._cells[_TICK_AT]
+        return max(0.0, now_s - tick_ns / 1e9) if tick_ns else 0.0
 
     def go(self) -> None:
         """Let the sources begin."""

@@ -43,6 +43,8 @@ class Worker:
     began_s: deque[float] = field(default_factory=lambda: deque(maxlen=_RESTARTS + 1))
     """When it was started last."""
     given_up: bool = False
+    ends_itself: bool = False
+    """It completes its work where the supervisor was killed; others are killed with it."""
 
 
 class Crew:
@@ -59,12 +61,31 @@ class Crew:
         self._context = get_context("spawn")
         self.workers: list[Worker] = []
 
-    def add(self, name: str, entry: Callable[[Any], None], job: Callable[[Place], Any]) -> Worker:
-        """Start a process; `opened` waits until it is ready."""
-        worker = Worker(name, len(self.workers), entry, job)
+    def add(
+        self,
+        name: str,
+        entry: Callable[[Any], None],
+        job: Callable[[Place], Any],
+        *,
+        ends_itself: bool = False,
+    ) -> Worker:
+        """Start a process; `opened` waits until it is ready.
+
+        Args:
+            name: What it is called.
+            entry: What it runs.
+            job: Gives what it is to do, from its place.
+            ends_itself: It completes its work where this process was killed.
+        """
+        worker = Worker(name, len(self.workers), entry, job, ends_itself=ends_itself)
         self.workers.append(worker)
         self._begin(worker)
         return worker
+
+    @property
+    def beats_name(self) -> str:
+        """Name of the board of beats."""
+        return self._beats.name
 
     def opened(self, worker: Worker) -> tuple[Any, ...]:
         """Return what a process reports once it has opened what it needs.
@@ -155,7 +176,7 @@ class Crew:
         mine, theirs = self._context.Pipe(duplex=False)
         place = Place(
             name=worker.name, beats=self._beats.name, row=worker.row, parent=os.getpid(),
-            report=theirs,
+            report=theirs, ends_itself=worker.ends_itself,
         )  # fmt: skip
         # Not daemonic: cameras have a capture process each. A worker ends with its parent.
         worker.process = self._context.Process(

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from taxel.actions.actuators import Actuator, hear_all
+from taxel.actions.actuators import Actuator, FollowsGrasps, hear_all
 from taxel.actions.interlock import Order, OrderKind
 from taxel.live.station.acting import SimulatedGrip
 from taxel.live.station.guard import Guard
@@ -33,15 +33,22 @@ class Driving:
         self._actuators.append(actuator)
 
     def new_grasp(self) -> None:
-        """Begin again at the least force, once the new grasp is calm: that is the robot's doing."""
+        """Hear that a new grasp begins: said to all, and by itself it lowers nothing.
+
+        Only the simulated gripper is known to begin each cup with its least force; orders to it
+        do so as well, once the new grasp is calm.
+        """
         self._guard.new_grasp()
-        self._releasing = True
+        self._releasing = any(isinstance(one, SimulatedGrip) for one in self._actuators)
         for actuator in self._actuators:
-            if isinstance(actuator, SimulatedGrip):
+            if isinstance(actuator, FollowsGrasps):
                 actuator.new_grasp()
 
     def tick(self, now_s: float) -> None:
-        """Hear all actuators, weigh, and tell them what to do: once."""
+        """Hear all actuators, weigh, and tell them what to do: once.
+
+        `Guard.wake` comes before it.
+        """
         faults = hear_all(self._guard.interlock, self._actuators, now_s)
         order = self._guard.tick(now_s)
         self._release(order)

@@ -7,13 +7,15 @@ about rings, pages or drivers.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 from taxel.actions.alarm import AlarmLatch, Level
 from taxel.actions.grip_policy import GripPolicy
 from taxel.actions.interlock import Interlock, InterlockState, Order
+from taxel.decisions.reasons import REASONS
 from taxel.decisions.stability import Stability, StabilityDecision
+from taxel.gel.slip_signal import Slip
 
 STOP = "STOP"
 """Shown when the monitor itself is not to be trusted, or the interlock has stopped."""
@@ -22,16 +24,20 @@ NO_GRASP = "NONE"
 _LEAST_N = 0.1
 """A policy begins above nothing, newtons. Source: our choice."""
 _FAULT = "the monitor is silent"
-_WORST = (Stability.STABLE, Stability.UNKNOWN, Stability.WARNING, Stability.UNSTABLE)
+STALL = "supervisor"
+"""Kind of the alarm that the supervisor itself stood still."""
+_WORST = (
+    Stability.STABLE, Stability.NO_GRASP, Stability.UNKNOWN, Stability.WARNING, Stability.UNSTABLE,
+)  # fmt: skip
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class GuardConfig:
-    """Times. Source: our choice, docs/decisions/0019."""
+    """Times. Source: our choice, docs/decisions/0019 and 0030."""
 
-    silent_s: float = 0.07
+    silent_s: float = 0.06
     """A monitor that gave no sign of life for longer is stopped or hangs, seconds: with the
-    supervisor's tick it keeps the limit of 100 ms."""
+    supervisor's tick it keeps the limit of 70 ms."""
 
 
 @dataclass(slots=True)
@@ -39,6 +45,8 @@ class _Monitor:
     """One grasp monitor as last heard."""
 
     decision: StabilityDecision
+    decided_s: float
+    """When that was decided, by the monitor's own word, monotonic seconds."""
     beat_s: float
     patience_s: float = 0.0
     dead: bool = False
@@ -67,12 +75,18 @@ class Guard:
         self._monitors: dict[str, _Monitor] = {}
         self._shown = (NO_GRASP, "", 0.0)
         self._doubt = ""
-        self._told = StabilityDecision(Stability.UNKNOWN, "no input yet", math.nan, math.nan)
+        self._told = StabilityDecision(
+            Stability.UNKNOWN, REASONS["no input"].say(), math.nan, math.nan
+        )
+        self._set_n = interlock.force_n
+        self._stalled = False
+        self._looked_s = -math.inf
 
     def expect(self, name: str, now_s: float) -> None:
         """Watch a monitor from now on, also one that follows a dead one."""
-        nothing = StabilityDecision(Stability.UNKNOWN, "no input yet", now_s, math.nan)
-        self._monitors[name] = _Monitor(nothing, now_s)
+        reason = REASONS["no input"].say()
+        nothing = StabilityDecision(Stability.UNKNOWN, reason, now_s, math.nan)
+        self._monitors[name] = _Monitor(nothing, now_s, now_s)
 
     def new_grasp(self) -> None:
         """Begin another grasp, at the force that is set now."""
@@ -80,17 +94,28 @@ class Guard:
             self._policy.reset(max(self.interlock.force_n, _LEAST_N))
 
     def decide(self, name: str, note: dict[str, Any]) -> None:
-        """Take in a monitor's newest note."""
+        """Take in a monitor's newest note.
+
+        Its `decided_s` is the decision's own time, monotonic seconds: a decision without one is
+        none, and does not keep the monitor's word alive.
+        """
+        monitor = self._monitors[name]
+        decided_s = note.get("decided_s")
+        if not isinstance(decided_s, int | float) or not monitor.decided_s <= decided_s < math.inf:
+            return
         p, since_s = note.get("p"), note.get("since_s")
+        reason = str(note.get("reason", ""))
         try:
             state = Stability[note["state"]]
         except KeyError:
-            state = Stability.UNKNOWN
-        self._monitors[name].decision = StabilityDecision(
+            state, reason = Stability.UNKNOWN, REASONS["no word"].say()
+        monitor.decided_s = float(decided_s)
+        monitor.decision = StabilityDecision(
             state,
-            str(note.get("reason", "")),
+            reason,
             math.nan if since_s is None else float(since_s),
             math.nan if p is None else float(p),
+            _slip_of(note),
         )
 
     def beat(self, name: str, beat_s: float, patience_s: float = 0.0) -> None:
@@ -118,14 +143,36 @@ class Guard:
         """Say that such trouble is over; its alarm waits for a person."""
         self.alarms.clear(kind, now_s)
 
+    def wake(self, now_s: float) -> str:
+        """Look whether the supervisor itself stood still; call it first in each turn.
+
+        Returns:
+            What happened, in words; empty where nothing did.
+        """
+        if now_s == self._looked_s:
+            return ""
+        self._looked_s = now_s
+        if self._stalled:
+            self._stalled = False
+            self.alarms.clear(STALL, now_s)
+        gap_s = self.interlock.wake(now_s)
+        if not gap_s:
+            return ""
+        self._stalled = True
+        text = f"the supervisor stood still for {gap_s:.2f} s: nobody watched the grasp"
+        self.alarms.set(STALL, Level.DANGER, text, now_s)
+        return text
+
     def tick(self, now_s: float) -> Order:
         """Weigh what was heard; return what the actuator is to do now."""
+        self.wake(now_s)
         silent = self._silent(now_s)
         if self._monitors:
-            decision = self._told = self._joined(silent, now_s)
+            decision, decided_s = self._joined(silent, now_s)
+            self._told = decision
             self.alarms.watch(decision, armed=self.interlock.armed, now_s=now_s)
             force_n = self._asked_n(decision, now_s)
-            self.interlock.decision(decision.state.name, now_s, force_n)
+            self.interlock.decision(decision.state.name, decided_s, force_n)
             self._alarm_of_silence(silent, now_s)
             if not silent:
                 self.interlock.beat(now_s)
@@ -152,32 +199,60 @@ class Guard:
         usable = [p for p in found if math.isfinite(p)]
         return max(usable) if usable else math.nan
 
+    @property
+    def slip(self) -> Slip | None:
+        """The largest slip that a monitor gave; None where none follows it."""
+        found = [m.decision.slip for m in self._monitors.values() if m.decision.slip is not None]
+        return max(found, key=lambda slip: (slip.seen, slip.distance_mm), default=None)
+
     def _asked_n(self, decision: StabilityDecision, now_s: float) -> float | None:
         """Return the force that the policy asks for; it begins at the force that is set."""
         policy, set_n = self._policy, self.interlock.force_n
+        lowered, self._set_n = set_n < self._set_n, set_n
         if policy is None:
             return None
         if not self.interlock.armed:
             policy.reset(max(set_n, _LEAST_N))
             return None
+        if lowered:  # the robot's own program took over with less: raises begin there
+            policy.reset(max(set_n, _LEAST_N))
         policy.force_n = max(policy.force_n, set_n)
         return policy.push(decision, now_s)
 
     def _silent(self, now_s: float) -> str:
         for name, monitor in self._monitors.items():
             if monitor.dead:
-                return f"{name} has ended"
+                return REASONS["monitor ended"].say(who=name)
             limit_s = max(self._config.silent_s, monitor.patience_s)
             if not now_s - monitor.beat_s <= limit_s:
-                return f"{name} gives no sign of life"
+                return REASONS["monitor silent"].say(who=name)
+            if self._overdue(monitor, now_s, monitor.patience_s):
+                return REASONS["monitor mute"].say(who=name)
         return ""
 
-    def _joined(self, silent: str, now_s: float) -> StabilityDecision:
-        """Return the worst of all monitors' decisions."""
+    def _overdue(self, monitor: _Monitor, now_s: float, patience_s: float = 0.0) -> bool:
+        """True where a monitor's last decision is too old, or from too far ahead, to act on."""
+        config = self.interlock.config
+        age_s = now_s - monitor.decided_s
+        return not -config.stall_s <= age_s <= config.decision_s + patience_s
+
+    def _joined(self, silent: str, now_s: float) -> tuple[StabilityDecision, float]:
+        """Return the worst of all monitors' decisions, and when the oldest was decided.
+
+        For a monitor in a long step that it announced the guard itself says UNKNOWN, now.
+        """
         if silent:
-            return StabilityDecision(Stability.UNKNOWN, silent, now_s, math.nan)
-        every = [monitor.decision for monitor in self._monitors.values()]
-        return max(every, key=lambda one: _WORST.index(one.state))
+            return StabilityDecision(Stability.UNKNOWN, silent, now_s, math.nan), now_s
+        every, oldest_s = [], now_s
+        for name, monitor in self._monitors.items():
+            if self._overdue(monitor, now_s):
+                doubt = REASONS["long step"].say(who=name)
+                every.append(StabilityDecision(Stability.UNKNOWN, doubt, now_s, math.nan))
+            else:
+                every.append(monitor.decision)
+                oldest_s = min(oldest_s, monitor.decided_s)
+        worst = max(every, key=lambda decision: _WORST.index(decision.state))
+        return replace(worst, slip=self.slip), oldest_s
 
     def _alarm_of_silence(self, silent: str, now_s: float) -> None:
         if silent and not self._doubt:
@@ -196,7 +271,18 @@ class Guard:
         elif self.interlock.state is InterlockState.STOPPED:
             word, reason = STOP, self.interlock.reason
         else:
-            decision = self._joined("", now_s)
-            word, reason = self.alarms.shown(decision.state).name, decision.reason
+            decision = self._told
+            shown, reason = self.alarms.shown(decision.state), decision.reason
+            word = shown.word
+            if shown is not decision.state:
+                reason = REASONS["alarm"].say()
         since_s = self._shown[2] if word == self._shown[0] else now_s
         self._shown = (word, reason, since_s)
+
+
+def _slip_of(note: dict[str, Any]) -> Slip | None:
+    """Return the slip that a monitor's note tells; None where it tells none that can be read."""
+    try:
+        return Slip.from_dict(note["slip"])
+    except (KeyError, TypeError, ValueError):
+        return None

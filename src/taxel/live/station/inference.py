@@ -6,10 +6,12 @@ a decision.
 
 from __future__ import annotations
 
+import math
+import os
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
-from time import monotonic, sleep
+from time import monotonic
 from typing import Any
 
 import numpy as np
@@ -17,14 +19,16 @@ from numpy.typing import NDArray
 
 from taxel.bundles.grasp import is_grasp_bundle, read_grasp_bundle
 from taxel.bundles.reader import read_bundle
+from taxel.bundles.signing import Trust
+from taxel.decisions.reasons import kind_of
 from taxel.decisions.recognition import GraspVote, RecogniseConfig
-from taxel.decisions.stability import Stability
+from taxel.decisions.stability import Stability, StabilityDecision
 from taxel.live.grasp_monitor import GraspMonitor
 from taxel.live.recogniser import Answer, Recogniser
 from taxel.live.station.beats import Work
 from taxel.live.station.packets import Packet, pack, unpack
 from taxel.live.station.ring import RingReader, RingWriter
-from taxel.live.station.worker import IDLE_S, Place, Pulse, at_work, settle_memory
+from taxel.live.station.worker import Place, Pulse, Rank, at_work, settle_memory
 from taxel.signals import CameraInfo, Frame, Mark, Samples, SensorInfo
 from taxel.windows.pairs import FramePairer, FrameSet
 
@@ -32,8 +36,13 @@ BEHIND = 3
 """Sets of frames that may wait: older ones are let go. Source: our choice, 50 ms at 60 Hz."""
 _SETTLING_S = 1.0
 """What taking in a new grasp's settled frames at once may take, seconds. Source: our choice."""
+_AGAIN_S = 0.1
+"""How often a state that no new frames give is told again, seconds: its reason says how long, and
+a decision lives for 0.3 s. Source: our choice, docs/decisions/0030."""
 _LOOK_S = 0.005
 """How often a silent input is looked at: its age makes the state UNKNOWN."""
+_Came = dict[str, float]
+"""When the newest message was put into the ring, and when it was taken out, monotonic seconds."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -55,12 +64,14 @@ class Inference:
     """Ring of notes from the supervisor, such as {"do": "new grasp"}."""
     drill: bool = False
     """Obey orders to go wrong on purpose, as `taxel bench faults` gives them."""
+    trust: Trust | None = None
+    """Keys of which one must have signed each bundle; any bundle unless given."""
 
 
 def infer(job: Inference) -> None:
     """Decide until asked to end; the entry point of the process."""
     with (
-        at_work(job.place, urgent=True) as pulse,
+        at_work(job.place, urgent=Rank.MODEL) as pulse,
         RingReader(job.ring) as reader,
         RingReader(job.orders) as orders,
         RingWriter(job.decisions) as writer,
@@ -68,7 +79,7 @@ def infer(job: Inference) -> None:
         watchers = [_watcher(path, job, writer, i) for i, path in enumerate(job.bundles)]
         pulse.report("opened", [watcher.what for watcher in watchers])
         settle_memory()
-        looked_s = 0.0
+        looked_s = monotonic()
         while True:
             pulse.beat()
             content = reader.take()
@@ -79,32 +90,35 @@ def infer(job: Inference) -> None:
                         watcher.end()
                     pulse.produced = writer.written
                     break
-                now_s = monotonic()
-                if now_s - looked_s >= _LOOK_S:
-                    looked_s = now_s
-                    for watcher in watchers:
-                        watcher.silent(now_s)
-                sleep(IDLE_S)
+                if not reader.wait(_LOOK_S):
+                    looked_s = _look(watchers)
                 continue
-            taken_s = monotonic()
+            came = {"put_s": reader.put_s, "taken_s": monotonic()}
             packets = [unpack(one) for one in content]
             packets += _orders(orders, job.drill, watchers)
             for watcher in watchers:
-                watcher.take(packets, taken_s, pulse)
+                watcher.take(packets, came, pulse)
             pulse.produced, pulse.consumed = writer.written, reader.taken
             pulse.dropped = reader.lost
+            # Scans may come on and on while a camera is gone.
+            if not reader.waiting and monotonic() - looked_s >= _LOOK_S:
+                looked_s = _look(watchers)
 
 
 class _GraspWatcher:
     """A grasp monitor on the ring's frames."""
 
     def __init__(self, path: Path, job: Inference, writer: RingWriter, number: int) -> None:
-        bundle = read_grasp_bundle(path)
+        threads = min(len(job.cameras), _cores())
+        bundle = read_grasp_bundle(path, threads=threads, trust=job.trust)
         self._who = f"{job.place.name}/{number}"
         self._monitor = GraspMonitor(bundle, job.cameras)
         self._pairer = FramePairer(len(job.cameras))
         self._writer = writer
         self._state: Stability | None = None
+        self._why: str | None = None
+        self._told_s = -math.inf
+        self._mute = False
         self._skipped = 0
         stability = bundle.contract.stability
         self.what = {
@@ -112,7 +126,7 @@ class _GraspWatcher:
             "warn": stability.warn, "unstable": stability.unstable,
         }  # fmt: skip
 
-    def take(self, packets: list[Packet], taken_s: float, pulse: Pulse) -> None:
+    def take(self, packets: list[Packet], came: _Came, pulse: Pulse) -> None:
         """Watch what came; of many sets the newest few."""
         sets: list[FrameSet] = []
         for packet in packets:
@@ -122,45 +136,65 @@ class _GraspWatcher:
                 if found is not None:
                     sets.append(found)
             elif _ends_grasp(packet) or _asks(packet, "new grasp"):
-                self._watch(sets, taken_s, pulse)
+                self._watch(sets, came, pulse)
                 sets = []
-                self._monitor.reset()
                 self._writer.put(pack({"kind": "new grasp"}))
-        self._watch(sets, taken_s, pulse)
+                if isinstance(packet, Mark):
+                    self._say(self._monitor.over(packet.end_s, came["taken_s"]), monotonic())
+                else:
+                    self._monitor.reset()
+            elif isinstance(packet, dict) and "ended" in packet:
+                self._monitor.end()
+        self._watch(sets, came, pulse)
+        now_s = monotonic()
+        if now_s - self._told_s >= _AGAIN_S:  # frames that make no set: one camera is gone
+            self.silent(now_s)
 
-    def spoil(self) -> None:
-        """Let the model give NaN from now on: a drill."""
-        self._monitor.bundle = replace(self._monitor.bundle, head=_NanHead())
+    def spoil(self, value: float = float("nan")) -> None:
+        """Let the model give one value from now on, NaN by default: a drill."""
+        self._monitor.bundle = replace(self._monitor.bundle, head=_FixedHead(value))
+
+    def mute(self, on: bool) -> None:
+        """Tell no decision, and live: a drill."""
+        self._mute = on
 
     def end(self) -> None:
         """A grasp that is not over has no last answer."""
 
     def silent(self, now_s: float) -> None:
-        """Look at the input's age when nothing came."""
+        """Look at the input's age when nothing came; tell at times, that this is looked at."""
         decision = self._monitor.at(now_s)
-        if decision.state is not self._state:
-            self._state = decision.state
-            self._tell(decision.state, decision.reason, decision.since_s, float("nan"), {})
+        changed = decision.state is not self._state or kind_of(decision.reason) != self._why
+        if changed or now_s - self._told_s >= _AGAIN_S:
+            self._say(decision, now_s)
 
-    def _watch(self, sets: list[FrameSet], taken_s: float, pulse: Pulse) -> None:
+    def _say(self, decision: StabilityDecision, now_s: float) -> None:
+        """Tell a decision that no frames gave, taken now."""
+        self._state, self._why = decision.state, kind_of(decision.reason)
+        p, times = decision.probability, {"decided_s": now_s}
+        self._tell(decision.state, decision.reason, decision.since_s, p, times)
+
+    def _watch(self, sets: list[FrameSet], came: _Came, pulse: Pulse) -> None:
         self._skipped += max(0, len(sets) - BEHIND)
         for found in sets[-BEHIND:]:
             pulse.beat(patience_s=_SETTLING_S if self._monitor.settling else 0.0)
             began_s = monotonic()
-            answer = self._monitor.push(found, began_s)
+            answer = self._monitor.push(found, began_s, came["taken_s"])
             decision = answer.decision
-            self._state = decision.state
-            times = {
+            self._state, self._why = decision.state, kind_of(decision.reason)
+            times: dict[str, Any] = {
                 "time_s": found.time_s,
                 "arrival_s": max(frame.arrival_s for frame in found.frames),
-                "taken_s": taken_s,
+                **came,
                 "began_s": began_s,
                 "decided_s": monotonic(),
             }
+            if decision.slip is not None:
+                times["slip"] = decision.slip.as_dict()
             self._tell(decision.state, decision.reason, decision.since_s, answer.probability, times)
 
     def _tell(
-        self, state: Stability, reason: str, since_s: float, p: float, times: dict[str, float]
+        self, state: Stability, reason: str, since_s: float, p: float, times: dict[str, Any]
     ) -> None:
         note: dict[str, Any] = {
             "kind": "grasp", "who": self._who, "state": state.name, "reason": reason,
@@ -168,14 +202,16 @@ class _GraspWatcher:
             "since_s": since_s if since_s == since_s else None,
             "p": p if p == p else None, "late": self._monitor.late(), **times,
         }  # fmt: skip
-        self._writer.put(pack(note))
+        self._told_s = times["decided_s"]
+        if not self._mute:
+            self._writer.put(pack(note))
 
 
 class _RecogniseWatcher:
     """A recogniser on the ring's scans."""
 
     def __init__(self, path: Path, job: Inference, writer: RingWriter, number: int) -> None:
-        bundle = read_bundle(path)
+        bundle = read_bundle(path, trust=job.trust)
         self._who = f"{job.place.name}/{number}"
         config = RecogniseConfig(least_confidence=job.least_confidence)
         self._recogniser = Recogniser(bundle, job.sensor, config)
@@ -186,14 +222,13 @@ class _RecogniseWatcher:
         self.what = {"kind": "answer", "who": self._who, "bundle": str(path),
                      "target": contract.target, "classes": list(contract.classes)}  # fmt: skip
 
-    def take(self, packets: list[Packet], taken_s: float, pulse: Pulse) -> None:
+    def take(self, packets: list[Packet], came: _Came, pulse: Pulse) -> None:
         """Answer each window that the scans complete."""
         for packet in packets:
             if not isinstance(packet, Samples):
                 continue
             pulse.beat()
-            times = {"arrival_s": float(packet.arrival_s[-1]), "taken_s": taken_s,
-                     "began_s": monotonic()}  # fmt: skip
+            times = {"arrival_s": float(packet.arrival_s[-1]), **came, "began_s": monotonic()}
             for answer in self._recogniser.push(packet):
                 self._tell(answer, times)
 
@@ -213,18 +248,28 @@ class _RecogniseWatcher:
         }  # fmt: skip
         self._writer.put(pack(note))
 
-    def spoil(self) -> None:
+    def spoil(self, value: float = float("nan")) -> None:
         """Nothing to spoil: an answer opens no gripper."""
+
+    def mute(self, on: bool) -> None:
+        """Nothing that anybody waits for."""
 
     def silent(self, now_s: float) -> None:
         """A hand that touches nothing says nothing."""
 
 
-class _NanHead:
-    """A model that gives NaN."""
+class _FixedHead:
+    """A model that gives one value.
+
+    Args:
+        value: What it gives; NaN too.
+    """
+
+    def __init__(self, value: float) -> None:
+        self._value = value
 
     def run(self, **_: NDArray[np.float32]) -> NDArray[np.float32]:
-        return np.full(1, np.nan, np.float32)
+        return np.full(1, self._value, np.float32)
 
 
 _Watcher = _GraspWatcher | _RecogniseWatcher
@@ -237,6 +282,18 @@ def _watcher(path: Path, job: Inference, writer: RingWriter, number: int) -> _Wa
     return made(path, job, writer, number)
 
 
+def _cores() -> int:
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else 1
+
+
+def _look(watchers: list[_Watcher]) -> float:
+    """Look at the age of what came last; return when that was, monotonic seconds."""
+    now_s = monotonic()
+    for watcher in watchers:
+        watcher.silent(now_s)
+    return now_s
+
+
 def _orders(orders: RingReader, drill: bool, watchers: list[_Watcher]) -> list[Packet]:
     """Return the supervisor's orders; a drill's are carried out here."""
     found = [unpack(order) for order in orders.take()]
@@ -244,9 +301,13 @@ def _orders(orders: RingReader, drill: bool, watchers: list[_Watcher]) -> list[P
         if drill and _asks(one, "hang"):
             while True:
                 pass
-        if drill and _asks(one, "nan"):
-            for watcher in watchers:
+        for watcher in watchers if drill else ():
+            if _asks(one, "nan"):
                 watcher.spoil()
+            elif _asks(one, "give") and isinstance(one, dict):
+                watcher.spoil(float(one["p"]))
+            elif _asks(one, "mute") and isinstance(one, dict):
+                watcher.mute(bool(one["on"]))
     return found
 
 

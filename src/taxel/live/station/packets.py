@@ -54,7 +54,9 @@ def unpack(content: bytes) -> Packet:
     """
     try:
         return _unpack(content)
-    except (struct.error, IndexError, TypeError, KeyError) as error:
+    except (
+        struct.error, IndexError, TypeError, KeyError, OverflowError, RecursionError
+    ) as error:  # fmt: skip
         raise ValueError(f"needed a packet; got {len(content)} bytes that are none") from error
 
 

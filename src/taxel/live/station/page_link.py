@@ -7,6 +7,7 @@ about HTTP.
 from __future__ import annotations
 
 import math
+import threading
 from collections import deque
 from collections.abc import Sequence
 from dataclasses import dataclass, field
@@ -15,9 +16,13 @@ from typing import Any
 
 import numpy as np
 
+from taxel.decisions.reasons import REASONS
+from taxel.jpeg_head import fits
+from taxel.live.station.beats import BeatsView
 from taxel.live.station.packets import pack, unpack
 from taxel.live.station.recording import apart
 from taxel.live.station.ring import RingReader, RingWriter
+from taxel.live.station.telling import stalled_snapshot
 from taxel.signals import CameraInfo, Frame, Samples, SensorInfo
 
 _KEPT_S = 30.0
@@ -48,6 +53,10 @@ class ViewConfig:
     decisions: tuple[str, ...]
     status: str
     requests: str
+    beats: str
+    """Name of the board of beats: the page sees by itself where the supervisor stands still."""
+    stall_s: float
+    """A supervisor's tick that is older than this is a stall, seconds."""
 
 
 @dataclass(slots=True)
@@ -82,6 +91,8 @@ class StationView:
         self._decisions = [RingReader(name) for name in config.decisions]
         self._status = RingReader(config.status)
         self._requests = RingWriter(config.requests)
+        self._asking = threading.Lock()  # a ring has one writer, and wishes come from threads
+        self._board = BeatsView(config.beats)
         self._cameras = apart([camera for one in config.sources for camera in one.cameras])
         self._frames: list[tuple[int, bytes] | None] = [None] * len(self._cameras)
         self._array_at = _choose_array(config.sources)
@@ -97,11 +108,15 @@ class StationView:
         self._refresh()
         array = self._array
         nothing: dict[str, Any] = {
-            "time_s": 0.0, "state": "UNKNOWN", "reason": "the station says nothing",
-            "since_s": 0.0, "probability": None, "alarms": [], "answers": [], "consumers": [],
+            "time_s": 0.0, "state": "UNKNOWN", "reason": REASONS["no station"].say(),
+            "since_s": 0.0, "probability": None, "slip": None, "alarms": [], "answers": [],
+            "consumers": [],
             "latency_ms": {}, "gripper": None, "recording": {},
         }  # fmt: skip
         told = {key: value for key, value in self._newest.items() if key != "events"}
+        still_s = self._board.still_s(monotonic())
+        if still_s > self._config.stall_s:
+            told |= stalled_snapshot(told, still_s, monotonic())
         return nothing | told | {
             "sources": [note | {"kind": note["kind_of"]} for note in self._notes if note],
             "cameras": [
@@ -141,15 +156,15 @@ class StationView:
 
     def acknowledge(self) -> None:
         """Tell the supervisor that a person saw the alarms."""
-        self._requests.put(pack({"do": "acknowledge"}))
+        self._ask({"do": "acknowledge"})
 
     def record(self, on: bool, labels: dict[str, str]) -> str:
         """Start or stop recording; wait until it is so, or why not."""
         with RingReader(self._config.status) as status:
             if on:
-                self._requests.put(pack({"do": "record", "labels": labels}))
+                self._ask({"do": "record", "labels": labels})
             else:
-                self._requests.put(pack({"do": "end"}))
+                self._ask({"do": "end"})
             until_s = monotonic() + _WISH_S
             while monotonic() < until_s:
                 told = status.newest()
@@ -162,8 +177,17 @@ class StationView:
                 sleep(0.02)
         return "the recorder does not answer"
 
+    def disarm(self) -> None:
+        """Tell the supervisor that a person wants no more orders."""
+        self._ask({"do": "disarm"})
+
+    def _ask(self, wish: dict[str, Any]) -> None:
+        with self._asking:
+            self._requests.put(pack(wish))
+
     def close(self) -> None:
-        """Let go of the rings."""
+        """Let go of the rings and the board."""
+        self._board.close()
         for one in (*self._sources, *self._decisions, self._status, self._requests):
             one.close()
 
@@ -190,8 +214,9 @@ class StationView:
             packet = unpack(content)
             if isinstance(packet, Frame):
                 camera = first_camera + packet.camera
-                before = self._frames[camera]
-                self._frames[camera] = ((before[0] if before else 0) + 1, packet.jpeg)
+                seen, before = self._cameras[camera], self._frames[camera]
+                if fits(packet.jpeg, (seen.width, seen.height)):  # a browser would decode it
+                    self._frames[camera] = ((before[0] if before else 0) + 1, packet.jpeg)
             elif isinstance(packet, Samples):
                 if self._array is not None and number == self._array_at:
                     self._array.add(packet)

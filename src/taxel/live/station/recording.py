@@ -21,7 +21,7 @@ from taxel.live.station.ring import RingReader, RingWriter
 from taxel.live.station.worker import Place, Pulse, at_work, settle_memory
 from taxel.recordings.manifest import NO_ARRAY, Manifest
 from taxel.recordings.writer import Recorder
-from taxel.signals import CameraInfo, Frame, Mark, Samples, SensorInfo
+from taxel.signals import CameraInfo, Frame, Mark, Samples, SensorInfo, SlipNote
 
 _PAUSE_S = 0.01
 """How often the rings are looked at. Source: our choice."""
@@ -149,9 +149,21 @@ class _Desk:
         if order.get("do") == "record" and self._recorder is None:
             about = order.get("labels", {}), order.get("groups", {})
             self._begin(Path(order["path"]), *about, overwrite=bool(order.get("overwrite")))
+        elif order.get("do") == "slip":
+            self._slip(order)
+            return
         elif order.get("do") == "end":
             self.finish("cleanly")
         self._tell(monotonic())
+
+    def _slip(self, order: dict[str, Any]) -> None:
+        """Keep the slip that a monitor measured, beside the frames."""
+        if self._recorder is not None:
+            note = SlipNote(time_s=order["time_s"], who=order["who"], values=order["slip"])
+            try:
+                self._recorder.slip(note)
+            except TaxelError as error:  # the next frame ends the recording by the same error
+                self._error = str(error)
 
     def follow(self, pulse: Pulse) -> bool:
         """Take what came; return whether there was anything."""

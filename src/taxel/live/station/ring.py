@@ -1,15 +1,15 @@
-"""A ring of messages in shared memory: one writer, any number of readers, nobody waits.
+"""A ring of messages in shared memory: one writer, any number of readers.
 
-The writer drops the oldest messages when the ring is full, whether they were read or not; a
-reader that was overtaken goes on with the oldest that is left and knows how many it lost. No
-lock exists, so a process that is killed at any moment leaves nothing locked behind. Knows
-nothing about what the messages mean.
+The writer never waits: it drops the oldest messages when the ring is full, whether they were
+read or not. A reader that was overtaken goes on with the oldest that is left and knows how many
+it lost; it may sleep on the head until a message comes. No lock exists, so a process that is
+killed at any moment leaves nothing locked behind. Knows nothing about what the messages mean.
 
     head  u64   bytes written since the ring was made
     tail  u64   where the oldest intact message begins
     count u64   messages written
     then the bytes, at their position modulo the ring's size; each message is
-    length u32 · crc32 u32 · number u64 · content, padded to 8 bytes
+    length u32 · crc32 u32 · number u64 · put f64 (monotonic, s) · content, padded to 8 bytes
 """
 
 from __future__ import annotations
@@ -17,13 +17,18 @@ from __future__ import annotations
 import shutil
 import struct
 import zlib
+from collections.abc import Sequence
 from multiprocessing import shared_memory
 from pathlib import Path
+from time import monotonic
 from typing import Self
 
 from taxel.errors import BadInput
+from taxel.live.station.shared import create_shared
+from taxel.live.station.waking import Word, sleep_on
 
-_MESSAGE = struct.Struct("<IIQ")
+_MESSAGE = struct.Struct("<IIQd")
+_LENGTH = struct.Struct("<I")
 _PLACES = 64
 """Bytes before the messages: head, tail and count, with room."""
 _SHARED = Path("/dev/shm")
@@ -64,7 +69,7 @@ class Ring:
         if size < 64 or size % 8:
             raise BadInput("a ring of at least 64 bytes, a multiple of 8", str(size), "round it")
         _need_room(size)
-        self._memory = shared_memory.SharedMemory(create=True, size=_PLACES + size)
+        self._memory = create_shared(_PLACES + size)
         self.name = self._memory.name
         # Every page is written to now: the memory is there, and cannot be refused later.
         bytes_of(self._memory)[: _PLACES + size] = bytes(_PLACES + size)
@@ -89,9 +94,11 @@ class _Attached:
         self._places = bytes_of(self._memory)[:_PLACES].cast("Q")
         self._bytes = bytes_of(self._memory)[_PLACES:]
         self._size = len(self._bytes) // 8 * 8
+        self._word = Word(bytes_of(self._memory), 8 * _HEAD)
 
     def close(self) -> None:
         """Let go of the memory."""
+        self._word.close()
         self._places.release()
         self._bytes.release()
         self._memory.close()
@@ -123,7 +130,7 @@ class RingWriter(_Attached):
         return int(self._places[_COUNT])
 
     def put(self, content: bytes) -> None:
-        """Write a message; the oldest make room. Never waits.
+        """Write a message, and wake who sleeps for it; the oldest make room. Never waits.
 
         Raises:
             BadInput: It is larger than half of the ring.
@@ -138,19 +145,24 @@ class RingWriter(_Attached):
         places = self._places
         head, tail, number = places[_HEAD], places[_TAIL], places[_COUNT]
         while head + padded - tail > self._size:
-            oldest, _, _ = _MESSAGE.unpack(self._read(tail, _MESSAGE.size))
+            (oldest,) = _LENGTH.unpack_from(self._bytes, tail % self._size)
             tail += (oldest + _MESSAGE.size + 7) // 8 * 8
         places[_TAIL] = tail
-        message = _MESSAGE.pack(len(content), zlib.crc32(content), number) + content
-        first = head % self._size
-        room = self._size - first
-        if length <= room:
-            self._bytes[first : first + length] = message
-        else:
-            self._bytes[first:] = message[:room]
-            self._bytes[: length - room] = message[room:]
+        check = zlib.crc32(content)
+        self._write(head, _MESSAGE.pack(len(content), check, number, monotonic()))
+        self._write(head + _MESSAGE.size, content)
         places[_COUNT] = number + 1
         places[_HEAD] = head + padded
+        self._word.wake()
+
+    def _write(self, position: int, content: bytes) -> None:
+        first = position % self._size
+        room = self._size - first
+        if len(content) <= room:
+            self._bytes[first : first + len(content)] = content
+        else:
+            self._bytes[first : self._size] = content[:room]
+            self._bytes[: len(content) - room] = content[room:]
 
 
 class RingReader(_Attached):
@@ -170,11 +182,26 @@ class RingReader(_Attached):
         """Messages given out."""
         self.lost = 0
         """Messages that were overwritten before this reader came to them."""
+        self.put_s = 0.0
+        """When the newest message that was given out was put, monotonic seconds."""
 
     @property
     def waiting(self) -> bool:
         """True where there is a message to take."""
         return int(self._places[_HEAD]) > self._at
+
+    def wait(self, longest_s: float) -> bool:
+        """Sleep until there is a message to take; return whether there is.
+
+        Args:
+            longest_s: How long at most, seconds.
+        """
+        return wait_for_any((self,), longest_s)
+
+    @property
+    def word(self) -> tuple[Word, int]:
+        """What changes when a message comes, and what was seen of it."""
+        return self._word, self._at
 
     def take(self, most: int = 1_000_000) -> list[bytes]:
         """Return the messages that came since the last call, oldest first; never waits.
@@ -200,7 +227,7 @@ class RingReader(_Attached):
     def _one(self) -> bytes | None:
         """Return the message at this place; None where it was overtaken on the way."""
         self._at = max(self._at, int(self._places[_TAIL]))
-        length, check, number = _MESSAGE.unpack(self._read(self._at, _MESSAGE.size))
+        length, check, number, put_s = _MESSAGE.unpack(self._read(self._at, _MESSAGE.size))
         sound = length <= self._size // 2
         content = self._read(self._at + _MESSAGE.size, length) if sound else b""
         if self._places[_TAIL] > self._at:
@@ -217,5 +244,23 @@ class RingReader(_Attached):
             # attached it is one too high.
             self.lost += max(0, number - self._next)
         self._next = number + 1
+        self.put_s = put_s
         self._at += (length + _MESSAGE.size + 7) // 8 * 8
         return content
+
+
+def wait_for_any(readers: Sequence[RingReader], longest_s: float) -> bool:
+    """Sleep until one of several rings has a message to take; return whether one has.
+
+    A signal ends it early, so that a process that shall end does.
+
+    Args:
+        readers: Those who wait, all of this process.
+        longest_s: How long at most, seconds.
+    """
+    until_s = monotonic() + longest_s
+    while not (there := any(reader.waiting for reader in readers)):
+        left_s = until_s - monotonic()
+        if left_s <= 0 or not sleep_on([reader.word for reader in readers], left_s):
+            break
+    return there

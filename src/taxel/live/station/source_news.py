@@ -16,6 +16,8 @@ TELL_S = 0.25
 _SPAN_S = 2.0
 """The rate's span, seconds. Source: our choice."""
 _STALE_S = 0.5
+"""Silence after which a source is stale, seconds, beside the pause that its cameras say they make
+between two grasps. Source: our choice."""
 
 
 def short_name(url: str) -> str:
@@ -39,6 +41,7 @@ class SourceNews:
         self._source = source
         self._name, self._url = short_name(url), url
         self._cameras = len(source.cameras)
+        self._stale_s = _STALE_S + max((one.pause_s for one in source.cameras), default=0.0)
         self._came: deque[tuple[float, int]] = deque()
         self._last: dict[int, int] = {}
         self._produced = self._lost = self._unusable = 0
@@ -71,7 +74,7 @@ class SourceNews:
         came = sum(count for _, count in list(self._came)[1:])
         rate_hz = came / span_s if span_s > 0 else 0.0
         info, cameras = self._source.info, self._source.cameras
-        state = "live" if now_s - self._heard_s <= _STALE_S else "stale"
+        state = "live" if now_s - self._heard_s <= self._stale_s else "stale"
         return {
             "kind": "source", "name": self._name, "url": self._url,
             "kind_of": "cameras" if cameras else "array",

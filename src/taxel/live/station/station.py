@@ -13,12 +13,15 @@ from collections.abc import Callable
 from datetime import datetime
 from multiprocessing.process import BaseProcess
 from pathlib import Path
-from time import monotonic, sleep
+from time import monotonic
 from typing import Any, Self
 
 from taxel.actions.actuators import Actuator
 from taxel.actions.grip_policy import GripPolicy, GripPolicyConfig
 from taxel.actions.interlock import Interlock
+from taxel.decisions.reasons import kind_of
+from taxel.decisions.stability import Stability
+from taxel.live.station.alarm_watch import AlarmWatch, watch
 from taxel.live.station.answers import Answers
 from taxel.live.station.beats import Beats, Work
 from taxel.live.station.crew import Crew, Worker
@@ -26,16 +29,22 @@ from taxel.live.station.driving import Driving
 from taxel.live.station.guard import NO_GRASP, Guard
 from taxel.live.station.packets import Packet, pack, unpack
 from taxel.live.station.page_link import ViewConfig
-from taxel.live.station.ring import RingReader, RingWriter
+from taxel.live.station.ring import RingReader, RingWriter, wait_for_any
+from taxel.live.station.shared import sweep
 from taxel.live.station.telling import Latencies, consumer_snapshot, guard_snapshot
 from taxel.live.station.wiring import StationConfig, Wiring
 from taxel.live.station.worker import Place, hurry, settle_memory
 
 TICK_S = 0.001
-"""How often the supervisor looks. Source: our choice: half of it is in every alarm's latency."""
+"""How often the supervisor looks where no decision wakes it. Source: our choice: it notices what
+falls silent, and hears actuators, so much later at most."""
+_REST_S = 0.0002
+"""The supervisor sleeps at least so long between two ticks, where nothing waits for it: on a slow
+core a tick takes longer than `TICK_S`, and in real time nobody else would run there. Our choice."""
 _TELL_S = 0.05
 """How often the page is told. Source: our choice."""
 _EVENTS = 200
+UNKNOWN = Stability.UNKNOWN.word
 _SILENT_S = 2.5
 """Silence of any process that is told, seconds: a simulator may take one second for a grasp. Our
 choice; of a monitor it is told much earlier (`GuardConfig`)."""
@@ -62,6 +71,7 @@ class Station:
         self.config = config
         self._on_note = on_note
         self._stack = contextlib.ExitStack()
+        sweep()
         self._beats = self._stack.enter_context(Beats())
         self._crew = Crew(self._beats, patient=config.drill)
         limits = config.interlock
@@ -80,7 +90,9 @@ class Station:
         self.refused_wishes = 0
         """Wishes of the page that were none."""
         self._told_s = 0.0
-        self._word = NO_GRASP
+        self._said: tuple[str, str | None] = (NO_GRASP, None)
+        self._since_s = 0.0
+        self._disarms = 0
         self._mute: set[str] = set()
         self._stopped = False
         self._coming: list[Worker] = []
@@ -140,6 +152,10 @@ class Station:
         """Arm the interlock, on behalf of a person at the terminal; return what forbids it."""
         return self.guard.interlock.arm(monotonic())
 
+    def disarm(self, by: str = "a person at the terminal") -> None:
+        """Order nothing more, on behalf of a person; a stop stays a stop."""
+        self.guard.interlock.disarm(monotonic(), by)
+
     def acknowledge(self) -> None:
         """Acknowledge every alarm, on behalf of a person."""
         for alarm in self.guard.alarms.alarms:
@@ -167,10 +183,22 @@ class Station:
         return self.wiring.view_config()
 
     def add_process(
-        self, name: str, entry: Callable[[Any], None], job: Callable[[Place], Any]
+        self,
+        name: str,
+        entry: Callable[[Any], None],
+        job: Callable[[Place], Any],
+        *,
+        ends_itself: bool = False,
     ) -> tuple[Any, ...]:
-        """Start one more process under this supervisor, such as the page; return its report."""
-        return self._crew.opened(self._crew.add(name, entry, job))
+        """Start one more process under this supervisor, such as the page; return its report.
+
+        Args:
+            name: What it is called.
+            entry: What it runs.
+            job: Gives what it is to do, from its place.
+            ends_itself: It completes its work where this process was killed.
+        """
+        return self._crew.opened(self._crew.add(name, entry, job, ends_itself=ends_itself))
 
     # The supervisor.
 
@@ -191,7 +219,9 @@ class Station:
             on_tick(now_s)
             if all(self._over(feed.worker) for feed in self.wiring.feeds):
                 break
-            sleep(max(0.0, now_s + TICK_S - monotonic()))
+            left_s = max(now_s + TICK_S - monotonic(), _REST_S)
+            wait_for_any([mind.heard for mind in self.wiring.minds], left_s)
+        self._beats.rest()
 
     def _over(self, worker: Worker) -> bool:
         """True once a source has ended by itself, or was given up."""
@@ -203,7 +233,15 @@ class Station:
         return ", ".join(worker.name for worker in self._crew.workers if worker.given_up)
 
     def tick(self, now_s: float) -> None:
-        """Hear, weigh, act, tell: once."""
+        """Hear, weigh, act, tell: once.
+
+        Between two of them this process must not stand still: the alarm watch raises the alarm
+        where it does, until `run` returns or the station is closed.
+        """
+        self._beats.tick(now_s)
+        stall = self.guard.wake(now_s)
+        if stall:
+            self._happened(now_s, stall)
         notes = self._hear(now_s)
         self._look(now_s)
         self._driving.tick(now_s)
@@ -211,13 +249,25 @@ class Station:
         for note in notes:
             self.latencies.add(note, acted_s)
             self._on_note(note)
-        word, reason, _ = self.guard.shown
-        if word != self._word:
-            self._word = word
-            self._happened(now_s, f"{word}{': ' if reason else ''}{reason}")
+        self._tell_state(now_s)
+        interlock = self.guard.interlock
+        if interlock.disarms != self._disarms:
+            self._disarms = interlock.disarms
+            self._happened(now_s, interlock.reason)
         if now_s - self._told_s >= _TELL_S:
             self._told_s = now_s
             self._status_to.put(pack(self.snapshot(now_s)))
+
+    def _tell_state(self, now_s: float) -> None:
+        """Add what is shown to the events: each new word, and each new kind of reason for it."""
+        word, reason, since_s = self.guard.shown
+        shown = word, kind_of(reason)
+        if shown == self._said:
+            return
+        if self._said[0] == UNKNOWN and word != UNKNOWN:
+            reason += f"{', ' if reason else ''}after {since_s - self._since_s:.1f} s of {UNKNOWN}"
+        self._said, self._since_s = shown, since_s
+        self._happened(now_s, f"{word}{': ' if reason else ''}{reason}")
 
     def snapshot(self, now_s: float) -> dict[str, Any]:
         """Return the state of everything, as the page's link gives it."""
@@ -239,20 +289,22 @@ class Station:
     def _hear(self, now_s: float) -> list[dict[str, Any]]:
         heard = []
         for mind in self.wiring.minds:
+            if mind.watches:
+                # Before the decisions: one made before this beat is then among them.
+                beat = self._beats.read(mind.worker.row)
+                for who in mind.watchers:
+                    self.guard.beat(who, beat.beat_s, beat.patience_s)
             for note in _notes(mind.heard):
                 heard.append(note)
                 if note["kind"] == "new grasp":
                     self._driving.new_grasp()
                 elif note["kind"] == "grasp":
                     self.guard.decide(note["who"], note)
+                    self._keep_slip(note)
                     self.skipped = max(self.skipped, int(note["skipped"]))
                     self._weigh_late(note, now_s)
                 else:
                     self.answers.add(note)
-            if mind.watches:
-                beat = self._beats.read(mind.worker.row)
-                for who in mind.watchers:
-                    self.guard.beat(who, beat.beat_s, beat.patience_s)
         for note in _notes(self.wiring.news):
             self.recording = note
             self._weigh_recording(note, now_s)
@@ -263,6 +315,13 @@ class Station:
             except (ValueError, KeyError, TypeError):
                 self.refused_wishes += 1
         return heard
+
+    def _keep_slip(self, note: dict[str, Any]) -> None:
+        """Have a monitor's slip recorded beside the frames, while a recording is on."""
+        if self.recording.get("on") and "slip" in note:
+            order = {"do": "slip", "time_s": note["time_s"], "who": note["who"],
+                     "slip": note["slip"]}  # fmt: skip
+            self.wiring.to_recorder.put(pack(order))
 
     def _weigh_late(self, note: dict[str, Any], now_s: float) -> None:
         late = note.get("late") or {}
@@ -279,7 +338,7 @@ class Station:
             self.guard.trouble("recording", f"the recorder lost {note['lost']} messages", now_s)
 
     def _grant(self, wish: Packet) -> None:
-        """Do what the page may ask: it cannot arm or move anything, nor say where to record.
+        """Do what the page may ask: it can disarm, not arm or move, nor say where to record.
 
         Raises:
             KeyError, TypeError, ValueError: It is no wish.
@@ -288,6 +347,8 @@ class Station:
             raise TypeError("a wish is a note")
         if wish["do"] == "acknowledge":
             self.acknowledge()
+        elif wish["do"] == "disarm":
+            self.disarm("a person at the page")
         elif wish["do"] == "record":
             typed = {str(key): str(value) for key, value in dict(wish["labels"]).items()}
             given = self.config.groups
@@ -349,12 +410,18 @@ class Station:
                 self.guard.expect(who, now_s)
         every = [one for mind in wiring.minds for one in mind.told]
         self.answers = Answers([one for one in every if one["kind"] == "answer"])
+        stall_s = self.config.interlock.stall_s
+        self.add_process(
+            "alarm watch", watch, lambda place: AlarmWatch(place=place, stall_s=stall_s),
+            ends_itself=True,
+        )  # fmt: skip
         settle_memory()
 
     def close(self) -> None:
         """End every process, the sources first; what is recorded is completed."""
         if self._final is not None:
             return
+        self._beats.rest()
         self._crew.close()
         with contextlib.suppress(AttributeError):  # where it never came to a start
             self._hear(monotonic())

@@ -12,13 +12,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from taxel.actions.alarm import Level
+from taxel.live.station.alarm_watch import stall_words
 from taxel.live.station.beats import Beat
-from taxel.live.station.guard import Guard
+from taxel.live.station.guard import STALL, STOP, Guard
 
-STAGES = ("capture", "hand over", "wait", "model", "alarm")
-"""From the shutter to the host, from the host to the monitor, until the model begins, until it
-has decided, until the supervisor has acted."""
-_OVERHEAD = ("hand over", "wait", "alarm")
+STAGES = ("capture", "source", "hand over", "wait", "model", "alarm")
+"""From the shutter to the host, until the source has put it into its ring, until the monitor has
+taken it, until the model begins, until it has decided, until the supervisor has acted."""
+_OVERHEAD = ("source", "hand over", "wait", "alarm")
 _KEPT = 2000
 """Decisions kept for percentiles. Source: our choice."""
 _WEIGH_S = 1.0
@@ -37,8 +39,8 @@ class Latencies:
         """Take in a decision's note, if it has times."""
         if "arrival_s" not in note:
             return
-        steps = (note["time_s"], note["arrival_s"], note["taken_s"], note["began_s"],
-                 note["decided_s"], acted_s)  # fmt: skip
+        steps = (note["time_s"], note["arrival_s"], note["put_s"], note["taken_s"],
+                 note["began_s"], note["decided_s"], acted_s)  # fmt: skip
         for stage, before_s, after_s in zip(STAGES, steps[:-1], steps[1:], strict=True):
             self._ms[stage].append(1000.0 * (after_s - before_s))
 
@@ -79,12 +81,29 @@ def guard_snapshot(guard: Guard, now_s: float) -> dict[str, Any]:
     return {
         "time_s": now_s, "state": word, "reason": reason, "since_s": since_s,
         "probability": p if math.isfinite(p) else None,
+        "slip": None if guard.slip is None else guard.slip.as_dict(),
         "alarms": [
             {"kind": a.kind, "text": a.text, "level": str(a.level), "since_s": a.since_s,
              "acknowledged": a.acknowledged}
             for a in guard.alarms.alarms
         ],
     }  # fmt: skip
+
+
+def stalled_snapshot(told: dict[str, Any], still_s: float, now_s: float) -> dict[str, Any]:
+    """Return what replaces the newest snapshot while the supervisor stands still.
+
+    Args:
+        told: The newest snapshot, however old.
+        still_s: How long ago the supervisor's last tick was, seconds.
+        now_s: This moment, monotonic seconds: the page must not take it for stale.
+    """
+    since_s, text = now_s - still_s, stall_words(still_s)
+    alarm = {"kind": STALL, "text": text, "level": str(Level.DANGER), "since_s": since_s,
+             "acknowledged": False}  # fmt: skip
+    others = [one for one in told.get("alarms", []) if one["kind"] != STALL]
+    return {"time_s": now_s, "state": STOP, "reason": text, "since_s": since_s,
+            "alarms": [alarm, *others]}  # fmt: skip
 
 
 def consumer_snapshot(name: str, beat: Beat, now_s: float) -> dict[str, Any]:

@@ -13,6 +13,7 @@ from typing import Any
 from urllib.parse import parse_qsl
 
 from taxel.actions.interlock import InterlockConfig
+from taxel.bundles.signing import Trust
 from taxel.errors import BadSource
 from taxel.live.station.acquisition import Acquisition, acquire
 from taxel.live.station.crew import Crew, Worker
@@ -36,6 +37,8 @@ class StationConfig:
 
     sources: tuple[str, ...]
     bundles: tuple[Path, ...]
+    trust: Trust | None = None
+    """Keys of which one must have signed each bundle; any bundle unless given."""
     least_confidence: float = 0.5
     guard: GuardConfig = field(default_factory=GuardConfig)
     interlock: InterlockConfig = field(
@@ -136,6 +139,8 @@ class Wiring:
             decisions=tuple(mind.decisions for mind in self.minds),
             status=self.status,
             requests=self.requests,
+            beats=self._crew.beats_name,
+            stall_s=self._config.interlock.stall_s,
         )
 
     def send_to(self, name: str) -> RingWriter | None:
@@ -166,7 +171,9 @@ class Wiring:
         """
         chosen: dict[int, tuple[Path, ...]] = {}
         for path in self._config.bundles:
-            why = [misfit(path, feed.sensor, feed.cameras) for feed in self.feeds]
+            why = [
+                misfit(path, feed.sensor, feed.cameras, self._config.trust) for feed in self.feeds
+            ]
             fitting = [index for index, one in enumerate(why) if one is None]
             if not fitting:
                 raise next(one for one in why if one is not None)
@@ -189,7 +196,7 @@ class Wiring:
                 place=place, bundles=paths, sensor=feed.sensor, cameras=feed.cameras,
                 ring=feed.ring, source_row=feed.worker.row, decisions=decisions,
                 least_confidence=self._config.least_confidence, orders=orders,
-                drill=self._config.drill,
+                drill=self._config.drill, trust=self._config.trust,
             )  # fmt: skip
 
         heard = self._stack.enter_context(RingReader(decisions))
@@ -210,7 +217,7 @@ class Wiring:
                 largest_bytes=self._config.disk_bytes,
             )  # fmt: skip
 
-        return self._crew.add("recorder", record, job)
+        return self._crew.add("recorder", record, job, ends_itself=True)
 
     def ring(self, size: int = _NOTE_BYTES) -> str:
         return self._stack.enter_context(Ring(size)).name

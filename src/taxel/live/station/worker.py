@@ -6,22 +6,46 @@ Knows nothing about touch.
 from __future__ import annotations
 
 import contextlib
+import ctypes
 import gc
 import os
 import signal
+import sys
 import threading
 from collections.abc import Iterator
 from dataclasses import dataclass
+from enum import IntEnum
 from multiprocessing.connection import Connection
 from types import FrameType
 
 from taxel.errors import TaxelError
 from taxel.live.station.beats import BeatsView, Work
+from taxel.processes import signal_at_parents_end
 
-IDLE_S = 0.0005
-"""Pause of a process that finds nothing to do: a twentieth of what a model takes. Our choice."""
-_URGENT = -10
-"""Niceness of acquisition, inference and supervisor, where the system allows it. Our choice."""
+_NICENESS = -10
+"""Of every rank above ORDINARY, where real-time scheduling is not permitted. Our choice."""
+_SWITCH_S = 0.0005
+"""How soon another thread of an urgent process lets go of the interpreter, seconds. Our choice:
+Python's own 5 ms are longer than an alarm may take."""
+_SLACK_NS = 1
+"""How late a timer may ring so as to ring with others; the system's own is 50 µs. Our choice."""
+_PR_SET_TIMERSLACK = 29
+
+
+class Rank(IntEnum):
+    """Who runs first where not all can; a higher rank interrupts a lower at once.
+
+    The values are real-time priorities, the lowest there are: whatever else a machine runs in
+    real time goes before. Source: our choice, docs/decisions/0032.
+    """
+
+    ORDINARY = 0
+    """Recorder, page, viewers."""
+    MODEL = 1
+    SOURCE = 2
+    """Short work that a model must not hold up."""
+    SUPERVISOR = 3
+    """It ends a model that computes without end."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -35,6 +59,8 @@ class Place:
     """Its own row."""
     parent: int
     """Process id of the supervisor; a process without it ends."""
+    ends_itself: bool = False
+    """It completes its work without the supervisor, and ends; else it is killed with it."""
     report: Connection
     """Where it says what it opened, or why it could not."""
 
@@ -91,20 +117,24 @@ class Pulse:
 
 
 @contextlib.contextmanager
-def at_work(place: Place, *, urgent: bool = False) -> Iterator[Pulse]:
+def at_work(place: Place, *, urgent: int = Rank.ORDINARY) -> Iterator[Pulse]:
     """Be one process of a station: signals end it cleanly, errors are told, the end is told.
 
     Args:
         place: Where it belongs.
-        urgent: Run before other processes where the system allows it.
+        urgent: Its rank: whom it runs before, where the system allows it.
     """
+    at_the_end = signal.SIGCONT if place.ends_itself else signal.SIGKILL
+    signal_at_parents_end(place.parent, at_the_end)
     pulse = Pulse(place)
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the terminal's Ctrl-C is the supervisor's
     if threading.current_thread() is threading.main_thread():
         signal.signal(signal.SIGTERM, pulse.end_here)
         if hasattr(signal, "SIGHUP"):
             signal.signal(signal.SIGHUP, signal.SIG_IGN)
-    hurry(_URGENT if urgent else 0)
+            # Ctrl-Z stops the supervisor alone: page and alarm must be there to say so.
+            signal.signal(signal.SIGTSTP, signal.SIG_IGN)
+    hurry(Rank(urgent))
     pulse.beat(Work.STARTING)
     try:
         yield pulse
@@ -118,17 +148,65 @@ def at_work(place: Place, *, urgent: bool = False) -> Iterator[Pulse]:
         pulse.close()
 
 
-def hurry(niceness: int = _URGENT) -> int:
-    """Run before other processes where the system allows it; 0 runs like any other.
+def hurry(rank: Rank = Rank.SUPERVISOR) -> Rank:
+    """Run before what has a lower rank: in real time where that is permitted, else by niceness.
+
+    Threads and processes that a source or a model starts later run as it does, such as one that
+    reads a camera; those of the supervisor run like any other.
 
     Returns:
-        The niceness before, to go back to.
+        The rank before, to go back to.
     """
-    before = 0
-    with contextlib.suppress(OSError, AttributeError):
-        before = os.getpriority(os.PRIO_PROCESS, 0)
-        os.setpriority(os.PRIO_PROCESS, 0, niceness)
+    before = _rank_now()
+    if not _schedule(rank):
+        with contextlib.suppress(OSError, AttributeError):
+            if rank or os.getpriority(os.PRIO_PROCESS, 0) == _NICENESS:
+                os.setpriority(os.PRIO_PROCESS, 0, _NICENESS if rank else 0)
+    if rank:
+        sys.setswitchinterval(_SWITCH_S)
+        _sharpen_timers()
     return before
+
+
+def may_run_in_real_time() -> bool:
+    """Try whether this process may be scheduled in real time; return it to what it was."""
+    before = _rank_now()
+    permitted = _schedule(Rank.MODEL)
+    _schedule(before)
+    return permitted
+
+
+def _schedule(rank: Rank) -> bool:
+    """Schedule this thread by its rank; return False where it is not in real time then.
+
+    All ranks or none: where only low ones are permitted, a model would run before the supervisor.
+    """
+    with contextlib.suppress(OSError, AttributeError):
+        # Without the right to schedule others nobody may take this mark off again.
+        mark = os.sched_getscheduler(0) & os.SCHED_RESET_ON_FORK
+        if rank is Rank.SUPERVISOR:
+            mark = os.SCHED_RESET_ON_FORK
+        policy = os.SCHED_FIFO if rank else os.SCHED_OTHER
+        if rank:
+            os.sched_setscheduler(0, policy | mark, os.sched_param(int(max(Rank))))
+        os.sched_setscheduler(0, policy | mark, os.sched_param(int(rank)))
+        return bool(rank)
+    return False
+
+
+def _rank_now() -> Rank:
+    with contextlib.suppress(OSError, AttributeError, ValueError):
+        if os.sched_getscheduler(0) & ~os.SCHED_RESET_ON_FORK == os.SCHED_FIFO:
+            return Rank(os.sched_getparam(0).sched_priority)
+        if os.getpriority(os.PRIO_PROCESS, 0) == _NICENESS:
+            return Rank.SUPERVISOR
+    return Rank.ORDINARY
+
+
+def _sharpen_timers() -> None:
+    """Let this thread's sleeps end on time, where it is not scheduled in real time."""
+    if sys.platform == "linux":
+        ctypes.CDLL(None).prctl(_PR_SET_TIMERSLACK, _SLACK_NS, 0, 0, 0)
 
 
 def settle_memory() -> None:

@@ -20,7 +20,8 @@ from safetensors import SafetensorError
 from safetensors.torch import load_file, save_file
 from torch import Tensor, nn
 
-from taxel.errors import BadInput, RecordingFailed
+from taxel.errors import BadFile, BadInput, RecordingFailed
+from taxel.foreign.files import check_tensors
 from taxel.models.backbones.efficientnet_lite0 import rename_published
 from taxel.models.backbones.keras_layers import Normalization
 
@@ -107,9 +108,11 @@ def _assign(module: nn.Module, name: str, given: Mapping[str, Tensor], path: Pat
 
 def _read_safetensors(_module: nn.Module, name: str, path: Path) -> Mapping[str, Tensor]:
     try:
+        check_tensors(path)
         tensors: dict[str, Tensor] = load_file(path)
-    except (SafetensorError, OSError) as error:
-        raise BadInput(f"the weights of {name}", f"{path.name}: {error}", _MEND) from error
+    except (SafetensorError, OSError, BadFile) as error:
+        got = getattr(error, "got", error)
+        raise BadInput(f"the weights of {name}", f"{path.name}: {got}", _MEND) from error
     return tensors
 
 

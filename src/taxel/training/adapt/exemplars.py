@@ -5,7 +5,6 @@ Knows nothing about networks.
 
 from __future__ import annotations
 
-import zipfile
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -14,12 +13,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taxel.errors import BadInput
+from taxel.foreign.archives import read_arrays
 from taxel.windows.dataset import Dataset
 
 GRASPS = 8
 """Whole grasps that are kept of each class and session. Source: our choice, docs/decisions/0028."""
 FILE = "exemplars.npz"
 """Beside a run's weights."""
+_KINDS = {"values": "f", "mask": "b", "y": "iu", "session": "U", "grasp": "U"}
+"""Array → NumPy's letters for its values."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -134,21 +136,31 @@ def load_exemplars(folder: Path) -> Exemplars | None:
     if not path.exists():
         return None
     try:
-        # Opened here, for np.load leaves a damaged file open.
-        with path.open("rb") as raw, np.load(raw, allow_pickle=False) as arrays:
-            found = Exemplars(
-                values=arrays["values"].astype(np.float32),
-                mask=arrays["mask"].astype(bool),
-                y=arrays["y"].astype(np.intp),
-                session=arrays["session"].astype(str),
-                grasp=arrays["grasp"].astype(str),
-            )
-        lengths = {len(found.values), len(found.mask), len(found.session), len(found.grasp)}
-        if lengths != {len(found.y)}:
-            raise ValueError("parts of different length")
-    except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile) as error:
+        arrays = read_arrays(path, _KINDS)
+        for name, kind in _KINDS.items():
+            if name not in arrays or arrays[name].dtype.kind not in kind:
+                raise ValueError(f"{name} is not there, or of another kind")
+        found = Exemplars(
+            values=arrays["values"].astype(np.float32),
+            mask=arrays["mask"].astype(bool),
+            y=arrays["y"].astype(np.intp),
+            session=arrays["session"].astype(str),
+            grasp=arrays["grasp"].astype(str),
+        )
+        n = len(found.y) if found.y.ndim == 1 else -1
+        shapes = (found.values.shape[:2], found.mask.shape, (n, *found.session.shape[1:]),
+                  (n, *found.grasp.shape[1:]))  # fmt: skip
+        if (
+            found.values.ndim != 3
+            or shapes != (found.mask.shape, found.mask.shape, (n,), (n,))
+            or {len(found.mask), len(found.session), len(found.grasp)} != {n}
+            or not np.isfinite(found.values).all()
+        ):
+            raise ValueError("parts of different length, or values that are not finite")
+    except (OSError, ValueError) as error:  # BadFile is a ValueError
         raise BadInput(
-            f"exemplars that can be read in {path}", "damaged ones",
+            f"exemplars that can be read in {path}",
+            f"damaged ones ({getattr(error, 'got', error)})",
             "train the run again with: taxel train",
-        ) from error  # fmt: skip
+        ) from error
     return found

@@ -12,15 +12,18 @@ import asyncio
 import json
 import logging
 import math
+from contextlib import suppress
 from dataclasses import dataclass, field
 from typing import Any
 
 from starlette.websockets import WebSocket, WebSocketDisconnect
 
+from taxel.plain_text import MOST_NAME, visible, visible_line
 from taxel.views.page.link import ReplayControls, StationLink
 from taxel.views.page.messages import (
     Acknowledge,
     Command,
+    Disarm,
     Pause,
     Play,
     Record,
@@ -37,7 +40,11 @@ MOST_CLIENTS = 8
 MESSAGES_HZ = 60.0
 """Messages a second that one page may send, and how many at once; more closes it."""
 UNSEEN_S = 10.0
-"""A page that has not said "seen" for so long is closed; it opens again by itself."""
+"""A page that has not taken a push and said "seen" for so long is closed; it opens again by
+itself."""
+MOST_UNDER_WAY = 16
+"""Commands of one page that are carried out or wait for their turn; further ones are read later.
+Source: our choice."""
 MOST_CAMERAS = 16
 """Cameras whose images are pushed."""
 
@@ -65,6 +72,8 @@ class _Client:
     since_s: float = -math.inf
     frames: dict[int, int] = field(default_factory=dict)
     seen: asyncio.Event = field(default_factory=asyncio.Event)
+    under_way: set[asyncio.Task[None]] = field(default_factory=set)
+    """Commands that are being carried out."""
     allowance: float = MESSAGES_HZ
     heard_s: float = 0.0
 
@@ -105,8 +114,10 @@ class Clients:
             pass
         finally:
             self._open.discard(client)
-            push.cancel()
-            await asyncio.gather(push, return_exceptions=True)
+            under_way = [push, *client.under_way]
+            for task in under_way:
+                task.cancel()
+            await asyncio.gather(*under_way, return_exceptions=True)
 
     async def _push_on(self, client: _Client) -> None:
         loop = asyncio.get_running_loop()
@@ -125,6 +136,7 @@ class Clients:
                 await asyncio.sleep(max(0.0, due_s - loop.time()))
         except TimeoutError:
             self.ledger.slow_closed += 1
+            self._open.discard(client)  # at once: one that reads nothing does not take the end
             await client.socket.close(1013, f"nothing was seen for {UNSEEN_S:g} s")
         except (WebSocketDisconnect, RuntimeError):
             return  # the page has gone
@@ -132,11 +144,12 @@ class Clients:
     async def _push(self, client: _Client) -> None:
         images, text = self._compose(client)
         client.seen.clear()
-        for image in images:
-            await client.socket.send_bytes(image)
-        await client.socket.send_text(text)
-        self.ledger.pushes += 1
-        await asyncio.wait_for(client.seen.wait(), UNSEEN_S)
+        async with asyncio.timeout(UNSEEN_S):
+            for image in images:
+                await client.socket.send_bytes(image)
+            await client.socket.send_text(text)
+            self.ledger.pushes += 1
+            await client.seen.wait()
 
     def _compose(self, client: _Client) -> tuple[list[bytes], str]:
         """Return the newest images that this page lacks, and the message that follows them."""
@@ -184,7 +197,20 @@ class Clients:
                 self.ledger.refused_messages += 1
                 await client.socket.send_text(to_json({"refused": str(refused)}))
                 continue
-            await self._obey(client, command)
+            if isinstance(command, Seen | Disarm):
+                await self._obey(client, command)
+            else:
+                await self._begin(client, command)
+
+    async def _begin(self, client: _Client, command: Command) -> None:
+        """Carry out a command beside what is listened to: a recording may take seconds to start,
+        and whoever disarms meanwhile must not wait for that.
+        """
+        while len(client.under_way) >= MOST_UNDER_WAY:
+            await asyncio.wait(client.under_way, return_when=asyncio.FIRST_COMPLETED)
+        task = asyncio.create_task(self._obey(client, command))
+        client.under_way.add(task)
+        task.add_done_callback(client.under_way.discard)
 
     async def _obey(self, client: _Client, command: Command) -> None:
         if isinstance(command, Seen):
@@ -197,11 +223,18 @@ class Clients:
         except Exception as error:  # as in _compose: the person must see it
             _log.exception("%s failed", name)
             reason = f"{type(error).__name__}: {error}"[:200]
-        await client.socket.send_text(to_json({"done": name, "reason": reason}))
+        with suppress(WebSocketDisconnect, RuntimeError):  # gone meanwhile: the listener sees it
+            await client.socket.send_text(to_json({"done": name, "reason": reason}))
 
     async def _do(self, command: Command) -> str:
-        """Hand a command to the link; return "" or why it could not be done."""
+        """Hand a command to the link; return "" or why it could not be done.
+
+        In turn, but for the one that waits for nobody: to disarm.
+        """
         replay = self._replay
+        if isinstance(command, Disarm):
+            await asyncio.to_thread(self._link.disarm)
+            return ""
         async with self._work:
             match command:
                 case Acknowledge():
@@ -222,22 +255,29 @@ class Clients:
 def to_json(value: object) -> str:
     """Return a value as JSON; what is not finite becomes null, arrays become lists.
 
+    All text in it is for people: it is made visible here, once for the whole page.
+
     Raises:
         TypeError: It holds something that is no plain value.
     """
     try:
-        return json.dumps(value, allow_nan=False, separators=(",", ":"))
+        text = json.dumps(value, allow_nan=False, separators=(",", ":"))
     except (ValueError, TypeError):
-        return json.dumps(_plain(value), allow_nan=False, separators=(",", ":"))
+        text = "\\"
+    if "\\" not in text:  # plain ASCII, nearly always: nothing to make visible
+        return text
+    return json.dumps(_plain(value), allow_nan=False, separators=(",", ":"))
 
 
 def _plain(value: Any) -> Any:
     if hasattr(value, "tolist"):  # numpy's arrays and numbers
         value = value.tolist()
     if isinstance(value, dict):
-        return {str(key): _plain(item) for key, item in value.items()}
+        return {visible(key): _plain(item) for key, item in value.items()}
     if isinstance(value, list | tuple):
         return [_plain(item) for item in value]
+    if isinstance(value, str):
+        return visible(value) if len(value) <= MOST_NAME else visible_line(value)
     if isinstance(value, float) and not math.isfinite(value):
         return None
     return value

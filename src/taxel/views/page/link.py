@@ -1,16 +1,17 @@
 """What the page needs of the station that it shows; the page's server knows nothing else of it.
 
-A link only tells and takes three wishes (acknowledge, record, and a replay's cursor): it has no
-way to arm or to move a gripper, so the page has none either. Knows nothing about HTTP.
+A link tells, and takes what a person asks (acknowledge, disarm, record, a replay's cursor): it has
+no way to arm or to move a gripper, so the page has none either. Knows nothing about HTTP.
 """
 
 from __future__ import annotations
 
 from typing import Any, Protocol, runtime_checkable
 
-STATES = ("STABLE", "WARNING", "UNSTABLE", "UNKNOWN", "STOP", "NONE")
-"""The words a snapshot's state may be; the page shows any other as UNKNOWN. NONE: nothing
-watches a grasp, and the page names what is in the hand instead."""
+STATES = ("STABLE", "WARNING", "UNSTABLE", "UNKNOWN", "NO GRASP", "STOP", "NONE")
+"""The words a snapshot's state may be; the page shows any other as UNKNOWN. NO GRASP: a grasp has
+ended and the next has not begun. NONE: nothing watches a grasp, and the page names what is in the
+hand instead."""
 
 
 class StationLink(Protocol):
@@ -18,7 +19,7 @@ class StationLink(Protocol):
 
     `snapshot`, `frame` and `traces` are called some 20 times a second for each open page, in the
     server's event loop: they must return at once (a millisecond or less) and never wait.
-    `acknowledge` and `record` are called in another thread, one at a time, and may take seconds.
+    The others are called in another thread, one at a time, and may take seconds.
 
     All times are seconds on one clock of the station's choice that never steps back while it
     runs. Numbers may be NaN; the page shows a dash.
@@ -32,6 +33,7 @@ class StationLink(Protocol):
                 page says STALE after 0.5 s.
             state: one of `STATES`; reason: why, in a few words; since_s: when it began;
             probability: of instability 0…1, or None;
+            slip: {slip_mm, slip_rate_mm_s, …, slip_seen}, or None where nothing follows it;
             thresholds (may be left out): {warn, clear, unstable}, 0…1;
             alarms: list of {kind, text, level ("warning" or "danger"), since_s, acknowledged};
             answers: list of {target, label, confidence 0…1, reason};
@@ -75,6 +77,10 @@ class StationLink(Protocol):
 
     def acknowledge(self) -> None:
         """Take a person's word that the alarms were seen."""
+        ...
+
+    def disarm(self) -> None:
+        """Give the gripper no more orders, on a person's word; what it holds it keeps holding."""
         ...
 
     def record(self, on: bool, labels: dict[str, str]) -> str:

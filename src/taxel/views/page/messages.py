@@ -1,6 +1,7 @@
-"""What a page may say to the server: six short commands, each checked to the letter.
+"""What a page may say to the server: seven short commands, each checked to the letter.
 
-There is none for the gripper. Knows nothing about sockets.
+One is about the gripper: to disarm, the safe direction. None arms or moves it. Knows nothing
+about sockets.
 """
 
 from __future__ import annotations
@@ -39,6 +40,11 @@ class Acknowledge:
 
 
 @dataclass(frozen=True, slots=True)
+class Disarm:
+    """A person wants the gripper to be given no more orders."""
+
+
+@dataclass(frozen=True, slots=True)
 class Record:
     """Start (`on`) or stop recording."""
 
@@ -65,7 +71,7 @@ class Pause:
     """Hold the replay's cursor."""
 
 
-Command = Seen | Acknowledge | Record | Seek | Play | Pause
+Command = Seen | Acknowledge | Disarm | Record | Seek | Play | Pause
 
 
 def read_command(message: str | bytes) -> Command:
@@ -163,6 +169,7 @@ def _no_constant(_: str) -> NoReturn:
 _COMMANDS: dict[str, tuple[tuple[str, ...], Callable[[dict[str, Any]], Command]]] = {
     "seen": (("number",), _seen),
     "acknowledge": ((), lambda _: Acknowledge()),
+    "disarm": ((), lambda _: Disarm()),
     "record": (("on", "labels"), _record),
     "seek": (("time_s",), _seek),
     "play": (("speed",), _play),

@@ -14,10 +14,12 @@ from mcap.opcode import Opcode
 from numpy.typing import NDArray
 
 from taxel.errors import BadRecording
-from taxel.recordings.chunk_content import ChunkContent, decode_chunk
+from taxel.foreign.files import open_file
+from taxel.recordings.chunk_content import ChunkContent
 from taxel.recordings.manifest import Manifest
 from taxel.recordings.mcap_file import MAGIC, RECORD_HEAD
-from taxel.recordings.walk import Damaged, damaged, open_chunk, walk
+from taxel.recordings.reader import decoded
+from taxel.recordings.walk import damaged, open_chunk, walk
 from taxel.signals import Mark, Samples
 
 KEPT_HZ = 100.0
@@ -68,7 +70,7 @@ def read_index(path: Path, manifest: Manifest) -> ReplayIndex:
         for record in walk(path):
             at += RECORD_HEAD.size
             if record.opcode == Opcode.CHUNK:
-                content = decode_chunk(open_chunk(record.payload), channels, len(frames))
+                content = decoded(open_chunk(record.payload), manifest)
                 samples = content.samples(channels)
                 if len(samples):
                     scans.append(_thin(samples))
@@ -78,11 +80,11 @@ def read_index(path: Path, manifest: Manifest) -> ReplayIndex:
                 for which, frame in enumerate(content.frames):
                     where = (frame.fitted_s, len(chunks), which, len(frame.jpeg))
                     frames[frame.camera].append(where)
-                chunks.append(Place(at, len(record.payload)))
-            at += len(record.payload)
+                chunks.append(Place(at, record.length))
+            at += record.length
     except BadRecording:
         raise
-    except (Damaged, ValueError) as error:
+    except ValueError as error:
         raise damaged(path, str(error)) from error
     found = [np.array(sorted(rows), np.float64).reshape(-1, 4) for rows in frames]
     taken = [rows for rows in found if len(rows)]
@@ -114,13 +116,11 @@ def read_chunk(path: Path, place: Place, manifest: Manifest) -> ChunkContent:
         BadRecording: The file changed since it was indexed.
     """
     try:
-        with path.open("rb") as file:
+        with open_file(path) as file:
             file.seek(place.offset)
             payload = file.read(place.length)
-        return decode_chunk(
-            open_chunk(payload), len(manifest.sensor.channels), len(manifest.cameras)
-        )
-    except (OSError, Damaged, ValueError) as error:
+        return decoded(open_chunk(payload), manifest)
+    except (OSError, ValueError) as error:
         raise damaged(path, f"it changed while it was looked at: {error}") from error
 
 

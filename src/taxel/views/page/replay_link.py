@@ -17,6 +17,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taxel.clock import Clock, SystemClock
+from taxel.decisions.reasons import REASONS
+from taxel.jpeg_head import fits
 from taxel.recordings.chunk_content import ChunkContent
 from taxel.recordings.manifest import Manifest
 from taxel.recordings.reader import read_manifest
@@ -124,9 +126,10 @@ class ReplayLink:
         return {
             "time_s": self._clock.now_s(),
             "state": "UNKNOWN",
-            "reason": "a recording: nothing is judged",
+            "reason": REASONS["recording"].say(),
             "since_s": None,
             "probability": None,
+            "slip": None,
             "alarms": [],
             "answers": [],
             "sources": [],
@@ -158,14 +161,19 @@ class ReplayLink:
         }
 
     def frame(self, camera: int) -> tuple[int, bytes] | None:
-        """Return the image that was the newest at the cursor, and its number in the recording."""
+        """Return the image that was the newest at the cursor, and its number in the recording.
+
+        None also where it is not such as its camera sends: a browser would decode it.
+        """
         if not 0 <= camera < len(self._index.frame_s):
             return None
         number = bisect_right(self._index.frame_s[camera], self.cursor_s) - 1
         if number < 0:
             return None
         chunk, which, _ = self._index.frame_at[camera][number].tolist()
-        return number, self._open(chunk).frames[which].jpeg
+        jpeg = self._open(chunk).frames[which].jpeg
+        seen = self._manifest.cameras[camera]
+        return (number, jpeg) if fits(jpeg, (seen.width, seen.height)) else None
 
     def traces(self, since_s: float) -> dict[str, Any]:
         """Return the array between `since_s` and the cursor, both of the recording's clock."""
@@ -196,6 +204,9 @@ class ReplayLink:
 
     def acknowledge(self) -> None:
         """Do nothing: a recording raises no alarm."""
+
+    def disarm(self) -> None:
+        """Do nothing: a recording moves no gripper."""
 
     def record(self, on: bool, labels: dict[str, str]) -> str:
         """Refuse: it is a recording already."""

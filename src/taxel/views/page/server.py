@@ -6,6 +6,7 @@ or SIGHUP. Knows nothing about sensors and models: a `StationLink` tells all.
 
 from __future__ import annotations
 
+import asyncio
 import logging
 import signal
 import socket
@@ -13,7 +14,7 @@ import threading
 import time
 from collections.abc import Callable
 from types import FrameType, TracebackType
-from typing import Self
+from typing import Self, cast
 
 from taxel.errors import BadInput, MissingExtra
 from taxel.views.page.link import StationLink
@@ -31,6 +32,7 @@ except ModuleNotFoundError as error:
 
 from taxel.views.page.assets import load_assets
 from taxel.views.page.clients import Clients, Ledger
+from taxel.views.page.connections import PATIENCE_S, Hall
 from taxel.views.page.guard import Guard, Pass, cookie_name, is_loopback
 
 LOOPBACK = "127.0.0.1"
@@ -39,7 +41,12 @@ _END_S = 5.0
 _LARGEST_FRAME = 64 * 1024
 """Bytes; a longer WebSocket message ends the connection before it is held in memory."""
 _LARGEST_TOKEN = 512
-_MOST_CONNECTIONS = 64
+_BACKLOG = 1024
+"""Connections that the system holds before this process takes them: above it, it drops what
+would open one, and a browser tries again after a second only."""
+_AT_ONCE = 16
+"""Connections taken in one turn of the loop, so that what was sent on them is read in between.
+Source: our choice, docs/decisions/0035."""
 _ANY = ("0.0.0.0", "::")
 
 
@@ -55,7 +62,6 @@ class PageServer:
 
     Raises:
         BadInput: The token is too short, or the address cannot be listened on.
-        MissingExtra: uPlot is not installed.
     """
 
     def __init__(
@@ -67,7 +73,8 @@ class PageServer:
         try:
             self._port = int(self._socket.getsockname()[1])
             self._clients = Clients(link)
-            self._server = uvicorn.Server(_settings(self._application()))
+            self._hall = Hall(patience_s=PATIENCE_S)
+            self._server = uvicorn.Server(_settings(self._application(), self._hall))
         except BaseException:
             self._socket.close()
             raise
@@ -91,6 +98,11 @@ class PageServer:
         return self._clients.ledger
 
     @property
+    def turned_out(self) -> int:
+        """Connections that were closed since no request came on them, since the start."""
+        return self._hall.turned_out
+
+    @property
     def running(self) -> bool:
         """True from `start` to `stop`, unless the server failed."""
         return self._thread.is_alive()
@@ -107,7 +119,9 @@ class PageServer:
         until_s = time.monotonic() + _START_S
         while not self._server.started and self._thread.is_alive() and time.monotonic() < until_s:
             time.sleep(0.005)
-        if not self._server.started:
+        if self._server.started:
+            self._socket.listen(_BACKLOG)  # asyncio made it as short as what is taken at once
+        else:
             self.stop()
             raise BadInput(
                 f"a page server on {self.origin}", repr(self._server_error), "try another port"
@@ -243,7 +257,7 @@ def _listen(host: str, port: int) -> socket.socket:
         try:
             listening.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
             listening.bind((host, port))
-            listening.listen(_MOST_CONNECTIONS)
+            listening.listen(_BACKLOG)
         except BaseException:
             listening.close()
             raise
@@ -256,11 +270,11 @@ def _listen(host: str, port: int) -> socket.socket:
     return listening
 
 
-def _settings(app: Starlette) -> uvicorn.Config:
+def _settings(app: Starlette, hall: Hall) -> uvicorn.Config:
     return uvicorn.Config(
         app,
         loop="asyncio",
-        http="h11",
+        http=cast(type[asyncio.Protocol], hall.protocol),
         ws="websockets-sansio",
         ws_max_size=_LARGEST_FRAME,
         ws_max_queue=4,
@@ -274,7 +288,7 @@ def _settings(app: Starlette) -> uvicorn.Config:
         server_header=False,
         date_header=False,
         proxy_headers=False,
-        limit_concurrency=_MOST_CONNECTIONS,
+        backlog=_AT_ONCE,
         timeout_keep_alive=5,
         timeout_graceful_shutdown=1,
     )

@@ -9,6 +9,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 
+from taxel.plain_text import short_names
 from taxel.views.report.page import Html, colour, text
 
 _LABELS = 200
@@ -72,9 +73,11 @@ def dot_chart(dots: Sequence[Dot], least: float = 0.0, most: float = 1.0) -> Htm
         x = at(tick)
         parts.append(_line(x, 4, x, high + 4, "var(--line)"))
         parts.append(_text(x, high + 18, f"{tick:g}", "middle", "soft"))
-    for row, dot in enumerate(dots):
+    for row, (dot, name) in enumerate(
+        zip(dots, short_names([d.name for d in dots], 30), strict=True)
+    ):
         y = _ROW * row + _ROW / 2 + 4
-        parts.append(_text(left - 10, y + 4, _short(dot.name, 30), "end"))
+        parts.append(_text(left - 10, y + 4, name, "end"))
         if math.isfinite(dot.low):
             parts.append(
                 f'<line x1="{at(dot.low):.1f}" y1="{y:.1f}" x2="{at(dot.high):.1f}" y2="{y:.1f}" '
@@ -163,12 +166,13 @@ def matrix(classes: Sequence[str], counts: Sequence[Sequence[int]]) -> Html:
     """Return a confusion matrix as a table: rows true, columns told, shares of the true class."""
     many = len(classes) > _FEW
     kind = ' class="tall"' if many else ""
-    head = "".join(f"<th{kind}>{text(_short(name, 20 if many else 12))}</th>" for name in classes)
+    heads = short_names(classes, 20 if many else 12)
+    head = "".join(f"<th{kind}>{text(name)}</th>" for name in heads)
     rows = []
-    for name, own in zip(classes, counts, strict=True):
+    for name, own in zip(short_names(classes, 20), counts, strict=True):
         total = sum(own) or 1
         cells = "".join(_cell(count, count / total) for count in own)
-        rows.append(f"<tr><th>{text(_short(name, 20))}</th>{cells}</tr>")
+        rows.append(f"<tr><th>{text(name)}</th>{cells}</tr>")
     return Html(
         '<div class="scroll"><table class="matrix"><thead><tr><th><small>true ↓ told →</small></th>'
         f"{head}</tr></thead><tbody>{''.join(rows)}</tbody></table></div>"
@@ -240,7 +244,3 @@ def _line(a: float, b: float, c: float, d: float, ink: str, dash: str = "") -> s
 def _text(x: float, y: float, said: str, anchor: str, kind: str = "") -> str:
     shown = f' class="{kind}"' if kind else ""
     return f'<text x="{x:.1f}" y="{y:.1f}" text-anchor="{anchor}"{shown}>{text(said)}</text>'
-
-
-def _short(name: str, most: int) -> str:
-    return name if len(name) <= most else name[: most - 1] + "…"

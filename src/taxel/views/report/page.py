@@ -6,13 +6,14 @@ Knows nothing about results.
 from __future__ import annotations
 
 import base64
-import html
 import math
 import os
 from collections.abc import Sequence
 from pathlib import Path
 
-from taxel.errors import BadInput
+from taxel.errors import BadFile, BadInput
+from taxel.foreign.files import open_file
+from taxel.plain_text import html_text
 from taxel.recordings.whole import write_whole
 
 _FIRST = b"<!doctype html>"
@@ -106,7 +107,7 @@ class Html(str):
 
 def text(value: object) -> Html:
     """Return a value as HTML: escaped, unless it is `Html`."""
-    return value if isinstance(value, Html) else Html(html.escape(str(value)))
+    return value if isinstance(value, Html) else Html(html_text(value))
 
 
 def join(parts: Sequence[object], between: str = "") -> Html:
@@ -223,9 +224,9 @@ def check_page(path: Path) -> bool:
     if not os.path.lexists(path):
         return False
     try:
-        with path.open("rb") as file:
+        with open_file(path) as file:
             older = file.read(len(_FIRST)) == _FIRST
-    except OSError:
+    except (OSError, BadFile):
         older = False
     if not older:
         raise BadInput(

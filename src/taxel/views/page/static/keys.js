@@ -1,6 +1,6 @@
 // The keyboard: every action has a key, none works while a person types a label.
 
-export function wireKeys({ acknowledge, record, mute, help, replay }) {
+export function wireKeys({ acknowledge, disarm, record, mute, help, replay }) {
   addEventListener("keydown", (event) => {
     if (event.ctrlKey || event.altKey || event.metaKey || event.repeat && !event.key.startsWith("Arrow")) return;
     if (document.querySelector("dialog[open]")) return;
@@ -25,6 +25,9 @@ export function wireKeys({ acknowledge, record, mute, help, replay }) {
       case " ":
         if (at && at.tagName === "BUTTON") return null; // it presses the button
         return winding ? () => replay.toggle() : acknowledge;
+      case "d":
+      case "D":
+        return disarm;
       case "r":
       case "R":
         return record;

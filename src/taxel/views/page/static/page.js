@@ -7,7 +7,7 @@ import { $, drawAlarms, drawAnswers, drawGripper, drawLatency, drawPills, drawRe
 import { colours, probabilityTrace, sensorTrace } from "./plots.js";
 import { Replay } from "./replay.js";
 import { Sound } from "./sound.js";
-import { Freshness, duration, number, shown, sounding } from "./state.js";
+import { Freshness, duration, number, slipWords, shown, sounding } from "./state.js";
 
 const TABLES_MS = 250; // Tables of figures change at most so often: faster cannot be read.
 const fresh = new Freshness();
@@ -132,6 +132,7 @@ function draw() {
   const now = performance.now();
   drawAlarms(snapshot.alarms || [], snapshot.time_s);
   $("pnow").textContent = number(snapshot.probability, 2);
+  $("slipnow").textContent = slipWords(snapshot.slip);
   probability?.draw();
   sensors?.draw();
   replay.draw(snapshot.replay, now);
@@ -182,13 +183,19 @@ function acknowledge() {
   if (!$("acknowledge").disabled && !$("alarms").hidden) say({ do: "acknowledge" });
 }
 
+/** The safe direction only, and never held back by what this page believes: it may be out of date. */
+function disarm() {
+  if (snapshot?.gripper) say({ do: "disarm" });
+}
+
 $("acknowledge").addEventListener("click", acknowledge);
+$("disarm").addEventListener("click", disarm);
 $("recordform").addEventListener("submit", (event) => {
   event.preventDefault();
   record();
 });
 $("help").addEventListener("click", () => $("helpbox").showModal());
-wireKeys({ acknowledge, record: () => snapshot?.recording && record(), mute: () => sound.toggle(), help: () => $("helpbox").showModal(), replay });
+wireKeys({ acknowledge, disarm, record: () => snapshot?.recording && record(), mute: () => sound.toggle(), help: () => $("helpbox").showModal(), replay });
 setInterval(watch, 100);
 watch();
 draw();

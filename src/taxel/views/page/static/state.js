@@ -40,6 +40,7 @@ export function shown(fresh, snapshot, nowMs) {
   }
   if (snapshot.replay) return { kind: "REPLAY", word: "REPLAY", reason: "a recording: this is not now" };
   if (snapshot.state === "NONE") return hand(snapshot);
+  if (snapshot.state === "NO GRASP") return { kind: "IDLE", word: "NO GRASP", reason: snapshot.reason || "" };
   if (!WORDS.includes(snapshot.state)) return { kind: "UNKNOWN", word: "UNKNOWN", reason: "the station gave no state" };
   return { kind: snapshot.state, word: snapshot.state, reason: snapshot.reason || "" };
 }
@@ -73,6 +74,13 @@ export function duration(seconds) {
 
 export function number(value, digits = 1) {
   return Number.isFinite(value) ? value.toFixed(digits) : "–";
+}
+
+/** How far the object has slipped, such as "slip 0.12 mm, 0.3 mm/s"; empty where nothing follows it. */
+export function slipWords(slip) {
+  if (!slip) return "";
+  if (!slip.slip_seen) return "slip unknown";
+  return `slip ${number(slip.slip_mm, 2)} mm, ${number(slip.slip_rate_mm_s, 1)} mm/s`;
 }
 
 export function count(value) {

@@ -1,0 +1,225 @@
+"""Why the state of a grasp is not known: every reason once, what it means, what to do.
+
+All words that are shown beside UNKNOWN or NO GRASP are made here, so that the page of reference
+(docs/reference/unknown.md, by `python -m taxel.decisions.reasons`) is complete, and a test can
+hold the software to it. Knows nothing about cameras, clocks or screens.
+"""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+from functools import cached_property
+
+_FIELD = re.compile(r"\{([a-z_]+)[^}]*\}")
+_TEXT = re.compile(r"\{[^}]*\}")
+SIMULATED = "simulated: "
+"""Before the words where a simulator makes the fault on purpose."""
+
+
+@dataclass(frozen=True)
+class Reason:
+    """One reason."""
+
+    words: str
+    """What is shown, with {fields}."""
+    means: str
+    """What is the case."""
+    do: str
+    """What a person can do about it."""
+
+    def say(self, **fields: object) -> str:
+        """Return the words with their fields filled in."""
+        return self.words.format(**fields)
+
+    @cached_property
+    def _pattern(self) -> re.Pattern[str]:
+        parts = _TEXT.split(self.words)
+        return re.compile(".*".join(map(re.escape, parts)), re.DOTALL)
+
+    def fits(self, text: str) -> bool:
+        """True for words that this reason made."""
+        return self._pattern.fullmatch(text) is not None
+
+
+REASONS: dict[str, Reason] = {
+    "no input": Reason(
+        "no input yet",
+        "The monitor runs; no pair of frames has reached it since it was started.",
+        "Wait a second. If it stays: is the source live on the page?",
+    ),
+    "settling": Reason(
+        "learning the settled grasp, {left_s:.1f} s left",
+        "A grasp begins. Its first moments are what all later ones are compared with.",
+        "Hold still and wait; after a false start press n for a new grasp.",
+    ),
+    "window": Reason(
+        "filling the window, {left_s:.1f} s left",
+        "The settled grasp is known; the model's window is not full yet.",
+        "Wait.",
+    ),
+    "evidence": Reason(
+        "weighing the first answers, {left_s:.1f} s left",
+        "The model answers; a state is told once its answers have agreed for long enough, "
+        "also after lost input.",
+        "Wait. If it stays, the answers contradict each other: look at the probability.",
+    ),
+    "grasp over": Reason(
+        "the grasp has ended: nothing is held",
+        "The source said that a grasp is over. The state is NO GRASP: it raises nothing, allows "
+        "nothing to be lowered and is no fault.",
+        "Nothing: the next frames begin the next grasp.",
+    ),
+    "source over": Reason(
+        "the source has ended",
+        "A recording or a simulation is over: nothing is watched any more.",
+        "End with q, or start again.",
+    ),
+    "no frame yet": Reason(
+        "the {camera} camera has sent no frame yet",
+        "The other camera delivers, this one has not begun.",
+        "Check its cable; run taxel doctor.",
+    ),
+    "gone": Reason(
+        "the {camera} camera is gone: no frame for {silent_ms:.0f} ms",
+        "No frame came for 80 ms, or for 2.2 frame periods of a slow camera.",
+        "Check its cable and hub; on a loaded machine, close other programs.",
+    ),
+    "frozen": Reason(
+        "the {camera} camera is frozen",
+        "Frames come, and show the very same image, byte by byte, for longer than 2.6 of the "
+        "camera's own image periods. After “simulated:” the simulator does that on purpose.",
+        "Unplug the camera and plug it in again. If its driver repeats images, lower its rate.",
+    ),
+    "bad image": Reason(
+        "the {camera} camera's image cannot be used: {why}",
+        "A frame is no JPEG, is cut short, has another size than the camera, or a coding that "
+        "cameras do not send; it was not decoded.",
+        "Check cable and hub. In a replay: where does the recording come from?",
+    ),
+    "unusable": Reason(
+        "the images cannot be used",
+        "The frames of this window were marked as not to be trusted.",
+        "Look at what else is told about the cameras.",
+    ),
+    "old": Reason(
+        "the newest input is {age_s:.2f} s old",
+        "Frames come later than 0.2 s after they were taken, or the monitor lags behind.",
+        "Close other programs; look at the latencies on the page.",
+    ),
+    "unchanged": Reason(
+        "the input has not changed for {same_s:.2f} s",
+        "The model gave the very same number, to the last bit, for too long.",
+        "Check that the camera delivers new images.",
+    ),
+    "no time": Reason(
+        "the input has no time",
+        "A frame's time is NaN or infinite.",
+        "Look at the source: its clock cannot be used.",
+    ),
+    "time stepped back": Reason(
+        "the input's time stepped back",
+        "A frame is older than the one before it: a clock was set, or a device was restarted.",
+        "Nothing: the new clock is believed from the next frame on.",
+    ),
+    "nan": Reason(
+        "the model gave NaN",
+        "The network's answer is not a number.",
+        "Start the monitor again; check the bundle with taxel info.",
+    ),
+    "no probability": Reason(
+        "the model gave no probability",
+        "The network's answer lies outside 0 to 1.",
+        "Start the monitor again; check the bundle with taxel info.",
+    ),
+    "monitor ended": Reason(
+        "{who} has ended",
+        "The monitor's process died. Shown as STOP.",
+        "It is started again by itself; arm again once the state is STABLE.",
+    ),
+    "monitor silent": Reason(
+        "{who} gives no sign of life",
+        "The monitor's process stands still or hangs. Shown as STOP.",
+        "Close other programs; a monitor that hangs is started again after 5 s.",
+    ),
+    "monitor mute": Reason(
+        "{who} lives and decides nothing",
+        "Signs of life go on, and no decision has come for 0.3 s. Shown as STOP.",
+        "Start taxel again; please report it with the log.",
+    ),
+    "long step": Reason(
+        "{who} is in a step that takes long",
+        "The monitor said beforehand that its present step takes long, such as taking in the "
+        "settled grasp; its last decision is too old to be shown.",
+        "Wait a second.",
+    ),
+    "alarm": Reason(
+        "an alarm about lost input is on",
+        "The monitor says STABLE while lost input is still alarmed: STABLE is not shown.",
+        "Look at the alarms.",
+    ),
+    "no word": Reason(
+        "the monitor gave no word that is known",
+        "A monitor of another version sent a state without a meaning here.",
+        "Install one version everywhere.",
+    ),
+    "no station": Reason(
+        "the station says nothing",
+        "The page runs; the station has told it nothing yet.",
+        "Wait a second. If it stays, start the station again.",
+    ),
+    "no state": Reason(
+        "the station gave no state",
+        "The page got a state without a meaning there.",
+        "Load the page again; install one version everywhere.",
+    ),
+    "recording": Reason(
+        "a recording: nothing is judged",
+        "The page shows a recording; no monitor runs.",
+        "Use taxel live with the recording as its source.",
+    ),
+}
+"""Name → reason. The words of the operator's page, written in static/state.js, are checked
+against it by a test."""
+
+
+def kind_of(text: str) -> str | None:
+    """Return the name of the reason that made some words; None where none did.
+
+    Of several that fit, the one with the most fixed letters.
+    """
+    if not text:
+        return None
+    bare = text.removeprefix(SIMULATED)
+    found = [name for name, reason in REASONS.items() if reason.fits(bare)]
+    return max(found, key=lambda name: len(_FIELD.sub("", REASONS[name].words)), default=None)
+
+
+def reference() -> str:
+    """Return the page of reference, as Markdown."""
+    rows = [
+        f"| {_FIELD.sub(_in_italics, one.words)} | {one.means} | {one.do} |"
+        for one in REASONS.values()
+    ]
+    return "\n".join([_HEAD, *rows, ""])
+
+
+def _in_italics(field: re.Match[str]) -> str:
+    return f"*{field[1]}*"
+
+
+_HEAD = """# Why a state is UNKNOWN
+
+Beside UNKNOWN (and NO GRASP) the page and the terminal say why, for how long it has been so, and
+what is left where that is known. Every reason stands here; fields are in italics, times in
+seconds unless marked ms. STABLE is never shown while any of them holds, and the interlock only
+holds the grip.
+
+*This page is written by `python -m taxel.decisions.reasons > docs/reference/unknown.md`.*
+
+| shown | what it means | what to do |
+|---|---|---|"""
+
+
+if __name__ == "__main__":
+    print(reference(), end="")

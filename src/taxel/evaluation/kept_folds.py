@@ -1,0 +1,122 @@
+"""Finished folds of a cross-validation, so that one that was broken off goes on where it was.
+
+A fold's predictions are stored as soon as it is done, under a key of everything that they depend
+on: recipe, folds, windows and labels, software, taxel's own code as it stands, and processor. A
+fold of another key, or a damaged one, is fitted again. Knows nothing about models.
+
+Source: docs/decisions/0035.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import io
+import json
+from contextlib import suppress
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+import taxel
+from taxel.errors import BadFile
+from taxel.evaluation.crossval import FoldPredictions
+from taxel.evaluation.metrics import score
+from taxel.evaluation.splits import Fold
+from taxel.foreign.archives import read_arrays
+from taxel.recordings.whole import write_whole
+from taxel.training.environment import environment
+from taxel.windows.dataset import Dataset
+
+_ARRAYS = ("test", "y", "probabilities")
+
+
+def folds_folder(output: Path) -> Path:
+    """Return where the folds of a run are kept until it is complete."""
+    return output.with_name(f"{output.name}.folds")
+
+
+class KeptFolds:
+    """A folder of finished folds; without a folder, nothing is kept.
+
+    Args:
+        folder: Made with the first fold.
+        depends_on: Plain values that the results depend on, besides the data set and software.
+        dataset: The windows and their labels.
+        target: The label that is predicted.
+        fresh: Remove what is there first.
+    """
+
+    def __init__(
+        self, folder: Path | None, depends_on: Any, dataset: Dataset, target: str, *, fresh: bool
+    ) -> None:
+        self.used = 0
+        """Folds that were found finished."""
+        self._folder = folder
+        about = {"for": depends_on, "software": environment(), "code": _code()}
+        digest = hashlib.sha256(json.dumps(about, sort_keys=True, default=str).encode())
+        windows = dataset.windows
+        for part in (windows.values, windows.mask, dataset.class_numbers(target), dataset.trial):
+            digest.update(np.ascontiguousarray(part).tobytes())
+        digest.update(json.dumps(dataset.classes(target)).encode())
+        self._key = np.frombuffer(digest.digest(), np.uint8)
+        if folder is not None and fresh:
+            _remove(folder)
+
+    def find(self, model: str, number: int, fold: Fold) -> FoldPredictions | None:
+        """Return a fold's predictions where they were kept."""
+        if self._folder is None:
+            return None
+        try:
+            kept = read_arrays(self._path(model, number), ("key", *_ARRAYS))
+            if not np.array_equal(kept["key"], self._key):
+                return None
+            test, y, probabilities = (kept[name] for name in _ARRAYS)
+        except (OSError, BadFile, KeyError):
+            return None
+        self.used += 1
+        return FoldPredictions(fold.name, test, y, probabilities, score(y, probabilities))
+
+    def keep(self, model: str, number: int, result: FoldPredictions) -> None:
+        """Store a fold that is done, whole or not at all.
+
+        Raises:
+            RecordingFailed: The disk refused.
+        """
+        if self._folder is None:
+            return
+        content = io.BytesIO()
+        arrays = {name: getattr(result, name) for name in _ARRAYS}
+        np.savez(content, key=self._key, **arrays)
+        write_whole(self._path(model, number), content.getvalue())
+
+    def _path(self, model: str, number: int) -> Path:
+        assert self._folder is not None
+        return self._folder / f"{model}-{number}.npz"
+
+
+def forget_folds(output: Path) -> None:
+    """Remove the kept folds of a run that is complete."""
+    _remove(folds_folder(output))
+
+
+def _remove(folder: Path) -> None:
+    """Remove kept folds, and their folder where nothing else is in it."""
+    if folder.is_symlink():
+        return
+    with suppress(OSError):
+        for path in (*folder.glob("*.npz"), *folder.glob("*.npz.part")):
+            path.unlink()
+        folder.rmdir()
+
+
+@cache
+def _code() -> str:
+    """Return the SHA-256 over taxel's own modules: a commit does not say what was changed since."""
+    root = Path(taxel.__file__).parent
+    digest = hashlib.sha256()
+    for path in sorted(root.rglob("*.py")):
+        digest.update(path.relative_to(root).as_posix().encode() + b"\0")
+        digest.update(hashlib.sha256(path.read_bytes()).digest())
+    return digest.hexdigest()

@@ -1,0 +1,126 @@
+"""Slip from the cameras of one grasp, moment by moment: images in, slip and its features out.
+
+The first moments are the settled grasp, against which all later ones are seen; they wait until
+it is over and are then gone through in order. An image that a camera shows again changes
+nothing. Adds no maths of its own. Knows nothing about models, decisions or screens.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from taxel.frame_codec import decode_jpeg
+from taxel.gel.markers import Rgb
+from taxel.gel.slip_signal import USUAL_MM_PER_PX, PairSlip, Slip
+from taxel.gel.touch_poses import TouchFollower
+from taxel.signals import CameraInfo, Frame
+from taxel.windows.pairs import FrameSet
+from taxel.windows.rest import SETTLE
+
+_WIDTH = 320
+
+
+class SlipWatch:
+    """Follows the slip over all gels of one grasp.
+
+    Args:
+        cameras: The source's; one that does not state its mm a px is taken for a GelSight Mini.
+        settle: Which moments are the settled grasp.
+    """
+
+    def __init__(self, cameras: Sequence[CameraInfo], settle: slice = SETTLE) -> None:
+        self._to_mm = [np.array([mm, mm, 1.0]) for mm in map(mm_per_px_of, cameras)]
+        self._settle = settle
+        self._cameras = tuple(cameras)
+        self._followers: list[TouchFollower] = []
+        self._early: list[tuple[tuple[Rgb, ...], tuple[float, ...]]] = []
+        self._shown: tuple[Rgb, ...] = ()
+        self._jpegs: list[bytes] = [b""] * len(cameras)
+        self._images: list[Rgb | None] = [None] * len(cameras)
+        self._pair = PairSlip(len(cameras))
+
+    @property
+    def settling(self) -> bool:
+        """True until the settled first moments are over."""
+        return not self._followers
+
+    @property
+    def waiting(self) -> int:
+        """Moments of the settled grasp that wait until it is over."""
+        return len(self._early)
+
+    @property
+    def slip(self) -> Slip:
+        """Of the gel on which the object has slipped furthest."""
+        return self._pair.slip
+
+    @property
+    def gels(self) -> tuple[Slip, ...]:
+        """Of each gel."""
+        return tuple(gel.slip for gel in self._pair.gels)
+
+    def push(self, images: Sequence[Rgb], taken_s: Sequence[float]) -> list[NDArray[np.float32]]:
+        """Take in what each camera shows now; return the features of the moments that are ready.
+
+        None before the settled grasp is over, then those of all waiting moments, then of this one.
+
+        Args:
+            images: One a camera; the very same object again is no new image.
+            taken_s: When each was taken, seconds: see `taken_of`.
+
+        Raises:
+            BadSource: An image has another shape than those before.
+        """
+        if self._followers:
+            return [self._step(tuple(images), taken_s)]
+        self._early.append((tuple(images), tuple(taken_s)))
+        if len(self._early) < self._settle.stop:
+            return []
+        early, self._early = self._early, []
+        for camera in range(len(self._to_mm)):
+            part = [shown[camera] for shown, _ in early[self._settle]]
+            fresh = [one for i, one in enumerate(part) if i == 0 or one is not part[i - 1]]
+            self._followers.append(TouchFollower(fresh))
+        return [self._step(shown, times) for shown, times in early]
+
+    def see(self, found: FrameSet) -> list[NDArray[np.float32]]:
+        """Take in a set of frames as it came; return as `push` does.
+
+        Raises:
+            BadSource: A frame cannot be decoded, or has another shape than those before.
+        """
+        for camera, frame in enumerate(found.frames):
+            if frame.jpeg != self._jpegs[camera]:
+                self._images[camera] = decode_jpeg(frame.jpeg, self._cameras[camera])
+                self._jpegs[camera] = frame.jpeg
+        images = [image for image in self._images if image is not None]
+        return self.push(images, [taken_of(frame) for frame in found.frames])
+
+    def _step(self, images: tuple[Rgb, ...], taken_s: Sequence[float]) -> NDArray[np.float32]:
+        for camera, image in enumerate(images):
+            if self._shown and image is self._shown[camera]:
+                continue
+            pose = self._followers[camera].follow(image)
+            to_mm = self._to_mm[camera]
+            self._pair.gels[camera].push(
+                pose.object * to_mm, pose.gel * to_mm, pose.spread * to_mm, taken_s[camera],
+                pose.seen,
+            )  # fmt: skip
+        self._shown = images
+        return self._pair.features()
+
+
+def taken_of(frame: Frame) -> float:
+    """Return when a frame's image was taken: by the camera's own clock where it has one."""
+    return frame.device_s if math.isfinite(frame.device_s) else frame.fitted_s
+
+
+def mm_per_px_of(camera: CameraInfo) -> float:
+    """Return the millimetres that a pixel of a 320-pixel row covers."""
+    if camera.mm_per_px is None:
+        return USUAL_MM_PER_PX
+    return camera.mm_per_px * camera.width / _WIDTH

@@ -1,0 +1,274 @@
+"""The columns of .csv, .csv.gz and .npy files, read piece by piece: memory is that of the values.
+
+A cell that is not a number is an error, never a zero; each error names the file, the line and
+the column. Knows nothing about times, units or recordings.
+"""
+
+from __future__ import annotations
+
+import csv
+import io
+from collections.abc import Iterator, Sequence
+from itertools import islice
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from taxel.errors import BadFile, BadTable
+from taxel.foreign.archives import read_head
+from taxel.foreign.files import MIB, open_file, refuse_larger, size_of
+from taxel.foreign.text_lines import lines_of
+
+LARGEST_TABLE = 1024 * MIB
+"""Bytes of a table of values, unpacked: three hours of twelve channels at 1 kHz as text. Our
+choice."""
+MOST_VALUES = 128 * MIB
+"""Numbers that are taken from one table; 1 GiB of them. Source: our choice."""
+LARGEST_LIST = 8 * MIB
+"""Bytes of a table that lists files or intervals, some 100,000 of them. Source: our choice."""
+_MOST_CELLS = 1_000_000
+"""Of such a list, and its rows count as cells too."""
+_BLOCK_CELLS = 65_536
+_BLOCK_BYTES = 8 * MIB
+_HEAD_BYTES = 4108
+"""What `read_head` may need."""
+_SEPARATORS = ",;\t"
+
+
+def csv_columns(path: Path, wanted: Sequence[str]) -> tuple[NDArray[np.float64], int]:
+    """Return the wanted columns of a CSV, shape (rows, wanted), and the line of the first row.
+
+    Args:
+        path: The file; one that ends in .gz is unpacked. Comma, semicolon or tab separate.
+        wanted: Names as in the header, or numbers from 1.
+
+    Raises:
+        BadTable: Anything in the file is not as it should be; says where.
+    """
+    lines = _lines(path, LARGEST_TABLE)
+    first = next(lines, "")
+    if not first:
+        empty = not any(lines)
+        raise BadTable(
+            "rows of numbers", f"the empty file {path}" if empty else f"an empty line 1 in {path}",
+            "leave the file out" if empty else "remove the line",
+        )  # fmt: skip
+    separator = max(_SEPARATORS, key=first.count)
+    top = _cells(path, 1, first, separator)
+    header = [name.strip() for name in top]
+    has_header = any(name and not is_number(name) for name in header)
+    names = header if has_header else [str(number) for number in range(1, len(top) + 1)]
+    what = f"a header with {_some(header)}" if has_header else f"{len(top)} columns, no header"
+    where = _places(path, names, wanted, what)
+    first_line = 2 if has_header else 1
+    rows = _rows(path, lines, separator, len(top))
+    blocks, count = [np.empty((0, len(where)))], 0
+    kept = [] if has_header else [top]
+    while block := kept + list(islice(rows, max(1, _BLOCK_CELLS // len(top)))):
+        found = np.empty((len(block), len(where)))
+        for place, index in enumerate(where):
+            cells = [row[index] for row in block]
+            found[:, place] = _numbers(path, cells, names[index], first_line + count)
+        blocks.append(found)
+        count += len(block)
+        kept = []
+        _refuse_many(path, count * len(where))
+    return np.concatenate(blocks), first_line
+
+
+def npy_columns(path: Path, wanted: Sequence[str]) -> NDArray[np.float64]:
+    """Return the wanted columns of a .npy file of shape (rows, columns), numbered from 1.
+
+    Raises:
+        BadTable: It holds no such array, or its size is not what it says.
+    """
+    try:
+        with open_file(path) as file:
+            size = size_of(file)
+            refuse_larger(path, size, LARGEST_TABLE)
+            start, dtype, shape, by_columns = read_head(file.read(_HEAD_BYTES))
+            if len(shape) != 2 or dtype.kind not in "iufb":
+                raise BadTable(
+                    "an array of shape (rows, columns) of real numbers",
+                    f"{path} of shape {shape}, {dtype}", "write it so",
+                )  # fmt: skip
+            rows, columns = shape
+            if rows * columns * dtype.itemsize != size - start:
+                raise BadFile(
+                    "as many bytes as its shape says", f"{size - start:,} for {shape}", "write it"
+                )
+            # Names are numbers here: nothing is listed, however many columns a head speaks of.
+            where = [_number_of(path, name, columns) for name in wanted]
+            _refuse_many(path, rows * len(where))
+            found = np.empty((rows, len(where)))
+            if by_columns:
+                for place, index in enumerate(where):
+                    file.seek(start + index * rows * dtype.itemsize)
+                    found[:, place] = np.frombuffer(file.read(rows * dtype.itemsize), dtype)
+                return found
+            file.seek(start)
+            step = max(1, _BLOCK_BYTES // max(1, columns * dtype.itemsize))
+            for row in range(0, rows, step):
+                count = min(step, rows - row)
+                block = np.frombuffer(file.read(count * columns * dtype.itemsize), dtype)
+                found[row : row + count] = block.reshape(count, columns)[:, where]
+            return found
+    except BadFile as error:
+        raise BadTable(
+            "a .npy file of numbers", f"{path}: {error.got}", "write it again"
+        ) from error
+    except (OSError, ValueError) as error:
+        if isinstance(error, BadTable):
+            raise
+        raise BadTable("a .npy file of numbers", f"{path}: {error}", "write it again") from error
+
+
+def read_cells(path: Path) -> list[list[str]]:
+    """Return the cells of a small table, line by line, whatever separates them.
+
+    The separator is the one of comma, semicolon and tab that stands most often in the first
+    line that is no "#" remark; where a comma ties, it is taken for a decimal comma.
+
+    Raises:
+        BadTable: It cannot be read, is too long, not text in a certain encoding, or no CSV.
+    """
+    text = "".join(_raw_lines(path, LARGEST_LIST))
+    with_text = (line for line in io.StringIO(text) if line.strip() and line[0] != "#")
+    separator = max("\t;,", key=next(with_text, "").count)
+    rows, cells = [], 0
+    try:
+        for row in csv.reader(io.StringIO(text, newline=""), delimiter=separator):
+            cells += 1 + len(row)
+            if cells > _MOST_CELLS:
+                raise BadTable(
+                    f"a table of at most {_MOST_CELLS:,} cells", f"more in {path}", "split it"
+                )
+            rows.append(row)
+    except csv.Error as error:
+        raise BadTable("a table (CSV)", f"{path}: {error}", "save it again as CSV") from error
+    return rows
+
+
+def is_number(cell: str) -> bool:
+    """Return whether a cell is a number as a table may hold it: Python would also take 1_000."""
+    try:
+        float(cell)
+    except ValueError:
+        return False
+    return "_" not in cell
+
+
+def mend_number(cell: str) -> str:
+    """Return how to mend a cell that is not a number: by its decimal comma, if it has one."""
+    if is_number(cell.replace(",", ".")):
+        return "write decimal points, not commas"
+    return "mend the file, or choose other columns"
+
+
+def _raw_lines(path: Path, most: int) -> Iterator[str]:
+    try:
+        yield from lines_of(path, most)
+    except BadFile as error:
+        raise BadTable(error.needed, error.got, error.mend) from error
+    except OSError as error:
+        raise BadTable(
+            "a file that can be read", f"{path}: {error.strerror or error}", "check the path"
+        ) from error
+
+
+def _lines(path: Path, most: int) -> Iterator[str]:
+    return (line.rstrip("\r\n") for line in _raw_lines(path, most))
+
+
+def _rows(path: Path, lines: Iterator[str], separator: str, width: int) -> Iterator[list[str]]:
+    """Yield the cells of each line, which must be as many as in the first."""
+    blank = 0
+    for number, line in enumerate(lines, start=2):
+        if not line:
+            blank = blank or number
+            continue
+        cells = _cells(path, number, line, separator)
+        wrong = (0, blank) if blank else (len(cells), number)  # blank lines may only come last
+        if blank or len(cells) != width:
+            raise BadTable(
+                f"{width} cells in every line", f"{wrong[0]} in {path}, line {wrong[1]}",
+                "mend the file, which may have been cut short",
+            )  # fmt: skip
+        yield cells
+
+
+def _cells(path: Path, number: int, line: str, separator: str) -> list[str]:
+    if '"' not in line:
+        return line.split(separator)
+    try:
+        return next(csv.reader((line,), delimiter=separator))
+    except csv.Error as error:
+        raise BadTable(
+            "a table (CSV)", f"{path}, line {number}: {error}", "save it again as CSV"
+        ) from error
+
+
+def _places(path: Path, names: Sequence[str], wanted: Sequence[str], what: str) -> list[int]:
+    """Return where each wanted name stands; a number counts columns where no name is one."""
+    found: dict[str, int] = {}
+    times: dict[str, int] = {}
+    for index, name in enumerate(names):
+        found.setdefault(name, index)
+        times[name] = times.get(name, 0) + 1
+    for name in wanted:
+        if times.get(name, 0) > 1:
+            raise _no_column(path, name, f"{times[name]} columns of that name", what)
+        if name not in found:
+            index = _as_number(name)
+            if not 1 <= index <= len(names):
+                raise _no_column(path, name, "no such column", what)
+            found[name] = index - 1
+    return [found[name] for name in wanted]
+
+
+def _number_of(path: Path, name: str, columns: int) -> int:
+    index = _as_number(name)
+    if not 1 <= index <= columns:
+        raise _no_column(path, name, "no such column", "numbered from 1")
+    return index - 1
+
+
+def _as_number(name: str) -> int:
+    return int(name) if name.isascii() and name.isdecimal() and len(name) < 10 else 0
+
+
+def _no_column(path: Path, name: str, problem: str, what: str) -> BadTable:
+    return BadTable(f"the column {name[:80]!r}", f"{problem} in {path} ({what})", "correct it")
+
+
+def _numbers(path: Path, cells: list[str], name: str, first_line: int) -> NDArray[np.float64]:
+    """Return a column's numbers; an empty cell is NaN, anything else must be a number."""
+    try:
+        if not any("_" in cell for cell in cells):
+            return np.array(cells, dtype=np.float64)
+    except ValueError:
+        pass
+    numbers = np.empty(len(cells))
+    for row, cell in enumerate(cells):
+        if cell.strip() and not is_number(cell):
+            raise BadTable(
+                "a number",
+                f"{cell[:80]!r} in {path}, line {row + first_line}, column {name[:80]!r}",
+                mend_number(cell),
+            )
+        numbers[row] = float(cell) if cell.strip() else np.nan
+    return numbers
+
+
+def _refuse_many(path: Path, count: int) -> None:
+    if count > MOST_VALUES:
+        raise BadTable(
+            f"at most {MOST_VALUES:,} values in a table", f"more in {path}",
+            "cut it into several, or take fewer columns",
+        )  # fmt: skip
+
+
+def _some(names: Sequence[str]) -> str:
+    more = f" and {len(names) - 12} more" if len(names) > 12 else ""
+    return ", ".join(name[:40] for name in names[:12]) + more

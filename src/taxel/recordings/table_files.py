@@ -1,0 +1,39 @@
+"""Which files a table may name: those of its own folder, unless a person allows others.
+
+A table may come from anybody. What it names is read, its numbers land in recordings that are
+passed on, and errors quote its cells; so a table that came with its files has no reason to
+reach beyond them (docs/explanation/trust.md). Knows nothing about what the files hold.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from taxel.errors import BadTable
+
+
+def file_of(cell: str, data_dir: Path, where: str, *, outside: bool = False) -> Path:
+    """Return the file that a cell names.
+
+    Args:
+        cell: As it stands in the table, relative to the folder.
+        data_dir: The table's folder, or the one that was named instead.
+        where: Table and line, for the message.
+        outside: Also files that are not in the folder: absolute paths, `..`, links that lead out.
+
+    Raises:
+        BadTable: The file lies outside the folder, or its name cannot be one.
+    """
+    try:
+        path = data_dir / cell
+        inside = outside or path.resolve().is_relative_to(data_dir.resolve())
+        if inside:
+            path.exists()
+    except (OSError, ValueError, RuntimeError) as error:  # too long, zero bytes, links in a ring
+        raise BadTable("a file's name", f"{cell!r} in {where}", "correct it") from error
+    if not inside:
+        raise BadTable(
+            f"a file in the folder {data_dir}", f"{cell!r} in {where}, which lies outside",
+            "name a folder that holds all files with --data, or allow it with --allow-outside",
+        )  # fmt: skip
+    return path

@@ -1,0 +1,302 @@
+"""Cups to learn a slip warning from and to judge it on: which, and where object and gel went.
+
+Two ways to the same rows: `seen_pour` renders images, codes them as JPEG and follows them as a
+live monitor would; `true_pours` takes the simulator's own poses at the moments when the cameras
+took images, which is two orders of magnitude faster and has no noise yet (see
+`taxel.training.pose_noise`). Knows nothing about heads, thresholds or scores.
+
+Source: docs/decisions/0036.
+"""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from taxel.frame_codec import decode_jpeg, encode_jpeg
+from taxel.gel.touch_poses import TouchFollower
+from taxel.recordings.whole import write_whole
+from taxel.sim.cup_pour import (
+    GRAVITY_M_S2,
+    CupPourConfig,
+    PourTrack,
+    list_runs,
+    load_ratio,
+    pour_less,
+)
+from taxel.sim.cups import OTHER_KINDS, Position, PourRun, draw_cup, draw_run
+from taxel.sim.gelsight import CameraTimes, camera_times
+from taxel.sim.pour_state import TRUTH_CHANNELS, GelMotion
+from taxel.sim.pours_at_once import simulate_pours
+from taxel.sources.pour_sets import CAMERA_HZ, FINE, SimulatedVideo, motion_at, simulate_videos
+from taxel.windows.rest import SETTLE
+
+TRAINING_CUPS: Final = range(30_000, 30_120)
+"""Cups to learn from and to choose thresholds on. Source: our choice, fixed beforehand."""
+NOISE_CUPS: Final = TRAINING_CUPS[:24]
+"""Training cups of which a pour is rendered, to fit the noise of poses."""
+TEST_CUPS: Final = range(40_000, 40_090)
+"""Cups that nothing but the bench may look at. Source: our choice, fixed beforehand."""
+SEED: Final = 0
+FRAME_HZ: Final = 60.0
+DURATION_S: Final = 6.0
+GROSS_UM: Final = 300.0
+"""Slip that is warned of, micrometres: the rule "gross-slip", docs/decisions/0013."""
+AFTER_S: Final = 1.0
+"""How long after the event images are still followed: a warning after that is none, seconds."""
+_POSITIONS: Final[tuple[Position, ...]] = ("upper", "middle", "lower")
+_FORCES_N: Final = (15.0, 25.0, 40.0, 50.0)
+_SLIP, _DROPPED = TRUTH_CHANNELS.index("slip"), TRUTH_CHANNELS.index("dropped")
+
+
+@dataclass(frozen=True, slots=True)
+class GelRows:
+    """Where object and gel went in one camera's images."""
+
+    taken_s: NDArray[np.float64]
+    """Shape (images,): when each was taken, seconds since the grasp."""
+    object: NDArray[np.float64]
+    """Shape (images, 3): x, y (mm) and turn (rad) since the grasp, about the image's middle."""
+    gel: NDArray[np.float64]
+    """Shape (images, 3): the same of the gel in contact."""
+    spread: NDArray[np.float64]
+    """Shape (images, 3): standard deviation of object less gel by the fit, mm and rad."""
+    seen: NDArray[np.bool_]
+    """Shape (images,): False where poses could not be followed."""
+    shown: NDArray[np.int64]
+    """Shape (moments,): which image each moment of the video shows."""
+
+
+@dataclass(frozen=True, slots=True)
+class PourRows:
+    """One pour: both gels, and what truly happened."""
+
+    run: PourRun
+    time_s: NDArray[np.float64]
+    """Shape (moments,): since the grasp."""
+    slip_um: NDArray[np.float64]
+    """Shape (moments,)."""
+    dropped: NDArray[np.bool_]
+    """Shape (moments,)."""
+    gels: tuple[GelRows, GelRows]
+
+    def first_s(self, above_um: float) -> float | None:
+        """Return when the slip first exceeds this or the cup is lost; None: never."""
+        beyond = (self.slip_um > above_um) | self.dropped
+        return float(self.time_s[int(np.argmax(beyond))]) if beyond.any() else None
+
+    @property
+    def drop_s(self) -> float | None:
+        """When the cup is lost; None: never."""
+        return float(self.time_s[int(np.argmax(self.dropped))]) if self.dropped.any() else None
+
+
+def paper_runs(cup: int) -> list[PourRun]:
+    """Return the paper's twelve pours into one cup: three positions, four forces."""
+    return list_runs(CupPourConfig(seed=SEED, cups=1, first_cup=cup))
+
+
+def paper_part(cup: int, part: int) -> list[PourRun]:
+    """Return three of a cup's twelve pours, one a position, with other forces in each part, 0…3.
+
+    The first parts of many cups say more than all parts of a few.
+    """
+    runs = paper_runs(cup)
+    return [runs[4 * place + (place + part + cup) % 4] for place in range(3)]
+
+
+def other_part(cup: int, part: int) -> list[PourRun]:
+    """Return a pour of each other kind; positions and forces go round from cup to cup."""
+    drawn, runs = draw_cup(SEED, cup), []
+    for place, kind in enumerate(OTHER_KINDS):
+        turn = cup + 7 * part + place
+        position, force_n = _POSITIONS[turn % 3], _FORCES_N[turn // 3 % len(_FORCES_N)]
+        run = draw_run(SEED, drawn, position, force_n, kind, number=1 + part)
+        runs.append(pour_less(run))
+    return runs
+
+
+def mild_bumps(cup: int, count: int = 3) -> list[PourRun]:
+    """Return pushes that friction should just hold: most pushes of 4 to 14 N slip by themselves.
+
+    Chosen by the limit surface alone, before anything is simulated: the largest load is 0.8 to
+    1.3 of what the grip can hold at rest. Of such pushes false alarms are counted.
+
+    Args:
+        cup: Its number.
+        count: At most so many; a cup may have fewer.
+    """
+    drawn, found = draw_cup(SEED, cup), []
+    weight_n = drawn.mass_kg * GRAVITY_M_S2
+    for number in range(10, 18):
+        for position in _POSITIONS:
+            for force_n in _FORCES_N:
+                run = draw_run(SEED, drawn, position, force_n, "bump", number=number)
+                peak = load_ratio(run, 0.0) * (weight_n + run.bump_n) / weight_n
+                if 0.8 < peak < 1.3:
+                    found.append(run)
+    return found[:: max(1, len(found) // count)][:count]
+
+
+def noise_runs(cup: int) -> list[PourRun]:
+    """Return the pour of a training cup whose images are rendered, to fit the noise of poses."""
+    pours = [run for run in paper_runs(cup) if run.kind == "pour"]
+    return pours[cup % 3 :: 3][:1] or pours[:1]
+
+
+def true_pours(runs: Sequence[PourRun]) -> list[PourRows]:
+    """Return pours' exact poses at the moments when their cameras took images."""
+    return [
+        _true_rows(run, track)
+        for run, track in zip(runs, simulate_pours(runs, FRAME_HZ * FINE, DURATION_S), strict=True)
+    ]
+
+
+def _true_rows(run: PourRun, fine: PourTrack) -> PourRows:
+    gels = []
+    for side, motion in enumerate(fine.motions):
+        times = camera_times(CAMERA_HZ, FRAME_HZ, DURATION_S, run.seed * 2 + side)
+        gels.append(true_rows(motion_at(motion, fine.time_s, times.taken_s), times))
+    return PourRows(
+        run=run,
+        time_s=fine.time_s[::FINE],
+        slip_um=fine.truth[::FINE, _SLIP],
+        dropped=fine.truth[::FINE, _DROPPED] > 0,
+        gels=(gels[0], gels[1]),
+    )
+
+
+def seen_pour(run: PourRun) -> PourRows:
+    """Return a pour's poses as they are followed in rendered, JPEG-coded images."""
+    track, videos = simulate_videos(run, CAMERA_HZ, FRAME_HZ, DURATION_S)
+    last = _last_moment(track)
+    rows = [_seen_rows(video, last) for video in videos]
+    part = slice(0, last + 1)
+    return PourRows(
+        run=run,
+        time_s=track.time_s[part],
+        slip_um=track.truth[part, _SLIP],
+        dropped=track.truth[part, _DROPPED] > 0,
+        gels=(rows[0], rows[1]),
+    )
+
+
+def true_rows(motion: GelMotion, times: CameraTimes) -> GelRows:
+    """Return the exact poses of one gel's motion at its camera's images."""
+    count = len(times.taken_s)
+    return GelRows(
+        taken_s=times.taken_s,
+        object=np.column_stack([motion.object_mm, motion.object_rad]),
+        gel=gel_about_middle(motion),
+        spread=np.zeros((count, 3)),
+        seen=np.ones(count, np.bool_),
+        shown=times.shown,
+    )
+
+
+def _seen_rows(video: SimulatedVideo, last: int) -> GelRows:
+    shown = video.times.shown
+    images = [
+        decode_jpeg(encode_jpeg(image), video.info) for image in _until(video, int(shown[last]) + 1)
+    ]
+    settled = sorted(set(shown[SETTLE].tolist()))
+    follower = TouchFollower([images[i] for i in settled])
+    poses = [follower.follow(image) for image in images]
+    to_mm = np.array([video.info.mm_per_px, video.info.mm_per_px, 1.0])
+    return GelRows(
+        taken_s=video.times.taken_s[: len(images)],
+        object=np.stack([pose.object for pose in poses]) * to_mm,
+        gel=np.stack([pose.gel for pose in poses]) * to_mm,
+        spread=np.stack([pose.spread for pose in poses]) * to_mm,
+        seen=np.array([pose.seen for pose in poses]),
+        shown=shown[: last + 1],
+    )
+
+
+def _until(video: SimulatedVideo, count: int) -> Iterator[NDArray[np.uint8]]:
+    for index, image in enumerate(video.images):
+        if index == count:
+            return
+        yield image
+
+
+def _last_moment(track: PourTrack) -> int:
+    """Return the last moment that matters: some time after the event."""
+    beyond = (track.truth[:, _SLIP] > GROSS_UM) | (track.truth[:, _DROPPED] > 0)
+    end = len(beyond) - 1
+    return min(end, int(np.argmax(beyond)) + round(AFTER_S * FRAME_HZ)) if beyond.any() else end
+
+
+def gel_about_middle(motion: GelMotion) -> NDArray[np.float64]:
+    """Return the gel's rigid motion about the image's middle, shape (n, 3), mm and rad.
+
+    The simulator gives it in the middle of the patch, which moves with the object.
+    """
+    cos, sin = np.cos(motion.gel_rad), np.sin(motion.gel_rad)
+    x, y = (motion.gel_mm - motion.object_mm).T
+    turned = np.stack([cos * x - sin * y, sin * x + cos * y], axis=1)
+    return np.column_stack([motion.object_mm + turned, motion.gel_rad])
+
+
+def seen_pours(runs: Sequence[PourRun]) -> list[PourRows]:
+    """Return pours' poses as they are followed in rendered, JPEG-coded images."""
+    return [seen_pour(run) for run in runs]
+
+
+def keep_runs(
+    path: Path,
+    runs: Sequence[PourRun],
+    follow: Callable[[Sequence[PourRun]], list[PourRows]] = seen_pours,
+) -> list[PourRows]:
+    """Return the poses of some runs, from a file where it is there, else into it.
+
+    Args:
+        path: The file.
+        runs: What is tried.
+        follow: `seen_pours` or `true_pours`.
+
+    Raises:
+        RecordingFailed: The disk refused.
+    """
+    if not path.exists():
+        arrays: dict[str, NDArray[Any]] = {}
+        for number, pour in enumerate(follow(runs)):
+            arrays |= {f"{number}/{key}": value for key, value in _as_arrays(pour).items()}
+        file = io.BytesIO()
+        np.savez_compressed(file, **arrays)  # type: ignore[arg-type]
+        write_whole(path, file.getvalue())
+    return read_runs(path, runs)
+
+
+def read_runs(path: Path, runs: Sequence[PourRun]) -> list[PourRows]:
+    """Return the pours that `keep_runs` has written."""
+    with np.load(path, allow_pickle=False) as stored:
+        arrays = dict(stored)
+    return [
+        _from_arrays(run, {key: arrays[f"{number}/{key}"] for key in _KEYS})
+        for number, run in enumerate(runs)
+    ]
+
+
+_GEL_KEYS = ("taken_s", "object", "gel", "spread", "seen", "shown")
+_KEYS = ("time_s", "slip_um", "dropped", *(f"{side}_{key}" for side in "01" for key in _GEL_KEYS))
+
+
+def _as_arrays(pour: PourRows) -> dict[str, NDArray[Any]]:
+    arrays = {"time_s": pour.time_s, "slip_um": pour.slip_um, "dropped": pour.dropped}
+    for side, rows in enumerate(pour.gels):
+        arrays |= {f"{side}_{key}": getattr(rows, key) for key in _GEL_KEYS}
+    return arrays
+
+
+def _from_arrays(run: PourRun, arrays: dict[str, NDArray[Any]]) -> PourRows:
+    first, second = (
+        GelRows(**{key: arrays[f"{side}_{key}"] for key in _GEL_KEYS}) for side in "01"
+    )
+    return PourRows(run, arrays["time_s"], arrays["slip_um"], arrays["dropped"], (first, second))

@@ -1,0 +1,33 @@
+"""Engines: few rows run side by side give the numbers that they give together and alone."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import torch
+
+from taxel.bundles.engine import open_engine
+from taxel.models.backbones.catalogue import find_backbone
+from taxel.models.export_onnx import export_backbone
+
+SIZE_PX = (60, 80)
+
+
+@pytest.fixture(scope="module")
+def model() -> bytes:
+    torch.manual_seed(0)
+    name = "efficientnet-lite0"
+    return export_backbone(find_backbone(name).build("logits").eval(), name, *SIZE_PX)
+
+
+@pytest.mark.parametrize("rows", [1, 2, 3, 5])
+def test_rows_side_by_side_give_what_each_gives_alone(model: bytes, rows: int):
+    frames = np.random.default_rng(rows).integers(0, 256, (rows, *SIZE_PX, 3), np.uint8)
+    one = open_engine(model, threads=1)
+    alone = np.concatenate([one.run(frames=frames[i : i + 1]) for i in range(rows)])
+    several = open_engine(model, threads=3)
+    assert alone.shape == (rows, 1000)
+    for _ in range(2):
+        np.testing.assert_allclose(several.run(frames=frames), alone, rtol=0, atol=1e-5)
+    if 1 < rows <= 3:
+        np.testing.assert_array_equal(several.run(frames=frames), alone)

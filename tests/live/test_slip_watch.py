@@ -1,0 +1,106 @@
+"""Live slip is the slip of the recording, and a bundle that warns of it runs live."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from taxel.bundles.grasp import read_grasp_bundle
+from taxel.evaluation.learn_slip_warning import rule_model, rule_probability, write_warning
+from taxel.gel.slip_signal import PAIR_FEATURES, GelSlip, PairSlip
+from taxel.live.grasp_monitor import GraspMonitor
+from taxel.live.slip_watch import SlipWatch, mm_per_px_of, taken_of
+from taxel.sources.stepped_pour import SteppedPour
+from taxel.training.pose_noise import settle
+from taxel.training.slip_cups import paper_runs, seen_pour, true_pours
+from taxel.windows.pairs import FramePairer
+
+
+@pytest.fixture(scope="module")
+def pour():
+    """A pour that slips, its moments as sets of frames, and its batch poses."""
+    run = next(run for run in paper_runs(31_000) if run.kind == "pour")
+    batch = seen_pour(run)
+    stepped, pairer, sets = SteppedPour(run), FramePairer(2), []
+    for _ in range(len(batch.time_s)):
+        frames, _ = stepped.step()
+        sets += [found for frame in frames if (found := pairer.push(frame)) is not None]
+    return stepped.cameras, sets, batch
+
+
+@pytest.fixture(scope="module")
+def bundle(tmp_path_factory):
+    """The rule without learning, as a bundle."""
+    path = tmp_path_factory.mktemp("slip") / "rule.taxel"
+    rows = np.abs(np.random.default_rng(0).normal(0, 0.1, (16, len(PAIR_FEATURES))))
+    rows = rows.astype(np.float32)
+    write_warning(path, "rule", rule_model(0.31), 0.5, rows, rule_probability(rows, 0.31), {})
+    return read_grasp_bundle(path)
+
+
+def test_live_equals_batch_to_the_last_bit(pour):
+    """Poses of `seen_pour`, through the same signal with the cameras' own times."""
+    cameras, sets, batch = pour
+    watch, live = SlipWatch(cameras), []
+    for found in sets:
+        live += watch.see(found)
+
+    pair, before, offline = PairSlip(), [-1, -1], []
+    for moment, found in enumerate(sets):
+        for side, rows in enumerate(batch.gels):
+            image = int(rows.shown[moment])
+            if image != before[side]:
+                pair.gels[side].push(
+                    rows.object[image], rows.gel[image], rows.spread[image],
+                    taken_of(found.frames[side]), bool(rows.seen[image]),
+                )  # fmt: skip
+                before[side] = image
+        offline.append(pair.features())
+
+    assert len(live) == len(offline) == len(sets)
+    assert np.array_equal(np.stack(live), np.stack(offline))
+    assert watch.slip == pair.slip
+
+
+def test_the_monitor_warns_before_gross_slip(pour, bundle):
+    cameras, sets, batch = pour
+    monitor = GraspMonitor(bundle, cameras)
+    answers = [monitor.push(found) for found in sets]
+
+    event_s = batch.first_s(300.0)
+    warned = [answer.time_s for answer in answers if answer.decision.alarm]
+    assert event_s is not None
+    assert warned
+    assert 0.0 < event_s - warned[0] < 1.5
+    assert answers[0].decision.slip is not None
+    assert not answers[0].decision.slip.seen, "nothing is followed while the grasp settles"
+    last = answers[-1].decision.slip
+    assert last is not None
+    assert last.seen
+    assert last.distance_mm > 0.3
+    assert len(answers[-1].gels) == 2
+
+
+def test_slip_lies_within_its_own_spread_of_the_true_poses(pour):
+    """Errors are of the size that is told, though those of one pour share their drift."""
+    _, _, batch = pour
+    true, sizes = true_pours([batch.run])[0], []
+    for followed, exact in zip(batch.gels, true.gels, strict=True):
+        exact, mine, its = settle(exact), GelSlip(), GelSlip()
+        for i, taken_s in enumerate(followed.taken_s):
+            spread = followed.spread[i]
+            mine.push(followed.object[i], followed.gel[i], spread, taken_s, bool(followed.seen[i]))
+            its.push(exact.object[i], exact.gel[i], spread, taken_s)
+            if taken_s > 0.4 and its.slip.distance_mm < 0.4:
+                off = mine.slip.distance_mm - its.slip.distance_mm
+                sizes.append(off / mine.slip.distance_sd_mm)
+
+    assert len(sizes) > 60
+    assert 0.2 < np.sqrt(np.mean(np.square(sizes))) < 2.5
+
+
+def test_a_camera_that_does_not_say_is_taken_for_a_gelsight_mini(pour):
+    cameras, _, _ = pour
+    assert mm_per_px_of(cameras[0]) == pytest.approx(cameras[0].mm_per_px)
+    assert mm_per_px_of(replace(cameras[0], mm_per_px=None)) == 0.065
+    assert mm_per_px_of(replace(cameras[0], width=640, mm_per_px=0.03)) == pytest.approx(0.06)

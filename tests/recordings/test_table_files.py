@@ -1,0 +1,68 @@
+"""A table reaches the files of its own folder, and no others unless a person allows it."""
+
+import os
+from pathlib import Path
+
+import pytest
+
+from taxel.cli.main import main
+from taxel.errors import BadTable
+from taxel.recordings.importing import ImportOptions, import_table
+from taxel.recordings.video_rows import read_video_rows
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    """A folder that was sent, beside a file that was not: its owner's own numbers."""
+    (tmp_path / "sent").mkdir()
+    for file in ("own.csv", "sent/a.csv"):
+        (tmp_path / file).write_text("ms,v\n" + "".join(f"{10 * i},{i}\n" for i in range(20)))
+    os.symlink(tmp_path / "own.csv", tmp_path / "sent" / "link.csv")
+    return tmp_path / "sent"
+
+
+def table(folder: Path, file: object) -> Path:
+    path = folder / "table.csv"
+    path.write_text(f"file,channels,time,label:object\n{file},v[N],ms[ms],cup\n")
+    return path
+
+
+def test_a_file_of_the_folder_is_imported_however_it_is_written(folder):
+    for n, name in enumerate(("a.csv", "./a.csv", "../sent/a.csv", folder / "a.csv")):
+        (made,) = import_table(table(folder, name), folder / f"out{n}")
+        assert made.name == "a.mcap"
+
+
+@pytest.mark.parametrize("name", ["../own.csv", "link.csv", "{above}/own.csv", "/etc/hostname"])
+def test_a_file_outside_is_refused_and_nothing_is_written(folder, name):
+    path = table(folder, name.format(above=folder.parent))
+
+    with pytest.raises(BadTable, match="which lies outside"):
+        import_table(path, folder / "out")
+    assert not (folder / "out").exists()
+
+
+@pytest.mark.parametrize("name", ["../own.csv", "link.csv", "{above}/own.csv"])
+def test_a_person_may_allow_it(folder, name):
+    path = table(folder, name.format(above=folder.parent))
+
+    assert import_table(path, folder / "out", options=ImportOptions(allow_outside=True))
+    main(["import", str(path), "--output", str(folder / "again"), "--allow-outside"])
+    assert import_table(table(folder, "own.csv"), folder / "named", data_dir=folder.parent)
+
+
+def test_videos_are_held_to_the_same(folder):
+    path = folder / "videos.csv"
+    path.write_text("left,label:object\n../own.avi,cup\n")
+
+    with pytest.raises(BadTable, match="which lies outside"):
+        read_video_rows(path, folder)
+    assert read_video_rows(path, folder, outside=True)
+
+
+def test_a_name_that_can_be_none_is_one_line(folder):
+    (folder / "table.csv").write_bytes(b"file,channels,time,label:object\na" + b"x" * 5000 +
+                                       b",v[N],ms[ms],cup\n")  # fmt: skip
+
+    with pytest.raises(BadTable):
+        import_table(folder / "table.csv", folder / "out")

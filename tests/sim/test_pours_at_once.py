@@ -1,0 +1,31 @@
+"""Many pours at once are the same pours."""
+
+import numpy as np
+import pytest
+
+from taxel.sim.cup_pour import CupPourConfig, list_runs, simulate_pour
+from taxel.sim.cups import OTHER_KINDS, draw_cup, draw_run
+from taxel.sim.pours_at_once import simulate_pours
+
+
+def test_pours_at_once_equal_pours_one_by_one():
+    """Every kind, one that is dropped and one whose grip falls among them."""
+    cup = draw_cup(0, 31_000)
+    runs = list_runs(CupPourConfig(cups=1, first_cup=31_000))[:1]
+    runs += [draw_run(0, cup, "lower", 15.0, kind, 1) for kind in OTHER_KINDS]
+    together = simulate_pours(runs)
+    for run, found in zip(runs, together, strict=True):
+        alone = simulate_pour(run)
+        assert np.abs(found.truth - alone.truth).max() < 1e-6, run.kind
+        assert np.array_equal(found.time_s, alone.time_s)
+        for mine, its in zip(found.motions, alone.motions, strict=True):
+            for name in ("depth_mm", "object_mm", "object_rad", "gel_mm", "gel_rad", "patch_mm"):
+                assert np.abs(getattr(mine, name) - getattr(its, name)).max() < 1e-9, name
+    assert together[0].truth[-1, 7] == 1.0, "the first one is dropped"
+
+
+def test_a_rate_that_does_not_divide_the_step_is_refused():
+    runs = list_runs(CupPourConfig(cups=1))[:1]
+    with pytest.raises(ValueError, match="divides"):
+        simulate_pours(runs, 100.0)
+    assert simulate_pours([]) == []

@@ -1,0 +1,142 @@
+"""What a slip warning learns from, and that its exported heads are those that learned."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from taxel.bundles.engine import open_engine
+from taxel.errors import BadInput
+from taxel.gel.slip_signal import PAIR_FEATURES
+from taxel.training.pose_noise import add_noise, fit_noise, settle
+from taxel.training.slip_cups import (
+    NOISE_CUPS,
+    TEST_CUPS,
+    TRAINING_CUPS,
+    keep_runs,
+    other_part,
+    paper_part,
+    paper_runs,
+    true_pours,
+)
+from taxel.training.slip_heads import (
+    features_of,
+    learning_rows,
+    linear_model,
+    new_head,
+)
+
+
+@pytest.fixture(scope="module")
+def pours():
+    """Three pours: one is dropped, one slips late or not at all, one holds."""
+    return true_pours(paper_runs(31_000)[:3])
+
+
+def noisy_copy(pour, gain, white_mm, seed):
+    random = np.random.default_rng(seed)
+    gels = tuple(
+        replace(
+            rows,
+            object=rows.object * gain + random.normal(0, white_mm, rows.object.shape),
+            gel=rows.gel + random.normal(0, white_mm, rows.gel.shape),
+        )
+        for rows in pour.gels
+    )
+    return replace(pour, gels=gels)
+
+
+def test_cups_to_learn_from_and_to_judge_on_are_disjoint():
+    assert not set(TRAINING_CUPS) & set(TEST_CUPS)
+    assert set(NOISE_CUPS) <= set(TRAINING_CUPS)
+
+
+def test_parts_of_a_cup_are_its_twelve_pours():
+    names = {run.name for part in range(4) for run in paper_part(40_003, part)}
+    assert names == {run.name for run in paper_runs(40_003)}
+    assert {run.kind for run in other_part(40_003, 0)} == {
+        "no-slip pour", "bump", "grip drop", "late slip",
+    }  # fmt: skip
+
+
+def test_poses_kept_are_poses_read(tmp_path, pours):
+    runs = paper_runs(31_000)[:1]
+    first = keep_runs(tmp_path / "a.npz", runs, lambda _: pours[:1])
+    again = keep_runs(tmp_path / "a.npz", runs, lambda _: pytest.fail("it is kept"))
+    for one, other in zip(first[0].gels, again[0].gels, strict=True):
+        assert np.array_equal(one.object, other.object)
+        assert np.array_equal(one.object, pours[0].gels[0].object) or one is not first[0].gels[0]
+
+
+def test_noise_that_was_put_in_is_found_again(pours):
+    """Gain of the turn and noise of an image come back within a tenth."""
+    pour = pours[0]  # the one that turns
+    worse = [noisy_copy(pour, 0.9, 0.002, seed) for seed in range(4)]
+    noises = fit_noise(worse, [pour] * 4)
+
+    assert np.median([n.gain[0, 2] for n in noises]) == pytest.approx(0.9, abs=0.03)
+    assert np.median([n.white[0, 0] for n in noises]) == pytest.approx(0.002, rel=0.2)
+
+
+def test_added_noise_is_the_same_for_a_seed_and_spares_the_truth(pours):
+    noises = fit_noise([noisy_copy(pours[0], 0.95, 0.002, 1)], pours[:1])
+    one, two = (add_noise(pours[1], noises, np.random.default_rng(5)) for _ in range(2))
+
+    assert np.array_equal(one.gels[0].object, two.gels[0].object)
+    assert np.array_equal(one.slip_um, pours[1].slip_um)
+    assert not np.array_equal(one.gels[0].object, settle(pours[1].gels[0]).object)
+
+
+def test_rows_are_labelled_by_what_follows(pours):
+    found = [features_of(pour) for pour in pours]
+    event_s = pours[0].first_s(300.0)
+    assert event_s is not None
+
+    rows, labels, weights = learning_rows(found[:1])
+    times = found[0].row_s()
+    used = (times >= 0.4) & (times <= event_s + 0.1)
+
+    assert rows.shape == (used.sum(), len(PAIR_FEATURES))
+    assert np.array_equal(labels, (event_s - times[used] <= 1.0).astype(int))
+    assert weights.max() > weights.min()
+
+
+def test_features_hold_nothing_of_the_future(pours):
+    """Rows up to a moment are the same where what comes later is another thing."""
+    whole = features_of(pours[0])
+    gels = tuple(
+        replace(g, object=np.where(np.arange(len(g.object))[:, None] > 60, 7.0, g.object))
+        for g in pours[0].gels
+    )
+    other = features_of(replace(pours[0], gels=gels))
+    before = int(whole.at[int(np.argmax(pours[0].gels[0].shown > 58))]) - 4
+
+    assert np.array_equal(whole.rows[:before], other.rows[:before])
+
+
+@pytest.mark.parametrize("name", ["logistic", "boosting"])
+def test_an_exported_head_gives_what_the_trained_one_gives(name):
+    random = np.random.default_rng(0)
+    rows = random.normal(size=(1500, len(PAIR_FEATURES))).astype(np.float32)
+    labels = (rows[:, 0] + rows[:, 5] ** 2 > 1).astype(int)
+    head = new_head(name)
+    head.fit(rows, labels, np.ones(len(rows)))
+
+    found = open_engine(head.to_onnx()).run(features=rows[:, None, None])
+
+    assert found.shape == (len(rows),)
+    assert np.abs(found - head.probability(rows)).max() < 1e-5
+
+
+def test_a_linear_model_cuts_to_a_share():
+    columns = np.zeros(len(PAIR_FEATURES))
+    columns[3] = 0.5
+    rows = np.zeros((3, 1, 1, len(PAIR_FEATURES)), np.float32)
+    rows[:, 0, 0, 3] = (-1.0, 1.0, 9.0)
+
+    assert open_engine(linear_model(columns)).run(features=rows) == pytest.approx([0, 0.5, 1])
+
+
+def test_an_unknown_head_is_refused():
+    with pytest.raises(BadInput, match="boosting"):
+        new_head("oracle")  # type: ignore[arg-type]
