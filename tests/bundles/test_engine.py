@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import torch
 
-from taxel.bundles.engine import open_engine
+from taxel.bundles.engine import largest_difference, open_engine
 from taxel.models.backbones.catalogue import find_backbone
 from taxel.models.export_onnx import export_backbone
 
@@ -31,3 +31,12 @@ def test_rows_side_by_side_give_what_each_gives_alone(model: bytes, rows: int):
         np.testing.assert_allclose(several.run(frames=frames), alone, rtol=0, atol=1e-5)
     if 1 < rows <= 3:
         np.testing.assert_array_equal(several.run(frames=frames), alone)
+
+
+def test_numbers_that_are_none_are_no_difference_to_accept():
+    """A signalling NaN, as damage can leave one, is reported by the processor; that is no error."""
+    found = np.array([0.5, 0.25], np.float32)
+    damaged = np.array([0x7FA00000, 0x3E800000], np.uint32).view(np.float32)
+
+    assert np.isnan(largest_difference(found, damaged))
+    assert largest_difference(found, np.array([0.5, 0.5], np.float32)) == 0.25

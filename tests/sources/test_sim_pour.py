@@ -5,7 +5,7 @@ import threading
 import numpy as np
 import pytest
 
-from taxel.clock import ManualClock
+from taxel.clock import ManualClock, SystemClock
 from taxel.errors import BadSource
 from taxel.frame_codec import decode_jpeg
 from taxel.signals import Frame, Mark
@@ -81,6 +81,10 @@ def test_a_wrong_option_is_refused(options: str) -> None:
         open_source(f"sim://cup-pour?{options}")
 
 
+class RunningClock(ManualClock, SystemClock):
+    """Is moved by hand, yet counts as a clock that runs by itself."""
+
+
 def test_the_end_of_a_grasp_is_told_while_the_next_cup_is_still_made(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
@@ -93,7 +97,7 @@ def test_the_end_of_a_grasp_is_told_while_the_next_cup_is_still_made(
         return make(self, number)
 
     monkeypatch.setattr(SimPour, "_make", make_slowly)
-    clock = ManualClock(10.0)
+    clock = RunningClock(10.0)
     with open_source("sim://cup-pour?duration_s=1&runs=2", clock) as source:
         frames: list[Frame] = []
         marks: list[Mark] = []

@@ -24,6 +24,13 @@ def one_line(error: Exception) -> str:
     return " ".join(str(error).split())[:300]
 
 
+def largest_difference(found: NDArray[Any], expected: NDArray[Any]) -> float:
+    """Return the largest difference of two arrays of one shape; NaN where one is no number."""
+    # A damaged file may hold a signalling NaN, which the processor reports.
+    with np.errstate(invalid="ignore"):
+        return float(np.abs(found - expected).max())
+
+
 class Engine(Protocol):
     """A model that is ready to run."""
 

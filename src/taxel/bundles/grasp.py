@@ -19,7 +19,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taxel.bundles.contract import LARGEST_DIFFERENCE
-from taxel.bundles.engine import Engine, EngineName, Precision, open_engine
+from taxel.bundles.engine import (
+    Engine,
+    EngineName,
+    Precision,
+    largest_difference,
+    open_engine,
+)
 from taxel.bundles.envelope import (
     FIRST_LINE_BYTES,
     FIRST_WORDS,
@@ -327,4 +333,4 @@ def _difference(
             "a probability for each check window", f"an array of shape {found.shape}",
             "write the bundle again with taxel bundle",
         )  # fmt: skip
-    return float(np.abs(found - expected).max())
+    return largest_difference(found, expected)

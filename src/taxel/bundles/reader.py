@@ -14,7 +14,7 @@ import onnxruntime
 from numpy.typing import NDArray
 
 from taxel.bundles.contract import LARGEST_DIFFERENCE, Contract, contract_from_json
-from taxel.bundles.engine import one_line
+from taxel.bundles.engine import largest_difference, one_line
 from taxel.bundles.envelope import from_npy, unpack
 from taxel.bundles.model_check import check_model
 from taxel.bundles.model_trial import Trial, try_models
@@ -124,7 +124,7 @@ def read_bundle(path: Path, threads: int = 1, trust: Trust | None = None) -> Bun
             f"probabilities of {len(contract.classes)} classes", f"{found.shape} from the model",
             "write the bundle again with taxel bundle",
         )  # fmt: skip
-    difference = float(np.abs(found - expected).max())
+    difference = largest_difference(found, expected)
     if not difference <= LARGEST_DIFFERENCE:
         raise BadBundle(
             f"its check windows to give the stored probabilities within {LARGEST_DIFFERENCE:g}",

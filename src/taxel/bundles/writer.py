@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from torch import Tensor, nn
 
 from taxel.bundles.contract import LARGEST_DIFFERENCE, Contract
+from taxel.bundles.engine import largest_difference
 from taxel.bundles.envelope import signed
 from taxel.bundles.files import bundle_bytes
 from taxel.bundles.reader import Bundle
@@ -70,7 +71,7 @@ def write_bundle(
     with torch.inference_mode():
         wanted = classifier(torch.from_numpy(scaled), torch.from_numpy(mask)).numpy()
     found = Bundle(contract, model).probabilities(values, mask)
-    parity = float(np.abs(found - wanted).max())
+    parity = largest_difference(found, wanted)
     if not parity <= LARGEST_DIFFERENCE:
         raise BadBundle(
             f"the exported model to equal the trained one within {LARGEST_DIFFERENCE:g}",

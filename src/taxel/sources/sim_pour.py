@@ -20,7 +20,7 @@ from typing import Self, get_args
 
 import numpy as np
 
-from taxel.clock import Clock
+from taxel.clock import Clock, SystemClock
 from taxel.errors import BadSource
 from taxel.signals import PAUSE, CameraInfo, Frame, Mark, Samples, SensorInfo
 from taxel.sim.cup_pour import CupPourConfig, Gel
@@ -94,13 +94,15 @@ class SimPour:
         self._events = self._simulate()
         self._cameras: tuple[CameraInfo, ...] = ()
         self._more()
+        # Only where time passes meanwhile is there anything to tell while the next cup is made.
+        self._meanwhile = speed != float("inf") and isinstance(clock, SystemClock)
         self._info = sensor_info(_FRAME_HZ, self._choice.gel)
         channels = len(self._info.channels)
         self._pacer = Pacer(
             self._stretches(), channels, clock, speed, self._all_frames(),
             together=len(self._cameras),
-            frame_ready=lambda: bool(self._frames) or self._waits_for_nothing(speed),
-            stretch_ready=lambda: bool(self._samples) or self._waits_for_nothing(speed),
+            frame_ready=lambda: bool(self._frames) or self._waits_for_nothing(),
+            stretch_ready=lambda: bool(self._samples) or self._waits_for_nothing(),
         )  # fmt: skip
 
     @property
@@ -179,13 +181,13 @@ class SimPour:
         pour.prepare()
         return run, pour
 
-    def _waits_for_nothing(self, speed: float) -> bool:
+    def _waits_for_nothing(self) -> bool:
         """True where the next moment can be simulated at once.
 
         The end of a grasp is told while the next cup is still made, however busy the machine is.
-        As fast as possible there is nothing to tell meanwhile.
+        As fast as possible, and on a clock that somebody moves, it is waited for instead.
         """
-        return self._left > 0 or self._made.done() or speed == float("inf")
+        return self._left > 0 or self._made.done() or not self._meanwhile
 
     def _stretches(self) -> Iterator[Stretch]:
         while self._samples or self._more():
