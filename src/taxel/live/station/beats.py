@@ -23,6 +23,11 @@ _GO_AT = _STOP_AT + 1
 _TICK_AT = _STOP_AT + 2
 _CELLS = _STOP_AT + 8
 """Cells of eight bytes, with room."""
+_PATIENCE_BITS = 16
+"""A sign of life is one cell, so that nobody reads half of it: microseconds on the host's clock
+above, milliseconds of patience in these bits. With the patience of one step and the time of
+another a monitor would seem silent that has just ended a long step."""
+_LONGEST_PATIENCE_MS = (1 << _PATIENCE_BITS) - 1
 
 
 class Work(IntEnum):
@@ -144,9 +149,10 @@ class BeatsView:
         """Return a process's row."""
         at = row * _FIELDS
         cells = self._cells
+        sign = cells[at]
         return Beat(
-            cells[at] / 1e9, Work(cells[at + 1]), cells[at + 2], cells[at + 3], cells[at + 4],
-            cells[at + 5] / 1e3,
+            (sign >> _PATIENCE_BITS) / 1e6, Work(cells[at + 1]), cells[at + 2], cells[at + 3],
+            cells[at + 4], (sign & _LONGEST_PATIENCE_MS) / 1e3,
         )  # fmt: skip
 
     def write(
@@ -162,10 +168,11 @@ class BeatsView:
         """Give a sign of life, with what was counted so far."""
         at = row * _FIELDS
         cells = self._cells
-        cells[at + 1] = work
         cells[at + 2], cells[at + 3], cells[at + 4] = produced, consumed, dropped
-        cells[at + 5] = round(patience_s * 1e3)
-        cells[at] = time.monotonic_ns()
+        patience_ms = min(round(patience_s * 1e3), _LONGEST_PATIENCE_MS)
+        cells[at] = time.monotonic_ns() // 1000 << _PATIENCE_BITS | patience_ms
+        # Last: what has just begun to run must not be read with a sign from before.
+        cells[at + 1] = work
 
     def set_work(self, row: int, work: Work) -> None:
         """Write what a process is said to do, without a sign of life."""
