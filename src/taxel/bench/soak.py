@@ -6,6 +6,7 @@ The whole figure takes half an hour, so that it is measured by `--full` and show
 from __future__ import annotations
 
 import contextlib
+import math
 import tempfile
 from collections.abc import Callable
 from pathlib import Path
@@ -56,7 +57,7 @@ def soak_rows(seconds: float, settled_s: float) -> list[Row]:
     from taxel.views.page.station_page import StationPage, show
 
     how_long = f"{seconds / 60:g} minutes" if seconds >= 60 else f"{seconds:g} s"
-    memory: list[tuple[float, float]] = []
+    memory: list[tuple[float, dict[str, float]]] = []
     seen = Seen()
     with tempfile.TemporaryDirectory(prefix="taxel-") as scratch:
         bundles = (shipped_bundle(CUP_POUR), _hand_bundle(Path(scratch)))
@@ -91,16 +92,24 @@ def soak_rows(seconds: float, settled_s: float) -> list[Row]:
     ]  # fmt: skip
 
 
-def _memory_row(memory: list[tuple[float, float]], settled_s: float, how_long: str) -> Row:
+def _memory_row(
+    memory: list[tuple[float, dict[str, float]]], settled_s: float, how_long: str
+) -> Row:
     name = f"{how_long} of both systems: own memory of all processes and rings, largest change"
-    kept = np.array([(t, m) for t, m in memory if t >= settled_s])
+    kept = [by_process for time_s, by_process in memory if time_s >= settled_s]
     if len(kept) < 4:
         return missing(name, "%", f"<= {_MOST_CHANGE:g}", "too short")
+    processes = list(kept[0])
+    table = np.array([[found.get(name, np.nan) for name in processes] for found in kept])
     # Medians of quarters: a collection under way is no growth.
-    quarters = [float(np.median(part[:, 1])) for part in np.array_split(kept, 4)]
-    change = 100.0 * (max(quarters) - min(quarters)) / quarters[0]
-    each = ", ".join(f"{one:.0f}" for one in quarters)
-    return row(name, change, "%", "<=", _MOST_CHANGE, f"MiB by quarters: {each}")
+    quarters = np.array([np.nanmedian(part, axis=0) for part in np.array_split(table, 4)])
+    totals = quarters.sum(axis=1)
+    change = 100.0 * float(totals.max() - totals.min()) / float(totals[0])
+    grown = dict(zip(processes, quarters[-1] - quarters[0], strict=True))
+    most = sorted(grown, key=lambda process: -grown[process])[:3]
+    grew = ", ".join(f"{process} {grown[process]:+.1f}" for process in most)
+    note = f"MiB by quarters: {', '.join(f'{total:.0f}' for total in totals)}; grew most: {grew}"
+    return row(name, change, "%", "<=", _MOST_CHANGE, note)
 
 
 def _book_rows(ledger: dict[str, dict[str, int]], how_long: str) -> list[Row]:
@@ -156,19 +165,25 @@ def _file_rows(path: Path, recording: dict[str, Any], how_long: str) -> list[Row
     ]  # fmt: skip
 
 
-def _memory_mib(station: Station) -> float:
-    """Return what this process and the station's hold themselves, and the rings.
+def _memory_mib(station: Station) -> dict[str, float]:
+    """Return what this process and each of the station's holds itself, rings shared out, MiB.
 
     Pages of programs and files come and go as the system likes, so they are not counted.
     """
-    total = 0
-    for pid in ["self", *(process.pid for process in station.workers().values())]:
-        with contextlib.suppress(OSError):
-            for line in Path(f"/proc/{pid}/smaps_rollup").read_text().splitlines():
-                name, _, rest = line.partition(":")
-                if name in ("Pss_Anon", "Pss_Shmem"):
-                    total += int(rest.split()[0])
-    return total / 1024
+    pids = {"supervisor": "self"}
+    pids |= {name: str(process.pid) for name, process in station.workers().items()}
+    return {name: _own_mib(pid) for name, pid in pids.items()}
+
+
+def _own_mib(pid: str) -> float:
+    """Return what a process holds, MiB; NaN for one that has ended."""
+    total = math.nan
+    with contextlib.suppress(OSError):
+        lines = Path(f"/proc/{pid}/smaps_rollup").read_text().splitlines()
+        parts = [line.partition(":") for line in lines]
+        total = sum(int(rest.split()[0]) for name, _, rest in parts
+                    if name in ("Pss_Anon", "Pss_Shmem")) / 1024  # fmt: skip
+    return total
 
 
 def _hand_bundle(folder: Path) -> Path:
