@@ -45,8 +45,8 @@ class Adapt:
     trained: tyro.conf.Positional[Path]
     """A bundle of an array, NAME.taxel, or a run's folder."""
     touches: Path | None = None
-    """A recording of a few touches of the known object that the training's --reference names, on
-    the pad, gel or session as it is now. Alone: brings each channel to its level. Beside --new or
+    """A recording of a few touches of the known object that the training's reference names, on the
+    pad, gel or session as it is now. Alone: brings each channel to its level. Beside --new or
     --correct: sets the level of those recordings. It sets the level of --test too, but for sessions
     that hold such touches of their own."""
     new: tuple[Path, ...] = ()

@@ -1,4 +1,4 @@
-"""`taxel sweep`: what a bundle still tells when touch, sensor or surroundings get worse."""
+"""`taxel sweep`: how accurate a bundle still is when touch, sensor or surroundings get worse."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ class Sweep:
     """
 
     bundle: tyro.conf.Positional[Path]
-    """A bundle's file, as taxel bundle writes it, or cup-pour, which comes with taxel."""
+    """A bundle's file, or cup-pour, which comes with taxel."""
     data: Path | None = None
     """Recordings that it was not trained on: a folder, or one recording."""
     simulate: bool = False
@@ -47,7 +47,7 @@ class Sweep:
     levels: tuple[str, ...] = ()
     """Levels of the one fault named, in its unit; its own unless given."""
     least_confidence: float = 0.0
-    """Below this probability an answer is UNKNOWN too, 0…1, as in taxel live (0.5); arrays."""
+    """Arrays: below this probability an answer is UNKNOWN too, 0…1; live work usually takes 0.5."""
     seed: int = 6023
     """Seed of what faults draw; of --simulate, of the sessions, which must not be the seed that
     the training sessions were simulated with."""
