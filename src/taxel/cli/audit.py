@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, ClassVar
 
 import tyro
 
+from taxel.cli.option_rules import Only
 from taxel.cli.printing import console, print_json, progress
 from taxel.errors import BadInput
 
@@ -49,6 +50,10 @@ class Audit:
     json: bool = False
     """Print JSON; accuracies are shares, 0 to 1."""
 
+    RULES: ClassVar = (
+        Only(("fold-count",), "--split in folds (not order:)", lambda o: o._in_folds()),
+    )
+
     def run(self) -> None:
         """Read, look for everything, and print."""
         from taxel.evaluation.audit.audit import STEPS, audit
@@ -80,6 +85,9 @@ class Audit:
         from taxel.views.audit_table import audit_table
 
         console.print(audit_table(found, everything=self.all))
+
+    def _in_folds(self) -> bool:
+        return self.split is not None and not self.split.startswith("order:")
 
     def _check(self) -> None:
         if self.split is not None and self.folds is not None:

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import tyro
 
+from taxel.cli.option_rules import Only
 from taxel.cli.printing import print_json, progress, say
 from taxel.errors import BadFile, BadInput
 from taxel.foreign.json_text import read_json
@@ -54,6 +55,14 @@ class Report:
     in the package for the card."""
     json: bool = False
     """Print JSON: what was written."""
+
+    RULES: ClassVar = (
+        Only(
+            ("data", "tables", "sweep", "audit", "audited", "latency"),
+            "--output", lambda o: o.output is not None,
+        ),
+        Only(("data", "audit", "latency"), "a run", lambda o: o.runs),
+    )  # fmt: skip
 
     def run(self) -> None:
         """Gather and write."""
