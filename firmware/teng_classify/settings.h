@@ -7,7 +7,7 @@
 
 #if defined(__has_include)
 #if !__has_include("taxel_model.h")
-#error "no network here: taxel bundle RUN --target avr --output THIS_FOLDER writes taxel_model.h"
+#error "no network here: taxel bundle RUN --board mega --output THIS_FOLDER writes taxel_model.h"
 #endif
 #endif
 #include "taxel_model.h"
@@ -20,7 +20,7 @@
 #endif
 
 /* The pins of the window's columns, in the order of TAXEL_CHANNEL_NAMES: all sensors on one board.
- * A network trained on four channels (taxel train --channels …) takes 1, 4, 7, 10. */
+ * A network trained on four channels (taxel train --window channels=…) takes 1, 4, 7, 10. */
 #ifndef TAXEL_CHANNELS
 #define TAXEL_CHANNELS 0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11
 #endif

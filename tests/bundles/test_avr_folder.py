@@ -84,7 +84,7 @@ def test_the_command_writes_a_folder_and_its_report(
     trained: Trained, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     output = tmp_path / "board"
-    order = ["bundle", str(trained.run), "--target", "avr", "--output", str(output), "--json"]
+    order = ["bundle", str(trained.run), "--board", "mega", "--output", str(output), "--json"]
 
     main([*order, "--test", str(trained.data), "--reference-mv", "3300"])
     report = json.loads(capsys.readouterr().out)
@@ -96,5 +96,5 @@ def test_the_command_writes_a_folder_and_its_report(
         main(["bundle", str(trained.run), "--output", str(output), "--reference-mv", "5000"])
     said = capsys.readouterr().err
     assert ended.value.code == 2
-    assert "--target avr" in said
+    assert "--board mega" in said
     assert said.count("\n") == 1

@@ -82,7 +82,7 @@ def test_a_table_of_folds_is_audited(
         (lambda hand: Audit(data=hand, folds=hand / "none.csv"), "check the path"),
         (lambda hand: Audit(data=hand, trained=hand), "taxel train"),
         (lambda hand: Audit(data=hand, steps=1), "--steps"),
-        (lambda hand: Audit(data=hand, parts=1), "--parts"),
+        (lambda hand: Audit(data=hand, fold_count=1), "--fold-count"),
     ],
 )
 def test_bad_input_is_one_plain_line(hand: Path, make: Callable[[Path], Audit], said: str) -> None:

@@ -17,7 +17,7 @@ from taxel.sources.data_sets import write_sessions
 from taxel.training.run import load_run
 
 PROGRAM = "import sys; from taxel.cli.main import main; main(sys.argv[1:])"
-TRAIN = ["--epochs", "2", "--folds", "3", "--json"]
+TRAIN = ["--epochs", "2", "--fold-count", "3", "--json"]
 
 
 @pytest.fixture(scope="module", autouse=True)

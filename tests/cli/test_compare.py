@@ -7,11 +7,11 @@ import pytest
 import tyro
 
 from taxel.cli.compare import Compare
-from taxel.cli.simulate import Simulate
+from taxel.cli.simulate.teng import Teng
 from taxel.cli.train import Train
 from taxel.errors import BadInput
 
-TRAIN = "--epochs 1 --folds 3 --json"
+TRAIN = "--epochs 1 --fold-count 3 --json"
 
 
 @pytest.fixture(scope="module")
@@ -19,8 +19,8 @@ def runs(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Two networks on three simulated sessions, and one that was not checked."""
     folder = tmp_path_factory.mktemp("runs")
     data = str(folder / "data")
-    words = ["teng", "--output", data, "--scans-per-class", "3000", "--sessions", "3"]
-    tyro.cli(Simulate, args=[*words, "--json"]).run()
+    words = ["--output", data, "--scans-per-class", "3000", "--sessions", "3"]
+    tyro.cli(Teng, args=[*words, "--json"]).run()
     for name in ("cnn1d", "cnn2d"):
         words = [data, "--output", str(folder / name), "--model", name, *TRAIN.split()]
         tyro.cli(Train, args=words).run()

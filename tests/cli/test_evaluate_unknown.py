@@ -1,4 +1,4 @@
-"""Claims about what `taxel evaluate unknown` prints and refuses."""
+"""Claims about what `taxel reproduce unknown-objects` prints and refuses."""
 
 import json
 from dataclasses import replace
@@ -6,8 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from taxel.cli.evaluate_unknown import run_unknown
 from taxel.cli.options import RecipeOptions
+from taxel.cli.reproduce.unknown_objects import UnknownObjects
 from taxel.errors import BadDataset, BadInput
 from taxel.recordings.reader import list_recordings, read_recording
 from taxel.recordings.writer import Recorder
@@ -26,10 +26,16 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return path
 
 
+def run_unknown(data: Path, target: str | None = None, **options) -> None:
+    """Run the study with three folds."""
+    recipe = RecipeOptions(target=target)
+    UnknownObjects(data=data, fold_count=3, recipe=recipe, **options).run()
+
+
 def test_values_that_are_never_learned_are_measured_and_printed_as_json(
     folder: Path, capsys: pytest.CaptureFixture[str]
 ):
-    run_unknown(folder, RecipeOptions(target="material"), 0, 3, True, ("prism", "rubber"))
+    run_unknown(folder, "material", json=True, never=("prism", "rubber"))
     (found,) = json.loads(capsys.readouterr().out)
     assert found["target"] == "material"
     assert {one["kind"] for one in found["aurocs"]} == {"rubber"}
@@ -40,7 +46,7 @@ def test_values_that_are_never_learned_are_measured_and_printed_as_json(
 def test_each_class_is_left_out_where_none_is_named(
     folder: Path, capsys: pytest.CaptureFixture[str]
 ):
-    run_unknown(folder, RecipeOptions(target="shape"), 0, 3, False)
+    run_unknown(folder, "shape")
     said = capsys.readouterr().out
     for name in ("cylinder", "prism", "rectangle", "sphere", "mean", "least"):
         assert name in said
@@ -48,7 +54,7 @@ def test_each_class_is_left_out_where_none_is_named(
 
 def test_a_split_that_holds_no_group_out_is_refused(folder: Path):
     with pytest.raises(BadInput, match="whole groups"):
-        run_unknown(folder, RecipeOptions(split="random"), 0, 3, False)
+        run_unknown(folder, split="random")
 
 
 def test_files_are_held_out_where_there_are_no_sessions_and_the_share_can_be_set(
@@ -62,16 +68,15 @@ def test_files_are_held_out_where_there_are_no_sessions_and_the_share_can_be_set
             recorder.write(recording.samples)
             for mark in recording.marks:
                 recorder.mark(replace(mark, groups={}))
-    options = RecipeOptions(target="material")
     with pytest.raises(BadDataset, match="let 0"):
-        run_unknown(tmp_path, options, 0, 3, True, ("rubber",), 0.001)
-    with pytest.raises(BadInput, match="--rejected between"):
-        run_unknown(tmp_path, options, 0, 3, True, ("rubber",), 0.0)
-    run_unknown(tmp_path, options, 0, 3, True, ("rubber",), 0.2)
+        run_unknown(tmp_path, "material", never=("rubber",), reject_novel=0.001)
+    with pytest.raises(BadInput, match="--reject-novel between"):
+        run_unknown(tmp_path, "material", never=("rubber",), reject_novel=0.0)
+    run_unknown(tmp_path, "material", json=True, never=("rubber",), reject_novel=0.2)
     (found,) = json.loads(capsys.readouterr().out)
     assert found["split"] == "file held out"
 
 
 def test_a_value_that_no_label_has_is_refused(folder: Path):
     with pytest.raises(BadDataset, match="not learned"):
-        run_unknown(folder, RecipeOptions(target="shape"), 0, 3, False, ("cone",))
+        run_unknown(folder, "shape", never=("cone",))

@@ -64,7 +64,7 @@ def test_the_audit_quotes_them_and_stays_whole(imported, run):
 
 
 def test_from_training_to_a_live_answer_every_class_is_itself(imported, run, tmp_path):
-    shown = run("train", imported / "recordings", "--output", tmp_path / "run", "--folds", "2",
+    shown = run("train", imported / "recordings", "--output", tmp_path / "run", "--fold-count", "2",
                 *TRAINING)  # fmt: skip
     table = shown[shown.index("confusion") :]
     for name in CLASSES:
@@ -96,7 +96,7 @@ def test_tables_with_figures_and_raw_touch_are_drawn(imported, run, tmp_path):
     run(
         "evaluate",
         imported / "recordings",
-        "--folds",
+        "--fold-count",
         "2",
         "--html",
         tmp_path / "e.html",

@@ -6,15 +6,15 @@ import pytest
 import tyro
 
 from taxel.cli.info import Info, _span
-from taxel.cli.simulate import Simulate
+from taxel.cli.simulate.teng import Teng
 
 
 def test_a_folder_fits_80_columns_and_says_what_its_groups_hold(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ):
     monkeypatch.setenv("COLUMNS", "80")
-    words = ["teng", "--output", str(tmp_path / "data"), "--scans-per-class", "2000"]
-    tyro.cli(Simulate, args=[*words, "--sessions", "2", "--json"]).run()
+    words = ["--output", str(tmp_path / "data"), "--scans-per-class", "2000"]
+    tyro.cli(Teng, args=[*words, "--sessions", "2", "--json"]).run()
     capsys.readouterr()
     Info(tmp_path / "data").run()
 

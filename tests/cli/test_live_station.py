@@ -85,7 +85,7 @@ def test_what_a_person_must_know_stands_beside_the_json_not_in_it(
 @pytest.mark.parametrize(
     ("words", "told"),
     [
-        (["--arm", "--page"], "needed --gripper with --arm"),
+        (["--arm", "--page"], "needed --gripper beside --arm"),
         (["--gripper", "pge:///dev/nothing"], "max_force_n"),
         (["--gripper", "pge:///dev/nothing?max_force_n=50"], "/dev/nothing"),
         (["--gripper", "what://x"], "an actuator's address"),
@@ -93,10 +93,13 @@ def test_what_a_person_must_know_stands_beside_the_json_not_in_it(
         (["--tell", "udp://8.8.8.8:5005"], "an address of this machine"),
         (["--record", "{pour}"], "which exists"),
         (["--record", "x.mcap", "--label", "cup"], "--label NAME=VALUE"),
-        (["--label", "object=cup", "--group", "session=3"], "--page with --label and --group"),
-        (["--overwrite", "--gripper", "sim"], "--page with --overwrite; got no recording"),
+        (
+            ["--label", "object=cup", "--group", "session=3"],
+            "needed --record or --page beside --label",
+        ),
+        (["--overwrite", "--gripper", "sim"], "needed --record beside --overwrite"),
         (["--beside", "sim://nothing"], "a simulator that exists"),
-        (["--page", "--least-n", "60"], "N"),
+        (["--gripper", "sim", "--force-n", "60", "50"], "N"),
     ],
 )
 def test_what_cannot_be_is_told_in_one_line_before_anything_runs(

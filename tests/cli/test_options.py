@@ -17,5 +17,5 @@ def test_a_gate_is_measured_from_a_recording_at_rest(tmp_path: Path) -> None:
     values = np.random.default_rng(0).normal(0.2, 0.05, (5000, 1))
     with Recorder(tmp_path / "rest.mcap", Manifest.started_now(sensor, now_s=0.0)) as recorder:
         recorder.write(Samples.from_values(values, np.arange(5000) / 100.0))
-    window = RecipeOptions(gate=str(tmp_path / "rest.mcap")).resolve().window
+    window = RecipeOptions(window=((f"gate={tmp_path / 'rest.mcap'}",),)).resolve().window
     assert window.gate == pytest.approx(0.5, abs=0.02)

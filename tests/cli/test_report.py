@@ -10,7 +10,7 @@ import tyro
 from taxel.bench import claims_card as card
 from taxel.bench.rows import Row
 from taxel.cli.report import Report
-from taxel.cli.simulate import Simulate
+from taxel.cli.simulate.teng import Teng
 from taxel.cli.train import Train
 from taxel.errors import BadInput
 from taxel.evaluation.claims import all_parts, table_row
@@ -23,10 +23,10 @@ CARD = Path(__file__).parents[2] / "docs" / "reference" / "claims.md"
 def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A folder with recordings in data/ and a run in run/."""
     folder = tmp_path_factory.mktemp("made")
-    words = ["teng", "--output", str(folder / "data"), "--scans-per-class", "3000"]
-    tyro.cli(Simulate, args=[*words, "--sessions", "3", "--json"]).run()
+    words = ["--output", str(folder / "data"), "--scans-per-class", "3000"]
+    tyro.cli(Teng, args=[*words, "--sessions", "3", "--json"]).run()
     words = [str(folder / "data"), "--output", str(folder / "run"), "--epochs", "1"]
-    tyro.cli(Train, args=[*words, "--folds", "3", "--json"]).run()
+    tyro.cli(Train, args=[*words, "--fold-count", "3", "--json"]).run()
     return folder
 
 
@@ -203,15 +203,15 @@ def test_a_claim_without_a_row_says_so_and_why():
 
 def test_a_stored_row_fills_its_cell_and_names_its_command():
     name = table_row("honest", "shape", "session held out", "cnn2d", "Test Accuracy")
-    stamp = "commit abc, 2026-01-01, taxel evaluate teng-table"
+    stamp = "commit abc, 2026-01-01, taxel reproduce table-4-1"
     row = Row(name=name, value=0.7654, unit="of 1", goal="", ok=None, stamp=stamp)
 
     said = card.claims_card(rows=[row])
 
     (line,) = (one for one in said.splitlines() if "2D CNN: Test Accuracy" in one)
     assert line.split(" | ")[2:] == ["0.9983", "–", "shape 0.7654",
-                                     "`taxel evaluate teng-table` |"]  # fmt: skip
-    assert "- commit abc, 2026-01-01, `taxel evaluate teng-table`" in said
+                                     "`taxel reproduce table-4-1` |"]  # fmt: skip
+    assert "- commit abc, 2026-01-01, `taxel reproduce table-4-1`" in said
 
 
 def test_a_link_with_a_star_finds_its_row_whatever_the_recipe_is_called():

@@ -7,7 +7,7 @@ import pytest
 import tyro
 
 from taxel.cli.bundle import Bundle
-from taxel.cli.simulate import Simulate
+from taxel.cli.simulate.teng import Teng
 from taxel.cli.sweep import Sweep
 from taxel.cli.train import Train
 from taxel.errors import BadBundle, BadInput, RecordingFailed
@@ -21,8 +21,8 @@ def place(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A bundle with its recordings, and others."""
     folder = tmp_path_factory.mktemp("sweep")
     for name, seed in (("seen", 0), ("new", 4)):
-        words = ["teng", "--output", str(folder / name), "--scans-per-class", "9000"]
-        tyro.cli(Simulate, args=[*words, "--sessions", "2", "--seed", str(seed), "--json"]).run()
+        words = ["--output", str(folder / name), "--scans-per-class", "9000"]
+        tyro.cli(Teng, args=[*words, "--sessions", "2", "--seed", str(seed), "--json"]).run()
     words = [str(folder / "seen"), "--output", str(folder / "run"), "--no-check", "--json"]
     tyro.cli(Train, args=[*words, "--epochs", "2", "--recipe", "teng-referenced"]).run()
     words = [str(folder / "run"), "--output", str(folder / "b.taxel"), "--json"]

@@ -6,7 +6,7 @@ import pytest
 import tyro
 
 from taxel.cli.bundle import Bundle
-from taxel.cli.simulate import Simulate
+from taxel.cli.simulate.teng import Teng
 from taxel.cli.train import Train
 from taxel.errors import BadInput
 from taxel.evaluation.run_scores import GroupInterval, beside_baselines, few_groups
@@ -16,8 +16,8 @@ from taxel.evaluation.run_scores import GroupInterval, beside_baselines, few_gro
 def data(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Three short sessions of the simulated hand."""
     folder = tmp_path_factory.mktemp("train") / "data"
-    words = ["teng", "--output", str(folder), "--scans-per-class", "3000", "--sessions", "3"]
-    tyro.cli(Simulate, args=[*words, "--json"]).run()
+    words = ["--output", str(folder), "--scans-per-class", "3000", "--sessions", "3"]
+    tyro.cli(Teng, args=[*words, "--json"]).run()
     return folder
 
 
@@ -25,19 +25,18 @@ def test_a_network_behind_a_baseline_is_warned_of_and_what_is_unknown_is_told_in
     data: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ):
     """One epoch teaches nothing."""
-    words = [str(data), "--output", str(tmp_path / "run"), "--epochs", "1", "--folds", "3"]
+    words = [str(data), "--output", str(tmp_path / "run"), "--epochs", "1", "--fold-count", "3"]
     capsys.readouterr()
-    tyro.cli(Train, args=[*words, "--unknown", "0.2"]).run()
+    tyro.cli(Train, args=[*words, "--reject-novel", "0.2"]).run()
 
     lines = capsys.readouterr().out.splitlines()
     (warned,) = (one for one in lines if one.startswith("warning: "))
     assert "is no better than the baseline “" in warned
     assert any(one.startswith("3 sessions: the interval is about") for one in lines)
-    assert any(one.startswith("below the majority") for one in lines)
+    assert any(one.startswith("worse than always guessing the majority class") for one in lines)
     assert any(one.startswith("confusion") for one in lines)
-    (unknown,) = (one for one in lines if one.startswith("says UNKNOWN"))
-    assert "stranger than 80 % of known touch" in unknown
-    assert "at most about 20 % of usual windows" in unknown
+    (novel,) = (line for line in lines if line.startswith("rejects novel touch (UNKNOWN)"))
+    assert "expected false rejection rate 0.2 on known touch" in novel
     assert not any("run, replaced: " in one for one in lines)
 
     tyro.cli(Train, args=[*words, "--no-check"]).run()

@@ -7,14 +7,14 @@ import numpy as np
 import pytest
 
 from taxel.cli.main import main
-from taxel.cli.simulate import Simulate
+from taxel.cli.simulate.teng import Teng
 from taxel.errors import BadInput
 from taxel.recordings.reader import list_recordings, read_recording
 from taxel.windows.config import GATE_V
 
 
 def simulate(folder: Path, **settings) -> list[Path]:
-    Simulate(what="teng", output=folder, **{"scans_per_class": 2000, **settings}).run()
+    Teng(output=folder, **{"scans_per_class": 2000, **settings}).run()
     return list_recordings(folder)
 
 

@@ -18,7 +18,7 @@ def test_from_nothing_to_a_replayed_decision(
 ) -> None:
     monkeypatch.chdir(tmp_path)
     simulated = run("simulate teng --output data --scans-per-class 4000 --sessions 3", capsys)
-    trained = run("train data --output runs/shape --epochs 2 --folds 3", capsys)
+    trained = run("train data --output runs/shape --epochs 2 --fold-count 3", capsys)
     bundled = run("bundle runs/shape --output shape.taxel", capsys)
     (live,) = run("live shape.taxel sim://teng?speed=max --seconds 12", capsys)
     main(["record", "sim://teng?speed=max", "--output", "touch.mcap", "--seconds", "12"])
@@ -77,7 +77,7 @@ def test_table_4_1_has_every_row_and_what_must_stand_beside_it(
 ) -> None:
     from taxel.evaluation.teng_table import ROWS
 
-    sections = run("evaluate teng-table --scans-per-class 5000 --epochs 1", capsys)
+    sections = run("reproduce table-4-1 --scans-per-class 5000 --epochs 1", capsys)
 
     assert [(s["preset"], s["task"], s["split"]) for s in sections] == [
         ("honest", "shape", "random windows (leaks)"),

@@ -140,7 +140,7 @@ def test_a_sure_answer_to_something_unlike_anything_learned_is_unknown():
     assert told(4.0).label == "b"
     far = told(40.0)
     assert far.label == UNKNOWN
-    assert far.reason == "unlike anything learned (p = 0.01)"
+    assert far.reason == "novel touch (p = 0.01)"
     assert far.confidence == pytest.approx(0.9)
 
 

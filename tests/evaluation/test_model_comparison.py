@@ -14,9 +14,8 @@ from make_dataset import make_dataset
 from rich.console import Console
 
 from taxel.bench import audit_models
-from taxel.cli import evaluate_models
 from taxel.cli.options import RecipeOptions
-from taxel.errors import BadInput
+from taxel.cli.reproduce.teng_models import TengModels
 from taxel.evaluation import cleaning_gains, model_comparison
 from taxel.evaluation.cleaning_gains import NOTHING, Gain, compare_cleaning, ways_to_train
 from taxel.evaluation.model_comparison import (
@@ -209,20 +208,13 @@ def test_the_verb_prints_json(
             work, jobs, on_done, workers=1
         ),
     )  # fmt: skip
-    options = RecipeOptions(model="cnn2d", epochs=1)
+    study = TengModels(
+        data=folder, model="cnn2d", recipe=RecipeOptions(epochs=1), fold_count=6, json=True
+    )
 
-    evaluate_models.run_models(folder, options, 0, 6, True)
+    study.run()
 
     found = json.loads(capsys.readouterr().out)
     assert [one["model"] for one in found["models"]] == ["cnn2d"] * 2
     assert math.isfinite(found["models"][1]["pooled"]["interval"][0])
     assert len(found["trivial"]) == 2
-
-
-def test_the_verb_refuses_what_it_would_ignore() -> None:
-    for options, word in (
-        (RecipeOptions(split="random"), "--split"),
-        (RecipeOptions(model="lstm"), "--model"),
-    ):
-        with pytest.raises(BadInput, match=word):
-            evaluate_models.run_cleaning(None, options, 1000, 6, True)

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from taxel.cli.evaluate_slips import run_slip_trials
+from taxel.cli.reproduce.slip_trials import SlipTrials
 from taxel.errors import BadDataset, BadInput, BadSplit
 from taxel.evaluation.slip_crops import (
     GREY_COLUMNS,
@@ -181,9 +181,9 @@ def test_a_short_trial_is_refused_in_one_line() -> None:
 
 def test_without_data_or_with_a_crop_of_nothing_it_says_what_is_missing(tmp_path: Path) -> None:
     with pytest.raises(BadInput, match="taxel import gelsight-slip"):
-        run_slip_trials(None, 0, False, None, 48, 5)
+        SlipTrials().run()
     with pytest.raises(BadInput, match="--crop"):
-        run_slip_trials(tmp_path, 0, False, None, 1, 5)
+        SlipTrials(data=tmp_path, crop=1).run()
 
 
 @pytest.mark.real
@@ -208,13 +208,13 @@ def test_six_real_trials_are_judged_and_the_shortest_may_be_too_short(
         )[:3]
     ]
     import_videos(chosen, tmp_path / "slips")
-    run_slip_trials(tmp_path / "slips", 0, True, tmp_path / "cache", 48, 2)
+    SlipTrials(data=tmp_path / "slips", json=True, cache=tmp_path / "cache", fold_count=2).run()
     found = json.loads(capsys.readouterr().out)
     assert found["trials"] == 6
     assert len(found["rows"]) == len(CONTENDERS)
     assert all(0 <= one["crops"]["accuracy"] <= 1 for one in found["rows"])
     with pytest.raises(BadDataset, match="at least one crop of 5000 frames"):
-        run_slip_trials(tmp_path / "slips", 0, True, tmp_path / "cache", 5000, 2)
+        SlipTrials(data=tmp_path / "slips", cache=tmp_path / "cache", crop=5000, fold_count=2).run()
 
 
 @pytest.fixture(scope="module")

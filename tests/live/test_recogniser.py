@@ -252,7 +252,7 @@ def test_touch_unlike_anything_learned_is_unknown_live(tmp_path: Path):
     recogniser = Recogniser(made, SENSOR, ANY)
     answers = recogniser.push(strange) + recogniser.push(usual)
     assert [answer.decision.label == UNKNOWN for answer in answers] == [True, False]
-    assert answers[0].decision.reason == "unlike anything learned (p = 0.01)"
+    assert answers[0].decision.reason == "novel touch (p = 0.01)"
 
 
 def test_a_missing_value_is_not_told_as_strange(tmp_path: Path):

@@ -92,7 +92,7 @@ def test_processes_share_the_windows_out_evenly_and_none_twice(few_pours: Path, 
 
 @pytest.mark.slow
 def test_two_processes_under_torchrun_end_with_one_file(few_pours: Path, tmp_path: Path) -> None:
-    verb = ["train", str(few_pours), "--grasp", EDGE, "--fine-tune", "1", "--frames", "2",
+    verb = ["train-backbone", str(few_pours), "--backbone", EDGE, "--epochs", "1", "--frames", "2",
             "--cache", str(tmp_path / "cache"), "--output", str(tmp_path / "edge.safetensors"),
             "--json"]  # fmt: skip
     done = subprocess.run(
@@ -110,10 +110,10 @@ def test_two_processes_under_torchrun_end_with_one_file(few_pours: Path, tmp_pat
 @pytest.mark.parametrize(
     "words",
     [
-        "--fine-tune 1 --output out.safetensors",
-        "--grasp gel --fine-tune 1 --output out.safetensors",
-        "--grasp edge --fine-tune -1 --output out.safetensors",
-        "--grasp edge --fine-tune 1 --output out.taxel",
+        "--epochs 1 --output out.safetensors",
+        "--backbone gel --epochs 1 --output out.safetensors",
+        "--backbone edge --epochs -1 --output out.safetensors",
+        "--backbone edge --epochs 1 --output out.taxel",
     ],
 )
 def test_options_that_make_no_sense_end_in_one_line(
@@ -121,7 +121,7 @@ def test_options_that_make_no_sense_end_in_one_line(
 ) -> None:
     monkeypatch.chdir(tmp_path)
     with pytest.raises(SystemExit) as ended:
-        main(["train", "pours", *words.split()])
+        main(["train-backbone", "pours", *words.split()])
     assert ended.value.code == 2
     assert len(capsys.readouterr().err.strip().splitlines()) == 1
     assert not list(tmp_path.iterdir())

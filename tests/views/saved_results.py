@@ -9,7 +9,7 @@ SWEEP = [
 
 
 def transition_tables() -> dict[str, Any]:
-    """What `taxel evaluate transition-tables --json` prints, for one model."""
+    """What `taxel reproduce transition-tables --json` prints, for one model."""
     scores = {"accuracy": 0.97, "interval": [0.95, 0.98], "balanced": 0.96, "auc": 0.99,
               "windows": 100}  # fmt: skip
     rows = [

@@ -88,7 +88,7 @@ def keep_for_claims(results: Mapping[str, Any]) -> int:
     """Keep each value of saved results as a row that the card can join; return how many.
 
     Args:
-        results: File's name → parsed JSON of `taxel evaluate teng-table --json`,
+        results: File's name → parsed JSON of `taxel reproduce table-4-1 --json`,
             `transition-tables --json`, `taxel simulate teng --json`, or any `taxel bench … --json`.
 
     Raises:
@@ -123,9 +123,9 @@ def _rows_of(data: Any, name: str) -> list[Row]:
     stamp = f"kept at commit {environment().get('commit', 'unknown')}, {day}, "
     try:
         if isinstance(data, dict) and {"rows", "baselines", "steps"} <= set(data):
-            return _transition_rows(data, stamp + "taxel evaluate transition-tables")
+            return _transition_rows(data, stamp + "taxel reproduce transition-tables")
         if isinstance(data, list) and data and {"columns", "preset"} <= set(data[0]):
-            return _table_rows(data, stamp + "taxel evaluate teng-table")
+            return _table_rows(data, stamp + "taxel reproduce table-4-1")
         if isinstance(data, list) and data and {"scans", "gated"} <= set(data[0]):
             share = sum(one["gated"] for one in data) / sum(one["scans"] for one in data)
             return [Row(name=ABOVE_GATE, value=share, unit="share", goal="", ok=None,
@@ -139,7 +139,7 @@ def _rows_of(data: Any, name: str) -> list[Row]:
         raise BadInput(f"a whole result in {name}", f"one that lacks {error}", "write it again") \
             from error  # fmt: skip
     raise BadInput(
-        f"what taxel evaluate teng-table, transition-tables or taxel bench prints with --json in "
+        f"what taxel reproduce table-4-1, transition-tables or taxel bench prints with --json in "
         f"{name}",
         "something else",
         "write it again",

@@ -240,7 +240,7 @@ def _label_rows(folder: Path, honest: Callable[[Sequence[str]], Ended]) -> list[
         ["import", write_table(folder), "--output", recordings],
         ["info", recordings],
         ["audit", recordings, "--target", "object"],
-        ["train", recordings, "--output", run, "--folds", "2", *TRAINING],
+        ["train", recordings, "--output", run, "--fold-count", "2", *TRAINING],
         ["bundle", run, "--output", bundle],
         ["report", run, "--no-latency", "--data", recordings, "--output", page],
     ]

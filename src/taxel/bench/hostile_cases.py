@@ -129,8 +129,8 @@ RESIDENT: dict[str, str] = {
     "sweep a loop": "sweep bundles/loop.taxel --data honest",
     "sweep a pipe": "sweep others/pipe.taxel --data honest",
     "code in the software's name":
-        "bundle code/software-that-ends-a-comment --target avr --output c --reference-mv 3300",
-    "code in the digest": "bundle code/digest-of-code --target avr --output c --reference-mv 3300",
-    "code in a class": "bundle code/class-of-code --target avr --output c --reference-mv 3300",
+        "bundle code/software-that-ends-a-comment --board mega --output c --reference-mv 3300",
+    "code in the digest": "bundle code/digest-of-code --board mega --output c --reference-mv 3300",
+    "code in a class": "bundle code/class-of-code --board mega --output c --reference-mv 3300",
 }  # fmt: skip
 """Name → command line, of verbs that load PyTorch: in a process that has loaded it."""

@@ -15,8 +15,8 @@ CLASSES = ("cup[blue]", "cup[green]", "[/red]", "a\x1b[2Jb", "$x^$", "<script>al
            "\u202epuc", "x\nall check sums hold", ":cup:")  # fmt: skip
 CHANNELS = (":a:", "$b^$", "_c\x1b(0\x07")
 SESSIONS = ("day\x1b[31m1", "day[/b]2")
-TRAINING = ("--target", "object", "--split", "group:session", "--model", "cnn1d", "--steps", "20",
-            "--stride", "20", "--grid", "own", "--gate", "none", "--epochs", "2")  # fmt: skip
+TRAINING = ("--target", "object", "--split", "group:session", "--model", "cnn1d", "--window",
+            "steps=20", "stride=20", "grid=own", "gate=none", "--epochs", "2")  # fmt: skip
 """Options of a training on them that takes seconds."""
 
 

@@ -187,7 +187,7 @@ def paper_set() -> list[Row]:
         _taxel("simulate", "cup-pour", "--output", str(cups), "--json")
         rows.append(row("the paper's 60 videos, both cameras, recorded", perf_counter() - started,
                         "s", "<=", 300.0))  # fmt: skip
-        words = ("evaluate", "transition-tables", "--data", str(cups), "--json", "--cache",
+        words = ("reproduce", "transition-tables", "--data", str(cups), "--json", "--cache",
                  str(Path(scratch) / "cache"))  # fmt: skip
         peak_mb = _most_memory_mb(*words, "--single-split")
         rows.append(row("features of 60 videos and training: memory, all processes", peak_mb, "MiB",
@@ -209,8 +209,8 @@ def paper_set() -> list[Row]:
                 row(f"{name}, {split}", lstm[key]["accuracy"], "accuracy", ">=", 0.98, note)
             )
         warned, *trivially = _taxel(
-            "evaluate", "grasp-warnings", "--data", str(cups), "--rule", "gross-slip",
-            "--backbones", "gel", "--frames", "30", "--json",
+            "reproduce", "grasp-warnings", "--data", str(cups), "--rule", "gross-slip",
+            "--features", "gel", "--frames", "30", "--json",
         )  # fmt: skip
     beside = "; ".join(f"{one['name']} {one['windows']['balanced']:.3f}" for one in trivially)
     events = warned["events"]
@@ -236,7 +236,7 @@ def slips(data: Path | None) -> list[Row]:
         folder = Path(scratch) / "slips"
         _taxel("import", "gelsight-slip", "--data", str(data / "gelsight-slip"), "--output",
                str(folder), "--json")  # fmt: skip
-        found = _taxel("evaluate", "slip-trials", "--data", str(folder), "--json")
+        found = _taxel("reproduce", "slip-trials", "--data", str(folder), "--json")
     return slip_rows(name, found)
 
 
@@ -255,7 +255,7 @@ def slip_warning() -> list[Row]:
 
 
 def slip_rows(name: str, found: dict[str, Any]) -> list[Row]:
-    """Return the rows of `taxel evaluate slip-trials --json`: ours, with the others in the note."""
+    """Return the rows of `taxel reproduce slip-trials --json`; the others are in the note."""
     ours, *others = found["rows"]
     rows = []
     for what, unit, limit in (("accuracy", "accuracy", 0.92), ("auc", "AUC", 0.97)):

@@ -87,14 +87,14 @@ class Contract:
                 f"the channels {', '.join(self.channels)}, in this order",
                 f"{', '.join(sensor.channels)} from {sensor.name!r}",
                 "name or order them so in the import table or with channels= in serial://, if you "
-                "are sure which is which; or train with --channels, which takes them by name",
+                "are sure which is which; or train with --window channels=NAMES, taken by name",
             )
         low_hz, high_hz = self.rate_hz / MOST_RATE_CHANGE, self.rate_hz * MOST_RATE_CHANGE
         if self.window.grid_hz is None and not low_hz <= sensor.rate_hz <= high_hz:
             raise BadBundle(
                 f"about {self.rate_hz:g} scans/s, whose rows this bundle takes as they come",
                 f"{sensor.rate_hz:g} from {sensor.name!r}",
-                "train a bundle on recordings of this rate, or on a common --grid",
+                "train a bundle on recordings of this rate, or on a grid: --window grid=100",
             )
 
 
@@ -112,7 +112,7 @@ def at_level(contract: Contract, level: NDArray[np.float32]) -> Contract:
     if contract.reference is None:
         raise BadBundle(
             "a bundle trained with reference touches", "one without",
-            "train it with --recipe teng-referenced, or with --reference",
+            "train it with --recipe teng-referenced, or with --window reference=…",
         )  # fmt: skip
     level = np.where(level > 0, level, contract.reference.level).astype(np.float32)
     return replace(

@@ -66,7 +66,7 @@ def measure_level(path: Path, contract: Contract, *, count: int | None = None) -
     if contract.reference is None:
         raise BadBundle(
             "a bundle trained with reference touches", "one without",
-            "train it with --recipe teng-referenced, or with --reference",
+            "train it with --recipe teng-referenced, or with --window reference=…",
         )  # fmt: skip
     dataset = load_dataset(path, replace(contract.window, reference=None))
     contract.check_sensor(dataset.sensor)

@@ -6,10 +6,11 @@ from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, replace
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import tyro
 
+from taxel.cli.option_rules import Only
 from taxel.cli.printing import command, console, print_json, progress, say
 from taxel.errors import BadInput
 
@@ -45,8 +46,8 @@ class Adapt:
     trained: tyro.conf.Positional[Path]
     """A bundle of an array, NAME.taxel, or a run's folder."""
     touches: Path | None = None
-    """A recording of a few touches of the known object that the training's --reference names, on
-    the pad, gel or session as it is now. Alone: brings each channel to its level. Beside --new or
+    """A recording of a few touches of the known object that the training's reference names, on the
+    pad, gel or session as it is now. Alone: brings each channel to its level. Beside --new or
     --correct: sets the level of those recordings. It sets the level of --test too, but for sessions
     that hold such touches of their own."""
     new: tuple[Path, ...] = ()
@@ -69,6 +70,8 @@ class Adapt:
     json: bool = False
     """Print JSON; accuracies are shares of windows, prequential and unlearned of grasps that gave
     a window, 0 to 1; levels in the channels' units."""
+
+    RULES: ClassVar = (Only(("grasps",), "--new", lambda o: o.new),)
 
     def run(self) -> None:
         """Adapt, or show or bring back versions."""

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, ClassVar
 
 import tyro
 
+from taxel.cli.option_rules import Only
 from taxel.cli.printing import console, print_json, progress
 from taxel.errors import BadInput
 
@@ -20,15 +21,15 @@ if TYPE_CHECKING:
 class Audit:
     """Find leakage in recordings, or in a split of them; say what each leak alone gives.
 
-    Without a split the recordings are audited by themselves: what tells the label without touch,
-    and what a careless split would add. The exit code is 0 whatever is found.
+    Without a split the recordings are audited by themselves: what predicts the label without
+    touch, and what a careless split would add. The exit code is 0 whatever is found.
     """
 
     data: tyro.conf.Positional[Path]
     """A folder of recordings of an array or of cameras, or of a public data set's own files
     (teng-glove, icub-grasp, gelsight-slip)."""
     target: str | None = None
-    """The label that is to be told; the first with two classes unless given."""
+    """The label to predict; the first with two classes unless given."""
     split: str | None = None
     """One of taxel's own splits: random, group:KEY or order:KEY:LAST[:END]."""
     folds: Path | None = None
@@ -37,8 +38,8 @@ class Audit:
     unseen: tuple[str, ...] = ()
     """Groups that the split claims to hold out, such as object; group:KEY claims its own."""
     trained: Annotated[Path | None, tyro.conf.arg(name="run")] = None
-    """A run's folder, as taxel train writes it: was its scaling fitted on the test part too?"""
-    parts: int = 5
+    """A trained run's folder: was its scaling fitted on the test part too?"""
+    fold_count: int = 5
     """Folds that --split makes."""
     steps: int | None = None
     """Rows (or frames) of a window; a quarter of the usual trial unless given."""
@@ -48,6 +49,10 @@ class Audit:
     """Also list what was looked for and not found."""
     json: bool = False
     """Print JSON; accuracies are shares, 0 to 1."""
+
+    RULES: ClassVar = (
+        Only(("fold-count",), "--split in folds (not order:)", lambda o: o._in_folds()),
+    )
 
     def run(self) -> None:
         """Read, look for everything, and print."""
@@ -81,6 +86,9 @@ class Audit:
 
         console.print(audit_table(found, everything=self.all))
 
+    def _in_folds(self) -> bool:
+        return self.split is not None and not self.split.startswith("order:")
+
     def _check(self) -> None:
         if self.split is not None and self.folds is not None:
             raise BadInput("--split or --folds", "both", "give one of them")
@@ -88,9 +96,9 @@ class Audit:
             raise BadInput("a split beside --unseen", "none", "add --split or --folds")
         if self.steps is not None and self.steps < 2:
             raise BadInput("--steps of at least 2", str(self.steps), "choose more")
-        if not 2 <= self.parts <= 100 or not 0 <= self.seed < 2**31:
-            raise BadInput("--parts within 2 and 100, and a --seed of at least 0",
-                           f"{self.parts} and {self.seed}", "mend them")  # fmt: skip
+        if not 2 <= self.fold_count <= 100 or not 0 <= self.seed < 2**31:
+            raise BadInput("--fold-count within 2 and 100, and a --seed of at least 0",
+                           f"{self.fold_count} and {self.seed}", "mend them")  # fmt: skip
 
     def _sides(self, touch: TouchSet) -> tuple[Pieces, Sides] | None:
         from taxel.evaluation.audit.sides import named_sides, table_sides
@@ -102,7 +110,7 @@ class Audit:
                 known = ", ".join(sorted(touch.trials[0].groups))
                 raise BadInput(f"groups among {known} for --unseen", repr(key), "name one of them")
         if self.split is not None:
-            return named_sides(touch, self.split, steps, self.parts, self.seed, self.unseen)
+            return named_sides(touch, self.split, steps, self.fold_count, self.seed, self.unseen)
         if self.folds is not None:
             return table_sides(touch, self.folds, steps, self.unseen)
         return None

@@ -6,10 +6,11 @@ from dataclasses import asdict, dataclass
 from importlib import import_module
 from pathlib import Path
 from types import ModuleType
-from typing import Any, Literal
+from typing import Any, ClassVar, Literal
 
 import tyro
 
+from taxel.cli.option_rules import Only
 from taxel.cli.printing import console, print_json, progress
 from taxel.errors import BadInput
 
@@ -32,6 +33,8 @@ class Bench:
     """With `faults`: also write all rows as a page of Markdown, to this file."""
     json: bool = False
     """Print JSON: a list of {name, value, unit, goal, ok, note, stamp}."""
+
+    RULES: ClassVar = (Only(("data",), "--full", lambda o: o.full),)
 
     def run(self) -> None:
         """Measure and print."""

@@ -6,10 +6,11 @@ import sys
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, ClassVar, Literal
 
 import tyro
 
+from taxel.cli.option_rules import Only
 from taxel.cli.printing import command, print_json, say
 from taxel.errors import BadInput
 
@@ -26,31 +27,35 @@ class Bundle:
     """Export a run to one file (ONNX, window, scaling, labels, checksum) and check parity."""
 
     trained: tyro.conf.Positional[Path | None] = None
-    """A run's folder, as taxel train writes it; with --sign also a bundle, which is signed as it
-    is."""
+    """A run's folder; with --sign also a bundle, which is signed as it is."""
     output: Path | None = None
-    """The file to write, by custom NAME.taxel; for avr a folder, such as a copy of
+    """The file to write, by custom NAME.taxel; with --board a folder, such as a copy of
     firmware/teng_classify. An older bundle there is replaced."""
     sign: Path | None = None
-    """Sign it with this private key, an Ed25519 key of OpenSSH's form; taxel live --trust KEY.pub
-    then takes it and no other."""
+    """Sign it with this private key, an Ed25519 key of OpenSSH's form, so that whoever trusts its
+    public key can refuse all others."""
     new_key: Path | None = None
     """Alone: write a new private key to this file, and its public key to the same name with .pub.
     No file is replaced."""
-    target: Literal["live", "avr"] = "live"
-    """live: a file for taxel live. avr: the same, and C for an Arduino Mega 2560 beside it, which
-    tells on the board itself (networks of the model cnn2d)."""
+    board: Literal["mega"] | None = None
+    """Also write C that predicts on the board itself: mega, the Arduino Mega 2560 (networks of the
+    model cnn2d)."""
     data: Path | None = None
-    """Recordings to measure parity on, and for avr the scales of 8 bits; those that the run was
-    trained on unless given."""
+    """Recordings to measure parity on, and with --board the scales of 8 bits; those that the run
+    was trained on unless given."""
     test: Path | None = None
-    """avr: labelled recordings that the network has not seen, to measure on what 8 bits lose;
-    those of --data unless given."""
+    """With --board: labelled recordings that the network has not seen, to measure on what 8 bits
+    lose; those of --data unless given."""
     reference_mv: int | None = None
-    """avr: the voltage that the board's converter compares with, millivolts, such as 5000, or 3300
-    with 3.3 V on the pin AREF; as the recordings say unless given."""
+    """With --board: the voltage that its converter compares with, millivolts, such as 5000, or
+    3300 with 3.3 V on the pin AREF; as the recordings say unless given."""
     json: bool = False
     """Print JSON."""
+
+    RULES: ClassVar = (
+        Only(("data", "board", "test", "reference-mv"), "a run to export", lambda o: o._exports()),
+        Only(("test", "reference-mv"), "--board", lambda o: o.board is not None),
+    )
 
     def run(self) -> None:
         """Make a key; or sign a bundle; or export a run and print the parity found."""
@@ -60,17 +65,19 @@ class Bundle:
         if self.trained is None or self.output is None:
             got = f"{self.trained} alone" if self.trained is not None else "no run's folder"
             raise BadInput("a run's folder and --output FILE", got, "name both")
-        if self.sign is not None and self.target == "avr":
+        if self.sign is not None and self.board is not None:
             raise BadInput(
-                "--target live beside --sign",
-                "avr, whose board checks no signature",
-                "leave one out",
+                "--sign or --board", "both, but a board checks no signature", "leave one out"
             )
         signer = None if self.sign is None else _signer(self.sign)
         if signer is not None and self.trained.is_file():
             self._sign_bundle(self.trained, self.output, signer)
             return
         self._export(self.trained, self.output, signer)
+
+    def _exports(self) -> bool:
+        """Return whether a run is exported, and not a key made or a bundle signed as it is."""
+        return self.new_key is None and not (self.trained is not None and self.trained.is_file())
 
     def _export(self, folder: Path, output: Path, signer: Signer | None) -> None:
         from taxel.bundles.recordings import load_at_level
@@ -79,9 +86,7 @@ class Bundle:
         from taxel.sim.teng_constants import SENSORS
         from taxel.training.run import load_run
 
-        if self.target == "live" and (self.test or self.reference_mv):
-            raise BadInput("--test and --reference-mv with --target avr", "them without", "say it")
-        path = output if self.target == "live" else output / BOARD_BUNDLE
+        path = output if self.board is None else output / BOARD_BUNDLE
         older = _older(path)
         trained = load_run(folder)
         data = self.data or Path(trained.data)
@@ -96,7 +101,7 @@ class Bundle:
                 path, trained.networks, trained.contract, windows.values, windows.mask, signer
             )
 
-        if self.target == "avr":
+        if self.board is not None:
             self._write_avr(write, output, data)
             return
         contract = write(path)

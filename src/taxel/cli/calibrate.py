@@ -7,12 +7,13 @@ import shlex
 import sys
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any, ClassVar, Literal
 from urllib.parse import parse_qsl
 
 import tyro
 from rich.table import Table
 
+from taxel.cli.option_rules import Only
 from taxel.cli.printing import ask, command, console, print_json, say, say_aside
 from taxel.clock import SystemClock
 from taxel.errors import BadInput, BadSource, MissingExtra
@@ -69,6 +70,13 @@ class Calibrate:
     json: bool = False
     """Print the calibration, or the ledger of the corrected recording, as JSON."""
 
+    RULES: ClassVar = (
+        Only(("measure", "presses", "html", "seed"), "no --apply", lambda o: o.apply is None),
+        Only(("unit",), "--apply", lambda o: o.apply is not None),
+        Only(("forces", "rounds", "recording"), "a live sensor or sim://teng", lambda o: o._live()),
+        Only(("sensors",), "a live sensor", lambda o: o._live() and not o._is_simulated()),
+    )
+
     def run(self) -> None:
         """Calibrate, or correct."""
         if not self.source:
@@ -93,6 +101,14 @@ class Calibrate:
             print_json(document)
         else:
             self._print(document)
+
+    def _live(self) -> bool:
+        """Return whether forces are asked for, and nothing is read or corrected."""
+        first = next(iter(self.source), "")
+        return self.apply is None and "://" in first and not first.startswith("replay://")
+
+    def _is_simulated(self) -> bool:
+        return self.source[0].startswith("sim://")
 
     def _check_options(self) -> None:
         """Refuse options that could only fail later, before anything is read or pressed."""
@@ -120,7 +136,7 @@ class Calibrate:
     def _taken(self) -> tuple[list[Taken], SensorInfo, list[dict[str, Any]]]:
         """Return what to calibrate from, the array, and where it comes from."""
         first = self.source[0]
-        live = "://" in first and not first.startswith("replay://")
+        live = self._live()
         if live and len(self.source) > 1:
             raise BadSource("one address, or recordings", f"{len(self.source)}", "name one")
         if live and self.presses:

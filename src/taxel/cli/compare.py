@@ -18,7 +18,7 @@ class Compare:
     """
 
     first: tyro.conf.Positional[Path]
-    """A run's folder, as taxel train writes it."""
+    """A run's folder."""
     second: tyro.conf.Positional[Path]
     """Another; differences are second minus first."""
     group: str | None = None

@@ -138,10 +138,7 @@ class Demo:
             found = measure_level(touches, read_contract(bundle), count=3)
             write_whole(bundle, bundle_at_level(bundle, found.level)[1])
         low, high = found.change.min(), found.change.max()
-        say(
-            f"  channels stand at {low:.2f} to {high:.2f} of their usual level: "
-            "both bundles brought to that"
-        )
+        say(f"  today's channel gain is {low:.2f}–{high:.2f} × training; both models rescaled")
 
     def _live(self, bundles: list[Path]) -> None:
         from taxel.cli.live import Live

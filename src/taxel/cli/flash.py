@@ -7,11 +7,12 @@ import subprocess
 import tempfile
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, ClassVar, Literal
 
 import tyro
 
 from taxel.cli.flash_tools import BOARDS, BoardKind, commands, find_sketch
+from taxel.cli.option_rules import Only
 from taxel.cli.printing import print_json, say, say_aside
 from taxel.clock import Clock, SystemClock
 from taxel.errors import BadInput, BadSource, MissingExtra
@@ -65,6 +66,8 @@ class Flash:
     """Print the commands and do nothing."""
     json: bool = False
     """Print what was done as JSON."""
+
+    RULES: ClassVar = (Only(("expect", "baud", "wait-s"), "no --dry-run", lambda o: not o.dry_run),)
 
     def run(self) -> None:
         """Build, write and check, or say in one line why not."""

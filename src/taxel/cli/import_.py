@@ -5,10 +5,11 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Literal
+from typing import ClassVar, Literal
 
 import tyro
 
+from taxel.cli.option_rules import Only
 from taxel.cli.printing import command, print_json, progress, say
 from taxel.errors import BadInput, MissingExtra
 from taxel.recordings.importing import (
@@ -52,8 +53,9 @@ class Import:
     """Labelled stretches of the files, which become trials: a table (CSV) with the columns file,
     start_s, end_s or duration_s (seconds from the file's first scan), label:NAME and group:NAME;
     for a single file also an Audacity label track or MNE's annotations (.txt)."""
-    missing: Literal["refuse", "keep"] = "refuse"
-    """Empty cells, NaN and infinity: refuse the file, or keep them flagged as invalid."""
+    missing: Literal["refuse", "keep"] | None = None
+    """Arrays: empty cells, NaN and infinity: refuse the file (unless keep is given), or keep them
+    flagged as invalid."""
     allow_code: bool = False
     """Run layouts of the form module.py:function; they can do whatever you can."""
     allow_outside: bool = False
@@ -63,6 +65,13 @@ class Import:
     """Replace an existing output folder."""
     json: bool = False
     """Print the recordings' paths as JSON."""
+
+    RULES: ClassVar = (
+        Only(
+            ("allow-code", "allow-outside"), "a table of your own",
+            lambda o: o.table not in (*KNOWN, *KNOWN_VIDEOS),
+        ),
+    )  # fmt: skip
 
     def run(self) -> None:
         """Import everything, or nothing at all."""
@@ -80,9 +89,13 @@ class Import:
         """Return the recordings, and what to say of their labels and groups."""
         table = Path(self.table)
         if self.table in KNOWN_VIDEOS or (self.table not in KNOWN and _of_videos(table)):
-            if self.intervals is not None:
-                raise BadInput("a table of arrays beside --intervals", "one of videos",
-                               "leave --intervals out")  # fmt: skip
+            for name, given in (
+                ("--intervals", self.intervals), ("--missing", self.missing),
+                ("--allow-code", self.allow_code),
+            ):  # fmt: skip
+                if given:
+                    raise BadInput(f"a table of arrays beside {name}", "one of videos",
+                                   f"leave {name} out")  # fmt: skip
             return self._import_videos(progress)
         if self.table not in KNOWN:
             rows = read_rows(table, self.data or table.parent, outside=self.allow_outside)
@@ -92,7 +105,7 @@ class Import:
             rows = KNOWN[self.table].rows(self.data)
         intervals = intervals_of(rows, self.intervals)
         options = ImportOptions(
-            missing=self.missing, allow_code=self.allow_code, overwrite=self.overwrite
+            missing=self.missing or "refuse", allow_code=self.allow_code, overwrite=self.overwrite
         )
         made = import_rows(
             rows, self.output, code_dir=table.parent, intervals=intervals, options=options,

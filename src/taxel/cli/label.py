@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import tyro
 from rich.table import Table
 
 from taxel.cli.figure_files import need_figures
+from taxel.cli.option_rules import Only
 from taxel.cli.printing import command, console, print_json, progress, say
 from taxel.errors import BadInput
 from taxel.plain_text import visible, visible_line
@@ -64,6 +65,11 @@ class Label:
     """Folder for change signals; $TAXEL_CACHE or ~/.cache/taxel unless given."""
     json: bool = False
     """Print everything as JSON."""
+
+    RULES: ClassVar = (
+        Only(("cache",), "no --intervals", lambda o: o.intervals is None),
+        Only(("onset", "frame", "stable", "clear"), "no --intervals", lambda o: not o.intervals),
+    )
 
     def run(self) -> None:
         """Label intervals; or correct where that is asked for, then show."""

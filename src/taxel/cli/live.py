@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, ClassVar
 
 import tyro
 
 from taxel.bundles.shipped import find_bundle
-from taxel.cli.live_station import StationOptions, answers_lines
+from taxel.cli.live_station import StationOptions, answers_lines, parse_address
+from taxel.cli.option_rules import Only
 from taxel.cli.pairs import Pairs, parse_pairs
 from taxel.cli.printing import console, print_json, say
 from taxel.errors import BadInput
@@ -18,12 +19,20 @@ if TYPE_CHECKING:
     from taxel.bundles.signing import Trust
 
 
+LEAST_CONFIDENCE = 0.5
+"""Probability below which an answer is UNKNOWN unless another is asked for. Our choice,
+docs/decisions/0010."""
+
+
 @dataclass(frozen=True, kw_only=True)
 class Live:
-    """Tell what is in the hand, window by window, with confidence, latency and the map."""
+    """Predict what is in the hand, window by window, with confidence, latency and the map.
+
+    A bundle of tactile cameras warns before the grasp turns unstable.
+    """
 
     bundle: tyro.conf.Positional[Path]
-    """A bundle, as taxel bundle writes it; or one that comes with taxel: cup-pour."""
+    """A bundle, NAME.taxel; or cup-pour, which comes with taxel."""
     source: tyro.conf.Positional[str]
     """A source: sim://teng, replay://FILE, or a recording's file."""
     seconds: float | None = None
@@ -32,20 +41,18 @@ class Live:
     also: Annotated[tuple[Path, ...], tyro.conf.UseAppendAction] = ()
     """One more bundle to run on the same samples, such as one for shape and one for material; may
     be given several times."""
-    least_confidence: float = 0.5
-    """Below this probability the answer is UNKNOWN, 0…1."""
+    least_confidence: float | None = None
+    """Arrays: below this probability the answer is UNKNOWN, 0…1; 0.5 unless given."""
     trust: Path | None = None
-    """A public key, or a file of several: a bundle that none of them signed is refused. See
-    taxel bundle --sign."""
+    """A public key, or a file of several: a bundle that none of them signed is refused."""
     beside: Annotated[tuple[str, ...], tyro.conf.UseAppendAction] = ()
     """One more source to run beside the first, such as a hand beside a pair of cameras; each
     bundle goes to the first source that it fits. May be given several times."""
     page: bool = False
     """Open the operator's page; its address is printed."""
-    page_host: str = "127.0.0.1"
-    """Where the page listens; anything but this machine's own address is open to the network."""
-    page_port: int = 0
-    """Port of the page; 0 takes a free one."""
+    page_address: str = "127.0.0.1:0"
+    """With --page: where it listens, HOST:PORT; port 0 takes a free one; any host but this
+    machine's own address is open to the network."""
     record: Path | None = None
     """Record everything to this file, ending in .mcap."""
     label: Pairs = ()
@@ -63,18 +70,26 @@ class Live:
     """With --gripper: arm once the grasp is stable; else a person arms with the key m."""
     tell: str | None = None
     """Tell another robot's program the state: udp://127.0.0.1:5005."""
-    least_n: float = 15.0
-    """With --gripper: the force at which a grasp begins, newtons."""
-    most_n: float = 50.0
-    """With --gripper: the largest force, newtons."""
+    force_n: tuple[float, float] | None = None
+    """With --gripper or --tell: the force at which a grasp begins and the largest one, newtons; 15
+    to 50, or what the gripper's address says, unless given."""
     rerun: bool = False
     """Stream to a Rerun viewer, from a process of its own."""
     quiet: bool = False
     """Print the summary only."""
     json: bool = False
     """Print JSON: one summary a bundle at the end. marked: windows inside a finished, labelled
-    grasp, of which right were told right; grasps: such grasps that gave a window, of which
-    grasps_right by all their windows; latencies in µs, from samples in hand to decision."""
+    grasp, of which right were correct; grasps: such grasps that gave a window, of which
+    grasps_right in all their windows; latencies in µs, from samples in hand to decision."""
+
+    RULES: ClassVar = (
+        Only(("page-address",), "--page", lambda o: o.page),
+        Only(("arm",), "--gripper", lambda o: o.gripper),
+        Only(("force-n",), "--gripper or --tell", lambda o: o.gripper or o.tell),
+        Only(("overwrite",), "--record", lambda o: o.record),
+        Only(("label", "group"), "--record or --page", lambda o: o.record or o.page),
+        Only(("quiet",), "no --json", lambda o: not o.json),
+    )
 
     def run(self) -> None:
         """Run until the time is over, the source ends or the user stops it."""
@@ -90,20 +105,18 @@ class Live:
 
         if self.seconds is not None and not self.seconds > 0:
             raise BadInput("--seconds above 0", str(self.seconds), "give a longer time")
-        if not 0 <= self.least_confidence <= 1:
+        if self.least_confidence is not None and not 0 <= self.least_confidence <= 1:
             raise BadInput(
                 "--least-confidence within 0 and 1", str(self.least_confidence), "choose another"
             )
-        about = {"--label": self.label, "--group": self.group, "--overwrite": self.overwrite}
-        given = [option for option, one in about.items() if one]
-        if given and not (self.record or self.page):
-            raise BadInput(
-                f"--record or --page with {' and '.join(given)}", "no recording",
-                "name a file with --record",
-            )  # fmt: skip
         files = tuple(find_bundle(path) for path in (self.bundle, *self.also))
         for file in files:
             need_bundle(file)
+        if self.least_confidence is not None and all(map(is_grasp_bundle, files)):
+            raise BadInput(
+                "a bundle of an array beside --least-confidence", "tactile cameras only",
+                "leave it out: a monitor's threshold stands in its bundle",
+            )  # fmt: skip
         trust = None
         if self.trust is not None:
             from taxel.bundles.signing import read_trust
@@ -116,7 +129,7 @@ class Live:
             live_grasps(files[0], self.source, self.seconds, self.quiet, self.json, trust)
             return
         bundles = [read_bundle(file, trust=trust) for file in files]
-        config = RecogniseConfig(least_confidence=self.least_confidence)
+        config = RecogniseConfig(least_confidence=self._least())
         with open_source(self.source) as source:
             recognisers = [Recogniser(bundle, source.info, config) for bundle in bundles]
             if self.quiet or self.json or not console.is_terminal:
@@ -137,16 +150,18 @@ class Live:
             say(line)
             if result["marked"]:
                 say(
-                    f"  right by the source's own labels: {result['right']} of the "
-                    f"{result['marked']} windows inside a finished grasp, {result['grasps_right']} "
-                    f"of the {result['grasps']} finished grasps that gave a window (UNKNOWN is "
-                    "right only for what was never learned)"
+                    f"  accuracy against ground truth: {result['right']}/{result['marked']} "
+                    f"windows, {result['grasps_right']}/{result['grasps']} whole grasps (UNKNOWN "
+                    "is correct only for touch that was never learned)"
                 )
             if result["windows"]:
                 say(
-                    f"  a window to a decision: median {result['latency_us_median']:.0f} µs, "
-                    f"99 % of the windows below {result['latency_us_p99']:.0f} µs"
+                    f"  latency from window to decision: median {result['latency_us_median']:.0f} "
+                    f"µs, p99 {result['latency_us_p99']:.0f} µs"
                 )
+
+    def _least(self) -> float:
+        return LEAST_CONFIDENCE if self.least_confidence is None else self.least_confidence
 
     def _needs_station(self) -> bool:
         """True where one process is not enough."""
@@ -155,24 +170,24 @@ class Live:
         )
 
     def _station(self, bundles: tuple[Path, ...], trust: Trust | None) -> StationOptions:
+        host, port = parse_address(self.page_address)
         return StationOptions(
             bundles=bundles,
             sources=(self.source, *self.beside),
             seconds=self.seconds,
-            least_confidence=self.least_confidence,
+            least_confidence=self._least(),
             trust=trust,
             record=self.record,
             labels=parse_pairs(self.label, "--label"),
             groups=parse_pairs(self.group, "--group"),
             overwrite=self.overwrite,
             page=self.page,
-            page_host=self.page_host,
-            page_port=self.page_port,
+            page_host=host,
+            page_port=port,
             gripper=self.gripper,
             arm=self.arm,
             tell=self.tell,
-            least_n=self.least_n,
-            most_n=self.most_n,
+            force_n=self.force_n,
             rerun=self.rerun,
             quiet=self.quiet,
             json=self.json,

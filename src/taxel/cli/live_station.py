@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import queue
+import re
 import socket
 import threading
 from contextlib import ExitStack, suppress
@@ -21,6 +22,7 @@ from taxel.plain_text import visible, visible_line
 if TYPE_CHECKING:
     from taxel.actions.actuators import Actuator
     from taxel.actions.gripper import ForceRange
+    from taxel.actions.interlock import InterlockConfig
     from taxel.bundles.signing import Trust
     from taxel.live.station.station import Station
 
@@ -35,6 +37,8 @@ _PATIENT_S = 0.3
 takes most of a core, and a shared machine is late at times. Our choice."""
 _PATIENCE = {"watchdog_s": _PATIENT_S, "decision_s": _PATIENT_S + 0.2, "stall_s": 0.12}
 """What follows from it for the interlock, seconds; the alarm of a stall still sounds in 0.15 s."""
+FORCE_N = (15.0, 50.0)
+"""Forces of the simulated cup's gripper, newtons. Source: grasp-transition paper, section 3."""
 SIMULATED = "sim"
 """Names the gripper of the simulated cup."""
 
@@ -60,8 +64,8 @@ class StationOptions:
     gripper: str | None = None
     arm: bool = False
     tell: str | None = None
-    least_n: float = 15.0
-    most_n: float = 50.0
+    force_n: tuple[float, float] | None = None
+    """Force at which a grasp begins and largest force, newtons; `FORCE_N` unless given."""
     rerun: bool = False
     quiet: bool = False
     json: bool = False
@@ -69,7 +73,6 @@ class StationOptions:
 
 def live_station(options: StationOptions) -> dict[str, Any]:
     """Run a station until its time is over, its sources have ended, or the user stops it."""
-    from taxel.actions.interlock import InterlockConfig
     from taxel.live.station.guard import GuardConfig
     from taxel.live.station.station import Station
     from taxel.live.station.wiring import StationConfig
@@ -91,9 +94,7 @@ def live_station(options: StationOptions) -> dict[str, Any]:
             actuator.connect()
         force = next((one.force for one in actuators if one.force is not None), _range(options))
         simulated = options.gripper == SIMULATED
-        interlock = InterlockConfig(
-            min_n=force.least_n, max_n=max(force.least_n, min(force.max_n, options.most_n))
-        )
+        interlock = _interlock(options, force)
         config = StationConfig(
             sources=options.sources,
             bundles=options.bundles,
@@ -147,10 +148,33 @@ def live_station(options: StationOptions) -> dict[str, Any]:
 
 
 def _range(options: StationOptions) -> ForceRange:
-    """Return what the simulated cup's gripper can do."""
+    """Return the forces asked for; what the simulated cup's gripper can do."""
     from taxel.actions.gripper import ForceRange
 
-    return ForceRange(max_n=options.most_n, min_n=options.least_n)
+    least_n, most_n = options.force_n or FORCE_N
+    return ForceRange(max_n=most_n, min_n=least_n)
+
+
+def _interlock(options: StationOptions, force: ForceRange) -> InterlockConfig:
+    """Return limits within both what a gripper can do and what was asked for."""
+    from taxel.actions.interlock import InterlockConfig
+
+    asked = _range(options)
+    least_n = force.least_n if options.force_n is None else max(force.least_n, asked.least_n)
+    least_n = min(least_n, force.max_n)
+    return InterlockConfig(min_n=least_n, max_n=max(least_n, min(force.max_n, asked.max_n)))
+
+
+def parse_address(text: str) -> tuple[str, int]:
+    """Return host and port of a page's address, HOST:PORT.
+
+    Raises:
+        BadInput: It is none.
+    """
+    host, colon, port = text.rpartition(":")
+    if not (host and colon and re.fullmatch(r"[0-9]{1,5}", port) and int(port) < 1 << 16):
+        raise BadInput("HOST:PORT for --page-address", repr(text), "for example 127.0.0.1:8080")
+    return host.removeprefix("[").removesuffix("]"), int(port)
 
 
 def _open_actuators(options: StationOptions) -> list[Actuator]:

@@ -1,8 +1,10 @@
 """The command `taxel`: finds the verb, runs it, and turns a known error into one plain line.
 
 Each verb is a dataclass in a file of its own, whose fields are its options
-(read by tyro) and whose `run` does the work. Only the chosen verb is imported,
-so that `taxel --help` is quick and the live path stays small.
+(read by tyro) and whose `run` does the work. Two verbs, of `KINDS`, do a job
+whose options differ by kind: `taxel simulate cup-pour`; there each kind is such
+a dataclass. Only the chosen verb is imported, so that `taxel --help` is quick
+and the live path stays small (docs/decisions/0038).
 """
 
 from __future__ import annotations
@@ -16,16 +18,17 @@ os.environ.setdefault("OMP_NUM_THREADS", "1")
 os.environ.setdefault("OMP_WAIT_POLICY", "PASSIVE")
 
 from collections.abc import Sequence
-from contextlib import redirect_stderr
 from importlib import import_module
-from io import BytesIO, TextIOWrapper
 from keyword import iskeyword
 from traceback import format_exception
 from types import TracebackType
 from typing import Protocol
 
 from taxel import __version__
-from taxel.errors import TaxelError
+from taxel.cli.old_spellings import refuse_old
+from taxel.cli.option_rules import check_rules
+from taxel.cli.parsing import parse
+from taxel.errors import BadInput, TaxelError
 from taxel.plain_text import visible_line, without_controls
 
 
@@ -52,17 +55,39 @@ VERBS = {
     "label": "label intervals of long recordings; correct when a grasp turned unstable",
     "audit": "find leaks in recordings or in a split, before a reviewer does",
     "models": "list models and recipes, with their parameter counts",
-    "train": "train a recogniser on recordings",
-    "evaluate": "print a published table, or cross-validate on recordings",
+    "train": "train a recogniser on recordings of an array",
+    "train-monitor": "train a grasp monitor on recordings of tactile cameras",
+    "train-slip": "train a warning of slip on simulated cups",
+    "train-backbone": "train a network of images end to end on tactile cameras",
+    "evaluate": "cross-validate a recipe on recordings",
+    "reproduce": "print a published table or study, with our figures beside it",
     "compare": "test whether one run is better than another",
     "sweep": "how accuracy falls with noise, faults and weather",
     "report": "one page of runs: data, splits, audit, tables, commands",
     "bundle": "turn a trained run into the one file that runs live",
     "adapt": "bring a model to a new session, pad, class or correction",
-    "live": "tell what is in the hand, live",
+    "live": "predict what is in the hand, live",
     "bench": "measure taxel's figures beside their goals",
 }
 """Verb → one line of help; its dataclass is that of its name in the module of its name."""
+
+KINDS = {
+    "simulate": {
+        "teng": "the TENG hand: one recording a session",
+        "cup-pour": "two tactile cameras hold a cup that is filled: one recording a pour",
+    },
+    "reproduce": {
+        "table-4-1": "Table 4.1 of the TENG thesis: 2D and 1D CNN, simulated hand",
+        "teng-models": "every model under random windows and with groups held out",
+        "teng-cleaning": "what denoising, segmentation and augmentation give",
+        "unknown-objects": "how well objects that were never learned are rejected",
+        "transition-tables": "Tables 1 to 3 of the grasp-transition paper",
+        "grasp-warnings": "lead times and false alarms on unseen cups",
+        "precisions": "what engines and number formats of a backbone cost and lose",
+        "slip-trials": "slip on unseen objects of gelsight-slip",
+    },
+}
+"""Verb → its kinds, each with a line of help; the dataclass is in the verb's package."""
 
 
 def usage() -> str:
@@ -82,11 +107,51 @@ def usage() -> str:
     )
 
 
-def load_verb(name: str) -> type[Verb]:
-    """Return a verb's dataclass; only its module is imported."""
-    module = import_module(f"taxel.cli.{name}_" if iskeyword(name) else f"taxel.cli.{name}")
-    verb: type[Verb] = getattr(module, name.capitalize())
-    return verb
+def kinds_usage(verb: str) -> str:
+    """Return the help of a verb that has kinds."""
+    width = max(map(len, KINDS[verb]))
+    lines = [f"  {kind:<{width}}  {text}" for kind, text in KINDS[verb].items()]
+    usage = f"usage: taxel {verb} KIND [OPTIONS]     each kind has its own --help"
+    return "\n".join([f"taxel {verb}: {VERBS[verb]}", "", usage, "", *lines])
+
+
+def doors() -> list[str]:
+    """Return all that can be run: each verb, or where a verb has kinds each "verb kind"."""
+    return [
+        door
+        for verb in VERBS
+        for door in [f"{verb} {kind}" for kind in KINDS.get(verb, ())] or [verb]
+    ]
+
+
+def load_verb(door: str) -> type[Verb]:
+    """Return the dataclass of a verb, or of a "verb kind"; only its module is imported."""
+    verb, _, kind = door.partition(" ")
+    name = (kind or verb).replace("-", "_")
+    package = f"taxel.cli.{verb}" if kind else "taxel.cli"
+    module = import_module(f"{package}.{name}_" if iskeyword(name) else f"{package}.{name}")
+    found: type[Verb] = getattr(module, "".join(part.capitalize() for part in name.split("_")))
+    return found
+
+
+def split_door(words: Sequence[str]) -> tuple[str, list[str]]:
+    """Return which door words name, and the words behind it.
+
+    Raises:
+        BadInput: They name none.
+    """
+    verb, *rest = words
+    if verb not in VERBS:
+        raise BadInput(f"one of the verbs {', '.join(VERBS)}", repr(verb), "run: taxel --help")
+    if verb not in KINDS:
+        return verb, rest
+    kind = rest[0] if rest else "nothing"
+    if kind not in KINDS[verb]:
+        raise BadInput(
+            f"taxel {verb} with one of {', '.join(KINDS[verb])}", visible_line(kind),
+            f"run: taxel {verb} --help",
+        )  # fmt: skip
+    return f"{verb} {kind}", rest[1:]
 
 
 def main(argv: Sequence[str] | None = None) -> None:
@@ -98,11 +163,16 @@ def main(argv: Sequence[str] | None = None) -> None:
     if words[0] == "--version":
         print(__version__)
         return
-    if words[0] not in VERBS:
-        _fail(f"needed one of the verbs {', '.join(VERBS)}; got {words[0]!r}; run: taxel --help.")
+    if words[0] in KINDS and words[1:2] in (["-h"], ["--help"]):
+        print(kinds_usage(words[0]))
+        return
     sys.excepthook = _crash
     try:
-        _parsed(words[0], words[1:]).run()
+        refuse_old(words)
+        door, rest = split_door(words)
+        verb = parse(load_verb(door), door, rest)
+        check_rules(verb, rest)
+        verb.run()
     except TaxelError as error:
         _fail(str(error))
     except BrokenPipeError:
@@ -115,19 +185,6 @@ def main(argv: Sequence[str] | None = None) -> None:
     except KeyboardInterrupt:
         print("stopped.", file=sys.stderr)
         sys.exit(130)
-
-
-def _parsed(verb: str, words: list[str]) -> Verb:
-    """Return the verb with its options; what tyro says of wrong ones may quote any word."""
-    import tyro
-
-    said = TextIOWrapper(BytesIO(), encoding="utf-8", errors="backslashreplace")
-    try:
-        with redirect_stderr(said):
-            return tyro.cli(load_verb(verb), prog=f"taxel {verb}", args=words)
-    finally:
-        said.seek(0)
-        sys.stderr.write(without_controls(said.read()))
 
 
 def _crash(kind: type[BaseException], error: BaseException, trace: TracebackType | None) -> None:

@@ -34,8 +34,8 @@ _ARRAY = -1
 class Record:
     """Record a source to an MCAP file; Ctrl-C or SIGTERM ends it properly.
 
-    While it runs, the file is called FILE.part; if the recorder is killed,
-    `taxel recover FILE.part --output FILE` saves all but the last 0.1 s.
+    While it runs, the file is called FILE.part; if the recorder is killed, all but the last
+    0.1 s can be saved from it.
     """
 
     source: tyro.conf.Positional[str]

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import tyro
 
+from taxel.cli.option_rules import Only
 from taxel.cli.printing import print_json, progress, say
 from taxel.errors import BadFile, BadInput
 from taxel.foreign.json_text import read_json
@@ -31,30 +32,37 @@ class Report:
     """
 
     runs: tyro.conf.Positional[tuple[Path, ...]] = ()
-    """Runs' folders, as taxel train writes them; two or more are compared with one another."""
+    """Runs' folders; two or more are compared with one another."""
     output: Path | None = None
     """The page to write, such as report.html; an older page there is replaced."""
     data: Path | None = None
     """The recordings; where the runs were trained on them unless given."""
     tables: tuple[Path, ...] = ()
-    """Files that taxel evaluate teng-table, transition-tables, grasp-warnings or slip-trials
-    printed with --json."""
+    """Published tables and warnings, saved as JSON when they were measured."""
     sweep: tuple[Path, ...] = ()
-    """Files that taxel sweep printed with --json."""
+    """Robustness curves, saved as JSON."""
     audit: bool = False
     """Look for leaks in the recordings under the runs' own splits, now; takes minutes."""
     audited: tuple[Path, ...] = ()
-    """Files that taxel audit printed with --json."""
+    """Audits, saved as JSON."""
     latency: bool = True
     """Measure how long a window takes through ONNX Runtime, now."""
     claims: Path | None = None
-    """Write the card of both papers' claims to this Markdown file, from the stored rows of
-    taxel bench; needs no run. With --keep, results are stored first."""
+    """Write the card of both papers' claims to this Markdown file, from stored measurements; needs
+    no run. With --keep, results are stored first."""
     keep: tuple[Path, ...] = ()
-    """With --claims: files that taxel evaluate teng-table or transition-tables, taxel simulate
-    teng, or taxel bench printed with --json, whose values are kept in the package for the card."""
+    """With --claims: tables, simulated sets and measurements, saved as JSON, whose values are kept
+    in the package for the card."""
     json: bool = False
     """Print JSON: what was written."""
+
+    RULES: ClassVar = (
+        Only(
+            ("data", "tables", "sweep", "audit", "audited", "latency"),
+            "--output", lambda o: o.output is not None,
+        ),
+        Only(("data", "audit", "latency"), "a run", lambda o: o.runs),
+    )  # fmt: skip
 
     def run(self) -> None:
         """Gather and write."""

@@ -1,4 +1,4 @@
-"""`taxel sweep`: what a bundle still tells when touch, sensor or surroundings get worse."""
+"""`taxel sweep`: how accurate a bundle still is when touch, sensor or surroundings get worse."""
 
 from __future__ import annotations
 
@@ -7,11 +7,12 @@ import math
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, ClassVar
 
 import tyro
 
 from taxel.cli.figure_files import need_figures
+from taxel.cli.option_rules import Only
 from taxel.cli.printing import console, print_json, progress, say, say_aside
 from taxel.errors import BadInput
 from taxel.recordings.whole import write_whole
@@ -31,7 +32,7 @@ class Sweep:
     """
 
     bundle: tyro.conf.Positional[Path]
-    """A bundle's file, as taxel bundle writes it, or cup-pour, which comes with taxel."""
+    """A bundle's file, or cup-pour, which comes with taxel."""
     data: Path | None = None
     """Recordings that it was not trained on: a folder, or one recording."""
     simulate: bool = False
@@ -46,8 +47,8 @@ class Sweep:
     temperature (°C), humidity (% RH), dust, moisture, moving (shares, 0…1)."""
     levels: tuple[str, ...] = ()
     """Levels of the one fault named, in its unit; its own unless given."""
-    least_confidence: float = 0.0
-    """Below this probability an answer is UNKNOWN too, 0…1, as in taxel live (0.5); arrays."""
+    least_confidence: float | None = None
+    """Arrays: below this probability an answer is UNKNOWN too, 0…1; 0 unless given."""
     seed: int = 6023
     """Seed of what faults draw; of --simulate, of the sessions, which must not be the seed that
     the training sessions were simulated with."""
@@ -65,6 +66,8 @@ class Sweep:
     random choices, all windows of which are counted. base: skew: accuracy without it of as many
     first windows of each touch as are left, null where all are."""
 
+    RULES: ClassVar = (Only(("sessions", "session-s"), "--simulate", lambda o: o.simulate),)
+
     def run(self) -> None:
         """Measure, print and write."""
         from taxel.bundles.envelope import need_bundle
@@ -79,6 +82,11 @@ class Sweep:
             raise BadInput(
                 "--data with pours for a bundle of tactile cameras", "--simulate",
                 "make some with: taxel simulate cup-pour --first-cup 900 --output pours",
+            )  # fmt: skip
+        if cameras and self.least_confidence is not None:
+            raise BadInput(
+                "a bundle of an array beside --least-confidence", "one of tactile cameras",
+                "leave it out",
             )  # fmt: skip
         if self.plot is not None:
             need_figures(self.plot)
@@ -99,7 +107,7 @@ class Sweep:
             )  # fmt: skip
         if not 0 <= self.seed <= _LARGEST_SEED:
             raise BadInput(f"--seed within 0 and {_LARGEST_SEED}", str(self.seed), "choose another")
-        if not 0.0 <= self.least_confidence <= 1.0:
+        if not 0.0 <= (self.least_confidence or 0.0) <= 1.0:
             raise BadInput(
                 "--least-confidence within 0 and 1", f"{self.least_confidence:g}", "choose another"
             )
@@ -126,7 +134,7 @@ class Sweep:
         from taxel.evaluation.robustness.touches import bundle_model, read_touches
 
         model = bundle_model(read_bundle(file))
-        config = RecogniseConfig(least_confidence=self.least_confidence)
+        config = RecogniseConfig(least_confidence=self.least_confidence or 0.0)
         chance = 1.0 / len(model.contract.classes)
         with progress() as bar:
             if self.data is None:

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, ClassVar
 
 import tyro
 
-from taxel.cli.evaluate_grasps import GraspOptions
-from taxel.cli.options import RecipeOptions, check_run_folder
+from taxel.cli.option_rules import Only
+from taxel.cli.options import FOLD_COUNT, RecipeOptions, check_run_folder, check_share
 from taxel.cli.printing import command, console, print_json, progress, say
-from taxel.errors import BadInput, RecordingFailed, TaxelError
+from taxel.errors import RecordingFailed, TaxelError
 from taxel.held import only_writer
 from taxel.plain_text import visible
 
@@ -22,20 +22,26 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, kw_only=True)
 class Train:
-    """Train a recogniser on a folder of recordings; its accuracy is measured first."""
+    """Train a recogniser on a folder of recordings of an array; accuracy is measured first."""
 
     data: tyro.conf.Positional[Path]
-    """A folder of recordings, as taxel simulate, record and import write them."""
+    """A folder of recordings."""
     output: Path
     """Folder to write the run to: weights, configuration, accuracy; an older run there is
     replaced."""
     check: bool = True
     """Cross-validate first, so that the run knows its accuracy."""
-    folds: int = 5
+    split: str | None = None
+    """How accuracy is measured: random (leaks), group:KEY or
+    order:KEY:LAST[:END] (train up to LAST, test above it, up to END)."""
+    fold_count: int = 5
     """Folds of the cross-validation."""
-    unknown: float | None = None
-    """Say UNKNOWN to touch that is unlike anything learned, and to at most this share of known
-    touch, 0…1, such as 0.05."""
+    model: str | None = None
+    """Model's name."""
+    members: int | None = None
+    """Networks whose probabilities are averaged."""
+    reject_novel: float | None = None
+    """Reject novel touch: the share of known touch that may be rejected, 0…1, such as 0.05."""
     resume: bool = False
     """Go on from the checkpoint of a run that was broken off."""
     fresh: bool = False
@@ -43,49 +49,15 @@ class Train:
     beside --output as OUTPUT.folds, and used where recipe, data and software are the same."""
     json: bool = False
     """Print JSON."""
-    grasp: str | None = None
-    """For recordings of tactile cameras: learn a monitor from these features: gel (what markers
-    and imprint do) or a backbone's name; --output is then the bundle itself, NAME.taxel. "slip"
-    learns a slip warning from simulated cups instead, whose poses are kept in DATA."""
-    false_alarms: float = 0.3
-    """With --grasp slip: false alarms a minute of grasps that hold which are promised; the
-    threshold that keeps it comes from training cups held out."""
-    fine_tune: int = 0
-    """With --grasp BACKBONE: instead, train the backbone itself end to end for so many epochs;
-    --output is then its weights, NAME.safetensors, for --weights. Runs on any device, and under
-    torchrun on several."""
-    grasps: Annotated[GraspOptions, tyro.conf.arg(name="")] = field(default_factory=GraspOptions)
     recipe: Annotated[RecipeOptions, tyro.conf.arg(name="")] = field(default_factory=RecipeOptions)
+
+    RULES: ClassVar = (
+        Only(("fold-count", "fresh"), "a cross-validation (no --no-check)", lambda o: o.check),
+        FOLD_COUNT,
+    )
 
     def run(self) -> None:
         """Check, train and save."""
-        if self.fresh and not self.check:
-            raise BadInput("--fresh with a cross-validation", "--no-check", "leave one out")
-        if self.fine_tune and self.grasp is None:
-            raise BadInput("--grasp BACKBONE beside --fine-tune", "none", "name one")
-        if self.grasp == "slip":
-            from taxel.cli.train_slip import train_slip
-
-            train_slip(
-                self.data, self.output, self.grasps.head, self.false_alarms, self.recipe.seed,
-                as_json=self.json,
-            )  # fmt: skip
-            return
-        if self.grasp is not None:
-            from taxel.cli.train_grasps import fine_tune_backbone, train_grasps
-
-            if self.fine_tune:
-                fine_tune_backbone(
-                    self.grasps, self.grasp, self.data, self.output, self.recipe.seed,
-                    self.fine_tune, self.json,
-                )  # fmt: skip
-                return
-
-            with only_writer(self.output):
-                train_grasps(
-                    self.grasps, self.grasp, self.data, self.output, self.recipe.seed, self.json
-                )
-            return
         with only_writer(self.output):
             self._train()
 
@@ -97,9 +69,9 @@ class Train:
         from taxel.training.environment import Made
         from taxel.training.run import save_run
 
-        if self.unknown is not None and not 0 < self.unknown < 1:
-            raise BadInput("--unknown between 0 and 1", f"{self.unknown:g}", "such as 0.05")
-        recipe = self.recipe.resolve()
+        if self.reject_novel is not None:
+            check_share("--reject-novel", self.reject_novel)
+        recipe = self.recipe.resolve(model=self.model, split=self.split, members=self.members)
         find_network(recipe.model)
         check_run_folder(self.output)
         older = self.output.exists()
@@ -114,7 +86,7 @@ class Train:
                 checked = check_recipe(
                     self.data,
                     recipe,
-                    folds=self.folds,
+                    folds=self.fold_count,
                     bars=(),
                     keep_in=folds_folder(self.output),
                     fresh=self.fresh,
@@ -128,7 +100,7 @@ class Train:
                     accuracy,
                     checkpoints=self.output.with_name(self.output.name + ".checkpoints"),
                     resume=self.resume,
-                    unknown=self.unknown,
+                    unknown=self.reject_novel,
                     on_epoch=lambda e: on_step(f"all data · epoch {e.number} · loss {e.loss:.4f}"),
                 )
                 run = replace(run, made=Made.now())
@@ -172,7 +144,7 @@ class Train:
             console.print(confusion_table(classes, checked.pooled.scores.confusion))
         say(
             f"{self.output}{', replaced' if older else ''}: {recipe.model}, "
-            f"{run.contract.parameters:,} parameters, tells {recipe.target}: "
+            f"{run.contract.parameters:,} parameters, predicts {recipe.target}: "
             f"{', '.join(map(visible, run.contract.classes))}"
         )
         if run.contract.unknown is not None:
@@ -191,7 +163,7 @@ def kept_line(checked: Checked) -> str:
 
 
 def warning(checked: Checked) -> str | None:
-    """Return what must be said where it cannot be claimed that touch was told; else nothing."""
+    """Return a warning where accuracy is no better than a trivial baseline; else nothing."""
     from taxel.evaluation.run_scores import GroupInterval, beside_baselines
 
     pooled, model = checked.pooled, checked.recipe.model
@@ -205,7 +177,7 @@ def warning(checked: Checked) -> str | None:
     )
     more = f"record more {pooled.interval_group}s"
     mend = {
-        "behind": f"do not claim what it tells; train longer, or {more}",
+        "behind": f"do not claim this accuracy; train longer, or {more}",
         "near": f"the difference may be chance; {more}",
         "few": "record more of them",
     }
@@ -213,10 +185,10 @@ def warning(checked: Checked) -> str | None:
 
 
 def _rejects(unknown: Unknown) -> str:
-    """Return what is called unknown, and how much usual touch is turned away with it."""
-    share, windows = unknown.rejected, min(len(one.windows) for one in unknown.densities)
+    """Return what is rejected as novel, and how much known touch is rejected with it."""
+    windows = min(len(density.windows) for density in unknown.densities)
     return (
-        f"says UNKNOWN to touch that is stranger than {100 * (1 - share):g} % of known touch in "
-        f"sessions held out ({windows:,} windows); so it turns away at most about {100 * share:g} "
-        "% of usual windows, more in a session unlike those"
+        f"rejects novel touch (UNKNOWN): expected false rejection rate {unknown.rejected:.3g} on "
+        f"known touch, from {windows:,} windows of held-out sessions; higher in sessions unlike "
+        "those"
     )

@@ -1,82 +1,98 @@
-"""What `taxel train DATA --grasp slip` does: learn a slip warning and write it as a bundle."""
+"""`taxel train-slip`: learn a warning of slip from simulated cups, and write its bundle."""
 
 from __future__ import annotations
 
 import math
-from dataclasses import asdict
+from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, ClassVar, Literal
 
+import tyro
+
+from taxel.cli.option_rules import Only
 from taxel.cli.printing import command, console, print_json, progress
 from taxel.errors import BadInput
 
 if TYPE_CHECKING:
     from taxel.evaluation.slip_warnings import Promise, WarningScores
 
-RULE = "rule"
-"""Name of the head that learns nothing: slip and its rate against a threshold."""
 _CHECKED = 64
+_MOST_PER_MIN = 60.0
 
 
-def train_slip(
-    poses: Path, output: Path, head: str, per_min: float, seed: int, *, as_json: bool
-) -> None:
-    """Learn from simulated training cups and write a bundle.
+@dataclass(frozen=True, kw_only=True)
+class TrainSlip:
+    """Train a warning of slip on simulated cups; its threshold keeps a rate of false alarms.
 
-    Args:
-        poses: Folder where simulated poses are kept; what is missing is simulated.
-        output: The bundle, NAME.taxel.
-        head: boosting, logistic or rule; a head for frames, such as lstm, is taken for boosting.
-        per_min: False alarms a minute that are promised.
-        seed: Of learning.
-        as_json: Print JSON.
-
-    Raises:
-        BadInput: An option lies outside its limits.
+    What is written is the bundle that runs live. The threshold comes from training cups held out.
     """
-    from taxel.evaluation import learn_slip_warning as learn
-    from taxel.evaluation.slip_warnings import keep_promise, score_warnings
-    from taxel.training.slip_heads import HeadName
 
-    if output.is_dir() or not output.name.endswith(".taxel"):
-        raise BadInput(
-            "--output NAME.taxel: a monitor is written as the bundle that runs live",
-            str(output), "name a file such as slip.taxel",
-        )  # fmt: skip
-    if not (math.isfinite(per_min) and 0 < per_min <= 60):
-        raise BadInput("--false-alarms above 0 and at most 60 a minute", f"{per_min:g}",
-                       "such as 0.3")  # fmt: skip
-    if poses.exists() and not poses.is_dir():
-        raise BadInput("a folder to keep simulated poses in", str(poses), "name another")
-    chosen: HeadName = "logistic" if head == "logistic" else "boosting"
-    with progress() as bar:
-        task = bar.add_task("poses", total=None)
+    poses: tyro.conf.Positional[Path]
+    """Folder where simulated poses are kept; what is missing is simulated."""
+    output: Path
+    """The bundle to write, NAME.taxel; an older one there is replaced."""
+    head: Literal["boosting", "logistic", "rule"] = "boosting"
+    """What gives a probability of slip; rule learns nothing: slip and its rate against a
+    threshold."""
+    false_alarms: float = 0.3
+    """False alarms a minute of grasps that hold, at most, as a median over cups held out."""
+    seed: int = 0
+    """Seed of learning."""
+    json: bool = False
+    """Print JSON."""
 
-        def on_step(line: str) -> None:
-            bar.update(task, description=line, advance=1)
+    RULES: ClassVar = (Only(("seed",), "--head boosting or logistic", lambda o: o.head != "rule"),)
 
-        pours, _ = learn.training_features(poses, on_step=on_step)
-        rows = pours[0].rows[:_CHECKED]
-        if head == RULE:
-            tracks = learn.rule_tracks(pours)
-            promise = keep_promise(learn.promised(tracks), per_min)
-            model, threshold = learn.rule_model(promise.threshold), 0.5
-            expected = learn.rule_probability(rows, promise.threshold)
-        else:
-            learnt = learn.learn_warning(pours, chosen, per_min, seed=seed, on_step=on_step)
-            promise, tracks = learnt.promise, list(learnt.tracks)
-            model, threshold = learnt.head.to_onnx(), promise.threshold
-            expected = learnt.head.probability(rows)
-    scores, _ = score_warnings(learn.promised(tracks), promise.threshold)
-    name = RULE if head == RULE else chosen
-    parity = learn.write_warning(output, name, model, threshold, rows, expected, _measured(scores))
-    if as_json:
-        print_json({"bundle": str(output), "head": name, "parity": parity,
-                    "promise": asdict(promise), "leads": scores.leads, "near": scores.near,
-                    "alarms_by_slip": scores.alarms_by_slip,
-                    "events": scores.events.as_dict()})  # fmt: skip
-        return
-    _print(output, name, promise, scores, parity)
+    def run(self) -> None:
+        """Learn, write the bundle and print what it is worth."""
+        from taxel.evaluation import learn_slip_warning as learn
+        from taxel.evaluation.slip_warnings import keep_promise, score_warnings
+
+        self._check()
+        with progress() as bar:
+            task = bar.add_task("poses", total=None)
+
+            def on_step(line: str) -> None:
+                bar.update(task, description=line, advance=1)
+
+            pours, _ = learn.training_features(self.poses, on_step=on_step)
+            rows = pours[0].rows[:_CHECKED]
+            if self.head == "rule":
+                tracks = learn.rule_tracks(pours)
+                promise = keep_promise(learn.promised(tracks), self.false_alarms)
+                model, threshold = learn.rule_model(promise.threshold), 0.5
+                expected = learn.rule_probability(rows, promise.threshold)
+            else:
+                learnt = learn.learn_warning(
+                    pours, self.head, self.false_alarms, seed=self.seed, on_step=on_step
+                )
+                promise, tracks = learnt.promise, list(learnt.tracks)
+                model, threshold = learnt.head.to_onnx(), promise.threshold
+                expected = learnt.head.probability(rows)
+        scores, _ = score_warnings(learn.promised(tracks), promise.threshold)
+        parity = learn.write_warning(
+            self.output, self.head, model, threshold, rows, expected, _measured(scores)
+        )
+        if self.json:
+            print_json({"bundle": str(self.output), "head": self.head, "parity": parity,
+                        "promise": asdict(promise), "leads": scores.leads, "near": scores.near,
+                        "alarms_by_slip": scores.alarms_by_slip,
+                        "events": scores.events.as_dict()})  # fmt: skip
+            return
+        _print(self.output, self.head, promise, scores, parity)
+
+    def _check(self) -> None:
+        """Refuse, before anything is simulated, what cannot be meant."""
+        if self.output.is_dir() or not self.output.name.endswith(".taxel"):
+            raise BadInput(
+                "--output NAME.taxel: a monitor is written as the bundle that runs live",
+                str(self.output), "name a file such as slip.taxel",
+            )  # fmt: skip
+        if not (math.isfinite(self.false_alarms) and 0 < self.false_alarms <= _MOST_PER_MIN):
+            raise BadInput("--false-alarms above 0 and at most 60 a minute",
+                           f"{self.false_alarms:g}", "such as 0.3")  # fmt: skip
+        if self.poses.exists() and not self.poses.is_dir():
+            raise BadInput("a folder to keep simulated poses in", str(self.poses), "name another")
 
 
 def _measured(scores: WarningScores) -> dict[str, float]:
@@ -99,7 +115,7 @@ def _print(output: Path, name: str, promise: Promise, scores: WarningScores, par
     )
     console.print(
         f"training cups held out, {events.clusters} of them: threshold {promise.threshold:.3f} "
-        f"(95 % {promise.interval[0]:.3f} … {promise.interval[1]:.3f}) gives "
+        f"(95 % CI {promise.interval[0]:.3f} … {promise.interval[1]:.3f}) gives "
         f"{promise.found_per_min:.2f} false alarms a minute ({low:.2f} … {high:.2f}) in "
         f"{promise.hold_min:.0f} minutes that hold; {promise.asked_per_min:g} were asked",
         soft_wrap=True,

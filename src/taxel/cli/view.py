@@ -8,7 +8,7 @@ from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, ClassVar
 
 import tyro
 from rich.console import Group
@@ -16,6 +16,7 @@ from rich.live import Live
 from rich.text import Text
 
 from taxel.cli.figure_files import need_figures
+from taxel.cli.option_rules import Only
 from taxel.cli.printing import console, print_json, say
 from taxel.cli.view_cameras import view_cameras
 from taxel.errors import BadInput
@@ -57,6 +58,10 @@ class View:
     """A recording on the operator's page, with a time cursor; its address is printed."""
     json: bool = False
     """Print the summary as JSON."""
+
+    RULES: ClassVar = (
+        Only(("seconds", "at", "frame", "png", "json"), "no --page", lambda o: not o.page),
+    )
 
     def run(self) -> None:
         """Show until the time is over, the source ends or the user stops it."""

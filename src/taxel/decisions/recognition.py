@@ -93,7 +93,7 @@ def decide(
 
 def unlike(p: float) -> str:
     """Return why touch is UNKNOWN that known touch is as strange as with probability p."""
-    return f"unlike anything learned (p = {p:.2g})"
+    return f"novel touch (p = {p:.2g})"
 
 
 def _fault(

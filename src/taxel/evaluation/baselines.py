@@ -1,7 +1,7 @@
 """Trivial baselines: what can be told without touch, printed beside every result.
 
 If one of them comes near a network, the network's accuracy says little about
-touch; one below the majority tells nothing. Knows nothing about networks.
+touch; one below the majority class is worse than guessing. Knows nothing about networks.
 """
 
 from __future__ import annotations
@@ -95,7 +95,7 @@ def below_majority(trivial: Mapping[str, float]) -> str | None:
         trivial: As `trivial_accuracies` gives them.
     """
     below = [name for name, value in trivial.items() if value < trivial.get("majority", 0.0)]
-    return f"below the majority, so that they tell nothing: {', '.join(below)}" if below else None
+    return f"worse than always guessing the majority class: {', '.join(below)}" if below else None
 
 
 def _pooled(

@@ -111,7 +111,7 @@ def check_gate(dataset: Dataset) -> None:
         raise BadDataset(
             f"channels in V for a gate of {gate:g}",
             f"channels in {', '.join(units)}",
-            "say --gate none --grid own, or a gate in your unit with --gate",
+            "say --window gate=none grid=own, or a gate in your unit",
         )
 
 

@@ -143,7 +143,7 @@ def _thesis_text() -> Part:
             "each). Honest split: whole sessions held out, all six told once. "
             "A network that does not clear the best trivial baseline has learned little."
         ),
-        command="taxel evaluate teng-table",
+        command="taxel reproduce table-4-1",
         claims=tuple(claims),
     )
 
@@ -178,7 +178,7 @@ def _thesis_table() -> Part:
             "given. Both columns are of the same simulated recordings, preset honest; only the "
             "split differs. Inference time: ours through ONNX Runtime, one window, one thread."
         ),
-        command="taxel evaluate teng-table",
+        command="taxel reproduce table-4-1",
         claims=tuple(claims),
     )
 
@@ -273,7 +273,7 @@ def _grasp_tables() -> tuple[Part, ...]:
         "weights of the paper's four backbones are not at hand: where “Lite0” stands, "
         "EfficientNet-Lite0 takes DenseNet121's place. Sizes: ours as 32-bit floats."
     )
-    command = "taxel evaluate transition-tables"
+    command = "taxel reproduce transition-tables"
     third = tuple(
         Claim(
             where="Table 3",
@@ -331,7 +331,7 @@ def _model_claims(model: TransitionModel, table: str) -> list[Claim]:
             theirs=(Link(step),),
             honest=(Link(step),),
             why=NOT_YET,
-            command=f"taxel evaluate transition-tables --backbones {model.backbone}",
+            command=f"taxel reproduce transition-tables --backbones {model.backbone}",
         ),
         Claim(
             where=table,

@@ -206,13 +206,13 @@ def _alike(first: Run, second: Run) -> tuple[Predictions, Predictions]:
         raise BadInput(
             "two runs with the same test windows",
             f"{len(one)} and {len(two)} that do not all start together",
-            "train both with the same recipe, --steps, --stride, --gate, --grid and --reference",
+            "train both with the same --recipe and --window",
         )
     folds = [[p.folds[f] for f in p.fold] for p in (one, two)]
     if folds[0] != folds[1]:
         raise BadInput(
             "two runs with the same folds", "windows that were told in different folds",
-            "train both with the same --seed and --folds",
+            "train both with the same --seed and --fold-count",
         )  # fmt: skip
     return one, two
 

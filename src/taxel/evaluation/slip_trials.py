@@ -256,14 +256,14 @@ def object_folds(crops: SlipCrops, folds: int, seed: int) -> list[NDArray[np.boo
     found = len(set(crops.objects.tolist()))
     if not 2 <= folds <= found:
         raise BadSplit(
-            f"2 to {found} folds for {found} objects", str(folds), "choose another --folds"
+            f"2 to {found} folds for {found} objects", str(folds), "choose another --fold-count"
         )
     counts = np.bincount(crops.slipped, minlength=2)
     if counts.min() < folds:
         raise BadSplit(
             f"at least {folds} trials of each outcome for {folds} folds",
             f"{counts[1]} that slipped and {counts[0]} that held",
-            "choose fewer --folds, or record more",
+            "choose a smaller --fold-count, or record more",
         )
     for attempt in range(_TRIES):
         splitter = StratifiedGroupKFold(folds, shuffle=True, random_state=seed + 1000 * attempt)
@@ -274,7 +274,7 @@ def object_folds(crops: SlipCrops, folds: int, seed: int) -> list[NDArray[np.boo
     raise BadSplit(
         "both outcomes in every training part",
         f"none of {_TRIES} ways to make {folds} folds gives that",
-        "choose fewer --folds, or record more objects",
+        "choose a smaller --fold-count, or record more objects",
     )
 
 

@@ -115,12 +115,7 @@ def _check(contacts: int, labels: int, rejected: float) -> None:
             "unknown",
             f"{contacts}",
             "record each class in more sessions"
-            + (
-                f", or let {share:g} of known touch be called unknown (train --unknown, evaluate "
-                "unknown --rejected)"
-                if share
-                else ""
-            ),
+            + (f", or let {share:g} of known touch be rejected (--reject-novel)" if share else ""),
         )
 
 

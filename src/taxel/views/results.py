@@ -52,7 +52,9 @@ def _table_4_1(section: Section) -> Table:
 
 def _beside(section: Section) -> list[Text]:
     """Return the pooled accuracies with intervals, and the trivial baselines."""
-    lines = [Text("each window told by a model that did not train on its fold, 95 % by session:")]
+    lines = [
+        Text("each window predicted by a model not trained on its fold, 95 % CI over sessions:")
+    ]
     for model, column in section.columns.items():
         lines.append(
             Text(

@@ -42,7 +42,7 @@ def check_sensor(first: SensorInfo, own: SensorInfo, file: Path, config: WindowC
         raise BadDataset(
             f"about {first.rate_hz:g} scans/s in every recording, for their own scans are rows",
             f"{own.rate_hz:g} in {file.name}",
-            f"choose a common grid, such as --grid {low_hz:g}, or separate the rates",
+            f"choose a common grid, such as --window grid={low_hz:g}, or separate the rates",
         )
     missing = [name for name in config.channels or () if name not in own.channels]
     if missing:
@@ -94,7 +94,8 @@ def grid_note(sensor: SensorInfo, config: WindowConfig) -> list[str]:
         return []
     return [
         f"the grid takes {config.grid_hz:g} of {sensor.rate_hz:g} scans/s, with no filter: "
-        f"vibration above {config.grid_hz / 2:g} Hz turns up as slower motion; --grid own takes "
+        f"vibration above {config.grid_hz / 2:g} Hz turns up as slower motion; --window grid=own "
+        "takes "
         "every scan"
     ]
 

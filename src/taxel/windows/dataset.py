@@ -161,7 +161,7 @@ def _assemble(
     if stale:
         notes.append(
             f"{stale} windows hold rows whose latest scan is over {1000 * config.max_age_s:g} ms "
-            "old: left out; --grid own takes each scan as a row"
+            "old: left out; --window grid=own takes each scan as a row"
         )
     if unusable := int((~whole).sum()) - stale:
         notes.append(f"{unusable} windows hold values that are missing or NaN: left out")

@@ -126,7 +126,7 @@ def _refuse_jump(ticks: int, scans: int, period_s: float) -> None:
     if ticks > _MOST_EMPTY_TICKS + _MOST_TICKS_A_SCAN * scans:
         raise BadInput(
             "scans that follow one another", f"{scans} of them over {ticks * period_s:,.0f} s",
-            "look at the clock that they were recorded by, or take each scan as a row (--grid own)",
+            "look at the clock that they were recorded by, or use --window grid=own",
         )  # fmt: skip
 
 

@@ -77,7 +77,7 @@ def board_window(contract: Contract, converter: Converter, full_scale: float | N
     if tick_hz != round(tick_hz) or 1_000_000 % round(tick_hz) or not 31 <= tick_hz <= 500:
         raise BadBundle(
             "31 to 500 rows/s, a whole number that divides 1,000,000", f"{tick_hz:g}",
-            "train with --grid 100",
+            "train with --window grid=100",
         )  # fmt: skip
     top = 2**ADC_BITS - 1
     end = top if full_scale is None else int(converter.counts(np.full(1, full_scale))[0])
@@ -191,7 +191,7 @@ def _model(
 
 def _weights(network: IntegerNetwork, check: NDArray[np.uint16]) -> str:
     """Return the numbers, which only `taxel_cnn.c` includes."""
-    parts = ["/* Written by taxel bundle --target avr; included by taxel_cnn.c alone. */\n"]
+    parts = ["/* Written by taxel bundle --board mega; included by taxel_cnn.c alone. */\n"]
     for name, layer in (("first", network.first), ("second", network.second),
                         ("hidden", network.hidden)):  # fmt: skip
         parts.append(_array("int8_t", f"{name}_weights", layer.weights))
@@ -226,6 +226,6 @@ def _array(kind: str, name: str, values: NDArray[Any]) -> str:
 
 def _head(contract: Contract) -> str:
     return (
-        "/* Written by taxel bundle --target avr: change the bundle, not this file.\n"
+        "/* Written by taxel bundle --board mega: change the bundle, not this file.\n"
         f" * Trained on {c_origin(contract.data_digest, contract.software)}. */\n"
     )

@@ -1,4 +1,4 @@
-"""`taxel bundle … --target avr`: a bundle as C for the board, and what that costs.
+"""`taxel bundle … --board mega`: a bundle as C for the board, and what that costs.
 
 Knows nothing about screens.
 """

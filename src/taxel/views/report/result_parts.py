@@ -146,7 +146,7 @@ def published_beside(runs: Mapping[str, Run], judged: Mapping[str, RunScores]) -
                         "The thesis (Balapan, 2025, Table 4.1) splits windows at random, which "
                         "leaks, and does not say whether its values are of shape or of material. "
                         "Its other rows need a test part of their own: ",
-                        tag("code", "taxel evaluate teng-table"),
+                        tag("code", "taxel reproduce table-4-1"),
                         ".",
                     ]
                 ),

@@ -60,7 +60,7 @@ class RunPage:
     sweeps: Mapping[str, Sequence[SweepPoint]] = field(default_factory=dict)
     """File → robustness curves."""
     tables: Mapping[str, Any] = field(default_factory=dict)
-    """File → parsed JSON of `taxel evaluate`."""
+    """File → parsed JSON of `taxel reproduce`."""
     made: Made = Made()  # noqa: RUF009  # frozen
     """How this page is made."""
 

@@ -1,4 +1,4 @@
-"""Results that `taxel evaluate … --json` wrote to a file, as parts of a page.
+"""Results that `taxel reproduce … --json` wrote to a file, as parts of a page.
 
 Knows Table 4.1, Tables 1 to 3 of the grasp paper, warnings on unseen cups and slip on unseen
 objects by their own fields; knows nothing about how they were measured.
@@ -54,10 +54,10 @@ def saved_part(data: Any, name: str) -> tuple[str, Html]:
             f"a whole result in {name}", "one that lacks parts", "write it again with --json"
         ) from error
     raise BadInput(
-        f"what taxel evaluate teng-table, transition-tables, grasp-warnings or slip-trials prints "
+        f"what taxel reproduce table-4-1, transition-tables, grasp-warnings or slip-trials prints "
         f"with --json in {name}",
         "something else",
-        "write it again with: taxel evaluate … --json > FILE.json",
+        "write it again with: taxel reproduce … --json > FILE.json",
     )
 
 

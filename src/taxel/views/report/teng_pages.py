@@ -42,7 +42,7 @@ def write_teng_report(path: Path, sections: list[Section], folders: dict[str, Pa
         parts.append(_signal(preset, folder))
     for section in sections:
         parts.append(_section(section))
-    command = "taxel evaluate teng-table --html FILE"
+    command = "taxel reproduce table-4-1 --html FILE"
     _write(path, "taxel: Table 4.1", parts, command)
 
 

@@ -2,7 +2,7 @@
  *
  * The image network of taxel in 8-bit integers, for the ATmega2560; also builds on a host.
  *
- * Its numbers stand in taxel_model.h (sizes) and taxel_weights.h, which `taxel bundle --target avr`
+ * Its numbers stand in taxel_model.h (sizes) and taxel_weights.h, which `taxel bundle --board mega`
  * writes. Plain C without malloc. Knows nothing about registers, pins, time or messages.
  * It computes what src/taxel/bundles/avr/integers.py computes, number for number.
  */

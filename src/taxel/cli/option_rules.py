@@ -1,0 +1,58 @@
+"""Options that change nothing unless something stands beside them: refused, not ignored.
+
+A verb's `RULES` say which; `taxel.cli.main` applies them to the options that were typed. Knows
+nothing about any verb.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from taxel.errors import BadInput
+
+
+@dataclass(frozen=True, slots=True)
+class Only:
+    """Options of a verb that mean something only where `when` holds."""
+
+    options: tuple[str, ...]
+    """As they are typed, without dashes: "page-address"."""
+    need: str
+    """What must be, such as "--page" or "no --json"."""
+    when: Callable[[Any], object]
+    """Of the verb's options; whether these options change what is done."""
+
+
+def typed_options(words: Iterable[str]) -> tuple[str, ...]:
+    """Return the names of the options among words as typed, each once, without dashes.
+
+    Flags come as they are: --no-check gives "no-check".
+    """
+    names = (
+        word[2:].partition("=")[0].replace("_", "-") for word in words if word.startswith("--")
+    )
+    return tuple(dict.fromkeys(name for name in names if name))
+
+
+def check_rules(verb: object, words: Sequence[str]) -> None:
+    """Refuse an option that was typed and would change nothing.
+
+    Args:
+        verb: Its options, with a class variable `RULES` where it has rules.
+        words: What was typed after the verb.
+
+    Raises:
+        BadInput: Such an option was typed.
+    """
+    typed = {name.removeprefix("no-") for name in typed_options(words)}
+    rules: tuple[Only, ...] = getattr(verb, "RULES", ())
+    for rule in rules:
+        for option in rule.options:
+            if option in typed and not rule.when(verb):
+                raise BadInput(
+                    f"{rule.need} beside --{option}",
+                    f"--{option}, which would change nothing",
+                    "leave it out",
+                )

@@ -1,0 +1,1 @@
+"""`taxel reproduce`: one file a published table or study."""

@@ -1,0 +1,1 @@
+"""`taxel simulate`: one file a simulated sensor."""

@@ -1,0 +1,380 @@
+"""No option is accepted and ignored: the contract of every verb, generated from its options.
+
+For each door (a verb, or a verb and its kind) stand some command lines below, one for each way
+in which it works. To each, every option that it lacks is added. Then one of two things must be:
+
+- the verb does something else than without the option. What it does is everything it asks of the
+  packages below `taxel.cli`, with all arguments, and what it prints (`fake_world`);
+- or it refuses, with one line that names the option.
+
+And each option must do the former on at least one of the lines. This proves that no option is
+lost on the way through the command line, in any way of working; that functions below use what
+they are given is for their own tests.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import re
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any, Literal, get_args, get_origin, get_type_hints
+
+import pytest
+import tyro
+from fake_world import observe
+
+from taxel.cli.main import KINDS, VERBS, doors, load_verb
+from taxel.cli.old_spellings import OLD, Old
+
+MOST_OPTIONS = 20
+
+LINES: dict[str, tuple[str, ...]] = {
+    "demo": ("demo",),
+    "find": ("find",),
+    "doctor": ("doctor",),
+    "flash": ("flash mega teng_daq --port p", "flash mega teng_daq --port p --dry-run"),
+    "calibrate": (
+        "calibrate a.mcap --output c.json",
+        "calibrate sim://teng --output c.json",
+        "calibrate serial:///dev/x --output live.json",
+        "calibrate a.mcap --output c.mcap --apply c.json",
+    ),
+    "simulate teng": ("simulate teng --output s", "simulate teng --output s --preset paper"),
+    "simulate cup-pour": ("simulate cup-pour --output s",),
+    "record": ("record sim://teng --output r.mcap --seconds 1",),
+    "recover": ("recover a.part --output r.mcap",),
+    "import": ("import table.csv --output r", "import videos.csv --output r"),
+    "info": ("info a.mcap", "info folder"),
+    "view": (
+        "view sim://teng",
+        "view a.mcap",
+        "view a.mcap --at 1",
+        "view a.mcap --page",
+        "view a.mcap --png p.png",
+    ),
+    "label": (
+        "label a.mcap",
+        "label folder",
+        "label a.mcap --onset 1",
+        "label folder --intervals i.csv --output l",
+    ),
+    "audit": (
+        "audit d",
+        "audit d --split group:session",
+        "audit d --split order:trial:3",
+        "audit d --folds f.csv",
+    ),
+    "models": ("models",),
+    "train": (
+        "train d --output out",
+        "train d --output out --no-check",
+        "train d --output out --split order:trial:3",
+        "train d --output out --recipe icub-grasp",
+    ),
+    "train-monitor": (
+        "train-monitor d --output m.taxel",
+        "train-monitor d --output m.taxel --features edge",
+        "train-monitor d --output m.taxel --paper-settings",
+    ),
+    "train-slip": ("train-slip d --output m.taxel", "train-slip d --output m.taxel --head rule"),
+    "train-backbone": (
+        "train-backbone d --backbone edge --output w.safetensors",
+        "train-backbone d --backbone edge --output w.safetensors --paper-settings",
+    ),
+    "evaluate": ("evaluate d", "evaluate d --output out", "evaluate d --split order:trial:3"),
+    "reproduce table-4-1": ("reproduce table-4-1", "reproduce table-4-1 --data d"),
+    "reproduce teng-models": ("reproduce teng-models", "reproduce teng-models --data d"),
+    "reproduce teng-cleaning": ("reproduce teng-cleaning", "reproduce teng-cleaning --data d"),
+    "reproduce unknown-objects": (
+        "reproduce unknown-objects",
+        "reproduce unknown-objects --data d",
+        "reproduce unknown-objects --data d --never prism",
+    ),
+    "reproduce transition-tables": (
+        "reproduce transition-tables",
+        "reproduce transition-tables --data d",
+        "reproduce transition-tables --paper-settings",
+    ),
+    "reproduce grasp-warnings": (
+        "reproduce grasp-warnings --data d",
+        "reproduce grasp-warnings --data d --features gel",
+        "reproduce grasp-warnings --data d --paper-settings",
+    ),
+    "reproduce precisions": ("reproduce precisions", "reproduce precisions --paper-settings"),
+    "reproduce slip-trials": ("reproduce slip-trials --data d",),
+    "compare": ("compare r s",),
+    "sweep": (
+        "sweep b.taxel --data d",
+        "sweep b.taxel --data d --faults noise",
+        "sweep b.taxel --simulate",
+        "sweep cup-pour --data d",
+    ),
+    "report": (
+        "report run --output p.html",
+        "report run --output p.html --data d",
+        "report --claims c.md",
+    ),
+    "bundle": (
+        "bundle run --output new.taxel --data d",
+        "bundle run --output new --board mega --data d",
+        "bundle b.taxel --output c.taxel --sign k",
+        "bundle --new-key k",
+    ),
+    "adapt": (
+        "adapt b.taxel --touches t.mcap",
+        "adapt run --new n.mcap",
+        "adapt run --correct c.mcap",
+        "adapt run --history",
+        "adapt run --rollback",
+    ),
+    "live": (
+        "live b.taxel sim://teng",
+        "live cup-pour sim://cup-pour",
+        "live cup-pour sim://cup-pour --page",
+        "live cup-pour sim://cup-pour --gripper sim",
+        "live b.taxel sim://teng --record r.mcap",
+    ),
+    "bench": ("bench teng", "bench teng --full", "bench faults"),
+}
+"""Door → command lines, one a way of working."""
+
+PLACES = ("folder", "d", "run", "r", "s", "g")
+"""Folders that the lines name."""
+FILES = ("b.taxel", "a.mcap", "k", "fw/teng_daq/teng_daq.ino", "run/weights-0.safetensors")
+"""Files that they name."""
+VALUES = {
+    "split": "group:object",
+    "folds": "f.csv",
+    "window": "steps=24",
+    "target": "material",
+    "recipe": "teng-glove",
+    "model": "touchnet",
+    "label": "shape=sphere",
+    "group": "session=2",
+    "page-address": "127.0.0.1:8080",
+    "levels": "30",
+    "faults": "noise",
+    "html": "given.html",
+    "plot": "given.png",
+    "png": "given.png",
+    "rule": "slip",
+    "output": "given.json",
+    "seconds": "3",
+    "reject-novel": "0.1",
+    "gripper": "sim",
+    "tell": "udp://127.0.0.1:5005",
+    "beside": "sim://teng",
+    "at": "2",
+    "frame": "2",
+    "onset": "2",
+    "only": "given",
+    "expect": "1.2.3",
+    "board-number": "3",
+    "board-id": "thumb",
+    "define": "A=1",
+    "backbones": "edge",
+    "features": "edge",
+    "page": "given.md",
+    "least-confidence": "0.7",
+    "precision": "bf16",
+    "moving": "0.4",
+    "reference-v": "5",
+    "force-n": "16 40",
+    "unseen": "object",
+    "fold-count": "4",
+    "negatives": "0.5",
+    "crop": "60",
+    "flash firmware": "fw",
+    "doctor output": "folder",
+    "missing": "keep",
+    "bundle data": "s",
+    "report data": "s",
+    "wait-s": "3",
+    "sketch": "teng_daq",
+    "session-s": "200",
+}
+"""Option → a value that is not its default and that makes sense."""
+
+
+@dataclasses.dataclass(frozen=True)
+class Option:
+    """One option of a door."""
+
+    name: str
+    """As it is typed, without dashes."""
+    words: tuple[str, ...]
+    """How it is given, another value than its default."""
+
+
+def options(kind: Any, door: str) -> Iterator[Option]:
+    """Yield all options of a verb, those of its groups too; positional words are none."""
+    hints = get_type_hints(kind, include_extras=True)
+    for field in dataclasses.fields(kind):
+        group = field.default_factory
+        if dataclasses.is_dataclass(group):
+            yield from options(group, door)
+            continue
+        hint, marks = hints[field.name], getattr(hints[field.name], "__metadata__", ())
+        if any("Positional" in repr(mark) or "positional" in repr(mark) for mark in marks):
+            continue
+        named = [mark.name for mark in marks if getattr(mark, "name", None)]
+        name = (named[0] if named else field.name).replace("_", "-")
+        if field.default is True:
+            yield Option(name, (f"--no-{name}",))
+        elif field.default is False:
+            yield Option(name, (f"--{name}",))
+        else:
+            yield Option(name, (f"--{name}", *_value(name, hint, field.default, door)))
+
+
+def _value(name: str, hint: Any, default: Any, door: str) -> list[str]:
+    if name in VALUES or f"{door} {name}" in VALUES:
+        return VALUES.get(f"{door} {name}", VALUES.get(name, "")).split()
+    choices = [word for part in (hint, *get_args(hint)) if get_origin(part) is Literal
+               for word in get_args(part)]  # fmt: skip
+    if choices:
+        return [str(next(word for word in choices if word != default))]
+    text = str(hint)
+    if "tuple[float, float]" in text:
+        return ["0.2", "0.25"] if name in ("dust", "moisture") else ["21", "34"]
+    if "float" in text:
+        return ["1.5", "2.5", "3.5"] if "tuple" in text else ["2.5"]
+    if "Path" in text:
+        return ["given"]
+    return [str(default + 1 if isinstance(default, int) else 3)] if "int" in text else ["given"]
+
+
+def _with(words: list[str], option: Option) -> list[str]:
+    """Return a line with an option added, or with another value where it has the option."""
+    typed, *value = option.words
+    if typed not in words:
+        return [*words, typed, *value]
+    at = words.index(typed) + 1
+    if option.words[0] == "--output":
+        value = [f"other{Path(words[at]).suffix}"]
+    return [*words[:at], *value, *words[at + len(value) :]]
+
+
+@pytest.fixture
+def world(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> pytest.MonkeyPatch:
+    """A folder with all that the lines name."""
+    monkeypatch.chdir(tmp_path)
+    for place in PLACES:
+        (tmp_path / place).mkdir()
+    (tmp_path / "run" / "run.json").touch()
+    for file in FILES:
+        (tmp_path / file).parent.mkdir(parents=True, exist_ok=True)
+        (tmp_path / file).touch()
+    return monkeypatch
+
+
+def _sweep(before: set[Path]) -> None:
+    """Remove what a line has made."""
+    for path in sorted(set(Path().rglob("*")) - before, reverse=True):
+        path.rmdir() if path.is_dir() else path.unlink()
+
+
+def test_every_door_has_its_lines() -> None:
+    assert set(LINES) == set(doors())
+
+
+@pytest.mark.parametrize("door", doors())
+def test_each_option_changes_what_is_done_or_is_refused(
+    door: str, world: pytest.MonkeyPatch
+) -> None:
+    before = set(Path().rglob("*"))
+    first: list[str] = []
+    lost, never = [], {option.name for option in options(load_verb(door), door)}
+    for line in LINES[door]:
+        plain, refused = observe(line.split(), world)
+        _sweep(before)
+        assert not refused, f"{line}: {refused}"
+        again, _ = observe(line.split(), world)
+        _sweep(before)
+        first = first or plain
+        if plain != first:
+            never -= {word.removeprefix("--") for word in line.split()}
+        assert plain == again, f"{line} does not do the same twice"
+        for option in options(load_verb(door), door):
+            words = _with(line.split(), option)
+            if words == line.split():
+                continue
+            log, refused = observe(words, world)
+            _sweep(before)
+            if refused and (option.name in refused or option.words[-1] in refused):
+                continue
+            if log == plain:
+                lost.append(f"{' '.join(words)}{refused and ': ' + refused}")
+            else:
+                never.discard(option.name)
+
+    assert not lost, "\n".join(lost)
+    assert never == set(), "refused everywhere"
+
+
+@pytest.mark.parametrize("door", doors())
+def test_no_verb_has_more_options_than_a_reader_takes_in(door: str) -> None:
+    assert len(every_name(load_verb(door))) <= MOST_OPTIONS
+
+
+def every_name(kind: Any) -> list[str]:
+    """Return the names of a verb's options and positional words, those of its groups too."""
+    names: list[str] = []
+    for field in dataclasses.fields(kind):
+        group = field.default_factory
+        names += every_name(group) if dataclasses.is_dataclass(group) else [field.name]
+    return names
+
+
+@pytest.mark.parametrize("door", doors())
+def test_no_help_speaks_of_another_verb(
+    door: str, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Neither `taxel VERB`, nor the name of a study, nor of a verb of two words."""
+    monkeypatch.setenv("COLUMNS", "200")
+    with pytest.raises(SystemExit):
+        tyro.cli(load_verb(door), prog=f"taxel {door}", args=["--help"])
+    text = " ".join(re.sub("[│╭╮╰╯─]", " ", capsys.readouterr().out).split())
+    own = set(door.split())
+    telling = {*KINDS["reproduce"], *(verb for verb in VERBS if "-" in verb)} - own
+    named = set(re.findall(r"taxel ([a-z][a-z-]+)", text)) & set(VERBS) - own
+    named |= {word for word in telling if re.search(rf"(?<![\w-]){word}(?![\w-])", text)}
+
+    assert named == set()
+
+
+@pytest.mark.parametrize("old", OLD, ids=lambda old: f"{old.verb} {old.option} {old.value}".strip())
+def test_former_spellings_are_refused_in_one_line_that_names_the_new(
+    old: Old, refused: Callable[[list[str]], str], monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    value = [] if not old.option else [{r"\d+": "5"}.get(old.value, old.value or "1")]
+    option = [f"--{old.option}", *value] if old.option else []
+
+    assert old.new in refused([*old.verb.split(), "data", *option])
+
+
+def test_a_new_spelling_is_one_that_exists() -> None:
+    """Every verb and option that a refusal names can be typed."""
+    for old in OLD:
+        words = re.findall(r"--[a-z-]+|(?<!\.)taxel [a-z][a-z-]*(?: [a-z0-9][a-z0-9-]*)?", old.new)
+        for command in (word for word in words if word.startswith("taxel")):
+            _, verb, *kind = command.split()
+            assert verb in VERBS
+            assert verb not in KINDS or kind[:1] == [] or kind[0] in KINDS[verb]
+        door = next(
+            (d for d in sorted(doors(), key=len, reverse=True) if f"taxel {d}" in old.new), old.verb
+        )
+        if door in doors():
+            known = {f"--{name.replace('_', '-')}" for name in every_name(load_verb(door))}
+            assert {w for w in words if w.startswith("--")} <= known | {"--target"}, old
+
+
+def test_a_folder_that_is_called_like_a_study_is_evaluated(
+    world: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    (tmp_path / "unknown").mkdir()
+    log, refused = observe(["evaluate", "unknown"], world)
+    assert not refused
+    assert any(line.startswith("check_recipe(unknown, ") for line in log)
