@@ -378,3 +378,22 @@ def test_a_folder_that_is_called_like_a_study_is_evaluated(
     log, refused = observe(["evaluate", "unknown"], world)
     assert not refused
     assert any(line.startswith("check_recipe(unknown, ") for line in log)
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (
+            "reproduce table-4-1 --preset fair",
+            "needed one of honest, paper, both for --preset; got fair;",
+        ),
+        ("train", "needed PATH and --output PATH; got none; run: taxel train --help."),
+        ("train d --output r --epochs many", "for --epochs; got many;"),
+        ("train d --output r --epohcs 3", "got --epohcs, 3; perhaps --epochs was meant;"),
+        ("simulate rain", "needed taxel simulate with one of teng, cup-pour; got rain;"),
+    ],
+)
+def test_words_that_do_not_fit_are_named_in_one_line(
+    words: str, said: str, refused: Callable[[list[str]], str]
+) -> None:
+    assert said in refused(words.split())

@@ -16,9 +16,21 @@ from taxel.plain_text import visible_line, without_controls
 
 V = TypeVar("V")
 
-_RULE = re.compile("─{3}")
-_MISSING = re.compile(r" {5}\S")
+_RULE = re.compile(r"[\s│]*[─-]{3,}[\s│]*")
 _MEANT = re.compile(r"Perhaps you meant:\s+(--\S+)")
+_FORMS = (
+    (
+        r"invalid choice (?P<got>'.*') for argument '(?P<option>[^']+)'. "
+        r"Expected one of \((?P<of>.*)\)",
+        "one of {of} for {option}",
+    ),
+    (
+        r"Error parsing (?P<option>\S+): no type matching (?P<of>\S+).* from \[(?P<got>.*)\]",
+        "{of} for {option}",
+    ),
+    (r"Unrecognized options: (?P<got>.*)", "options that this verb has"),
+)
+"""What tyro says → what was needed."""
 
 
 class BadOption(TaxelError, ValueError):
@@ -53,17 +65,42 @@ def refusal(box: str, door: str) -> str:
     """Return what a box of tyro's says, as one line.
 
     Args:
-        box: Several lines within a frame; a rule stands between its parts.
+        box: A title, and parts with rules between, in a frame where the terminal can draw it.
         door: Verb, and kind where it has kinds.
     """
-    lines = [line.strip("│").rstrip() for line in box.splitlines() if line[:1] == "│"]
-    ends = [at for at, line in enumerate(lines) if _RULE.search(line)] or [len(lines)]
-    told = lines[: ends[0]]
+    parts = _parts(box)
+    told = next(iter(parts), [])
     if told and told[0].strip().startswith("Missing from"):
-        needed = ", ".join(line.strip() for line in told if _MISSING.match(line))
-        return f"needed {needed}; got none; run: taxel {door} --help."
+        return f"needed {_missing(told)}; got none; run: taxel {door} --help."
     upto = next((at for at, line in enumerate(told) if not line.strip()), len(told))
     said = visible_line(" ".join(" ".join(told[:upto]).split()).rstrip("."))
-    meant = _MEANT.search("\n".join(lines))
-    perhaps = f"; perhaps {meant[1]} was meant" if meant else ""
-    return f"{said}{perhaps}; run: taxel {door} --help."
+    meant = _MEANT.search("\n".join(line for part in parts for line in part))
+    perhaps = f"perhaps {meant[1]} was meant; " if meant else ""
+    for pattern, needed in _FORMS:
+        if found := re.search(pattern, said):
+            known = {name: text.replace("'", "") for name, text in found.groupdict().items()}
+            return (
+                f"needed {needed.format(**known)}; got {known['got']}; {perhaps}"
+                f"run: taxel {door} --help."
+            )
+    return f"needed words that this verb takes; got others: {said}; run: taxel {door} --help."
+
+
+def _parts(box: str) -> list[list[str]]:
+    """Return the lines between rules, without frame and title."""
+    parts: list[list[str]] = [[]]
+    for line in box.splitlines():
+        if line[:1] in ("╭", "╰"):
+            continue
+        if _RULE.fullmatch(line):
+            parts.append([])
+        else:
+            parts[-1].append(line.strip("│").rstrip())
+    return parts if box.lstrip().startswith("╭") else parts[1:]
+
+
+def _missing(told: list[str]) -> str:
+    """Return the names of what is missing: they stand four columns further than their heading."""
+    margin = len(told[0]) - len(told[0].lstrip()) + 4
+    names = (line for line in told if len(line) - len(line.lstrip()) == margin)
+    return " and ".join(line.strip() for line in names)
