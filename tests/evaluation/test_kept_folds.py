@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 
 import numpy as np
@@ -74,3 +75,34 @@ def test_what_is_no_fold_stays_where_folds_are_removed(tmp_path: Path):
     kept(tmp_path / "other").keep("cnn", 0, RESULT)
     kept(tmp_path / "other", fresh=True)
     assert not folds_folder(tmp_path / "other").exists()
+
+
+def shared(folder: Path, seed: int = 0) -> KeptFolds:
+    return KeptFolds(folder, {"seed": seed}, make_dataset(), "shape", fresh=False, shared=True)
+
+
+def test_a_shared_folder_keeps_the_latest_data_sets_and_splits(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
+    """Each has a folder of its own in it; the oldest give way."""
+    monkeypatch.setattr(kept_folds, "MOST_SHARED", 2)
+    for seed in range(4):
+        shared(tmp_path / "cache", seed).keep("forest", 0, RESULT)
+        for age, path in enumerate(sorted((tmp_path / "cache").iterdir(), key=_made)):
+            os.utime(path, (1000 + age, 1000 + age))
+
+    assert [shared(tmp_path / "cache", n).find("forest", 0, FOLD) is not None for n in range(4)] \
+        == [False, False, True, True]  # fmt: skip
+
+
+def test_a_cache_that_cannot_be_written_is_no_error(tmp_path: Path):
+    """The figures do not depend on it."""
+    (tmp_path / "cache").write_text("a file where the folder should be")
+    folds = shared(tmp_path / "cache")
+    folds.keep("forest", 0, RESULT)
+
+    assert folds.find("forest", 0, FOLD) is None
+
+
+def _made(path: Path) -> float:
+    return path.stat().st_mtime

@@ -49,6 +49,14 @@ def test_a_rate_stands_in_for_a_time_column(tmp_path):
     np.testing.assert_allclose(table.time_s, [0.0, 0.01, 0.02])
 
 
+def test_a_name_for_a_column_of_npy_is_answered_with_the_numbers_there_are(tmp_path):
+    """It has none: the message gives the range and how to write them."""
+    np.save(tmp_path / "a.npy", np.array([[1, 2, 3], [4, 5, 6]], np.int16))
+    for word in ("left[N]", "0[N]", "4[N]"):
+        with pytest.raises(BadTable, match=r"columns by their numbers, 1 to 3: .* 1\[N\] 2\[N\]"):
+            read_table(tmp_path / "a.npy", parse_columns(word, "x"), TimeColumn(rate_hz=100.0))
+
+
 def test_npy_goes_by_number(tmp_path):
     """A 2-D array of any real type is a table without a header."""
     np.save(tmp_path / "a.npy", np.array([[1, 2, 3], [4, 5, 6]], np.int16))

@@ -12,6 +12,7 @@ from rich.box import SIMPLE_HEAD
 from rich.table import Table
 
 from taxel.cli.printing import console, print_json, progress, say
+from taxel.labels.class_order import in_order
 from taxel.plain_text import visible
 from taxel.recordings.reader import list_recordings
 from taxel.recordings.summary import summarise
@@ -115,26 +116,31 @@ def _print_folder(path: Path, rows: list[dict[str, Any]]) -> None:
     say(f"{path}: {len(rows)} recordings, {held}, all check sums hold")
     for name in sorted({name for row in rows for name in row["labels"]}):
         count = Counter(row["labels"].get(name, "–") for row in rows)
-        say(f"label {visible(name)}: {_pairs(dict(sorted(count.items())))}")
+        say(f"label {visible(name)}: {_pairs({value: count[value] for value in in_order(count)})}")
     for name in sorted({name for row in rows for name in row["marks_by_label"]}):
         marked: Counter[str] = Counter()
         for row in rows:
             marked.update(row["marks_by_label"].get(name, {}))
-        say(f"marks {visible(name)}: {_pairs(dict(sorted(marked.items())))}")
+        say(
+            f"marks {visible(name)}: {_pairs({value: marked[value] for value in in_order(marked)})}"
+        )
     for name in sorted({name for row in rows for name in row["groups"]}):
         say(f"group {visible(name)}: {_span([row['groups'].get(name, '–') for row in rows])}")
 
 
 def _span(values: list[str]) -> str:
-    """Return what a group holds: its one value, figures from least to most, or some names."""
+    """Return what a group holds: its one value, figures from least to most, or names: all that
+    recordings share, else some.
+    """
     names = sorted(set(values))
     if len(names) == 1:
         return visible(names[0])
     try:
         names.sort(key=float)
     except ValueError:
-        more = f" and {len(names) - _NAMES} more" if len(names) > _NAMES else ""
-        return ", ".join(map(visible, names[:_NAMES])) + more
+        shown = names if 2 * len(names) <= len(values) else names[:_NAMES]
+        more = f" and {len(names) - len(shown)} more" if len(names) > len(shown) else ""
+        return ", ".join(map(visible, shown)) + more
     return f"{visible(names[0])} to {visible(names[-1])}"
 
 

@@ -51,6 +51,8 @@ class Decision:
     strangeness: list[float] | None = None
     """How unlike the learned the window is, by each label; None where that is not tested, or
     the input cannot be used; NaN or infinite where it cannot be measured."""
+    filled: float = 0.0
+    """Share of the window's values that were missing, stale or NaN and were filled in, 0…1."""
 
 
 def decide(
@@ -62,6 +64,7 @@ def decide(
     config: RecogniseConfig,
     strange: list[float] | None = None,
     test: Strangeness | None = None,
+    filled: float = 0.0,
 ) -> Decision:
     """Return the answer for one window.
 
@@ -75,10 +78,11 @@ def decide(
         strange: How unlike the learned the window is, as `test` gives it; where that is None or
             not finite although there is a test, the answer is UNKNOWN.
         test: What says how rare that is; None where the bundle has no such test.
+        filled: Share of the window's values that were filled in, 0…1; they count as usable.
     """
     best = int(probabilities.argmax())
     confidence = float(probabilities[best])
-    reason = _fault(probabilities, usable, saturated, config)
+    reason = _fault(probabilities, usable + filled, saturated, config)
     if reason or test is None:
         strange = None
     elif strange is None or not isfinite(sum(strange)):
@@ -88,7 +92,7 @@ def decide(
     if not reason and confidence < config.least_confidence:
         reason = f"confidence {confidence:.2f} is below {config.least_confidence:.2f}"
     label = UNKNOWN if reason else classes[best]
-    return Decision(label, confidence, probabilities, reason, *span_s, strange)
+    return Decision(label, confidence, probabilities, reason, *span_s, strange, filled)
 
 
 def unlike(p: float) -> str:

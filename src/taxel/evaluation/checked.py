@@ -20,7 +20,8 @@ from taxel.evaluation.crossval import (
     run_fold,
 )
 from taxel.evaluation.kept_folds import KeptFolds
-from taxel.evaluation.splits import Split, WindowFold, parse_split
+from taxel.evaluation.splits import Split, TrialFold, WindowFold, parse_split
+from taxel.evaluation.table_split import OWN_SPLIT, Elsewhere, split_elsewhere
 from taxel.training.predictions import Predictions
 from taxel.training.recipes import Recipe
 from taxel.windows.dataset import Dataset, load_dataset, recut
@@ -44,6 +45,8 @@ class Checked:
     """What the recipe's own model said of each test window."""
     kept: int = 0
     """Folds that were finished by a run that was broken off."""
+    cached: int = 0
+    """Folds of library models that were fitted by an earlier call on the same data and split."""
 
 
 def check_recipe(
@@ -52,7 +55,9 @@ def check_recipe(
     *,
     folds: int = 5,
     bars: tuple[str, ...] = BARS,
+    given: Elsewhere = OWN_SPLIT,
     keep_in: Path | None = None,
+    cache: Path | None = None,
     fresh: bool = False,
     on_step: Callable[[str], None] = lambda _: None,
 ) -> Checked:
@@ -63,27 +68,41 @@ def check_recipe(
         recipe: Window, model, target, split and training.
         folds: How many folds.
         bars: Library models to print beside.
+        given: A split that came from elsewhere, in place of the recipe's own.
         keep_in: A folder for finished folds; those that are there already are not fitted again
             where recipe, data and software are the same.
+        cache: A folder for the library models' folds, which depend on data and split but not on
+            the recipe's own model; None keeps them with the others.
         fresh: Start afresh: remove what is there.
         on_step: Called with a line before each fit.
 
     Raises:
         BadDataset: The recordings do not make such a data set.
         BadSplit: They cannot be split so.
+        BadTable: The table of folds cannot be used.
         RecordingFailed: The disk refused a fold.
     """
     dataset = load_dataset(path, recipe.window, target=recipe.target)
     check_gate(dataset)
-    split = parse_split(recipe.split, dataset, recipe.target, folds, recipe.train.seed)
+    if given:
+        dataset, split = split_elsewhere(path, dataset, recipe.target, given)
+    else:
+        split = parse_split(recipe.split, dataset, recipe.target, folds, recipe.train.seed)
     training = _overlapping(path, dataset, split, recipe)
-    depends_on = {"recipe": asdict(recipe), "folds": folds, "data": dataset.digest}
+    depends_on = {"recipe": asdict(recipe), "folds": folds, "data": dataset.digest,
+                  "sides": sides_of(split) if given else None}  # fmt: skip
     kept = KeptFolds(keep_in, depends_on, dataset, recipe.target, fresh=fresh)
     job = _job(recipe, recipe.model)
     results = _results(dataset, split, job, training, kept, on_step)
+    library = kept
+    if cache is not None:
+        library = _cached(cache, recipe, folds, dataset, split, fresh=fresh)
     beside = {
         name: pool(
-            dataset, split, _results(dataset, split, _job(recipe, name), None, kept, on_step)
+            dataset,
+            split,
+            _results(dataset, split, _job(recipe, name), None, library, on_step),
+            recipe.target,
         )
         for name in bars
         if name != recipe.model
@@ -92,12 +111,31 @@ def check_recipe(
     return Checked(
         dataset=dataset,
         recipe=recipe,
-        pooled=pool(dataset, split, results),
+        pooled=pool(dataset, split, results, recipe.target),
         bars=beside,
         trivial=trivial_accuracies(dataset, recipe.target, split.folds),
         predictions=predictions_of(dataset, split, results, recipe.target),
         kept=kept.used,
+        cached=0 if library is kept else library.used,
     )
+
+
+def _cached(
+    cache: Path, recipe: Recipe, folds: int, dataset: Dataset, split: Split, *, fresh: bool
+) -> KeptFolds:
+    """Return where library models' folds are kept for this data set and split."""
+    depends_on = {"seed": recipe.train.seed, "split": [recipe.split, split.name], "folds": folds,
+                  "sides": sides_of(split), "data": dataset.digest}  # fmt: skip
+    return KeptFolds(cache / "comparators", depends_on, dataset, recipe.target, fresh=fresh,
+                     shared=True)  # fmt: skip
+
+
+def sides_of(split: Split) -> list[list[list[int]]]:
+    """Return each fold's trials by side: train, validation, test; for folds of whole trials."""
+    return [
+        [sorted(side) for side in (fold.train, fold.validation, fold.test)]
+        for fold in split.folds if isinstance(fold, TrialFold)
+    ]  # fmt: skip
 
 
 def check_gate(dataset: Dataset) -> None:

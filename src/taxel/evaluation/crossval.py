@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from torch import nn
 
 from taxel.evaluation.metrics import Scores, accuracy_interval, by_trial, score
+from taxel.evaluation.part_scores import Parts, score_parts
 from taxel.evaluation.splits import Fold, Split, TrialFold
 from taxel.labels.trials import coarsest_group
 from taxel.models.catalogue import Baseline, find_model
@@ -165,12 +166,23 @@ def run_fold(
         dataset.sensor.full_scale,
         job,
         steps=dataset.config.steps,
+        validation=_watched(dataset, fold, y),
         on_epoch=on_epoch,
     )
     probabilities = fitted.probabilities(dataset.windows.values[test], dataset.windows.mask[test])
     return FoldResult(
         fold.name, test, y[test], probabilities, score(y[test], probabilities), fitted
     )
+
+
+def _watched(
+    dataset: Dataset, fold: Fold, y: NDArray[np.intp]
+) -> tuple[Windows, NDArray[np.intp]] | None:
+    """Return the windows that a fold sets aside to choose by; None where it has none."""
+    if not isinstance(fold, TrialFold) or not fold.validation:
+        return None
+    index = fold.validation_windows(dataset)
+    return (dataset.windows[index], y[index]) if len(index) else None
 
 
 @dataclass(frozen=True, slots=True)
@@ -188,10 +200,20 @@ class Pooled:
     trial_accuracy: float
     """Share of trials told right when a trial's windows are joined, 0…1."""
     fold_accuracies: tuple[float, ...]
+    windows: int
+    """Test windows of all folds."""
+    trials: int
+    """Tested trials."""
+    trial_majority: float
+    """Share of the commonest class among them, 0…1: the best single answer by trial."""
+    parts: Parts | None = None
+    """The same by class and by group; None where it was not asked for."""
 
 
-def pool(dataset: Dataset, split: Split, results: Sequence[FoldPredictions]) -> Pooled:
-    """Join the folds' test predictions."""
+def pool(
+    dataset: Dataset, split: Split, results: Sequence[FoldPredictions], target: str | None = None
+) -> Pooled:
+    """Join the folds' test predictions; part by part where the target is named."""
     y = np.concatenate([result.y for result in results])
     probabilities = np.concatenate([result.probabilities for result in results])
     test = np.concatenate([result.test for result in results])
@@ -199,16 +221,22 @@ def pool(dataset: Dataset, split: Split, results: Sequence[FoldPredictions]) -> 
     key = coarsest_group(dataset.trials, split.name)
     groups = dataset.group(key)[trial]
     correct = probabilities.argmax(axis=1) == y
-    _, trial_y, joined = by_trial(trial, y, probabilities)
+    numbers, trial_y, joined = by_trial(trial, y, probabilities)
+    trial_right = np.asarray(joined.argmax(axis=1) == trial_y)
     return Pooled(
         split=split.name,
         scores=score(y, probabilities),
         interval=accuracy_interval(correct, groups),
         interval_group=key,
         interval_groups=len(np.unique(groups)),
-        trial_accuracy=float((joined.argmax(axis=1) == trial_y).mean()),
+        trial_accuracy=float(trial_right.mean()),
         fold_accuracies=tuple(result.scores.accuracy for result in results),
-    )
+        windows=len(y),
+        trials=len(numbers),
+        trial_majority=float(np.bincount(trial_y).max() / len(numbers)),
+        parts=None if target is None else
+        score_parts(dataset.trials, target, trial, correct, numbers, trial_right),
+    )  # fmt: skip
 
 
 def predictions_of(

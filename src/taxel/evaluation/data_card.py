@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 
 from taxel.evaluation.run_scores import is_number
+from taxel.labels.class_order import in_order
 from taxel.labels.trials import Trial
 from taxel.recordings.reader import iterate_blocks, list_recordings
 from taxel.recordings.summary import summarise
@@ -166,7 +167,7 @@ def _classes(rows: list[dict[str, Any]]) -> dict[str, dict[str, int]]:
             if name not in row["marks_by_label"]:
                 found[name][value] += max(1, row["marks"])
     return {
-        name: dict(sorted(counts.items()))
+        name: {value: counts[value] for value in in_order(counts)}
         for name, counts in sorted(found.items())
         if len(counts) <= _MOST_VALUES
     }

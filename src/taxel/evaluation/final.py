@@ -16,6 +16,8 @@ from torch import nn
 from taxel.bundles.contract import Contract
 from taxel.bundles.writer import write_bundle
 from taxel.evaluation.checked import check_gate
+from taxel.evaluation.splits import Split, TrialFold
+from taxel.evaluation.table_split import OWN_SPLIT, Elsewhere, split_elsewhere
 from taxel.models.catalogue import find_network
 from taxel.training.adapt.exemplars import all_exemplars, thin_out
 from taxel.training.loop import Epoch, Labelled, fit, new_network
@@ -37,9 +39,13 @@ def train_on_all(
     checkpoints: Path,
     resume: bool = False,
     unknown: float | None = None,
+    given: Elsewhere = OWN_SPLIT,
     on_epoch: Callable[[Epoch], None] | None = None,
 ) -> Run:
     """Train a recipe's networks on all windows.
+
+    A table of folds with one training and one test part keeps its test part (and validation)
+    from them, so that the run can still be scored on it; with several folds nothing is kept back.
 
     Args:
         path: A folder of recordings.
@@ -49,6 +55,7 @@ def train_on_all(
         resume: True goes on from checkpoints found there.
         unknown: Share of known touch that may be called unlike anything learned, 0…1; None
             makes no such test.
+        given: The split that came from elsewhere, if there is one.
         on_epoch: Called after each epoch.
 
     Raises:
@@ -58,6 +65,10 @@ def train_on_all(
     model = find_network(recipe.model)
     dataset = load_dataset(path, recipe.window, target=recipe.target)
     check_gate(dataset)
+    if given.table is not None:
+        _, split = split_elsewhere(path, dataset, recipe.target, given)
+        if len(split.folds) == 1:
+            dataset = dataset.only_trials(_train_part(split))
     source = dataset
     if recipe.train_stride is not None:
         rows = recipe.train_steps or recipe.window.steps
@@ -87,7 +98,7 @@ def train_on_all(
             steps=steps,
             checkpoint=checkpoint,
             on_epoch=on_epoch,
-            job=_job_text(recipe, dataset.digest),
+            job=_job_text(recipe, dataset.digest, len(dataset.trials)),
         )
         networks.append(network)
     shutil.rmtree(checkpoints)
@@ -102,6 +113,12 @@ def train_on_all(
         data=str(path),
         exemplars=thin_out(all_exemplars(dataset, contract.classes, recipe.target)),
     )
+
+
+def _train_part(split: Split) -> frozenset[int]:
+    (fold,) = split.folds
+    assert isinstance(fold, TrialFold)
+    return fold.train
 
 
 def train_bundle(path: Path, recipe: Recipe, bundle: Path, run: Path | None = None) -> Contract:
@@ -120,10 +137,11 @@ def train_bundle(path: Path, recipe: Recipe, bundle: Path, run: Path | None = No
     return write_bundle(bundle, trained.networks, trained.contract, windows.values, windows.mask)
 
 
-def _job_text(recipe: Recipe, digest: str) -> str:
+def _job_text(recipe: Recipe, digest: str, trials: int) -> str:
     """Return what a checkpoint must share with the training that goes on from it."""
     job = {
         "data": digest,
+        "trials": trials,
         "target": recipe.target,
         "model": recipe.model,
         "window": asdict(recipe.window),

@@ -12,7 +12,7 @@ from __future__ import annotations
 import hashlib
 import io
 import json
-from contextlib import suppress
+from contextlib import nullcontext, suppress
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -20,7 +20,7 @@ from typing import Any
 import numpy as np
 
 import taxel
-from taxel.errors import BadFile
+from taxel.errors import BadFile, RecordingFailed
 from taxel.evaluation.crossval import FoldPredictions
 from taxel.evaluation.metrics import score
 from taxel.evaluation.splits import Fold
@@ -29,6 +29,9 @@ from taxel.recordings.whole import write_whole
 from taxel.training.environment import environment
 from taxel.windows.dataset import Dataset
 
+MOST_SHARED = 50
+"""Data sets and splits whose folds are kept in a shared folder. Source: our choice,
+docs/decisions/0040."""
 _ARRAYS = ("test", "y", "probabilities")
 
 
@@ -46,14 +49,23 @@ class KeptFolds:
         dataset: The windows and their labels.
         target: The label that is predicted.
         fresh: Remove what is there first.
+        shared: The folder is shared by many data sets and splits: each has one of its own in it,
+            by its key, of which the latest `MOST_SHARED` stay.
     """
 
     def __init__(
-        self, folder: Path | None, depends_on: Any, dataset: Dataset, target: str, *, fresh: bool
+        self,
+        folder: Path | None,
+        depends_on: Any,
+        dataset: Dataset,
+        target: str,
+        *,
+        fresh: bool,
+        shared: bool = False,
     ) -> None:
         self.used = 0
         """Folds that were found finished."""
-        self._folder = folder
+        self._folder, self._shared = folder, shared
         about = {"for": depends_on, "software": environment(), "code": _code()}
         digest = hashlib.sha256(json.dumps(about, sort_keys=True, default=str).encode())
         windows = dataset.windows
@@ -61,6 +73,9 @@ class KeptFolds:
             digest.update(np.ascontiguousarray(part).tobytes())
         digest.update(json.dumps(dataset.classes(target)).encode())
         self._key = np.frombuffer(digest.digest(), np.uint8)
+        if folder is not None and shared:
+            _thin_out(folder)
+            self._folder = folder = folder / digest.hexdigest()[:32]
         if folder is not None and fresh:
             _remove(folder)
 
@@ -79,17 +94,18 @@ class KeptFolds:
         return FoldPredictions(fold.name, test, y, probabilities, score(y, probabilities))
 
     def keep(self, model: str, number: int, result: FoldPredictions) -> None:
-        """Store a fold that is done, whole or not at all.
+        """Store a fold that is done, whole or not at all; a shared folder may refuse it.
 
         Raises:
-            RecordingFailed: The disk refused.
+            RecordingFailed: The disk refused, and the folder is not shared.
         """
         if self._folder is None:
             return
         content = io.BytesIO()
         arrays = {name: getattr(result, name) for name in _ARRAYS}
         np.savez(content, key=self._key, **arrays)
-        write_whole(self._path(model, number), content.getvalue())
+        with suppress(RecordingFailed) if self._shared else nullcontext():
+            write_whole(self._path(model, number), content.getvalue())
 
     def _path(self, model: str, number: int) -> Path:
         assert self._folder is not None
@@ -99,6 +115,14 @@ class KeptFolds:
 def forget_folds(output: Path) -> None:
     """Remove the kept folds of a run that is complete."""
     _remove(folds_folder(output))
+
+
+def _thin_out(folder: Path) -> None:
+    """Remove the oldest folders of a shared one, so that it stays small."""
+    with suppress(OSError):
+        own = sorted(folder.iterdir(), key=lambda path: path.stat().st_mtime)
+        for path in own[: max(0, len(own) - MOST_SHARED)]:
+            _remove(path)
 
 
 def _remove(folder: Path) -> None:

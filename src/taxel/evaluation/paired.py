@@ -6,6 +6,7 @@ none. The test over whole groups is the one to believe. Knows nothing about fold
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -93,7 +94,24 @@ def compare_runs(first: Run, second: Run, group: str | None = None) -> Paired:
     Raises:
         BadInput: A run has no predictions, or the two were not tested alike.
     """
-    ours, theirs = _alike(first, second)
+    return compare_predictions(*_predictions(first, second), first.contract.target, group)
+
+
+def compare_predictions(
+    ours: Predictions, theirs: Predictions, target: str, group: str | None = None
+) -> Paired:
+    """Return the paired tests of two sets of predictions of the same windows.
+
+    Args:
+        ours: What the first said.
+        theirs: What the second said.
+        target: What they predicted.
+        group: The group that is taken as a whole; see `compare_runs`.
+
+    Raises:
+        BadInput: The two were not tested alike.
+    """
+    ours, theirs = _alike(ours, theirs)
     coarsest = coarsest_of(ours)
     key = group or coarsest
     names, index = np.unique(ours.group(key), return_inverse=True)
@@ -103,7 +121,7 @@ def compare_runs(first: Run, second: Run, group: str | None = None) -> Paired:
     changed = (wins[1] - wins[0]).astype(np.float64)
     only_first, only_second = int((right & ~other).sum()), int((other & ~right).sum())
     return Paired(
-        target=first.contract.target,
+        target=target,
         split=ours.split,
         group=key,
         coarsest=coarsest,
@@ -179,8 +197,8 @@ def coarsest_of(predictions: Predictions) -> str:
     return coarsest_group(tested, predictions.split)
 
 
-def _alike(first: Run, second: Run) -> tuple[Predictions, Predictions]:
-    """Return both runs' predictions in one order, once they are found to be comparable."""
+def _predictions(first: Run, second: Run) -> tuple[Predictions, Predictions]:
+    """Return both runs' predictions, once they are found to be of the same recordings."""
     one, two = first.predictions, second.predictions
     if one is None or two is None:
         raise BadInput(
@@ -188,18 +206,28 @@ def _alike(first: Run, second: Run) -> tuple[Predictions, Predictions]:
             f"none in the {'first' if one is None else 'second'}",
             "train again without --no-check; of an adapted run name the version that was trained",
         )
-    said = {
+    _refuse_others({
         "recordings": (first.contract.data_digest[:12], second.contract.data_digest[:12]),
         "target": (first.contract.target, second.contract.target),
-        "classes": (", ".join(one.classes), ", ".join(two.classes)),
-        "split": (one.split, two.split),
-    }
+    })  # fmt: skip
+    return one, two
+
+
+def _refuse_others(said: Mapping[str, tuple[str, str]]) -> None:
     for what, (ours, theirs) in said.items():
         if ours != theirs:
             raise BadInput(
                 f"two runs of the same {what}", f"{ours} and {theirs}",
                 "train one of them again on what the other had",
             )  # fmt: skip
+
+
+def _alike(one: Predictions, two: Predictions) -> tuple[Predictions, Predictions]:
+    """Return both predictions in one order, once they are found to be comparable."""
+    _refuse_others({
+        "classes": (", ".join(one.classes), ", ".join(two.classes)),
+        "split": (one.split, two.split),
+    })  # fmt: skip
     one, two = _ordered(one), _ordered(two)
     places = [[p.trials[t].recording for t in p.trial] for p in (one, two)]
     if places[0] != places[1] or not np.allclose(one.start_s, two.start_s, rtol=0, atol=_SLACK_S):

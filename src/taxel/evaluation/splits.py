@@ -30,9 +30,11 @@ class TrialFold:
     """Indices into `Dataset.trials`."""
     test: frozenset[int]
     """Indices into `Dataset.trials`."""
+    validation: frozenset[int] = frozenset()
+    """Those to choose by: neither trained on nor tested; none in taxel's own splits."""
 
     def __post_init__(self) -> None:
-        both = self.train & self.test
+        both = (self.train & self.test) | ((self.train | self.test) & self.validation)
         if both:
             raise BadSplit(
                 "trials on one side only",
@@ -45,6 +47,10 @@ class TrialFold:
         train = np.isin(dataset.trial, sorted(self.train))
         test = np.isin(dataset.trial, sorted(self.test))
         return np.flatnonzero(train), np.flatnonzero(test)
+
+    def validation_windows(self, dataset: Dataset) -> NDArray[np.intp]:
+        """Return the indices of the windows to choose by."""
+        return np.flatnonzero(np.isin(dataset.trial, sorted(self.validation)))
 
 
 @dataclass(frozen=True, slots=True)

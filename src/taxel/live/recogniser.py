@@ -100,6 +100,7 @@ class Recogniser:
                 self._config,
                 strange,
                 self.bundle.strangeness,
+                float(one.filled[0]),
             )
             answers.append(Answer(decision, one, cutting_s + perf_counter() - began))
         return answers

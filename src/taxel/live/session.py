@@ -32,6 +32,7 @@ class Tally:
     vote: GraspVote
     answers: Counter[str] = field(default_factory=Counter)
     windows: int = 0
+    filled: int = 0
     marked: int = 0
     right: int = 0
     grasps: int = 0
@@ -50,6 +51,7 @@ class Tally:
         self.settle(decision.start_s)
         self.latest = answer
         self.windows += 1
+        self.filled += decision.filled > 0
         self.answers[decision.label] += 1
         self.grasp_answer = self.vote.add(decision)
         self.latencies_s.append(answer.latency_s)
@@ -97,12 +99,22 @@ class Tally:
         self.grasps += 1
         self.grasps_right += told[-1] == truth
 
+    def take_in(self, other: Tally) -> None:
+        """Add what was told of another recording, which is over."""
+        self.answers.update(other.answers)
+        for name in ("windows", "filled", "marked", "right", "grasps", "grasps_right"):
+            setattr(self, name, getattr(self, name) + getattr(other, name))
+        self.latencies_s += other.latencies_s
+        del self.latencies_s[:-_KEPT_LATENCIES]
+        self.latest, self.grasp_answer = other.latest, other.grasp_answer
+
     def summary(self) -> dict[str, Any]:
         """Return the counts and latencies, for printing."""
         latencies = np.array(self.latencies_s or [np.nan]) * 1e6
         return {
             "target": self.target,
             "windows": self.windows,
+            "filled": self.filled,
             "answers": dict(self.answers.most_common()),
             "marked": self.marked,
             "right": self.right,

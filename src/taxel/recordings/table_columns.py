@@ -230,7 +230,10 @@ def _places(path: Path, names: Sequence[str], wanted: Sequence[str], what: str) 
 def _number_of(path: Path, name: str, columns: int) -> int:
     index = _as_number(name)
     if not 1 <= index <= columns:
-        raise _no_column(path, name, "no such column", "numbered from 1")
+        raise BadTable(
+            f"columns by their numbers, 1 to {columns}: no names are in {path}", repr(name[:80]),
+            "write channels as 1[N] 2[N] in the import table",
+        )  # fmt: skip
     return index - 1
 
 

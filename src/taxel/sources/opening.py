@@ -6,6 +6,7 @@
     camera:///dev/v4l/by-id/left,/dev/v4l/by-id/right?width=640&height=480&rate_hz=30
     replay://runs/session-1.mcap?speed=2
     runs/session-1.mcap                       (the same as replay://)
+    runs, replay://runs?speed=max             (a folder: `recordings_of` gives an address for each)
 
 Knows nothing about what is done with the samples.
 """
@@ -18,6 +19,7 @@ from urllib.parse import parse_qsl
 
 from taxel.clock import Clock, SystemClock
 from taxel.errors import BadSource, MissingExtra
+from taxel.recordings.reader import list_recordings
 from taxel.sources.contract import Source
 
 
@@ -93,6 +95,23 @@ def open_source(url: str, clock: Clock | None = None) -> Source:
     return SCHEMES[scheme](name, options, clock or SystemClock())
 
 
+def recordings_of(url: str) -> list[str]:
+    """Return the address of each recording where a folder is to be replayed, by name; else the
+    address as it is.
+
+    Raises:
+        BadSource: The address is wrong.
+        BadRecording: The folder holds no recording, or an unfinished one.
+    """
+    scheme, name, options = _split(url)
+    if scheme != "replay" or not Path(name).is_dir():
+        return [url]
+    query = "&".join(f"{key}={value}" for key, value in options.items())
+    return [
+        f"replay://{path}?{query}" if query else str(path) for path in list_recordings(Path(name))
+    ]
+
+
 def at_full_speed(url: str) -> str:
     """Return the address with speed=max, where it names no speed and is no real device's.
 
@@ -119,7 +138,8 @@ def _split(url: str) -> tuple[str, str, dict[str, str]]:
             return "replay", url, {}
         scheme, rest = "replay", url
     name, _, query = rest.partition("?")
-    if scheme not in SCHEMES or not name or not (found or name.endswith(".mcap")):
+    folder = scheme == "replay" and Path(name).is_dir()
+    if scheme not in SCHEMES or not name or not (found or name.endswith(".mcap") or folder):
         known = ", ".join(f"{scheme}://" for scheme in SCHEMES)
         raise BadSource(
             f"an address that starts with one of {known}, or a recording's file",

@@ -21,7 +21,13 @@ from numpy.typing import NDArray
 from torch import nn
 
 from taxel import __version__
-from taxel.bundles.contract import Contract, at_level, contract_from_json, contract_to_json
+from taxel.bundles.contract import (
+    Contract,
+    at_level,
+    contract_from_json,
+    contract_to_json,
+    fingerprint_of,
+)
 from taxel.errors import BadInput, RecordingFailed, TaxelError
 from taxel.foreign.json_text import Fields, read_json
 from taxel.foreign.records import record_of
@@ -86,6 +92,7 @@ def contract_of(
         software=f"taxel {__version__}",
         parity=None,
         reference=dataset.reference,
+        learned=tuple(sorted({fingerprint_of(own) for own in dataset.fingerprints.values()})),
     )
 
 

@@ -14,7 +14,9 @@ from taxel.evaluation.audit.finding import MEANING, Audit, Finding
 from taxel.plain_text import visible, visible_line
 
 _STYLE = {"leak": "bold red", "hazard": "yellow", "note": "cyan", "clear": "green",
-          "not checked": "dim"}  # fmt: skip
+          "too few": "magenta", "not checked": "dim"}  # fmt: skip
+SHOWN = 12
+"""Examples that are shown without --all. Source: our choice."""
 
 
 def audit_table(found: Audit, *, everything: bool = False) -> RenderableType:
@@ -24,8 +26,8 @@ def audit_table(found: Audit, *, everything: bool = False) -> RenderableType:
         found: What `audit` gave.
         everything: Also list what was looked for and not found.
     """
-    shown = [one for one in found.findings if everything or one.verdict in ("leak", "hazard",
-                                                                            "note")]  # fmt: skip
+    told = ("leak", "hazard", "note")
+    shown = [one for one in found.findings if everything or one.verdict in told]
     parts: list[RenderableType] = [
         Text(visible_line(found.verdict), style="bold red" if found.alarms else "bold green"),
         Text(visible_line(_what(found)), style="dim"),
@@ -33,10 +35,12 @@ def audit_table(found: Audit, *, everything: bool = False) -> RenderableType:
     parts += [Text(visible_line(note), style="dim") for note in found.notes]
     if shown:
         parts += [_figures(shown), Text("What was found, and what to do", style="bold")]
-        parts += [_in_words(one) for one in shown]
+        parts += [_in_words(one, everything) for one in shown]
     meant = dict.fromkeys(one.verdict for one in shown)
     parts += [Text(f"{verdict}: {MEANING[verdict]}", style="dim") for verdict in meant]
     parts += [Text(line, style="dim") for line in (legend(found) if shown else [])]
+    if everything:
+        parts += [Text(line, style="dim") for line in _groups(found)]
     parts.append(Text(_rest(found, everything), style="dim"))
     return Group(*parts)
 
@@ -87,12 +91,24 @@ def legend(found: Audit) -> list[str]:
     ]  # fmt: skip
 
 
-def _in_words(one: Finding) -> Text:
+def _groups(found: Audit) -> list[str]:
+    """Return each group with all of its values and their trials."""
+    return [
+        f"group {visible(key)}: "
+        + ", ".join(f"{visible(name)} {count}" for name, count in values.items())
+        for key, values in found.groups.items()
+    ]
+
+
+def _in_words(one: Finding, everything: bool) -> Text:
     text = Text()
     text.append(f"{visible_line(one.kind)}: ", style=_STYLE[one.verdict])
     text.append(visible_line(one.said))
     if one.examples:
-        text.append(f" Such as: {visible_line('; '.join(one.examples))}.", style="dim")
+        shown = one.examples if everything else one.examples[:SHOWN]
+        rest = len(one.examples) - len(shown)
+        more = f" and {rest} more (--all)" if rest else ""
+        text.append(f" Such as: {visible_line('; '.join(shown))}{more}.", style="dim")
     if one.mend:
         text.append(f"\n  → {visible_line(one.mend)}.")
     return text
@@ -105,7 +121,10 @@ def _share(value: float | None) -> str:
 def _rest(found: Audit, everything: bool) -> str:
     clear = [one.kind for one in found.findings if one.verdict == "clear"]
     unknown = [one.kind for one in found.findings if one.verdict == "not checked"]
+    few = [one.kind for one in found.findings if one.verdict == "too few"]
     lines = [] if everything else [f"looked for and not found: {', '.join(clear) or 'nothing'}"]
+    if few and not everything:
+        lines.append(f"could not be told with so few trials: {', '.join(few)}")
     if unknown and not everything:
         lines.append(f"not checked: {', '.join(unknown)}")
     return "\n".join(lines)

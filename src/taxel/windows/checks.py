@@ -13,6 +13,7 @@ from taxel.errors import BadDataset
 from taxel.labels.trials import Trial
 from taxel.signals import SensorInfo
 from taxel.windows.config import MOST_RATE_CHANGE, SLOW_GRID, WindowConfig
+from taxel.windows.windower import Windows
 
 _UNEVEN = 5
 """A class with so many times fewer trials than the commonest is rare. Source: our choice."""
@@ -97,6 +98,18 @@ def grid_note(sensor: SensorInfo, config: WindowConfig) -> list[str]:
         f"vibration above {config.grid_hz / 2:g} Hz turns up as slower motion; --window grid=own "
         "takes "
         "every scan"
+    ]
+
+
+def filled_note(windows: Windows) -> list[str]:
+    """Return a note where values of short gaps were filled in."""
+    filled = windows.filled[windows.filled > 0]
+    if not len(filled):
+        return []
+    return [
+        f"{len(filled)} of {len(windows)} windows have short gaps, which are filled in between "
+        f"their neighbours: {100 * float(filled.mean()):.2g} % of their values in the mean, "
+        f"{100 * float(filled.max()):.2g} % at most"
     ]
 
 

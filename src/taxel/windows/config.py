@@ -20,6 +20,9 @@ SLOW_GRID = 1 / 3
 MOST_RATE_CHANGE = 1.25
 """Where a sensor's own scans are rows, recordings' rates may differ by this factor, as `live`
 allows: beyond it a window lasts another time. Source: our choice."""
+MOST_FILLED = 0.25
+"""Largest share of a window's values that are filled in, 0…1. Source: our choice, so that a tenth
+of lost scans silences hardly a window of 75 rows, docs/decisions/0040."""
 GATE_V = 1.55
 """Contact threshold, volts. Source: TENG thesis, section 3.5.1."""
 FULL_SCALE_V = 3.3
@@ -64,6 +67,9 @@ class WindowConfig:
     channels' unit, for channels that rest at 0; after the wavelet, before `tare`. None keeps
     all."""
 
+    fill: float = MOST_FILLED
+    """Short gaps of a window (`gaps.py`) are filled in where at most this share of its values is
+    missing, stale or NaN, 0…1; past it the window stays unusable. 0 fills none. Layout B only."""
     reference: str | None = None
     """Reference touches, "KEY=VALUE:COUNT" such as "object=cylinder-glass:3": a data set's
     sessions are each brought to one level by their first touches of a known object, which are
@@ -79,6 +85,8 @@ class WindowConfig:
             raise ValueError("needed a gate for layout A; got None")
         if self.layout == "A" and self.wavelet is not None:
             raise ValueError("needed layout B for a wavelet: in A a column is no channel; got A")
+        if not 0.0 <= self.fill < 1.0:
+            raise ValueError(f"needed a share of at least 0 and below 1 for fill; got {self.fill}")
         if self.segment is not None and not math.isfinite(self.segment):
             raise ValueError(f"needed a finite level for segment; got {self.segment}")
 

@@ -7,20 +7,22 @@ from __future__ import annotations
 
 import hashlib
 import math
-from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
 from taxel.errors import BadDataset
+from taxel.labels.class_order import in_order
 from taxel.labels.trials import Trial, trials_of
 from taxel.recordings.reader import list_recordings, read_recording
 from taxel.signals import Samples, SensorInfo
 from taxel.windows.checks import (
     check_sensor,
     check_target,
+    filled_note,
     grid_note,
     nothing_found,
     rare_note,
@@ -56,13 +58,35 @@ class Dataset:
     """The level that all sessions were brought to; None where values are as measured."""
     to_level: NDArray[np.float32] | None = None
     """What each trial's values were multiplied by for that, shape (trials, channels)."""
+    fingerprints: Mapping[str, str] = field(default_factory=dict)
+    """Recording's file name → SHA-256 over its values, hexadecimal: the same touch is known
+    again under another name."""
 
     def __len__(self) -> int:
         return len(self.windows)
 
     def classes(self, target: str) -> list[str]:
-        """Return the values of a label, sorted."""
-        return sorted({trial.labels[target] for trial in self.trials})
+        """Return the values of a label, sorted; numbers as numbers."""
+        return list(in_order(trial.labels[target] for trial in self.trials))
+
+    def only_trials(self, kept: Collection[int]) -> Dataset:
+        """Return some of the trials with their windows; nothing of the others remains.
+
+        Args:
+            kept: Indices into `trials`; their order stays.
+        """
+        index = np.array(sorted(kept), np.intp)
+        own = np.isin(self.trial, index)
+        trials = tuple(self.trials[i] for i in index)
+        names = {trial.recording for trial in trials}
+        return replace(
+            self,
+            windows=self.windows[own],
+            trial=np.searchsorted(index, self.trial[own]).astype(np.intp),
+            trials=trials,
+            to_level=None if self.to_level is None else self.to_level[index],
+            fingerprints={k: v for k, v in self.fingerprints.items() if k in names},
+        )
 
     def class_numbers(self, target: str) -> NDArray[np.intp]:
         """Return each window's class as an index into `classes(target)`, shape (n,)."""
@@ -92,6 +116,7 @@ def load_dataset(
     *,
     target: str | None = None,
     where: Mapping[str, str] | None = None,
+    unusable: bool = False,
 ) -> Dataset:
     """Cut all recordings of a folder, or one recording, into windows.
 
@@ -101,6 +126,7 @@ def load_dataset(
         target: The label that every trial must have, or several joined by "+", such as
             "shape+material"; None asks for none.
         where: Only trials whose label or group has this value, such as {"task": "shape"}.
+        unusable: Also keep windows of missing, stale or NaN values, which live answers UNKNOWN.
 
     Raises:
         BadRecording: A recording is damaged.
@@ -114,9 +140,12 @@ def load_dataset(
     owners: list[NDArray[np.intp]] = []
     outside = stale = 0
     digest = hashlib.sha256()
+    fingerprints = {}
     for file in paths:
         recording = read_recording(file)
-        digest.update(recording.samples.values.tobytes())
+        content = recording.samples.values.tobytes()
+        digest.update(content)
+        fingerprints[file.name] = hashlib.sha256(content).hexdigest()
         sensor = sensor or recording.manifest.sensor
         check_sensor(sensor, recording.manifest.sensor, file, config)
         if not len(recording.samples):
@@ -139,8 +168,9 @@ def load_dataset(
         trials += [one for one, own_wanted in zip(own, wanted, strict=True) if own_wanted]
     if sensor is None or not sum(map(len, parts)):
         raise nothing_found(path, config, where)
-    return _assemble(Windows.join(parts), np.concatenate(owners), trials, sensor, config,
-                     digest.hexdigest(), outside, stale, target)  # fmt: skip
+    made = _assemble(Windows.join(parts), np.concatenate(owners), trials, sensor, config,
+                     digest.hexdigest(), outside, stale, target, unusable)  # fmt: skip
+    return replace(made, fingerprints=fingerprints)
 
 
 def _assemble(
@@ -153,8 +183,11 @@ def _assemble(
     outside: int,
     stale: int,
     target: str | None,
+    keep: bool,
 ) -> Dataset:
-    whole = windows.usable >= 1.0
+    whole = windows.ready
+    if keep:
+        whole, stale = np.ones(len(windows), bool), 0
     notes = grid_note(sensor, config)
     if outside:
         notes.append(f"{outside} windows lie across a trial's border or outside: left out")
@@ -166,6 +199,7 @@ def _assemble(
     if unusable := int((~whole).sum()) - stale:
         notes.append(f"{unusable} windows hold values that are missing or NaN: left out")
     windows, trial = windows[whole], trial[whole]
+    notes += filled_note(windows)
     if windows.padded:
         notes.append(
             f"{windows.padded} of {len(windows)} sequences are shorter than "
@@ -193,7 +227,7 @@ def _assemble(
             f"each session brought to one level by {reference.touches}: these touches are left out"
         )
     if target is not None:
-        kept = tuple(_with_joined_label(one, target) for one in kept)
+        kept = tuple(with_joined_label(one, target) for one in kept)
         check_target(kept, target)
         notes += rare_note(kept, target)
     return Dataset(
@@ -266,11 +300,11 @@ def recut(path: Path, dataset: Dataset, stride: int, steps: int) -> Dataset:
 
 def _stale(windows: Windows, samples: Samples, config: WindowConfig, sensor: SensorInfo) -> int:
     """Return how many windows are not usable for the age of their scans alone."""
-    bad = windows.usable < 1.0
+    bad = ~windows.ready
     if not bad.any() or config.grid_hz is None:
         return 0
     ageless = cut_windows(samples, replace(config, max_age_s=math.inf), sensor)
-    return int(np.isin(windows.start_s[bad], ageless.start_s[ageless.usable >= 1.0]).sum())
+    return int(np.isin(windows.start_s[bad], ageless.start_s[ageless.ready]).sum())
 
 
 def _owners(windows: Windows, trials: list[Trial]) -> NDArray[np.intp]:
@@ -287,7 +321,7 @@ def _matches(trial: Trial, where: Mapping[str, str]) -> bool:
     return all(known.get(key) == value for key, value in where.items())
 
 
-def _with_joined_label(trial: Trial, target: str) -> Trial:
+def with_joined_label(trial: Trial, target: str) -> Trial:
     """Return the trial with "a+b" as a label where it has both; as it is otherwise."""
     parts = target.split("+")
     if len(parts) < 2 or any(part not in trial.labels for part in parts):

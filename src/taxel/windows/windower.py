@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from copy import copy
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TypeVar
 
 import numpy as np
@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from taxel.signals import UNUSABLE, Samples, SensorInfo, Validity
 from taxel.windows.config import WindowConfig
 from taxel.windows.denoise import cleaner
+from taxel.windows.gaps import fill_gaps
 from taxel.windows.gate import above_gate
 from taxel.windows.grid import Grid, Rows
 
@@ -34,13 +35,26 @@ class Windows:
     mask: NDArray[np.bool_]
     """Shape (n, steps): True where the row was measured, False where it is padding."""
     usable: NDArray[np.float32]
-    """Shape (n,): share of the measured rows' values that may be used, 0…1."""
+    """Shape (n,): share of the measured rows' values that may be used, 0…1, before any is
+    filled in."""
     saturated: NDArray[np.float32]
     """Shape (n,): largest share of saturated rows in any one channel, 0…1."""
     start_s: NDArray[np.float64]
     """Shape (n,): time of the first row, fitted clock, seconds."""
     end_s: NDArray[np.float64]
     """Shape (n,): time of the last measured row, fitted clock, seconds."""
+    filled: NDArray[np.float32] = None  # type: ignore[assignment]
+    """Shape (n,): share of the measured rows' values that were filled in, 0…1: all that were not
+    usable, or none. Zeros unless given."""
+
+    def __post_init__(self) -> None:
+        if self.filled is None:
+            object.__setattr__(self, "filled", np.zeros(len(self.values), np.float32))
+
+    @property
+    def ready(self) -> NDArray[np.bool_]:
+        """Shape (n,): True where all values may be used, or those that may not were filled in."""
+        return np.asarray((self.usable >= 1.0) | (self.filled > 0.0))
 
     def __len__(self) -> int:
         return len(self.values)
@@ -54,6 +68,7 @@ class Windows:
             self.saturated[part],
             self.start_s[part],
             self.end_s[part],
+            self.filled[part],
         )
 
     @property
@@ -76,6 +91,7 @@ class Windows:
             np.concatenate([run.saturated for run in runs]),
             np.concatenate([run.start_s for run in runs]),
             np.concatenate([run.end_s for run in runs]),
+            np.concatenate([run.filled for run in runs]),
         )
 
 
@@ -178,7 +194,7 @@ class Windower:
         rows, self._skip = _cut_rows(rows, skipped, len(rows)), self._skip - skipped
         count = (len(rows) - length) // stride + 1 if len(rows) >= length else 0
         if count:
-            done.append(_windows_of(rows, length, stride, count))
+            done.append(self._filled(_windows_of(rows, length, stride, count), rows, stride))
             self._whole = True
             used = min(count * stride, len(rows))
             self._skip = count * stride - used
@@ -187,9 +203,26 @@ class Windower:
             self._pending = rows
             return done
         if self._config.pad and not self._whole and len(rows):
-            done.append(_padded_window(rows, length))
+            done.append(self._filled(_padded_window(rows, length), rows, stride))
         self._pending, self._skip, self._whole = self._none, 0, False
         return done
+
+    def _filled(self, windows: Windows, rows: Rows, stride: int) -> Windows:
+        """Fill the short gaps of finished windows of one stretch; the same however it was cut."""
+        bad = np.flatnonzero(windows.usable < 1.0)
+        if self._single or not self._config.fill or not len(bad):
+            return windows
+        usable = rows.usable
+        values, filled = windows.values, windows.filled.copy()
+        for index in bad:
+            measured = int(windows.mask[index].sum())
+            part = slice(index * stride, index * stride + measured)
+            whole = fill_gaps(values[index, :measured], usable[part], self._length,
+                              self._config.fill)  # fmt: skip
+            if whole is not None:
+                values[index, :measured] = whole
+                filled[index] = 1.0 - windows.usable[index]
+        return replace(windows, filled=filled)
 
     def _shape(self, parts: list[Windows]) -> Windows:
         steps, channels = self._config.steps, self._channels
@@ -209,7 +242,7 @@ class Windower:
             values = self._clean(values, mask)
         if self._config.tare:
             values = (values - values[:, :1]) * mask[:, :, None]
-        return Windows(values, mask, cut.usable, cut.saturated, cut.start_s, cut.end_s)
+        return replace(cut, values=values, mask=mask)
 
 
 def cut_windows(samples: Samples, config: WindowConfig, sensor: SensorInfo) -> Windows:

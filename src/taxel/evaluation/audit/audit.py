@@ -12,8 +12,10 @@ from taxel.evaluation.audit.case import Case, Reading
 from taxel.evaluation.audit.copies import near_copies, same_rows
 from taxel.evaluation.audit.finding import Audit, Finding, holm, sort_findings
 from taxel.evaluation.audit.gaps import Gap, measure_gaps
+from taxel.evaluation.audit.names import near_names
 from taxel.evaluation.audit.noise import left_out
 from taxel.evaluation.audit.nuisances import read_first, read_length, read_level, read_place
+from taxel.evaluation.audit.order import measure_order
 from taxel.evaluation.audit.origins import read_origins
 from taxel.evaluation.audit.scaled import scaled_run, scaled_values
 from taxel.evaluation.audit.shared import (
@@ -34,11 +36,12 @@ from taxel.evaluation.audit.touch_set import (
     TouchSet,
     counts,
     cut_pieces,
+    group_values,
     honest_key,
     usual_steps,
 )
 
-STEPS = 9
+STEPS = 10
 """How often `audit` says what it looks for."""
 
 
@@ -100,8 +103,15 @@ def audit(
     waiting += read_origins(case)
     on_step("random windows beside held-out trials")
     waiting += measure_gaps(case)
+    on_step("earlier trials beside later ones")
+    order = measure_order(case)
+    if isinstance(order, Finding):
+        facts.append(order)
+    else:
+        waiting += order
     corrected = holm([one.told.p if isinstance(one, Reading) else one.p for one in waiting])
-    facts += [one.finding(p) for one, p in zip(waiting, corrected, strict=True)]
+    facts += [one.finding(p, len(waiting)) for one, p in zip(waiting, corrected, strict=True)]
+    facts.append(near_names(case))
     return Audit(
         data=data,
         kind=touch.kind,
@@ -111,6 +121,7 @@ def audit(
         read_on=_read_on(case),
         findings=sort_findings(facts),
         notes=touch.notes,
+        groups=group_values(touch),
     )
 
 

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from taxel.evaluation.audit.finding import Finding, Verdict
+from taxel.evaluation.audit.finding import ALARMS, Finding, Verdict
 from taxel.evaluation.audit.sides import Sides
 from taxel.evaluation.audit.telling import Fold, Told
 from taxel.evaluation.audit.touch_set import Pieces, TouchSet
@@ -57,13 +57,23 @@ class Reading:
     decide: Callable[[bool], tuple[Verdict, str, str]]
     """Whether it counts → verdict, what is said, and what to do."""
     examples: tuple[str, ...] = ()
+    mended: Callable[[], tuple[float, str]] | None = None
+    """What cheap trees still reach once this is tared or cropped away, and a sentence on it."""
 
-    def finding(self, p: float) -> Finding:
-        """Return the finding, given p after correction."""
+    def finding(self, p: float, tests: int = 1) -> Finding:
+        """Return the finding, given p after correction for so many tests."""
         verdict, said, mend = self.decide(self.told.counts(p))
+        left = None
+        if verdict in ALARMS and self.mended is not None:
+            left, sentence = self.mended()
+            said = f"{said} {sentence}"
+        if verdict == "clear" and not self.told.could_count(tests):
+            verdict = "too few"
+            said = f"{said.rstrip('.')} as far as so few trials show: even one that goes half of " \
+                   "the way to certainty could be chance."  # fmt: skip
         return Finding(
             kind=self.kind, verdict=verdict, said=said, mend=mend, alone=self.told.accuracy,
-            majority=self.told.majority, auc=self.told.auc, p=p, examples=self.examples,
+            majority=self.told.majority, auc=self.told.auc, p=p, examples=self.examples, left=left,
         )  # fmt: skip
 
 

@@ -5,12 +5,14 @@ Knows nothing about how leaks are found.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Literal
 
-Verdict = Literal["leak", "hazard", "note", "clear", "not checked"]
+Verdict = Literal["leak", "hazard", "note", "clear", "too few", "not checked"]
 """leak: must be mended, whatever is claimed; hazard: becomes a leak under a split that allows it;
-note: worth a sentence beside the result; clear: looked for and not found."""
+note: worth a sentence beside the result; clear: looked for and not found, though it would have been
+seen; too few: could not be told with so few trials, which is not the same."""
 
 ALARMS: tuple[Verdict, ...] = ("leak", "hazard")
 MEANING: dict[Verdict, str] = {
@@ -18,6 +20,7 @@ MEANING: dict[Verdict, str] = {
     "hazard": "becomes a leak under a split that allows it",
     "note": "say it beside the result",
     "clear": "looked for, not found",
+    "too few": "could not be told: with so few trials even a large leak would not have counted",
     "not checked": "the recordings do not say what this needs, or are too many",
 }
 
@@ -43,7 +46,10 @@ class Finding:
     """Chance of so high a figure where labels are dealt out anew, after Holm's correction; None
     for a fact, which counts by rule: one piece is enough."""
     examples: tuple[str, ...] = ()
-    """A few of what was found, by name."""
+    """What was found, by name: all of it, or the most telling."""
+    left: float | None = None
+    """Accuracy that cheap trees still reach on touch once this is tared or cropped away, 0…1; None
+    where no such mending is known."""
 
     @property
     def alarm(self) -> bool:
@@ -68,6 +74,8 @@ class Audit:
     findings: tuple[Finding, ...]
     """Alarms first."""
     notes: tuple[str, ...] = field(default=())
+    groups: Mapping[str, Mapping[str, int]] = field(default_factory=dict)
+    """Group that trials share → each of its values, in full → trials."""
 
     @property
     def alarms(self) -> tuple[Finding, ...]:
@@ -86,11 +94,17 @@ class Audit:
         if hazards:
             verb = "waits" if hazards == 1 else "wait"
             hazard = f"hazard{'s' * (hazards > 1)}"
-            return f"No leak {where}; {hazards} {hazard} {verb} for a careless split."
-        return f"No leak found {where}."
+            return f"No leak {where}; {hazards} {hazard} {verb} for a careless split{self._few}."
+        return f"No leak found {where}{self._few}."
+
+    @property
+    def _few(self) -> str:
+        """What could not be told, as the end of a sentence; empty where there is none."""
+        kinds = [one.kind for one in self.findings if one.verdict == "too few"]
+        return f"; could not be told with so few trials: {', '.join(kinds)}" if kinds else ""
 
 
-ORDER: tuple[Verdict, ...] = ("leak", "hazard", "note", "clear", "not checked")
+ORDER: tuple[Verdict, ...] = ("leak", "hazard", "note", "too few", "clear", "not checked")
 
 
 def sort_findings(findings: list[Finding]) -> tuple[Finding, ...]:

@@ -52,9 +52,11 @@ class Gap:
     mend: str
     split_does: bool | None
     """Whether the split given is the careless way; None without a split."""
+    units: int
+    """Trials or groups whose differences are judged."""
 
-    def finding(self, p: float) -> Finding:
-        """Return the finding, given p after correction."""
+    def finding(self, p: float, tests: int = 1) -> Finding:
+        """Return the finding, given p after correction for so many tests."""
         told = f"Cheap trees reach {self.high:.3f} with {self.loosely}, {self.low:.3f} with " \
                f"{self.strictly}"  # fmt: skip
         verdict: Verdict = "hazard" if self.split_does is None else "leak"
@@ -62,6 +64,8 @@ class Gap:
         rule = self.split_does and self.of == "trial"
         if clear and rule:
             told = f"{told}; this split divides trials, which leaks by rule."
+        elif clear and 2.0**-self.units >= SURE / tests:
+            verdict, told = "too few", f"{told}: {self.units} cannot show a difference."
         elif clear:
             verdict, told = "clear", f"{told}: no clear difference."
         elif self.split_does is False:
@@ -94,7 +98,7 @@ def measure_gaps(case: Case) -> list[Gap]:
         gaps.append(
             Gap(
                 kind="window leak", of="trial", high=high, low=low, p=p,
-                majority=majority(y, by_trial),
+                majority=majority(y, by_trial), units=len(set(pieces.trial)),
                 loosely="windows of a trial dealt out at random", strictly="whole trials held out",
                 mend="split whole trials, and cut windows afterwards",
                 split_does=None if case.sides is None else not case.whole,
@@ -110,7 +114,7 @@ def measure_gaps(case: Case) -> list[Gap]:
         gaps.append(
             Gap(
                 kind=f"{case.key} leak", of=str(case.key), high=high, low=low, p=p,
-                majority=majority(y, by_group),
+                majority=majority(y, by_group), units=len(set(units)),
                 loosely=f"trials of one {case.key} on both sides",
                 strictly=f"whole {case.key}s held out",
                 mend=f"hold out whole {case.key}s and quote that figure",

@@ -13,10 +13,12 @@ from taxel.evaluation.audit.case import Case, Reading
 from taxel.evaluation.audit.finding import Verdict
 from taxel.evaluation.audit.telling import Told, look_up, predict, told
 from taxel.evaluation.audit.touch_set import OBJECTS, SESSIONS, TouchSet
+from taxel.labels.class_order import in_order
 
 FINGERPRINT = 0.9
 """Accuracy from which a name counts as the label's fingerprint. Our choice, decision 23."""
-NUMBERS = ("trial_number", "number", "index", "order", "attempt", "repetition")
+NUMBERS = ("trial_number", "number", "index", "order", "attempt", "repetition", "rep", "repeat",
+           "take")  # fmt: skip
 """Groups that count trials in the order in which they were recorded."""
 _UNITS = ("_n", "_mm", "_s", "_c", "_pct", "_hz", "_v", "_g", "_kg", "_deg", "_ppm", "_pf", "_um")
 _NAMES_OF_ONE = ("trial", "recording", "file", "grasp", "run")
@@ -26,7 +28,7 @@ def read_origins(case: Case) -> list[Reading]:
     """Return how well sessions, order and other names tell the label, one reading each."""
     touch = case.touch
     readings = [_read_key(case, key, values) for key, values in _named(case)]
-    order = _order(touch)
+    order = recorded_order(touch)
     if order is not None:
         readings.append(_read_order(case, order))
     return readings
@@ -78,7 +80,7 @@ def _read_key(case: Case, key: str, values: NDArray[np.str_]) -> Reading:
         return verdict, said, f"record every class in {several}, and hold out whole {key}s"
 
     examples = [f"{name}: {', '.join(touch.classes[c] for c in sorted(set(y[values == name])))}"
-                for name in sorted(set(values))[:3]]  # fmt: skip
+                for name in in_order(values)]  # fmt: skip
     return Reading(kind=f"name: {key}", told=found, decide=decide, examples=tuple(examples))
 
 
@@ -92,7 +94,7 @@ def _few(y: NDArray[np.intp], values: NDArray[np.str_]) -> bool:
     return any(len(set(values[y == c])) < 2 for c in set(y))
 
 
-def _order(touch: TouchSet) -> NDArray[np.float64] | None:
+def recorded_order(touch: TouchSet) -> NDArray[np.float64] | None:
     """Return each trial's place in the order of recording, shape (trials,); None if unknown."""
     several = len({trial.recording for trial in touch.trials}) < len(touch)
     known = all(touch.created) and len(set(touch.created)) > 1

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taxel.errors import BadDataset, BadTable
-from taxel.evaluation.audit.touch_set import TouchSet, checked
+from taxel.evaluation.audit.touch_set import TouchSet, checked, joined
 from taxel.jpeg_head import check_size
 from taxel.labels.trials import Trial, trials_of
 from taxel.recordings.importing import import_rows
@@ -60,13 +60,16 @@ class _Read:
     """Of all usable values of each channel: count, sum, sum of squares, shape (3, channels)."""
 
 
-def read_touch(path: Path, target: str | None, on_progress: Progress) -> TouchSet:
+def read_touch(
+    path: Path, target: str | None, on_progress: Progress, *, least: bool = True
+) -> TouchSet:
     """Read a folder of recordings, or the own files of a data set that taxel knows.
 
     Args:
         path: The folder.
         target: The label to be told; the first one with two classes unless given.
         on_progress: Called with what is read, how many are done, and how many there are.
+        least: Refuse too few trials or classes for a statement.
 
     Raises:
         BadRecording: A recording is damaged, or there is none.
@@ -75,8 +78,9 @@ def read_touch(path: Path, target: str | None, on_progress: Progress) -> TouchSe
     """
     videos = _known_videos(path)
     if videos is not None:
-        return _assemble(_read_videos(videos, on_progress), "camera", target,
-                         tuple(v for v in videos[0].files for _ in range(_SQUARES)))  # fmt: skip
+        views = tuple(v for v in videos[0].files for _ in range(_SQUARES))
+        touch = _assemble(_read_videos(videos, on_progress), "camera", target, views)
+        return checked(touch) if least else touch
     with tempfile.TemporaryDirectory(prefix="taxel-audit-") as scratch:
         folder = _imported(path, Path(scratch) / "made", on_progress)
         paths = list_recordings(folder)
@@ -85,9 +89,26 @@ def read_touch(path: Path, target: str | None, on_progress: Progress) -> TouchSe
             views = tuple(camera.name for camera in cameras for _ in range(_SQUARES))
             reads = [_camera_recording(p, len(cameras)) for p in
                      _announced(paths, "recordings", on_progress)]  # fmt: skip
-            return _assemble(reads, "camera", target, views)
-        reads = _array_recordings(_announced(paths, "recordings", on_progress))
-        return _assemble(reads, "array", target, ("array",) * reads[0].rows.shape[1])
+            touch = _assemble(reads, "camera", target, views)
+        else:
+            reads = _array_recordings(_announced(paths, "recordings", on_progress))
+            views = ("array",) * reads[0].rows.shape[1]
+            touch = _assemble(reads, "array", target, views)
+    return checked(touch) if least else touch
+
+
+def read_both(
+    path: Path, test: Path, target: str | None, on_progress: Progress
+) -> tuple[TouchSet, int]:
+    """Return the trials of a folder to train on and of one to test on, and where the second begin.
+
+    Raises:
+        BadRecording: A recording is damaged, or there is none.
+        BadDataset: Sensors differ, or labels or trials are missing.
+    """
+    first = read_touch(path, target, on_progress)
+    second = read_touch(test, first.target, on_progress, least=False)
+    return joined(first, second), len(first)
 
 
 def _announced(paths: Sequence[Path], what: str, on_progress: Progress) -> Iterator[Path]:
@@ -298,7 +319,7 @@ def _assemble(
         every=every,
         scans={read.name: read.scans for read in reads if read.scans is not None},
     )
-    return checked(whole.only(labelled))
+    return whole.only(labelled)
 
 
 def _target(trials: list[Trial], wanted: str | None) -> tuple[str, tuple[str, ...]]:

@@ -53,6 +53,19 @@ class Told:
     """None with more than two classes."""
     p: float
     """Before any correction."""
+    by_chance: tuple[float, float] = (0.0, 0.0)
+    """Mean and deviation, widened by `SPREAD`, of the accuracy of the true labels themselves where
+    labels are dealt out anew: what so many trials let chance reach."""
+
+    def could_count(self, tests: int) -> bool:
+        """Return whether something that goes half of the way to certainty would have counted.
+
+        Args:
+            tests: Among how many tests it stands, the strictest share of `SURE` being its own.
+        """
+        mean, spread = self.by_chance
+        half = max(self.majority + MARGIN, (1.0 + self.majority) / 2)
+        return spread > 0 and mean + float(norm.isf(SURE / tests)) * spread <= half
 
     def counts(self, p: float) -> bool:
         """Return whether it is a finding, given p after correction."""
@@ -148,9 +161,10 @@ def told(
         score /= np.maximum(votes.sum(axis=1), 1.0)
     own, own_votes = label[used], votes[used]
     rank = _ranks(score[used])
-    by_chance, positive, below = np.zeros(DRAWS), np.zeros(DRAWS), np.zeros(DRAWS)
+    by_chance, alike, positive, below = (np.zeros(DRAWS) for _ in range(4))
     for part, at, drawn in deal_out(own, None if groups is None else groups[used], DRAWS, seed):
         by_chance[part] += own_votes[at, drawn].sum(axis=1)
+        alike[part] += (drawn == own[at]) @ own_votes[at].sum(axis=1)
         if binary:
             positive[part] += drawn.sum(axis=1)
             below[part] += drawn @ rank[at]
@@ -161,7 +175,10 @@ def told(
     if binary and 0 < own.sum() < len(own):
         auc = float(_auc(own[None], score[used])[0])
         p = min(1.0, 2 * min(p, _p(auc, _area(below, positive, len(own)), wider)))
-    return Told(accuracy=float(right / total), majority=majority(y, folds), auc=auc, p=p)
+    return Told(
+        accuracy=float(right / total), majority=majority(y, folds), auc=auc, p=p,
+        by_chance=(float(alike.mean() / total), wider * float(alike.std() / total)),
+    )  # fmt: skip
 
 
 def deal_out(

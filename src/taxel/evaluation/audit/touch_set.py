@@ -15,10 +15,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taxel.errors import BadDataset
+from taxel.labels.class_order import in_order
 from taxel.labels.trials import Trial
 from taxel.signals import SensorInfo
 from taxel.windows.config import WindowConfig
 from taxel.windows.dataset import Dataset
+from taxel.windows.joining import TEST_PREFIX, renamed
 from taxel.windows.windower import Windows
 
 SESSIONS = (
@@ -71,8 +73,8 @@ class TouchSet:
 
     @property
     def classes(self) -> list[str]:
-        """The label's values, sorted."""
-        return sorted({trial.labels[self.target] for trial in self.trials})
+        """The label's values, sorted; numbers as numbers."""
+        return list(in_order(trial.labels[self.target] for trial in self.trials))
 
     @property
     def y(self) -> NDArray[np.intp]:
@@ -100,6 +102,32 @@ class TouchSet:
     def keys(self, wanted: tuple[str, ...]) -> list[str]:
         """Return those of some groups that every trial has."""
         return [key for key in wanted if self.group(key) is not None]
+
+
+def joined(first: TouchSet, second: TouchSet) -> TouchSet:
+    """Return the trials of two folders, those of the second renamed so that they stay apart.
+
+    Raises:
+        BadDataset: They are of different sensors.
+    """
+    if (first.kind, first.views) != (second.kind, second.views):
+        raise BadDataset(
+            f"the same sensor in both folders ({first.kind}, {len(first.views)} channels)",
+            f"{second.kind}, {len(second.views)} channels in the one to test on",
+            "name recordings of one sensor",
+        )  # fmt: skip
+    there = {name: f"{TEST_PREFIX}{name}" for name in (*second.every, *second.scans)}
+    return replace(
+        first,
+        trials=first.trials + tuple(renamed(trial) for trial in second.trials),
+        rows=first.rows + second.rows,
+        time_s=first.time_s + second.time_s,
+        created=first.created + second.created,
+        files=first.files + second.files,
+        notes=tuple(dict.fromkeys((*first.notes, *second.notes))),
+        every={**first.every, **{there[name]: n for name, n in second.every.items()}},
+        scans={**first.scans, **{there[name]: own for name, own in second.scans.items()}},
+    )
 
 
 def checked(touch: TouchSet) -> TouchSet:
@@ -225,4 +253,15 @@ def _files_of_several(touch: TouchSet, keys: list[str]) -> tuple[str, ...]:
 
 def counts(touch: TouchSet) -> dict[str, int]:
     """Return how many trials each class has."""
-    return dict(sorted(Counter(t.labels[touch.target] for t in touch.trials).items()))
+    found = Counter(t.labels[touch.target] for t in touch.trials)
+    return {name: found[name] for name in in_order(found)}
+
+
+def group_values(touch: TouchSet) -> dict[str, dict[str, int]]:
+    """Return every group that trials share, with each of its values in full and its trials."""
+    found = {}
+    for key in sorted({key for trial in touch.trials for key in trial.groups}):
+        count = Counter(trial.groups[key] for trial in touch.trials if key in trial.groups)
+        if len(count) < sum(count.values()):
+            found[key] = {name: count[name] for name in in_order(count)}
+    return found

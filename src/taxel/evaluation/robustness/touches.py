@@ -227,7 +227,7 @@ def _told(
             decision = decide(
                 raw[i], float(windows.usable[i]), float(windows.saturated[i]),
                 (float(windows.start_s[i]), float(windows.end_s[i])), classes, config,
-                strange, test,
+                strange, test, float(windows.filled[i]),
             )  # fmt: skip
             answered[i] = decision.label != UNKNOWN
             whole[touch] = votes[touch].add(decision)[0] != UNKNOWN
@@ -256,7 +256,7 @@ def _level(
     for place, index in first:
         unused[place].append(index)
         cut = cuts[place]
-        own = (cut.owner == index) & (cut.windows.usable >= 1.0)
+        own = (cut.owner == index) & cut.windows.ready
         values.append(cut.windows.values[own])
         mask.append(cut.windows.mask[own])
     joined = np.concatenate(values)

@@ -13,7 +13,8 @@ from taxel.evaluation.audit.finding import MEANING, Audit, Finding
 from taxel.views.audit_table import chance, legend
 from taxel.views.report.page import Html, join, percent, split_name, table, tag
 
-_KIND = {"leak": "bad", "hazard": "bad", "note": "", "clear": "good", "not checked": "quiet"}
+_KIND = {"leak": "bad", "hazard": "bad", "note": "", "clear": "good", "too few": "quiet",
+         "not checked": "quiet"}  # fmt: skip
 
 
 def audit_part(audit: Audit) -> Html:
@@ -55,6 +56,8 @@ def audit_part(audit: Audit) -> Html:
         parts.append(tag("p", tag("small", " ".join(each))))
     if clear:
         parts.append(tag("p", f"Looked for and not found: {', '.join(clear)}."))
+    few = [one for one in audit.findings if one.verdict == "too few"]
+    parts += [tag("p", f"Could not be told, {one.kind}: {one.said}", "quiet") for one in few]
     parts += [tag("p", f"Not checked, {one.kind}: {one.said}", "quiet") for one in unchecked]
     parts += [tag("p", note, "quiet") for note in audit.notes]
     return join(parts)

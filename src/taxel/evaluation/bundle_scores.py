@@ -1,0 +1,223 @@
+"""What a bundle is worth on recordings: its own windows, decisions and votes, as live.
+
+UNKNOWN is no answer and counts as wrong, but where the truth is a class that the bundle never
+learned: there it is the right one. Knows nothing about screens or training frameworks.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from math import inf
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from taxel.bundles.contract import fingerprint_of
+from taxel.bundles.reader import Bundle
+from taxel.decisions.recognition import UNKNOWN, Decision, GraspVote, RecogniseConfig, decide
+from taxel.errors import BadDataset
+from taxel.evaluation.metrics import accuracy_interval, cross_entropy
+from taxel.evaluation.part_scores import Parts, score_parts
+from taxel.evaluation.run_scores import reliability
+from taxel.labels.trials import coarsest_group
+from taxel.windows.dataset import Dataset, load_dataset, with_joined_label
+from taxel.windows.windower import Windows
+
+_BATCH = 256
+"""Windows that the model is given at once. Source: our choice."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class BundleScores:
+    """A bundle on a folder of recordings."""
+
+    target: str
+    classes: tuple[str, ...]
+    """What the bundle can answer, in its order."""
+    windows: int
+    trials: int
+    accuracy: float
+    """Share of windows told right, 0…1; UNKNOWN counts as wrong."""
+    interval: tuple[float, float]
+    """95 % CI of it, bootstrapped over `interval_group`; NaN with one of them."""
+    interval_group: str
+    majority: float
+    """Share of the commonest class among the windows, 0…1."""
+    unknown: float
+    """Share of windows answered UNKNOWN, 0…1."""
+    unknown_because: Mapping[str, int]
+    """Why → windows; figures in the reasons left out."""
+    answered_accuracy: float
+    """Share told right of the windows that were answered, 0…1; NaN where none was."""
+    filled: float
+    """Share of windows with short gaps that were filled in, 0…1."""
+    trial_accuracy: float
+    """Share of trials told right by the vote of all their windows, 0…1."""
+    trial_majority: float
+    trial_unknown: float
+    loss: float
+    """Mean cross-entropy of the windows of learned classes, nats; NaN where there is none."""
+    calibration_error: float
+    """Expected calibration error of the same windows, 0…1."""
+    parts: Parts
+    """By class and by group."""
+    confusion: Mapping[str, Mapping[str, int]]
+    """True class → answer → windows."""
+    learned_from: tuple[str, ...]
+    """Recordings here whose very values the bundle learned from: their score is no test."""
+    learned_is_known: bool
+    """False for a bundle of before, which does not say what it learned from."""
+    notes: tuple[str, ...]
+
+
+def score_bundle(
+    bundle: Bundle, folder: Path, config: RecogniseConfig | None = None
+) -> BundleScores:
+    """Score a bundle on all labelled recordings of a folder, or on one.
+
+    Args:
+        bundle: An open bundle of an array recogniser.
+        folder: Recordings with the bundle's label.
+        config: When an answer may be given.
+
+    Raises:
+        BadBundle: The recordings are of another array.
+        BadDataset: There is no window, or no trial has the label.
+    """
+    contract = bundle.contract
+    window = replace(contract.window, reference=None)
+    dataset = _labelled(load_dataset(folder, window, unusable=True), contract.target)
+    contract.check_sensor(dataset.sensor)
+    decisions = _decisions(bundle, dataset.windows, config or RecogniseConfig())
+    return _scores(bundle, dataset, decisions)
+
+
+def _labelled(dataset: Dataset, target: str) -> Dataset:
+    """Return the trials that have the target's label."""
+    trials = tuple(with_joined_label(trial, target) for trial in dataset.trials)
+    kept = [i for i, trial in enumerate(trials) if target in trial.labels]
+    if not kept:
+        known = ", ".join(sorted({name for trial in trials for name in trial.labels})) or "none"
+        raise BadDataset(f"trials with the label {target!r}, which the bundle tells",
+                         f"trials with the labels {known}", "label them, or name other recordings",
+                         )  # fmt: skip
+    left = len(trials) - len(kept)
+    notes = (f"{left} trials lack the label {target!r}: left out",) if left else ()
+    whole = replace(dataset, trials=trials, notes=(*dataset.notes, *notes))
+    return whole.only_trials(kept)
+
+
+def _decisions(bundle: Bundle, windows: Windows, config: RecogniseConfig) -> list[Decision]:
+    """Return what the bundle says of each window, as live."""
+    found: list[Decision] = []
+    for first in range(0, len(windows), _BATCH):
+        part = windows[first : first + _BATCH]
+        probabilities = bundle.probabilities(part.values, part.mask)
+        scaled = bundle.contract.scaling.apply(part.values, part.mask)
+        for i in range(len(part)):
+            strange = None
+            if bundle.strangeness is not None and part.mask[i].any():
+                strange = bundle.strangeness.of_window(scaled[i][part.mask[i]])
+            found.append(
+                decide(
+                    probabilities[i], float(part.usable[i]), float(part.saturated[i]),
+                    (float(part.start_s[i]), float(part.end_s[i])), bundle.contract.classes,
+                    config, strange, bundle.strangeness, float(part.filled[i]),
+                )
+            )  # fmt: skip
+    return found
+
+
+def _scores(bundle: Bundle, dataset: Dataset, decisions: list[Decision]) -> BundleScores:
+    contract, trial = bundle.contract, dataset.trial
+    truth = np.array([one.labels[contract.target] for one in dataset.trials])
+    right_answer = np.where(np.isin(truth, contract.classes), truth, UNKNOWN)
+    answers = np.array([decision.label for decision in decisions])
+    right = answers == right_answer[trial]
+    votes = _votes(bundle, dataset, decisions)
+    numbers = np.arange(len(dataset.trials))
+    unknown = answers == UNKNOWN
+    key = coarsest_group(dataset.trials)
+    loss, error = _calibration(contract.classes, truth[trial], decisions)
+    seen = {fingerprint_of(own): name for name, own in dataset.fingerprints.items()}
+    return BundleScores(
+        target=contract.target,
+        classes=contract.classes,
+        windows=len(dataset),
+        trials=len(dataset.trials),
+        accuracy=float(right.mean()),
+        interval=accuracy_interval(right, dataset.group(key)[trial]),
+        interval_group=key,
+        majority=_commonest(truth[trial]),
+        unknown=float(unknown.mean()),
+        unknown_because=_reasons(decisions),
+        answered_accuracy=float(right[~unknown].mean()) if (~unknown).any() else float("nan"),
+        filled=float((dataset.windows.filled > 0).mean()),
+        trial_accuracy=float((votes == right_answer).mean()),
+        trial_majority=_commonest(truth),
+        trial_unknown=float((votes == UNKNOWN).mean()),
+        loss=loss,
+        calibration_error=error,
+        parts=score_parts(dataset.trials, contract.target, trial, right, numbers,
+                          votes == right_answer),
+        confusion=_confusion(truth[trial], answers),
+        learned_from=tuple(sorted(seen[own] for own in contract.learned if own in seen)),
+        learned_is_known=bool(contract.learned),
+        notes=dataset.notes,
+    )  # fmt: skip
+
+
+def _votes(bundle: Bundle, dataset: Dataset, decisions: list[Decision]) -> NDArray[np.str_]:
+    """Return what all windows of each trial say together, shape (trials,)."""
+    found = []
+    for index in range(len(dataset.trials)):
+        vote = GraspVote(bundle.contract.classes, inf, bundle.strangeness)
+        answer = UNKNOWN
+        for i in np.flatnonzero(dataset.trial == index):
+            answer, _ = vote.add(decisions[i])
+        found.append(answer)
+    return np.array(found)
+
+
+def _calibration(
+    classes: tuple[str, ...], truth: NDArray[np.str_], decisions: list[Decision]
+) -> tuple[float, float]:
+    """Return loss and calibration error of the windows whose class was learned."""
+    number = {name: i for i, name in enumerate(classes)}
+    pairs = [(number[name], one.probabilities) for name, one in zip(truth, decisions, strict=True)
+             if name in number and np.isfinite(one.probabilities).all()]  # fmt: skip
+    if not pairs:
+        return float("nan"), float("nan")
+    y = np.array([own for own, _ in pairs], np.intp)
+    probabilities = np.stack([own for _, own in pairs]).astype(np.float64)
+    bins = reliability(probabilities, probabilities.argmax(axis=1) == y)
+    error = sum(one.windows * abs(one.confidence - one.accuracy) for one in bins) / len(y)
+    return cross_entropy(y, probabilities), float(error)
+
+
+def _reasons(decisions: list[Decision]) -> dict[str, int]:
+    """Return why windows are UNKNOWN, most frequent first; by kind, without their figures."""
+    kinds = {"confidence": "low confidence", "unlike": "unlike anything learned"}
+    found: dict[str, int] = {}
+    for decision in decisions:
+        if decision.reason:
+            first = decision.reason.split()[0]
+            default = "values missing, stale or NaN" if "%" in decision.reason else decision.reason
+            name = kinds.get(first, default)
+            found[name] = found.get(name, 0) + 1
+    return dict(sorted(found.items(), key=lambda pair: -pair[1]))
+
+
+def _confusion(truth: NDArray[np.str_], answers: NDArray[np.str_]) -> dict[str, dict[str, int]]:
+    return {
+        str(name): {str(said): int(((truth == name) & (answers == said)).sum())
+                    for said in np.unique(answers[truth == name])}
+        for name in np.unique(truth)
+    }  # fmt: skip
+
+
+def _commonest(truth: NDArray[np.str_]) -> float:
+    _, count = np.unique(truth, return_counts=True)
+    return float(count.max() / count.sum())

@@ -1,0 +1,203 @@
+"""Somebody else's split as a table: which recordings, trials or groups stand on which side.
+
+A CSV (comma, UTF-8) with a line of names and a line for each recording, trial, group or window:
+
+    recording   file name of the recording, with or without .mcap; or, instead of it,
+    group:KEY   a value of the group KEY, such as an object: all of its trials
+    side        train, validation (or val) or test; unused takes no part
+    fold        a fold's name. Without side: the row is tested in this fold and trains all
+                others. With side: on which side it stands in this fold
+    start_s     where the row starts on the recording's clock, seconds; without it the row is the
+                whole recording (all of its trials)
+    end_s       where it ends; without it a row that starts where a trial starts is that trial, and
+                for taxel audit any other lasts one window
+    view        taxel audit: the one camera or finger that it shows; empty for all
+    label_s     taxel audit: the moment whose label it carries
+
+Knows nothing about trials, windows or checks.
+"""
+
+from __future__ import annotations
+
+import csv
+import io
+from dataclasses import dataclass
+from math import nan
+from pathlib import Path
+from typing import Literal
+
+from taxel.errors import BadFile, BadTable
+from taxel.foreign.text_lines import lines_of
+from taxel.recordings.table_columns import LARGEST_LIST
+
+Side = Literal["train", "validation", "test", "unused"]
+SIDES: dict[str, Side] = {
+    "train": "train", "training": "train", "validation": "validation", "val": "validation",
+    "valid": "validation", "test": "test", "unused": "unused", "": "unused",
+}  # fmt: skip
+"""What a table may say → the side."""
+COLUMNS = ("recording", "fold", "side", "start_s", "end_s", "view", "label_s")
+"""Beside group:KEY, which takes the place of recording."""
+GROUP = "group:"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FoldRow:
+    """One line of the table."""
+
+    line: int
+    """Its number in the file, the line of names being 1."""
+    key: str
+    """The group that `value` belongs to: "recording", or the KEY of group:KEY."""
+    value: str
+    """A recording's name without its ending, or the group's value."""
+    fold: str
+    """Empty where the table has no such column."""
+    side: Side | None
+    """None where the table has no such column."""
+    start_s: float
+    """On the recording's clock, seconds; NaN for the whole recording."""
+    end_s: float
+    """Same clock, seconds; NaN where it is not given."""
+    view: str
+    label_s: float
+    """Same clock, seconds; NaN where it is not given."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RowFold:
+    """One fold, as indices into the table's rows."""
+
+    name: str
+    train: tuple[int, ...]
+    validation: tuple[int, ...]
+    test: tuple[int, ...]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FoldTable:
+    """A split that was written down."""
+
+    name: str
+    """The file's name, printed beside every accuracy."""
+    rows: tuple[FoldRow, ...]
+    folds: tuple[RowFold, ...]
+    """At least one; each with something to train on and to test."""
+
+    def where(self, row: FoldRow) -> str:
+        """Return a row's place, for messages."""
+        return f"{self.name}, line {row.line}"
+
+
+def read_fold_table(path: Path) -> FoldTable:
+    """Read a table of folds.
+
+    Raises:
+        BadTable: It cannot be read, a column or value is none that it may hold, or a fold has
+            nothing to train on or to test; says where.
+    """
+    header, lines = _lines(path)
+    key = _key(path, header)
+    rows = tuple(_row(path.name, number, line, key) for number, line in lines)
+    if not rows:
+        raise BadTable("at least one row", f"none in {path}", "add one for each recording")
+    return FoldTable(name=path.name, rows=rows, folds=_folds(path, rows))
+
+
+def _lines(path: Path) -> tuple[list[str], list[tuple[int, dict[str, str]]]]:
+    try:
+        text = "".join(lines_of(path, LARGEST_LIST)).removeprefix("\ufeff")
+        reader = csv.DictReader(io.StringIO(text, newline=""))
+        lines = [(number, line) for number, line in enumerate(reader, 2) if any(line.values())]
+        header = [str(name).strip() for name in reader.fieldnames or []]
+    except (OSError, BadFile, csv.Error) as error:
+        raise BadTable("a table of folds (CSV) that can be read", f"{path}, which is none",
+                       "check the path") from error  # fmt: skip
+    return header, [(number, {str(k).strip(): str(v or "").strip() for k, v in line.items()})
+                    for number, line in lines]  # fmt: skip
+
+
+def _key(path: Path, header: list[str]) -> str:
+    """Return the column that says what a row is."""
+    names = [name for name in header if name == "recording" or name.startswith(GROUP)]
+    others = [name for name in header if name not in COLUMNS and name not in names]
+    sided = "fold" in header or "side" in header
+    if len(names) != 1 or others or not sided or names == [GROUP]:
+        raise BadTable(
+            "the columns recording (or group:KEY), fold or side or both, and if need be start_s, "
+            "end_s, view, label_s",
+            f"{', '.join(header) or 'none'} in {path}", "mend line 1",
+        )  # fmt: skip
+    return names[0]
+
+
+def _row(name: str, number: int, line: dict[str, str], key: str) -> FoldRow:
+    where = f"{name}, line {number}"
+    if not line[key]:
+        raise BadTable(f"a value of {key} in every row", f"none in {where}", "fill it in")
+    side = None
+    if "side" in line:
+        side = SIDES.get(line["side"].casefold())
+        if side is None:
+            raise BadTable("a side: train, validation, test or unused",
+                           f"{line['side']!r} in {where}", "correct it")  # fmt: skip
+    elif not line["fold"]:
+        raise BadTable("a fold in every row", f"none in {where}",
+                       "fill it in, or leave the row out")  # fmt: skip
+    whole = key == "recording"
+    start, end, label = (_seconds(line, column, where) for column in ("start_s", "end_s",
+                                                                      "label_s"))  # fmt: skip
+    if start == start and not whole:
+        raise BadTable("start_s beside recordings", f"it beside {key} in {where}",
+                       "name the recording, or leave start_s out")  # fmt: skip
+    return FoldRow(
+        line=number, key="recording" if whole else key.removeprefix(GROUP),
+        value=line[key].removesuffix(".mcap") if whole else line[key],
+        fold=line.get("fold", ""), side=side, start_s=start, end_s=end,
+        view=line.get("view", ""), label_s=label,
+    )  # fmt: skip
+
+
+def _seconds(line: dict[str, str], key: str, where: str) -> float:
+    text = line.get(key, "")
+    try:
+        return float(text) if text else nan
+    except ValueError as error:
+        raise BadTable(f"seconds in {key}, such as 12.5", f"{text!r} in {where}",
+                       "correct it") from error  # fmt: skip
+
+
+def _folds(path: Path, rows: tuple[FoldRow, ...]) -> tuple[RowFold, ...]:
+    names = list(dict.fromkeys(row.fold for row in rows))
+    if rows[0].side is not None:
+        return tuple(_sided(path, rows, name) for name in names)
+    if len(names) < 2:
+        raise BadTable("at least two folds, or a column side", f"{', '.join(names)} in {path}",
+                       "mend the column fold")  # fmt: skip
+    return tuple(
+        RowFold(
+            name=f"fold {name}", validation=(),
+            train=tuple(i for i, row in enumerate(rows) if row.fold != name),
+            test=tuple(i for i, row in enumerate(rows) if row.fold == name),
+        )
+        for name in names
+    )  # fmt: skip
+
+
+def _sided(path: Path, rows: tuple[FoldRow, ...], name: str) -> RowFold:
+    own: dict[str, list[int]] = {side: [] for side in SIDES.values()}
+    for index, row in enumerate(rows):
+        if row.fold == name and row.side is not None:
+            own[row.side].append(index)
+    of = f" of fold {name!r}" if name else ""
+    for side in ("train", "test"):
+        if not own[side]:
+            kinds = ", ".join(one for one, found in own.items() if found) or "none"
+            raise BadTable(
+                f"rows with the sides train and test{of}", f"{kinds} in {path}: nothing to {side}"
+                f"{' on' if side == 'train' else ''}", "mend the column side",
+            )  # fmt: skip
+    return RowFold(
+        name=f"fold {name}" if name else "test", train=tuple(own["train"]),
+        validation=tuple(own["validation"]), test=tuple(own["test"]),
+    )  # fmt: skip

@@ -1,0 +1,100 @@
+"""A trained run on recordings that were not part of it: its predictions, to be compared with
+another's.
+
+Knows nothing about how runs are compared.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from taxel.bundles.contract import fingerprint_of
+from taxel.errors import BadDataset, BadInput
+from taxel.evaluation.crossval import Fitted
+from taxel.evaluation.fold_table import FoldTable
+from taxel.evaluation.table_split import trials_of_row
+from taxel.training.predictions import Predictions
+from taxel.training.run import Run
+from taxel.windows.dataset import load_dataset, with_joined_label
+
+
+def predictions_on(run: Run, folder: Path) -> Predictions:
+    """Return what a run says of each window of a folder.
+
+    Args:
+        run: A run with weights, trained on values as measured.
+        folder: Recordings with its label.
+
+    Raises:
+        BadInput: The run has no weights.
+        BadBundle: The recordings are of another array.
+        BadDataset: A trial lacks the label or is of a class that was never learned, or the run
+            learned from one of the recordings.
+    """
+    contract = run.contract
+    if not run.networks:
+        raise BadInput("a run with weights to test on other recordings", "one without",
+                       "write it with: taxel train")  # fmt: skip
+    dataset = load_dataset(folder, replace(contract.window, reference=None))
+    contract.check_sensor(dataset.sensor)
+    for name, own in dataset.fingerprints.items():
+        if fingerprint_of(own) in contract.learned:
+            raise BadDataset("recordings that no run learned from", f"{name} in {folder}",
+                             "take it out of the folder")  # fmt: skip
+    trials = tuple(with_joined_label(trial, contract.target) for trial in dataset.trials)
+    labels = [trial.labels.get(contract.target) for trial in trials]
+    for trial, label in zip(trials, labels, strict=True):
+        if label not in contract.classes:
+            raise BadDataset(
+                f"the label {contract.target!r} among {', '.join(contract.classes)} on every trial",
+                f"{label!r} on {trial.groups['trial']}", "label it, or take it out",
+            )  # fmt: skip
+    number = np.array([contract.classes.index(str(label)) for label in labels], np.intp)
+    windows = dataset.windows
+    fitted = Fitted(run.networks, contract.scaling, [])
+    return Predictions(
+        split=f"trained elsewhere, tested on {folder.name or folder}",
+        classes=contract.classes,
+        trials=trials,
+        folds=("test",),
+        trained=np.zeros((1, len(trials)), np.intp),
+        trial=dataset.trial,
+        start_s=windows.start_s,
+        fold=np.zeros(len(dataset), np.intp),
+        y=number[dataset.trial],
+        probabilities=fitted.probabilities(windows.values, windows.mask),
+    )
+
+
+def only_tested(found: Predictions, table: FoldTable) -> Predictions:
+    """Return the predictions of the trials that a table tests.
+
+    Args:
+        found: Of a split that moves whole trials.
+        table: A table of folds.
+
+    Raises:
+        BadTable: It names recordings or groups that are not there.
+        BadInput: The run trained on windows of a trial that it tests, or tested none of them.
+    """
+    recordings = {trial.groups["recording"] for trial in found.trials}
+    rows = {i for fold in table.folds for i in fold.test}
+    tested = frozenset().union(
+        *(trials_of_row(table.rows[i], table, found.trials, recordings) for i in rows)
+    )
+    kept = np.isin(found.trial, sorted(tested))
+    if not kept.any():
+        raise BadInput(f"windows of trials that {table.name} tests", "none in the run",
+                       "evaluate it with: --folds TABLE")  # fmt: skip
+    if found.trained[found.fold[kept], found.trial[kept]].any():
+        raise BadInput(f"a run that keeps what {table.name} tests whole",
+                       f"one split by {found.split!r}", "evaluate it with: --folds TABLE",
+                       )  # fmt: skip
+    return replace(
+        found, split=f"{found.split}; tested: {table.name}", trial=found.trial[kept],
+        start_s=found.start_s[kept], fold=found.fold[kept], y=found.y[kept],
+        probabilities=found.probabilities[kept],
+    )  # fmt: skip

@@ -1,0 +1,201 @@
+"""Somebody else's split of a data set: whole trials, so that no window can stand on both sides.
+
+A row that starts within a trial moves the whole of it. Knows nothing about how tables are written.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterable, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from taxel.errors import BadSplit, BadTable
+from taxel.evaluation.fold_table import FoldRow, FoldTable, read_fold_table
+from taxel.evaluation.splits import Split, TrialFold
+from taxel.labels.trials import Trial
+from taxel.recordings.reader import list_recordings
+from taxel.windows.dataset import Dataset
+from taxel.windows.joining import join_datasets
+
+_SLACK_S = 1e-3
+"""A row may start this much before its trial, seconds: tables round. Source: our choice."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Elsewhere:
+    """Where a split is from, if it is none of taxel's own: a table, or another folder to test on.
+
+    At most one is given.
+    """
+
+    table: Path | None = None
+    """A table of folds, see `fold_table`."""
+    test: Path | None = None
+    """A folder of recordings that are tested, and never trained on."""
+
+    def __bool__(self) -> bool:
+        return self.table is not None or self.test is not None
+
+
+OWN_SPLIT = Elsewhere()
+"""Nothing is given: one of taxel's own splits is taken."""
+
+
+def split_elsewhere(
+    path: Path, dataset: Dataset, target: str, given: Elsewhere
+) -> tuple[Dataset, Split]:
+    """Return a data set under a split that came from elsewhere; the test folder's windows joined.
+
+    Args:
+        path: Where `dataset` was loaded from.
+        dataset: All windows of that folder.
+        target: The label that is predicted.
+        given: Where the split is from.
+
+    Raises:
+        BadTable: The table cannot be read, or names what is not there.
+        BadSplit: A trial stands on both sides, there is nothing to test, or a class that is
+            tested is never trained.
+        BadDataset: The test folder's recordings do not fit.
+    """
+    if given.table is not None and given.test is not None:
+        raise BadSplit("a table of folds or a folder to test on", "both", "give one of them")
+    if given.test is not None:
+        return _test_folder(dataset, target, given.test)
+    assert given.table is not None
+    table = read_fold_table(given.table)
+    known = {file.name.removesuffix(".mcap") for file in list_recordings(path)}
+    split = split_by_table(table, dataset, target, known)
+    return replace(dataset, notes=(*dataset.notes, *_left_out(dataset, split))), split
+
+
+def split_by_table(
+    table: FoldTable, dataset: Dataset, target: str, recordings: Collection[str]
+) -> Split:
+    """Return the split that a table names.
+
+    Args:
+        table: Rows and folds.
+        dataset: Windows to split.
+        target: The label; every class that a fold tests must be in its training part.
+        recordings: Names of all recordings of the folder, also of those that gave no window.
+
+    Raises:
+        BadTable: A row names no recording or group of the folder.
+        BadSplit: A trial stands on both sides of a fold or is tested twice, or there is nothing
+            to train on or to test.
+    """
+    owners = [trials_of_row(row, table, dataset.trials, recordings) for row in table.rows]
+    folds = []
+    for fold in table.folds:
+        sides = [_all(owners[i] for i in rows) for rows in (fold.train, fold.validation, fold.test)]
+        _refuse_both(table, dataset, fold.name, sides)
+        folds.append(TrialFold(fold.name, sides[0], sides[2], sides[1]))
+        _refuse_empty(table, folds[-1])
+        check_classes(dataset, target, folds[-1])
+    _refuse_twice(table, dataset, folds)
+    return Split(table.name, tuple(folds), None)
+
+
+def check_classes(dataset: Dataset, target: str, fold: TrialFold) -> None:
+    """Refuse a fold that tests a class which its training part lacks, or trains one class only.
+
+    Raises:
+        BadSplit: So it is.
+    """
+    trained, tested = ({dataset.trials[i].labels[target] for i in side}
+                       for side in (fold.train, fold.test))  # fmt: skip
+    if lacking := sorted(tested - trained):
+        raise BadSplit(
+            f"every tested class of {target!r} in the training part of {fold.name}",
+            f"none of {', '.join(lacking)}", "train on it too, or leave it out of the test part",
+        )  # fmt: skip
+    if len(trained) < 2:
+        raise BadSplit(f"at least two classes of {target!r} to train on in {fold.name}",
+                       f"{', '.join(trained)} only", "add recordings of another")  # fmt: skip
+
+
+def _test_folder(dataset: Dataset, target: str, folder: Path) -> tuple[Dataset, Split]:
+    joined = join_datasets(dataset, folder, target)
+    first = len(dataset.trials)
+    fold = TrialFold("test", frozenset(range(first)), frozenset(range(first, len(joined.trials))))
+    check_classes(joined, target, fold)
+    return joined, Split(f"trained elsewhere, tested on {folder.name or folder}", (fold,), None)
+
+
+def trials_of_row(
+    row: FoldRow, table: FoldTable, trials: Sequence[Trial], recordings: Collection[str]
+) -> frozenset[int]:
+    """Return the trials that a row moves, as indices; none where they gave no window.
+
+    Raises:
+        BadTable: It names no recording or group that is there.
+    """
+    of_group = [i for i, trial in enumerate(trials)
+                if trial.groups.get(row.key) == row.value]  # fmt: skip
+    if not of_group and row.key != "recording":
+        known = sorted({trial.groups[row.key] for trial in trials
+                        if row.key in trial.groups})  # fmt: skip
+        raise BadTable(
+            f"a value of the group {row.key!r} in the recordings "
+            f"({', '.join(known) if known else 'which have no such group'})",
+            f"{row.value!r} in {table.where(row)}", "correct it",
+        )  # fmt: skip
+    if not of_group and row.value not in recordings:
+        raise BadTable("a recording of the folder", f"{row.value!r} in {table.where(row)}",
+                       "correct its name, or leave the row out")  # fmt: skip
+    if row.start_s != row.start_s:
+        return frozenset(of_group)
+    return frozenset(i for i in of_group
+                     if trials[i].start_s - _SLACK_S <= row.start_s
+                     <= trials[i].end_s + _SLACK_S)  # fmt: skip
+
+
+def _all(parts: Iterable[frozenset[int]]) -> frozenset[int]:
+    return frozenset().union(*parts)
+
+
+def _refuse_both(
+    table: FoldTable, dataset: Dataset, name: str, sides: list[frozenset[int]]
+) -> None:
+    train, validation, test = sides
+    both = sorted((train & test) | (validation & test) | (train & validation))
+    if both:
+        trial = dataset.trials[both[0]].groups["trial"]
+        raise BadSplit(
+            "each trial on one side", f"{trial} on two sides of {name} in {table.name}"
+            f"{f', and {len(both) - 1} more' if len(both) > 1 else ''}",
+            "put all rows of a trial on one side; taxel audit says what such a split leaks",
+        )  # fmt: skip
+
+
+def _refuse_empty(table: FoldTable, fold: TrialFold) -> None:
+    for what, side in (("train on", fold.train), ("test", fold.test)):
+        if not side:
+            raise BadSplit(
+                f"windows to {what} in {fold.name}", f"none: the rows of {table.name} name trials "
+                "that gave no window", "choose shorter windows, or other trials",
+            )  # fmt: skip
+
+
+def _refuse_twice(table: FoldTable, dataset: Dataset, folds: list[TrialFold]) -> None:
+    tested = np.zeros(len(dataset.trials), int)
+    for fold in folds:
+        tested[sorted(fold.test)] += 1
+    if tested.max() > 1:
+        trial = dataset.trials[int(tested.argmax())].groups["trial"]
+        raise BadSplit(
+            "each trial tested in one fold", f"{trial} in {tested.max()} of {table.name}",
+            "give each repetition a table of its own",
+        )  # fmt: skip
+
+
+def _left_out(dataset: Dataset, split: Split) -> list[str]:
+    """Return a note of trials that the table does not name."""
+    named = _all(fold.train | fold.test | fold.validation for fold in split.folds
+                 if isinstance(fold, TrialFold))  # fmt: skip
+    if not (count := len(dataset.trials) - len(named)):
+        return []
+    return [f"{count} of {len(dataset.trials)} trials stand on no side of {split.name}: left out"]

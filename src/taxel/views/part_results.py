@@ -1,0 +1,99 @@
+"""Accuracy part by part in the terminal: classes, objects, sessions; and a bundle's score.
+
+Knows nothing about how they were made.
+"""
+
+from __future__ import annotations
+
+import math
+
+from rich.console import Group, RenderableType
+from rich.table import Table
+from rich.text import Text
+
+from taxel.evaluation.bundle_scores import BundleScores
+from taxel.evaluation.part_scores import Parts, PartScore
+from taxel.plain_text import visible, visible_line
+from taxel.views.results import bracketed, result_table
+
+MOST_ROWS = 24
+"""Values of a group that are printed; more fill the screen, and stand in --json."""
+
+
+def parts_tables(parts: Parts) -> list[Table]:
+    """Return a table of the classes and one of each group, the worst values first where many."""
+    return [_table("class", parts.classes)] + [
+        _table(key, values) for key, values in parts.groups.items()
+    ]
+
+
+def _table(title: str, values: tuple[PartScore, ...]) -> Table:
+    table = result_table(None, (visible(title), "accuracy", "windows", "by trial", "trials"))
+    shown = values
+    if len(values) > MOST_ROWS:
+        shown = tuple(sorted(values, key=lambda part: part.accuracy))[:MOST_ROWS]
+    for part in shown:
+        table.add_row(visible(part.name), f"{part.accuracy:.3f}", str(part.windows),
+                      f"{part.trial_accuracy:.3f}", str(part.trials))  # fmt: skip
+    if more := len(values) - len(shown):
+        table.add_row(f"and {more} better (--json)", style="dim")
+    return table
+
+
+def bundle_score_table(found: BundleScores, bundle: str, data: str) -> RenderableType:
+    """Return a bundle's score for a reader: by window and by trial, then part by part.
+
+    Args:
+        found: What `score_bundle` gave.
+        bundle: The bundle's name.
+        data: The recordings' name.
+    """
+    table = result_table(None, ("", "accuracy [95 %]", "one answer", "UNKNOWN", "count"))
+    table.add_row("windows", bracketed(f"{found.accuracy:.4f}", found.interval, ".3f"),
+                  f"{found.majority:.4f}", f"{found.unknown:.4f}", str(found.windows))  # fmt: skip
+    table.add_row("trials", f"{found.trial_accuracy:.4f}", f"{found.trial_majority:.4f}",
+                  f"{found.trial_unknown:.4f}", str(found.trials))  # fmt: skip
+    title = f"{visible(bundle)} on {visible(data)}: {visible(found.target)}"
+    return Group(
+        Text(title, style="bold"), table, *parts_tables(found.parts), _confusion(found),
+        *(Text(visible_line(line)) for line in _lines(found)),
+    )  # fmt: skip
+
+
+def seen_line(found: BundleScores) -> str | None:
+    """Return what must be said where the bundle learned from what it is scored on, or may have."""
+    if not found.learned_is_known:
+        return ("the bundle does not say which recordings it learned from: make sure that they are "
+                "none of these")  # fmt: skip
+    if not found.learned_from:
+        return None
+    return (
+        f"the bundle learned from {len(found.learned_from)} of these very recordings (such as "
+        f"{found.learned_from[0]}): this is no test of them"
+    )
+
+
+def _lines(found: BundleScores) -> list[str]:
+    lines = ["accuracy: UNKNOWN counts as wrong; one answer: always naming the commonest class"]
+    if found.unknown and not math.isnan(found.answered_accuracy):
+        why = ", ".join(f"{name} {count}" for name, count in found.unknown_because.items())
+        lines.append(f"of the windows that were answered {found.answered_accuracy:.4f} are right; "
+                     f"UNKNOWN because of: {why}")  # fmt: skip
+    if found.filled:
+        lines.append(f"{100 * found.filled:.1f} % of the windows had short gaps filled in")
+    if not math.isnan(found.loss):
+        lines.append(f"loss {found.loss:.4f} nats, expected calibration error "
+                     f"{found.calibration_error:.4f}")  # fmt: skip
+    lines.append(f"interval: 95 %, whole groups resampled by {found.interval_group}")
+    return [*lines, *found.notes]
+
+
+def _confusion(found: BundleScores) -> Table:
+    answers = list(dict.fromkeys(name for row in found.confusion.values() for name in row))
+    columns = [name for name in (*found.classes, *answers) if name in answers]
+    table = result_table(
+        "confusion", ("true ↓  predicted →", *map(visible, dict.fromkeys(columns)))
+    )
+    for name, row in found.confusion.items():
+        table.add_row(visible(name), *(str(row.get(said, "·")) for said in dict.fromkeys(columns)))
+    return table

@@ -1,0 +1,88 @@
+"""A second folder's windows beside a data set's, cut alike: to train on the one and test the other.
+
+Knows nothing about splits or models.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from taxel.errors import BadDataset
+from taxel.labels.trials import Trial
+from taxel.windows.dataset import Dataset, load_dataset, with_joined_label
+from taxel.windows.reference import to_usual
+from taxel.windows.windower import Windows
+
+TEST_PREFIX = "test/"
+"""Stands before the recordings' and trials' names of the second folder, so that files that are
+called alike stay apart."""
+
+
+def join_datasets(first: Dataset, folder: Path, target: str) -> Dataset:
+    """Return a data set's trials, followed by those of another folder.
+
+    Args:
+        first: A data set; its windows say how the others are cut.
+        folder: The other recordings.
+        target: The label that every trial must have.
+
+    Raises:
+        BadDataset: A recording is in both, the sensors differ, or there is no window.
+    """
+    second = load_dataset(folder, first.config)
+    second = replace(
+        second, trials=tuple(with_joined_label(trial, target) for trial in second.trials)
+    )
+    _check_alike(first, second, folder, target)
+    levels = None
+    if first.reference is not None and second.reference is not None and first.to_level is not None:
+        assert second.to_level is not None
+        change = to_usual(second.reference.level, first.reference.level)
+        second = replace(second, windows=replace(
+            second.windows, values=second.windows.values * change))  # fmt: skip
+        levels = np.concatenate([first.to_level, second.to_level * change])
+    return replace(
+        first,
+        windows=Windows.join([first.windows, second.windows]),
+        trial=np.concatenate([first.trial, second.trial + len(first.trials)]),
+        trials=(*first.trials, *map(renamed, second.trials)),
+        notes=(*first.notes, *(f"{folder.name}: {note}" for note in second.notes)),
+        to_level=levels,
+        fingerprints={
+            **first.fingerprints,
+            **{f"{TEST_PREFIX}{name}": own for name, own in second.fingerprints.items()},
+        },
+    )
+
+
+def _check_alike(first: Dataset, second: Dataset, folder: Path, target: str) -> None:
+    if (first.sensor.channels, first.sensor.units) != (second.sensor.channels, second.sensor.units):
+        raise BadDataset(
+            f"the channels {', '.join(first.sensor.channels)} in the folder to test on too",
+            f"{', '.join(second.sensor.channels)} in {folder}", "name recordings of this sensor",
+        )  # fmt: skip
+    known = {own: name for name, own in first.fingerprints.items()}
+    for name, own in second.fingerprints.items():
+        if own in known:
+            raise BadDataset(
+                "other recordings to test on than to train on",
+                f"{name} in {folder}, which holds the values of {known[own]}",
+                "take it out of one of the folders",
+            )  # fmt: skip
+    for trial in second.trials:
+        if target not in trial.labels:
+            raise BadDataset(
+                f"the label {target!r} on every trial of the folder to test on",
+                f"{trial.groups['trial']} with the labels {', '.join(trial.labels) or 'none'}",
+                "label it, or take it out",
+            )  # fmt: skip
+
+
+def renamed(trial: Trial) -> Trial:
+    """Return a trial of the second folder under names of its own."""
+    names = {key: f"{TEST_PREFIX}{trial.groups[key]}" for key in ("recording", "trial")}
+    return replace(trial, recording=f"{TEST_PREFIX}{trial.recording}",
+                   groups={**trial.groups, **names})  # fmt: skip

@@ -1,0 +1,154 @@
+"""Order effects, what taring or cropping leaves, too few trials, and names that are spelt twice."""
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from taxel.evaluation.audit.audit import audit, make_case
+from taxel.evaluation.audit.finding import Finding
+from taxel.evaluation.audit.names import near, near_names
+from taxel.evaluation.audit.nuisances import read_first, read_length
+from taxel.evaluation.audit.order import measure_order
+from taxel.evaluation.audit.sides import named_sides
+from taxel.evaluation.audit.touch_set import TouchSet, group_values
+
+Make = dict[str, Callable[..., TouchSet]]
+
+
+def sorted_out(touch: TouchSet, split: str | None = None) -> dict[str, Finding]:
+    """Return the findings on order alone, each without correction."""
+    sides = named_sides(touch, split, 10, 5, 0) if split else None
+    found = measure_order(make_case(touch, sides, 10, 0))
+    if isinstance(found, Finding):
+        return {found.kind: found}
+    return {one.kind: one.finding(getattr(one, "p", 0.0) or one.told.p) for one in found}
+
+
+def with_drift(touch: TouchSet) -> TouchSet:
+    """Return trials whose later half answers with other channels, classes turned round by one."""
+    rows = []
+    rng = np.random.default_rng(0)
+    for index, c in enumerate(touch.y):
+        later = index >= len(touch) // 2
+        values = rng.normal(0.0, 0.05, touch.rows[index].shape)
+        values[10:, (c + later) % 3] += 1.0
+        rows.append(values.astype(np.float32))
+    return replace(touch, rows=tuple(rows))
+
+
+def test_what_changes_from_earlier_to_later_trials_is_a_hazard(make_set: Make) -> None:
+    """Trials of any time tell one another; the earlier ones alone do not tell the later ones."""
+    found = sorted_out(with_drift(make_set["array"](trials=120)))
+
+    assert found["order effect"].verdict == "hazard"
+    assert "points that a new later trial will not give" in found["order effect"].said
+    assert found["drift"].verdict == "note"
+
+
+def test_no_drift_no_order_effect(make_set: Make) -> None:
+    """Clean trials are told as well from earlier ones as from any."""
+    found = sorted_out(make_set["array"](trials=120))
+
+    assert found["order effect"].verdict == "clear"
+    assert found["drift"].verdict == "clear"
+
+
+def test_a_split_that_mixes_times_leaks_and_one_that_does_not_is_clear(make_set: Make) -> None:
+    """Random windows train on later trials of a session; whole sessions held out do not."""
+    touch = with_drift(make_set["array"](trials=120))
+
+    assert sorted_out(touch, "random")["order effect"].verdict == "leak"
+    assert sorted_out(touch, "group:session")["order effect"].verdict == "clear"
+
+
+def test_order_that_nobody_knows_is_not_checked(make_set: Make) -> None:
+    """Files without numbers or times have no order."""
+    touch = make_set["array"]()
+    alone = tuple(
+        replace(t, recording=f"{chr(97 + i // 26)}{chr(97 + i % 26)}.mcap")
+        for i, t in enumerate(touch.trials)
+    )
+    found = measure_order(make_case(replace(touch, trials=alone), None, 10, 0))
+    assert isinstance(found, Finding)
+    assert found.verdict == "not checked"
+
+
+def test_few_trials_are_not_called_clean(make_set: Make) -> None:
+    """Eight trials show no leak, and the audit says that they could not."""
+    touch = make_set["array"]()
+    few = touch.only(np.flatnonzero(touch.y < 2)[:8])
+
+    result = audit(few, "few")
+    many = audit(touch, "many")
+
+    kinds, others = ({one.kind: one.verdict for one in found.findings} for found in (result, many))
+    assert kinds["length"] == "too few"
+    assert "could not be told with so few trials: " in result.verdict
+    assert others["length"] == "clear"
+
+
+def test_what_cropping_leaves_is_said(make_set: Make) -> None:
+    """Trials whose length tells their class: crops of one length, and what trees reach on them."""
+    touch = make_set["array"]()
+    rows = tuple(own[: 40 - 6 * c] for own, c in zip(touch.rows, touch.y, strict=True))
+    times = tuple(own[: len(r)] for own, r in zip(touch.time_s, rows, strict=True))
+    reading = read_length(make_case(replace(touch, rows=rows, time_s=times), None, 10, 0))
+    found = reading.finding(reading.told.p)
+
+    assert found.verdict == "leak"
+    assert found.left is not None
+    assert f"Crops of the first 28 rows of every trial leave cheap trees at {found.left:.3f}" \
+        in found.said  # fmt: skip
+
+
+def test_what_taring_leaves_is_said(make_set: Make) -> None:
+    """An offset a class is taken away with the first row; drift from there on is not."""
+    touch = make_set["array"]()
+    rng = np.random.default_rng(0)
+    contact = (np.arange(40) >= 6)[:, None]
+    for slope, least, most in ((0.0, 0.0, 0.6), (0.5, 0.9, 1.0)):
+        drift = slope * np.minimum(np.arange(40), 6)[:, None]
+        rows = tuple(
+            (5 * c + drift * c + contact * 20.0 + rng.normal(0, 0.05, (40, 6))).astype(np.float32)
+            for c in touch.y
+        )
+        reading = read_first(make_case(replace(touch, rows=rows), None, 10, 0))
+        found = reading.finding(reading.told.p)
+        still = float(found.said.split("still tells ")[1].split()[0])
+
+        assert found.verdict == "leak"
+        assert least <= still <= most
+
+
+@pytest.mark.parametrize(
+    ("a", "b", "same"),
+    [
+        ("ceramic_mug", "Ceramic mug", True), ("ceramic_mug", "ceramicmug", True),
+        ("bottle", "botle", True), ("bottle", "bottel", True), ("bottle_2", "botttle_2", True),
+        ("bottle_1", "bottle_2", False), ("cup", "cap", False), ("day1", "day2", False),
+        ("left", "right", False), ("glove a", "glove b", False), ("10", "10.0", False),
+        ("bottle", "battles", False), ("Straße", "strasse", True),
+    ],
+)  # fmt: skip
+def test_names_that_are_probably_one(a: str, b: str, same: bool) -> None:
+    """One typing error in a word, case and underscores count as one name; numbers never do."""
+    assert near(a, b) is same
+    assert near(b, a) is same
+
+
+def test_a_misspelt_object_is_a_hazard(make_set: Make) -> None:
+    """One object in two spellings can be held out beside its twin."""
+    touch = make_set["array"]()
+    trials = [replace(t, groups={**t.groups, "object": "bottle" if i % 2 else "can"})
+              for i, t in enumerate(touch.trials)]  # fmt: skip
+    trials[1] = replace(trials[1], groups={**trials[1].groups, "object": "botlle"})
+    spoilt = replace(touch, trials=tuple(trials))
+
+    found = near_names(make_case(spoilt, None, 10, 0))
+    clean = near_names(make_case(touch, None, 10, 0))
+
+    assert (found.verdict, clean.verdict) == ("hazard", "clear")
+    assert found.examples == ("group object: botlle and bottle",)
+    assert group_values(spoilt)["object"] == {"botlle": 1, "bottle": 29, "can": 30}

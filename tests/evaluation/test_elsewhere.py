@@ -1,0 +1,154 @@
+"""A split that came from elsewhere, from recordings to a bundle's score; nothing of it leaks."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from make_pads import RECIPE, make_pads
+
+from taxel.bundles.reader import Bundle, read_bundle
+from taxel.bundles.writer import write_bundle
+from taxel.decisions.recognition import UNKNOWN
+from taxel.errors import BadDataset, BadSplit
+from taxel.evaluation.bundle_scores import score_bundle
+from taxel.evaluation.checked import Checked, check_recipe
+from taxel.evaluation.final import train_on_all
+from taxel.evaluation.table_split import Elsewhere
+from taxel.windows.dataset import load_dataset
+
+
+@pytest.fixture(scope="module")
+def pads(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return make_pads(tmp_path_factory.mktemp("pads") / "pads")
+
+
+@pytest.fixture(scope="module")
+def others(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A fourth session, whose files are called as those of the first."""
+    return make_pads(tmp_path_factory.mktemp("others") / "others", (1,), seed=9)
+
+
+@pytest.fixture(scope="module")
+def table(pads: Path) -> Path:
+    path = pads.parent / "folds.csv"
+    path.write_text("group:session,side\ns1,train\ns2,validation\ns3,test\n")
+    return path
+
+
+@pytest.fixture(scope="module")
+def bundle(pads: Path, table: Path) -> Bundle:
+    """One that was trained on the table's training part."""
+    given = Elsewhere(table=table)
+    run = train_on_all(pads, RECIPE, {}, checkpoints=pads.parent / "marks", given=given)
+    windows = load_dataset(pads, RECIPE.window).windows
+    path = pads.parent / "b.taxel"
+    write_bundle(path, run.networks, run.contract, windows.values, windows.mask)
+    return read_bundle(path)
+
+
+def checked(pads: Path, given: Elsewhere, **more: object) -> Checked:
+    return check_recipe(pads, RECIPE, bars=(), given=given, **more)  # type: ignore[arg-type]
+
+
+def test_a_table_trains_on_its_training_part_only(pads: Path, table: Path) -> None:
+    """Four trials of one session are tested, four learned from, four set aside to choose by."""
+    found = checked(pads, Elsewhere(table=table))
+    trained = found.predictions.trained[0] > 0
+    sessions = np.array([trial.groups["session"] for trial in found.dataset.trials])
+
+    assert found.pooled.split == "folds.csv"
+    assert set(sessions[trained]) == {"s1"}
+    assert set(sessions[found.predictions.trial]) == {"s3"}
+    assert (found.pooled.windows, found.pooled.trials) == (16, 4)
+    assert found.pooled.trial_majority == 0.5
+
+
+def test_every_class_and_group_has_its_accuracy(pads: Path, table: Path) -> None:
+    """Parts of the test add up to the whole; classes that are numbers stand as numbers."""
+    pooled = checked(pads, Elsewhere(table=table)).pooled
+    assert pooled.parts is not None
+
+    assert [part.name for part in pooled.parts.classes] == ["2", "10"]
+    right = sum(part.accuracy * part.windows for part in pooled.parts.classes)
+    assert right == pytest.approx(pooled.scores.accuracy * pooled.windows)
+    assert pooled.parts.groups == {}  # four trials, four objects, one session
+
+
+def test_a_folder_to_test_on_is_tested_and_never_trained(pads: Path, others: Path) -> None:
+    """Files that are called alike are other trials."""
+    found = checked(pads, Elsewhere(test=others))
+    tested = {found.dataset.trials[i].recording for i in found.predictions.trial}
+
+    assert tested == {f"test/s1_{name}_{n}.mcap" for name in ("2", "10") for n in (0, 1)}
+    assert len(found.dataset.trials) == 16
+    assert found.pooled.trials == 4
+    trained = found.predictions.trained[0] > 0
+    assert not any(found.dataset.trials[i].recording in tested for i in np.flatnonzero(trained))
+
+
+def test_the_very_recordings_cannot_be_tested_too(pads: Path) -> None:
+    """The same values under whatever name are refused in one line."""
+    with pytest.raises(BadDataset, match="which holds the values of s1_10_0"):
+        checked(pads, Elsewhere(test=pads))
+
+
+def test_a_table_and_a_folder_exclude_each_other(pads: Path, table: Path) -> None:
+    with pytest.raises(BadSplit, match="got both"):
+        checked(pads, Elsewhere(table=table, test=pads))
+
+
+def test_a_changed_table_is_not_answered_from_kept_folds(
+    pads: Path, table: Path, tmp_path: Path
+) -> None:
+    """Folds of a run that was broken off are of its own sides only."""
+    checked(pads, Elsewhere(table=table), keep_in=tmp_path / "kept")
+    assert checked(pads, Elsewhere(table=table), keep_in=tmp_path / "kept").kept == 1
+    other = tmp_path / "folds.csv"
+    other.write_text("group:session,side\ns2,train\ns3,test\n")
+
+    assert checked(pads, Elsewhere(table=other), keep_in=tmp_path / "kept").kept == 0
+
+
+def test_comparators_are_fitted_once_for_a_data_set_and_split(pads: Path, tmp_path: Path) -> None:
+    """Another model on the same folds takes them from the cache; another split does not."""
+    bars = ("extra-trees",)
+    first = check_recipe(pads, RECIPE, folds=3, bars=bars, cache=tmp_path)
+    other = replace(RECIPE, train=replace(RECIPE.train, epochs=2))
+    second = check_recipe(pads, other, folds=3, bars=bars, cache=tmp_path)
+
+    assert (first.cached, second.cached) == (0, 3)
+    assert second.bars["extra-trees"] == first.bars["extra-trees"]
+    assert check_recipe(pads, other, folds=2, bars=bars, cache=tmp_path).cached == 0
+
+
+def test_a_bundle_is_scored_by_window_trial_class_and_group(bundle: Bundle, others: Path) -> None:
+    """All figures are of its own decisions; a session that it never saw is a test."""
+    found = score_bundle(bundle, others)
+
+    assert (found.windows, found.trials) == (16, 4)
+    assert found.majority == found.trial_majority == 0.5
+    assert sum(sum(row.values()) for row in found.confusion.values()) == 16
+    right = sum(found.confusion[name].get(name, 0) for name in found.confusion)
+    assert found.accuracy == right / 16
+    assert found.learned_from == ()
+    assert found.learned_is_known
+
+
+def test_a_bundle_says_when_it_learned_from_the_very_recordings(bundle: Bundle, pads: Path) -> None:
+    """Only those of the table's training part, whatever else lies in the folder."""
+    found = score_bundle(bundle, pads)
+
+    assert found.learned_from == ("s1_10_0.mcap", "s1_10_1.mcap", "s1_2_0.mcap", "s1_2_1.mcap")
+
+
+def test_unknown_is_no_answer_and_right_for_what_was_never_learned(
+    bundle: Bundle, tmp_path: Path
+) -> None:
+    """Of a class that the bundle lacks, every answer but UNKNOWN is wrong."""
+    strange = make_pads(tmp_path / "strange", (5,), ("2", "6"))
+    found = score_bundle(bundle, strange)
+    said = found.confusion["6"]
+
+    (part,) = [part for part in found.parts.classes if part.name == "6"]
+    assert part.accuracy == said.get(UNKNOWN, 0) / part.windows

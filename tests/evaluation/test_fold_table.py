@@ -1,0 +1,123 @@
+"""Somebody else's split: whole trials only, and each mistake in the table is one plain line."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from make_dataset import make_dataset
+
+from taxel.errors import BadInput, BadSplit, BadTable
+from taxel.evaluation.fold_table import FoldTable, read_fold_table
+from taxel.evaluation.splits import Split
+from taxel.evaluation.table_split import split_by_table
+from taxel.windows.dataset import Dataset
+
+RECORDINGS = {f"s{n}" for n in range(6)} | {"too-short"}
+
+
+def table(folder: Path, *lines: str) -> FoldTable:
+    """Return a table of these lines."""
+    path = folder / "folds.csv"
+    path.write_text("\n".join(lines) + "\n")
+    return read_fold_table(path)
+
+
+def split(folder: Path, *lines: str, dataset: Dataset | None = None) -> Split:
+    """Return the split that these lines name."""
+    return split_by_table(table(folder, *lines), dataset or make_dataset(), "shape", RECORDINGS)
+
+
+SIDED = ("recording,side", "s0,train", "s1.mcap,train", "s2,Validation", "s3,test", "s4,unused")
+
+
+def test_train_validation_and_test_are_kept_apart(tmp_path: Path) -> None:
+    """Each recording's windows stand on the side that its row says, the others on none."""
+    dataset = make_dataset()
+    found = split(tmp_path, *SIDED, dataset=dataset)
+    (fold,) = found.folds
+    session = dataset.group("session")[dataset.trial]
+    train, test = fold.windows(dataset)
+
+    assert found.name == "folds.csv"
+    assert set(session[train]) == {"s0", "s1"}
+    assert set(session[test]) == {"s3"}
+    assert set(session[fold.validation_windows(dataset)]) == {"s2"}
+
+
+def test_folds_by_name_test_every_recording_once(tmp_path: Path) -> None:
+    """With the column fold alone, what is not tested is trained on."""
+    lines = [f"s{n},{'ab'[n % 2]}" for n in range(6)]
+    dataset = make_dataset()
+    found = split(tmp_path, "recording,fold", *lines, dataset=dataset)
+    tested = np.concatenate([fold.windows(dataset)[1] for fold in found.folds])
+
+    assert [fold.name for fold in found.folds] == ["fold a", "fold b"]
+    np.testing.assert_array_equal(np.sort(tested), np.arange(len(dataset)))
+
+
+def test_folds_may_say_their_sides_themselves(tmp_path: Path) -> None:
+    """With fold and side, a recording has a line in each fold that it takes part in."""
+    found = split(tmp_path, "recording,fold,side", "s0,1,train", "s1,1,val", "s2,1,test",
+                  "s1,2,train", "s0,2,test")  # fmt: skip
+
+    assert [(len(f.train), len(f.validation), len(f.test)) for f in found.folds] == [
+        (6, 6, 6), (6, 0, 6)
+    ]  # fmt: skip
+
+
+def test_groups_and_single_trials_can_be_named(tmp_path: Path) -> None:
+    """All trials of a session by one row, and a trial of many by its start."""
+    found = split(tmp_path, "group:session,side", "s0,train", "s5,test")
+    assert len(found.folds[0].train) == 6
+
+    rows = [f"s0,{10.0 * n},{'train' if n < 3 else 'test'}" for n in range(6)]
+    found = split(tmp_path, "recording,start_s,side", *rows)
+    assert found.folds[0].train == {0, 1, 2}
+    assert found.folds[0].test == {3, 4, 5}
+
+
+def test_a_recording_that_gave_no_window_is_no_error(tmp_path: Path) -> None:
+    """The table may name recordings that are too short for the window."""
+    assert split(tmp_path, *SIDED, "too-short,train").folds
+
+
+@pytest.mark.parametrize(
+    ("lines", "needed"),
+    [
+        (("recording,side", "s0,train", "s9,test"), "a recording of the folder; got 's9' in "
+         "folds.csv, line 3"),
+        (("group:session,side", "s0,train", "x,test"), "a value of the group 'session'"),
+        (("group:colour,side", "s0,train", "x,test"), "no such group"),
+        (("recording,side", "s0,train", "s0,test"), "each trial on one side; got s0#0 on two"),
+        (("recording,side", "s0,train", "s1,validation"), "nothing to test"),
+        (("recording,side", "s0,val", "s1,test"), "nothing to train on"),
+        (("recording,side", "s0,train", "too-short,test"), "windows to test"),
+        (("recording,side", "s0,tarin", "s1,test"), "train, validation, test or unused; got "
+         "'tarin' in folds.csv, line 2"),
+        (("recording,fold,side", "s0,1,train", "s1,1,test", "s0,2,train", "s1,2,test"),
+         "each trial tested in one fold"),
+        (("recording,fold", "s0,1", "s1,1"), "at least two folds"),
+        (("recording,start_s,side", "s0,now,train", "s1,,test"), "seconds in start_s"),
+        (("recording", "s0"), "the columns recording (or group:KEY), fold or side"),
+        (("recording,side",), "at least one row"),
+        (("recording,side", ",train"), "a value of recording in every row"),
+    ],
+)  # fmt: skip
+def test_each_mistake_is_one_plain_line(
+    tmp_path: Path, lines: tuple[str, ...], needed: str
+) -> None:
+    """What was needed, what was got and where, and how to mend it."""
+    with pytest.raises(BadInput) as error:
+        split(tmp_path, *lines)
+
+    assert isinstance(error.value, BadSplit | BadTable)
+    assert needed in str(error.value)
+    assert "\n" not in str(error.value)
+
+
+def test_a_class_that_is_tested_must_be_trained(tmp_path: Path) -> None:
+    """With a class a session, a test session's class may be one that nobody learned."""
+    dataset = make_dataset(one_session_a_class=True)
+
+    with pytest.raises(BadSplit, match=r"every tested class.*none of c2"):
+        split(tmp_path, "recording,side", "s0,train", "s1,train", "s2,test", dataset=dataset)
