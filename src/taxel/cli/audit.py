@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated, ClassVar
 import tyro
 
 from taxel.cli.option_rules import Only
+from taxel.cli.options import split_given
 from taxel.cli.printing import console, print_json, progress
 from taxel.errors import BadInput
 
@@ -33,8 +34,11 @@ class Audit:
     split: str | None = None
     """One of taxel's own splits: random, group:KEY or order:KEY:LAST[:END]."""
     folds: Path | None = None
-    """A split as a table (CSV): recording, fold or side (train, test), and if need be start_s,
-    end_s and label_s (seconds on the recording's clock) and view (one camera or finger)."""
+    """A split as a table (CSV): recording (or group:KEY), fold or side (train, validation, test),
+    and if need be start_s, end_s and label_s (seconds on the recording's clock) and view (one
+    camera or finger)."""
+    test: Path | None = None
+    """Another folder that is tested, all of the first being trained on."""
     unseen: tuple[str, ...] = ()
     """Groups that the split claims to hold out, such as object; group:KEY claims its own."""
     trained: Annotated[Path | None, tyro.conf.arg(name="run")] = None
@@ -57,23 +61,24 @@ class Audit:
     def run(self) -> None:
         """Read, look for everything, and print."""
         from taxel.evaluation.audit.audit import STEPS, audit
-        from taxel.evaluation.audit.reading import read_touch
+        from taxel.evaluation.audit.reading import read_both, read_touch
 
         self._check()
         with progress() as bar:
             task = bar.add_task("reading", total=None)
-            touch = read_touch(
-                self.data,
-                self.target,
-                lambda what, n, of: bar.update(
-                    task, description=f"reading {what}", completed=n, total=of
-                ),
-            )
+
+            def on_read(what: str, n: int, of: int) -> None:
+                bar.update(task, description=f"reading {what}", completed=n, total=of)
+
+            if self.test is not None:
+                touch, learned = read_both(self.data, self.test, self.target, on_read)
+            else:
+                touch, learned = read_touch(self.data, self.target, on_read), 0
             bar.update(task, completed=0, total=STEPS)
             found = audit(
                 touch,
                 str(self.data),
-                self._sides(touch),
+                self._sides(touch, learned),
                 run=self.trained,
                 steps=self.steps,
                 seed=self.seed,
@@ -90,18 +95,16 @@ class Audit:
         return self.split is not None and not self.split.startswith("order:")
 
     def _check(self) -> None:
-        if self.split is not None and self.folds is not None:
-            raise BadInput("--split or --folds", "both", "give one of them")
-        if self.unseen and self.split is None and self.folds is None:
-            raise BadInput("a split beside --unseen", "none", "add --split or --folds")
+        if not split_given(self.split, self.folds, self.test) and self.unseen and not self.split:
+            raise BadInput("a split beside --unseen", "none", "add --split, --folds or --test")
         if self.steps is not None and self.steps < 2:
             raise BadInput("--steps of at least 2", str(self.steps), "choose more")
         if not 2 <= self.fold_count <= 100 or not 0 <= self.seed < 2**31:
             raise BadInput("--fold-count within 2 and 100, and a --seed of at least 0",
                            f"{self.fold_count} and {self.seed}", "mend them")  # fmt: skip
 
-    def _sides(self, touch: TouchSet) -> tuple[Pieces, Sides] | None:
-        from taxel.evaluation.audit.sides import named_sides, table_sides
+    def _sides(self, touch: TouchSet, learned: int) -> tuple[Pieces, Sides] | None:
+        from taxel.evaluation.audit.sides import folder_sides, named_sides, table_sides
         from taxel.evaluation.audit.touch_set import usual_steps
 
         steps = self.steps or usual_steps(touch)
@@ -113,4 +116,7 @@ class Audit:
             return named_sides(touch, self.split, steps, self.fold_count, self.seed, self.unseen)
         if self.folds is not None:
             return table_sides(touch, self.folds, steps, self.unseen)
+        if self.test is not None:
+            name = f"trained on {self.data.name}, tested on {self.test.name}"
+            return folder_sides(touch, learned, name, steps, self.unseen)
         return None

@@ -4,10 +4,14 @@ from __future__ import annotations
 
 from dataclasses import asdict, dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import tyro
 
 from taxel.cli.printing import console, print_json
+
+if TYPE_CHECKING:
+    from taxel.evaluation.paired import Paired
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -23,19 +27,39 @@ class Compare:
     """Another; differences are second minus first."""
     group: str | None = None
     """What is taken as a whole: session, object, grasp, file …; the session where there is one."""
+    folds: Path | None = None
+    """Only trials that this table of folds tests; neither run may have trained on them."""
+    test: Path | None = None
+    """Other recordings instead, which both runs predict now; none that either learned from."""
     json: bool = False
     """Print JSON; accuracies and differences are shares, 0 to 1."""
 
     def run(self) -> None:
         """Compare and print."""
-        from taxel.evaluation.paired import compare_runs
-        from taxel.training.run import load_run
-
-        first, second = (load_run(path, weights=False) for path in (self.first, self.second))
-        found = compare_runs(first, second, self.group)
+        found = self._found()
         if self.json:
             print_json(asdict(found) | {"verdict": found.verdict})
             return
         from taxel.views.compare_table import compare_table
 
         console.print(compare_table(found, str(self.first), str(self.second)))
+
+    def _found(self) -> Paired:
+        from taxel.cli.options import split_given
+        from taxel.evaluation.fold_table import read_fold_table
+        from taxel.evaluation.fresh_test import only_tested, predictions_on
+        from taxel.evaluation.paired import compare_predictions, compare_runs, predictions_of_both
+        from taxel.training.run import load_run
+
+        split_given(None, self.folds, self.test)
+        fresh = self.test is not None
+        first, second = (load_run(path, weights=fresh) for path in (self.first, self.second))
+        target = first.contract.target
+        if self.test is not None:
+            ours, theirs = (predictions_on(run, self.test) for run in (first, second))
+            return compare_predictions(ours, theirs, target, self.group)
+        if self.folds is not None:
+            table = read_fold_table(self.folds)
+            ours, theirs = (only_tested(own, table) for own in predictions_of_both(first, second))
+            return compare_predictions(ours, theirs, target, self.group)
+        return compare_runs(first, second, self.group)

@@ -1,4 +1,4 @@
-"""`taxel evaluate`: cross-validate a recipe on one's own recordings of an array."""
+"""`taxel evaluate`: cross-validate a recipe on recordings, or score a bundle on them."""
 
 from __future__ import annotations
 
@@ -9,33 +9,54 @@ from typing import Annotated, Any, ClassVar
 
 import tyro
 
+from taxel.cli.evaluate_bundle import evaluate_bundle, is_bundle_file
 from taxel.cli.html_pages import older_page, say_page
 from taxel.cli.option_rules import Only
-from taxel.cli.options import FOLD_COUNT, RecipeOptions, check_run_folder
+from taxel.cli.options import FOLD_COUNT, RecipeOptions, check_run_folder, split_given
 from taxel.cli.printing import console, print_json, progress, say
+from taxel.errors import BadInput
 from taxel.held import only_writer
+
+OF_A_RECIPE = (
+    "split", "folds", "test", "fold-count", "model", "members", "comparators", "output", "fresh",
+    "html", "recipe", "target", "window", "epochs", "seed",
+)  # fmt: skip
+"""Options that mean nothing for a bundle."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Evaluate:
-    """Cross-validate a recipe on recordings of an array, with trivial baselines beside it."""
+    """Cross-validate a recipe on recordings of an array, or score a bundle on them.
+
+    With trivial baselines beside it, by window and by trial, by class and by group.
+    """
 
     data: tyro.conf.Positional[Path]
-    """A folder of recordings of an array."""
+    """A folder of recordings of an array; or a bundle, NAME.taxel."""
+    recordings: tyro.conf.Positional[Path | None] = None
+    """With a bundle: the recordings to score it on."""
     split: str | None = None
     """Which windows are tested: random (leaks), group:KEY or
     order:KEY:LAST[:END] (train up to LAST, test above it, up to END)."""
+    folds: Path | None = None
+    """Somebody else's split instead: a table (CSV) with the columns recording (or group:KEY), side
+    (train, validation, test) or fold, and where wanted start_s."""
+    test: Path | None = None
+    """Another folder instead, to test on; all of the first is learned from."""
     fold_count: int = 5
     """How many folds."""
     model: str | None = None
     """Model's name."""
     members: int | None = None
     """Networks whose probabilities are averaged."""
+    comparators: bool = True
+    """Also fit library models on the same folds; they are kept for the same data and split."""
     output: Path | None = None
     """Keep the result here as a run without weights, to be compared and reported."""
     fresh: bool = False
-    """With --output: fit every fold, also those that a run that was broken off had finished: they
-    are kept beside it as OUTPUT.folds, and used where recipe, data and software are the same."""
+    """Fit every fold, also those of library models that are kept, and with --output those that a
+    run that was broken off had finished: they are kept beside it as OUTPUT.folds, and used where
+    recipe, data and software are the same."""
     html: Path | None = None
     """Write a self-contained page with figures to this file."""
     json: bool = False
@@ -43,21 +64,38 @@ class Evaluate:
     recipe: Annotated[RecipeOptions, tyro.conf.arg(name="")] = field(default_factory=RecipeOptions)
 
     RULES: ClassVar = (
-        Only(("fresh",), "--output, beside which folds are kept,", lambda o: o.output),
+        Only(
+            ("fresh",),
+            "--output or comparators, whose folds are kept,",
+            lambda o: o.output or o.comparators,
+        ),
+        Only(
+            OF_A_RECIPE,
+            "a folder of recordings (a bundle is scored as it is)",
+            lambda o: not is_bundle_file(o.data),
+        ),
         FOLD_COUNT,
     )
 
     def run(self) -> None:
         """Measure and print."""
+        if is_bundle_file(self.data):
+            evaluate_bundle(self.data, self.recordings, as_json=self.json)
+            return
+        if self.recordings is not None:
+            raise BadInput("a bundle before the recordings to score it on", str(self.data),
+                           "name NAME.taxel, or test on another folder with --test")  # fmt: skip
         older = older_page(self.html)
         with nullcontext() if self.output is None else only_writer(self.output):
             self._folder(self.data)
         say_page(self.html, older, silent=self.json)
 
     def _folder(self, path: Path) -> None:
-        from taxel.evaluation.checked import check_recipe
+        from taxel.evaluation.checked import BARS, check_recipe
         from taxel.evaluation.kept_folds import folds_folder, forget_folds
+        from taxel.training.features import default_cache
 
+        given = split_given(self.split, self.folds, self.test)
         recipe = self.recipe.resolve(model=self.model, split=self.split, members=self.members)
         if self.output is not None:
             check_run_folder(self.output)
@@ -67,6 +105,9 @@ class Evaluate:
                 path,
                 recipe,
                 folds=self.fold_count,
+                bars=BARS if self.comparators else (),
+                given=given,
+                cache=default_cache(),
                 keep_in=None if self.output is None else folds_folder(self.output),
                 fresh=self.fresh,
                 on_step=lambda line: bar.update(task, description=line, advance=1),
@@ -93,10 +134,11 @@ class Evaluate:
                 "bars": {name: asdict(bar_) for name, bar_ in checked.bars.items()},
                 "trivial": checked.trivial,
                 "folds_kept": checked.kept,
+                "comparator_folds_kept": checked.cached,
             }
             print_json(result)
             return
-        from taxel.cli.train import kept_line, warning
+        from taxel.cli.train import kept_line, print_parts, warning
         from taxel.views.results import checked_table, confusion_table
 
         console.print(checked_table(checked))
@@ -106,3 +148,6 @@ class Evaluate:
             say(f"warning: {said}", style="yellow")
         classes = checked.dataset.classes(recipe.target)
         console.print(confusion_table(classes, checked.pooled.scores.confusion))
+        print_parts(checked)
+        if checked.cached:
+            say(f"{checked.cached} folds of library models were kept; --fresh fits them")

@@ -17,6 +17,9 @@ from taxel.errors import BadInput
 
 if TYPE_CHECKING:
     from taxel.bundles.signing import Trust
+    from taxel.live.recogniser import Recogniser
+    from taxel.live.session import Tally
+    from taxel.sources.contract import Source
 
 
 LEAST_CONFIDENCE = 0.5
@@ -34,10 +37,11 @@ class Live:
     bundle: tyro.conf.Positional[Path]
     """A bundle, NAME.taxel; or cup-pour, which comes with taxel."""
     source: tyro.conf.Positional[str]
-    """A source: sim://teng, replay://FILE, or a recording's file."""
+    """A source: sim://teng, replay://FILE, a recording's file, or a folder of recordings, which are
+    replayed one after another (replay://FOLDER?speed=max: without waiting)."""
     seconds: float | None = None
-    """Stop after this many seconds of the source's time, at any speed (with --page, --record and
-    the like: of the clock on the wall); else at its end or at Ctrl-C."""
+    """Stop after this many seconds of the source's (or each recording's) time, at any speed (with
+    --page, --record and the like: of the clock on the wall); else at its end or at Ctrl-C."""
     also: Annotated[tuple[Path, ...], tyro.conf.UseAppendAction] = ()
     """One more bundle to run on the same samples, such as one for shape and one for material; may
     be given several times."""
@@ -100,8 +104,7 @@ class Live:
         from taxel.cli.live_station import live_station
         from taxel.decisions.recognition import RecogniseConfig
         from taxel.live.recogniser import Recogniser
-        from taxel.live.session import run_session
-        from taxel.sources.opening import open_source
+        from taxel.sources.opening import open_source, recordings_of
 
         if self.seconds is not None and not self.seconds > 0:
             raise BadInput("--seconds above 0", str(self.seconds), "give a longer time")
@@ -130,15 +133,14 @@ class Live:
             return
         bundles = [read_bundle(file, trust=trust) for file in files]
         config = RecogniseConfig(least_confidence=self._least())
-        with open_source(self.source) as source:
-            recognisers = [Recogniser(bundle, source.info, config) for bundle in bundles]
-            if self.quiet or self.json or not console.is_terminal:
-                shown = run_session(source, recognisers, self.seconds)
-            else:
-                from taxel.views.live import LiveView
-
-                with LiveView(console, source.info, recognisers) as view:
-                    shown = run_session(source, recognisers, self.seconds, view.show)
+        shown: list[Tally] = []
+        for address in recordings_of(self.source):
+            with open_source(address) as source:
+                recognisers = [Recogniser(bundle, source.info, config) for bundle in bundles]
+                own = self._session(source, recognisers)
+            for tally, more in zip(shown, own, strict=bool(shown)):
+                tally.take_in(more)
+            shown = shown or own
         results = [
             {"bundle": str(file)} | tally.summary()
             for file, tally in zip(files, shown, strict=True)
@@ -154,11 +156,24 @@ class Live:
                     f"windows, {result['grasps_right']}/{result['grasps']} whole grasps (UNKNOWN "
                     "is correct only for touch that was never learned)"
                 )
+            if result["filled"]:
+                say(f"  {result['filled']} windows had short gaps filled in")
             if result["windows"]:
                 say(
                     f"  latency from window to decision: median {result['latency_us_median']:.0f} "
                     f"µs, p99 {result['latency_us_p99']:.0f} µs"
                 )
+
+    def _session(self, source: Source, recognisers: list[Recogniser]) -> list[Tally]:
+        """Run one source to its end, on the screen where there is one."""
+        from taxel.live.session import run_session
+
+        if self.quiet or self.json or not console.is_terminal:
+            return run_session(source, recognisers, self.seconds)
+        from taxel.views.live import LiveView
+
+        with LiveView(console, source.info, recognisers) as view:
+            return run_session(source, recognisers, self.seconds, view.show)
 
     def _least(self) -> float:
         return LEAST_CONFIDENCE if self.least_confidence is None else self.least_confidence

@@ -14,6 +14,7 @@ from taxel.cli.pairs import Pairs, parse_pairs
 from taxel.errors import BadInput
 
 if TYPE_CHECKING:
+    from taxel.evaluation.table_split import Elsewhere
     from taxel.training.recipes import Recipe
 
 _LARGEST_SEED = 1_000_000_000
@@ -34,7 +35,8 @@ class RecipeOptions:
     rows. grid: rows a second, Hz, or own (the sensor's scans). gate: contact threshold in the
     channels' unit, none, or a recording at rest (.mcap). layout: A (values above the gate) or B
     (whole scans). channels: names with commas. pad, tare: yes or no. wavelet: such as db2, or none.
-    segment: values up to this are background, or none. reference: KEY=VALUE:COUNT, first touches
+    segment: values up to this are background, or none. fill: share of a
+    window, 0…1, whose short gaps are filled in. reference: KEY=VALUE:COUNT, first touches
     that set a session's level, or none."""
     epochs: int | None = None
     """Passes over the training windows."""
@@ -92,12 +94,34 @@ class RecipeOptions:
 def _in_folds(verb: Any) -> bool:
     from taxel.training.recipes import find_recipe
 
+    if verb.folds is not None or verb.test is not None:
+        return False
     split = verb.split or find_recipe(verb.recipe.recipe or "teng").split
     return not split.startswith("order:")
 
 
-FOLD_COUNT = Only(("fold-count",), "a split in folds (not order:)", _in_folds)
-"""A split by order has one test part, however many folds are asked for."""
+FOLD_COUNT = Only(("fold-count",), "a split in folds (not order:, --folds or --test)", _in_folds)
+"""A split by order has one test part, however many folds are asked for; a table its own folds."""
+
+
+def split_given(split: str | None, folds: Path | None, test: Path | None) -> Elsewhere:
+    """Return a split that came from elsewhere, if there is one.
+
+    Args:
+        split: One of taxel's own, if it was named.
+        folds: A table of folds.
+        test: A folder to test on.
+
+    Raises:
+        BadInput: More than one is given.
+    """
+    from taxel.evaluation.table_split import Elsewhere
+
+    named = {"--split": split, "--folds": folds, "--test": test}
+    given = [name for name, value in named.items() if value is not None]
+    if len(given) > 1:
+        raise BadInput("one of --split, --folds and --test", " and ".join(given), "give one")
+    return Elsewhere(table=folds, test=test)
 
 
 def check_share(option: str, share: float) -> None:

@@ -2,14 +2,20 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, ClassVar
 
 import tyro
 
 from taxel.cli.option_rules import Only
-from taxel.cli.options import FOLD_COUNT, RecipeOptions, check_run_folder, check_share
+from taxel.cli.options import (
+    FOLD_COUNT,
+    RecipeOptions,
+    check_run_folder,
+    check_share,
+    split_given,
+)
 from taxel.cli.printing import command, console, print_json, progress, say
 from taxel.errors import RecordingFailed, TaxelError
 from taxel.held import only_writer
@@ -34,6 +40,11 @@ class Train:
     split: str | None = None
     """How accuracy is measured: random (leaks), group:KEY or
     order:KEY:LAST[:END] (train up to LAST, test above it, up to END)."""
+    folds: Path | None = None
+    """Somebody else's split instead: a table (CSV) with the columns recording (or group:KEY), side
+    (train, validation, test) or fold, and where wanted start_s."""
+    test: Path | None = None
+    """Another folder instead, to test on; all of the first is learned from."""
     fold_count: int = 5
     """Folds of the cross-validation."""
     model: str | None = None
@@ -52,7 +63,9 @@ class Train:
     recipe: Annotated[RecipeOptions, tyro.conf.arg(name="")] = field(default_factory=RecipeOptions)
 
     RULES: ClassVar = (
-        Only(("fold-count", "fresh"), "a cross-validation (no --no-check)", lambda o: o.check),
+        Only(
+            ("fold-count", "fresh", "test"), "a cross-validation (no --no-check)", lambda o: o.check
+        ),
         FOLD_COUNT,
     )
 
@@ -71,6 +84,7 @@ class Train:
 
         if self.reject_novel is not None:
             check_share("--reject-novel", self.reject_novel)
+        given = split_given(self.split, self.folds, self.test)
         recipe = self.recipe.resolve(model=self.model, split=self.split, members=self.members)
         find_network(recipe.model)
         check_run_folder(self.output)
@@ -88,6 +102,7 @@ class Train:
                     recipe,
                     folds=self.fold_count,
                     bars=(),
+                    given=given,
                     keep_in=folds_folder(self.output),
                     fresh=self.fresh,
                     on_step=on_step,
@@ -101,6 +116,7 @@ class Train:
                     checkpoints=self.output.with_name(self.output.name + ".checkpoints"),
                     resume=self.resume,
                     unknown=self.reject_novel,
+                    given=given,
                     on_epoch=lambda e: on_step(f"all data · epoch {e.number} · loss {e.loss:.4f}"),
                 )
                 run = replace(run, made=Made.now())
@@ -125,6 +141,7 @@ class Train:
                     "parameters": run.contract.parameters,
                     "accuracy": accuracy,
                     "loss": run.history[-1].loss,
+                    "result": asdict(checked.pooled) if self.check else None,
                     "trivial": dict(run.trivial),
                     "notes": checked.dataset.notes if self.check else None,
                     "folds_kept": checked.kept if self.check else 0,
@@ -142,11 +159,14 @@ class Train:
                 say(f"warning: {said}", style="yellow")
             classes = checked.dataset.classes(recipe.target)
             console.print(confusion_table(classes, checked.pooled.scores.confusion))
+            print_parts(checked)
         say(
             f"{self.output}{', replaced' if older else ''}: {recipe.model}, "
             f"{run.contract.parameters:,} parameters, predicts {recipe.target}: "
             f"{', '.join(map(visible, run.contract.classes))}"
         )
+        if given.table is not None and self.check and len(checked.pooled.fold_accuracies) == 1:
+            say(f"learned from the training part of {self.folds} only: its test part stays unseen")
         if run.contract.unknown is not None:
             say(_rejects(run.contract.unknown))
         bundle = command("taxel", "bundle", self.output, "--output", f"{self.output}.taxel")
@@ -154,6 +174,15 @@ class Train:
         if self.check:
             page = command("taxel", "report", self.output, "--output", "report.html")
             say(f"or:   {page}")
+
+
+def print_parts(checked: Checked) -> None:
+    """Print the accuracy of each class and of each group's values."""
+    from taxel.views.part_results import parts_tables
+
+    if checked.pooled.parts is not None:
+        for table in parts_tables(checked.pooled.parts):
+            console.print(table)
 
 
 def kept_line(checked: Checked) -> str:

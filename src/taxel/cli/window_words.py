@@ -58,7 +58,11 @@ def _check_layout(window: WindowConfig, changes: Mapping[str, Any]) -> None:
 
 def _count(option: str, text: str) -> int:
     if not re.fullmatch(r"0*[1-9][0-9]{0,8}", text):
-        raise BadInput(f"{option}COUNT of at least 1", repr(text), f"for example {option}12")
+        raise BadInput(
+            f"{option}COUNT, a whole number of 1 to 999999999",
+            repr(text),
+            f"for example {option}12",
+        )
     return int(text)
 
 
@@ -68,7 +72,7 @@ def _number(option: str, text: str) -> float:
     except ValueError:
         value = math.nan
     if not math.isfinite(value):
-        raise BadInput(f"a number for {option}", repr(text), f"for example {option}1.55")
+        raise BadInput(f"a finite number for {option}", repr(text), f"for example {option}1.55")
     return value
 
 
@@ -80,6 +84,13 @@ def _rate(option: str, text: str) -> float | None:
     value = None if text == "own" else _number(option, text)
     if value is not None and value <= 0:
         raise BadInput(f"{option}RATE above 0 Hz, or own", text, f"for example {option}100")
+    return value
+
+
+def _share(option: str, text: str) -> float:
+    value = _number(option, text)
+    if not 0 <= value < 1:
+        raise BadInput(f"{option}SHARE of at least 0 and below 1", text, f"for example {option}0.1")
     return value
 
 
@@ -154,5 +165,6 @@ _READ: dict[str, Callable[[str, str], Any]] = {
     "wavelet": _text_or_none,
     "segment": _number_or_none,
     "reference": _reference,
+    "fill": _share,
 }
 """Name of a change → what reads its value."""

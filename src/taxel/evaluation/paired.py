@@ -94,7 +94,7 @@ def compare_runs(first: Run, second: Run, group: str | None = None) -> Paired:
     Raises:
         BadInput: A run has no predictions, or the two were not tested alike.
     """
-    return compare_predictions(*_predictions(first, second), first.contract.target, group)
+    return compare_predictions(*predictions_of_both(first, second), first.contract.target, group)
 
 
 def compare_predictions(
@@ -197,8 +197,12 @@ def coarsest_of(predictions: Predictions) -> str:
     return coarsest_group(tested, predictions.split)
 
 
-def _predictions(first: Run, second: Run) -> tuple[Predictions, Predictions]:
-    """Return both runs' predictions, once they are found to be of the same recordings."""
+def predictions_of_both(first: Run, second: Run) -> tuple[Predictions, Predictions]:
+    """Return both runs' predictions, once they are found to be of the same recordings.
+
+    Raises:
+        BadInput: They are of others, or one has none.
+    """
     one, two = first.predictions, second.predictions
     if one is None or two is None:
         raise BadInput(

@@ -1,0 +1,169 @@
+"""Somebody else's split by the verbs alone: import, audit, train, evaluate, bundle, live."""
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from taxel.cli.main import main
+
+RECIPE = ["--target", "level", "--model", "cnn1d", "--epochs", "3",
+          "--window", "steps=20", "grid=own", "gate=none"]  # fmt: skip
+Refused = Callable[[list[str]], str]
+
+
+def write_files(folder: Path, sessions: tuple[str, ...], seed: int) -> Path:
+    """Write tables of presses of two strengths and the import table; return that."""
+    folder.mkdir()
+    rng = np.random.default_rng(seed)
+    lines = ["file,label:level,group:session,group:object,channels,time"]
+    for session in sessions:
+        for level in ("2", "10"):
+            for n in range(2):
+                name = f"{session}_{level}_{n}.csv"
+                values = rng.normal(float(level), 0.5, (80, 2))
+                np.savetxt(folder / name, values, delimiter=",")
+                lines.append(f"{name},{level},{session},cup{n},1[N] 2[N],rate:100Hz")
+    (folder / "table.csv").write_text("\n".join(lines) + "\n")
+    return folder / "table.csv"
+
+
+@pytest.fixture(scope="module")
+def world(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Recordings of three sessions, those of another lab, a table of folds, a run and a bundle."""
+    world = tmp_path_factory.mktemp("split")
+    for name, sessions, seed in (("ours", ("a", "b", "c"), 0), ("theirs", ("a",), 1)):
+        table = write_files(world / f"{name}-files", sessions, seed)
+        main(["import", str(table), "--output", str(world / name)])
+    (world / "folds.csv").write_text("group:session,side\na,train\nb,validation\nc,test\n")
+    main(["train", str(world / "ours"), "--folds", str(world / "folds.csv"), "--output",
+          str(world / "run"), *RECIPE])  # fmt: skip
+    main(["bundle", str(world / "run"), "--output", str(world / "b.taxel")])
+    return world
+
+
+def printed(capsys: pytest.CaptureFixture[str], *words: object) -> Any:
+    """Return the JSON that a command prints."""
+    capsys.readouterr()
+    main([*map(str, words), "--json"])
+    return json.loads(capsys.readouterr().out)
+
+
+def test_a_run_keeps_the_tables_test_part_unseen(world: Path) -> None:
+    """Its accuracy is that of the table; its bundle learned four recordings of twelve."""
+    about = json.loads((world / "run" / "run.json").read_text())["contract"]
+
+    assert list(about["accuracy"]) == ["folds.csv"]
+    assert about["classes"] == ["2", "10"]
+    assert len(about["learned"]) == 4
+
+
+def test_evaluate_prints_windows_trials_classes_and_groups(
+    world: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """The same counts in the table and in JSON."""
+    words = ["evaluate", world / "ours", "--folds", world / "folds.csv", "--no-comparators"]
+    found = printed(capsys, *words, *RECIPE)["result"]
+    main([*map(str, words), *RECIPE])
+    said = capsys.readouterr().out
+
+    assert (found["windows"], found["trials"]) == (16, 4)
+    assert [part["name"] for part in found["parts"]["classes"]] == ["2", "10"]
+    assert [part["trials"] for part in found["parts"]["groups"]["object"]] == [2, 2]
+    assert "split: folds.csv" in said
+    assert "cup1" in said
+
+
+def test_another_folder_is_tested(world: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    found = printed(capsys, "evaluate", world / "ours", "--test", world / "theirs",
+                    "--no-comparators", *RECIPE)  # fmt: skip
+
+    assert found["result"]["split"] == "trained elsewhere, tested on theirs"
+    assert found["result"]["trials"] == 4
+    assert "minirocket" not in found["bars"]
+
+
+def test_a_bundle_is_scored_and_says_what_it_learned_from(
+    world: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """On another lab's recordings no warning; on its own it names one of them."""
+    theirs = printed(capsys, "evaluate", world / "b.taxel", world / "theirs")
+    ours = printed(capsys, "evaluate", world / "b.taxel", world / "ours")
+    main(["evaluate", str(world / "b.taxel"), str(world / "ours")])
+    said = capsys.readouterr().out
+
+    assert theirs["warning"] is None
+    assert (theirs["windows"], theirs["trials"], theirs["majority"]) == (16, 4, 0.5)
+    assert len(ours["learned_from"]) == 4
+    assert "learned from 4 of these very recordings" in said
+
+
+def test_live_replays_a_folder_and_agrees_with_the_score(
+    world: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """As many windows, and as many of them correct, as `evaluate` counts."""
+    scored = printed(capsys, "evaluate", world / "b.taxel", world / "theirs")
+    (live,) = printed(capsys, "live", world / "b.taxel",
+                      f"replay://{world / 'theirs'}?speed=max")  # fmt: skip
+
+    assert (live["windows"], live["grasps"]) == (scored["windows"], scored["trials"])
+    assert live["right"] == round(scored["accuracy"] * scored["windows"])
+    assert live["answers"].get("UNKNOWN", 0) == round(scored["unknown"] * scored["windows"])
+
+
+def test_runs_are_compared_on_a_tables_test_part_and_on_other_recordings(
+    world: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A run against itself: no window differs."""
+    pair = ["compare", world / "run", world / "run"]
+    table = printed(capsys, *pair, "--folds", world / "folds.csv")
+    fresh = printed(capsys, *pair, "--test", world / "theirs")
+
+    assert (table["windows"], fresh["windows"]) == (16, 16)
+    assert table["difference"] == fresh["difference"] == 0
+    assert fresh["split"] == "trained elsewhere, tested on theirs"
+
+
+def test_the_same_table_and_folder_are_audited(
+    world: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Both sides hold the same objects; validation is seen before the test."""
+    table = printed(capsys, "audit", world / "ours", "--folds", world / "folds.csv", "--unseen",
+                    "object")  # fmt: skip
+    fresh = printed(capsys, "audit", world / "ours", "--test", world / "theirs")
+
+    assert {one["kind"]: one["verdict"] for one in table["findings"]}["same object"] == "leak"
+    assert fresh["split"] == "trained on ours, tested on theirs"
+    assert table["groups"]["object"] == {"cup0": 6, "cup1": 6}
+
+
+@pytest.mark.parametrize(
+    ("words", "needed"),
+    [
+        (["evaluate", "ours", "--folds", "folds.csv", "--test", "theirs"], "--folds and --test"),
+        (["audit", "ours", "--folds", "folds.csv", "--split", "random"], "--split and --folds"),
+        (["evaluate", "ours", "--folds", "folds.csv", "--fold-count", "3"], "--fold-count"),
+        (["evaluate", "ours", "--test", "ours"], "which holds the values of"),
+        (["evaluate", "b.taxel"], "recordings to score b.taxel on"),
+        (["evaluate", "b.taxel", "ours", "--epochs", "3"], "beside --epochs"),
+        (["evaluate", "ours", "theirs"], "a bundle before the recordings"),
+        (["evaluate", "ours", "--folds", "5"], "--fold-count 5"),
+        (["evaluate", "ours", "--folds", "none.csv"], "a table of folds (CSV) that can be read"),
+        (["train", "ours", "--output", "x", "--no-check", "--test", "theirs"], "--test"),
+        (["compare", "run", "run", "--test", "ours"], "recordings that no run learned from"),
+        (["live", "b.taxel", "empty"], "empty"),
+        (["evaluate", "ours", "--window", "fill=2"], "at least 0 and below 1"),
+    ],
+)
+def test_each_mistake_is_one_plain_line(
+    world: Path, refused: Refused, monkeypatch: pytest.MonkeyPatch, words: list[str], needed: str
+) -> None:
+    monkeypatch.chdir(world)
+    (world / "empty").mkdir(exist_ok=True)
+    recipe = RECIPE if words[:2] == ["evaluate", "ours"] and "--window" not in words else []
+
+    assert needed in refused([*words, *recipe])
+    assert not (world / "x").exists()
