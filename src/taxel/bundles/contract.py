@@ -192,7 +192,7 @@ def _contract(data: Any) -> Contract:
         parity=given.number("parity") if "parity" in given else None,
         reference=_reference(given.fields("reference"), n) if "reference" in given else None,
         unknown=_unknown(given.any("unknown"), n) if "unknown" in given else None,
-        learned=given.texts("learned"),
+        learned=given.texts("learned") if given.any("learned") != () else (),
     )
 
 

@@ -199,7 +199,7 @@ def _calibration(
 
 def _reasons(decisions: list[Decision]) -> dict[str, int]:
     """Return why windows are UNKNOWN, most frequent first; by kind, without their figures."""
-    kinds = {"confidence": "low confidence", "unlike": "unlike anything learned"}
+    kinds = {"confidence": "low confidence", "novel": "novel touch"}
     found: dict[str, int] = {}
     for decision in decisions:
         if decision.reason:

@@ -38,12 +38,12 @@ def join_datasets(first: Dataset, folder: Path, target: str) -> Dataset:
     )
     _check_alike(first, second, folder, target)
     levels = None
-    if first.reference is not None and second.reference is not None and first.to_level is not None:
-        assert second.to_level is not None
+    if first.reference is not None and second.reference is not None:
         change = to_usual(second.reference.level, first.reference.level)
-        second = replace(second, windows=replace(
-            second.windows, values=second.windows.values * change))  # fmt: skip
-        levels = np.concatenate([first.to_level, second.to_level * change])
+        windows = replace(second.windows, values=second.windows.values * change)
+        second = replace(second, windows=windows)
+        if first.to_level is not None and second.to_level is not None:
+            levels = np.concatenate([first.to_level, second.to_level * change])
     return replace(
         first,
         windows=Windows.join([first.windows, second.windows]),

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from copy import copy
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import TypeVar
 
 import numpy as np
@@ -23,6 +23,8 @@ from taxel.windows.grid import Grid, Rows
 
 _Kind = TypeVar("_Kind", bound=np.generic)
 _UNUSABLE, _SATURATED = np.uint8(UNUSABLE), np.uint8(Validity.SATURATED)
+
+_NONE_FILLED = np.zeros(0, np.float32)
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,12 +45,12 @@ class Windows:
     """Shape (n,): time of the first row, fitted clock, seconds."""
     end_s: NDArray[np.float64]
     """Shape (n,): time of the last measured row, fitted clock, seconds."""
-    filled: NDArray[np.float32] = None  # type: ignore[assignment]
+    filled: NDArray[np.float32] = field(default_factory=lambda: _NONE_FILLED)
     """Shape (n,): share of the measured rows' values that were filled in, 0…1: all that were not
     usable, or none. Zeros unless given."""
 
     def __post_init__(self) -> None:
-        if self.filled is None:
+        if len(self.filled) != len(self.values):
             object.__setattr__(self, "filled", np.zeros(len(self.values), np.float32))
 
     @property
@@ -213,7 +215,8 @@ class Windower:
         if self._single or not self._config.fill or not len(bad):
             return windows
         usable = rows.usable
-        values, filled = windows.values, windows.filled.copy()
+        # Copies: without overlap the windows are a view of the rows, and of the samples.
+        values, filled = windows.values.copy(), windows.filled.copy()
         for index in bad:
             measured = int(windows.mask[index].sum())
             part = slice(index * stride, index * stride + measured)
@@ -222,7 +225,7 @@ class Windower:
             if whole is not None:
                 values[index, :measured] = whole
                 filled[index] = 1.0 - windows.usable[index]
-        return replace(windows, filled=filled)
+        return replace(windows, values=values, filled=filled)
 
     def _shape(self, parts: list[Windows]) -> Windows:
         steps, channels = self._config.steps, self._channels
