@@ -16,7 +16,7 @@ ROWS = 40
 def _few_trees(monkeypatch: pytest.MonkeyPatch) -> None:
     """Plants are told by four trees as well as by fifty."""
     monkeypatch.setattr(telling, "TREES", 4)
-    monkeypatch.setattr(telling, "DRAWS", 1999)
+    monkeypatch.setattr(telling, "DRAWS", 2999)
 
 
 def make_array(seed: int = 0, trials: int = 60, classes: int = 3) -> TouchSet:

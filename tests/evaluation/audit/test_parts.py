@@ -196,13 +196,14 @@ def test_a_table_may_name_whole_recordings_trials_and_windows(
     ("lines", "said"),
     [
         (["recording,fold", "nothere,1", "r01,2"], "'nothere'"),
-        (["recording,fold,side", "r00,1,test"], "line 1"),
+        (["recording,fold,side", "r00,1,test"], "of fold '1'"),
+        (["recording,side", "r00,train", "r01,tset"], "line 3"),
         (["recording,colour", "r00,red"], "line 1"),
         (["recording,fold"], "at least one row"),
         (["recording,fold", "r00,1", "r01,1"], "two folds"),
         (["recording,side", "r00,train", "r01,train"], "train and test"),
         (["recording,start_s,side", "r00,soon,train"], "seconds"),
-        (["recording,start_s,side", "r00,99,train"], "labelled trial"),
+        (["recording,start_s,side", "r00,99,train", "r01,,test"], "labelled trial"),
     ],
 )
 def test_a_bad_table_is_refused_with_its_line(
