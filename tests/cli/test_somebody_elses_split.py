@@ -155,6 +155,19 @@ def test_the_same_table_and_folder_are_audited(
         (["train", "ours", "--output", "x", "--no-check", "--test", "theirs"], "--test"),
         (["compare", "run", "run", "--test", "ours"], "recordings that no run learned from"),
         (["live", "b.taxel", "empty"], "empty"),
+        (
+            ["train", "ours", "--output", "x", "--fold-count", "y"],
+            "a whole number for --fold-count, in the range that its help gives; got y",
+        ),
+        (
+            ["train", "ours", "--output", "x", "--epochs", "y"],
+            "a whole number for --epochs, in the range that its help gives; got y",
+        ),
+        (
+            ["train", "ours", "--output", "x", "--reject-novel", "y"],
+            "a number for --reject-novel, in the range",
+        ),
+        (["train", "ours"], "needed --output PATH; got none"),
         (["evaluate", "ours", "--window", "fill=2"], "at least 0 and below 1"),
     ],
 )

@@ -44,9 +44,9 @@ class Audit:
     trained: Annotated[Path | None, tyro.conf.arg(name="run")] = None
     """A trained run's folder: was its scaling fitted on the test part too?"""
     fold_count: int = 5
-    """Folds that --split makes."""
+    """Folds that --split makes, 2 to 100."""
     steps: int | None = None
-    """Rows (or frames) of a window; a quarter of the usual trial unless given."""
+    """Rows (or frames) of a window; 2 or more; a quarter of the usual trial unless given."""
     seed: int = 0
     """Seed of folds, trees and labels dealt out anew."""
     all: bool = False

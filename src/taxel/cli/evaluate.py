@@ -44,11 +44,11 @@ class Evaluate:
     test: Path | None = None
     """Another folder instead, to test on; all of the first is learned from."""
     fold_count: int = 5
-    """How many folds."""
+    """How many folds, 2 or more."""
     model: str | None = None
     """Model's name."""
     members: int | None = None
-    """Networks whose probabilities are averaged."""
+    """Networks whose probabilities are averaged, 1 or more."""
     comparators: bool = True
     """Also fit library models on the same folds; they are kept for the same data and split."""
     output: Path | None = None

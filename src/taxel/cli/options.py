@@ -39,9 +39,9 @@ class RecipeOptions:
     window, 0…1, whose short gaps are filled in. reference: KEY=VALUE:COUNT, first touches
     that set a session's level, or none."""
     epochs: int | None = None
-    """Passes over the training windows."""
+    """Passes over the training windows, 1 or more."""
     seed: int = 0
-    """Seed of weights, order and folds."""
+    """Seed of weights, order and folds, 0 to 1000000000."""
 
     def resolve(
         self,

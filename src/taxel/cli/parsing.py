@@ -25,6 +25,16 @@ _FORMS = (
         "one of {of} for {option}",
     ),
     (
+        r"Error parsing (?P<option>\S+): (?:invalid literal for int.*|no type.*\|INT .*)"
+        r"(?: |\[)(?P<got>'.*')\]?",
+        "a whole number for {option}, in the range that its help gives",
+    ),
+    (
+        r"Error parsing (?P<option>\S+): (?:could not convert string to float.*|no type.*\|FLOAT .*)"
+        r"(?: |\[)(?P<got>'.*')\]?",
+        "a number for {option}, in the range that its help gives",
+    ),
+    (
         r"Error parsing (?P<option>\S+): no type matching (?P<of>\S+).* from \[(?P<got>.*)\]",
         "{of} for {option}",
     ),

@@ -46,11 +46,11 @@ class Train:
     test: Path | None = None
     """Another folder instead, to test on; all of the first is learned from."""
     fold_count: int = 5
-    """Folds of the cross-validation."""
+    """Folds of the cross-validation, 2 or more."""
     model: str | None = None
     """Model's name."""
     members: int | None = None
-    """Networks whose probabilities are averaged."""
+    """Networks whose probabilities are averaged, 1 or more."""
     reject_novel: float | None = None
     """Reject novel touch: the share of known touch that may be rejected, 0…1, such as 0.05."""
     resume: bool = False
