@@ -123,7 +123,6 @@ CASES = {
     "no speed": "live good.taxel sim://teng?speed=0",
     "replay cut short": "live good.taxel replay://short/one.mcap?speed=max --json",
     "replay damaged": "live good.taxel replay://flipped/one.mcap?speed=max --json",
-    "replay of a folder": "live good.taxel honest",
     "record onto a recording": "record sim://teng --output honest/session-1.mcap --seconds 1",
     "record nothing": "record sim://teng --output out.mcap --seconds 0",
     "label that is no pair": "record sim://teng --output out.mcap --seconds 1 --label sphere",
