@@ -151,7 +151,7 @@ def test_fresh_is_refused_where_it_has_no_use(
 ):
     for words in (
         ["train", str(data), "--output", str(tmp_path / "run"), "--no-check", "--fresh"],
-        ["evaluate", str(data), "--fresh"],
+        ["evaluate", str(data), "--fresh", "--no-comparators"],
     ):
         with pytest.raises(SystemExit) as ended:
             main(words)

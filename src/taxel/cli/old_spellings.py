@@ -61,8 +61,6 @@ OLD: tuple[Old, ...] = (
     Old("train", "unknown", "taxel train DATA --reject-novel 0.05"),
     Old("train", "folds", "taxel train DATA --fold-count 5", r"\d+"),
     Old("evaluate", "folds", "taxel evaluate DATA --fold-count 5", r"\d+"),
-    Old("train", "test", _MONITOR, r"[\d.]+"),
-    Old("evaluate", "test", "taxel reproduce grasp-warnings --test", r"[\d.]+"),
     *(Old("train", option, _MONITOR) for option in (*_CAMERA, "backbones", "single-split")),
     *(Old("evaluate", option, f"taxel reproduce grasp-warnings --{option}") for option in _CAMERA),
     Old("evaluate", "backbones", "taxel reproduce transition-tables --backbones"),
