@@ -30,7 +30,7 @@ _FORMS = (
         "a whole number for {option}, in the range that its help gives",
     ),
     (
-        r"Error parsing (?P<option>\S+): (?:could not convert string to float.*|no type.*\|FLOAT .*)"
+        r"Error parsing (?P<option>\S+): (?:could not convert string.*|no type.*\|FLOAT .*)"
         r"(?: |\[)(?P<got>'.*')\]?",
         "a number for {option}, in the range that its help gives",
     ),
