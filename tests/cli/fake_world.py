@@ -32,7 +32,7 @@ from taxel.cli.main import main
 REAL = {
     "find_recipe", "parse_reference", "checked_config", "find_bundle", "shipped_bundle",
     "rule_named", "plan_rows", "list_runs", "section_plan", "titles", "without_controls",
-    "visible_line", "visible", "shell_words", "json_text", "parse_options",
+    "visible_line", "visible", "shell_words", "json_text", "parse_options", "recordings_of",
 }  # fmt: skip
 """Functions that only compute and that verbs need to go on; they stay as they are."""
 _VARYING = re.compile(r"/tmp/(taxel-|tmp)[\w-]+|done in \d+ s")
@@ -93,7 +93,7 @@ class _Any(str):
 
 
 _SUMMARY = {
-    "windows": 3, "answers": {"cup": 3}, "marked": 2, "right": 1, "grasps": 1, "grasps_right": 1,
+    "windows": 3, "filled": 1, "answers": {"cup": 3}, "marked": 2, "right": 1, "grasps": 1, "grasps_right": 1,
     "latency_us_median": 1.0, "latency_us_p99": 1.0, "target": "object",
 }  # fmt: skip
 ATTRIBUTES: dict[str, Any] = {

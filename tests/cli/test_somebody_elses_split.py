@@ -157,15 +157,15 @@ def test_the_same_table_and_folder_are_audited(
         (["live", "b.taxel", "empty"], "empty"),
         (
             ["train", "ours", "--output", "x", "--fold-count", "y"],
-            "a whole number for --fold-count, in the range that its help gives; got y",
+            "a whole number, in the range that its help gives, for --fold-count; got y",
         ),
         (
             ["train", "ours", "--output", "x", "--epochs", "y"],
-            "a whole number for --epochs, in the range that its help gives; got y",
+            "a whole number, in the range that its help gives, for --epochs; got y",
         ),
         (
             ["train", "ours", "--output", "x", "--reject-novel", "y"],
-            "a number for --reject-novel, in the range",
+            "a number, in the range that its help gives, for --reject-novel",
         ),
         (["train", "ours"], "needed --output PATH; got none"),
         (["evaluate", "ours", "--window", "fill=2"], "at least 0 and below 1"),

@@ -27,12 +27,12 @@ _FORMS = (
     (
         r"Error parsing (?P<option>\S+): (?:invalid literal for int.*|no type.*\|INT .*)"
         r"(?: |\[)(?P<got>'.*')\]?",
-        "a whole number for {option}, in the range that its help gives",
+        "a whole number, in the range that its help gives, for {option}",
     ),
     (
         r"Error parsing (?P<option>\S+): (?:could not convert string.*|no type.*\|FLOAT .*)"
         r"(?: |\[)(?P<got>'.*')\]?",
-        "a number for {option}, in the range that its help gives",
+        "a number, in the range that its help gives, for {option}",
     ),
     (
         r"Error parsing (?P<option>\S+): no type matching (?P<of>\S+).* from \[(?P<got>.*)\]",
