@@ -50,7 +50,8 @@ from taxel.sim.pour_views import LayerView
 
 SIDES = ("left", "right")
 CAMERA_HZ = 25.0
-"""Images a second of a GelSight Mini as sold; a 60 Hz video repeats them. Source: PHYSICS.md."""
+"""Images a second of a GelSight Mini as sold; a 60 Hz video repeats them. Source:
+docs/explanation/physics-gel."""
 FINE = 2
 """Moments of the dynamics a video frame, between which a camera's image is interpolated."""
 ARRIVAL_S = 0.004

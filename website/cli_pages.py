@@ -1,0 +1,83 @@
+"""The CLI reference: a page for each verb, from the dataclasses that its `--help` is made of.
+
+Knows nothing about what a verb does.
+"""
+
+from __future__ import annotations
+
+import argparse
+import warnings
+from collections.abc import Iterator
+
+import tyro
+
+from taxel.cli.main import VERBS, load_verb, usage
+
+CLI = "reference/cli"
+
+
+def cli_pages() -> dict[str, str]:
+    """Return page → Markdown, for the command and each of its verbs."""
+    pages = {f"{CLI}/{verb}.md": _verb_page(verb) for verb in VERBS}
+    rows = [f"| [`taxel {verb}`]({verb}.md) | {_cell(text)} |" for verb, text in VERBS.items()]
+    pages[f"{CLI}/index.md"] = "\n".join([
+        "# The command `taxel`", "",
+        "Made from the verbs themselves. The same text stands in `taxel VERB --help`.", "",
+        "| verb | what it does |", "|---|---|", *rows, "",
+        "```text", usage(), "```", "",
+    ])  # fmt: skip
+    return pages
+
+
+def _verb_page(verb: str) -> str:
+    with warnings.catch_warnings():
+        # The one way to a verb's options as data; taxel pins tyro below 2.
+        warnings.simplefilter("ignore", DeprecationWarning)
+        parser = tyro.extras.get_parser(load_verb(verb), prog=f"taxel {verb}")
+    return "\n".join(_lines(parser, f"taxel {verb}", 1)) + "\n"
+
+
+def _lines(parser: argparse.ArgumentParser, name: str, level: int) -> Iterator[str]:
+    """Yield a parser's heading, description and options, then those of its subcommands."""
+    yield f"{'#' * level} `{name}`"
+    yield ""
+    yield (parser.description or "").strip()
+    yield ""
+    inner = [a for a in parser._actions if isinstance(a, argparse._SubParsersAction)]
+    options = [a for a in parser._actions if a not in inner and a.dest != "help"]
+    if options:
+        yield from ("| option | meaning | default |", "|---|---|---|")
+        yield from map(_row, options)
+        yield ""
+    for action in inner:
+        for word, child in action.choices.items():
+            yield from _lines(child, f"{name} {word}", level + 1)
+
+
+def _row(action: argparse.Action) -> str:
+    text, default = _meaning(str(action.help or "").replace("%%", "%"))
+    kind = (action.metavar if isinstance(action.metavar, str) else "").removeprefix("{None}|")
+    if not action.option_strings:
+        shown = str(action.dest).upper()
+        text += f" Of: {', '.join(kind[1:-1].split(','))}." if kind.startswith("{") else ""
+    elif isinstance(action, argparse.BooleanOptionalAction):
+        shown, default = action.option_strings[0], "" if default == "`False`" else default
+    else:
+        shown = f"{action.option_strings[0]} {kind}".strip()
+    return f"| `{_cell(shown)}` | {_cell(text)} | {_cell(default)} |"
+
+
+def _meaning(text: str) -> tuple[str, str]:
+    """Return an option's help and its default, which tyro writes at the help's end."""
+    if text.endswith("(required)"):
+        return text.removesuffix("(required)").strip(), "required"
+    before, found, shown = text.rpartition("(default: ")
+    if not found:
+        return text.strip(), ""
+    shown = shown.removesuffix(")")
+    return before.strip(), "" if shown in ("", "None", "''") else f"`{shown}`"
+
+
+def _cell(text: str) -> str:
+    """Return text as one cell of a Markdown table; what looks like a tag stays text."""
+    return " ".join(text.split()).replace("|", "\\|").replace("<", "&lt;")
