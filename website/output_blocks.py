@@ -44,10 +44,10 @@ _RULE = re.compile(r"[─━═]{2,}|[ \t]+")
 class Block:
     """One text block of a page and the commands that print it."""
 
-    commands: tuple[str, ...]
-    """Run before the text is looked at; the last prints it, or all of one shell block do."""
+    before: tuple[str, ...]
+    """Run first; what they print is not shown."""
     shown: tuple[str, ...]
-    """Those of `commands` whose output the block holds."""
+    """Whose output the block holds, one after another."""
     text: str
     start: int
     """Where the text stands in the page."""
@@ -68,24 +68,18 @@ def blocks(page: str) -> list[Block]:
             note = part["named"] or "not run"
             continue
         if part["kind"] == "sh":
-            shell = () if note == "not run" else tuple(_commands(part["text"]))
             waiting += shell
+            shell = () if note == "not run" else tuple(_commands(part["text"]))
             shell_end = part.end()
-        elif part["kind"] == "text" and (named := _output_of(page, part, note, shell, shell_end)):
-            waiting += [command for command in named if command not in waiting]
-            found.append(Block(tuple(waiting), named, part["text"], part.start("text")))
-            waiting = []
+        elif part["kind"] == "text":
+            behind = not page[max(shell_end, 0) : part.start()].strip()
+            shown = (note,) if note else shell if behind else ()
+            if shown:
+                before = tuple(waiting) if shown is shell else (*waiting, *shell)
+                found.append(Block(before, shown, part["text"], part.start("text")))
+                waiting, shell = [], ()
         note = ""
     return found
-
-
-def _output_of(
-    page: str, part: re.Match[str], note: str, shell: tuple[str, ...], shell_end: int
-) -> tuple[str, ...]:
-    """Return the commands whose output a text block is; none for any other text."""
-    if note:
-        return () if note == "not run" else (note,)
-    return shell if shell_end >= 0 and not page[shell_end : part.start()].strip() else ()
 
 
 def _commands(text: str) -> Iterator[str]:
@@ -95,8 +89,8 @@ def _commands(text: str) -> Iterator[str]:
             yield command
 
 
-def run(commands: Sequence[str], folder: Path) -> dict[str, str]:
-    """Run commands in a folder; return what each printed.
+def run(commands: Sequence[str], folder: Path) -> list[str]:
+    """Run commands in a folder; return what each printed, in order.
 
     Args:
         commands: Lines of a shell, each with `taxel`.
@@ -113,7 +107,7 @@ def run(commands: Sequence[str], folder: Path) -> dict[str, str]:
         "PYTHONIOENCODING": "utf-8",
         "XDG_CACHE_HOME": str(folder / ".cache"),
     }
-    printed = {}
+    printed = []
     for command in commands:
         line = re.sub(r"^taxel\b", f'"{sys.executable}" -m taxel.cli.main', command)
         done = subprocess.run(
@@ -122,7 +116,7 @@ def run(commands: Sequence[str], folder: Path) -> dict[str, str]:
         )  # fmt: skip
         if done.returncode:
             raise RuntimeError(f"{command}\nended with {done.returncode}: {done.stderr}")
-        printed[command] = done.stdout.strip("\n") + "\n"
+        printed.append(done.stdout.strip("\n") + "\n")
     return printed
 
 
@@ -208,8 +202,8 @@ def _printed(page: Path) -> list[tuple[Block, str]]:
     found = []
     with tempfile.TemporaryDirectory() as name:
         for block in blocks(page.read_text("utf-8")):
-            printed = run(block.commands, Path(name))
-            found.append((block, "".join(printed[command] for command in block.shown)))
+            printed = run((*block.before, *block.shown), Path(name))
+            found.append((block, "".join(printed[len(block.before) :])))
     return found
 
 

@@ -1,6 +1,6 @@
 """Take the picture of README and gallery from a running station, not from invented states.
 
-python tests/views/station_picture.py PICTURE: after `taxel demo`, with Chromium, on a quiet machine.
+python tests/views/station_picture.py PICTURE, after `taxel demo`; needs Chromium and quiet.
 """
 
 import re

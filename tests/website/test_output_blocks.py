@@ -20,6 +20,12 @@ two
 
 Words.
 
+```sh
+taxel find
+```
+
+More words.
+
 ```text
 no command's output
 ```
@@ -39,9 +45,9 @@ three
 def test_a_block_belongs_to_the_commands_right_before_it_or_to_the_one_that_is_named():
     first, second = blocks(PAGE)
 
-    assert first.commands == first.shown == ("taxel models", "taxel info a.mcap")
+    assert (first.before, first.shown) == ((), ("taxel models", "taxel info a.mcap"))
     assert first.text == "one\ntwo\n"
-    assert second.commands == second.shown == ("taxel demo --seconds 0",)
+    assert (second.before, second.shown) == (("taxel find",), ("taxel demo --seconds 0",))
 
 
 @pytest.mark.parametrize(("shown", "printed", "learned", "same"), [
