@@ -15,7 +15,7 @@ def api_pages() -> dict[str, str]:
     """Return page → Markdown, for every public module and package."""
     every = list(modules())
     packages = {parts[:-1] for parts in every if len(parts) > 1}
-    pages = {}
+    pages = {f"{API}/index.md": _start(every)}
     for parts in every:
         name = ".".join(parts)
         inside = [other for other in every if other[:-1] == parts]
@@ -24,6 +24,25 @@ def api_pages() -> dict[str, str]:
         else:
             pages[f"{API}/{'/'.join(parts)}.md"] = f"::: {name}\n"
     return pages
+
+
+def _start(every: list[tuple[str, ...]]) -> str:
+    """Return the page that leads into the reference."""
+    lines = [
+        "# Python names",
+        "",
+        "Every public module, made from its docstrings. Which stage may import which: "
+        "[where things go](../../where-things-go.md).",
+        "",
+        "| module | what it does |",
+        "|---|---|",
+    ]
+    for parts in every:
+        if len(parts) == 2:
+            inside = any(other[:2] == parts and len(other) == 3 for other in every)
+            target = f"taxel/{parts[1]}/index.md" if inside else f"taxel/{parts[1]}.md"
+            lines.append(f"| [`{'.'.join(parts)}`]({target}) | {_first_line(parts)} |")
+    return "\n".join(lines) + "\n"
 
 
 def _package(name: str, inside: list[tuple[str, ...]], packages: set[tuple[str, ...]]) -> str:

@@ -11,9 +11,11 @@ from collections.abc import Iterator
 
 import tyro
 
-from taxel.cli.main import VERBS, load_verb, usage
+from taxel.cli import main as command
+from taxel.cli.main import VERBS, load_verb
 
 CLI = "reference/cli"
+KINDS: dict[str, dict[str, str]] = getattr(command, "KINDS", {})
 
 
 def cli_pages() -> dict[str, str]:
@@ -24,17 +26,25 @@ def cli_pages() -> dict[str, str]:
         "# The command `taxel`", "",
         "Made from the verbs themselves. The same text stands in `taxel VERB --help`.", "",
         "| verb | what it does |", "|---|---|", *rows, "",
-        "```text", usage(), "```", "",
     ])  # fmt: skip
     return pages
 
 
 def _verb_page(verb: str) -> str:
+    """Return a verb's page; where it has kinds, each with its options."""
+    if verb not in KINDS:
+        return "\n".join(_lines(_parser(verb), f"taxel {verb}", 1)) + "\n"
+    lines = [f"# `taxel {verb}`", "", f"{VERBS[verb].capitalize()}.", ""]
+    for kind in KINDS[verb]:
+        lines += _lines(_parser(f"{verb} {kind}"), f"taxel {verb} {kind}", 2)
+    return "\n".join(lines) + "\n"
+
+
+def _parser(door: str) -> argparse.ArgumentParser:
     with warnings.catch_warnings():
-        # The one way to a verb's options as data; taxel pins tyro below 2.
+        # The only way to a verb's options as data; taxel pins tyro below 2.
         warnings.simplefilter("ignore", DeprecationWarning)
-        parser = tyro.extras.get_parser(load_verb(verb), prog=f"taxel {verb}")
-    return "\n".join(_lines(parser, f"taxel {verb}", 1)) + "\n"
+        return tyro.extras.get_parser(load_verb(door), prog=f"taxel {door}")
 
 
 def _lines(parser: argparse.ArgumentParser, name: str, level: int) -> Iterator[str]:

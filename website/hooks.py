@@ -21,6 +21,8 @@ from website.api_pages import api_pages, constants_table
 from website.cli_pages import cli_pages
 from website.places import ROOT, TAKEN, page_of, title_and_lead, turn_links
 
+_TOP = {"taxel": "index.md", "Tutorial": "tutorial.md", "Gallery": "gallery.md"}
+"""Name in the bar at the top → page; other pages of docs/ itself stand under Project."""
 _SECTIONS = {
     "how-to": "How to",
     "explanation": "Explanation",
@@ -29,7 +31,7 @@ _SECTIONS = {
     "decisions": "Decisions",
     "project": "Project",
 }
-"""Folder of the site → its heading; in this order, after the tutorial."""
+"""Folder of the site → its heading, in this order."""
 _LEADS = {
     "how-to": "One job a page.",
     "explanation": "Why things are as they are, and the physics behind the simulators.",
@@ -50,9 +52,11 @@ def on_config(config: MkDocsConfig) -> MkDocsConfig:
     _MADE.clear()
     _MADE.update(_made_pages())
     pages = _titles()
-    home: list[Any] = [{"taxel": "index.md"}]
-    home += [page for page in sorted(pages) if "/" not in page and page != "index.md"]
-    config["nav"] = home + [{name: _tree(folder, pages)} for folder, name in _SECTIONS.items()]
+    sections = {name: _tree(folder, pages) for folder, name in _SECTIONS.items()}
+    rest = {page for page in pages if "/" not in page} - set(_TOP.values())
+    sections["Project"] += sorted(rest)
+    top = [{name: page} for name, page in _TOP.items()]
+    config["nav"] = top + [{name: tree} for name, tree in sections.items()]
     return config
 
 
@@ -122,7 +126,7 @@ def _listing(folder: str, name: str, made: dict[str, str]) -> str:
         deeper = leaf == "index.md" and posixpath.dirname(place) == folder
         if deeper or (place == folder and leaf != "index.md"):
             title, lead = title_and_lead(texts[page])
-            title = title or ("Python names" if "api" in page else leaf)
+            title = title or leaf
             rows.append(f"| [{title}]({posixpath.relpath(page, folder)}) | {lead} |")
     head = ["| page | |", "|---|---|"]
     return "\n".join([f"# {name}", "", _LEADS[folder], "", *head, *rows, ""])
