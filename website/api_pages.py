@@ -22,8 +22,13 @@ def api_pages() -> dict[str, str]:
         if parts in packages:
             pages[f"{API}/{'/'.join(parts)}/index.md"] = _package(name, inside, packages)
         else:
-            pages[f"{API}/{'/'.join(parts)}.md"] = f"::: {name}\n"
+            pages[f"{API}/{'/'.join(parts)}.md"] = _titled(name)
     return pages
+
+
+def _titled(name: str) -> str:
+    """Return the page of one module; the navigation shows the last part of its name."""
+    return f"---\ntitle: {name.rpartition('.')[2]}\n---\n\n::: {name}\n"
 
 
 def _start(every: list[tuple[str, ...]]) -> str:
@@ -46,7 +51,7 @@ def _start(every: list[tuple[str, ...]]) -> str:
 
 
 def _package(name: str, inside: list[tuple[str, ...]], packages: set[tuple[str, ...]]) -> str:
-    lines = [f"::: {name}", "", "| module | what it does |", "|---|---|"]
+    lines = [_titled(name), "| module | what it does |", "|---|---|"]
     for parts in inside:
         target = f"{parts[-1]}/index.md" if parts in packages else f"{parts[-1]}.md"
         lines.append(f"| [`{parts[-1]}`]({target}) | {_first_line(parts)} |")

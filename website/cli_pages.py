@@ -6,6 +6,7 @@ Knows nothing about what a verb does.
 from __future__ import annotations
 
 import argparse
+import re
 import warnings
 from collections.abc import Iterator
 
@@ -15,6 +16,8 @@ from taxel.cli import main as command
 from taxel.cli.main import VERBS, load_verb
 
 CLI = "reference/cli"
+_OPTION = re.compile(r"(?<![\w`-])--[a-z][\w-]*")
+"""An option that a help text names."""
 KINDS: dict[str, dict[str, str]] = getattr(command, "KINDS", {})
 
 
@@ -70,11 +73,13 @@ def _row(action: argparse.Action) -> str:
     if not action.option_strings:
         shown = str(action.dest).upper()
         text += f" Of: {', '.join(kind[1:-1].split(','))}." if kind.startswith("{") else ""
-    elif isinstance(action, argparse.BooleanOptionalAction):
-        shown, default = action.option_strings[0], "" if default == "`False`" else default
+    elif action.option_strings[-1].startswith("--no-"):
+        on = default == "`True`"
+        shown, default = ", ".join(action.option_strings[: 2 if on else 1]), "on" if on else ""
     else:
         shown = f"{action.option_strings[0]} {kind}".strip()
-    return f"| `{_cell(shown)}` | {_cell(text)} | {_cell(default)} |"
+    text = _OPTION.sub(r"`\g<0>`", _cell(text))
+    return f"| `{_cell(shown)}` | {text} | {_cell(default)} |"
 
 
 def _meaning(text: str) -> tuple[str, str]:

@@ -41,7 +41,7 @@ _LEADS = {
                  "Code cites these pages by number.",
     "project": "How taxel is built, and what changed.",
 }  # fmt: skip
-_CITED = re.compile(r"docs/(decisions/\d{4}|explanation/[\w-]+)(?![\w/.-])")
+_CITED = re.compile(r"docs/(decisions/\d{4}|explanation/[\w-]+)(?!\.?[\w/-])")
 """How a docstring names a decision, or a page that explains."""
 _CONSTANTS = re.compile(r"<!-- constants: ([\w.]+) -->")
 """Stands for a table of a module's constants."""
@@ -153,11 +153,13 @@ def _tree(folder: str, pages: set[str]) -> list[Any]:
     }
     tree: list[Any] = list(own)
     for name in sorted(deeper):
-        tree.append({_NAMES.get(name, name): _tree(f"{folder}/{name}", pages)})
+        place = f"{folder}/{name}"
+        tree.append({_NAMES.get(place, name): _tree(place, pages)})
     return tree
 
 
-_NAMES = {"cli": "The command taxel", "api": "Python names"}
+_NAMES = {"reference/cli": "The command taxel", "reference/api": "Python names"}
+"""Folder of the site → what the navigation calls it, where that is not its own name."""
 
 
 def _order(page: str) -> tuple[bool, str]:
