@@ -44,8 +44,8 @@ def figure_page(rows: Mapping[str, Sequence[Row]]) -> str:
         "says its split.",
         "",
         "Figures that take less than a few minutes are not stored unless asked for: "
-        "`taxel bench NAME` measures them on your machine, beside their goals. Those of faults "
-        "stand in [faults](faults.md), those of both papers' tables in [claims](claims.md).",
+        "`taxel bench …` with a name measures them on your machine, beside their goals. Those of "
+        "faults stand in [faults](faults.md), those of both papers' tables in [claims](claims.md).",
         "",
         f"## Missed goals ({len(missed)})",
         "",

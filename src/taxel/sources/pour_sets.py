@@ -2,6 +2,8 @@
 
 Joins dynamics, optics and camera clock, and writes what a lab would have recorded, with the
 physics truth beside the images. Knows nothing about windows, models or the command line.
+
+Background of our choices: docs/decisions/0012.
 """
 
 from __future__ import annotations
