@@ -99,7 +99,7 @@ def title_and_lead(markdown: str) -> tuple[str, str]:
     for paragraph in re.split(r"\n\s*\n", text.strip()):
         if re.match(r"[A-Za-z*`\[“\"]", paragraph):
             plain = re.sub(r"\[([^\]]*)\]\([^)]*\)", r"\1", " ".join(paragraph.split()))
-            return (title[1] if title else "", re.split(r"(?<=[.:]) ", plain)[0].rstrip(":"))
+            return (title[1] if title else "", re.split(r"(?<=\.) ", plain)[0])
     return (title[1] if title else "", "")
 
 
