@@ -116,7 +116,8 @@ def run(commands: Sequence[str], folder: Path) -> list[str]:
         )  # fmt: skip
         if done.returncode:
             raise RuntimeError(f"{command}\nended with {done.returncode}: {done.stderr}")
-        printed.append(done.stdout.strip("\n") + "\n")
+        lines = [line.rstrip() for line in done.stdout.strip("\n").splitlines()]
+        printed.append("\n".join([*lines, ""]))
     return printed
 
 
@@ -148,22 +149,28 @@ def _lines_match(shown: list[str], printed: list[str], learned: bool) -> bool:
 
 
 def _line_matches(shown: str, printed: str, learned: bool) -> bool:
-    if shown.endswith("…"):
+    ends_early = shown.endswith("…")
+    if ends_early:
         shown = shown.removesuffix("…").rstrip()
         words = _NUMBER.sub("#", shown)
         if not _NUMBER.sub("#", printed).startswith(words):
             return False
         printed = printed if learned else printed[: len(shown)]
-    elif _NUMBER.sub("#", shown) != _NUMBER.sub("#", printed):
-        return False
     if not learned:
         return shown == printed
-    pairs = zip(_NUMBER.findall(shown), _NUMBER.findall(printed), strict=False)
-    return all(_near(_value(first), _value(second)) for first, second in pairs)
+    if not ends_early and _words(shown) != _words(printed):
+        return False
+    pairs = zip(_values(shown), _values(printed), strict=False)
+    return all(_near(first, second) for first, second in pairs)
 
 
-def _value(number: str) -> float:
-    return float(number.replace(",", ""))
+def _words(line: str) -> list[str]:
+    """Return a line's words in any order: counts that are close may change places."""
+    return sorted(_NUMBER.sub("#", line).replace(",", " ").split())
+
+
+def _values(line: str) -> list[float]:
+    return [float(number.replace(",", "")) for number in _NUMBER.findall(line)]
 
 
 def _near(first: float, second: float) -> bool:
