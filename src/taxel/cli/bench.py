@@ -34,7 +34,10 @@ class Bench:
     json: bool = False
     """Print JSON: a list of {name, value, unit, goal, ok, note, stamp}."""
 
-    RULES: ClassVar = (Only(("data",), "--full", lambda o: o.full),)
+    RULES: ClassVar = (
+        Only(("full", "only", "data", "json"), "a bench's name", lambda o: o.name is not None),
+        Only(("data",), "--full", lambda o: o.full),
+    )
 
     def run(self) -> None:
         """Measure and print."""
@@ -79,7 +82,7 @@ class Bench:
     def _write_figures(self) -> None:
         from taxel.bench.figure_page import write_figure_page
 
-        if self.page is None or self.full or self.only or self.data or self.json:
+        if self.page is None:
             raise BadInput("a bench's name, or --page FILE alone", "neither", "see: taxel bench -h")
         count = write_figure_page(self.page)
         say(f"{self.page}: {count} stored figures")
