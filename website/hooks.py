@@ -128,7 +128,7 @@ def _listing(folder: str, name: str, made: dict[str, str]) -> str:
             title, lead = title_and_lead(texts[page])
             title = title or leaf
             rows.append(f"| [{title}]({posixpath.relpath(page, folder)}) | {lead} |")
-    head = ["| page | |", "|---|---|"]
+    head = ["| page | what it says |", "|---|---|"]
     return "\n".join([f"# {name}", "", _LEADS[folder], "", *head, *rows, ""])
 
 

@@ -30,6 +30,7 @@ PRESSED = """(() => {
     return bright / (bytes.length / 4) > 0.04;
 })()"""
 """Whether pads of the hand's map are green to yellow: it holds something."""
+SHOWN = f"['WARNING', 'UNSTABLE'].includes({STATE}) && {PRESSED}"
 
 
 def take(picture: Path) -> None:
@@ -44,10 +45,11 @@ def take(picture: Path) -> None:
             time.sleep(SETTLE_S)
             until_s = time.monotonic() + LONGEST_S
             while time.monotonic() < until_s:
-                if browser.ask(STATE) in ("WARNING", "UNSTABLE") and browser.ask(PRESSED):
+                if browser.ask(SHOWN):
                     browser.picture(picture)
-                    print(f"{picture}: {browser.ask(STATE)}")
-                    return
+                    if browser.ask(SHOWN):  # still: so it was while the picture was taken
+                        print(f"{picture}: {browser.ask(STATE)}")
+                        return
                 time.sleep(0.02)
             sys.exit(f"needed a warning within {LONGEST_S:g} s; got none; start again")
     finally:
