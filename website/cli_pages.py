@@ -5,20 +5,18 @@ Knows nothing about what a verb does.
 
 from __future__ import annotations
 
-import argparse
 import re
 import warnings
 from collections.abc import Iterator
+from typing import Any
 
 import tyro
 
-from taxel.cli import main as command
-from taxel.cli.main import VERBS, load_verb
+from taxel.cli.main import KINDS, VERBS, load_verb
 
 CLI = "reference/cli"
 _OPTION = re.compile(r"(?<![\w`-])--[a-z][\w-]*")
 """An option that a help text names."""
-KINDS: dict[str, dict[str, str]] = getattr(command, "KINDS", {})
 
 
 def cli_pages() -> dict[str, str]:
@@ -43,31 +41,25 @@ def _verb_page(verb: str) -> str:
     return "\n".join(lines) + "\n"
 
 
-def _parser(door: str) -> argparse.ArgumentParser:
+def _parser(door: str) -> Any:
+    """Return the options of a verb, or of a "verb kind", as tyro's own argparse holds them."""
     with warnings.catch_warnings():
         # The only way to a verb's options as data; taxel pins tyro below 2.
         warnings.simplefilter("ignore", DeprecationWarning)
         return tyro.extras.get_parser(load_verb(door), prog=f"taxel {door}")
 
 
-def _lines(parser: argparse.ArgumentParser, name: str, level: int) -> Iterator[str]:
-    """Yield a parser's heading, description and options, then those of its subcommands."""
-    yield f"{'#' * level} `{name}`"
-    yield ""
-    yield (parser.description or "").strip()
-    yield ""
-    inner = [a for a in parser._actions if isinstance(a, argparse._SubParsersAction)]
-    options = [a for a in parser._actions if a not in inner and a.dest != "help"]
+def _lines(parser: Any, name: str, level: int) -> Iterator[str]:
+    """Yield a heading, what the verb does, and a table of its options."""
+    yield from (f"{'#' * level} `{name}`", "", (parser.description or "").strip(), "")
+    options = [action for action in parser._actions if action.dest != "help"]
     if options:
         yield from ("| option | meaning | default |", "|---|---|---|")
         yield from map(_row, options)
         yield ""
-    for action in inner:
-        for word, child in action.choices.items():
-            yield from _lines(child, f"{name} {word}", level + 1)
 
 
-def _row(action: argparse.Action) -> str:
+def _row(action: Any) -> str:
     text, default = _meaning(str(action.help or "").replace("%%", "%"))
     kind = (action.metavar if isinstance(action.metavar, str) else "").removeprefix("{None}|")
     if not action.option_strings:

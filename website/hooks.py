@@ -19,7 +19,7 @@ sys.path.insert(0, str(Path(__file__).parents[1]))
 
 from website.api_pages import api_pages, constants_table
 from website.cli_pages import cli_pages
-from website.places import ROOT, TAKEN, page_of, title_and_lead, turn_links
+from website.places import ROOT, TAKEN, title_and_lead, turn_links
 
 _TOP = {"taxel": "index.md", "Tutorial": "tutorial.md", "Gallery": "gallery.md"}
 """Name in the bar at the top → page; other pages of docs/ itself stand under Project."""
@@ -107,10 +107,8 @@ def _made_pages() -> dict[str, str]:
         made[page] = turn_links(text, source, page)
     for path in sorted((ROOT / "examples").glob("[0-9]*.py")):
         text = path.read_text("utf-8")
-        page = page_of(f"examples/{path.name}")
-        assert page is not None
         lead = text.split('"""')[1].strip()
-        made[page] = f"# {path.stem}\n\n{lead}\n\n```python\n{text}```\n"
+        made[f"examples/{path.stem}.md"] = f"# {path.stem}\n\n{lead}\n\n```python\n{text}```\n"
     made |= api_pages() | cli_pages()
     for folder, name in _SECTIONS.items():
         made[f"{folder}/index.md"] = _listing(folder, name, made)
