@@ -4,7 +4,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 INSTALLED := $(VENV)/.installed-dev
 
-.PHONY: demo test check lint types imports examples bench licences sbom clean
+.PHONY: demo test check lint types imports examples bench docs dist try-wheel licences sbom clean
 
 $(INSTALLED): pyproject.toml constraints-cpu.txt
 	test -x $(BIN)/python || $(PYTHON) -m venv $(VENV)
@@ -20,8 +20,8 @@ test: $(INSTALLED)
 check: lint types imports test examples
 
 lint: $(INSTALLED)
-	$(BIN)/ruff check src tests examples supply
-	$(BIN)/ruff format --check src tests examples supply
+	$(BIN)/ruff check src tests examples supply website
+	$(BIN)/ruff format --check src tests examples supply website
 
 types: $(INSTALLED)
 	$(BIN)/mypy
@@ -44,8 +44,29 @@ sbom: $(INSTALLED)
 	    --output-reproducible --output-format JSON --output-file dist/sbom.json
 	$(BIN)/python -m supply.sbom dist/sbom.json
 
+# The site in build/site, from docs/, the verbs and the docstrings; a warning is an error.
+docs: $(INSTALLED)
+	$(BIN)/pip install --quiet --disable-pip-version-check -c constraints-cpu.txt -c constraints-docs.txt -e '.[docs]'
+	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict --quiet
+	$(BIN)/python -m website.check_site build/site
+
+# What would be published: a source archive and a wheel, in dist/.
+dist:
+	test -x $(VENV)-dist/bin/python || $(PYTHON) -m venv $(VENV)-dist
+	$(VENV)-dist/bin/pip install --quiet --disable-pip-version-check -c constraints-docs.txt build twine
+	rm -rf dist/*.whl dist/*.tar.gz build/lib
+	$(VENV)-dist/bin/python -m build --outdir dist .
+	$(VENV)-dist/bin/twine check --strict dist/*.whl dist/*.tar.gz
+
+# The wheel alone, in an empty environment and folder: a short demo, its page included.
+try-wheel: dist
+	rm -rf $(VENV)-wheel build/try-wheel && mkdir -p build/try-wheel
+	$(PYTHON) -m venv $(VENV)-wheel
+	$(VENV)-wheel/bin/pip install --quiet --disable-pip-version-check -c constraints-cpu.txt "$$(echo dist/*.whl)[train,page]"
+	cd build/try-wheel && $(abspath $(VENV)-wheel)/bin/taxel demo --scans-per-class 30000 --live-seconds 20 --seconds 5
+
 bench: $(INSTALLED)
 	$(BIN)/taxel bench teng
 
 clean:
-	rm -rf $(VENV) $(VENV)-sbom dist build demo runs
+	rm -rf $(VENV) $(VENV)-sbom $(VENV)-dist $(VENV)-wheel dist build demo runs

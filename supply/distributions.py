@@ -15,8 +15,8 @@ from packaging.requirements import Requirement
 from packaging.utils import canonicalize_name
 
 ROOT = "taxel"
-DEVELOPMENT = "dev"
-"""The extra that is not shipped to users."""
+DEVELOPMENT = ("dev", "docs")
+"""The extras that are not shipped to users."""
 VENDORED = Path(__file__).parents[1] / "src/taxel/views/page/static/vendor/vendored.json"
 
 

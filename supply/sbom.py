@@ -22,7 +22,7 @@ def finish(bill: dict[str, Any]) -> dict[str, Any]:
         bill: As `cyclonedx-py environment` writes it.
     """
     brought: dict[str, list[str]] = {}
-    for extra in ["", *(one for one in extras() if one != DEVELOPMENT)]:
+    for extra in ["", *(one for one in extras() if one not in DEVELOPMENT)]:
         for name in required(extra):
             brought.setdefault(name, []).append(extra or "always")
     kept = []

@@ -6,6 +6,8 @@ Huffman coding, at most one scan a colour component; anything else is refused he
 in the bytes. Knows nothing about pixels, cameras or OpenCV.
 
 Source: ITU-T T.81, annex B (markers) and table B.1.
+
+Background of our choices: docs/decisions/0033.
 """
 
 from __future__ import annotations

@@ -135,7 +135,7 @@ LINES: dict[str, tuple[str, ...]] = {
         "live cup-pour sim://cup-pour --gripper sim",
         "live b.taxel sim://teng --record r.mcap",
     ),
-    "bench": ("bench teng", "bench teng --full", "bench faults"),
+    "bench": ("bench teng", "bench teng --full", "bench faults", "bench --page p.md"),
 }
 """Door → command lines, one a way of working."""
 

@@ -70,7 +70,7 @@ def test_from_training_to_a_live_answer_every_class_is_itself(imported, run, tmp
     for name in CLASSES:
         assert table.count(f" {visible(name)} ") or table.count(f"{visible(name)} ")
     heads = next(line for line in table.splitlines() if "true ↓" in line)
-    columns = heads.split("told →")[1].split()
+    columns = heads.split("predicted →")[1].split()
     assert columns == short_names(sorted(CLASSES), 4, end="")
     assert len(set(columns)) == len(CLASSES)
 

@@ -20,6 +20,8 @@ reports mm/min); what the lag of `stop_program` is. Controllers that want TLS ar
 Knows nothing about decisions. Source: JAKA, TCP/IP control protocol (controllers 1.7.1, 1.7.2
 and V3), framework and port descriptions; `relFlag`, units and replies as in public programs that
 use it; jaka.com/docs.
+
+Background of our choices: docs/decisions/0016.
 """
 
 from __future__ import annotations

@@ -20,6 +20,8 @@ error the line is left quiet for `late_s` and emptied before anything else is as
 Knows nothing about decisions or newtons. Never tried on a real PGE here: tested against a
 pymodbus server on a pseudo-terminal. Source of registers: DH-Robotics, PGE series, short
 manual for Modbus RTU; Dobot's PGE-2 manual, tables 3.2 to 3.7, agrees.
+
+Background of our choices: docs/decisions/0016.
 """
 
 from __future__ import annotations

@@ -33,6 +33,8 @@ may answer, to the address that the datagrams come from, one JSON object a datag
 UDP does not encrypt, and knows who answers by address alone: keep it on this machine or on a
 line of its own. Nothing here waits: a full buffer drops the datagram and counts it, and so is
 an order that has expired before it could be sent. Knows nothing about grippers or models.
+
+Background of our choices: docs/decisions/0016.
 """
 
 from __future__ import annotations

@@ -4,6 +4,8 @@ The force answers a command after a dead time, then follows it as a first-order 
 limited slope. An object is dropped while the friction of both fingers, 2 μ F, is less than its
 load. A stand-in for the real one in demonstrations and tests: fingers and force, no slip before
 the drop (that is `sim://cup-pour`). Nothing here opens the fingers on its own.
+
+Background of our choices: docs/decisions/0017.
 """
 
 from __future__ import annotations

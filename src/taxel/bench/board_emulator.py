@@ -4,6 +4,8 @@ The emulator is a program of its own (`firmware/emulator`, GPL, since it links l
 module starts it and talks to it through pipes. Boards appear as pseudo-terminals. Works
 in a checkout only: the firmware is no part of the installed package. Knows nothing about
 what the boards say.
+
+Background of our choices: docs/decisions/0020.
 """
 
 from __future__ import annotations

@@ -3,6 +3,8 @@
 The programs are those that a lab flashes; boards, converters, current sensors and serial lines
 are emulated in virtual time (`firmware/emulator`), so that no figure depends on how busy this
 machine is. A minute of three boards takes some minutes here: it is measured by `--full`.
+
+Background of our choices: docs/decisions/0020.
 """
 
 from __future__ import annotations

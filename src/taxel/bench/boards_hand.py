@@ -3,6 +3,8 @@
 Each drill arms the hand, closes its fingers, brings something about at a moment that has
 no relation to the firmware's tick, and reads off the motors' pins when they went off. Virtual time.
 Knows nothing about sensors of touch.
+
+Background of our choices: docs/decisions/0020.
 """
 
 from __future__ import annotations

@@ -2,6 +2,8 @@
 
 Waveforms are those of the simulated hand. Virtual time: figures do not depend on how busy
 this machine is. Knows nothing about motors.
+
+Background of our choices: docs/decisions/0020.
 """
 
 from __future__ import annotations

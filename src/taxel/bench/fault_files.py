@@ -2,6 +2,8 @@
 
 Each file of `taxel.bench.hostile_cases` is given to real commands, in real processes. Knows nothing
 about how the files are made.
+
+Background of our choices: docs/decisions/0033.
 """
 
 from __future__ import annotations

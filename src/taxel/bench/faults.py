@@ -1,6 +1,8 @@
 """`taxel bench faults`: what goes wrong beside a moving gripper, how soon it is told, what is lost.
 
 Each row is a fault that is brought about in this run, in real processes.
+
+Background of our choices: docs/decisions/0019.
 """
 
 from __future__ import annotations

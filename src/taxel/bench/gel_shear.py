@@ -2,6 +2,8 @@
 
 Version 2 of the gel (docs/explanation/gel-shear.md) beside version 1 and real recordings.
 Knows nothing about how rows are printed or stored.
+
+Background of our choices: docs/decisions/0037.
 """
 
 from __future__ import annotations

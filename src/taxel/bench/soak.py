@@ -1,6 +1,8 @@
 """`taxel bench soak`: both systems for half an hour in one station, and the books afterwards.
 
 The whole figure takes half an hour, so that it is measured by `--full` and shown with its stamp.
+
+Background of our choices: docs/decisions/0019.
 """
 
 from __future__ import annotations

@@ -28,7 +28,7 @@ from taxel.training.recipes import find_recipe
 from taxel.windows.config import GRID_RATE_HZ, TENG_WINDOW
 
 ROUNDS = 5
-"""Times that a latency is measured. Source: our choice."""
+"""Times that a latency is measured. Source: our choice, docs/decisions/0032."""
 KILLS = 20
 WEAK_EPOCHS = 20
 WEAK_SEEDS = (0, 1, 2)

@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 PAPER_STEP_MS = 31.84
 """DenseNet121 + LSTM on an RTX 4090. Source: Sensors 2024, 24, 5080, Table 1."""
 ROUNDS = 3
-"""Times that a latency is measured. Source: our choice."""
+"""Times that a latency is measured. Source: our choice, docs/decisions/0032."""
 FRAME_S = 1.0 / 60.0
 LITE0 = "efficientnet-lite0+lstm"
 DENSE = "densenet121+lstm"

@@ -2,6 +2,8 @@
 
 Memory is what Linux says of a process; elsewhere it is not a number. Knows nothing about what is
 run, or what it should do.
+
+Background of our choices: docs/decisions/0019.
 """
 
 from __future__ import annotations

@@ -2,6 +2,8 @@
 
 The first line is `TAXEL BUNDLE 1 <SHA-256 of the rest>`, and where it is signed a blank and the
 signature (signing.py). Knows nothing about what the members mean.
+
+Background of our choices: docs/decisions/0034.
 """
 
 from __future__ import annotations

@@ -4,6 +4,8 @@ One file, as for arrays: a first line `TAXEL BUNDLE 1 <sha256 of the rest>`, the
 `grasp.json` (the contract), `head.onnx`, for a backbone `backbone.onnx`, and `check_*.npy`
 with features and the probabilities that they must give. Nothing in it is unpickled. Knows
 nothing about training frameworks.
+
+Background of our choices: docs/decisions/0013.
 """
 
 from __future__ import annotations

@@ -2,6 +2,8 @@
 
 What a changed pad, gel layer, gain or humidity does to each channel, beside what the bundle
 was trained with. NumPy only. Knows nothing about networks or versions.
+
+Background of our choices: docs/decisions/0026.
 """
 
 from __future__ import annotations

@@ -6,6 +6,8 @@ small file cannot ask for endless work. What they may still ask for is limited i
 `model_trial`. Knows nothing about what the model predicts.
 
 Source: onnx.proto of ONNX 1.21 (field numbers), protobuf's encoding guide.
+
+Background of our choices: docs/decisions/0033.
 """
 
 from __future__ import annotations

@@ -7,6 +7,8 @@ known by its digest, so that the history holds wherever a kill or a copy left of
 history is written first, the former version is kept second, and the new one takes its
 place last. Whatever else stands under such a name is left alone: numbers go on above it.
 Knows nothing about what is inside.
+
+Background of our choices: docs/decisions/0028.
 """
 
 from __future__ import annotations

@@ -1,6 +1,8 @@
 """Later scans of the same sensors, with baseline and drift taken away, in volts or newtons.
 
 The raw recording is never touched. Knows nothing about how a calibration was made.
+
+Background of our choices: docs/decisions/0022.
 """
 
 from __future__ import annotations

@@ -1,6 +1,8 @@
 """Where the signal rests: smoothing, baselines with their drift, noise and hum.
 
 Knows nothing about forces, curves or files.
+
+Background of our choices: docs/decisions/0022.
 """
 
 from __future__ import annotations

@@ -23,8 +23,8 @@ FORMS: dict[Form, tuple[str, ...]] = {
 
 line: V = offset + slope·F. power: V = scale·F^exponent. saturating: V = top·(1 −
 exp(−(F / force)^exponent)), a power law at small forces that ends at a top. Source: contact
-area of a soft pad grows with force until it is full (PHYSICS, S = 1 − exp(−F/α), which is
-exponent 1); docs/decisions/0022.
+area of a soft pad grows with force until it is full (docs/explanation/physics-teng:
+S = 1 − exp(−F/α), which is exponent 1); docs/decisions/0022.
 """
 
 

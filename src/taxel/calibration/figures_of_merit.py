@@ -1,6 +1,8 @@
 """Single numbers about a sensor or an array: hysteresis, range, uniformity, ghosts.
 
 Pure functions of numbers. Knows nothing about recordings, files or fits.
+
+Background of our choices: docs/decisions/0022.
 """
 
 from __future__ import annotations

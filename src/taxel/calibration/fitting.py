@@ -1,6 +1,8 @@
 """Fit force-to-voltage curves, tell how sure they are, and judge them on presses held out.
 
 Knows nothing about recordings, baselines or time.
+
+Background of our choices: docs/decisions/0022.
 """
 
 from __future__ import annotations

@@ -2,6 +2,8 @@
 
 The source is read on a thread of its own, so that nothing is lost while a person types.
 Knows nothing about curves or the command line.
+
+Background of our choices: docs/decisions/0022.
 """
 
 from __future__ import annotations

@@ -1,6 +1,8 @@
 """Presses of known force and stretches of known voltage, from marks or from a table.
 
 Knows nothing about volts measured, curves or files of recordings.
+
+Background of our choices: docs/decisions/0022.
 """
 
 from __future__ import annotations

@@ -1,6 +1,8 @@
 """What each press did to every channel: height above the baseline, speed, ghosts.
 
 Knows nothing about curves, files or what the forces mean.
+
+Background of our choices: docs/decisions/0022.
 """
 
 from __future__ import annotations

@@ -11,7 +11,7 @@ from typing import Any, ClassVar, Literal
 import tyro
 
 from taxel.cli.option_rules import Only
-from taxel.cli.printing import console, print_json, progress
+from taxel.cli.printing import console, print_json, progress, say
 from taxel.errors import BadInput
 
 
@@ -20,29 +20,35 @@ class Bench:
     """Measure what taxel promises, in this run, on this machine."""
 
     name: tyro.conf.Positional[
-        Literal["teng", "transitions", "faults", "closed-loop", "soak", "boards", "audit"]
-    ]
-    """Which figures."""
+        Literal["teng", "transitions", "faults", "closed-loop", "soak", "boards", "audit"] | None
+    ] = None
+    """Which figures; none with --page, which then writes all that are stored."""
     full: bool = False
-    """Also measure what takes longer than a few minutes, and keep it with a stamp."""
+    """Also measure what takes longer than a few minutes, and keep all rows with a stamp."""
     only: str = ""
     """Only the measurements whose name holds this text; rows kept of others stay as they are."""
     data: Path | None = None
     """Folder that holds teng-glove/, icub-grasp/ and gelsight-slip/, for --full."""
     page: Path | None = None
-    """With `faults`: also write all rows as a page of Markdown, to this file."""
+    """A page of Markdown to write: alone, all stored figures; with `faults`, its rows by fault."""
     json: bool = False
     """Print JSON: a list of {name, value, unit, goal, ok, note, stamp}."""
 
-    RULES: ClassVar = (Only(("data",), "--full", lambda o: o.full),)
+    RULES: ClassVar = (
+        Only(("full", "only", "data", "json"), "a bench's name", lambda o: o.name is not None),
+        Only(("data",), "--full", lambda o: o.full),
+    )
 
     def run(self) -> None:
         """Measure and print."""
         from taxel.bench.rows import measure, rows_table, store, stored
 
+        if self.name is None:
+            self._write_figures()
+            return
         if self.page is not None and (self.name != "faults" or self.only):
             raise BadInput(
-                "--page with `faults` and all of its rows",
+                "--page alone, or with `faults` and all of its rows",
                 f"--page with `{self.name}`{' and --only' if self.only else ''}",
                 "leave --page out, or measure all faults",
             )
@@ -58,11 +64,12 @@ class Bench:
             if self.only and not quick + slow:
                 raise BadInput("a measurement's name for --only", repr(self.only), _named(bench))
             rows = measure(quick, on_step)
-            if slow:
-                digest = bench.data_digest(self.data)
-                rows += store(self.name, measure(slow, on_step), digest, only=self.only)
+            if self.full:
+                rows += measure(slow, on_step)
+                rows = store(self.name, rows, bench.data_digest(self.data), only=self.only)
             else:
-                rows += stored(self.name)
+                measured = {row.name for row in rows}
+                rows += [row for row in stored(self.name) if row.name not in measured]
         if self.page is not None:
             from taxel.bench.fault_page import write_fault_page
 
@@ -71,6 +78,14 @@ class Bench:
             print_json([asdict(one) for one in rows])
         else:
             console.print(rows_table(rows))
+
+    def _write_figures(self) -> None:
+        from taxel.bench.figure_page import write_figure_page
+
+        if self.page is None:
+            raise BadInput("a bench's name, or --page FILE alone", "neither", "see: taxel bench -h")
+        count = write_figure_page(self.page)
+        say(f"{self.page}: {count} stored figures")
 
     def _chosen(self, steps: list[tuple[str, Any]]) -> list[tuple[str, Any]]:
         return [step for step in steps if self.only in step[0]]

@@ -1,4 +1,7 @@
-"""`taxel calibrate`: known forces in, a force-to-voltage curve a sensor out; and its use."""
+"""`taxel calibrate`: known forces in, a force-to-voltage curve a sensor out; and its use.
+
+Background of our choices: docs/decisions/0022.
+"""
 
 from __future__ import annotations
 

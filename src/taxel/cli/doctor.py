@@ -39,9 +39,10 @@ GROUPS = {"dialout": ("ttyACM*", "ttyUSB*"), "video": ("video*",)}
 SHARED_BYTES = 64 << 20
 """Shared memory that a session takes at most. Source: our choice, docs/decisions/0015."""
 FREE_BYTES = 2 << 30
-"""Two cameras of 40 kB a frame at 25 frames/s fill 2 MB/s: a quarter of an hour. Our choice."""
+"""Two cameras of 40 kB a frame at 25 frames/s fill 2 MB/s: a quarter of an hour. Our choice,
+docs/decisions/0015."""
 WRITE_MB_S = 20.0
-"""Ten times what those cameras write, megabytes a second. Our choice."""
+"""Ten times what those cameras write, megabytes a second. Our choice, docs/decisions/0015."""
 _TRIAL_BYTES = 16 << 20
 _STEADY_CLOCKS = ("tsc", "arch_sys_counter", "kvm-clock", "hyperv_clocksource_tsc_page", "xen")
 

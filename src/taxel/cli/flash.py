@@ -1,4 +1,7 @@
-"""`taxel flash`: build a sketch, write it to a board, and hear the board say what it runs."""
+"""`taxel flash`: build a sketch, write it to a board, and hear the board say what it runs.
+
+Background of our choices: docs/decisions/0020.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,7 @@
-"""What `taxel live` does with several sources, a page, a recording or a gripper: a station."""
+"""What `taxel live` does with several sources, a page, a recording or a gripper: a station.
+
+Background of our choices: docs/decisions/0019.
+"""
 
 from __future__ import annotations
 

@@ -25,7 +25,8 @@ from taxel.sources.contract import Source
 SILENCE_S = 5.0
 """A source that delivers nothing for so long is given up."""
 LATE_S = 0.5
-"""Fitted time that the slower of array and cameras may lag at the end. Source: our choice."""
+"""Fitted time that the slower of array and cameras may lag at the end. Source: our choice,
+docs/decisions/0012."""
 _ARRAY = -1
 """Stands for the array among the cameras' numbers."""
 

@@ -4,6 +4,8 @@ Each class in turn is kept from a network's training; a few grasps of it from on
 training session are learned; the held-out session, with all classes, is the test.
 Beside it stands the network that trained on all classes with all data. Knows nothing
 about screens.
+
+Background of our choices: docs/decisions/0028.
 """
 
 from __future__ import annotations

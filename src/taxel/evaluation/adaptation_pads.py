@@ -5,6 +5,8 @@ clipped as the converter clips; what was clipped already stays so. A weaker pad 
 behind the gate: what gives no window is not told, and counts as wrong. All of a session's grasps
 are judged alike, before and after, except the touches that may set its level. Knows nothing about
 screens.
+
+Background of our choices: docs/decisions/0028.
 """
 
 from __future__ import annotations

@@ -28,7 +28,7 @@ from taxel.windows.dataset import load_dataset, recut
 from taxel.windows.scaling import fit_scaling
 
 _PARITY_WINDOWS = 1000
-"""Windows that a bundle's export is compared on. Source: our choice."""
+"""Windows that a bundle's export is compared on. Source: our choice, docs/decisions/0009."""
 
 
 def train_on_all(

@@ -1,6 +1,8 @@
 """What a run's stored predictions are worth: scores, intervals by group, reliability.
 
 Knows nothing about recordings, networks or pages.
+
+Background of our choices: docs/decisions/0025.
 """
 
 from __future__ import annotations

@@ -3,6 +3,8 @@
 A label holds for a whole trial and slip trials are shorter, so length and position tell it
 too: controls that see only those are judged in the same folds. Nothing is chosen on a test
 fold. Knows nothing about images, files or screens.
+
+Background of our choices: docs/decisions/0013.
 """
 
 from __future__ import annotations

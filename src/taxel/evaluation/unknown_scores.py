@@ -1,6 +1,8 @@
 """What scores of strangeness are worth: AUROC, false rejection, coverage against accuracy.
 
 Knows nothing about data sets, training or screens.
+
+Background of our choices: docs/decisions/0027.
 """
 
 from __future__ import annotations

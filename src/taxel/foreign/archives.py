@@ -3,6 +3,8 @@
 Sizes are compared before anything is unpacked, and the unpacking stops where a size was a lie. A
 head of an array is read as text, never evaluated, and must agree with the bytes that follow.
 Nothing is unpickled. Knows nothing about what the arrays mean.
+
+Background of our choices: docs/decisions/0033.
 """
 
 from __future__ import annotations

@@ -3,6 +3,8 @@
 A pipe in a file's place would wait for ever, a device would never end, and a sparse file says
 nothing of its size on the disk. Every reader of foreign files begins here. Knows nothing about
 what the files mean.
+
+Background of our choices: docs/decisions/0033.
 """
 
 from __future__ import annotations

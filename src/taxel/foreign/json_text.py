@@ -2,6 +2,8 @@
 
 `Fields` gives an object's values, each of the kind and range that it must have. Knows nothing
 about what they mean.
+
+Background of our choices: docs/decisions/0033.
 """
 
 from __future__ import annotations

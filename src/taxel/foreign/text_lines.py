@@ -2,6 +2,8 @@
 
 Text is UTF-8, or UTF-16 that says so; no other encoding is certain, so none is guessed. Knows
 nothing about cells.
+
+Background of our choices: docs/decisions/0033.
 """
 
 from __future__ import annotations

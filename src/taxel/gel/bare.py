@@ -3,6 +3,8 @@
 A recording of a grasp mostly begins in touch, so no touch-free frame exists. Where nothing
 touches, the gel's light changes slowly over the image; a smooth surface through it tells what
 lies under the imprint too. Knows nothing about depth, movement or files.
+
+Background of our choices: docs/decisions/0012.
 """
 
 from __future__ import annotations

@@ -2,6 +2,8 @@
 
 Exposure is divided out and dots are left out before the comparison. Knows
 nothing about shape, force or movement.
+
+Background of our choices: docs/decisions/0012.
 """
 
 from __future__ import annotations

@@ -20,7 +20,7 @@ Rgb = NDArray[np.uint8]
 Points = NDArray[np.float32]
 
 _WIDTH: Final = 320
-"""Pixels a row at which the sizes below were measured (PHYSICS.md, GelSight Mini)."""
+"""Pixels a row at which the sizes below were measured: docs/explanation/physics-gel."""
 _SMALLEST_PX, _LARGEST_PX = 7.0, 26.0
 """Diameters that a dot may have: measured 10 to 18, with room for shear and blur."""
 _SEARCH_SCALE: Final = 2.0

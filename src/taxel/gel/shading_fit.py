@@ -10,6 +10,8 @@ The shipped `shading_gelsight_mini.json` was made so from calib/gelsight_mini/da
 taxim 1.4.1.
 
 Knows nothing about rendering.
+
+Background of our choices: docs/decisions/0012.
 """
 
 from __future__ import annotations

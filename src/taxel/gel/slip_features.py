@@ -4,6 +4,8 @@ Input: frames of one gel, oldest first, RGB. Output: float32 rows. What the
 dots do is the gel's movement; what the imprint does is the object's; where
 they part, the object slips. Real and simulated frames are treated alike.
 Knows nothing about labels, models, time in seconds or force.
+
+Background of our choices: docs/decisions/0013.
 """
 
 from __future__ import annotations

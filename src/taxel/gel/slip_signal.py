@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 TURN_MM: Final = 4.0
 """Lever at which a turn counts as slip: the mean distance of a handle's patch from its middle,
-0.62 × 6.3 mm. Source: PHYSICS.md, limit surface of a handle's patch."""
+0.62 × 6.3 mm. Source: docs/explanation/physics-gel, limit surface of a handle's patch."""
 USUAL_MM_PER_PX: Final = 0.065
 """Of a GelSight Mini at 320 × 240 where the camera does not state its own, 0.059 to 0.071."""
 _SOFT_MM: Final = 0.05

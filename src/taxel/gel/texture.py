@@ -4,6 +4,8 @@ The imprint's fine shading moves with the object; the dots move with the gel.
 Here the dots are painted over and only the imprint is followed, against a key
 frame that is renewed when it has moved far, so small steps do not add up their
 noise. Knows nothing about dots' own movement or about slip.
+
+Background of our choices: docs/decisions/0012.
 """
 
 from __future__ import annotations

@@ -2,6 +2,8 @@
 
 Works on stamps and JPEG bytes alone, in live and in recorded time: every time is passed in.
 Knows nothing about pixels, models or where frames come from.
+
+Background of our choices: docs/decisions/0015.
 """
 
 from __future__ import annotations

@@ -2,6 +2,8 @@
 
 Each export is run in ONNX Runtime against PyTorch before it is handed out.
 Knows nothing about bundles, files or videos.
+
+Background of our choices: docs/decisions/0009.
 """
 
 from __future__ import annotations

@@ -6,6 +6,8 @@ side by side. A head gives one logit a window; its sigmoid is the probability of
 about images, backbones or files.
 
 Source: Zhao, Zheng and Chen, Sensors 2024, 24, 5080, section 4.2 and Table 1's note.
+
+Background of our choices: docs/decisions/0013.
 """
 
 from __future__ import annotations

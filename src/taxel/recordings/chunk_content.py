@@ -1,6 +1,8 @@
 """What one chunk of a recording holds: runs of scans, marks and frames.
 
 Knows nothing about files or check sums.
+
+Background of our choices: docs/decisions/0004.
 """
 
 from __future__ import annotations

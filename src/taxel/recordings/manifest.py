@@ -3,6 +3,8 @@
 It stands there twice (FORMAT.md says where), each copy with its own check
 sum, so that a damaged byte never takes away what a recording means. Knows
 nothing about files, scans or models.
+
+Background of our choices: docs/decisions/0004.
 """
 
 from __future__ import annotations

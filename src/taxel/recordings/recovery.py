@@ -6,6 +6,8 @@ place where such a chunk begins, so damage costs the chunk it lies in. The
 end of a chunk that was cut short is left out, because its CRC covers only
 the whole (the recorder closes a chunk every 0.05 s, so this is all that is
 lost). Knows nothing about sensors or labels.
+
+Background of our choices: docs/decisions/0004.
 """
 
 from __future__ import annotations

@@ -5,6 +5,8 @@ the number of channels. The MCAP message record around it has a fixed head,
 so that a run of scans is a numpy array as it stands: no loop over messages,
 neither on writing nor on reading. FORMAT.md has the byte table. Knows
 nothing about files, chunks or threads.
+
+Background of our choices: docs/decisions/0004.
 """
 
 from __future__ import annotations

@@ -2,6 +2,8 @@
 
 A cell that is not a number is an error, never a zero; each error names the file, the line and
 the column. Knows nothing about times, units or recordings.
+
+Background of our choices: docs/decisions/0011.
 """
 
 from __future__ import annotations

@@ -2,6 +2,8 @@
 
 Knows .csv, .csv.gz and .npy (table_columns.py reads them); other layouts are in layouts.py.
 Each error names the file, the line and the column. Knows nothing about recordings.
+
+Background of our choices: docs/decisions/0011.
 """
 
 from __future__ import annotations

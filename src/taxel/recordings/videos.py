@@ -5,6 +5,8 @@ clock of its own: times are frame number over rate, and the manifest says so. Al
 read and written before the output folder appears. A video's coding has no
 check sums: damage that the decoder can conceal is not noticed. Knows nothing about particular
 data sets.
+
+Background of our choices: docs/decisions/0012.
 """
 
 from __future__ import annotations

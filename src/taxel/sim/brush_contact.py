@@ -6,7 +6,7 @@ annulus that slips first, rotation and translation together, and a limit close t
 ellipsoid (f / μN)² + (m / μNe)² = 1. Knows nothing about cups, gels' looks or time's origin.
 
 Sources: limit surface, Goyal et al., Wear 1991; brush field and its distance to the ellipsoid,
-PHYSICS.md; Stribeck, our choice of velocity, docs/decisions/0013.
+docs/explanation/physics-gel; Stribeck, our choice of velocity, docs/decisions/0013.
 """
 
 from __future__ import annotations

@@ -5,7 +5,8 @@ the handle, as its weight hangs beside it); two brush fields hold it. Pure physi
 nothing about pixels, files or clocks.
 
 Sources: protocol, Sensors 2024, 24, 5080, section 3.2; gel, FEATS (neo-Hooke, indentation and
-area) and real marker shear, as collected in PHYSICS.md; ranges, docs/decisions/0013.
+area) and real marker shear, as collected in docs/explanation/physics-gel; ranges,
+docs/decisions/0013.
 """
 
 from __future__ import annotations
@@ -32,7 +33,7 @@ GEL_SHEAR_KPA = 145.0
 GEL_MM = 4.5
 """Thickness. Source: FEATS."""
 LAYER_FACTOR = 3.5
-"""Shear stiffness over G/thickness: matches real marker shear. Source: PHYSICS.md."""
+"""Shear stiffness over G/thickness: fits real marker shear, docs/explanation/physics-gel."""
 _SHEAR_STIFFNESS_N_MM3 = LAYER_FACTOR * GEL_SHEAR_KPA / 1000.0 / GEL_MM
 STEP_S = 1.0 / 480.0
 """Of the integration: eight a frame at 60 Hz."""
@@ -111,7 +112,8 @@ def list_runs(config: CupPourConfig) -> list[PourRun]:
 def load_ratio(run: PourRun, poured_g: float) -> float:
     """Return the resting load over the limit surface of both gels; slip begins at 1.
 
-    Source: (f / μN)² + (m / μNe)² ≤ 1, PHYSICS.md; the weakest grip of the run, cup unturned.
+    Source: (f / μN)² + (m / μNe)² ≤ 1, docs/explanation/physics-gel; the weakest grip of
+    the run, cup unturned.
     """
     grip_n = run.force_n * (1.0 + run.grip_error) * (1.0 - run.relaxation)
     friction_n = run.cup.friction * sum(run.side_friction) * grip_n
@@ -380,7 +382,7 @@ def simulate_pour(
 def indentation(force_n: float) -> tuple[float, float]:
     """Return depth (mm) and area (mm²): 1.4 and 124 at 15 N, 2.4 and 168 at 50 N.
 
-    Source: FEATS, as collected in PHYSICS.md; powers fitted through both.
+    Source: FEATS, as collected in docs/explanation/physics-gel; powers fitted through both.
     """
     over = force_n / 15.0
     return 1.4 * over**0.448, 124.0 * over**0.252

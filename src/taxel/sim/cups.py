@@ -20,7 +20,7 @@ OTHER_KINDS: tuple[Kind, ...] = ("no-slip pour", "bump", "grip drop", "late slip
 
 _HELD_KG_MM = 11.9
 """Mass times lever that a grip of 15 N holds where friction is 1: 2 · 15 N · 0.62 · 6.28 mm over
-gravity. Source: limit surface of a handle's patch, PHYSICS.md."""
+gravity. Source: limit surface of a handle's patch, docs/explanation/physics-gel."""
 _CUP, _RUN = 11, 12
 """Streams of the random generator, so that cups and runs never share numbers."""
 _POSITION = {"upper": 0.5, "middle": 0.0, "lower": -0.5}

@@ -4,6 +4,8 @@ The gel moves as one under the contact patch and less and less outside it, unles
 its face shears; an indentation pushes it outwards. Both are smooth fields, computed at a quarter
 of the image's resolution; the layer of markers is then warped, so that markers move by fractions
 of a pixel. Knows nothing about noise or about what is pressed in.
+
+Background of our choices: docs/decisions/0012.
 """
 
 from __future__ import annotations

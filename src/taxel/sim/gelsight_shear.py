@@ -2,6 +2,8 @@
 
 The face's movement is known where the gel was before it moved; a camera sees where it went, so
 one step of a fixed point goes from one to the other. Knows nothing about friction or light.
+
+Background of our choices: docs/decisions/0037.
 """
 
 from __future__ import annotations

@@ -2,6 +2,8 @@
 
 All at half the image's resolution (160 × 120), where a pixel is about 0.13 mm: finer detail
 than that the gel does not pass on. Knows nothing about colour, markers or noise.
+
+Background of our choices: docs/decisions/0012.
 """
 
 from __future__ import annotations

@@ -33,7 +33,7 @@ class GripResponseConfig:
     """Of the first-order lag, seconds."""
     slew_n_s: float = 300.0
     """Steepest change of force, newtons a second: from 15 to 50 N the gels give way by 1 mm on
-    each side (PHYSICS.md), which jaws of 9 mm/s do in 0.12 s."""
+    each side (docs/explanation/physics-gel), which jaws of 9 mm/s do in 0.12 s."""
     least_n: float = 15.0
     """Smallest force that can be commanded, newtons. Source: paper, section 3.2."""
     most_n: float = 50.0

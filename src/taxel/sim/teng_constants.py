@@ -41,7 +41,8 @@ OPEN_VOLTAGE_V = 5.38
 """Voltage of aluminium pressed fully onto a sensor at once, volts: sets the share of scans
 above 1.55 V. Tuned to the thesis's 31,000 of 160,000."""
 TIME_CONSTANT_S = (0.12, 0.2)
-"""R · C of a session, seconds. PHYSICS: 0.1 to 0.5 s is needed for the share above."""
+"""R · C of a session, seconds: 0.1 to 0.5 s is needed for the share above. Source: design
+study, docs/explanation/physics-teng."""
 CAPACITANCE_PF = (150.0, 350.0)
 """Sensor and cable, picofarads; against the converter's 14 pF it sets the ghosts."""
 HOLD_CAPACITANCE_PF = 14.0
@@ -51,13 +52,14 @@ GROUNDED_GHOST = 0.002
 SECOND_SENSOR_GAIN = 0.06
 """The second sensor is nearly silent. Source: thesis, section 4.1."""
 GAIN_DEVIATION = 0.12
-"""Spread of a session's sensor gains, logarithmic. Source: measured study, PHYSICS."""
+"""Spread of a session's sensor gains, logarithmic. Source: design study,
+docs/explanation/physics-teng."""
 FIRST_SECOND_CORRELATION = 0.9
 """The first and second sensor are alike. Source: thesis, section 4.1."""
 
 HUM_HZ = 50.0
 HUM_V = (0.02, 0.2)
-"""Mains hum of a session on one board, volts. Source: PHYSICS."""
+"""Mains hum of a session on one board, volts. Source: docs/explanation/physics-teng."""
 HUM_GROUNDED = 0.15
 """Share of the hum that remains with grounded pins. Our choice."""
 THIRD_HARMONIC = 0.3

@@ -3,6 +3,8 @@
 The hand closes on an object whose size and pose differ from grasp to grasp; the
 object's geometry spreads the pressure over fingers and phalanges. Knows nothing
 about charge, volts or converters.
+
+Background of our choices: docs/decisions/0005.
 """
 
 from __future__ import annotations

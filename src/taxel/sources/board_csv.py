@@ -4,6 +4,8 @@
 
 A line is a scan. Without a column of time, a line is taken to have been measured when
 it arrived, and those that come together one period apart. Knows nothing about ports.
+
+Background of our choices: docs/decisions/0014.
 """
 
 from __future__ import annotations

@@ -2,6 +2,8 @@
 
 For tests and benches without hardware. Its values say which scan they belong to, so that a
 lost, repeated or misplaced one is provable. Knows nothing about how it is read.
+
+Background of our choices: docs/decisions/0014.
 """
 
 from __future__ import annotations

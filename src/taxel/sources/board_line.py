@@ -2,6 +2,8 @@
 
 Counts and clock of one boot rise alike. What does not is damage, a frame that had come before, or
 another boot: `board_stream` decides which. Knows nothing about frames, hellos or ports.
+
+Background of our choices: docs/decisions/0014.
 """
 
 from __future__ import annotations

@@ -4,6 +4,8 @@ Fulfils `Capture` and behaves like a USB camera under its driver: it runs free f
 is powered, has a jittering and drifting clock, eight buffers, loses what comes while all are full,
 and counts those frames, too. Given to `Cameras` as its factory; no address leads here. Knows
 nothing about processes or what the images show.
+
+Background of our choices: docs/decisions/0015.
 """
 
 from __future__ import annotations

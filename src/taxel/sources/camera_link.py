@@ -1,6 +1,8 @@
 """The parent's side of one capture process: start it, hear it, take its frames, start it again.
 
 Knows nothing about other cameras, addresses or what frames show.
+
+Background of our choices: docs/decisions/0015.
 """
 
 from __future__ import annotations

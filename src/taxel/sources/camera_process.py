@@ -3,6 +3,8 @@
 Started as `python -m taxel.sources.camera_process` with its job on standard input; small, since it
 imports neither numpy nor images. It ends when its input ends, as it does when the parent dies. Says
 what happened as one JSON object a line on standard output. Knows nothing about other cameras.
+
+Background of our choices: docs/decisions/0015.
 """
 
 from __future__ import annotations

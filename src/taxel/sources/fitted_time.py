@@ -1,6 +1,8 @@
 """Turn a device's clock and late arrivals into the fitted time of each scan, as they come.
 
 Knows nothing about any one sensor.
+
+Background of our choices: docs/decisions/0014.
 """
 
 from __future__ import annotations

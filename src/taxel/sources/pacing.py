@@ -1,6 +1,8 @@
 """Release samples and frames when their time has come: shared by simulators and replays.
 
 Knows nothing about where samples come from.
+
+Background of our choices: docs/decisions/0006.
 """
 
 from __future__ import annotations

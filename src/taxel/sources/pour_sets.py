@@ -2,6 +2,8 @@
 
 Joins dynamics, optics and camera clock, and writes what a lab would have recorded, with the
 physics truth beside the images. Knows nothing about windows, models or the command line.
+
+Background of our choices: docs/decisions/0012.
 """
 
 from __future__ import annotations
@@ -50,7 +52,8 @@ from taxel.sim.pour_views import LayerView
 
 SIDES = ("left", "right")
 CAMERA_HZ = 25.0
-"""Images a second of a GelSight Mini as sold; a 60 Hz video repeats them. Source: PHYSICS.md."""
+"""Images a second of a GelSight Mini as sold; a 60 Hz video repeats them. Source:
+docs/explanation/physics-gel."""
 FINE = 2
 """Moments of the dynamics a video frame, between which a camera's image is interpolated."""
 ARRIVAL_S = 0.004

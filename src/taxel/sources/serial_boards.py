@@ -2,6 +2,8 @@
 
 Each board's clock is fitted, their scans are merged on one grid, and each
 board has a ledger. Knows nothing about files, models or what commands mean.
+
+Background of our choices: docs/decisions/0014.
 """
 
 from __future__ import annotations

@@ -1,6 +1,8 @@
 """What may follow serial://: paths and options, read and checked.
 
 Knows nothing about ports.
+
+Background of our choices: docs/decisions/0014.
 """
 
 from __future__ import annotations

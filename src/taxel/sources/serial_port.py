@@ -2,6 +2,8 @@
 
 Bytes are stamped right after the system hands them over. Knows nothing about frames,
 lines or boards.
+
+Background of our choices: docs/decisions/0014.
 """
 
 from __future__ import annotations

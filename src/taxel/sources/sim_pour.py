@@ -3,6 +3,8 @@
 Its gripper obeys: `grip` commands a force, which works as late and as gradually as a real
 gripper's would, and the next pictures show it. Knows nothing about files, models or who
 commands.
+
+Background of our choices: docs/decisions/0031.
 """
 
 from __future__ import annotations

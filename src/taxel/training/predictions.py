@@ -2,6 +2,8 @@
 
 `predictions.npz` holds the arrays, `predictions.json` the trials and names; nothing in them is
 pickled. Knows nothing about how folds were made or models fitted.
+
+Background of our choices: docs/decisions/0025.
 """
 
 from __future__ import annotations

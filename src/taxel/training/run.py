@@ -5,6 +5,8 @@ history and how it was made; `weights-K.safetensors` holds the K-th network;
 `predictions.*` hold what a cross-validation said, where there was one; `exemplars.npz` a few
 grasps to rehearse by. A run that
 was only evaluated has no weights. Knows nothing about how accuracy was measured.
+
+Background of our choices: docs/decisions/0007.
 """
 
 from __future__ import annotations

@@ -31,8 +31,8 @@ from taxel.signals import CameraInfo, Frame
 from taxel.windows.pairs import FrameSet
 
 MM_PER_PX = 0.059
-"""Of a 320-pixel row where the camera does not say: Taxim's 0.0295 at 640 (PHYSICS.md: 0.059
-to 0.071)."""
+"""Of a 320-pixel row where the camera does not say: Taxim's 0.0295 at 640
+(docs/explanation/physics-gel: 0.059 to 0.071)."""
 _DEEPEST_PERCENTILE = 99.8
 
 

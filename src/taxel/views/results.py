@@ -141,7 +141,7 @@ def confusion_table(classes: Iterable[str], confusion: list[list[int]]) -> Table
         box=SIMPLE_HEAD,
         pad_edge=False,
     )
-    table.add_column("true ↓  told →", no_wrap=True)
+    table.add_column("true ↓  predicted →", no_wrap=True)
     for name in short_names(names, 4, end=""):
         table.add_column(name, justify="right", no_wrap=True)
     for name, row in zip(names, confusion, strict=True):

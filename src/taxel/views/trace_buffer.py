@@ -1,6 +1,8 @@
 """What a view keeps of a stream: the latest seconds, and counts and ranges since the start.
 
 Knows nothing about how it is drawn, sources or files.
+
+Background of our choices: docs/decisions/0018.
 """
 
 from __future__ import annotations

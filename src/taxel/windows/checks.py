@@ -1,6 +1,8 @@
 """What the recordings of one data set must have in common, and what is said of odd ones.
 
 Knows nothing about how windows are cut.
+
+Background of our choices: docs/decisions/0003.
 """
 
 from __future__ import annotations

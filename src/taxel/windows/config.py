@@ -2,6 +2,8 @@
 
 This is the one place where the common time grid is defined. Knows nothing
 about samples' values, files or models.
+
+Background of our choices: docs/decisions/0003.
 """
 
 from __future__ import annotations

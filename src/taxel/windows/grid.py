@@ -2,6 +2,8 @@
 
 Carries its state from call to call, so that any way of cutting a stream into
 calls gives the same rows. Knows nothing about gates, windows or models.
+
+Background of our choices: docs/decisions/0003.
 """
 
 from __future__ import annotations

@@ -2,6 +2,8 @@
 
 A name becomes a string of known characters; a number is a whole number in its range; a digest is
 hexadecimal. What cannot be such is refused. Knows nothing about networks.
+
+Background of our choices: docs/decisions/0021.
 """
 
 from __future__ import annotations

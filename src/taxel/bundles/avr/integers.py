@@ -3,6 +3,8 @@
 All of it is exact: products and sums are whole numbers, what is scaled is multiplied by a whole
 number and shifted. The C run-time (`runtime/taxel_cnn.c`) does the same in the same order, so both
 give the same answers. Knows nothing about recordings, bundles or C.
+
+Background of our choices: docs/decisions/0021.
 """
 
 from __future__ import annotations

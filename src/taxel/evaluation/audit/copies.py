@@ -4,6 +4,8 @@ Copies share runs of rows, whatever place they start at. Near copies are rescale
 have noise added: their course is far more alike than that of any honest neighbour, or they share
 their noise at another place. Mirrored
 ones are so after time, sign or image is turned round. Knows nothing about labels' meaning.
+
+Background of our choices: docs/decisions/0023.
 """
 
 from __future__ import annotations

@@ -1,6 +1,8 @@
 """The gripper of a simulated cup as an actuator of the station: it lives in the source's process.
 
 Knows nothing about decisions or processes.
+
+Background of our choices: docs/decisions/0019.
 """
 
 from __future__ import annotations

@@ -4,6 +4,8 @@ It looks at the supervisor's tick in shared memory. Once that is too old it writ
 terminal and rings its bell, again each second while it lasts; the page looks at the same tick
 itself. It gives no orders: those that are under way expire, and the supervisor stops by itself
 as soon as it goes on. Knows nothing about grasps, grippers or pages.
+
+Background of our choices: docs/decisions/0030.
 """
 
 from __future__ import annotations

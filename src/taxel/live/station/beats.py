@@ -2,6 +2,8 @@
 
 A row is written by one process and read by others, eight bytes at a time, without a lock.
 Knows nothing about what the processes do.
+
+Background of our choices: docs/decisions/0030.
 """
 
 from __future__ import annotations

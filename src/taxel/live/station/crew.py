@@ -1,6 +1,8 @@
 """The processes of a station: started, started again when they die, ended.
 
 Knows nothing about what they do.
+
+Background of our choices: docs/decisions/0019.
 """
 
 from __future__ import annotations

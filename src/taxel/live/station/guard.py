@@ -2,6 +2,8 @@
 
 Runs on times passed in, without processes, so that each rule can be tested. Knows nothing
 about rings, pages or drivers.
+
+Background of our choices: docs/decisions/0030.
 """
 
 from __future__ import annotations

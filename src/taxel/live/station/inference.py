@@ -2,6 +2,8 @@
 
 When it falls behind it goes on with the newest frames. Knows nothing about what is done with
 a decision.
+
+Background of our choices: docs/decisions/0019.
 """
 
 from __future__ import annotations

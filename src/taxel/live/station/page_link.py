@@ -2,6 +2,8 @@
 
 Runs in the page's own process, so that a slow page costs the station nothing. Knows nothing
 about HTTP.
+
+Background of our choices: docs/decisions/0019.
 """
 
 from __future__ import annotations

@@ -2,6 +2,8 @@
 
 It follows the rings with room for many seconds; what the disk makes it miss is counted,
 told and kept in the recording's ledger. Knows nothing about models.
+
+Background of our choices: docs/decisions/0019.
 """
 
 from __future__ import annotations

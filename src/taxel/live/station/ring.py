@@ -10,6 +10,8 @@ killed at any moment leaves nothing locked behind. Knows nothing about what the 
     count u64   messages written
     then the bytes, at their position modulo the ring's size; each message is
     length u32 · crc32 u32 · number u64 · put f64 (monotonic, s) · content, padded to 8 bytes
+
+Background of our choices: docs/decisions/0019.
 """
 
 from __future__ import annotations

@@ -1,4 +1,7 @@
-"""How a source does, in its own process: rate, losses, silence. Knows nothing about rings."""
+"""How a source does, in its own process: rate, losses, silence. Knows nothing about rings.
+
+Background of our choices: docs/decisions/0019.
+"""
 
 from __future__ import annotations
 

@@ -3,6 +3,8 @@
 The supervisor is this process. It reads decisions and signs of life every few milliseconds,
 starts again what died, and orders the actuator by the interlock; nothing it calls waits. Knows
 nothing about windows, models or pixels.
+
+Background of our choices: docs/decisions/0019.
 """
 
 from __future__ import annotations

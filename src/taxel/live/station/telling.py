@@ -1,6 +1,8 @@
 """What a station tells of itself: latencies a stage, and the snapshot that the page shows.
 
 Knows nothing about processes.
+
+Background of our choices: docs/decisions/0019.
 """
 
 from __future__ import annotations

@@ -5,6 +5,8 @@ missed; whoever changes it wakes every sleeper with one call that never waits. N
 a process killed while it sleeps or wakes leaves nothing behind. Where the system has no such
 call (futex(2), Linux on 64 bits) the word is looked at every half millisecond. Knows nothing
 about rings.
+
+Background of our choices: docs/decisions/0019.
 """
 
 from __future__ import annotations

@@ -1,6 +1,8 @@
 """What a station runs, and its processes wired to each other by rings.
 
 Knows nothing about supervising them.
+
+Background of our choices: docs/decisions/0019.
 """
 
 from __future__ import annotations

@@ -1,6 +1,8 @@
 """What every process of a station does alike: begin, beat, look whether to end.
 
 Knows nothing about touch.
+
+Background of our choices: docs/decisions/0019.
 """
 
 from __future__ import annotations

@@ -6,6 +6,8 @@ something moved. There are no published weights: it is trained with its head.
 Knows nothing about weights, files or training.
 
 Source: our choice of sizes; MEASURED there as the "own tiny CNN".
+
+Background of our choices: docs/decisions/0013.
 """
 
 from __future__ import annotations

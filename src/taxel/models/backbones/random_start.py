@@ -1,6 +1,8 @@
 """Numbers for a backbone that was trained on nothing.
 
 What comes of them says RANDOM in every table. Knows nothing about files.
+
+Background of our choices: docs/decisions/0013.
 """
 
 from __future__ import annotations

@@ -4,6 +4,8 @@ A push (new images, then one JSON message) is composed when it is sent, and the 
 once the page says that it has seen this one. So at most one push is under way to each page,
 however slow it is, and what it shows is never older than the time between two pushes. Knows
 nothing about tokens and addresses.
+
+Background of our choices: docs/decisions/0018.
 """
 
 from __future__ import annotations

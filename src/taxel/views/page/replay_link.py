@@ -3,6 +3,8 @@
 Images are read again from the file when they are looked at (replay_index.py remembers where).
 Nothing is judged here: the state of a replay is UNKNOWN and the page says REPLAY. Knows nothing
 about browsers.
+
+Background of our choices: docs/decisions/0018.
 """
 
 from __future__ import annotations

@@ -174,7 +174,8 @@ def matrix(classes: Sequence[str], counts: Sequence[Sequence[int]]) -> Html:
         cells = "".join(_cell(count, count / total) for count in own)
         rows.append(f"<tr><th>{text(name)}</th>{cells}</tr>")
     return Html(
-        '<div class="scroll"><table class="matrix"><thead><tr><th><small>true ↓ told →</small></th>'
+        '<div class="scroll"><table class="matrix"><thead><tr>'
+        "<th><small>true ↓ predicted →</small></th>"
         f"{head}</tr></thead><tbody>{''.join(rows)}</tbody></table></div>"
     )
 
