@@ -1,6 +1,6 @@
 """Open an actuator by its address.
 
-    pge:///dev/serial/by-id/adapter?max_force_n=50&min_force_n=15&id=1
+    pge:///dev/serial/by-id/adapter?max_force_n=50&id=1
     hand:///dev/serial/by-id/hand?board=1
     jaka://192.168.1.10?port=10001&lower_mm=20&speed_mm_s=50
     udp://127.0.0.1:5005
@@ -36,13 +36,13 @@ _YES_NO = {"0": False, "no": False, "false": False, "1": True, "yes": True, "tru
 _PGE: dict[str, type] = {
     "id": int,
     "max_force_n": float,
-    "min_force_n": float,
+    "force_table": str,
     "initialise": bool,
     "speed_pct": int,
     "timeout_s": float,
 }
 _HAND: dict[str, type] = {"board": int, "baud": int}
-_FORCE: dict[str, type] = {"max_force_n": float, "min_force_n": float}
+_FORCE: dict[str, type] = {"max_force_n": float, "force_table": str}
 _UDP: dict[str, type] = {"allow_other_hosts": bool, **_FORCE}
 _ARM: dict[str, type] = {
     "lower_mm": float, "lowest_mm": float, "speed_mm_s": float, "accel_mm_s2": float,
@@ -92,7 +92,7 @@ def _open_pge(name: str, texts: dict[str, str], clock: Clock) -> Actuator:
         raise BadInput(
             "the gripper's force at 100 %, max_force_n, in the address",
             "none",
-            "see its data sheet: 50 for a PGE-50-26 (with min_force_n=15)",
+            "see its data sheet: 50 for a PGE-50-26",
         )
     force = _force(options)
     try:
@@ -163,8 +163,22 @@ SCHEMES: dict[str, Callable[[str, dict[str, str], Clock], Actuator]] = {
 
 
 def _force(options: _Options) -> ForceRange:
-    """Take the range of force out of the options."""
-    return ForceRange(max_n=options.pop("max_force_n"), min_n=options.pop("min_force_n", None))
+    """Take the range of force out of the options.
+
+    Raises:
+        BadInput: The table of force cannot be read or does not rise.
+    """
+    text = options.pop("force_table", "")
+    try:
+        pairs = [pair.split(":") for pair in text.split(",")] if text else []
+        table = tuple((float(pct), float(force_n)) for pct, force_n in pairs)
+    except ValueError as error:
+        raise BadInput(
+            "force_table as percent:newtons pairs, such as 20:9.1,50:24.3,100:49.5",
+            repr(text),
+            "mend the address",
+        ) from error
+    return ForceRange(max_n=options.pop("max_force_n"), table=table)
 
 
 def _lowering(options: _Options) -> tuple[float, ArmLimits]:
@@ -197,7 +211,7 @@ def _value(address: str, key: str, text: str, kinds: dict[str, type]) -> Any:
     try:
         return _YES_NO[text.lower()] if kind is bool else kind(text)
     except (KeyError, ValueError) as error:
-        forms = {bool: "yes or no", int: "a whole number", float: "a number"}
+        forms = {bool: "yes or no", int: "a whole number", float: "a number", str: "text"}
         raise BadInput(
             f"{key} of {address} as {forms[kind]}", repr(text), "mend the address"
         ) from error
