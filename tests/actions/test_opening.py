@@ -73,7 +73,7 @@ def test_real_devices_open_by_address_and_are_well() -> None:
         ("sim://gripper?width_mm=1&width_mm=2", "each option once"),
         ("sim://gripper?width_mm", "key=value"),
         ("sim://gripper?width_mm=nan", "a width of"),
-        ("sim://foot", "sim://gripper or sim://arm"),
+        ("sim://foot", "sim://gripper or sim://arm or sim://hand"),
         ("sim://arm?lower_mm=500", "lower_mm of 0 to lowest_mm"),
         ("jaka://10.0.0.1?speed_mm_s=1000", "a speed of up to 250 mm/s"),
         ("udp://127.0.0.1", "udp://HOST:PORT"),

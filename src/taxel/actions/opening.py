@@ -1,11 +1,12 @@
 """Open an actuator by its address.
 
     pge:///dev/serial/by-id/adapter?max_force_n=50&id=1
-    hand:///dev/serial/by-id/hand?board=1
+    hand:///dev/serial/by-id/hand?board=1&raise_ma=100&most_ma=1200
     jaka://192.168.1.10?port=10001&lower_mm=20&speed_mm_s=50
     udp://127.0.0.1:5005
     sim://gripper?width_mm=10&max_force_n=50
     sim://arm?lower_mm=20
+    sim://hand?stroke_s=1.5
 
 Nothing moves by opening. Knows nothing about decisions.
 """
@@ -26,6 +27,7 @@ from taxel.actions.actuators import (
 )
 from taxel.actions.arm import Arm, ArmLimits, SimArm
 from taxel.actions.gripper import ForceRange
+from taxel.actions.hand_raise import CurrentRaise
 from taxel.actions.plain_output import open_udp
 from taxel.actions.sim_gripper import FingersConfig, SimGripper
 from taxel.clock import Clock, SystemClock
@@ -41,7 +43,9 @@ _PGE: dict[str, type] = {
     "speed_pct": int,
     "timeout_s": float,
 }
-_HAND: dict[str, type] = {"board": int, "baud": int}
+_RAISE: dict[str, type] = {"raise_ma": int, "most_ma": int, "contact_ma": int}
+_HAND: dict[str, type] = {"board": int, "baud": int, **_RAISE}
+_SIM_HAND: dict[str, type] = {"stroke_s": float, "speed": str, **_RAISE}
 _FORCE: dict[str, type] = {"max_force_n": float, "force_table": str}
 _UDP: dict[str, type] = {"allow_other_hosts": bool, **_FORCE}
 _ARM: dict[str, type] = {
@@ -114,8 +118,9 @@ def _open_hand(name: str, texts: dict[str, str], clock: Clock) -> Actuator:
     except ModuleNotFoundError as error:
         raise MissingExtra(error.name or "pyserial", "serial", "the hand's motors") from error
 
+    raises = _raise(options)
     hand = HandController(HandConfig(port=name, **options), clock)
-    return HandActuator(f"TENG hand on {name}", hand)
+    return HandActuator(f"TENG hand on {name}", hand, raises)
 
 
 def _open_jaka(name: str, texts: dict[str, str], clock: Clock) -> Actuator:
@@ -145,11 +150,41 @@ def _open_sim(name: str, texts: dict[str, str], clock: Clock) -> Actuator:
     if name == "arm":
         lower_mm, limits = _lowering(_parsed("sim://arm", texts, _ARM))
         return ArmActuator("simulated arm", SimArm(limits, clock), lower_mm)
+    if name == "hand":
+        return _sim_hand(_parsed("sim://hand", texts, _SIM_HAND), clock)
     raise BadInput(
-        "a simulated actuator that exists: sim://gripper or sim://arm",
+        "a simulated actuator that exists: sim://gripper or sim://arm or sim://hand",
         f"sim://{name}",
         "mend the address",
     )
+
+
+def _sim_hand(options: _Options, clock: Clock) -> Actuator:
+    from taxel.actions.sim_hand import SimHand
+    from taxel.sim.grasped_hand import GraspedHand, Motors
+
+    stroke_s = options.get("stroke_s", Motors().stroke_s)
+    if not 0.1 <= stroke_s <= 60:
+        raise BadInput("stroke_s of sim://hand within 0.1 and 60", f"{stroke_s:g}", "mend it")
+    if options.get("speed", "1") not in ("1", "max"):
+        raise BadInput("speed of sim://hand as 1 or max", repr(options["speed"]), "mend it")
+    raises = _raise(options)
+    hand = SimHand(GraspedHand(motors=Motors(stroke_s=stroke_s)), clock)
+    return HandActuator("simulated hand", hand, raises)
+
+
+def _raise(options: _Options) -> CurrentRaise | None:
+    """Take out of the options how the contact current is raised; None where it is not."""
+    named = {key: options.pop(key) for key in _RAISE if key in options}
+    if not {"raise_ma", "most_ma"} & set(named):
+        return None
+    if not {"raise_ma", "most_ma"} <= set(named):
+        raise BadInput(
+            "raise_ma with most_ma: steps of the contact current and their bound",
+            f"{', '.join(named)} alone", "name both, or neither",
+        )  # fmt: skip
+    named["step_ma"] = named.pop("raise_ma")
+    return CurrentRaise(**named)
 
 
 SCHEMES: dict[str, Callable[[str, dict[str, str], Clock], Actuator]] = {

@@ -1,0 +1,125 @@
+"""`taxel collect` and `taxel hand` on the simulated hand, as a user runs them."""
+
+import json
+from pathlib import Path
+
+import pytest
+import tyro
+
+from taxel.actions import collecting
+from taxel.cli.collect import Collect
+from taxel.cli.hand import Hand
+from taxel.errors import BadInput
+from taxel.recordings.reader import read_recording
+
+HAND = "sim://hand?stroke_s=0.6&speed=max"
+PLAN = """group:session,group:object,label:shape,label:material,times
+a,ball,sphere,aluminium,1
+a,jar,cylinder,glass,1
+b,box,rectangle,plastic,1
+"""
+QUICK = ["--stroke-s", "0.6", "--presses", "1", "--hold-s", "0.1", "--pause-s", "0.05", "--json"]
+
+
+def collect(plan: Path, output: Path, *words: str) -> None:
+    args = [str(plan), "--source", "sim://teng?seed=3", "--hand", HAND, "--output", str(output)]
+    tyro.cli(Collect, args=[*args, *QUICK, *words]).run()
+
+
+@pytest.fixture
+def plan(tmp_path: Path) -> Path:
+    path = tmp_path / "plan.csv"
+    path.write_text(PLAN, encoding="utf-8")
+    return path
+
+
+def test_a_plan_is_collected_and_goes_on_where_it_was_broken_off(
+    plan: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+):
+    """The disk ends the second grasp; the same command makes what is missing and nothing else."""
+    output = tmp_path / "grasps"
+    real, calls = collecting.collect_grasp, []
+
+    def broken(*args: object) -> object:
+        calls.append(args)
+        if len(calls) == 2:
+            raise OSError("unplugged")
+        return real(*args)  # type: ignore[arg-type]
+
+    monkeypatch.setattr(collecting, "collect_grasp", broken)
+    with pytest.raises(OSError, match="unplugged"):
+        collect(plan, output)
+    first = (output / "trial-001.mcap").stat().st_mtime_ns
+    capsys.readouterr()
+    collect(plan, output)
+    told = json.loads(capsys.readouterr().out)
+
+    assert (told["trials"], told["recorded"], len(told["now"])) == (3, 3, 2)
+    assert [grasp["touched"] for grasp in told["now"]] == [[1, 2, 3, 4]] * 2
+    assert (output / "trial-001.mcap").stat().st_mtime_ns == first
+    last = read_recording(output / "trial-003.mcap")
+    assert last.manifest.labels == {"shape": "rectangle", "material": "plastic"}
+    assert last.manifest.groups["session"] == "b"
+    assert len(last.marks) == 1
+
+
+def test_an_object_that_the_simulated_hand_does_not_have_is_refused(plan: Path, tmp_path: Path):
+    plan.write_text("label:shape,label:material\nstar,glass\n", encoding="utf-8")
+
+    with pytest.raises(BadInput, match="label:shape of sphere"):
+        collect(plan, tmp_path / "grasps")
+    assert not (tmp_path / "grasps").exists()
+
+
+@pytest.mark.parametrize(
+    ("source", "hand", "words"),
+    [
+        ("serial:///dev/null", HAND, "both real"),
+        ("sim://cup-pour", HAND, "both real"),
+        ("sim://teng", "sim://gripper", "a hand with motors"),
+        ("sim://teng", "sim://hand?stroke_s=0", "stroke_s"),
+        ("sim://teng", "sim://hand?raise_ma=100", "name both"),
+    ],
+)
+def test_pads_and_motors_that_do_not_belong_together_are_refused(
+    source: str, hand: str, words: str, plan: Path, tmp_path: Path
+):
+    args = [str(plan), "--source", source, "--hand", hand, "--output", str(tmp_path / "grasps")]
+    with pytest.raises(BadInput, match=words):
+        tyro.cli(Collect, args=args).run()
+
+
+def hand(*words: str | Path) -> None:
+    tyro.cli(Hand, args=[*map(str, words), "--json"]).run()
+
+
+def test_fingers_close_are_drawn_and_open_again(tmp_path: Path, capsys: pytest.CaptureFixture[str]):
+    hand("grip", HAND, "--arm", "--record", tmp_path / "c.mcap", "--plot", tmp_path / "c.png")
+    told = json.loads(capsys.readouterr().out)
+
+    assert (told["ended"], told["state"], told["fault"]) == ("there", "armed", "")
+    assert told["seconds"] == pytest.approx(0.6, abs=0.05)
+    currents = read_recording(tmp_path / "c.mcap")
+    assert len(currents.samples) == told["readings"] > 50
+    assert (tmp_path / "c.png").read_bytes().startswith(b"\x89PNG")
+
+
+def test_a_hand_that_rests_says_so(capsys: pytest.CaptureFixture[str]):
+    hand("status", HAND)
+
+    assert json.loads(capsys.readouterr().out)["largest_ma"] == [0, 0, 0, 0]
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (["grip", HAND], "--arm for grip"),
+        (["status", "sim://arm"], "a hand with motors"),
+        (["move", HAND, "--arm", "--fingers", "5"], "--fingers among 1 to 4"),
+        (["move", HAND, "--arm", "--seconds", "0"], "--seconds above 0"),
+        (["status", HAND, "--plot", "currents.txt"], "ends in .png"),
+    ],
+)
+def test_what_the_hand_cannot_do_is_refused_in_one_line(words: list[str], said: str):
+    with pytest.raises(BadInput, match=said):
+        hand(*words)
