@@ -12,12 +12,12 @@ from taxel.sources.data_sets import simulate_presets
 from taxel.training.recipes import find_recipe
 
 BINS = {"aluminium": "metal bin", "glass": "glass bin", "plastic": "plastic bin"}
-LEAST = 0.6  # a grasp told with less goes to a person's hands
+LEAST = 0.5  # a grasp told with less goes to a person's hands
 
 
 def main() -> None:
     with tempfile.TemporaryDirectory() as name:
-        simulate_presets(Path(name), ("honest",), 32_000, 0)
+        simulate_presets(Path(name), ("honest",), 48_000, 0)
         recipe = replace(find_recipe("teng-referenced"), target="material")
         told = check_recipe(Path(name) / "honest", recipe, bars=()).predictions
     binned, sorted_right, of_session = Counter[str](), Counter[str](), Counter[str]()
