@@ -1,4 +1,4 @@
-"""A triboelectric glove's signs to text (TENG thesis, chapter 5), on real recordings (teng-glove)."""
+"""A triboelectric glove's signs to text (TENG thesis, chapter 5), real recordings of teng-glove."""
 
 import sys
 import tempfile

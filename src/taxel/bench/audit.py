@@ -41,7 +41,7 @@ def full_steps(data: Path | None) -> list[tuple[str, Measure]]:
         ("gap between the splits", gap_rows),
         ("baselines of the gap", baseline_rows),
         ("conditions", condition_rows),
-        ("thesis's setting", thesis_setting_rows),
+        ("setting of the thesis", thesis_setting_rows),
         ("faults", fault_rows),
         ("cameras", camera_rows),
         ("unknown objects", lambda: unknown_rows(data)),
