@@ -6,12 +6,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from taxel.actions.actuators import HandActuator
+from taxel.actions.actuators import HandActuator, hear_all
 from taxel.actions.collecting import CURRENTS, collect_grasp
 from taxel.actions.grasp_cycle import CycleConfig
 from taxel.actions.hand_driver import HandDriver, HandStopped, hand_limits
+from taxel.actions.hand_raise import CurrentRaise, Raising
+from taxel.actions.interlock import Interlock, InterlockConfig, InterlockState
 from taxel.actions.sim_hand import SimHand
 from taxel.clock import ManualClock
+from taxel.decisions.stability import Stability, StabilityDecision
 from taxel.errors import BadInput
 from taxel.recordings.reader import read_recording
 from taxel.recordings.trial_plan import PlannedTrial
@@ -133,8 +136,6 @@ class Heard:
 
 
 def raised(seconds: Sequence[float]) -> list[int]:
-    from taxel.actions.hand_raise import CurrentRaise, Raising
-
     hand = Heard()
     raising = Raising(CurrentRaise(step_ma=150, most_ma=1000, contact_ma=700))
     for now_s in seconds:
@@ -144,3 +145,38 @@ def raised(seconds: Sequence[float]) -> list[int]:
 
 def test_a_raise_goes_up_in_steps_and_never_beyond_its_bound():
     assert raised([0.0, 0.1, 0.2, 0.3, 0.45, 0.7, 60.0]) == [850, 850, 1000, 1000, 1000, 1000, 1000]
+
+
+def test_a_grip_order_presses_the_hand_again_with_more_current_and_no_more_than_its_bound():
+    """Through the interlock, on the simulated hand: 700 mA stop a finger, then 900, then 1,000."""
+    rig = Rig()
+    rig.plant.present("sphere", "glass", 1)
+    raises = CurrentRaise(step_ma=200, most_ma=1000, contact_ma=700, every_s=0.3)
+    actuator = HandActuator("hand", rig.hand, raises)
+    lock = Interlock(InterlockConfig(min_n=0.0, max_n=1.0, over_ma=2600.0))
+    limits: list[float] = []
+
+    def ticks(word: str, count: int) -> None:
+        for _ in range(count):
+            now_s = rig.clock.now_s()
+            lock.beat(now_s)
+            lock.decision(word, now_s)
+            hear_all(lock, [actuator], now_s)
+            decision = StabilityDecision(Stability[word], "", now_s, 0.9)
+            actuator.tell(decision, lock.tick(now_s), now_s)
+            limits.append(max(map(abs, rig.hand.status().currents_ma)))
+            rig.clock.advance(0.01)
+
+    ticks("STABLE", 3)
+    assert lock.arm(rig.clock.now_s()) == ()
+    rig.hand.grip(0b1111, 1000, 700, 2.0)
+    ticks("STABLE", 100)
+    before = len(rig.hand.contact_to_off_s)
+    ticks("WARNING", 100)
+    after = len(rig.hand.contact_to_off_s)
+    ticks("WARNING", 100)
+
+    assert before == 4
+    assert after == before + 8, "two steps, four fingers each"
+    assert len(rig.hand.contact_to_off_s) == after, "at its bound it presses no more"
+    assert lock.state is InterlockState.RAISED

@@ -1,12 +1,16 @@
 """`taxel collect` and `taxel hand` on the simulated hand, as a user runs them."""
 
 import json
+from dataclasses import replace
 from pathlib import Path
+from typing import Self
 
 import pytest
 import tyro
 
-from taxel.actions import collecting
+from taxel.actions import collecting, grasping
+from taxel.actions.sim_hand import SimHand
+from taxel.cli import collect as collect_verb
 from taxel.cli.collect import Collect
 from taxel.cli.hand import Hand
 from taxel.errors import BadInput
@@ -87,6 +91,50 @@ def test_pads_and_motors_that_do_not_belong_together_are_refused(
     args = [str(plan), "--source", source, "--hand", hand, "--output", str(tmp_path / "grasps")]
     with pytest.raises(BadInput, match=words):
         tyro.cli(Collect, args=args).run()
+
+
+class Typed:
+    """Keys that were typed beforehand, one a question."""
+
+    def __init__(self, keys: str) -> None:
+        self._keys = list(keys)
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        """Nothing to give back."""
+
+    def typed(self) -> str:
+        return self._keys.pop(0) if self._keys else "q"
+
+
+def test_a_person_is_asked_where_the_object_changes_and_may_end(
+    plan: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+):
+    """Nobody puts anything in by itself here; the second question is answered by q."""
+    rig = grasping.open_grasping("sim://teng?seed=3", HAND)
+    assert isinstance(rig.actuator.hand, SimHand)
+    rig.actuator.hand.plant.present("sphere", "aluminium", 1)
+    monkeypatch.setattr(grasping, "open_grasping", lambda *_: replace(rig, place=None))
+    monkeypatch.setattr(collect_verb, "Keys", lambda: Typed("\nq"))
+    monkeypatch.setattr(type(collect_verb.console), "is_terminal", property(lambda _: True))
+    collect(plan, tmp_path / "grasps")
+    said = capsys.readouterr().err
+
+    assert said.count("put into the open hand: session a, object") == 2
+    assert sorted(path.name for path in (tmp_path / "grasps").glob("*.mcap")) == ["trial-001.mcap"]
+
+
+def test_an_empty_hand_is_tried_three_times_and_then_said(
+    plan: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
+    rig = grasping.open_grasping("sim://teng?seed=3", HAND)
+    monkeypatch.setattr(grasping, "open_grasping", lambda *_: replace(rig, place=None))
+
+    with pytest.raises(BadInput, match="nothing, 3 times"):
+        collect(plan, tmp_path / "grasps", "--arm", "--no-ask")
+    assert list((tmp_path / "grasps").glob("*")) == []
 
 
 def hand(*words: str | Path) -> None:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import tyro
 
-from taxel.cli.printing import console, print_json, progress, say
+from taxel.cli.printing import console, print_json, progress, say, say_aside
 from taxel.cli.record import stop_signals
 from taxel.errors import BadInput
 from taxel.views.keys import Keys
@@ -18,7 +18,9 @@ if TYPE_CHECKING:
     from taxel.actions.collecting import CollectedGrasp
     from taxel.actions.grasp_cycle import CycleConfig
     from taxel.actions.grasping import Grasping
+    from taxel.actions.hand_driver import HandDriver
     from taxel.recordings.trial_plan import PlannedTrial
+    from taxel.sources.contract import Source
 
 TRIES = 3
 """How often a grasp that met nothing is tried. Source: our choice, docs/decisions/0043."""
@@ -67,8 +69,7 @@ class Collect:
         config = self._cycle()
         made: list[CollectedGrasp] = []
         if len(done) < len(trials):
-            say_plan = not self.json
-            if say_plan:
+            if not self.json:
                 say(balance_line(trials, done))
             rig = open_grasping(self.source, self.hand)
             made = self._grasp_all(rig, trials, done, config)
@@ -136,8 +137,8 @@ class Collect:
 
 def _one(
     rig: Grasping,
-    source: Any,
-    driver: Any,
+    source: Source,
+    driver: HandDriver,
     trial: PlannedTrial,
     folder: Path,
     config: CycleConfig,
@@ -155,7 +156,7 @@ def _one(
         if rig.place is not None:
             rig.place(trial)
         elif keys is not None:
-            say(f"put into the open hand: {trial.words}; then Enter (q: end)")
+            say_aside(f"put into the open hand: {trial.words}; then Enter (q: end)")
             typed: list[str] = []
 
             def waiting(typed: list[str] = typed) -> bool:

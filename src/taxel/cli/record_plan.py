@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from taxel.cli.printing import console, print_json, say
+from taxel.cli.printing import console, print_json, say, say_aside
 from taxel.errors import BadInput
 from taxel.recordings.trial_plan import PlannedTrial, balance_line, done_of, read_plan
 from taxel.sources.contract import Source
@@ -47,7 +47,7 @@ def record_plan(options: GuidedOptions, stopped: Callable[[], bool]) -> None:
     """Record what is missing of a plan, then say how far it is."""
     trials = read_plan(options.plan)
     done = done_of(trials, options.output)
-    tell = _quiet if options.json else say
+    tell = say_aside if options.json else say
     tell(balance_line(trials, done))
     made: list[RecordedTrial] = []
     if len(done) < len(trials):
@@ -79,10 +79,6 @@ def record_plan(options: GuidedOptions, stopped: Callable[[], bool]) -> None:
         )  # fmt: skip
     else:
         say(balance_line(trials, ready))
-
-
-def _quiet(*_: object) -> None:
-    """Say nothing."""
 
 
 class _Session:
