@@ -9,6 +9,7 @@ import pytest
 from taxel.actions.actuators import HandActuator, hear_all
 from taxel.actions.collecting import CURRENTS, collect_grasp
 from taxel.actions.grasp_cycle import CycleConfig
+from taxel.actions.hand_contract import HandStatus
 from taxel.actions.hand_driver import HandDriver, HandStopped, hand_limits
 from taxel.actions.hand_raise import CurrentRaise, Raising
 from taxel.actions.interlock import Interlock, InterlockConfig, InterlockState
@@ -130,6 +131,13 @@ class Heard:
 
     def __init__(self) -> None:
         self.limits: list[int] = []
+        self.state = State.IDLE
+
+    def status(self) -> HandStatus:
+        return HandStatus(state=self.state)
+
+    def arm(self) -> None:
+        self.state = State.ARMED
 
     def grip(self, fingers: int, closed: int, contact_ma: int, lasts_s: float = 0.2) -> None:
         self.limits.append(contact_ma)
@@ -143,8 +151,22 @@ def raised(seconds: Sequence[float]) -> list[int]:
     return hand.limits
 
 
+def test_a_raise_first_arms_the_board():
+    """A person has armed the interlock, or no GRIP order would come."""
+    assert raised([0.0]) == []
+    assert raised([0.0, 0.01]) == [850]
+
+
 def test_a_raise_goes_up_in_steps_and_never_beyond_its_bound():
-    assert raised([0.0, 0.1, 0.2, 0.3, 0.45, 0.7, 60.0]) == [850, 850, 1000, 1000, 1000, 1000, 1000]
+    assert raised([-0.1, 0.0, 0.1, 0.2, 0.3, 0.45, 0.7, 60.0]) == [
+        850,
+        850,
+        1000,
+        1000,
+        1000,
+        1000,
+        1000,
+    ]
 
 
 def test_a_grip_order_presses_the_hand_again_with_more_current_and_no_more_than_its_bound():

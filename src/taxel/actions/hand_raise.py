@@ -56,10 +56,14 @@ class Raising:
         """Grip harder, or go on gripping as hard as the last step was.
 
         Args:
-            hand: An armed hand.
+            hand: A hand that is well. Where its board is not armed it is asked to arm first: GRIP
+                orders come only while a person has armed the interlock.
             now_s: This moment, monotonic seconds.
         """
         config = self._config
+        if not hand.status().armed:
+            hand.arm()
+            return
         if now_s - self._stepped_s >= config.every_s and self._limit_ma < config.most_ma:
             self._limit_ma = min(self._limit_ma + config.step_ma, config.most_ma)
             self._stepped_s = now_s
