@@ -123,7 +123,7 @@ def _collect(plan: Path, output: Path, killed_after: int | None) -> None:
 def _train(data: Path, run: Path) -> tuple[float, float]:
     """Train on the recordings as they are; return accuracy and the commonest class's."""
     command = [sys.executable, "-m", "taxel.cli.main", "train", str(data), "--output", str(run),
-               "--target", "shape", "--epochs", _EPOCHS, "--folds", "3", "--json"]  # fmt: skip
+               "--target", "shape", "--epochs", _EPOCHS, "--fold-count", "3", "--json"]  # fmt: skip
     done = subprocess.run(command, check=True, capture_output=True, text=True)
     told = json.loads(done.stdout)
     (accuracy,) = told["accuracy"].values()
