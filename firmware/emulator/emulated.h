@@ -50,7 +50,8 @@ typedef struct {
   uint64_t sent, refused;
   FILE *tap;
   /* analog pins */
-  const uint16_t *wave; /* rows of 16 pins, units of 0.1 mV */
+  uint16_t *wave; /* rows of 16 pins, units of 0.1 mV */
+  uint64_t wave_from; /* cycle of its first row */
   size_t rows;
   uint32_t wave_hz;
   uint32_t aref_mv;

@@ -17,8 +17,8 @@
  *     ppm=N          how much faster than true time its resonator is
  *
  * Commands on stdin, one a line: "run US" (then answered "done …"), "contact BOARD MOTOR 0|1",
- * "load BOARD MOTOR RUN_MA STALL_MA", "i2c BOARD good|silent|hangs|low", "power BOARD" (the current
- * sensors lose and regain it), "reset BOARD", "hang BOARD 0|1" (the program counter jumps into an
+ * "wave BOARD FILE" (another waveform from this moment on), "load BOARD MOTOR RUN_MA STALL_MA",
+ * "i2c BOARD good|silent|hangs|low", "power BOARD" (the current sensors lose and regain it), "reset BOARD", "hang BOARD 0|1" (the program counter jumps into an
  * endless loop; 1: with interrupts off), "quit". Events on stdout: "event BOARD US what …".
  * With --live time passes as outside, without "run". All boards advance together, 0.5 ms at a time.
  *
@@ -73,7 +73,9 @@ static void load_wave(emulated *board, const char *path) {
   uint16_t *wave = malloc(size ? size : 1);
   if (!wave || fread(wave, 1, size, file) != size) fail("cannot read", path);
   fclose(file);
+  free(board->wave);
   board->wave = wave;
+  board->wave_from = board->avr->cycle;
   board->rows = size / (PINS * sizeof *wave);
 }
 
@@ -175,7 +177,7 @@ static void set_fault(emulated *board, const char *name) {
 static void obey(char *line) {
   int b = 0, m = 0;
   double x = 0, y = 0;
-  char word[16] = "";
+  char word[16] = "", path[200] = "";
   unsigned long long us;
   if (sscanf(line, "run %llu", &us) == 1) {
     run(us);
@@ -198,6 +200,8 @@ static void obey(char *line) {
     board->motors[m].touching = x != 0;
     board->motors[m].touched = board->avr->cycle;
     printf("event %d %.3f contact %d %d\n", b, outer_us(board), m, x != 0);
+  } else if (sscanf(line, "wave %d %199s", &b, path) == 2) {
+    load_wave(board, path);
   } else if (sscanf(line, "load %d %d %lf %lf", &b, &m, &x, &y) == 4 && m >= 0 && m < MOTORS) {
     board->motors[m].run_ma = x;
     board->motors[m].stall_ma = y;

@@ -37,7 +37,7 @@ static void on_start(struct avr_irq_t *irq, uint32_t value, void *param) {
   one.pin = (uint8_t)((mux & 7) | (avr->data[ADCSRB] & MUX5 ? 8 : 0));
   one.reference = mux >> 6;
   if (board->rows) {
-    uint64_t row = (unsigned __int128)one.cycle * board->wave_hz / HZ;
+    uint64_t row = (unsigned __int128)(one.cycle - board->wave_from) * board->wave_hz / HZ;
     if (row >= board->rows) row = board->rows - 1;
     one.tenths_mv = board->wave[row * PINS + one.pin];
   }

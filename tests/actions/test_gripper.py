@@ -1,6 +1,7 @@
 """Newtons become percent, orders reach a gripper, and the simulated one behaves like mechanics."""
 
 import math
+from typing import Any
 
 import pytest
 from hypothesis import given
@@ -12,30 +13,47 @@ from taxel.actions.sim_gripper import FingersConfig, SimGripper
 from taxel.clock import ManualClock
 from taxel.errors import BadInput
 
-PGE_50 = ForceRange(max_n=50.0, min_n=15.0)
+PGE_50 = ForceRange(max_n=50.0)
+MEASURED = ForceRange(max_n=48.0, table=((20.0, 9.0), (50.0, 26.0), (100.0, 48.0)))
 
 
-def test_the_ends_of_the_range_are_the_ends_of_the_setting() -> None:
-    assert (PGE_50.pct(15.0), PGE_50.pct(50.0)) == (20.0, 100.0)
+@pytest.mark.parametrize(("force_n", "register"), [(15.0, 30), (25.0, 50), (40.0, 80), (50.0, 100)])
+def test_the_papers_four_forces_are_its_four_settings(force_n: float, register: int) -> None:
+    """30, 50, 80 and 100 % are 15, 25, 40 and 50 N. Source: the grasp paper, section 3.2."""
+    assert PGE_50.pct(force_n) == pytest.approx(register)
+
+
+def test_the_setting_stays_within_what_the_register_takes() -> None:
     assert (PGE_50.pct(0.0), PGE_50.pct(1e9)) == (20.0, 100.0)
-    assert PGE_50.newtons(60.0) == pytest.approx(32.5)
+    assert PGE_50.least_n == 10.0
+    assert math.isnan(PGE_50.pct(math.nan))
 
 
-def test_without_a_smallest_force_the_setting_is_in_proportion() -> None:
-    assert ForceRange(max_n=50.0).pct(25.0) == pytest.approx(50.0)
+def test_a_measured_table_takes_the_place_of_the_proportion() -> None:
+    assert [MEASURED.pct(n) for n in (9.0, 26.0, 37.0, 48.0)] == [20.0, 50.0, 75.0, 100.0]
+    assert MEASURED.newtons(35.0) == pytest.approx(17.5)
 
 
-@given(st.floats(15.0, 50.0))
-def test_newtons_survive_the_way_through_percent(force_n: float) -> None:
-    assert PGE_50.newtons(PGE_50.pct(force_n)) == pytest.approx(force_n)
+@given(st.floats(10.0, 50.0), st.sampled_from([PGE_50, MEASURED]))
+def test_newtons_survive_the_way_through_percent(force_n: float, force: ForceRange) -> None:
+    held_n = min(force_n, force.max_n)
+    assert force.newtons(force.pct(held_n)) == pytest.approx(held_n)
 
 
 @pytest.mark.parametrize(
-    "ends", [{"max_n": 0.0}, {"max_n": 50.0, "min_n": 50.0}, {"max_n": math.nan}]
+    "wrong",
+    [
+        {"max_n": 0.0},
+        {"max_n": math.nan},
+        {"max_n": 50.0, "table": ((20.0, 10.0), (50.0, 9.0), (100.0, 50.0))},
+        {"max_n": 50.0, "table": ((30.0, 10.0), (100.0, 50.0))},
+        {"max_n": 50.0, "table": ((20.0, 10.0),)},
+        {"max_n": 50.0, "table": ((20.0, 10.0), (100.0, 45.0))},
+    ],
 )
-def test_ranges_that_make_no_sense_are_refused(ends: dict[str, float]) -> None:
+def test_ranges_that_make_no_sense_are_refused(wrong: dict[str, Any]) -> None:
     with pytest.raises(BadInput):
-        ForceRange(**ends)
+        ForceRange(**wrong)
 
 
 class Heard:
@@ -73,19 +91,19 @@ class Heard:
 )
 def test_each_kind_of_order_asks_for_one_thing(kind: OrderKind, asked: list[object]) -> None:
     gripper = Heard()
-    obey(gripper, Order(kind, 32.5, "", 2.0), PGE_50, 1.9)
+    obey(gripper, Order(kind, 30.0, "", 2.0), PGE_50, 1.9)
     assert gripper.calls == asked
-    obey(gripper, Order(kind, 32.5, "", 2.0), PGE_50, 2.0)
+    obey(gripper, Order(kind, 30.0, "", 2.0), PGE_50, 2.0)
     assert gripper.calls == asked  # expired: nothing more
 
 
 def test_an_order_never_lowers_the_force_that_is_set() -> None:
     gripper = Heard()
     gripper.set_pct = 80.0
-    obey(gripper, Order(OrderKind.GRIP, 32.5, "", 2.0), PGE_50, 1.0)
+    obey(gripper, Order(OrderKind.GRIP, 30.0, "", 2.0), PGE_50, 1.0)
     assert gripper.calls == []
     gripper.set_pct = 59.0
-    obey(gripper, Order(OrderKind.GRIP, 32.5, "", 2.0), PGE_50, 1.0)
+    obey(gripper, Order(OrderKind.GRIP, 30.0, "", 2.0), PGE_50, 1.0)
     assert gripper.calls == [("grip", 60.0, 2.0)]
 
 

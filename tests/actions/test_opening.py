@@ -36,7 +36,7 @@ def test_real_devices_open_by_address_and_are_well() -> None:
         opened = [
             open_actuator(url, clock)
             for url in (
-                f"pge://{cable.near}?id=3&max_force_n=50&min_force_n=15",
+                f"pge://{cable.near}?id=3&max_force_n=50&force_table=20:9,50:26,100:50",
                 f"hand://{hand.port}",
                 f"jaka://127.0.0.1?port={jaka.port}&timeout_s=1",
                 "udp://127.0.0.1:5005?max_force_n=20",
@@ -66,13 +66,14 @@ def test_real_devices_open_by_address_and_are_well() -> None:
         ("pge:///dev/ttyUSB0", "max_force_n"),
         ("pge:///dev/ttyUSB0?max_force_n=much", "max_force_n of pge:// as a number"),
         ("pge:///dev/ttyUSB0?max_force_n=50&id=300", "a Modbus id of 1 to 247"),
-        ("pge:///dev/ttyUSB0?max_force_n=50&min_force_n=60", "a smallest force"),
+        ("pge:///dev/ttyUSB0?max_force_n=50&force_table=20:9,100", "percent:newtons pairs"),
+        ("pge:///dev/ttyUSB0?max_force_n=50&force_table=20:9,100:60", "the largest force"),
         ("pge:///dev/ttyUSB0?max_force_n=50&initialise=maybe", "as yes or no"),
         ("sim://gripper?colour=red", "options of sim://gripper among"),
         ("sim://gripper?width_mm=1&width_mm=2", "each option once"),
         ("sim://gripper?width_mm", "key=value"),
         ("sim://gripper?width_mm=nan", "a width of"),
-        ("sim://foot", "sim://gripper or sim://arm"),
+        ("sim://foot", "sim://gripper or sim://arm or sim://hand"),
         ("sim://arm?lower_mm=500", "lower_mm of 0 to lowest_mm"),
         ("jaka://10.0.0.1?speed_mm_s=1000", "a speed of up to 250 mm/s"),
         ("udp://127.0.0.1", "udp://HOST:PORT"),

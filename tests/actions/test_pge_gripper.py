@@ -244,7 +244,7 @@ def test_a_raise_is_not_repeated_after_it_has_expired() -> None:
 
 def ticking(lock: Interlock, hand: PgeGripper) -> Callable[[str], InterlockState]:
     """Return one tick of a station: a word and the gripper to the interlock, its order back."""
-    actuator = GripperActuator("gripper", hand, ForceRange(max_n=50.0, min_n=15.0))
+    actuator = GripperActuator("gripper", hand, ForceRange(max_n=50.0))
 
     def tick(word: str) -> InterlockState:
         now = time.monotonic()
@@ -264,16 +264,27 @@ def test_interlock_and_gripper_together_raise_on_a_warning_and_stop_with_the_bus
         tick = ticking(lock, hand)
         tick("STABLE")
         assert lock.arm(time.monotonic()) == ()
-        until(lambda: tick("WARNING") is InterlockState.RAISED and hand.status().force_pct == 77)
-        assert max(value for register, value in pge.writes if register == 0x0101) == 77
+        until(lambda: tick("WARNING") is InterlockState.RAISED and hand.status().force_pct == 80)
+        assert max(value for register, value in pge.writes if register == 0x0101) == 80
         pge.close()
         cable.pull()
         assert until(lambda: tick("WARNING") is InterlockState.STOPPED) < 0.25
         assert lock.arm(time.monotonic()) != ()
 
 
+def test_the_papers_four_forces_reach_the_register_as_its_four_settings() -> None:
+    """15, 25, 40 and 50 N are written as 30, 50, 80 and 100 % (the grasp paper, section 3.2)."""
+    force = ForceRange(max_n=50.0)
+    with rig.pge_on_a_cable() as (cable, pge), gripper(cable.near) as hand:
+        for force_n in (15.0, 25.0, 40.0, 50.0):
+            hand.grip(force.pct(force_n))
+            until(lambda: hand.status().force_pct == round(2 * force_n))  # noqa: B023  # waits here
+
+        assert [value for register, value in pge.writes if register == 0x0101] == [30, 50, 80, 100]
+
+
 def test_a_raise_begins_at_the_force_that_the_gripper_was_set_to_before() -> None:
-    """60 % are 32.5 N: the first raise must not fall back to the least force."""
+    """60 % are 30 N: the first raise must not fall back to the least force."""
     lock = Interlock(InterlockConfig(min_n=15.0, max_n=50.0, slew_n_s=100.0, stall_s=1.0))
     with rig.pge_on_a_cable(set_pct=60) as (cable, pge), gripper(cable.near) as hand:
         tick = ticking(lock, hand)

@@ -214,18 +214,20 @@ def test_a_stored_row_fills_its_cell_and_names_its_command():
     assert "- commit abc, 2026-01-01, `taxel reproduce table-4-1`" in said
 
 
-def test_a_link_with_a_star_finds_its_row_whatever_the_recipe_is_called():
-    name = (
-        "sim, new sessions, shape by windows, some recipe: dust 0 … 0.5 share, points lost at worst"
-    )
+def test_a_link_with_a_star_finds_its_row_whatever_the_levels_are():
+    name = "sim, new sessions, shape by windows, wider training, 9 rows: dust 0 … 0.5 share, points lost at worst"  # noqa: E501
     row = Row(name=name, value=1.26, unit="points", goal="<= 2", ok=True)
     other = Row(name=name.replace("windows", "whole grasps"), value=9.0, unit="points", goal="",
                 ok=None)  # fmt: skip
 
-    said = card.claims_card(rows=[other, row])
+    thesis = replace(
+        row, name=name.replace("wider training, 9 rows", "the thesis's setting"), value=20.0
+    )
+
+    said = card.claims_card(rows=[other, thesis, row])
 
     (line,) = (one for one in said.splitlines() if "dust on the objects" in one)
-    assert "| above 95 % | – | shape 1.3 points |" in line
+    assert "| above 95 % | – | shape 1.3 points, thesis's shape 20.0 points |" in line
 
 
 def test_results_are_kept_as_rows_and_a_later_one_replaces_an_earlier(

@@ -2,11 +2,17 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+from pathlib import Path
+
 import pytest
 
 from taxel.actions.bus_worker import Command
+from taxel.actions.collecting import collect_grasp
+from taxel.actions.hand_driver import HandDriver, hand_limits
 from taxel.actions.hand_link import Grip, HandConfig, HandLink
 from taxel.bench.board_emulator import BoardSetup, EmulatedBoards, Firmware, VirtualClock
+from taxel.bench.boards_collect import CYCLE
 from taxel.bench.boards_hand import (
     CONTACT_MA,
     MOTORS,
@@ -15,6 +21,9 @@ from taxel.bench.boards_hand import (
     hand_setup,
     running,
 )
+from taxel.bench.grasping_boards import GraspingBoards
+from taxel.recordings.reader import read_recording
+from taxel.recordings.trial_plan import PlannedTrial
 from taxel.wire.messages import Ability, Acknowledge, Current, Hello, Order, Result, State
 
 
@@ -139,3 +148,32 @@ def test_the_hosts_own_link_arms_closes_and_stops_the_hand(firmware: Firmware):
         assert running(boards) == set()
         assert (link.state, link.fault) == (State.STOPPED, "")
         link.shut()
+
+
+def test_the_emulated_hand_grasps_labels_and_records_and_its_motors_stop_at_contact(
+    firmware: Firmware, tmp_path: Path
+):
+    """Pads, motors, serial lines and drivers as in a lab; the object is simulated between them."""
+    trial = PlannedTrial(
+        number=1, labels={"shape": "sphere", "material": "aluminium"}, groups={"session": "a"}
+    )
+    with GraspingBoards(firmware) as rig:
+        source, actuator = rig.open()
+        driver = HandDriver(actuator, rig, hand_limits(CYCLE.contact_ma))
+        driver.arm()
+        rig.plant.begin_session("a")
+        rig.plant.present("sphere", "aluminium", 1)
+        grasp = collect_grasp(source, driver, trial, tmp_path, replace(CYCLE, presses=1))
+        off_ms = rig.contact_to_off_ms()
+    recording = read_recording(tmp_path / trial.file_name)
+    (mark,) = recording.marks
+    inside = (recording.samples.fitted_s >= mark.start_s) & (
+        recording.samples.fitted_s <= mark.end_s
+    )
+
+    assert grasp.touched == (1, 2, 3, 4)
+    assert len(off_ms) == MOTORS
+    assert max(off_ms) <= 10.0
+    assert dict(recording.manifest.labels) == trial.labels
+    assert recording.samples.values[inside].max() > 1.0
+    assert recording.samples.values[~inside].max() < 1.0

@@ -177,3 +177,20 @@ def test_one_backbone_serves_both_sensors_and_all_frames() -> None:
 def test_an_unknown_name_is_refused_in_one_line(name: str) -> None:
     with pytest.raises(BadInput, match="see them with: taxel models"):
         build_transition(name)
+
+
+def test_published_sizes_hold_the_backbone_twice_and_the_head_once() -> None:
+    """Twice the backbone leaves 0.4 to 1 MiB for a file's own words; nothing else fits.
+
+    The Transformer's head has 1,116,120 numbers more than the LSTM's: 4.26 MiB once. Published
+    sizes differ by 4.27 or 4.28, so that neither 64-bit floats nor an optimiser's state is in them.
+    """
+    rows = [model for model in TRANSITION_MODELS.values() if model.published]
+    for model in rows:
+        assert model.published is not None
+        assert 0.4 < model.published.size_mb - model.size_mb(backbones=2) < 1.0, model.name
+        assert model.published.size_mb - model.size_mb() > 20.0, model.name
+    size = {model.name: model.published.size_mb for model in rows if model.published}
+    for backbone in ("densenet121", "efficientnet-b0", "resnet50", "resnet101"):
+        more = size[f"{backbone}+transformer"] - size[f"{backbone}+lstm"]
+        assert more == pytest.approx(1_116_120 * 4 / 2**20, abs=0.03)

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from taxel.training.features import Progress, extract
 from taxel.training.frame_labels import change_signals, frame_labels
-from taxel.training.heads import HeadConfig, Track, fit_head
+from taxel.training.heads import PAPER, HeadConfig, Track, fit_head
 from taxel.windows.pours import read_pours
 
 
@@ -118,3 +118,17 @@ def test_features_may_lie_on_disk(tmp_path: Path) -> None:
     np.testing.assert_array_equal(
         fit_head(own, config).probabilities(values), fit_head(mapped, config).probabilities(values)
     )
+
+
+def test_the_papers_settings_leave_features_as_they_are() -> None:
+    """A head trained as the paper trained sees the backbone's numbers, not standardised ones."""
+    rng = np.random.default_rng(0)
+    values = rng.normal(50.0, 20.0, (40, 3)).astype(np.float32)
+    track = Track(
+        values, np.stack([np.arange(40)] * 2, axis=1), np.repeat([0, 1], 20).astype(np.int8)
+    )
+    paper = fit_head([track], replace(PAPER, epochs=1, frames=4))
+    ours = fit_head([track], HeadConfig(epochs=1, frames=4, tare="none", stride=1))
+
+    assert np.array_equal(paper.scale(track.features()), track.features())
+    assert abs(ours.scale(track.features()).mean()) < 0.01

@@ -16,16 +16,15 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Protocol, runtime_checkable
+from typing import Any, Protocol, runtime_checkable
 
 from taxel.actions.arm import Arm
 from taxel.actions.gripper import ForceRange, Gripper, obey
+from taxel.actions.hand_contract import Hand
+from taxel.actions.hand_raise import CurrentRaise, Raising
 from taxel.actions.interlock import Interlock, Order, OrderKind
 from taxel.actions.plain_output import CallbackOutput, Disarm, UdpOutput
 from taxel.decisions.stability import Stability, StabilityDecision
-
-if TYPE_CHECKING:
-    from taxel.actions.hand import HandController
 
 
 @dataclass(frozen=True, slots=True)
@@ -141,28 +140,43 @@ class GripperActuator:
 
 
 class HandActuator:
-    """The TENG hand's motors: stops."""
+    """The TENG hand's motors: stops, and raises where that was asked for.
 
-    def __init__(self, name: str, hand: HandController) -> None:
+    Args:
+        name: For a person.
+        hand: Its motors.
+        raises: How a GRIP order raises the contact current; None leaves such orders alone, as no
+            calibration from motor current to force exists for this hand.
+    """
+
+    def __init__(self, name: str, hand: Hand, raises: CurrentRaise | None = None) -> None:
         self.name = name
         self.hand = hand
         self.force: ForceRange | None = None
+        self.readings: list[tuple[float, tuple[int, ...]]] = []
+        """Of the last `hear`: (monotonic seconds, mA of each motor)."""
+        self._raising = None if raises is None else Raising(raises)
 
     def connect(self) -> None:
         self.hand.connect()
 
     def hear(self, interlock: Interlock, now_s: float) -> Health:
         self.hand.refresh()
-        for read_s, size_ma in self.hand.take_currents():
-            interlock.contact_current(size_ma, min(read_s, now_s))
+        self.readings = self.hand.take_currents()
+        for read_s, currents_ma in self.readings:
+            largest_ma = max((abs(ma) for ma in currents_ma), default=0)
+            interlock.contact_current(largest_ma, min(read_s, now_s))
         status = self.hand.status()
         return Health(status.fault, status.heard_s)
 
     def tell(self, decision: StabilityDecision, order: Order, now_s: float) -> None:
         # HOLD sends nothing: its motors hold without current, and a grip runs out by itself.
-        # GRIP neither: no calibration from motor current to force exists for this hand.
-        if order.kind is OrderKind.STOP and order.valid(now_s):
+        if not order.valid(now_s):
+            return
+        if order.kind is OrderKind.STOP:
             self.hand.stop()
+        elif order.kind is OrderKind.GRIP and self._raising is not None:
+            self._raising.obey(self.hand, now_s)
 
     def close(self) -> None:
         self.hand.close()

@@ -7,10 +7,13 @@ Knows nothing about decisions, buses or models.
 
 from __future__ import annotations
 
+import itertools
 import math
 from dataclasses import dataclass
 from enum import StrEnum
 from typing import Protocol
+
+import numpy as np
 
 from taxel.actions.interlock import Interlock, Order, OrderKind
 from taxel.errors import BadInput
@@ -104,18 +107,19 @@ class Gripper(Protocol):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ForceRange:
-    """From newtons to percent, on a straight line between two ends.
+    """From newtons to percent: in proportion to the largest force, or by a measured table.
 
-    Makers state the ends of the range and not the line between: measure it where it matters.
+    In proportion is how the grasp paper states its four grips: 15, 25, 40 and 50 N are 30, 50,
+    80 and 100 % (section 3.2). Makers do not promise that line: measure it where it matters.
     """
 
     max_n: float
-    """Force at 100 %, newtons: 50 for a PGE-50-26 (its data sheet)."""
+    """Force at 100 %, newtons: 50 for a PGE-50-26 (its data sheet and the paper)."""
     min_pct: float = 20.0
     """The smallest setting, percent. Source: register 0x0101 of the PGE takes 20 to 100."""
-    min_n: float | None = None
-    """Force at the smallest setting, newtons: 15 for a PGE-50-26 (its data sheet). None: in
-    proportion, `max_n` times `min_pct` / 100."""
+    table: tuple[tuple[float, float], ...] = ()
+    """Measured (percent, newtons), rising in both, from `min_pct` to 100; straight lines between.
+    Empty: in proportion."""
 
     def __post_init__(self) -> None:
         if not (0 < self.max_n < math.inf and 0 <= self.min_pct < 100):
@@ -124,29 +128,47 @@ class ForceRange:
                 f"{self.max_n} N and {self.min_pct} %",
                 "see the gripper's data sheet",
             )
-        if not 0 <= self.least_n < self.max_n:
+        rising = all(
+            before[0] < after[0] and before[1] < after[1]
+            for before, after in itertools.pairwise(self.table)
+        )
+        ends = [pair[0] for pair in self.table[:: max(1, len(self.table) - 1)]]
+        values = [value for pair in self.table for value in pair]
+        if self.table and not (
+            rising and ends == [self.min_pct, 100.0] and all(0 <= v < math.inf for v in values)
+        ):
             raise BadInput(
-                f"a smallest force of 0 N to less than {self.max_n:g} N",
-                f"{self.least_n} N",
-                "see the gripper's data sheet",
+                f"a table of force that rises, from {self.min_pct:g} % to 100 %",
+                ", ".join(f"{pct:g} % is {force_n:g} N" for pct, force_n in self.table),
+                "measure both ends and write percent:newtons pairs, smallest first",
+            )
+        if self.table and self.table[-1][1] != self.max_n:
+            raise BadInput(
+                f"the largest force, {self.max_n:g} N, at 100 % of the table",
+                f"{self.table[-1][1]:g} N",
+                "give max_force_n as measured",
             )
 
     @property
     def least_n(self) -> float:
         """Force at the smallest setting, newtons."""
-        return self.max_n * self.min_pct / 100 if self.min_n is None else self.min_n
+        return self._line[0][1]
+
+    @property
+    def _line(self) -> tuple[tuple[float, float], ...]:
+        """(percent, newtons) between which force is a straight line."""
+        least = (self.min_pct, self.max_n * self.min_pct / 100)
+        return self.table or (least, (100.0, self.max_n))
 
     def pct(self, force_n: float) -> float:
         """Return the setting for a force, `min_pct` … 100 percent; NaN for NaN."""
-        if math.isnan(force_n):
-            return math.nan
-        share = (force_n - self.least_n) / (self.max_n - self.least_n)
-        return self.min_pct + (100 - self.min_pct) * min(max(share, 0.0), 1.0)
+        percents, forces = zip(*self._line, strict=True)
+        return float(np.interp(force_n, forces, percents))
 
     def newtons(self, force_pct: float) -> float:
         """Return the force of a setting, newtons."""
-        share = (force_pct - self.min_pct) / (100 - self.min_pct)
-        return self.least_n + (self.max_n - self.least_n) * min(max(share, 0.0), 1.0)
+        percents, forces = zip(*self._line, strict=True)
+        return float(np.interp(force_pct, percents, forces))
 
 
 def obey(gripper: Gripper, order: Order, force: ForceRange, now_s: float) -> None:

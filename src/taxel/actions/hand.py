@@ -15,57 +15,63 @@ current: Balapan 2025, ch. 3 (INA226); times: our choice, docs/decisions/0016.
 
 from __future__ import annotations
 
-import math
-from dataclasses import dataclass
+from collections.abc import Callable
+from typing import Protocol
 
 import numpy as np
 
 from taxel.actions.bus_worker import BusWorker, Command
 from taxel.actions.gripper import Latency
+from taxel.actions.hand_contract import HandStatus, checked_grip
 from taxel.actions.hand_link import Grip, HandConfig, HandLink
 from taxel.clock import Clock
 from taxel.errors import BadInput
-from taxel.wire import messages as wire
-
-_LONGEST_MS = 0xFFFF
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class HandStatus:
-    """What is known of the hand."""
-
-    state: wire.State | None = None
-    """What the board said last; None before its first heartbeat."""
-    currents_ma: tuple[int, ...] = ()
-    """The newest current of each motor, milliamperes."""
-    current_s: float = -math.inf
-    """When they came, monotonic seconds."""
-    boot_id: int | None = None
-    """The board's present boot."""
-    fault: str = ""
-    """What is wrong, in words; empty where all is well."""
-    heard_s: float = -math.inf
-    """When the board was last heard, monotonic seconds."""
+class Worker(Protocol):
+    """Whoever carries out what the controller leaves for it: a thread, or a bench's own loop."""
 
     @property
-    def ok(self) -> bool:
-        """True where the board is heard and nothing is wrong."""
-        return not self.fault
+    def fault(self) -> str:
+        """Why the device is lost, in words; empty where it answers."""
+        ...
 
-    @property
-    def armed(self) -> bool:
-        """True where the board says that it may move."""
-        return self.state in (wire.State.ARMED, wire.State.MOVING)
+    def start(self, timeout_s: float) -> str:
+        """Start; return what is wrong after the first try, empty if nothing."""
+        ...
+
+    def put(self, command: Command) -> None:
+        """Take a command, at once."""
+        ...
+
+    def close(self) -> None:
+        """End; the device is closed by it."""
+        ...
 
 
 class HandController:
-    """The host's end of the hand's motors."""
+    """The host's end of the hand's motors.
 
-    def __init__(self, config: HandConfig, clock: Clock) -> None:
+    Args:
+        config: Where the hand is.
+        clock: The host's clock.
+        worker: Makes who serves the link; a thread of its own unless given.
+    """
+
+    def __init__(
+        self,
+        config: HandConfig,
+        clock: Clock,
+        worker: Callable[[HandLink], Worker] | None = None,
+    ) -> None:
         self._config = config
         self._clock = clock
         self._link = HandLink(config, clock)
-        self._worker = BusWorker("teng-hand", self._link, clock, look_s=0.002, again_s=0.1)
+        self._worker: Worker = (
+            BusWorker("teng-hand", self._link, clock, look_s=0.002, again_s=0.1)
+            if worker is None
+            else worker(self._link)
+        )
 
     def connect(self) -> None:
         """Open the port and wait for the board's hello.
@@ -104,18 +110,7 @@ class HandController:
         Raises:
             BadInput: A number does not fit its place on the wire.
         """
-        lasts_ms = round(lasts_s * 1000) if math.isfinite(lasts_s) else 0
-        if not (
-            1 <= fingers <= 0xFFFF
-            and 0 <= closed_permille <= 1000
-            and 1 <= contact_ma <= 0x7FFF
-            and 1 <= lasts_ms <= _LONGEST_MS
-        ):
-            raise BadInput(
-                "fingers 1 to 65535, 0 to 1000 per mille, 1 to 32767 mA, 0.001 to 65 s",
-                f"{fingers}, {closed_permille} per mille, {contact_ma} mA, {lasts_s} s",
-                "mend the call",
-            )
+        lasts_ms = checked_grip(fingers, closed_permille, contact_ma, lasts_s)
         self._link.grip = Grip(fingers, closed_permille, contact_ma, lasts_ms)
         self._worker.put(Command("grip", expires_s=self._clock.now_s() + lasts_s))
 
@@ -140,8 +135,8 @@ class HandController:
             heard_s=link.heard_s,
         )
 
-    def take_currents(self) -> list[tuple[float, int]]:
-        """Return (monotonic seconds, largest size in mA) of each reading since the last call."""
+    def take_currents(self) -> list[tuple[float, tuple[int, ...]]]:
+        """Return (monotonic seconds, mA of each motor) of each reading since the last call."""
         readings = self._link.readings
         return [readings.popleft() for _ in range(len(readings))]
 

@@ -50,8 +50,19 @@ class HandConfig:
     hello_s: float = 3.0
     """How long `connect` waits for the board's hello, seconds: a board may boot first."""
 
+    write_s: float = 0.05
+    """How long a write may take, seconds: a port that takes nothing is lost."""
+
     def __post_init__(self) -> None:
-        times = (self.beat_s, self.owner_s, self.silent_s, self.again_s, self.stop_s, self.hello_s)
+        times = (
+            self.write_s,
+            self.beat_s,
+            self.owner_s,
+            self.silent_s,
+            self.again_s,
+            self.stop_s,
+            self.hello_s,
+        )
         if not all(0 < t < math.inf for t in times):
             raise BadInput("times above 0 s", f"{times}", "choose others")
         if not 0 <= self.board <= wire.EVERY_BOARD or self.baud <= 0:
@@ -95,7 +106,7 @@ class HandLink:
         self.state: wire.State | None = None
         self.currents_ma: tuple[int, ...] = ()
         self.current_s = -math.inf
-        self.readings: deque[tuple[float, int]] = deque(maxlen=_KEPT)
+        self.readings: deque[tuple[float, tuple[int, ...]]] = deque(maxlen=_KEPT)
         self.boot_id: int | None = None
         self.fault = ""
         self.heard_s = -math.inf
@@ -106,7 +117,7 @@ class HandLink:
     def open(self) -> None:
         config = self._config
         self._port = serial.Serial(
-            config.port, config.baud, timeout=0, write_timeout=0.05, exclusive=True
+            config.port, config.baud, timeout=0, write_timeout=config.write_s, exclusive=True
         )
         self._decoder = FrameDecoder()
         self._port.write(DELIMITER)
@@ -255,7 +266,7 @@ class HandLink:
                 self._take_answer(message, now_s)
             case wire.Current(milliamps=milliamps):
                 self.currents_ma, self.current_s = milliamps, now_s
-                self.readings.append((now_s, max(abs(ma) for ma in milliamps)))
+                self.readings.append((now_s, milliamps))
             case wire.Data() | wire.Command():
                 pass
         self.heard_s = now_s

@@ -1,11 +1,12 @@
 """Open an actuator by its address.
 
-    pge:///dev/serial/by-id/adapter?max_force_n=50&min_force_n=15&id=1
-    hand:///dev/serial/by-id/hand?board=1
+    pge:///dev/serial/by-id/adapter?max_force_n=50&id=1
+    hand:///dev/serial/by-id/hand?board=1&raise_ma=100&most_ma=1200
     jaka://192.168.1.10?port=10001&lower_mm=20&speed_mm_s=50
     udp://127.0.0.1:5005
     sim://gripper?width_mm=10&max_force_n=50
     sim://arm?lower_mm=20
+    sim://hand?stroke_s=1.5
 
 Nothing moves by opening. Knows nothing about decisions.
 """
@@ -26,6 +27,7 @@ from taxel.actions.actuators import (
 )
 from taxel.actions.arm import Arm, ArmLimits, SimArm
 from taxel.actions.gripper import ForceRange
+from taxel.actions.hand_raise import CurrentRaise
 from taxel.actions.plain_output import open_udp
 from taxel.actions.sim_gripper import FingersConfig, SimGripper
 from taxel.clock import Clock, SystemClock
@@ -36,13 +38,15 @@ _YES_NO = {"0": False, "no": False, "false": False, "1": True, "yes": True, "tru
 _PGE: dict[str, type] = {
     "id": int,
     "max_force_n": float,
-    "min_force_n": float,
+    "force_table": str,
     "initialise": bool,
     "speed_pct": int,
     "timeout_s": float,
 }
-_HAND: dict[str, type] = {"board": int, "baud": int}
-_FORCE: dict[str, type] = {"max_force_n": float, "min_force_n": float}
+_RAISE: dict[str, type] = {"raise_ma": int, "most_ma": int, "contact_ma": int}
+_HAND: dict[str, type] = {"board": int, "baud": int, **_RAISE}
+_SIM_HAND: dict[str, type] = {"stroke_s": float, "speed": str, **_RAISE}
+_FORCE: dict[str, type] = {"max_force_n": float, "force_table": str}
 _UDP: dict[str, type] = {"allow_other_hosts": bool, **_FORCE}
 _ARM: dict[str, type] = {
     "lower_mm": float, "lowest_mm": float, "speed_mm_s": float, "accel_mm_s2": float,
@@ -92,7 +96,7 @@ def _open_pge(name: str, texts: dict[str, str], clock: Clock) -> Actuator:
         raise BadInput(
             "the gripper's force at 100 %, max_force_n, in the address",
             "none",
-            "see its data sheet: 50 for a PGE-50-26 (with min_force_n=15)",
+            "see its data sheet: 50 for a PGE-50-26",
         )
     force = _force(options)
     try:
@@ -114,8 +118,9 @@ def _open_hand(name: str, texts: dict[str, str], clock: Clock) -> Actuator:
     except ModuleNotFoundError as error:
         raise MissingExtra(error.name or "pyserial", "serial", "the hand's motors") from error
 
+    raises = _raise(options)
     hand = HandController(HandConfig(port=name, **options), clock)
-    return HandActuator(f"TENG hand on {name}", hand)
+    return HandActuator(f"TENG hand on {name}", hand, raises)
 
 
 def _open_jaka(name: str, texts: dict[str, str], clock: Clock) -> Actuator:
@@ -145,11 +150,41 @@ def _open_sim(name: str, texts: dict[str, str], clock: Clock) -> Actuator:
     if name == "arm":
         lower_mm, limits = _lowering(_parsed("sim://arm", texts, _ARM))
         return ArmActuator("simulated arm", SimArm(limits, clock), lower_mm)
+    if name == "hand":
+        return _sim_hand(_parsed("sim://hand", texts, _SIM_HAND), clock)
     raise BadInput(
-        "a simulated actuator that exists: sim://gripper or sim://arm",
+        "a simulated actuator that exists: sim://gripper or sim://arm or sim://hand",
         f"sim://{name}",
         "mend the address",
     )
+
+
+def _sim_hand(options: _Options, clock: Clock) -> Actuator:
+    from taxel.actions.sim_hand import SimHand
+    from taxel.sim.grasped_hand import GraspedHand, Motors
+
+    stroke_s = options.get("stroke_s", Motors().stroke_s)
+    if not 0.1 <= stroke_s <= 60:
+        raise BadInput("stroke_s of sim://hand within 0.1 and 60", f"{stroke_s:g}", "mend it")
+    if options.get("speed", "1") not in ("1", "max"):
+        raise BadInput("speed of sim://hand as 1 or max", repr(options["speed"]), "mend it")
+    raises = _raise(options)
+    hand = SimHand(GraspedHand(motors=Motors(stroke_s=stroke_s)), clock)
+    return HandActuator("simulated hand", hand, raises)
+
+
+def _raise(options: _Options) -> CurrentRaise | None:
+    """Take out of the options how the contact current is raised; None where it is not."""
+    named = {key: options.pop(key) for key in _RAISE if key in options}
+    if not {"raise_ma", "most_ma"} & set(named):
+        return None
+    if not {"raise_ma", "most_ma"} <= set(named):
+        raise BadInput(
+            "raise_ma with most_ma: steps of the contact current and their bound",
+            f"{', '.join(named)} alone", "name both, or neither",
+        )  # fmt: skip
+    named["step_ma"] = named.pop("raise_ma")
+    return CurrentRaise(**named)
 
 
 SCHEMES: dict[str, Callable[[str, dict[str, str], Clock], Actuator]] = {
@@ -163,8 +198,22 @@ SCHEMES: dict[str, Callable[[str, dict[str, str], Clock], Actuator]] = {
 
 
 def _force(options: _Options) -> ForceRange:
-    """Take the range of force out of the options."""
-    return ForceRange(max_n=options.pop("max_force_n"), min_n=options.pop("min_force_n", None))
+    """Take the range of force out of the options.
+
+    Raises:
+        BadInput: The table of force cannot be read or does not rise.
+    """
+    text = options.pop("force_table", "")
+    try:
+        pairs = [pair.split(":") for pair in text.split(",")] if text else []
+        table = tuple((float(pct), float(force_n)) for pct, force_n in pairs)
+    except ValueError as error:
+        raise BadInput(
+            "force_table as percent:newtons pairs, such as 20:9.1,50:24.3,100:49.5",
+            repr(text),
+            "mend the address",
+        ) from error
+    return ForceRange(max_n=options.pop("max_force_n"), table=table)
 
 
 def _lowering(options: _Options) -> tuple[float, ArmLimits]:
@@ -197,7 +246,7 @@ def _value(address: str, key: str, text: str, kinds: dict[str, type]) -> Any:
     try:
         return _YES_NO[text.lower()] if kind is bool else kind(text)
     except (KeyError, ValueError) as error:
-        forms = {bool: "yes or no", int: "a whole number", float: "a number"}
+        forms = {bool: "yes or no", int: "a whole number", float: "a number", str: "text"}
         raise BadInput(
             f"{key} of {address} as {forms[kind]}", repr(text), "mend the address"
         ) from error

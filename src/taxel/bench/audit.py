@@ -20,6 +20,7 @@ from taxel.bench.audit_gap import baseline_rows, gap_rows
 from taxel.bench.audit_leaks import planted_leaks, real_leaks
 from taxel.bench.audit_models import cleaning_rows, model_rows
 from taxel.bench.audit_robustness import camera_rows, condition_rows, fault_rows
+from taxel.bench.audit_thesis_setting import thesis_setting_rows
 from taxel.bench.audit_unknown import unknown_rows
 from taxel.bench.rows import Row
 
@@ -40,6 +41,7 @@ def full_steps(data: Path | None) -> list[tuple[str, Measure]]:
         ("gap between the splits", gap_rows),
         ("baselines of the gap", baseline_rows),
         ("conditions", condition_rows),
+        ("setting of the thesis", thesis_setting_rows),
         ("faults", fault_rows),
         ("cameras", camera_rows),
         ("unknown objects", lambda: unknown_rows(data)),

@@ -253,12 +253,17 @@ class EmulatedBoards:
             os.close(fd)
         return False
 
-    def wait_for_readers(self) -> None:
-        """Wait, in real time, until others have read what the ports hold; a second at most."""
+    def wait_for_readers(self, among: Sequence[int] | None = None) -> None:
+        """Wait, in real time, until others have read what the ports hold; a second at most.
+
+        Args:
+            among: Boards whose ports others read; all unless given.
+        """
+        numbers = range(len(self._setups)) if among is None else among
         until_s = time.monotonic() + _READERS_S
         while time.monotonic() < until_s:
             time.sleep(_TURN_S)
-            if not any(self._unread(n) for n in range(len(self._setups))):
+            if not any(self._unread(n) for n in numbers):
                 return
 
     def _unread(self, board: int) -> int:

@@ -14,6 +14,7 @@ from pathlib import Path
 
 from taxel.bench.board_emulator import Firmware, build_firmware
 from taxel.bench.boards_cnn import cnn_rows
+from taxel.bench.boards_collect import collect_rows
 from taxel.bench.boards_hand import Drill, drill
 from taxel.bench.boards_sensors import (
     ChainResult,
@@ -72,13 +73,16 @@ def quick_steps() -> list[tuple[str, Measure]]:
 
 
 def full_steps(_: Path | None) -> list[tuple[str, Measure]]:
-    """Return the minute of three boards.
+    """Return the minute of three boards, and the plan of sixty grasps.
 
     Raises:
         BadInput: As `quick_steps`.
     """
     firmware = build_firmware()
-    return [("three boards for a minute", lambda: chain_rows(firmware, _FULL_S))]
+    return [
+        ("three boards for a minute", lambda: chain_rows(firmware, _FULL_S)),
+        ("sixty grasps collected", lambda: collect_rows(firmware)),
+    ]
 
 
 def data_digest(_: Path | None) -> str:

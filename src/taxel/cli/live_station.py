@@ -155,7 +155,7 @@ def _range(options: StationOptions) -> ForceRange:
     from taxel.actions.gripper import ForceRange
 
     least_n, most_n = options.force_n or FORCE_N
-    return ForceRange(max_n=most_n, min_n=least_n)
+    return ForceRange(max_n=most_n, min_pct=100 * least_n / most_n)
 
 
 def _interlock(options: StationOptions, force: ForceRange) -> InterlockConfig:

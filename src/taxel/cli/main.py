@@ -48,6 +48,8 @@ VERBS = {
     "calibrate": "known forces to curves, and what a sensor array is worth",
     "simulate": "write recordings of a simulated sensor",
     "record": "record a source to an MCAP file",
+    "hand": "move the TENG hand's fingers, see its motor currents",
+    "collect": "let the hand grasp a plan of objects, labelled and recorded",
     "recover": "save what is sound in a damaged or unfinished recording",
     "import": "turn tables of values, or a public data set, into recordings",
     "info": "say what a recording or a folder of them holds",

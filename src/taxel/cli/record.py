@@ -49,6 +49,15 @@ class Record:
     """What may be learned and holds for the whole recording, as in shape=sphere material=glass."""
     group: Pairs = ()
     """What the recording belongs to and must not be split, as in session=3 object=cup."""
+    plan: Path | None = None
+    """A plan of trials (.csv): --output is then a folder, each trial a recording of --seconds that
+    begins once the grasp has settled. The same command goes on where it was broken off."""
+    tare: bool = False
+    """With --plan: first record the untouched gels, to tare/ in the folder."""
+    gripper: str | None = None
+    """With --plan: address of a gripper that closes with each trial's group:force_n."""
+    ask: bool = True
+    """With --plan: wait for a key before each trial; a simulated pair never waits."""
     overwrite: bool = False
     """Replace an existing recording."""
     json: bool = False
@@ -60,6 +69,11 @@ class Record:
 
         if not self.seconds > 0:
             raise BadInput("--seconds above 0", f"{self.seconds:g}", "name a duration")
+        if self.plan is not None:
+            self._record_plan(self.plan)
+            return
+        if self.tare or self.gripper is not None:
+            raise BadInput("--plan with --tare and --gripper", "no plan", "name a plan")
         labels = parse_pairs(self.label, "--label")
         groups = parse_pairs(self.group, "--group")
         with stop_signals() as stopped, open_source(self.source) as source:
@@ -76,6 +90,23 @@ class Record:
             print_json(ledger, indent=None)
         else:
             say(ledger_line(ledger))
+
+    def _record_plan(self, plan: Path) -> None:
+        """Record trial after trial of a plan."""
+        from taxel.cli.record_plan import GuidedOptions, record_plan
+
+        if self.label or self.group or self.overwrite:
+            raise BadInput(
+                "labels and groups in the plan's columns, and a folder that is gone on with",
+                "--label, --group or --overwrite beside --plan",
+                "write them into the plan",
+            )
+        options = GuidedOptions(
+            source=self.source, plan=plan, output=self.output, seconds=self.seconds,
+            tare=self.tare, gripper=self.gripper, ask=self.ask, json=self.json,
+        )  # fmt: skip
+        with stop_signals() as stopped:
+            record_plan(options, stopped)
 
 
 def record_source(

@@ -1,4 +1,4 @@
-"""Every model on the same windows and folds, under the thesis's split and the honest one.
+"""Every model on the same windows and folds, split by random windows and by sessions.
 
 Accuracy with an interval by session, whole trials, parameters, training and
 inference time, and what can be told without touch. Knows nothing about screens.

@@ -1,9 +1,10 @@
 """Splits as types: which trials, or which windows, a model may see.
 
 A `TrialFold` moves whole trials, so no window of a trial can stand on both
-sides. A `WindowFold` moves single windows, as the TENG thesis does; its name
-says that it leaks, and every table that uses it prints that name. Knows
-nothing about models or metrics.
+sides. A `WindowFold` moves single windows, as the TENG thesis seems to (it names
+no split; its figures fit this one, docs/decisions/0042); its name says that it
+leaks, and every table that uses it prints that name. Knows nothing about models
+or metrics.
 """
 
 from __future__ import annotations
@@ -93,7 +94,7 @@ class Split:
 
 
 def random_windows(dataset: Dataset, target: str, folds: int, seed: int, test: float) -> Split:
-    """Split single windows at random, as the TENG thesis does. It leaks.
+    """Split single windows at random, as the TENG thesis seems to (0042). It leaks.
 
     Args:
         dataset: Windows to split.

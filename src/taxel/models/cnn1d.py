@@ -1,7 +1,8 @@
 """The thesis's signal network: a 1D CNN over one flat sequence of all values.
 
-A 12×12 window is read as 144 values in a row, scan by scan (TENG thesis,
-section 3.5.1); layer sizes are ours (docs/decisions/0007). Knows nothing about
+A 12×12 window is read as 144 values in a row (TENG thesis, section 3.5.1), scan
+by scan: the thesis leaves that order open (docs/decisions/0042); layer sizes
+are ours (docs/decisions/0007). Knows nothing about
 training or files.
 """
 

@@ -32,8 +32,9 @@ class TengHandConfig:
     """What is simulated."""
 
     preset: Preset = "honest"
-    """honest: sessions shared by all classes; paper: one session a class, as in the thesis,
-    whose nuisances are then a fingerprint of the class (leaky)."""
+    """honest: sessions shared by all classes; paper: one session a class, our reading of the
+    thesis's "each shape's dataset" (docs/decisions/0042); its nuisances are then a fingerprint
+    of the class (leaky)."""
     seed: int = 0
     wiring: Wiring = "three-boards"
     """one-board: all 12 channels on one converter, with hum and ghosts."""

@@ -31,6 +31,9 @@ class HeadConfig:
     """What of a frame's features a head sees: "none" as they are, as the paper; "change" less
     those of the settled first frames; "size" the absolute value of that. Source: our choice,
     docs/decisions/0013."""
+    standardise: bool = True
+    """Each feature to mean 0 and deviation 1 over the training recordings; False leaves features
+    as the backbone gives them, as the paper, which names no scaling."""
     epochs: int = 12
     """Passes over the training windows."""
     batch: int = 32
@@ -52,10 +55,10 @@ class HeadConfig:
 
 
 PAPER = HeadConfig(
-    tare="none", epochs=100, batch=4, learning_rate=0.001, decay=False, stride=1
+    tare="none", standardise=False, epochs=100, batch=4, learning_rate=0.001, decay=False, stride=1
 )  # fmt: skip
 """The paper's settings (section 5.1): Adam lr 0.001, β 0.9 and 0.999, ε 0.001, batch 4,
-100 epochs, every window."""
+100 epochs, every window, features as they are."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -145,6 +148,9 @@ def _scaling(
     tracks: Sequence[Track], config: HeadConfig
 ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
     """Return offset and factor, each shape (cameras, features), one recording at a time."""
+    if not config.standardise:
+        shape = tracks[0].features(slice(0, 1)).shape[1:]
+        return np.zeros(shape, np.float32), np.ones(shape, np.float32)
     count, first, second = 0, 0.0, 0.0
     for track in tracks:
         rows = track.features(slice(None, None, config.stride))

@@ -143,8 +143,9 @@ def published_beside(runs: Mapping[str, Run], judged: Mapping[str, RunScores]) -
                 "p",
                 join(
                     [
-                        "The thesis (Balapan, 2025, Table 4.1) splits windows at random, which "
-                        "leaks, and does not say whether its values are of shape or of material. "
+                        "The thesis (Balapan, 2025, Table 4.1) names no split; its figures fit "
+                        "windows split at random, which leaks. It does not say "
+                        "whether its values are of shape or of material. "
                         "Its other rows need a test part of their own: ",
                         tag("code", "taxel reproduce table-4-1"),
                         ".",

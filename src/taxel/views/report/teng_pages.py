@@ -33,7 +33,9 @@ def write_teng_report(path: Path, sections: list[Section], folders: dict[str, Pa
     """
     parts = [
         "<h1>Table 4.1 of the TENG hand, ours beside the published values</h1>",
-        "<p>Balapan, thesis, 2025. The thesis splits windows at random; here every result is "
+        "<p>Balapan, thesis, 2025. The thesis names no split; its figures fit windows split at "
+        "random (decision 42), and the preset paper, one session a class, is our reading. Here "
+        "every result is "
         "also given with whole sessions held out. Read both: the distance between them is what "
         "a split by windows hides. Grey dots are trivial baselines that see no touch, or "
         "hardly any; a network that does not clear them has learned little.</p>",

@@ -1,0 +1,277 @@
+"""Record one trial of two tactile cameras that hold something, once the grasp has settled.
+
+The grasp paper's videos begin "from the time when the robot completes stable grasp" (section 3.2),
+and its labels compare with the first frames: a gel that still moves then would make every later
+frame unstable. So the pour waits until images have stood still, and the recording begins where
+they did. Knows nothing about plans as a whole, keys or addresses.
+
+Source of the limit: the rule by which frames are labelled (`taxel.labels.change`); waiting times
+are our choice, docs/decisions/0043.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+
+from taxel.actions.actuators import GripperActuator
+from taxel.actions.gripper import Motion
+from taxel.clock import Clock
+from taxel.errors import BadInput, BadSource
+from taxel.frame_codec import decode_jpeg
+from taxel.labels.change import ChangeConfig, ChangeMeter
+from taxel.recordings.manifest import Manifest
+from taxel.recordings.trial_plan import PlannedTrial
+from taxel.recordings.writer import Recorder
+from taxel.signals import Frame, Samples
+from taxel.sources.contract import Source
+
+PATIENCE_S = 10.0
+"""How long a grasp may take to settle, seconds of the source's time. Our choice."""
+_SILENCE_READS = 50
+"""Reads of 0.1 s without anything after which a source is given up. Our choice."""
+_LEAST_SHARE = 0.95
+"""A source that ends before this share of a trial has not recorded it. Our choice."""
+_GRIP_S = 5.0
+"""How long a gripper may take to hold, seconds. Our choice."""
+
+
+class NotSettled(BadInput):
+    """The images of a grasp go on changing."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RecordedTrial:
+    """What was recorded."""
+
+    trial: PlannedTrial
+    settled_after_s: float
+    """From the first frame to the recording's beginning, seconds."""
+    change: float
+    """Largest change in the settled stretch, per cent of the brightness."""
+    frames: int
+
+
+@dataclass(slots=True)
+class _Settling:
+    """What came since the images last began to be watched."""
+
+    source: Source
+    config: ChangeConfig
+    frames: list[Frame] = field(default_factory=list)
+    samples: list[Samples] = field(default_factory=list)
+    meters: list[ChangeMeter] = field(default_factory=list)
+    worst: dict[str, float] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        self.begin()
+
+    def begin(self) -> None:
+        """Watch anew."""
+        self.frames, self.samples, self.worst = [], [], {}
+        slices = [self.config.settled(camera.rate_hz) for camera in self.source.cameras]
+        self.meters = [ChangeMeter(part, self.config.block_px) for part in slices]
+
+    def take(self, frame: Frame) -> None:
+        """Take in a frame; a camera's change is known once its settled stretch is over."""
+        camera, meter = self.source.cameras[frame.camera], self.meters[frame.camera]
+        self.frames.append(frame)
+        if meter.complete:
+            return
+        values = meter.push(decode_jpeg(frame.jpeg, camera))
+        if len(values):
+            part = self.config.settled(camera.rate_hz)
+            self.worst[camera.name] = float(values[part].max())
+
+    @property
+    def known(self) -> bool:
+        """True once every camera has said how much its images changed."""
+        return len(self.worst) == len(self.meters)
+
+    def words(self) -> str:
+        """Return which camera changed most, in words."""
+        name = max(self.worst, key=lambda key: self.worst[key])
+        return (
+            f"not settled: the {name} camera's image changed by {self.worst[name]:.1f} % "
+            f"(at most {self.config.least_change:g} %)"
+        )
+
+
+def record_trial(
+    source: Source,
+    trial: PlannedTrial,
+    path: Path,
+    seconds: float,
+    say: Callable[[str], None] = lambda _: None,
+    stopped: Callable[[], bool] = lambda: False,
+    config: ChangeConfig | None = None,
+) -> RecordedTrial | None:
+    """Wait until the grasp has settled, then record; None where a person asked for the end.
+
+    Args:
+        source: The cameras, open; the grasp is made.
+        trial: Its labels and groups go into the recording.
+        path: The recording to be.
+        seconds: How long to record, of the source's time.
+        say: Shows a line: why it waits, and when the pour may begin.
+        stopped: True once a person asks for the end; nothing is kept.
+        config: What counts as a change.
+
+    Raises:
+        NotSettled: Images went on changing for `PATIENCE_S`.
+        BadSource: The source has no cameras, fell silent or ended.
+        RecordingFailed: The disk refused.
+    """
+    if not source.cameras:
+        raise BadSource(
+            "tactile cameras for a plan of grasps", "none", "record an array without --plan"
+        )
+    settling = _Settling(source, config or ChangeConfig())
+    after_s = _settle(source, settling, say, stopped)
+    if after_s is None:
+        return None
+    say(f"settled: pour now, {seconds:g} s are recorded")
+    start_s = settling.frames[0].fitted_s
+    manifest = Manifest.started_now(
+        source.info, dict(trial.labels), dict(trial.groups), now_s=settling.frames[-1].arrival_s,
+        cameras=source.cameras,
+    )  # fmt: skip
+    recorder = Recorder(path, manifest, overwrite=True)
+    try:
+        frames = _record(source, settling, recorder, start_s + seconds, stopped)
+    except BaseException:
+        recorder.discard()
+        raise
+    if frames is None:
+        recorder.discard()
+        return None
+    recorder.close("cleanly")
+    return RecordedTrial(
+        trial=trial, settled_after_s=after_s, change=max(settling.worst.values()), frames=frames
+    )
+
+
+def _settle(
+    source: Source,
+    settling: _Settling,
+    say: Callable[[str], None],
+    stopped: Callable[[], bool],
+) -> float | None:
+    """Watch until the images have stood still; return seconds since the first frame."""
+    first_s, silent = np.inf, 0
+    while not stopped():
+        samples, frames = source.read(0.1), source.frames()
+        silent = _listen(source, bool(frames) or len(samples) > 0, silent)
+        if len(samples):
+            settling.samples.append(samples)
+        for frame in frames:
+            first_s = min(first_s, frame.fitted_s)
+            settling.take(frame)
+        if not settling.known:
+            continue
+        if max(settling.worst.values()) <= settling.config.least_change:
+            return float(settling.frames[0].fitted_s - first_s)
+        say(settling.words())
+        if settling.frames[-1].fitted_s - first_s > PATIENCE_S:
+            raise NotSettled(
+                f"a grasp that is still before the pour, for {PATIENCE_S:g} s at most",
+                settling.words(), "grasp again, and hold the cup still",
+            )  # fmt: skip
+        settling.begin()
+    return None
+
+
+def _record(
+    source: Source,
+    settling: _Settling,
+    recorder: Recorder,
+    end_s: float,
+    stopped: Callable[[], bool],
+) -> int | None:
+    """Write what came while it settled and what comes; return frames, None where it was ended."""
+    count, newest_s, silent = 0, -np.inf, 0
+    waiting = set(range(len(source.cameras)))
+    begin_s = settling.frames[0].fitted_s
+    samples, frames = Samples.join(settling.samples) if settling.samples else None, settling.frames
+    while True:
+        if samples is not None and len(samples):
+            inside = (samples.fitted_s >= begin_s) & (samples.fitted_s < end_s)
+            recorder.write(samples[inside])
+        for frame in frames:
+            newest_s = max(newest_s, frame.fitted_s)
+            if frame.fitted_s < end_s:
+                recorder.frame(frame)
+                count += 1
+            else:
+                waiting.discard(frame.camera)
+        for mark in source.marks():
+            recorder.mark(mark)
+        if stopped():
+            return None
+        if not waiting or source.ended:
+            break
+        samples, frames = source.read(0.1), source.frames()
+        silent = _listen(source, bool(frames) or len(samples) > 0, silent)
+    if waiting and newest_s - begin_s < _LEAST_SHARE * (end_s - begin_s):
+        raise BadSource(
+            f"{end_s - begin_s:g} s of frames", f"the end after {newest_s - begin_s:.2f} s",
+            "record the trial again",
+        )  # fmt: skip
+    return count
+
+
+def _listen(source: Source, came: bool, silent: int) -> int:
+    """Return how many reads in a row gave nothing.
+
+    Raises:
+        BadSource: Too many, or the source has ended before it gave anything more.
+    """
+    silent = 0 if came else silent + 1
+    if silent > _SILENCE_READS or (source.ended and not came):
+        raise BadSource(
+            "cameras that go on delivering",
+            "the end of the source" if source.ended else "nothing for 5 s",
+            "check the cables and record the trial again",
+        )
+    return silent
+
+
+def set_grip(gripper: GripperActuator, trial: PlannedTrial, clock: Clock) -> float:
+    """Close the gripper with the trial's force and wait until it holds; return newtons.
+
+    Args:
+        gripper: Connected.
+        trial: Its group force_n says how hard.
+        clock: Waited on.
+
+    Raises:
+        BadInput: The plan names no force, or the gripper cannot hold.
+    """
+    text = trial.groups.get("force_n", "")
+    try:
+        force_n = float(text)
+    except ValueError as error:
+        raise BadInput(
+            "a column group:force_n, newtons, for the gripper", repr(text), "mend the plan"
+        ) from error
+    assert gripper.force is not None
+    if not gripper.force.least_n <= force_n <= gripper.force.max_n:
+        raise BadInput(
+            f"a force of {gripper.force.least_n:g} to {gripper.force.max_n:g} N",
+            f"{force_n:g} N in the plan", "mend the plan, or the gripper's address",
+        )  # fmt: skip
+    until_s = clock.now_s() + _GRIP_S
+    gripper.gripper.grip(gripper.force.pct(force_n), until_s)
+    while clock.now_s() < until_s:
+        status = gripper.gripper.status()
+        if status.ok and status.motion in (Motion.CAUGHT, Motion.REACHED):
+            return force_n
+        clock.sleep(0.02)
+    status = gripper.gripper.status()
+    raise BadInput(
+        f"a gripper that holds within {_GRIP_S:g} s", status.fault or status.motion.value,
+        "look at the gripper",
+    )  # fmt: skip

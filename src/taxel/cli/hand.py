@@ -1,0 +1,144 @@
+"""`taxel hand`: the TENG hand's fingers, one movement at a time."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Literal
+
+import tyro
+
+from taxel.cli.figure_files import need_figures
+from taxel.cli.printing import print_json, say
+from taxel.cli.record import stop_signals
+from taxel.errors import BadInput
+
+if TYPE_CHECKING:
+    from taxel.actions.actuators import HandActuator
+    from taxel.actions.hand_moves import Moved
+    from taxel.clock import Clock
+
+_LISTEN_S = 0.5
+"""How long `status` listens, seconds. Source: our choice."""
+
+
+@dataclass(frozen=True)
+class Hand:
+    """Ask the hand how it is, move fingers, grip until contact, release, or stop."""
+
+    action: tyro.conf.Positional[Literal["status", "move", "grip", "release", "stop"]]
+    """status, move (to --closed), grip (until contact), release (open), stop (motors off)."""
+    hand: tyro.conf.Positional[str]
+    """Address of the motors: hand:///dev/serial/by-id/hand, or sim://hand."""
+    arm: bool = False
+    """Allow motion: needed to move, grip and release."""
+    fingers: tuple[int, ...] = (1, 2, 3, 4)
+    """Which fingers, from 1."""
+    closed: int = 500
+    """move: how far, 0 open … 1000 closed, per mille."""
+    contact_ma: int = 700
+    """The current at which a motor stops, mA."""
+    seconds: float = 8.0
+    """Give a movement up after this long, seconds; it opens first in 6 s after power-up."""
+    record: Path | None = None
+    """Write the motors' currents to this recording (.mcap)."""
+    plot: Path | None = None
+    """Draw the motors' currents to this picture (.png)."""
+    overwrite: bool = False
+    """Replace existing files of --record and --plot."""
+    json: bool = False
+    """Print what became of it as JSON."""
+
+    def run(self) -> None:
+        """Do it and say what became of it."""
+        from taxel.actions.grasping import open_hand
+
+        self._check()
+        actuator, clock = open_hand(self.hand)
+        actuator.connect()
+        try:
+            moved = self._act(actuator, clock)
+            result = _told(actuator, moved)
+        finally:
+            actuator.close()
+        self._keep(moved)
+        if self.json:
+            print_json(result)
+        else:
+            say(_line(self.action, result))
+
+    def _check(self) -> None:
+        """Refuse what cannot be done, before anything moves."""
+        if self.action in ("move", "grip", "release") and not self.arm:
+            raise BadInput(
+                f"--arm for {self.action}: a person allows motion",
+                "none",
+                "look at the hand, then add --arm",
+            )
+        if not self.fingers or not all(1 <= finger <= 4 for finger in self.fingers):
+            raise BadInput("--fingers among 1 to 4", f"{self.fingers}", "name fingers")
+        if not 0 < self.seconds <= 60:
+            raise BadInput("--seconds above 0 and up to 60", f"{self.seconds:g}", "choose another")
+        if self.plot is not None:
+            need_figures(self.plot)
+        for path in (self.record, self.plot):
+            if path is not None and path.exists() and not self.overwrite:
+                raise BadInput(
+                    "a new file", f"{path}, which exists", "add --overwrite or name another"
+                )
+
+    def _act(self, actuator: HandActuator, clock: Clock) -> Moved:
+        from taxel.actions.grasp_cycle import Closing
+        from taxel.actions.hand_driver import HandDriver, hand_limits
+        from taxel.actions.hand_moves import Moved, move_fingers, watch
+
+        driver = HandDriver(actuator, clock, hand_limits(self.contact_ma))
+        if self.action == "stop":
+            actuator.hand.stop()
+        if self.action in ("status", "stop"):
+            currents = watch(driver, _LISTEN_S)
+            return Moved(ended="there", seconds=_LISTEN_S, currents=currents)
+        to = {"move": self.closed, "grip": 1000, "release": 0}[self.action]
+        bits = sum(1 << finger - 1 for finger in set(self.fingers))
+        driver.arm()
+        with stop_signals() as stopped:
+            return move_fingers(
+                driver, Closing(bits, to, self.contact_ma, 0.3), self.seconds, stopped
+            )
+
+    def _keep(self, moved: Moved) -> None:
+        """Write what was asked for of the currents."""
+        time_s, values = [s for s, _ in moved.currents], [ma for _, ma in moved.currents]
+        if self.record is not None:
+            from taxel.actions.collecting import write_currents
+
+            write_currents(self.record, time_s, values)
+        if self.plot is not None:
+            from taxel.views.current_figure import save_currents
+
+            save_currents(self.plot, time_s, values, self.contact_ma)
+
+
+def _told(actuator: HandActuator, moved: Moved) -> dict[str, Any]:
+    status = actuator.hand.status()
+    return {
+        "state": "unknown" if status.state is None else status.state.name.lower(),
+        "fault": status.fault,
+        "ended": moved.ended,
+        "seconds": round(moved.seconds, 3),
+        "currents_ma": list(status.currents_ma),
+        "largest_ma": list(moved.largest_ma),
+        "readings": len(moved.currents),
+    }
+
+
+def _line(action: str, told: dict[str, Any]) -> str:
+    """Return what became of it, for a person."""
+    ended = {"there": "fingers rest", "time": "time is out", "stopped": "ended by a person"}
+    largest = ", ".join(map(str, told["largest_ma"])) or "none"
+    parts = [
+        f"hand {told['state']}" + (f" ({told['fault']})" if told["fault"] else ""),
+        f"{action}: {ended[told['ended']]} after {told['seconds']:.2f} s",
+        f"largest currents {largest} mA of {told['readings']} readings",
+    ]
+    return "; ".join(parts)

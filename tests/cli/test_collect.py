@@ -1,0 +1,173 @@
+"""`taxel collect` and `taxel hand` on the simulated hand, as a user runs them."""
+
+import json
+from dataclasses import replace
+from pathlib import Path
+from typing import Self
+
+import pytest
+import tyro
+
+from taxel.actions import collecting, grasping
+from taxel.actions.sim_hand import SimHand
+from taxel.cli import collect as collect_verb
+from taxel.cli.collect import Collect
+from taxel.cli.hand import Hand
+from taxel.errors import BadInput
+from taxel.recordings.reader import read_recording
+
+HAND = "sim://hand?stroke_s=0.6&speed=max"
+PLAN = """group:session,group:object,label:shape,label:material,times
+a,ball,sphere,aluminium,1
+a,jar,cylinder,glass,1
+b,box,rectangle,plastic,1
+"""
+QUICK = ["--stroke-s", "0.6", "--presses", "1", "--hold-s", "0.1", "--pause-s", "0.05", "--json"]
+
+
+def collect(plan: Path, output: Path, *words: str) -> None:
+    args = [str(plan), "--source", "sim://teng?seed=3", "--hand", HAND, "--output", str(output)]
+    tyro.cli(Collect, args=[*args, *QUICK, *words]).run()
+
+
+@pytest.fixture
+def plan(tmp_path: Path) -> Path:
+    path = tmp_path / "plan.csv"
+    path.write_text(PLAN, encoding="utf-8")
+    return path
+
+
+def test_a_plan_is_collected_and_goes_on_where_it_was_broken_off(
+    plan: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+):
+    """The disk ends the second grasp; the same command makes what is missing and nothing else."""
+    output = tmp_path / "grasps"
+    real, calls = collecting.collect_grasp, []
+
+    def broken(*args: object) -> object:
+        calls.append(args)
+        if len(calls) == 2:
+            raise OSError("unplugged")
+        return real(*args)  # type: ignore[arg-type]
+
+    monkeypatch.setattr(collecting, "collect_grasp", broken)
+    with pytest.raises(OSError, match="unplugged"):
+        collect(plan, output)
+    first = (output / "trial-001.mcap").stat().st_mtime_ns
+    capsys.readouterr()
+    collect(plan, output)
+    told = json.loads(capsys.readouterr().out)
+
+    assert (told["trials"], told["recorded"], len(told["now"])) == (3, 3, 2)
+    assert [grasp["touched"] for grasp in told["now"]] == [[1, 2, 3, 4]] * 2
+    assert (output / "trial-001.mcap").stat().st_mtime_ns == first
+    last = read_recording(output / "trial-003.mcap")
+    assert last.manifest.labels == {"shape": "rectangle", "material": "plastic"}
+    assert last.manifest.groups["session"] == "b"
+    assert len(last.marks) == 1
+
+
+def test_an_object_that_the_simulated_hand_does_not_have_is_refused(plan: Path, tmp_path: Path):
+    plan.write_text("label:shape,label:material\nstar,glass\n", encoding="utf-8")
+
+    with pytest.raises(BadInput, match="label:shape of sphere"):
+        collect(plan, tmp_path / "grasps")
+    assert not (tmp_path / "grasps").exists()
+
+
+@pytest.mark.parametrize(
+    ("source", "hand", "words"),
+    [
+        ("serial:///dev/null", HAND, "both real"),
+        ("sim://cup-pour", HAND, "both real"),
+        ("sim://teng", "sim://gripper", "a hand with motors"),
+        ("sim://teng", "sim://hand?stroke_s=0", "stroke_s"),
+        ("sim://teng", "sim://hand?raise_ma=100", "name both"),
+    ],
+)
+def test_pads_and_motors_that_do_not_belong_together_are_refused(
+    source: str, hand: str, words: str, plan: Path, tmp_path: Path
+):
+    args = [str(plan), "--source", source, "--hand", hand, "--output", str(tmp_path / "grasps")]
+    with pytest.raises(BadInput, match=words):
+        tyro.cli(Collect, args=args).run()
+
+
+class Typed:
+    """Keys that were typed beforehand, one a question."""
+
+    def __init__(self, keys: str) -> None:
+        self._keys = list(keys)
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        """Nothing to give back."""
+
+    def typed(self) -> str:
+        return self._keys.pop(0) if self._keys else "q"
+
+
+def test_a_person_is_asked_where_the_object_changes_and_may_end(
+    plan: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+):
+    """Nobody puts anything in by itself here; the second question is answered by q."""
+    rig = grasping.open_grasping("sim://teng?seed=3", HAND)
+    assert isinstance(rig.actuator.hand, SimHand)
+    rig.actuator.hand.plant.present("sphere", "aluminium", 1)
+    monkeypatch.setattr(grasping, "open_grasping", lambda *_: replace(rig, place=None))
+    monkeypatch.setattr(collect_verb, "Keys", lambda: Typed("\nq"))
+    monkeypatch.setattr(type(collect_verb.console), "is_terminal", property(lambda _: True))
+    collect(plan, tmp_path / "grasps")
+    said = capsys.readouterr().err
+
+    assert said.count("put into the open hand: session a, object") == 2
+    assert sorted(path.name for path in (tmp_path / "grasps").glob("*.mcap")) == ["trial-001.mcap"]
+
+
+def test_an_empty_hand_is_tried_three_times_and_then_said(
+    plan: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
+    rig = grasping.open_grasping("sim://teng?seed=3", HAND)
+    monkeypatch.setattr(grasping, "open_grasping", lambda *_: replace(rig, place=None))
+
+    with pytest.raises(BadInput, match="nothing, 3 times"):
+        collect(plan, tmp_path / "grasps", "--arm", "--no-ask")
+    assert list((tmp_path / "grasps").glob("*")) == []
+
+
+def hand(*words: str | Path) -> None:
+    tyro.cli(Hand, args=[*map(str, words), "--json"]).run()
+
+
+def test_fingers_close_are_drawn_and_open_again(tmp_path: Path, capsys: pytest.CaptureFixture[str]):
+    hand("grip", HAND, "--arm", "--record", tmp_path / "c.mcap", "--plot", tmp_path / "c.png")
+    told = json.loads(capsys.readouterr().out)
+
+    assert (told["ended"], told["state"], told["fault"]) == ("there", "armed", "")
+    assert told["seconds"] == pytest.approx(0.6, abs=0.05)
+    currents = read_recording(tmp_path / "c.mcap")
+    assert len(currents.samples) == told["readings"] > 50
+    assert (tmp_path / "c.png").read_bytes().startswith(b"\x89PNG")
+
+
+def test_a_hand_that_rests_says_so(capsys: pytest.CaptureFixture[str]):
+    hand("status", HAND)
+
+    assert json.loads(capsys.readouterr().out)["largest_ma"] == [0, 0, 0, 0]
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (["grip", HAND], "--arm for grip"),
+        (["status", "sim://arm"], "a hand with motors"),
+        (["move", HAND, "--arm", "--fingers", "5"], "--fingers among 1 to 4"),
+        (["move", HAND, "--arm", "--seconds", "0"], "--seconds above 0"),
+        (["status", HAND, "--plot", "currents.txt"], "ends in .png"),
+    ],
+)
+def test_what_the_hand_cannot_do_is_refused_in_one_line(words: list[str], said: str):
+    with pytest.raises(BadInput, match=said):
+        hand(*words)
