@@ -280,7 +280,8 @@ def test_the_papers_four_forces_reach_the_register_as_its_four_settings() -> Non
             hand.grip(force.pct(force_n))
             until(lambda: hand.status().force_pct == round(2 * force_n))  # noqa: B023  # waits here
 
-        assert [value for register, value in pge.writes if register == 0x0101] == [30, 50, 80, 100]
+        written = [value for register, value in pge.writes if register == 0x0101]
+        assert list(dict.fromkeys(written)) == [30, 50, 80, 100]  # a lost answer is asked for again
 
 
 def test_a_raise_begins_at_the_force_that_the_gripper_was_set_to_before() -> None:

@@ -42,7 +42,20 @@ LINES: dict[str, tuple[str, ...]] = {
     ),
     "simulate teng": ("simulate teng --output s", "simulate teng --output s --preset paper"),
     "simulate cup-pour": ("simulate cup-pour --output s",),
-    "record": ("record sim://teng --output r.mcap --seconds 1",),
+    "record": (
+        "record sim://teng --output r.mcap --seconds 1",
+        "record camera:///dev/a --plan p.csv --output r --seconds 1",
+        "record sim://cup-pour --plan p.csv --output r --seconds 1",
+    ),
+    "hand": (
+        "hand status sim://hand",
+        "hand grip hand:///dev/b --arm",
+        "hand move hand:///dev/b --arm --plot p.png",
+    ),
+    "collect": (
+        "collect p.csv --source sim://teng --hand sim://hand --output r",
+        "collect p.csv --source serial:///dev/a --hand hand:///dev/b --output r",
+    ),
     "recover": ("recover a.part --output r.mcap",),
     "import": ("import table.csv --output r", "import videos.csv --output r"),
     "info": ("info a.mcap", "info folder"),

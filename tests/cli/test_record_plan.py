@@ -244,7 +244,6 @@ def test_the_gripper_is_set_to_each_trials_force(
     [
         (["camera:///dev/a,/dev/b"], "a terminal"),
         (["sim://cup-pour", "--tare"], "real cameras"),
-        (["sim://cup-pour", "--label", "a=b"], "in the plan's columns"),
         (["sim://cup-pour", "--gripper", "sim://arm"], "a gripper's address"),
     ],
 )

@@ -5,10 +5,11 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import tyro
 
+from taxel.cli.option_rules import Only
 from taxel.cli.printing import console, print_json, progress, say, say_aside
 from taxel.cli.record import stop_signals
 from taxel.errors import BadInput
@@ -59,33 +60,22 @@ class Collect:
     json: bool = False
     """Print what was recorded as JSON."""
 
+    RULES: ClassVar = (
+        Only(("arm", "ask"), "a real hand", lambda o: not o.hand.startswith("sim://")),
+    )
+
     def run(self) -> None:
         """Grasp what is missing of the plan, then say how far it is."""
-        from taxel.actions.grasping import open_grasping
-        from taxel.recordings.trial_plan import balance_line, done_of, read_plan
-
-        trials = read_plan(self.plan)
-        done = done_of(trials, self.output)
-        config = self._cycle()
-        made: list[CollectedGrasp] = []
-        if len(done) < len(trials):
-            if not self.json:
-                say(balance_line(trials, done))
-            rig = open_grasping(self.source, self.hand)
-            made = self._grasp_all(rig, trials, done, config)
-        ready = done_of(trials, self.output)
+        result = collect_plan(
+            self.plan, self.source, self.hand, self.output, self.cycle(), ask=self.ask, arm=self.arm
+        )
         if self.json:
-            print_json(
-                {
-                    "trials": len(trials),
-                    "recorded": len(ready),
-                    "now": [_told(grasp) for grasp in made],
-                }
-            )
+            print_json(result)
         else:
-            say(balance_line(trials, ready))
+            say(result["balance"])
 
-    def _cycle(self) -> CycleConfig:
+    def cycle(self) -> CycleConfig:
+        """Return how the hand grasps."""
         from taxel.actions.grasp_cycle import CycleConfig
 
         return CycleConfig(
@@ -93,46 +83,72 @@ class Collect:
             stroke_s=self.stroke_s, pause_s=self.pause_s,
         )  # fmt: skip
 
-    def _grasp_all(
-        self,
-        rig: Grasping,
-        trials: list[PlannedTrial],
-        done: list[PlannedTrial],
-        config: CycleConfig,
-    ) -> list[CollectedGrasp]:
-        """Grasp each trial that is missing, in order."""
-        from taxel.actions.hand_driver import HandDriver, hand_limits
 
-        asks = rig.place is None and (self.ask or not self.arm)
-        if asks and not console.is_terminal:
-            raise BadInput(
-                "a terminal, where a key says that the object lies in the hand",
-                "none",
-                "add --arm --no-ask where objects come by themselves",
-            )
-        ready, made = {trial.number for trial in done}, []
-        rig.actuator.connect()
-        with rig.source as source, stop_signals() as stopped, Keys() as keys, progress() as bars:
-            driver = HandDriver(rig.actuator, rig.clock, hand_limits(config.contact_ma))
-            try:
-                driver.arm()
-                bar = bars.add_task("grasps", total=len(trials), completed=len(ready))
-                before = ""
-                for trial in trials:
-                    if trial.number in ready or stopped():
-                        continue
-                    bars.update(bar, description=f"grasp {trial.number}: {trial.words}")
-                    wait = asks and trial.words != before
-                    grasp = _one(rig, source, driver, trial, self.output, config,
-                                 keys if wait else None, stopped)  # fmt: skip
-                    if grasp is None:
-                        break
-                    made.append(grasp)
-                    before = trial.words
-                    bars.update(bar, advance=1)
-            finally:
-                rig.actuator.close()
-        return made
+def collect_plan(
+    plan: Path, source: str, hand: str, output: Path, config: CycleConfig, *, ask: bool, arm: bool
+) -> dict[str, Any]:
+    """Grasp what is missing of a plan; return how far it is."""
+    from taxel.actions.grasping import open_grasping
+    from taxel.recordings.trial_plan import balance_line, done_of, read_plan
+
+    trials = read_plan(plan)
+    done = done_of(trials, output)
+    made: list[CollectedGrasp] = []
+    if len(done) < len(trials):
+        say_aside(balance_line(trials, done))
+        rig = open_grasping(source, hand)
+        asks = rig.place is None and (ask or not arm)
+        made = _grasp_all(rig, trials, done, output, config, asks=asks)
+    ready = done_of(trials, output)
+    return {
+        "trials": len(trials),
+        "recorded": len(ready),
+        "balance": balance_line(trials, ready),
+        "now": [_told(grasp) for grasp in made],
+    }
+
+
+def _grasp_all(
+    rig: Grasping,
+    trials: list[PlannedTrial],
+    done: list[PlannedTrial],
+    output: Path,
+    config: CycleConfig,
+    *,
+    asks: bool,
+) -> list[CollectedGrasp]:
+    """Grasp each trial that is missing, in order."""
+    from taxel.actions.hand_driver import HandDriver, hand_limits
+
+    if asks and not console.is_terminal:
+        raise BadInput(
+            "a terminal, where a key says that the object lies in the hand",
+            "none",
+            "add --arm --no-ask where objects come by themselves",
+        )
+    ready, made = {trial.number for trial in done}, []
+    rig.actuator.connect()
+    with rig.source as source, stop_signals() as stopped, Keys() as keys, progress() as bars:
+        driver = HandDriver(rig.actuator, rig.clock, hand_limits(config.contact_ma))
+        try:
+            driver.arm()
+            bar = bars.add_task("grasps", total=len(trials), completed=len(ready))
+            before = ""
+            for trial in trials:
+                if trial.number in ready or stopped():
+                    continue
+                bars.update(bar, description=f"grasp {trial.number}: {trial.words}")
+                wait = asks and trial.words != before
+                grasp = _one(rig, source, driver, trial, output, config,
+                             keys if wait else None, stopped)  # fmt: skip
+                if grasp is None:
+                    break
+                made.append(grasp)
+                before = trial.words
+                bars.update(bar, advance=1)
+        finally:
+            rig.actuator.close()
+    return made
 
 
 def _one(

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any, ClassVar, Literal
 
 import tyro
 
 from taxel.cli.figure_files import need_figures
+from taxel.cli.option_rules import Only
 from taxel.cli.printing import print_json, say
 from taxel.cli.record import stop_signals
 from taxel.errors import BadInput
@@ -18,8 +19,11 @@ if TYPE_CHECKING:
     from taxel.actions.hand_moves import Moved
     from taxel.clock import Clock
 
+MOVES = ("move", "grip", "release")
 _LISTEN_S = 0.5
 """How long `status` listens, seconds. Source: our choice."""
+_LASTS_S = 0.3
+"""Each order runs out after this long unless it is repeated, seconds. Source: our choice."""
 
 
 @dataclass(frozen=True)
@@ -49,19 +53,23 @@ class Hand:
     json: bool = False
     """Print what became of it as JSON."""
 
+    RULES: ClassVar = (
+        Only(("arm", "fingers", "seconds"), "move, grip or release", lambda o: o.action in MOVES),
+        Only(("closed",), "move", lambda o: o.action == "move"),
+        Only(("contact-ma",), "move, grip, release or --plot",
+             lambda o: o.action in MOVES or o.plot is not None),
+        Only(("overwrite",), "--record or --plot",
+             lambda o: o.record is not None or o.plot is not None),
+    )  # fmt: skip
+
     def run(self) -> None:
         """Do it and say what became of it."""
-        from taxel.actions.grasping import open_hand
-
         self._check()
-        actuator, clock = open_hand(self.hand)
-        actuator.connect()
-        try:
-            moved = self._act(actuator, clock)
-            result = _told(actuator, moved)
-        finally:
-            actuator.close()
-        self._keep(moved)
+        result = use_hand(
+            self.action, self.hand, fingers=self.fingers, closed=self.closed,
+            contact_ma=self.contact_ma, longest_s=self.seconds, record=self.record, plot=self.plot,
+            overwrite=self.overwrite,
+        )  # fmt: skip
         if self.json:
             print_json(result)
         else:
@@ -69,7 +77,7 @@ class Hand:
 
     def _check(self) -> None:
         """Refuse what cannot be done, before anything moves."""
-        if self.action in ("move", "grip", "release") and not self.arm:
+        if self.action in MOVES and not self.arm:
             raise BadInput(
                 f"--arm for {self.action}: a person allows motion",
                 "none",
@@ -81,42 +89,71 @@ class Hand:
             raise BadInput("--seconds above 0 and up to 60", f"{self.seconds:g}", "choose another")
         if self.plot is not None:
             need_figures(self.plot)
-        for path in (self.record, self.plot):
-            if path is not None and path.exists() and not self.overwrite:
-                raise BadInput(
-                    "a new file", f"{path}, which exists", "add --overwrite or name another"
-                )
 
-    def _act(self, actuator: HandActuator, clock: Clock) -> Moved:
-        from taxel.actions.grasp_cycle import Closing
-        from taxel.actions.hand_driver import HandDriver, hand_limits
-        from taxel.actions.hand_moves import Moved, move_fingers, watch
 
-        driver = HandDriver(actuator, clock, hand_limits(self.contact_ma))
-        if self.action == "stop":
-            actuator.hand.stop()
-        if self.action in ("status", "stop"):
-            currents = watch(driver, _LISTEN_S)
-            return Moved(ended="there", seconds=_LISTEN_S, currents=currents)
-        to = {"move": self.closed, "grip": 1000, "release": 0}[self.action]
-        bits = sum(1 << finger - 1 for finger in set(self.fingers))
-        driver.arm()
-        with stop_signals() as stopped:
-            return move_fingers(
-                driver, Closing(bits, to, self.contact_ma, 0.3), self.seconds, stopped
-            )
+def use_hand(
+    action: str,
+    url: str,
+    *,
+    fingers: tuple[int, ...],
+    closed: int,
+    contact_ma: int,
+    longest_s: float,
+    record: Path | None,
+    plot: Path | None,
+    overwrite: bool,
+) -> dict[str, Any]:
+    """Open the hand, do what was asked for, write what is to be kept; return what became of it."""
+    from taxel.actions.grasping import open_hand
 
-    def _keep(self, moved: Moved) -> None:
-        """Write what was asked for of the currents."""
-        time_s, values = [s for s, _ in moved.currents], [ma for _, ma in moved.currents]
-        if self.record is not None:
-            from taxel.actions.collecting import write_currents
+    for path in (record, plot):
+        if path is not None and path.exists() and not overwrite:
+            raise BadInput("a new file", f"{path}, which exists", "add --overwrite or name another")
+    actuator, clock = open_hand(url)
+    actuator.connect()
+    try:
+        to = {"move": closed, "grip": 1000, "release": 0}.get(action)
+        moved = _act(actuator, clock, fingers, to, contact_ma, longest_s, stop=action == "stop")
+        result = _told(actuator, moved)
+    finally:
+        actuator.close()
+    time_s, values = [s for s, _ in moved.currents], [ma for _, ma in moved.currents]
+    if record is not None:
+        from taxel.actions.collecting import write_currents
 
-            write_currents(self.record, time_s, values)
-        if self.plot is not None:
-            from taxel.views.current_figure import save_currents
+        write_currents(record, time_s, values)
+    if plot is not None:
+        from taxel.views.current_figure import save_currents
 
-            save_currents(self.plot, time_s, values, self.contact_ma)
+        save_currents(plot, time_s, values, contact_ma)
+    return result
+
+
+def _act(
+    actuator: HandActuator,
+    clock: Clock,
+    fingers: tuple[int, ...],
+    to_permille: int | None,
+    contact_ma: int,
+    longest_s: float,
+    *,
+    stop: bool,
+) -> Moved:
+    """Move the fingers of a connected hand, or listen to it where there is nowhere to go."""
+    from taxel.actions.grasp_cycle import Closing
+    from taxel.actions.hand_driver import HandDriver, hand_limits
+    from taxel.actions.hand_moves import Moved, move_fingers, watch
+
+    driver = HandDriver(actuator, clock, hand_limits(contact_ma))
+    if stop:
+        actuator.hand.stop()
+    if to_permille is None:
+        return Moved(ended="there", seconds=_LISTEN_S, currents=watch(driver, _LISTEN_S))
+    bits = sum(1 << finger - 1 for finger in set(fingers))
+    driver.arm()
+    with stop_signals() as stopped:
+        wanted = Closing(bits, to_permille, contact_ma, _LASTS_S)
+        return move_fingers(driver, wanted, longest_s, stopped)
 
 
 def _told(actuator: HandActuator, moved: Moved) -> dict[str, Any]:

@@ -9,10 +9,11 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from types import FrameType
-from typing import Any
+from typing import Any, ClassVar
 
 import tyro
 
+from taxel.cli.option_rules import Only
 from taxel.cli.pairs import Pairs, parse_pairs
 from taxel.cli.printing import print_json, progress, say, say_aside
 from taxel.errors import BadInput, BadSource
@@ -63,6 +64,12 @@ class Record:
     json: bool = False
     """Print the ledger as JSON."""
 
+    RULES: ClassVar = (
+        Only(("tare", "gripper", "ask"), "--plan", lambda o: o.plan is not None),
+        Only(("tare", "ask"), "real cameras", lambda o: not o.source.startswith("sim://")),
+        Only(("label", "group", "overwrite"), "no --plan", lambda o: o.plan is None),
+    )
+
     def run(self) -> None:
         """Record, then print what was recorded and what was lost."""
         from taxel.sources.opening import open_source
@@ -72,8 +79,6 @@ class Record:
         if self.plan is not None:
             self._record_plan(self.plan)
             return
-        if self.tare or self.gripper is not None:
-            raise BadInput("--plan with --tare and --gripper", "no plan", "name a plan")
         labels = parse_pairs(self.label, "--label")
         groups = parse_pairs(self.group, "--group")
         with stop_signals() as stopped, open_source(self.source) as source:
@@ -93,15 +98,9 @@ class Record:
 
     def _record_plan(self, plan: Path) -> None:
         """Record trial after trial of a plan."""
-        from taxel.cli.record_plan import GuidedOptions, record_plan
+        from taxel.cli.record_plan import PlanRecording, record_plan
 
-        if self.label or self.group or self.overwrite:
-            raise BadInput(
-                "labels and groups in the plan's columns, and a folder that is gone on with",
-                "--label, --group or --overwrite beside --plan",
-                "write them into the plan",
-            )
-        options = GuidedOptions(
+        options = PlanRecording(
             source=self.source, plan=plan, output=self.output, seconds=self.seconds,
             tare=self.tare, gripper=self.gripper, ask=self.ask, json=self.json,
         )  # fmt: skip

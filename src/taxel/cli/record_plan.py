@@ -30,7 +30,7 @@ _KEYS = "Enter: ready · r: the last one again · d: discard the last one · q: 
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class GuidedOptions:
+class PlanRecording:
     """What was asked for, as the verb's options say it."""
 
     source: str
@@ -43,7 +43,7 @@ class GuidedOptions:
     json: bool
 
 
-def record_plan(options: GuidedOptions, stopped: Callable[[], bool]) -> None:
+def record_plan(options: PlanRecording, stopped: Callable[[], bool]) -> None:
     """Record what is missing of a plan, then say how far it is."""
     trials = read_plan(options.plan)
     done = done_of(trials, options.output)
@@ -94,7 +94,7 @@ class _Session:
 
     def __init__(
         self,
-        options: GuidedOptions,
+        options: PlanRecording,
         stack: ExitStack,
         keys: Keys | None,
         stopped: Callable[[], bool],
