@@ -28,7 +28,7 @@ from taxel.recordings.video_rows import VideoRow
 
 @dataclass(frozen=True)
 class Import:
-    """Turn tables of values, or pairs of videos, into recordings, one file a recording.
+    """Turn tables of values, or videos, into recordings, one file a recording.
 
     TABLE is a CSV with one row a file and these columns: file (relative to
     the table), label:NAME and group:NAME as many as you like, channels
@@ -36,8 +36,9 @@ class Import:
     time ("Timestamp[ms]", in s, ms, us or ns; or "rate:100Hz"), and where
     wanted layout (csv, icub, or module.py:function), sensor (its name) and
     full_scale (where it saturates). Files: .csv, .csv.gz, .npy. For tactile
-    cameras: left and right (videos relative to the table), label:NAME,
-    group:NAME, and where wanted rate (Hz) and mm_per_px. Instead of a table,
+    cameras: left and right, or camera:NAME as many as there are (videos, or
+    folders of images, relative to the table), label:NAME, group:NAME, and
+    where wanted split (train, validation, test), rate (Hz) and mm_per_px. Instead of a table,
     the name of a public data set: teng-glove, icub-grasp, gelsight-slip.
     Long recordings: --intervals names the labelled stretches of each.
     """
@@ -143,5 +144,7 @@ def _notes(parts: Sequence[ImportRow | VideoRow | Interval]) -> list[str]:
 
 
 def _of_videos(table: Path) -> bool:
-    """Return whether a table's first line names a left camera's video."""
-    return "left" in [name.strip() for name in next(iter(read_cells(table)), [])]
+    """Return whether a table's first line names cameras."""
+    from taxel.recordings.video_rows import names_videos
+
+    return names_videos(next(iter(read_cells(table)), []))

@@ -70,7 +70,7 @@ class CourseForest(nn.Module):
         features = self._course(torch.from_numpy(copies), torch.from_numpy(copy_mask))
         trees: Any = ExtraTreesClassifier(TREES, random_state=seed, n_jobs=1)
         trees.fit(features.numpy(), copy_y)
-        for name, table in _tables(trees, self._classes).items():
+        for name, table in tables_of(trees, self._classes).items():
             setattr(self, name, torch.from_numpy(table))
 
     def forward(self, values: Tensor, mask: Tensor) -> Tensor:
@@ -133,8 +133,13 @@ def cut_copies(
     return np.array(copies), np.array(masks), np.array(classes, np.intp)
 
 
-def _tables(trees: Any, classes: int) -> dict[str, NDArray[Any]]:
-    """Return all trees as flat tables; a leaf points to itself."""
+def tables_of(trees: Any, classes: int) -> dict[str, NDArray[Any]]:
+    """Return all trees as flat tables; a leaf points to itself.
+
+    Args:
+        trees: A fitted forest of scikit-learn's.
+        classes: How many classes there are; those it has not seen have probability 0.
+    """
     parts: dict[str, list[NDArray[Any]]] = {name: [] for name in _TABLES}
     offset = depth = 0
     for estimator in trees.estimators_:

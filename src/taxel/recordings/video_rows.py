@@ -1,4 +1,4 @@
-"""What each pair of videos is, read from an import table.
+"""What each camera trial is, read from an import table: its videos, labels and groups.
 
 FORMAT.md describes the table. Knows nothing about pixels.
 """
@@ -15,6 +15,11 @@ from taxel.recordings.table_columns import read_cells
 from taxel.recordings.table_files import file_of
 
 _CAMERA_COLUMNS = ("left", "right")
+_CAMERA = "camera:"
+SPLIT = "split"
+"""Column, and group, that says on which side a trial stands."""
+SIDES = ("train", "validation", "test")
+"""What the column `split` may hold."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -24,7 +29,7 @@ class VideoRow:
     name: str
     """Of the recording, without ending."""
     files: Mapping[str, Path]
-    """Camera's name → its video."""
+    """Camera's name → its video, or its folder of images."""
     labels: Mapping[str, str] = field(default_factory=dict)
     groups: Mapping[str, str] = field(default_factory=dict)
     rate_hz: float | None = None
@@ -33,10 +38,11 @@ class VideoRow:
 
 
 def read_video_rows(table: Path, data_dir: Path, *, outside: bool = False) -> list[VideoRow]:
-    """Return the rows of an import table whose columns are left, right, label:… and group:….
+    """Return the rows of an import table: a trial a row, a column a camera.
 
     Args:
-        table: A CSV; `rate` (hertz) and `mm_per_px` are further columns, where wanted.
+        table: A CSV with the columns camera:NAME (or left and right), label:NAME and group:NAME;
+            split, `rate` (hertz) and `mm_per_px` are further ones, where wanted.
         data_dir: What the videos' paths are relative to.
         outside: Also videos that lie outside of that folder.
 
@@ -57,14 +63,26 @@ def read_video_rows(table: Path, data_dir: Path, *, outside: bool = False) -> li
     return rows
 
 
+def names_videos(columns: Sequence[str]) -> bool:
+    """Return whether a table with these columns is one of camera trials."""
+    return any(_is_camera(name.strip()) for name in columns)
+
+
+def _is_camera(column: str) -> bool:
+    return column in _CAMERA_COLUMNS or column.startswith(_CAMERA)
+
+
 def _check_columns(table: Path, columns: Sequence[str]) -> None:
-    known = (*_CAMERA_COLUMNS, "rate", "mm_per_px")
-    odd = [c for c in columns if c not in known and not c.startswith(("label:", "group:"))]
-    odd += [c for c in columns if c in ("label:", "group:")]
-    if odd or "left" not in columns:
+    known = (*_CAMERA_COLUMNS, SPLIT, "rate", "mm_per_px")
+    prefixes = (_CAMERA, "label:", "group:")
+    odd = [c for c in columns if c not in known and not c.startswith(prefixes)]
+    odd += [c for c in columns if c in prefixes]
+    alone = "right" in columns and "left" not in columns
+    if odd or alone or not names_videos(columns):
         raise BadTable(
-            "the columns left, right, label:NAME, group:NAME, rate, mm_per_px",
-            f"{', '.join(map(repr, odd)) or 'no column left'} in {table}",
+            "the columns left, right (or camera:NAME), label:NAME, group:NAME, split, rate, "
+            "mm_per_px",
+            f"{', '.join(map(repr, odd)) or 'no column left or camera:NAME'} in {table}",
             "mend the table's first line",
         )
     if len(set(columns)) < len(columns):
@@ -85,7 +103,8 @@ def _row(
     if len(cells) != len(columns):
         raise BadTable(f"{len(columns)} cells", f"{len(cells)} in {where}", "mend the line")
     line = {name: cell.strip() for name, cell in zip(columns, cells, strict=True)}
-    if any(not line[name] for name in _CAMERA_COLUMNS if name in line):
+    cameras = {name.removeprefix(_CAMERA): line[name] for name in columns if _is_camera(name)}
+    if not all(cameras.values()):
         raise BadTable(
             "a video for each camera", f"an empty cell in {where}",
             "name the video, or leave the column out for all",
@@ -94,18 +113,26 @@ def _row(
     if empty:
         raise BadTable(f"something in the column {empty[0]!r}", f"nothing in {where}", "fill it in")
     files = {
-        name: file_of(line[name], data_dir, where, outside=outside)
-        for name in _CAMERA_COLUMNS
-        if name in line
+        name: file_of(cell, data_dir, where, outside=outside) for name, cell in cameras.items()
     }
+    first = next(iter(cameras))
     return VideoRow(
-        name=f"{number - 1:04d}-{files['left'].stem}",
+        name=f"{number - 1:04d}-{files[first].stem}",
         files=files,
         labels=_prefixed(line, "label:"),
-        groups={"file": line["left"], **_prefixed(line, "group:")},
+        groups={"file": cameras[first], **_prefixed(line, "group:"), **_side(line, where)},
         rate_hz=_number(line.get("rate", ""), "rate", where),
         mm_per_px=_number(line.get("mm_per_px", ""), "mm_per_px", where),
     )
+
+
+def _side(line: Mapping[str, str], where: str) -> dict[str, str]:
+    if SPLIT not in line:
+        return {}
+    if line[SPLIT] not in SIDES:
+        raise BadTable(f"{', '.join(SIDES)} in the column split",
+                       f"{line[SPLIT]!r} in {where}", "write one of them")  # fmt: skip
+    return {SPLIT: line[SPLIT]}
 
 
 def _prefixed(line: Mapping[str, str], prefix: str) -> dict[str, str]:

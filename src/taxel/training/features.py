@@ -115,11 +115,11 @@ def extract(
     frames, seconds = 0, 0.0
     for number, pour in enumerate(pours, start=1):
         path = cache / "features" / extractor.key / f"{pour.digest[:32]}.npy"
-        values = _load(path, extractor.features)
+        values = load_kept(path, extractor.features)
         if values is None:
             started = perf_counter()
             values = _compute(pour, extractor)
-            _save(path, values)
+            save_kept(path, values)
             seconds += perf_counter() - started
             frames += len(values)
         row = pour.image
@@ -174,7 +174,7 @@ def _batches(images: Iterable[NDArray[np.uint8]]) -> Iterator[list[NDArray[np.ui
         yield batch
 
 
-def _load(path: Path, features: int) -> NDArray[np.float32] | None:
+def load_kept(path: Path, features: int) -> NDArray[np.float32] | None:
     """Return what the cache holds; None where it holds nothing, or something damaged."""
     try:
         values = array_of(read_bytes(path, LARGEST_ARRAYS)).copy()
@@ -184,7 +184,12 @@ def _load(path: Path, features: int) -> NDArray[np.float32] | None:
     return values if right else None
 
 
-def _save(path: Path, values: NDArray[np.float32]) -> None:
+def save_kept(path: Path, values: NDArray[np.float32]) -> None:
+    """Write a file of the cache, whole or not at all.
+
+    Raises:
+        RecordingFailed: The disk refused.
+    """
     temporary = path.with_name(f".{path.name}.{os.getpid()}.part")
     try:
         path.parent.mkdir(parents=True, exist_ok=True)

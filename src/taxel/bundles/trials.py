@@ -1,0 +1,256 @@
+"""Bundles that recognise camera trials: crops, what is seen in them, and a model.
+
+One file, as for arrays: a first line `TAXEL BUNDLE 1 <sha256 of the rest>`, then a zip of
+`trials.json` (the contract), `model.onnx`, and `check_*.npy` with crops as rows and what they must
+give. Nothing in it is unpickled. Knows nothing about training frameworks.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, fields
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from taxel.bundles.contract import LARGEST_DIFFERENCE
+from taxel.bundles.engine import Engine, largest_difference, open_engine
+from taxel.bundles.envelope import FIRST_LINE_BYTES, FIRST_WORDS, from_npy, pack, to_npy, unpack
+from taxel.bundles.model_check import check_model
+from taxel.bundles.model_trial import Trial, try_models
+from taxel.bundles.signing import Trust
+from taxel.errors import BadBundle, BadFile
+from taxel.foreign.files import open_file
+from taxel.foreign.json_text import Fields, parse_json
+from taxel.recordings.whole import write_whole
+from taxel.windows.trial_crops import FAMILIES, LEAST_CROP, PLACES, Layout
+
+FORMAT = 1
+_MOST_CAMERAS, _MOST_FRAMES, _LARGEST_SIDE, _MOST_CLASSES = 16, 10_000, 8192, 10_000
+"""Bounds of what a contract may say. Source: our choice."""
+_MEMBERS = ("trials.json", "model.onnx", "check_rows.npy", "check_told.npy")
+_CONTRACT = "trials.json"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TrialContract:
+    """What a bundle of camera trials needs and gives."""
+
+    target: str
+    classes: tuple[str, ...]
+    """Its answers, in the order of its probabilities."""
+    crop: int
+    """Frames in a crop."""
+    places: int
+    """Crops of a whole trial, 1 or 3."""
+    views: tuple[str, ...]
+    """Names in `FAMILIES`, in the order of a row's numbers."""
+    versions: tuple[str, ...]
+    """Key of each when it was trained."""
+    cameras: int
+    width: int
+    """Of the cameras' frames, pixels."""
+    height: int
+    rate_hz: float
+    """Of the trials that it was trained on, frames a second."""
+    mm_per_px: float
+    """Millimetres that a pixel of a 320-pixel row covers."""
+    sharpness: float
+    """Power to which a trial's mean probabilities are raised."""
+    threshold: float | None
+    """A trial whose mean novelty is above it is UNKNOWN; None tests nothing."""
+    data_digest: str
+    measured: Mapping[str, float]
+    """What was measured on trials held out; may be empty."""
+    software: str
+
+    @property
+    def layout(self) -> Layout:
+        """How a trial is cut."""
+        return Layout(self.crop, self.places)
+
+    def check(self, sizes: list[tuple[int, int]], rates_hz: list[float]) -> None:
+        """Refuse cameras that this bundle was not made for.
+
+        Raises:
+            BadBundle: Their number, size or rate differ.
+        """
+        if len(sizes) != self.cameras:
+            raise BadBundle(
+                f"trials of {self.cameras} camera(s)", f"{len(sizes)}",
+                "train a bundle on trials like these",
+            )  # fmt: skip
+        for width, height in sizes:
+            if (width, height) != (self.width, self.height):
+                raise BadBundle(
+                    f"frames of {self.width}×{self.height}", f"{width}×{height}",
+                    "train a bundle on trials of this camera",
+                )  # fmt: skip
+        for rate_hz in rates_hz:
+            if not 0.8 <= rate_hz / self.rate_hz <= 1.25:
+                raise BadBundle(
+                    f"about {self.rate_hz:g} frames/s", f"{rate_hz:g}",
+                    "train a bundle on trials of this rate",
+                )  # fmt: skip
+
+
+@dataclass(frozen=True, slots=True)
+class TrialBundle:
+    """A bundle that is ready to run."""
+
+    contract: TrialContract
+    model: Engine
+
+    def tell(self, rows: NDArray[np.float32]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Return crops' probabilities, shape (n, classes), and novelty, shape (n,).
+
+        Args:
+            rows: Shape (n, numbers): the views side by side.
+        """
+        told = self.model.run(rows=rows).astype(np.float64)
+        return told[:, :-1], told[:, -1]
+
+
+def is_trial_bundle(path: Path) -> bool:
+    """Return whether a file is such a bundle, by its contents; False where it cannot be read."""
+    try:
+        with open_file(path) as file:
+            head = file.readline(FIRST_LINE_BYTES)
+            return head.startswith(FIRST_WORDS) and _CONTRACT.encode() in file.read(100)
+    except (OSError, BadFile):
+        return False
+
+
+def trial_bundle_bytes(
+    contract: TrialContract,
+    model: bytes,
+    check_rows: NDArray[np.float32],
+    check_told: NDArray[np.float32],
+) -> tuple[bytes, float]:
+    """Return a bundle as it stands on disk, and the largest difference that was found.
+
+    Args:
+        contract: What the bundle says of itself.
+        model: ONNX: rows → probabilities and novelty.
+        check_rows: Crops, shape (n, numbers).
+        check_told: What the trained models give for them, shape (n, classes + 1).
+
+    Raises:
+        BadBundle: The exported model gives something else.
+    """
+    difference = largest_difference(open_engine(model).run(rows=check_rows), check_told)
+    _refuse_differing(difference)
+    members = {
+        _CONTRACT: contract_to_json(contract).encode(),
+        "model.onnx": model,
+        "check_rows.npy": to_npy(check_rows),
+        "check_told.npy": to_npy(check_told),
+    }
+    return pack(members), difference
+
+
+def write_trial_bundle(path: Path, bundle: bytes) -> None:
+    """Write what `trial_bundle_bytes` gave, whole or not at all.
+
+    Raises:
+        RecordingFailed: The disk refused.
+    """
+    write_whole(path, bundle)
+
+
+def read_trial_bundle(path: Path, trust: Trust | None = None) -> TrialBundle:
+    """Open a bundle, after checking that it is whole and gives what it gave when written.
+
+    Raises:
+        BadBundle: It is missing, damaged, of another kind or format, gives something else, or
+            none of the keys of `trust` signed it.
+    """
+    members = unpack(path, _MEMBERS, trust)
+    contract = contract_from_json(members[_CONTRACT])
+    rows, expected = (from_npy(members[f"check_{name}.npy"]) for name in ("rows", "told"))
+    _check_shapes(contract, rows, expected)
+    check_model(members["model.onnx"])
+    try_models([Trial(members["model.onnx"], {"rows": rows})])
+    model = open_engine(members["model.onnx"], threads=1)
+    found = model.run(rows=rows)
+    if found.shape != expected.shape:
+        raise BadBundle(f"what {len(rows)} crops give", f"an array of shape {found.shape}",
+                        "write the bundle again")  # fmt: skip
+    _refuse_differing(largest_difference(found, expected))
+    return TrialBundle(contract, model)
+
+
+def contract_to_json(contract: TrialContract) -> str:
+    """Return the contract as JSON text."""
+    data = asdict(contract) | {"format": FORMAT, "kind": "trials"}
+    return json.dumps(data, indent=1, sort_keys=True, allow_nan=False)
+
+
+def contract_from_json(text: str | bytes) -> TrialContract:
+    """Return the contract that a JSON text holds.
+
+    Raises:
+        BadBundle: A field is missing, unknown, or of the wrong kind or range.
+    """
+    try:
+        return _contract(Fields(parse_json(text), "the contract"))
+    except ValueError as error:  # BadFile is a ValueError
+        raise BadBundle(
+            f"a bundle of camera trials of format {FORMAT}",
+            f"another ({getattr(error, 'got', error)})", "train it again with taxel train",
+        ) from error  # fmt: skip
+
+
+def _contract(given: Fields) -> TrialContract:
+    if given.any("format") != FORMAT or given.any("kind") != "trials":
+        raise ValueError("another format or kind")
+    given.only({field.name for field in fields(TrialContract)} | {"format", "kind"})
+    views, versions = given.texts("views"), given.texts("versions")
+    if not views or set(views) - set(FAMILIES):
+        raise ValueError("views that this version of taxel does not know")
+    if versions != tuple(FAMILIES[name].key for name in views):
+        raise ValueError("views of another version of taxel")
+    classes = given.texts("classes")
+    if not 2 <= len(set(classes)) == len(classes) <= _MOST_CLASSES:
+        raise ValueError("classes that are not two or more different names")
+    places = given.count("places", 1, len(PLACES))
+    if places not in (1, len(PLACES)):
+        raise ValueError("places are neither 1 nor 3")
+    return TrialContract(
+        target=given.text("target"),
+        classes=classes,
+        crop=given.count("crop", LEAST_CROP, _MOST_FRAMES),
+        places=places,
+        views=views,
+        versions=versions,
+        cameras=given.count("cameras", 1, _MOST_CAMERAS),
+        width=given.count("width", 1, _LARGEST_SIDE),
+        height=given.count("height", 1, _LARGEST_SIDE),
+        rate_hz=given.number("rate_hz", 0.001, 1e6),
+        mm_per_px=given.number("mm_per_px", 1e-9, 1e3),
+        sharpness=given.number("sharpness", 1e-3, 1e3),
+        threshold=None if given.any("threshold") is None else given.number("threshold", 0.0),
+        data_digest=given.text("data_digest"),
+        measured=given.numbers("measured"),
+        software=given.text("software"),
+    )
+
+
+def _check_shapes(contract: TrialContract, rows: NDArray[Any], told: NDArray[Any]) -> None:
+    n = len(rows) if rows.ndim == 2 else 0
+    shape = (n, len(contract.classes) + 1)
+    if not n or rows.dtype != np.float32 or told.shape != shape or told.dtype != np.float32:
+        raise BadBundle(f"check crops (n, numbers) and what they give, {shape}",
+                        f"shapes {rows.shape} and {told.shape}", "train it again")  # fmt: skip
+
+
+def _refuse_differing(difference: float) -> None:
+    if not difference <= LARGEST_DIFFERENCE:
+        raise BadBundle(
+            f"check crops to give what was trained within {LARGEST_DIFFERENCE:g}",
+            f"a difference of {difference:.2g}",
+            "train it again here, or report this machine's processor",
+        )

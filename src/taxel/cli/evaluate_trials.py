@@ -1,0 +1,119 @@
+"""`taxel evaluate-trials`: how well camera trials are recognised, beside a forest and controls."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Annotated, Any
+
+import tyro
+
+from taxel.cli.printing import console, print_json, progress, say
+from taxel.cli.trial_data import TrialOptions, as_json
+from taxel.errors import BadInput
+
+
+@dataclass(frozen=True, kw_only=True)
+class EvaluateTrials:
+    """Measure a recogniser of camera trials on trials it has not seen, beside trivial ones.
+
+    TRIALS is a table (CSV) with a row a trial: left and right, or camera:NAME for each camera
+    (a video, or a folder of images), label:NAME, group:NAME and, where wanted, split; or a
+    folder of recordings of tactile cameras.
+    """
+
+    trials: tyro.conf.Positional[Path]
+    """A table of camera trials or a folder of recordings; or a bundle, to be scored on DATA."""
+    data: tyro.conf.Positional[Path | None] = None
+    """With a bundle: the trials that it is scored on."""
+    json: bool = False
+    """Print JSON."""
+    options: Annotated[TrialOptions, tyro.conf.arg(name="")] = field(default_factory=TrialOptions)
+
+    def run(self) -> None:
+        """Measure and print."""
+        from taxel.bundles.trials import is_trial_bundle
+
+        if self.trials.is_file() and is_trial_bundle(self.trials):
+            self._score_bundle()
+            return
+        if self.data is not None:
+            raise BadInput("one data set, or a bundle and a data set",
+                           f"{self.trials}, which is no bundle, and {self.data}",
+                           "leave one out")  # fmt: skip
+        from taxel.evaluation.camera_trials import contenders_for, difference, judge_trials
+        from taxel.views.trial_results import best_control, trial_tables
+
+        with progress() as bar:
+            trials, split, _ = self.options.load(self.trials, bar)
+            task = bar.add_task("training", total=None)
+            results = judge_trials(
+                trials, split, self.options.seed, contenders_for(trials),
+                lambda line: bar.update(task, description=line),
+            )  # fmt: skip
+            differences = [difference(trials, split, results[0], results[1])]
+        if self.json:
+            print_json(as_json(trials, split, results, differences))
+            return
+        console.print(trial_tables(trials, split, results, differences))
+        if (control := best_control(results)) is not None:
+            say(f"warning: {control.name} is right as often: do not claim what this predicts",
+                style="yellow")  # fmt: skip
+
+    def _score_bundle(self) -> None:
+        import numpy as np
+
+        from taxel.bundles.trials import read_trial_bundle
+        from taxel.decisions.recognition import UNKNOWN
+        from taxel.evaluation.camera_trials import score_trials
+        from taxel.evaluation.trial_sides import interval_group, values_of
+        from taxel.live.trial_watch import tell_trials
+        from taxel.windows.camera_trials import read_camera_trials
+
+        if self.data is None:
+            raise BadInput("trials to score the bundle on", "none", "name them behind the bundle")
+        bundle = read_trial_bundle(self.trials)
+        target, classes = bundle.contract.target, bundle.contract.classes
+        trials = read_camera_trials(self.data)
+        verdicts = []
+        with progress() as bar:
+            task = bar.add_task("trials", total=len(trials))
+            for verdict in tell_trials(bundle, trials):
+                verdicts.append(verdict)
+                bar.update(task, advance=1)
+        truth = [trial.labels.get(target, "") for trial in trials]
+        known = [i for i, own in enumerate(truth)
+                 if own in classes and np.isfinite(verdicts[i].confidence)]  # fmt: skip
+        result: dict[str, Any] = {
+            "bundle": str(self.trials),
+            "target": target,
+            "trials": len(trials),
+            "unknown": sum(one.label == UNKNOWN for one in verdicts),
+            "verdicts": [
+                {"trial": t.name, "truth": own, "verdict": v.label, "confidence": v.confidence,
+                 "reason": v.reason}
+                for t, own, v in zip(trials, truth, verdicts, strict=True)
+            ],
+        }  # fmt: skip
+        line = f"{len(trials)} trials; no known {target} on any of them"
+        if known:
+            groups = [trials[i].groups for i in known]
+            key = interval_group(groups)
+            names = values_of(groups, key) if key else np.array([trials[i].name for i in known])
+            scores = score_trials(
+                np.array([classes.index(truth[i]) for i in known]),
+                np.stack([verdicts[i].probabilities for i in known]), names,
+            )  # fmt: skip
+            from dataclasses import asdict
+
+            result["scores"] = asdict(scores)
+            low, high = scores.accuracy_interval
+            line = (
+                f"{target}: accuracy {scores.accuracy:.3f} [{low:.3f}, {high:.3f}], AUC "
+                f"{scores.auc:.3f}, log-loss {scores.loss:.3f} on {scores.trials} trials; "
+                f"UNKNOWN {result['unknown']} of {len(trials)}"
+            )
+        if self.json:
+            print_json(result)
+            return
+        say(line)

@@ -1,0 +1,162 @@
+"""`taxel train-trials`: train a recogniser of camera trials; a run with its bundle."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import tyro
+
+from taxel.cli.options import check_run_folder
+from taxel.cli.printing import command, console, print_json, progress, say
+from taxel.cli.trial_data import TrialOptions, as_json
+from taxel.held import only_writer
+from taxel.plain_text import visible
+
+if TYPE_CHECKING:
+    from taxel.evaluation.camera_trials import Difference, TrialResult, TrialSet
+    from taxel.evaluation.trial_sides import TrialSplit
+
+BUNDLE = "recogniser.taxel"
+"""The bundle within a run's folder."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class TrainTrials:
+    """Train a recogniser of camera trials; its accuracy is measured first.
+
+    TRIALS is a table (CSV) with a row a trial: left and right, or camera:NAME for each camera
+    (a video, or a folder of images), label:NAME, group:NAME and, where wanted, split; or a
+    folder of recordings of tactile cameras.
+    """
+
+    trials: tyro.conf.Positional[Path]
+    """A table of camera trials, or a folder of recordings."""
+    output: Path | None = None
+    """Folder to write the run to, its bundle in it; named for the data unless given, an older run
+    there is replaced."""
+    check: bool = True
+    """Measure accuracy first, so that the run knows it."""
+    json: bool = False
+    """Print JSON."""
+    options: Annotated[TrialOptions, tyro.conf.arg(name="")] = field(default_factory=TrialOptions)
+
+    def run(self) -> None:
+        """Check, train and save."""
+        output = self.output or Path(f"{self.trials.name.removesuffix('.csv')}-run")
+        check_run_folder(output)
+        with only_writer(output):
+            self._train(output)
+
+    def _train(self, output: Path) -> None:
+        from taxel.evaluation.camera_trials import BAR, OURS, difference, judge_trials
+        from taxel.evaluation.final_trials import fit_final
+
+        results: list[TrialResult] = []
+        differences: list[Difference] = []
+        older = output.exists()
+        with progress() as bar:
+            trials, split, found = self.options.load(self.trials, bar)
+            task = bar.add_task("training", total=None)
+
+            def on_step(line: str) -> None:
+                bar.update(task, description=line)
+
+            if self.check:
+                seed = self.options.seed
+                results = judge_trials(trials, split, seed, (OURS, BAR), on_step)
+                differences = [difference(trials, split, results[0], results[1])]
+            measured = _measured(split, results)
+            final = fit_final(trials, found, split, self.options.seed, measured, on_step)
+        about = as_json(trials, split, results, differences) if results else {}
+        about |= {
+            "run": str(output),
+            "replaced": older,
+            "bytes": len(final.bundle),
+            "parity": final.parity,
+            "members": dict(final.members),
+            "inner_loss": dict(final.inner),
+            "learned_trials": final.trials,
+        }
+        _save(output, final.bundle, about)
+        if self.json:
+            print_json(about)
+            return
+        self._say(output, about, trials, split, results, differences)
+
+    def _say(
+        self,
+        output: Path,
+        about: dict[str, Any],
+        trials: TrialSet,
+        split: TrialSplit,
+        results: list[TrialResult],
+        differences: list[Difference],
+    ) -> None:
+        from taxel.views.trial_results import trial_tables
+
+        if results:
+            console.print(trial_tables(trials, split, results, differences))
+        members = ", ".join(f"{name} {share:.2f}" for name, share in about["members"].items())
+        say(f"blend, weights by inner folds: {members}")
+        replaced = ", replaced" if about["replaced"] else ""
+        classes = ", ".join(map(visible, trials.classes))
+        say(
+            f"{output}{replaced}: predicts {visible(trials.target)} ({classes}) from crops of "
+            f"{trials.layout.crop} "
+            f"frames, learned from {about['learned_trials']} trials; bundle {about['bytes']:,} "
+            f"bytes, equal to training within {about['parity']:.1e}"
+        )
+        live = command("taxel", "live", output / BUNDLE, "replay://RECORDING")
+        say(f"next: {live}")
+        if not results:
+            return
+        say("or:  ", command("taxel", "evaluate-trials", self.trials, *_same(self.options)),
+            "  (all controls)")  # fmt: skip
+
+
+def _same(options: TrialOptions) -> list[str]:
+    """Return the options that say what is judged."""
+    named = {"--target": options.target, "--split": options.split, "--folds": options.folds,
+             "--test": options.test, "--crop": options.crop}  # fmt: skip
+    return [
+        word for name, value in named.items() if value is not None for word in (name, str(value))
+    ]
+
+
+def _measured(split: TrialSplit, results: list[TrialResult]) -> dict[str, float]:
+    import math
+
+    if not results:
+        return {}
+    ours, bar = results[0].whole, results[1].whole
+    found = {
+        f"accuracy, {split.name}": ours.accuracy,
+        f"AUC, {split.name}": ours.auc,
+        f"log-loss, {split.name}": ours.loss,
+        f"accuracy of the bar's forest, {split.name}": bar.accuracy,
+    }
+    return {key: value for key, value in found.items() if math.isfinite(value)}
+
+
+def _save(output: Path, bundle: bytes, about: dict[str, Any]) -> None:
+    """Write a run's folder, whole or not at all; an older run there is replaced."""
+    import os
+
+    from taxel.plain_text import json_text
+    from taxel.recordings.whole import write_whole
+
+    temporary = output.with_name(output.name + ".part")
+    shutil.rmtree(temporary, ignore_errors=True)
+    try:
+        write_whole(temporary / BUNDLE, bundle)
+        text = json_text(json.loads(json.dumps(about, default=str)), 1)
+        write_whole(temporary / "run.json", text.encode())
+        if output.exists():
+            shutil.rmtree(output)
+        os.replace(temporary, output)
+    finally:
+        shutil.rmtree(temporary, ignore_errors=True)

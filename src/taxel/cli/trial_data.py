@@ -1,0 +1,132 @@
+"""What the verbs for camera trials share: their data, target and split.
+
+Knows nothing about models.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from rich.progress import Progress as Bar
+
+from taxel.errors import BadInput
+
+if TYPE_CHECKING:
+    from taxel.evaluation.camera_trials import Difference, TrialResult, TrialSet
+    from taxel.evaluation.trial_sides import TrialSplit
+    from taxel.windows.camera_trials import CameraTrial
+
+
+@dataclass(frozen=True, kw_only=True)
+class TrialOptions:
+    """Which trials, which label, and which of them are tested."""
+
+    target: str | None = None
+    """The label to predict; the only one of the data unless given."""
+    split: str | None = None
+    """Which trials are tested: group:KEY (held out in turn), order:KEY:LAST, random, or split for
+    the column of that name, which is the default where it names test trials."""
+    fold_count: int = 5
+    """How many folds, where groups are held out in turn."""
+    folds: Path | None = None
+    """A table of folds (CSV: recording or group:KEY, fold or side) instead of --split."""
+    test: Path | None = None
+    """Trials of their own that are only tested on: a table, or a folder of recordings."""
+    crop: int | None = None
+    """Frames in a crop; as many as the shortest trial has, at most 48, unless given."""
+    cache: Path | None = None
+    """Folder for features; $TAXEL_CACHE or ~/.cache/taxel unless given."""
+    seed: int = 0
+    """Seed of folds and models."""
+
+    def load(self, data: Path, bar: Bar) -> tuple[TrialSet, TrialSplit, list[CameraTrial]]:
+        """Read, cut and look at the trials; return them, how they are parted, and their images.
+
+        Raises:
+            BadInput: The options or trials do not allow it.
+        """
+        from taxel.evaluation.trial_set import load_trial_set
+        from taxel.training.features import default_cache
+
+        self._check()
+        task = bar.add_task("reading trials", total=None)
+        found = self._read(data)
+
+        def show(done: int, of: int) -> None:
+            bar.update(task, description="features of trials", completed=done, total=of)
+
+        trials = load_trial_set(
+            found, self.target, self.cache or default_cache(), crop=self.crop, on_trial=show
+        )
+        return trials, self._split(trials), found
+
+    def _check(self) -> None:
+        if not 0 <= self.seed < 2**31:
+            raise BadInput("a --seed of at least 0", str(self.seed), "choose another")
+        given = [name for name in ("split", "folds", "test") if getattr(self, name) is not None]
+        if len(given) > 1:
+            raise BadInput("one way to part the trials", " and ".join(f"--{n}" for n in given),
+                           "leave the others out")  # fmt: skip
+
+    def _read(self, data: Path) -> list[CameraTrial]:
+        from taxel.evaluation.trial_sides import TEST
+        from taxel.recordings.video_rows import SPLIT
+        from taxel.windows.camera_trials import read_camera_trials
+
+        found = read_camera_trials(data)
+        if self.test is None:
+            return found
+        others = read_camera_trials(self.test)
+        return [
+            replace(trial, groups={**trial.groups, SPLIT: side})
+            for side, part in (("train", found), (TEST, others))
+            for trial in part
+        ]
+
+    def _split(self, trials: TrialSet) -> TrialSplit:
+        from taxel.evaluation.trial_sides import split_by_table, split_trials
+
+        if self.folds is not None:
+            return split_by_table(trials.names, trials.groups, trials.y, self.folds)
+        return split_trials(trials.groups, trials.y, self.split, self.fold_count, self.seed)
+
+
+def as_json(
+    trials: TrialSet,
+    split: TrialSplit,
+    results: list[TrialResult],
+    differences: list[Difference],
+) -> dict[str, Any]:
+    """Return what was measured, for printing."""
+    from dataclasses import asdict
+
+    from taxel.evaluation.camera_trials import by_group
+    from taxel.windows.trial_crops import PLACES
+
+    def row(one: TrialResult) -> dict[str, Any]:
+        places = {place: asdict(s) for place, s in zip(PLACES, one.places, strict=False)}
+        return {"name": one.name, "leaks": one.leaks, "trials": asdict(one.whole),
+                "crops": places}  # fmt: skip
+
+    return {
+        "target": trials.target,
+        "classes": trials.classes,
+        "trials": len(trials.y),
+        "cameras": trials.cameras,
+        "crop": trials.layout.crop,
+        "crops_a_trial": trials.layout.places,
+        "split": split.name,
+        "folds": len(split.sides),
+        "rows": [row(one) for one in results],
+        "differences": [asdict(one) for one in differences],
+        "groups": {
+            name: {"right": right, "trials": of}
+            for name, (right, of) in by_group(trials, split, results[0]).items()
+        },
+        "predictions": [
+            {"trial": name, "truth": trials.classes[y], "probabilities": p.tolist()}
+            for name, y, p in zip(trials.names, trials.y, results[0].probabilities, strict=True)
+        ],
+    }

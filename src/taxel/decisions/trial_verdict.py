@@ -1,0 +1,81 @@
+"""From the crops of a camera trial seen so far to a verdict, or to UNKNOWN with its reason.
+
+Knows nothing about images, models or screens.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from taxel.decisions.recognition import UNKNOWN
+
+_LEAST = 1e-6
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class VerdictConfig:
+    """When a verdict may be given."""
+
+    sharpness: float = 1.0
+    """Power to which a trial's mean probabilities are raised."""
+    threshold: float | None = None
+    """Above this mean novelty a trial is UNKNOWN; None tests nothing."""
+    least_confidence: float = 0.5
+    """Below this probability the verdict is UNKNOWN, 0…1."""
+
+
+@dataclass(frozen=True, slots=True)
+class Verdict:
+    """What is said of a trial so far."""
+
+    label: str
+    """A class, or UNKNOWN."""
+    confidence: float
+    """Probability of the likeliest class, 0…1; NaN where nothing was seen yet."""
+    probabilities: NDArray[np.float64]
+    """Shape (classes,)."""
+    novelty: float
+    """Mean distance to what was learned; NaN where nothing was seen yet."""
+    reason: str
+    """Why the verdict is UNKNOWN; empty otherwise."""
+    crops: int
+    """How many crops it rests on."""
+
+
+def no_verdict(classes: tuple[str, ...], reason: str) -> Verdict:
+    """Return UNKNOWN for a trial of which no crop could be seen."""
+    nothing = np.full(len(classes), np.nan)
+    return Verdict(UNKNOWN, float("nan"), nothing, float("nan"), reason, 0)
+
+
+def join_crops(
+    probabilities: NDArray[np.float64],
+    novelty: NDArray[np.float64],
+    classes: tuple[str, ...],
+    config: VerdictConfig,
+) -> Verdict:
+    """Return the verdict of a trial's crops: their mean, sharpened as inner folds said.
+
+    Args:
+        probabilities: Shape (crops, classes).
+        novelty: Shape (crops,).
+        classes: Their names.
+        config: When a verdict may be given.
+    """
+    mean = np.maximum(probabilities.mean(axis=0), _LEAST) ** config.sharpness
+    mean = mean / mean.sum()
+    strange = float(novelty.mean())
+    best = int(mean.argmax())
+    confidence = float(mean[best])
+    reason = ""
+    if not np.isfinite(mean).all() or not np.isfinite(strange):
+        reason = "the model gave NaN"
+    elif config.threshold is not None and strange > config.threshold:
+        reason = f"unlike anything learned (novelty {strange:.1f}, limit {config.threshold:.1f})"
+    elif confidence < config.least_confidence:
+        reason = f"confidence {confidence:.2f} is below {config.least_confidence:.2f}"
+    label = UNKNOWN if reason else classes[best]
+    return Verdict(label, confidence, mean, strange, reason, len(novelty))

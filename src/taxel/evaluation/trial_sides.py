@@ -1,0 +1,223 @@
+"""Which camera trials are learned from and which are tested on; whole trials, whole groups.
+
+Knows nothing about images, models or metrics.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from taxel.errors import BadSplit
+from taxel.evaluation.fold_table import read_fold_table
+from taxel.recordings.video_rows import SPLIT
+from taxel.training.trial_blend import inner_folds
+
+TEST: Final = "test"
+"""Value of the group `split` whose trials are only tested on."""
+_USUAL: Final = ("object", "session")
+"""Groups that are held out unless something else is named. Source: our choice."""
+Groups = Sequence[Mapping[str, str]]
+
+
+@dataclass(frozen=True, slots=True)
+class Sides:
+    """Trials on either side of one fold, by index."""
+
+    name: str
+    train: NDArray[np.intp]
+    test: NDArray[np.intp]
+
+    def __post_init__(self) -> None:
+        both = np.intersect1d(self.train, self.test)
+        if len(both):
+            raise BadSplit("trials on one side only", f"{len(both)} on both sides of {self.name}",
+                           "assign each trial once")  # fmt: skip
+
+
+@dataclass(frozen=True, slots=True)
+class TrialSplit:
+    """How camera trials are parted."""
+
+    name: str
+    """Printed beside every accuracy, such as "object held out"."""
+    sides: tuple[Sides, ...]
+    group: str
+    """What is held out whole on inner folds, and resampled for intervals."""
+
+
+def split_trials(
+    groups: Groups, y: NDArray[np.intp], text: str | None, folds: int, seed: int
+) -> TrialSplit:
+    """Return the split that a text names: split, group:KEY, order:KEY:LAST or random.
+
+    Without a text: the trials' own column `split` where it names test trials, else by object, by
+    session, or by what else groups them.
+
+    Args:
+        groups: Of each trial.
+        y: Shape (trials,): class.
+        text: The split's name.
+        folds: How many folds, where groups are held out in turn.
+        seed: Of their assignment.
+
+    Raises:
+        BadSplit: There is no such split, or it leaves a side without trials or classes.
+    """
+    given = any(own.get(SPLIT) == TEST for own in groups)
+    text = text or (SPLIT if given else _usual(groups))
+    words = text.split(":")
+    if words == [SPLIT]:
+        held = np.array([own.get(SPLIT) == TEST for own in groups])
+        return _one("test trials given", groups, y, held)
+    if words[0] == "group" and len(words) == 2:
+        return _by_group(groups, y, words[1], folds, seed)
+    if words[0] == "order" and len(words) == 3:
+        return _by_order(groups, y, words[1], words[2])
+    if words == ["random"]:
+        names = np.arange(len(y)).astype(str)
+        return TrialSplit(
+            "random trials", _folds(names, y, folds, seed), interval_group(groups) or "trial"
+        )
+    raise BadSplit(
+        "a split: group:KEY, order:KEY:LAST, random, or split for the column of that name",
+        repr(text), f"groups are {', '.join(_shared(groups)) or 'none'}",
+    )  # fmt: skip
+
+
+def split_by_table(
+    names: Sequence[str], groups: Groups, y: NDArray[np.intp], path: Path
+) -> TrialSplit:
+    """Return the split that a table of folds writes down.
+
+    A row's recording is a trial's name, or the path or name of its first camera's file.
+    Validation rows are learned from: inner folds choose, as everywhere.
+
+    Args:
+        names: Of each trial.
+        groups: Of each trial.
+        y: Shape (trials,): class.
+        path: The table, as `taxel.evaluation.fold_table` describes it.
+
+    Raises:
+        BadTable: The table is not as it should be.
+        BadSplit: A row names no trial, or a side lacks trials or classes.
+    """
+    table = read_fold_table(path)
+    matching = [_matching(row.key, row.value, names, groups) for row in table.rows]
+    for row, found in zip(table.rows, matching, strict=True):
+        if not found:
+            raise BadSplit("rows that name trials of this data", f"{row.value!r} in "
+                           f"{table.where(row)}", "correct or remove it")  # fmt: skip
+    sides = []
+    for fold in table.folds:
+        train, test = (
+            np.array(sorted({at for row in rows for at in matching[row]}), np.intp)
+            for rows in ((*fold.train, *fold.validation), fold.test)
+        )
+        if set(y[train].tolist()) != set(y.tolist()):
+            raise BadSplit(f"every class on the training side of {fold.name}",
+                           "one that is missing", "mend the table")  # fmt: skip
+        sides.append(Sides(fold.name, train, test))
+    key = interval_group(groups)
+    if table.rows[0].key != "recording":
+        key = table.rows[0].key
+    return TrialSplit(f"folds of {table.name}", tuple(sides), key or "trial")
+
+
+def _matching(key: str, value: str, names: Sequence[str], groups: Groups) -> list[int]:
+    """Return the trials that a row of a table of folds names."""
+    if key != "recording":
+        return [at for at, own in enumerate(groups) if own.get(key) == value]
+    return [
+        at
+        for at, (name, own) in enumerate(zip(names, groups, strict=True))
+        if value in (name, own.get("file"), Path(own.get("file", "")).stem, own.get("recording"))
+    ]
+
+
+def values_of(groups: Groups, key: str) -> NDArray[np.str_]:
+    """Return a group's value of each trial, shape (trials,).
+
+    Raises:
+        BadSplit: A trial has no such group.
+    """
+    if any(key not in own for own in groups):
+        raise BadSplit(
+            f"the group {key!r} on every trial",
+            f"groups {', '.join(_shared(groups)) or 'none'}", "name one of those, or add a column",
+        )  # fmt: skip
+    return np.array([own[key] for own in groups])
+
+
+def interval_group(groups: Groups) -> str | None:
+    """Return the group to resample for intervals; None where each trial stands alone."""
+    key = _usual(groups).removeprefix("group:")
+    return None if key == "random" else key
+
+
+def _shared(groups: Groups) -> list[str]:
+    return sorted(set.intersection(*(set(own) for own in groups)))
+
+
+def _usual(groups: Groups) -> str:
+    """Return the split by the coarsest group that parts the trials: object, session, or another."""
+    counts = {key: len({own[key] for own in groups}) for key in _shared(groups) if key != SPLIT}
+    parting = {key: count for key, count in counts.items() if 1 < count < len(groups)}
+    for key in _USUAL:
+        if key in parting:
+            return f"group:{key}"
+    if parting:
+        return f"group:{min(parting, key=lambda key: (parting[key], key))}"
+    return "random"
+
+
+def _by_group(groups: Groups, y: NDArray[np.intp], key: str, folds: int, seed: int) -> TrialSplit:
+    values = values_of(groups, key)
+    found = len(set(values.tolist()))
+    if folds < 2 or found < 2:
+        raise BadSplit(f"two or more folds of two or more values of {key!r}",
+                       f"{folds} folds of {found}", "name another group")  # fmt: skip
+    folds = min(folds, found)
+    return TrialSplit(f"{key} held out", _folds(values, y, folds, seed), key)
+
+
+def _folds(
+    values: NDArray[np.str_], y: NDArray[np.intp], folds: int, seed: int
+) -> tuple[Sides, ...]:
+    rarest = int(np.bincount(y)[np.unique(y)].min())
+    parts = inner_folds(y, values, seed, folds) if folds <= rarest else []
+    if not parts:
+        raise BadSplit(
+            f"every class in every training part of {folds} folds",
+            f"{rarest} trials of the rarest class, in too few groups",
+            "choose fewer --folds, or record more",
+        )
+    return tuple(Sides(f"fold {i}", train, test) for i, (train, test) in enumerate(parts, 1))
+
+
+def _by_order(groups: Groups, y: NDArray[np.intp], key: str, last: str) -> TrialSplit:
+    try:
+        numbers = values_of(groups, key).astype(float)
+        limit = float(last)
+    except ValueError as error:
+        if isinstance(error, BadSplit):
+            raise
+        raise BadSplit(f"numbers in the group {key!r} and behind it", str(error),
+                       "choose another group") from error  # fmt: skip
+    return _one(f"{key} up to {limit:g} → above", groups, y, numbers > limit)
+
+
+def _one(name: str, groups: Groups, y: NDArray[np.intp], held: NDArray[np.bool_]) -> TrialSplit:
+    train, test = np.flatnonzero(~held), np.flatnonzero(held)
+    if not len(train) or not len(test) or set(y[train].tolist()) != set(y.tolist()):
+        raise BadSplit(
+            "trials on both sides, and every class among those learned from",
+            f"{len(train)} and {len(test)} trials", "name another split",
+        )  # fmt: skip
+    return TrialSplit(name, (Sides(name, train, test),), interval_group(groups) or "trial")

@@ -1,0 +1,120 @@
+"""Run a recogniser of camera trials on a source until it ends; keep what a person wants to see.
+
+Knows nothing about screens.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from math import inf
+from typing import Any
+
+import numpy as np
+
+from taxel.bundles.trials import TrialBundle
+from taxel.decisions.recognition import UNKNOWN
+from taxel.live.trial_watch import TrialAnswer, TrialWatch
+from taxel.signals import Mark
+from taxel.sources.contract import Source
+from taxel.windows.pairs import FramePairer
+
+
+@dataclass
+class TrialTally:
+    """What a session has told so far."""
+
+    target: str
+    trials: list[dict[str, Any]] = field(default_factory=list)
+    """One entry a trial: verdict, confidence, novelty, reason, frames, and the truth if told."""
+    looks_s: list[float] = field(default_factory=list)
+    """Time that each look at a crop took, seconds."""
+
+    def add(self, answer: TrialAnswer, truth: str | None) -> None:
+        """Take in a trial's last verdict."""
+        verdict = answer.verdict
+        self.trials.append(
+            {
+                "verdict": verdict.label,
+                "confidence": verdict.confidence,
+                "novelty": verdict.novelty,
+                "reason": verdict.reason,
+                "frames": answer.frames,
+                "truth": truth,
+            }
+        )
+
+    def summary(self) -> dict[str, Any]:
+        """Return the verdicts and times, for printing."""
+        marked = [one for one in self.trials if one["truth"] is not None]
+        looks_ms = np.array(self.looks_s or [np.nan]) * 1e3
+        return {
+            "target": self.target,
+            "trials": self.trials,
+            "marked": len(marked),
+            "right": sum(one["verdict"] == one["truth"] for one in marked),
+            "unknown": sum(one["verdict"] == UNKNOWN for one in self.trials),
+            "look_ms_median": float(np.median(looks_ms)),
+            "look_ms_max": float(looks_ms.max()),
+        }
+
+
+def run_trial_session(
+    source: Source,
+    bundle: TrialBundle,
+    seconds: float | None = None,
+    least_confidence: float = 0.5,
+    on_answer: Callable[[TrialAnswer, bool], None] = lambda answer, changed: None,
+) -> TrialTally:
+    """Watch a source until it ends, or for some of its seconds; return what was told.
+
+    A mark ends a trial, and so does the source's end.
+
+    Args:
+        source: An open source with cameras.
+        bundle: What is recognised.
+        seconds: Length on the frames' fitted clock, seconds; None has no end.
+        least_confidence: Below this probability the verdict is UNKNOWN, 0…1.
+        on_answer: Called with each answer, and True where the verdict or its crops have changed.
+
+    Raises:
+        BadBundle: The bundle was not made for such cameras.
+    """
+    watch = TrialWatch(bundle, source.cameras, least_confidence)
+    pairer = FramePairer(len(source.cameras))
+    tally = TrialTally(bundle.contract.target)
+    before: tuple[str, int, bool] | None = None
+    end_s: float | None = None
+    over = False
+
+    def finish(mark: Mark | None) -> None:
+        nonlocal before
+        answer = watch.finish()
+        if answer is not None:
+            tally.add(answer, None if mark is None else mark.labels.get(tally.target))
+            on_answer(answer, True)
+        before = None
+
+    while not (over or source.ended):
+        source.read()
+        for frame in source.frames():
+            if end_s is None:
+                end_s = frame.fitted_s + (inf if seconds is None else seconds)
+            over = frame.fitted_s >= end_s
+            if over:
+                break
+            watch.see(frame)
+            found = pairer.push(frame)
+            if found is None:
+                continue
+            answer = watch.push(found)
+            shown = answer.verdict.label, answer.verdict.crops, bool(answer.verdict.reason)
+            if answer.looked:
+                tally.looks_s.append(answer.latency_s)
+            on_answer(answer, shown != before)
+            before = shown
+        for mark in source.marks():
+            if end_s is None or mark.end_s < end_s:
+                finish(mark)
+    finish(None)
+    return tally

@@ -1,0 +1,216 @@
+"""The live path of a camera trial: frames in, a verdict that builds up, a last one at its end.
+
+Each half crop a further crop is looked at, and the verdict is that of all crops so far. When the
+trial is over, the verdict is the one that evaluation gives: of its first, middle and last crop.
+Adds no maths of its own. Knows nothing about screens or training frameworks.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from time import perf_counter
+
+import numpy as np
+from numpy.typing import NDArray
+
+from taxel.bundles.trials import TrialBundle
+from taxel.decisions.trial_verdict import Verdict, VerdictConfig, join_crops, no_verdict
+from taxel.errors import BadSource
+from taxel.frame_codec import decode_jpeg
+from taxel.live.camera_health import CameraHealth
+from taxel.signals import CameraInfo, Frame
+from taxel.windows.camera_trials import CameraTrial
+from taxel.windows.pairs import FrameSet
+from taxel.windows.trial_crops import Scene, look_at, row_of
+
+MOST_FRAMES = 9000
+"""Moments of a trial that are kept, as JPEG: five minutes at 30 a second, some 200 MB a camera. The
+verdict on a longer trial is the last one told while it ran. Source: our choice, decision 41."""
+
+
+@dataclass(frozen=True, slots=True)
+class TrialAnswer:
+    """A verdict at one moment."""
+
+    verdict: Verdict
+    time_s: float
+    """When the newest frame was taken, fitted clock, seconds."""
+    frames: int
+    """Moments of the trial so far."""
+    last: bool
+    """True where the trial is over."""
+    looked: bool
+    """True where a crop was looked at for this answer."""
+    latency_s: float
+    """From the frames in hand to the verdict, decoding included, seconds."""
+
+
+class TrialWatch:
+    """Turn sets of frames into verdicts on the trial that they belong to.
+
+    Args:
+        bundle: What is recognised.
+        cameras: The source's.
+        least_confidence: Below this probability the verdict is UNKNOWN, 0…1.
+
+    Raises:
+        BadBundle: The bundle was not made for such cameras.
+    """
+
+    def __init__(
+        self, bundle: TrialBundle, cameras: tuple[CameraInfo, ...], least_confidence: float = 0.5
+    ) -> None:
+        contract = bundle.contract
+        contract.check(
+            [(camera.width, camera.height) for camera in cameras],
+            [camera.rate_hz for camera in cameras],
+        )
+        self.bundle = bundle
+        self._cameras = cameras
+        self._config = verdict_config(bundle, least_confidence)
+        self._health = CameraHealth(cameras)
+        self.reset()
+
+    def reset(self) -> None:
+        """Forget the trial: the next frames begin another."""
+        self._sets: list[FrameSet] = []
+        self._count = 0
+        self._told: list[tuple[NDArray[np.float64], float]] = []
+        self._verdict = no_verdict(self.bundle.contract.classes, "no frame yet")
+        self._bad = ""
+
+    def see(self, frame: Frame) -> None:
+        """Look after a camera's health by every frame of it."""
+        self._health.see(frame)
+
+    def push(self, found: FrameSet) -> TrialAnswer:
+        """Take in the newest frame of each camera; return the verdict so far."""
+        started = perf_counter()
+        contract = self.bundle.contract
+        self._count += 1
+        if self._count <= MOST_FRAMES:
+            self._sets.append(found)
+        else:
+            self._sets = [*self._sets[-contract.crop + 1 :], found]
+        past = self._count - contract.crop
+        looked = past >= 0 and past % contract.layout.every == 0
+        if past < 0:
+            left = f"{self._count} of the {contract.crop} frames of a crop"
+            self._verdict = no_verdict(contract.classes, left)
+        elif looked:
+            self._look()
+        doubt = self._bad or self._health.doubt(max(frame.arrival_s for frame in found.frames))
+        verdict = no_verdict(contract.classes, doubt) if doubt else self._verdict
+        return TrialAnswer(
+            verdict, found.time_s, self._count, False, looked, perf_counter() - started
+        )
+
+    def finish(self) -> TrialAnswer | None:
+        """Hear that the trial is over; return the verdict on the whole of it, None without any.
+
+        The next frames begin another trial.
+        """
+        if not self._count:
+            return None
+        started = perf_counter()
+        verdict = self._bad_verdict() or self._whole()
+        answer = TrialAnswer(
+            verdict, self._sets[-1].time_s, self._count, True, True, perf_counter() - started
+        )
+        self.reset()
+        return answer
+
+    def _bad_verdict(self) -> Verdict | None:
+        return no_verdict(self.bundle.contract.classes, self._bad) if self._bad else None
+
+    def _look(self) -> None:
+        """Look at the crop that ends now, beside those before."""
+        try:
+            self._told.append(self._crop(self._sets[-self.bundle.contract.crop :]))
+        except BadSource as error:
+            self._bad = error.got
+            return
+        self._verdict = self._joined(self._told)
+
+    def _whole(self) -> Verdict:
+        contract = self.bundle.contract
+        if self._count < contract.crop or self._count > MOST_FRAMES:
+            return self._verdict
+        try:
+            starts = contract.layout.starts(self._count)
+            return self._joined([self._crop(self._sets[at : at + contract.crop]) for at in starts])
+        except BadSource as error:
+            return no_verdict(contract.classes, error.got)
+
+    def _joined(self, told: Sequence[tuple[NDArray[np.float64], float]]) -> Verdict:
+        probabilities = np.stack([own for own, _ in told])
+        novelty = np.array([strange for _, strange in told])
+        return join_crops(probabilities, novelty, self.bundle.contract.classes, self._config)
+
+    def _crop(self, sets: Sequence[FrameSet]) -> tuple[NDArray[np.float64], float]:
+        images = [
+            [decode_jpeg(found.frames[number].jpeg, camera) for found in sets]
+            for number, camera in enumerate(self._cameras)
+        ]
+        probabilities, novelty = tell_crop(self.bundle, images)
+        return probabilities, novelty
+
+
+def verdict_config(bundle: TrialBundle, least_confidence: float = 0.5) -> VerdictConfig:
+    """Return when a bundle's verdict may be given."""
+    return VerdictConfig(
+        sharpness=bundle.contract.sharpness,
+        threshold=bundle.contract.threshold,
+        least_confidence=least_confidence,
+    )
+
+
+def tell_crop(
+    bundle: TrialBundle, images: Sequence[Sequence[NDArray[np.uint8]]]
+) -> tuple[NDArray[np.float64], float]:
+    """Return one crop's probabilities, shape (classes,), and its novelty.
+
+    Args:
+        bundle: What is recognised.
+        images: A camera each, the crop's images, red first.
+    """
+    contract = bundle.contract
+    scenes = [Scene(own, contract.rate_hz, contract.mm_per_px) for own in images]
+    row = row_of(look_at(contract.views, scenes))
+    rows = np.concatenate([row[name] for name in contract.views])[None]
+    probabilities, novelty = bundle.tell(rows)
+    return probabilities[0], float(novelty[0])
+
+
+def tell_trials(
+    bundle: TrialBundle, trials: Sequence[CameraTrial], least_confidence: float = 0.5
+) -> Iterator[Verdict]:
+    """Yield the verdict on each whole trial; UNKNOWN for one shorter than a crop.
+
+    Args:
+        bundle: What is recognised.
+        trials: Read one after another.
+        least_confidence: Below this probability the verdict is UNKNOWN, 0…1.
+
+    Raises:
+        BadBundle: The bundle was not made for such cameras.
+        BadTable: A video cannot be read.
+    """
+    contract, config = bundle.contract, verdict_config(bundle, least_confidence)
+    for trial in trials:
+        contract.check([(trial.width, trial.height)] * len(trial.cameras), [trial.rate_hz])
+        if trial.frames < contract.crop:
+            yield no_verdict(contract.classes, f"{trial.frames} frames, fewer than a crop")
+            continue
+        starts = contract.layout.starts(trial.frames)
+        wanted = [start + at for start in starts for at in range(contract.crop)]
+        images = [trial.images(camera, wanted) for camera in range(len(trial.cameras))]
+        told = [
+            tell_crop(bundle, [[own[s + at] for at in range(contract.crop)] for own in images])
+            for s in starts
+        ]
+        yield join_crops(
+            np.stack([own for own, _ in told]), np.array([strange for _, strange in told]),
+            contract.classes, config,
+        )  # fmt: skip

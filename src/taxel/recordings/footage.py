@@ -1,0 +1,249 @@
+"""Frames of one camera from a video file, or from a folder of images.
+
+A video's coding has no check sums: damage that the decoder can conceal is not noticed. Images of
+a folder come in the order of the numbers in their names. Knows nothing about tables, trials or
+recordings.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import re
+from collections.abc import Iterator
+from pathlib import Path
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from taxel.errors import BadFile, BadSource, BadTable
+from taxel.foreign.files import MIB, open_file, read_bytes
+from taxel.jpeg_head import check_size, read_head
+
+LARGEST_SIDE = 8192
+"""Pixels; beyond it a frame alone takes 200 MB. Source: our choice."""
+LARGEST_IMAGE = 64 * MIB
+"""Bytes of an image's file. Source: our choice."""
+IMAGES = (".png", ".jpg", ".jpeg")
+"""Endings of a folder's images."""
+NO_RATE_HZ = 25.0
+"""Frames a second of images without a clock, unless the table says: a GelSight Mini's nominal
+rate. Source: our choice, docs/decisions/0041."""
+_GREY = 3.0
+"""Mean difference between colours, grey levels, below which a video has no colour."""
+_BLOCK = MIB
+
+
+def open_footage(path: Path) -> Footage:
+    """Open a video, or a folder of images.
+
+    Raises:
+        BadTable: It is missing, empty, cut short, or larger than any camera's.
+    """
+    return ImageFolder(path) if path.is_dir() else Video(path)
+
+
+class Video:
+    """An open video file that knows whether it is whole."""
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        if not path.is_file():
+            raise BadTable("a video of each camera", f"no file {path}", "check the path")
+        _refuse_cut(path)
+        self._capture = cv2.VideoCapture(str(path))
+        self.count = int(self._capture.get(cv2.CAP_PROP_FRAME_COUNT))
+        self.rate_hz = float(self._capture.get(cv2.CAP_PROP_FPS))
+        self.width = int(self._capture.get(cv2.CAP_PROP_FRAME_WIDTH))
+        self.height = int(self._capture.get(cv2.CAP_PROP_FRAME_HEIGHT))
+        _refuse_side(path, self.width, self.height)
+        if not self._capture.isOpened() or self.count < 1 or self.rate_hz <= 0:
+            raise BadTable(
+                "a video with frames", f"{path} of {path.stat().st_size} bytes without any",
+                "copy or record it again",
+            )  # fmt: skip
+        _refuse_large(path, self.width, self.height)
+
+    def digest(self) -> str:
+        """Return the SHA-256 of the file, hexadecimal."""
+        whole = hashlib.sha256()
+        with open_file(self.path) as file:
+            while block := file.read(_BLOCK):
+                whole.update(block)
+        return whole.hexdigest()
+
+    def frames(self) -> Iterator[NDArray[np.uint8]]:
+        """Yield the frames, shape (height, width, 3), red first.
+
+        Raises:
+            BadTable: There are fewer than the file says, or one has another size.
+        """
+        for number in range(self.count):
+            read, bgr = self._capture.read()
+            if not read:
+                raise BadTable(
+                    f"the {self.count} frames that {self.path} says it has",
+                    f"{number}: it is cut short", "copy it again, or cut it at a whole frame",
+                )  # fmt: skip
+            _same_size(self, bgr)
+            yield np.asarray(cv2.cvtColor(bgr, cv2.COLOR_BGR2RGB), np.uint8)
+
+    def close(self) -> None:
+        """Let go of the file."""
+        self._capture.release()
+
+
+class ImageFolder:
+    """A folder of images of one size, one a frame."""
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self._files = sorted(
+            (file for file in path.iterdir() if file.suffix.lower() in IMAGES), key=_in_order
+        )
+        if not self._files:
+            raise BadTable(
+                f"images ({', '.join(IMAGES)}) in the folder of a camera", f"none in {path}",
+                "check the path",
+            )  # fmt: skip
+        self.count = len(self._files)
+        self.rate_hz = NO_RATE_HZ
+        self.width, self.height = _size_of(self._files[0])
+        _refuse_side(path, self.width, self.height)
+
+    def digest(self) -> str:
+        """Return the SHA-256 over all images in order, hexadecimal."""
+        whole = hashlib.sha256()
+        for file in self._files:
+            whole.update(hashlib.sha256(read_bytes(file, LARGEST_IMAGE)).digest())
+        return whole.hexdigest()
+
+    def frames(self) -> Iterator[NDArray[np.uint8]]:
+        """Yield the frames, shape (height, width, 3), red first.
+
+        Raises:
+            BadTable: An image is damaged, or has another size than the first.
+        """
+        for file in self._files:
+            _size_of(file)
+            bgr = cv2.imdecode(np.frombuffer(_bytes_of(file), np.uint8), cv2.IMREAD_COLOR)
+            if bgr is None:
+                raise BadTable("images that can be read", f"a damaged one: {file}", "copy it again")
+            _same_size(self, bgr)
+            yield np.asarray(cv2.cvtColor(bgr, cv2.COLOR_BGR2RGB), np.uint8)
+
+    def close(self) -> None:
+        """Do nothing: no file stays open."""
+
+
+Footage = Video | ImageFolder
+"""What `open_footage` gives: count, rate_hz, width, height, path and frames."""
+
+
+def coloured(footage: Footage) -> Iterator[NDArray[np.uint8]]:
+    """Yield the frames, and refuse grey ones.
+
+    Raises:
+        BadTable: The first frames have no colour; and as `frames` raises.
+    """
+    colour = 0.0
+    for number, rgb in enumerate(footage.frames()):
+        if number < 5:
+            spread = rgb[:, :, ::2].astype(np.int16) - rgb[:, :, 1:2]
+            colour = max(colour, float(np.abs(spread).mean()))
+        if number == min(4, footage.count - 1) and colour < _GREY:
+            raise BadTable(
+                "colour frames", f"grey ones in {footage.path}",
+                "use the sensor's own colour stream",
+            )  # fmt: skip
+        yield rgb
+
+
+def _in_order(file: Path) -> list[tuple[int, int, str]]:
+    """Return a key by which frame2 comes before frame10."""
+    return [
+        (1, int(part[:18]), part) if part.isdecimal() else (0, 0, part)
+        for part in re.split(r"(\d+)", file.name)
+    ]
+
+
+def _bytes_of(file: Path) -> bytes:
+    try:
+        return read_bytes(file, LARGEST_IMAGE)
+    except (BadFile, OSError) as error:
+        raise BadTable("images that can be read", f"{file}: {error}", "check the folder") from error
+
+
+def _size_of(file: Path) -> tuple[int, int]:
+    """Return an image's width and height from its head, before it is decoded.
+
+    Raises:
+        BadTable: It is neither PNG nor JPEG, or larger than any camera's.
+    """
+    data = _bytes_of(file)
+    if data[:8] == b"\x89PNG\r\n\x1a\n":
+        width, height = (int.from_bytes(data[at : at + 4], "big") for at in (16, 20))
+    else:
+        try:
+            head = read_head(data, None)
+            width, height = head.width, head.height
+        except BadSource as error:
+            raise BadTable(
+                "images as PNG or JPEG", f"{file}: {error.got}", "save them so"
+            ) from error
+    _refuse_large(file, width, height)
+    return width, height
+
+
+def _same_size(footage: Footage, bgr: NDArray[np.generic]) -> None:
+    if bgr.shape[:2] != (footage.height, footage.width):
+        raise BadTable(
+            f"frames of {footage.width} × {footage.height} px throughout {footage.path}",
+            f"one of {bgr.shape[1]} × {bgr.shape[0]} px", "write it anew at one size",
+        )  # fmt: skip
+
+
+def _refuse_side(path: Path, width: int, height: int) -> None:
+    if max(width, height) > LARGEST_SIDE:
+        raise BadTable(
+            f"frames with sides of at most {LARGEST_SIDE} pixels",
+            f"{width}×{height} in {path}", "make the video smaller",
+        )  # fmt: skip
+
+
+def _refuse_large(path: Path, width: int, height: int) -> None:
+    """Refuse a video that declares frames no camera has, before the first is decoded.
+
+    Raises:
+        BadTable: They are larger than `taxel.jpeg_head.LARGEST_PX`, or empty.
+    """
+    try:
+        check_size(width, height)
+    except BadSource as error:
+        raise BadTable(
+            f"{error.needed} in {path}", error.got, "write it anew at the sensor's own size"
+        ) from error
+
+
+def _refuse_cut(path: Path) -> None:
+    """Refuse an AVI that is shorter than its own head says: decoders do not mind.
+
+    Raises:
+        BadTable: It is cut short, or cannot be read.
+    """
+    try:
+        with open_file(path) as file:
+            head = file.read(8)
+    except BadFile as error:
+        raise BadTable("a video of each camera", error.got, "check the path") from error
+    except OSError as error:
+        raise BadTable(
+            "a video that can be read", f"{path}: {error.strerror or error}", "check its rights"
+        ) from error
+    size = path.stat().st_size
+    stated = int.from_bytes(head[4:8], "little") + 8
+    if head[:4] == b"RIFF" and size < stated:
+        raise BadTable(
+            f"the {stated:,} bytes that {path} says it has", f"{size:,}: it is cut short",
+            "copy it again, or write it anew with a video tool",
+        )  # fmt: skip

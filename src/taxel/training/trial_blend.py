@@ -1,0 +1,322 @@
+"""A recogniser of camera trials: several models on several views, weighed by inner folds.
+
+Forests and logistic regressions see grey differences, flow, markers, the slip signal or stills;
+each one's weight comes from trials of groups that it was not fitted on, as does how sharp the
+mean is made. The bar's own forest is among them. Knows nothing about images, files or outer folds.
+
+Source: docs/decisions/0041.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+from sklearn.ensemble import ExtraTreesClassifier, RandomForestClassifier
+from sklearn.linear_model import LogisticRegression
+from sklearn.model_selection import StratifiedGroupKFold
+
+from taxel.training.squeezed import Squeezed
+from taxel.training.trial_novelty import Novelty, held_out_novelty, novelty_threshold
+from taxel.windows.trial_crops import bar_columns
+
+Rows = NDArray[np.float32]
+Views = Mapping[str, Rows]
+TREES: Final = 400
+INNER_TREES: Final = 150
+"""Of a forest that is kept, and of one on an inner fold. Source: our choice, decision 41."""
+PENALTY: Final = 0.002
+"""C of the logistic regressions: strong, as columns outnumber rows. Source: our choice."""
+INNER_FOLDS: Final = 5
+PRIOR: Final = 0.25
+"""Weight of "all members alike" beside the trials, as a share of their number. Our choice."""
+LEAST_WEIGHT: Final = 0.04
+"""A member below it is left out. Source: our choice."""
+_ROUNDS: Final = 200
+_SHARPEST, _BLUNTEST, _SHARPNESSES = 0.5, 4.0, 29
+_LEAST: Final = 1e-6
+_TRIES: Final = 50
+
+
+class Ridge:
+    """A logistic regression on each column's signed logarithm, standardised."""
+
+    def __init__(self, seed: int, trees: int = 0) -> None:
+        self._model = LogisticRegression(C=PENALTY, max_iter=300)
+        self.columns = Squeezed.none()
+
+    def fit(self, rows: Rows, y: NDArray[np.intp]) -> Ridge:
+        self.columns = Squeezed.of(rows)
+        self._model.fit(self.columns.apply(rows), y)
+        return self
+
+    def predict_proba(self, rows: Rows) -> NDArray[np.float64]:
+        """Return shape (n, classes), as scikit-learn's classifiers do."""
+        return np.asarray(self._model.predict_proba(self.columns.apply(rows)), np.float64)
+
+    @property
+    def classes_(self) -> NDArray[np.intp]:
+        return np.asarray(self._model.classes_, np.intp)
+
+    @property
+    def slopes(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Slope of each column and level, shapes (classes or 1, columns) and (classes or 1,)."""
+        return self._model.coef_, self._model.intercept_
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Member:
+    """A model and what it sees."""
+
+    name: str
+    views: tuple[str, ...]
+    make: Callable[[int, int], Any]
+    """Seed and number of trees → a scikit-learn classifier."""
+    bar: bool = False
+    """Sees mean grey differences alone."""
+
+    def columns(self, cameras: int, widths: Mapping[str, int]) -> NDArray[np.intp]:
+        """Return which columns of all views, side by side in their order, it sees."""
+        starts = dict(zip(widths, np.cumsum([0, *widths.values()])[:-1], strict=True))
+        if self.bar:
+            return np.asarray(starts["pixels"] + bar_columns(cameras), np.intp)
+        each = [starts[view] + np.arange(widths[view]) for view in self.views]
+        return np.asarray(np.concatenate(each), np.intp)
+
+
+def forest(seed: int, trees: int = TREES) -> RandomForestClassifier:
+    """Return a random forest, the bar's kind."""
+    return RandomForestClassifier(trees, min_samples_leaf=2, random_state=seed, n_jobs=1)
+
+
+def extra(seed: int, trees: int = TREES) -> ExtraTreesClassifier:
+    """Return extremely randomised trees."""
+    return ExtraTreesClassifier(trees, min_samples_leaf=2, random_state=seed, n_jobs=1)
+
+
+MEMBERS: Final[tuple[Member, ...]] = (
+    Member(name="forest on grey differences", views=("pixels",), make=forest, bar=True),
+    Member(name="extra-trees on pixels", views=("pixels",), make=extra),
+    Member(name="logistic on pixels", views=("pixels",), make=Ridge),
+    Member(name="extra-trees on slip", views=("slip",), make=extra),
+    Member(name="extra-trees on movement", views=("pixels", "gel", "slip"), make=extra),
+    Member(name="logistic on movement", views=("pixels", "gel", "slip"), make=Ridge),
+    Member(name="extra-trees on stills", views=("stills",), make=extra),
+    Member(name="logistic on stills", views=("stills",), make=Ridge),
+)
+"""What is blended."""
+
+
+@dataclass(frozen=True, slots=True)
+class Learning:
+    """Crops to learn from."""
+
+    rows: Rows
+    """Shape (n, columns): all views side by side."""
+    trial: NDArray[np.intp]
+    """Shape (n,): which trial a crop is of, 0 to trials - 1."""
+    y: NDArray[np.intp]
+    """Shape (trials,): class."""
+    groups: NDArray[np.str_]
+    """Shape (trials,): what is held out whole."""
+    classes: int
+
+    def part(self, trials: NDArray[np.intp]) -> Learning:
+        """Return some trials, numbered anew."""
+        number = np.full(len(self.y), -1)
+        number[trials] = np.arange(len(trials))
+        kept = number[self.trial] >= 0
+        return Learning(
+            self.rows[kept], number[self.trial[kept]].astype(np.intp), self.y[trials],
+            self.groups[trials], self.classes,
+        )  # fmt: skip
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Blend:
+    """Fitted members with their weights."""
+
+    members: tuple[Member, ...]
+    fitted: tuple[Any, ...]
+    columns: tuple[NDArray[np.intp], ...]
+    weights: NDArray[np.float64]
+    """Shape (members,), summing to 1."""
+    sharpness: float
+    """Power to which a trial's mean probabilities are raised."""
+    classes: int
+    inner: Mapping[str, float]
+    """Member → log-loss on inner folds; "blend" too. Empty where nothing could be held out."""
+    novelty: Novelty
+    threshold: float
+    """A trial whose mean novelty is above it is unlike what was learned."""
+
+    def crops(self, rows: Rows) -> NDArray[np.float64]:
+        """Return the members' weighted mean, shape (n, classes), of crops."""
+        each = [
+            weight * proba_of(model, rows[:, columns], self.classes)
+            for model, columns, weight in zip(self.fitted, self.columns, self.weights, strict=True)
+        ]
+        return np.asarray(np.sum(each, axis=0), np.float64)
+
+    def trials(self, rows: Rows, trial: NDArray[np.intp]) -> NDArray[np.float64]:
+        """Return shape (trials, classes), of whole trials."""
+        return sharpened(mean_of_crops(self.crops(rows), trial), self.sharpness)
+
+
+def fit_blend(
+    learning: Learning,
+    cameras: int,
+    widths: Mapping[str, int],
+    seed: int,
+    members: Sequence[Member] = MEMBERS,
+    on_step: Callable[[str], None] = lambda line: None,
+) -> Blend:
+    """Fit members, weigh them by inner folds over groups, and set when a trial is unknown.
+
+    Args:
+        learning: What to learn from; nothing else is looked at.
+        cameras: How many there are.
+        widths: View → numbers a crop, in the order in which they stand in `learning.rows`.
+        seed: Of folds and members.
+        members: What to blend; those whose views are not there are left out.
+        on_step: Called with a line before each fit.
+    """
+    members = [member for member in members if set(member.views) <= set(widths)]
+    columns = [member.columns(cameras, widths) for member in members]
+    held, novelty = _held_out(learning, members, columns, seed, on_step)
+    told = np.isfinite(held[:, 0, 0])
+    y = learning.y[told]
+    weights = np.full(len(members), 1 / len(members))
+    sharpness, inner = 1.0, {}
+    if told.any():
+        weights = weigh(held[told], y)
+        sharpness = sharpen(_mixed(held[told], weights), y)
+        each = {m.name: log_loss(held[told][:, i], y) for i, m in enumerate(members)}
+        blended = sharpened(_mixed(held[told], weights), sharpness)
+        inner = each | {"blend": log_loss(blended, y)}
+    kept = np.flatnonzero(weights >= min(LEAST_WEIGHT, weights.max()))
+    on_step("all trials")
+    return Blend(
+        members=tuple(members[i] for i in kept),
+        fitted=tuple(
+            members[i]
+            .make(seed, TREES)
+            .fit(learning.rows[:, columns[i]], learning.y[learning.trial])
+            for i in kept
+        ),
+        columns=tuple(columns[i] for i in kept),
+        weights=weights[kept] / weights[kept].sum(),
+        sharpness=sharpness,
+        classes=learning.classes,
+        inner=inner,
+        novelty=Novelty.of(learning.rows),
+        threshold=novelty_threshold(novelty[np.isfinite(novelty)]),
+    )
+
+
+def inner_folds(
+    y: NDArray[np.intp], groups: NDArray[np.str_], seed: int, folds: int = INNER_FOLDS
+) -> list[tuple[NDArray[np.intp], NDArray[np.intp]]]:
+    """Return train and test trials of folds over groups; none where they cannot be made.
+
+    Args:
+        y: Shape (trials,): class.
+        groups: Shape (trials,).
+        seed: Of the folds.
+        folds: How many, where there are so many groups.
+    """
+    folds = min(folds, len(set(groups.tolist())), int(np.bincount(y)[np.unique(y)].min()))
+    if folds < 2:
+        return []
+    for attempt in range(_TRIES):
+        splitter = StratifiedGroupKFold(folds, shuffle=True, random_state=seed + 1000 * attempt)
+        parts = [(np.asarray(a), np.asarray(b)) for a, b in splitter.split(y, y, groups)]
+        if all(len(b) and set(y[a].tolist()) == set(y.tolist()) for a, b in parts):
+            return parts
+    return []
+
+
+def _held_out(
+    learning: Learning,
+    members: Sequence[Member],
+    columns: Sequence[NDArray[np.intp]],
+    seed: int,
+    on_step: Callable[[str], None],
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return what members say of trials they were not fitted on, and how novel those were.
+
+    Returns:
+        Shapes (trials, members, classes) and (trials,); NaN where a trial was never held out.
+    """
+    found = np.full((len(learning.y), len(members), learning.classes), np.nan)
+    novelty = np.full(len(learning.y), np.nan)
+    parts = inner_folds(learning.y, learning.groups, seed)
+    for number, (train, test) in enumerate(parts, start=1):
+        own, other = learning.part(train), learning.part(test)
+        on_step(f"inner fold {number}")
+        for index, member in enumerate(members):
+            model = member.make(seed, INNER_TREES).fit(
+                own.rows[:, columns[index]], own.y[own.trial]
+            )
+            crops = proba_of(model, other.rows[:, columns[index]], learning.classes)
+            found[test, index] = mean_of_crops(crops, other.trial)
+        novelty[test] = held_out_novelty(own.rows, other.rows, other.trial)
+    return found, novelty
+
+
+def proba_of(model: Any, rows: Rows, classes: int) -> NDArray[np.float64]:
+    """Return shape (n, classes), 0 for classes that a model has never seen."""
+    found = np.zeros((len(rows), classes))
+    found[:, np.asarray(model.classes_, np.intp)] = model.predict_proba(rows)
+    return found
+
+
+def mean_of_crops(crops: NDArray[np.float64], trial: NDArray[np.intp]) -> NDArray[np.float64]:
+    """Return each trial's mean, shape (trials, columns), of its crops, shape (n, columns)."""
+    count = np.bincount(trial)
+    sums = [np.bincount(trial, weights=column) for column in crops.T]
+    return np.asarray(np.stack(sums, axis=1) / count[:, None], np.float64)
+
+
+def weigh(held: NDArray[np.float64], y: NDArray[np.intp]) -> NDArray[np.float64]:
+    """Return weights under which the members' mean is likeliest, drawn towards equal ones.
+
+    Expectation maximisation of a mixture's weights with a Dirichlet prior.
+
+    Args:
+        held: Shape (trials, members, classes).
+        y: Shape (trials,).
+    """
+    right = np.maximum(held[np.arange(len(y)), :, y], _LEAST)
+    count, members = right.shape
+    weights = np.full(members, 1 / members)
+    for _ in range(_ROUNDS):
+        share = right * weights
+        share /= share.sum(axis=1, keepdims=True)
+        weights = share.sum(axis=0) + PRIOR * count / members
+        weights /= weights.sum()
+    return weights
+
+
+def sharpen(mixed: NDArray[np.float64], y: NDArray[np.intp]) -> float:
+    """Return the power that makes probabilities likeliest, shape (trials, classes)."""
+    powers = np.geomspace(_SHARPEST, _BLUNTEST, _SHARPNESSES)
+    return float(min(powers, key=lambda power: log_loss(sharpened(mixed, power), y)))
+
+
+def sharpened(probabilities: NDArray[np.float64], power: float) -> NDArray[np.float64]:
+    """Return probabilities raised to a power and made to sum to 1."""
+    raised = np.maximum(probabilities, _LEAST) ** power
+    return np.asarray(raised / raised.sum(axis=-1, keepdims=True), np.float64)
+
+
+def log_loss(probabilities: NDArray[np.float64], y: NDArray[np.intp]) -> float:
+    """Return the mean negative logarithm of the true class's probability, nats."""
+    return float(-np.log(np.maximum(probabilities[np.arange(len(y)), y], _LEAST)).mean())
+
+
+def _mixed(held: NDArray[np.float64], weights: NDArray[np.float64]) -> NDArray[np.float64]:
+    return np.asarray(np.einsum("tmc,m->tc", held, weights), np.float64)

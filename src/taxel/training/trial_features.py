@@ -1,0 +1,114 @@
+"""What crops of camera trials show, computed once and kept on disk, a file a trial and family.
+
+Files are named by the family and by the images' contents: other images, another crop or another
+version of a family give another file. Knows nothing about labels, folds or models.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from taxel.training.features import load_kept, save_kept
+from taxel.windows.camera_trials import CameraTrial
+from taxel.windows.trial_crops import FAMILIES, Layout, Scene, look_at, mm_per_px, row_of
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TrialRows:
+    """All trials' crops, a trial's together."""
+
+    rows: dict[str, NDArray[np.float32]]
+    """Family → shape (n, numbers)."""
+    shown: dict[str, NDArray[np.float32]]
+    """Family → shape (n, rows, cameras, columns): what a crop shows before it is summed up."""
+    trial: NDArray[np.intp]
+    """Shape (n,): index of the trial."""
+    place: NDArray[np.intp]
+    """Shape (n,): index in `PLACES`."""
+
+
+def trial_rows(
+    trials: Sequence[CameraTrial],
+    layout: Layout,
+    families: Sequence[str],
+    cache: Path,
+    on_trial: Callable[[int, int], None] = lambda done, of: None,
+) -> TrialRows:
+    """Return what all crops show, from the cache where it has it.
+
+    Args:
+        trials: None shorter than a crop.
+        layout: How they are cut.
+        families: Names in `FAMILIES`.
+        cache: Folder to keep files in.
+        on_trial: Called with trials done and in all.
+
+    Raises:
+        RecordingFailed: The disk refused.
+        BadTable: A video cannot be read.
+    """
+    shown: dict[str, list[NDArray[np.float32]]] = {name: [] for name in families}
+    for done, trial in enumerate(trials, start=1):
+        for name, values in _shown(trial, layout, families, cache).items():
+            shown[name].append(values)
+        on_trial(done, len(trials))
+    whole = {name: np.concatenate(parts) for name, parts in shown.items()}
+    count = len(trials) * layout.places
+    each = [row_of({name: whole[name][at] for name in families}) for at in range(count)]
+    return TrialRows(
+        rows={name: np.stack([row[name] for row in each]) for name in families},
+        shown=whole,
+        trial=np.repeat(np.arange(len(trials)), layout.places),
+        place=np.tile(np.arange(layout.places), len(trials)),
+    )
+
+
+def _shown(
+    trial: CameraTrial, layout: Layout, families: Sequence[str], cache: Path
+) -> dict[str, NDArray[np.float32]]:
+    """Return what one trial's crops show, family → shape (places, rows, cameras, columns)."""
+    files = {name: _file(trial, layout, name, cache) for name in families}
+    found = {name: _kept(files[name], trial, layout, name) for name in families}
+    lacking = [name for name in families if found[name] is None]
+    if lacking:
+        for name, values in _compute(trial, layout, lacking).items():
+            save_kept(files[name], values.reshape(-1, values.shape[-1]))
+            found[name] = values
+    return {name: values for name, values in found.items() if values is not None}
+
+
+def _file(trial: CameraTrial, layout: Layout, name: str, cache: Path) -> Path:
+    camera = f"{trial.rate_hz:.4g}-{mm_per_px(trial.width, trial.mm_per_px):.4g}"
+    folder = f"{FAMILIES[name].key}-{layout.crop}x{layout.places}-{camera}"
+    return cache / "trials" / folder / f"{trial.digest[:32]}.npy"
+
+
+def _kept(file: Path, trial: CameraTrial, layout: Layout, name: str) -> NDArray[np.float32] | None:
+    columns, cameras = FAMILIES[name].columns, len(trial.cameras)
+    values = load_kept(file, columns)
+    if values is None or len(values) % (layout.places * cameras):
+        return None
+    return values.reshape(layout.places, -1, cameras, columns)
+
+
+def _compute(
+    trial: CameraTrial, layout: Layout, families: Sequence[str]
+) -> dict[str, NDArray[np.float32]]:
+    starts = layout.starts(trial.frames)
+    wanted = [start + at for start in starts for at in range(layout.crop)]
+    images = [trial.images(camera, wanted) for camera in range(len(trial.cameras))]
+    scale = mm_per_px(trial.width, trial.mm_per_px)
+    each = [
+        look_at(
+            families,
+            [Scene([own[start + at] for at in range(layout.crop)], trial.rate_hz, scale)
+             for own in images],
+        )
+        for start in starts
+    ]  # fmt: skip
+    return {name: np.stack([crop[name] for crop in each]) for name in families}

@@ -1,0 +1,127 @@
+"""How camera trials are recognised, as tables in the terminal. Knows nothing of how it was made."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from rich.box import SIMPLE_HEAD
+from rich.console import Group, RenderableType
+from rich.table import Table
+from rich.text import Text
+
+from taxel.evaluation.camera_trials import (
+    Difference,
+    TrialResult,
+    TrialScores,
+    TrialSet,
+    by_group,
+)
+from taxel.evaluation.trial_sides import TrialSplit
+from taxel.plain_text import visible
+from taxel.windows.trial_crops import PLACES
+
+_WEAKEST = 5
+"""Groups that are shown, those with the fewest right first."""
+
+
+def trial_tables(
+    trials: TrialSet,
+    split: TrialSplit,
+    results: Sequence[TrialResult],
+    differences: Sequence[Difference],
+) -> RenderableType:
+    """Return scores by trial, by place, the difference to the bar, and what controls know.
+
+    Args:
+        trials: What was judged.
+        split: How it was parted.
+        results: A row each, ours first.
+        differences: Ours less others.
+    """
+    ours = results[0]
+    parts: list[RenderableType] = [
+        Text(_head(trials, split, ours)),
+        _table("by trial", [(one.name, one.whole) for one in results]),
+    ]
+    if ours.places:
+        rows = [
+            (f"{one.name}, {place} crop", scores)
+            for one in results[:2]
+            for place, scores in zip(PLACES, one.places, strict=True)
+        ]
+        parts.append(_table("by one crop alone", rows))
+    parts += [Text(_said(one, split.group)) for one in differences]
+    parts += [Text(f"{one.name}: {one.leaks}.") for one in results if one.leaks]
+    parts.append(Text(_weakest(trials, split, ours)))
+    return Group(*parts, Text(f"Intervals in []: 95 % CI, whole {split.group}s resampled."))
+
+
+def best_control(results: Sequence[TrialResult]) -> TrialResult | None:
+    """Return the control that reaches as many right as ours or more; none where ours is ahead."""
+    controls = [one for one in results[1:] if one.leaks]
+    best = max(controls, key=lambda one: one.whole.accuracy, default=None)
+    ahead = best is None or results[0].whole.accuracy > best.whole.accuracy
+    return None if ahead else best
+
+
+def _head(trials: TrialSet, split: TrialSplit, ours: TrialResult) -> str:
+    counts = ", ".join(
+        f"{int((trials.y == number).sum())} {visible(name)}"
+        for number, name in enumerate(trials.classes[:8])
+    )
+    more = f", and {len(trials.classes) - 8} more classes" if len(trials.classes) > 8 else ""
+    layout = trials.layout
+    crops = "the first, the middle and the last" if layout.places > 1 else "all"
+    shortest, longest = trials.lengths.min(), trials.lengths.max()
+    return (
+        f"{len(trials.y)} trials of {trials.cameras} camera{'s' if trials.cameras > 1 else ''}, "
+        f"{visible(trials.target)}: {counts}{more}; {shortest} to {longest} frames, of each "
+        f"{crops} {layout.crop}. {split.name}: {len(split.sides)} fold"
+        f"{'s' if len(split.sides) > 1 else ''}, {ours.whole.trials} trials tested. Nothing is "
+        "chosen on a test trial."
+    )
+
+
+def _table(title: str, rows: Sequence[tuple[str, TrialScores]]) -> Table:
+    table = Table(title=title, title_justify="left", box=SIMPLE_HEAD, pad_edge=False)
+    table.add_column("model")
+    for column in ("accuracy %", "balanced %", "AUC", "log-loss", "ECE"):
+        table.add_column(column, justify="right", no_wrap=True)
+    for name, scores in rows:
+        table.add_row(name, *_cells(scores))
+    return table
+
+
+def _cells(scores: TrialScores) -> list[str]:
+    low, high = (100 * end for end in scores.accuracy_interval)
+    least, most = scores.auc_interval
+    return [
+        f"{100 * scores.accuracy:.1f} [{low:.1f}, {high:.1f}]",
+        f"{100 * scores.balanced:.1f}",
+        f"{scores.auc:.3f} [{least:.3f}, {most:.3f}]",
+        f"{scores.loss:.3f}",
+        f"{scores.calibration_error:.3f}",
+    ]
+
+
+def _said(found: Difference, group: str) -> str:
+    low, high = (100 * end for end in found.accuracy_interval)
+    least, most = found.auc_interval
+    less, more = found.loss_interval
+    return (
+        f"taxel less {found.other}: accuracy {100 * found.accuracy:+.1f} points "
+        f"[{low:+.1f}, {high:+.1f}], AUC {found.auc:+.3f} [{least:+.3f}, {most:+.3f}], log-loss "
+        f"{found.loss:+.3f} [{less:+.3f}, {more:+.3f}], on the same trials."
+    )
+
+
+def _weakest(trials: TrialSet, split: TrialSplit, ours: TrialResult) -> str:
+    groups = by_group(trials, split, ours)
+    missed = [(name, right, of) for name, (right, of) in groups.items() if right < of]
+    if not missed:
+        return f"all trials of all {len(groups)} {split.group}s right."
+    shown = ", ".join(f"{visible(name)} {right}/{of}" for name, right, of in missed[:_WEAKEST])
+    return (
+        f"{len(groups) - len(missed)} of {len(groups)} {split.group}s all right; fewest right: "
+        f"{shown}."
+    )

@@ -1,0 +1,164 @@
+"""Camera trials as data: what each is labelled, who belongs together, and its images on demand.
+
+A trial is a recording of tactile cameras, or a row of a table that names videos or folders of
+images, which are read where they lie. Knows nothing about crops, features or models.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import closing
+from dataclasses import dataclass
+from itertools import islice
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from taxel.errors import BadDataset, BadTable
+from taxel.frame_codec import decode_jpeg
+from taxel.recordings.footage import open_footage
+from taxel.recordings.known import KNOWN_VIDEOS
+from taxel.recordings.reader import list_recordings, read_manifest
+from taxel.recordings.table_columns import read_cells
+from taxel.recordings.video_rows import VideoRow, names_videos, read_video_rows
+from taxel.recordings.videos import same_length, same_rate
+from taxel.windows.pours import Pour, frame_sets, read_pours
+
+Image = NDArray[np.uint8]
+TABLES = (".csv", ".tsv")
+"""Endings of a table of trials."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CameraTrial:
+    """One trial of one or more tactile cameras; its images stay on disk."""
+
+    name: str
+    labels: Mapping[str, str]
+    groups: Mapping[str, str]
+    cameras: tuple[str, ...]
+    frames: int
+    """Of each camera."""
+    width: int
+    height: int
+    """Of the first camera's images, pixels."""
+    rate_hz: float
+    mm_per_px: float | None
+    """Millimetres that a pixel covers; None where nobody said."""
+    digest: str
+    """SHA-256 over all images, hexadecimal."""
+    read: Callable[[int], Iterator[Image]]
+    """Camera's number → its images in order, shape (height, width, 3), red first."""
+
+    def images(self, camera: int, wanted: Sequence[int]) -> dict[int, Image]:
+        """Return some of a camera's images by their number; memory is that of those."""
+        needed = set(wanted)
+        found = enumerate(islice(self.read(camera), max(needed) + 1))
+        return {number: image for number, image in found if number in needed}
+
+
+def are_camera_trials(path: Path) -> bool:
+    """Return whether a path holds camera trials, looking at its first file only."""
+    try:
+        if path.suffix.lower() in TABLES:
+            return names_videos(next(iter(read_cells(path)), []))
+        if _known(path):
+            return True
+        return bool(read_manifest(list_recordings(path)[0]).cameras)
+    except (OSError, ValueError):
+        return False
+
+
+def read_camera_trials(path: Path, *, outside: bool = False) -> list[CameraTrial]:
+    """Return the trials of a table, of a folder of recordings, or of a public data set's folder.
+
+    Args:
+        path: A table as FORMAT.md describes it, a folder of recordings, or one.
+        outside: Also videos that a table names outside of its folder.
+
+    Raises:
+        BadTable: The table or a video is not as it should be.
+        BadRecording: A recording is damaged, or there is none.
+        BadDataset: There are no cameras, or trials differ in their number.
+    """
+    if path.suffix.lower() in TABLES and path.is_file():
+        trials = [_of_row(row) for row in read_video_rows(path, path.parent, outside=outside)]
+    elif rows := _known(path):
+        trials = [_of_row(row) for row in rows]
+    else:
+        trials = [_of_pour(pour) for pour in read_pours(path)]
+    counts = {len(trial.cameras) for trial in trials}
+    if len(counts) > 1:
+        raise BadDataset(
+            "trials of as many cameras each", f"some of {min(counts)}, some of {max(counts)}",
+            "make a table of each",
+        )  # fmt: skip
+    return trials
+
+
+def _known(path: Path) -> list[VideoRow]:
+    """Return the rows of a public data set's own folder; none where it is no such."""
+    if not path.is_dir() or any(path.glob("*.mcap*")):
+        return []
+    for rows in KNOWN_VIDEOS.values():
+        try:
+            return rows(path)
+        except BadTable:
+            continue
+    return []
+
+
+def _of_row(row: VideoRow) -> CameraTrial:
+    videos = {name: open_footage(file) for name, file in row.files.items()}
+    try:
+        files = list(row.files.values())
+
+        def read(camera: int) -> Iterator[Image]:
+            with closing(open_footage(files[camera])) as footage:
+                yield from footage.frames()
+
+        first = next(iter(videos.values()))
+        together = "".join(video.digest() for video in videos.values())
+        return CameraTrial(
+            name=row.name,
+            labels=row.labels,
+            groups=row.groups,
+            cameras=tuple(videos),
+            frames=same_length(row.name, videos),
+            width=first.width,
+            height=first.height,
+            rate_hz=row.rate_hz or same_rate(row.name, videos),
+            mm_per_px=row.mm_per_px,
+            digest=hashlib.sha256(together.encode()).hexdigest(),
+            read=read,
+        )
+    finally:
+        for video in videos.values():
+            video.close()
+
+
+def _of_pour(pour: Pour) -> CameraTrial:
+    def read(camera: int) -> Iterator[Image]:
+        last: tuple[bytes, Image] | None = None
+        for found in frame_sets(pour.path, len(pour.cameras)):
+            jpeg = found.frames[camera].jpeg
+            if last is None or last[0] != jpeg:
+                last = jpeg, decode_jpeg(jpeg, pour.cameras[camera])
+            yield last[1]
+
+    first = pour.cameras[0]
+    return CameraTrial(
+        name=pour.name,
+        labels=pour.labels,
+        groups=pour.groups,
+        cameras=tuple(camera.name for camera in pour.cameras),
+        frames=len(pour),
+        width=first.width,
+        height=first.height,
+        rate_hz=first.rate_hz,
+        mm_per_px=first.mm_per_px,
+        digest=pour.digest,
+        read=read,
+    )

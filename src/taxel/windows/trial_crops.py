@@ -1,0 +1,337 @@
+"""Crops of fixed length of camera trials, and what each shows, as a row of numbers.
+
+Every trial has as many crops, at the same places, so that neither their number nor where they lie
+tells how long it is. All that is seen of movement in a crop is relative to the crop's own first
+frames: a crop gives the same row wherever it was cut, offline and live. Knows nothing about
+labels, models or files.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Final
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from taxel.errors import BadDataset, BadInput
+from taxel.gel.slip_features import SLIP_FEATURES, SlipFeatures
+from taxel.gel.slip_signal import TREND_FEATURES, USUAL_MM_PER_PX, GelSlip
+from taxel.gel.touch_poses import TouchFollower
+
+Image = NDArray[np.uint8]
+LONGEST_CROP: Final = 48
+"""Frames of a crop where all trials are longer: 2 s at 25 frames a second. Source: our choice,
+docs/decisions/0041."""
+LEAST_CROP: Final = 8
+"""Shortest crop, frames. Source: our choice."""
+PLACES: Final[tuple[str, ...]] = ("first", "middle", "last")
+"""The crops of each trial; a set whose trials all have a crop's length has the first alone."""
+REFERENCE_FRAMES: Final = 3
+"""Frames at a crop's start whose median is its reference: 0.12 s at 25 frames a second."""
+_LAG: Final = 5
+"""Frames of the slower difference: 0.2 s at 25 frames a second. Source: our choice."""
+_WIDTH: Final = 160
+"""Pixels of a row in which grey differences and flow are taken. Source: our choice."""
+_GRID: Final = (3, 4)
+"""Rows and columns of the places where differences and edges are taken apart."""
+THUMB: Final = (6, 8)
+"""Rows and columns of the small grey image that the first-frame control sees."""
+_EDGES: Final = 8
+"""Directions of edges in each place."""
+_STILLS: Final = 3
+"""Frames of a crop whose look is kept: first, middle, last."""
+_BANDS: Final = ((1, 3), (3, 8), (8, 1000))
+"""Cycles a crop: 0.5 to 1.5, 1.5 to 4 and above 4 Hz for 48 frames at 25 frames a second."""
+STATISTICS: Final = 9 + len(_BANDS)
+"""Numbers that a column's course is summed up in."""
+_FURTHEST: Final = 1e6
+"""What a row may hold; nothing that is measured here comes near. Source: our choice."""
+
+PIXELS: Final[tuple[str, ...]] = (
+    "step", "since", "step_p95", "since_p95", "lagged",
+    "flow_x", "flow_y", "flow", "flow_p90", "flow_spread", "flow_turn", "flow_growth",
+    *(f"step_{place}" for place in range(_GRID[0] * _GRID[1])),
+    *(f"since_{place}" for place in range(_GRID[0] * _GRID[1])),
+)  # fmt: skip
+"""Of each frame: absolute difference of grey to the frame before (step), to the crop's first
+(since) and to the one 0.2 s before (lagged), means and 95th percentiles, 0…255; optical flow since
+the frame before, pixels of a 160-pixel row; the differences by place."""
+BAR: Final = (0, 1)
+"""Columns of `PIXELS` that the bar's forest sees: mean step and since."""
+SLIP: Final[tuple[str, ...]] = ("slip_mm", "slip_rate_mm_s", "slip_seen", *TREND_FEATURES)
+"""Of each frame: the slip signal of `taxel.gel.slip_signal` and its features."""
+STILLS: Final = THUMB[0] * THUMB[1] + _GRID[0] * _GRID[1] * (_EDGES + 3)
+"""Columns of a still: grey thumb, edges by direction and place, colour by place."""
+
+
+@dataclass(frozen=True, slots=True)
+class Layout:
+    """How trials are cut, the same for all of a set."""
+
+    crop: int
+    """Frames in a crop."""
+    places: int
+    """1 or 3 crops a trial."""
+
+    def starts(self, frames: int) -> list[int]:
+        """Return the first frames of a trial's crops, in the order of `PLACES`."""
+        last = frames - self.crop
+        return [0, last // 2, last][: self.places]
+
+    @property
+    def every(self) -> int:
+        """Frames after which a running trial is looked at again: half a crop."""
+        return max(1, self.crop // 2)
+
+
+def choose_layout(lengths: Sequence[int], crop: int | None = None) -> Layout:
+    """Return crops that fit into the shortest trial.
+
+    Args:
+        lengths: Frames of each trial.
+        crop: Frames in a crop; the shortest trial's, `LONGEST_CROP` at most, unless given.
+
+    Raises:
+        BadInput: The crop asked for is too short or too long for a trial.
+        BadDataset: A trial is shorter than any crop.
+    """
+    shortest = min(lengths)
+    if shortest < LEAST_CROP:
+        raise BadDataset(
+            f"at least {LEAST_CROP} frames in each trial", f"{shortest} in the shortest",
+            "leave such trials out",
+        )  # fmt: skip
+    if crop is not None and not LEAST_CROP <= crop <= shortest:
+        raise BadInput(
+            f"--crop of {LEAST_CROP} to {shortest} frames, the shortest trial's", str(crop),
+            "choose another, or leave it out",
+        )  # fmt: skip
+    chosen = crop or min(shortest, LONGEST_CROP)
+    return Layout(chosen, 1 if max(lengths) == chosen else len(PLACES))
+
+
+@dataclass(frozen=True, slots=True)
+class Scene:
+    """One camera's images of one crop, and what must be known of the camera."""
+
+    images: Sequence[Image]
+    """Shape (height, width, 3) each, red first."""
+    rate_hz: float
+    mm_per_px: float
+    """Of a 320-pixel row."""
+
+
+@dataclass(frozen=True, slots=True)
+class Family:
+    """A kind of quantities: frame by frame, or of some stills."""
+
+    columns: int
+    look: Callable[[Scene], NDArray[np.float32]]
+    """One camera's crop → shape (rows, columns), a row a frame or a still."""
+    sum_up: Callable[[NDArray[np.float32]], NDArray[np.float32]]
+    """Shape (rows, cameras, columns) → (cameras, numbers)."""
+    version: str
+
+    @property
+    def key(self) -> str:
+        """Name for the cache."""
+        return f"{self.version}-{self.columns}-{REFERENCE_FRAMES}"
+
+
+def look_at(families: Sequence[str], scenes: Sequence[Scene]) -> dict[str, NDArray[np.float32]]:
+    """Return what one crop shows, family → shape (rows, cameras, columns).
+
+    Args:
+        families: Names in `FAMILIES`.
+        scenes: One a camera.
+    """
+    return {
+        name: np.stack([FAMILIES[name].look(scene) for scene in scenes], axis=1)
+        for name in families
+    }
+
+
+def row_of(shown: Mapping[str, NDArray[np.float32]]) -> dict[str, NDArray[np.float32]]:
+    """Return one crop as numbers, family → shape (numbers,).
+
+    Several cameras give the largest and the least of each number over them, so that which of two
+    fingers is left does not matter.
+
+    Args:
+        shown: As `look_at` gives it.
+    """
+    rows = {}
+    for name, values in shown.items():
+        each = FAMILIES[name].sum_up(values)
+        both = each if len(each) == 1 else np.stack([each.max(axis=0), each.min(axis=0)])
+        rows[name] = np.nan_to_num(
+            both.ravel(), nan=0.0, posinf=_FURTHEST, neginf=-_FURTHEST
+        ).clip(-_FURTHEST, _FURTHEST).astype(np.float32)  # fmt: skip
+    return rows
+
+
+def bar_columns(cameras: int) -> NDArray[np.intp]:
+    """Return which numbers of the family "pixels" sum up mean grey differences."""
+    blocks = STATISTICS * (2 if cameras > 1 else 1)
+    starts = np.arange(blocks)[:, None] * len(PIXELS)
+    return np.asarray((starts + np.array(BAR)).ravel(), np.intp)
+
+
+def _pixels(scene: Scene) -> NDArray[np.float32]:
+    flow = cv2.DISOpticalFlow.create(cv2.DISOPTICAL_FLOW_PRESET_ULTRAFAST)
+    greys = [_small_grey(image) for image in scene.images]
+    rows = []
+    for index, grey in enumerate(greys):
+        before = greys[max(0, index - 1)]
+        step, since = (cv2.absdiff(grey, other) for other in (before, greys[0]))
+        lagged = cv2.absdiff(grey, greys[max(0, index - _LAG)])
+        moved = np.zeros((*grey.shape, 2), np.float32)
+        if index:
+            moved = np.asarray(flow.calc(before, grey, moved), np.float32)
+        rows.append(
+            np.concatenate(
+                [
+                    [step.mean(), since.mean(), _p95(step), _p95(since), lagged.mean()],
+                    _flow_columns(moved),
+                    _by_place(step),
+                    _by_place(since),
+                ]
+            )
+        )
+    return np.stack(rows).astype(np.float32)
+
+
+def _gel(scene: Scene) -> NDArray[np.float32]:
+    stream = SlipFeatures(scene.images[:REFERENCE_FRAMES])
+    return np.stack([stream.push(image) for image in scene.images])
+
+
+def _slip(scene: Scene) -> NDArray[np.float32]:
+    follower = TouchFollower(scene.images[:REFERENCE_FRAMES])
+    to_mm = np.array([scene.mm_per_px, scene.mm_per_px, 1.0])
+    gel, rows = GelSlip(), []
+    for index, image in enumerate(scene.images):
+        pose = follower.follow(image)
+        gel.push(
+            pose.object * to_mm, pose.gel * to_mm, pose.spread * to_mm, index / scene.rate_hz,
+            pose.seen,
+        )  # fmt: skip
+        told = gel.slip
+        rows.append([told.distance_mm, told.rate_mm_s, float(told.seen), *gel.features])
+    return np.nan_to_num(np.array(rows, np.float32))
+
+
+def _stills(scene: Scene) -> NDArray[np.float32]:
+    """Return the look of the first, the middle and the last frame."""
+    last = len(scene.images) - 1
+    return np.stack([_look_of(scene.images[at]) for at in (0, last // 2, last)])
+
+
+def _look_of(image: Image) -> NDArray[np.float32]:
+    grey = _small_grey(image)
+    thumb = cv2.resize(grey.astype(np.float32), (THUMB[1], THUMB[0]), interpolation=cv2.INTER_AREA)
+    colour = cv2.resize(
+        image.astype(np.float32), (_GRID[1], _GRID[0]), interpolation=cv2.INTER_AREA
+    )
+    found = np.concatenate([thumb.ravel(), _edges(grey), colour.ravel()])
+    return np.asarray(found, np.float32)
+
+
+def _edges(grey: Image) -> NDArray[np.float32]:
+    """Return how much edge there is by direction, of each place, shape (places · directions,).
+
+    Source: histograms of oriented gradients, Dalal and Triggs, CVPR 2005, without blocks.
+    """
+    across, down = (cv2.Sobel(grey, cv2.CV_32F, *order, ksize=3) for order in ((1, 0), (0, 1)))
+    strength, direction = cv2.cartToPolar(across, down)
+    sector = np.floor((direction % np.pi) / (np.pi / _EDGES)).astype(np.intp) % _EDGES
+    rows, columns = (np.arange(n) * g // n for n, g in zip(grey.shape, _GRID, strict=True))
+    place = rows[:, None] * _GRID[1] + columns[None]
+    found = np.bincount(
+        (place * _EDGES + sector).ravel(), strength.ravel().astype(np.float64),
+        _GRID[0] * _GRID[1] * _EDGES,
+    )  # fmt: skip
+    return np.sqrt(found / grey.size).astype(np.float32)
+
+
+def _small_grey(image: Image) -> Image:
+    grey = cv2.cvtColor(image, cv2.COLOR_RGB2GRAY)
+    height = max(8, round(_WIDTH * grey.shape[0] / grey.shape[1]))
+    return np.asarray(cv2.resize(grey, (_WIDTH, height), interpolation=cv2.INTER_AREA), np.uint8)
+
+
+def _p95(difference: NDArray[np.generic]) -> float:
+    counts = np.cumsum(np.bincount(np.asarray(difference, np.uint8).ravel(), minlength=256))
+    return float(np.searchsorted(counts, 0.95 * counts[-1]))
+
+
+def _by_place(difference: NDArray[np.generic]) -> NDArray[np.float32]:
+    small = cv2.resize(
+        np.asarray(difference, np.float32), (_GRID[1], _GRID[0]), interpolation=cv2.INTER_AREA
+    )
+    return np.asarray(small, np.float32).ravel()
+
+
+def _flow_columns(moved: NDArray[np.float32]) -> NDArray[np.float32]:
+    length = np.hypot(moved[..., 0], moved[..., 1])
+    mean = moved.reshape(-1, 2).mean(axis=0)
+    parted = moved - mean
+    turn = np.diff(moved[..., 1], axis=1).mean() - np.diff(moved[..., 0], axis=0).mean()
+    growth = np.diff(moved[..., 0], axis=1).mean() + np.diff(moved[..., 1], axis=0).mean()
+    spread = np.sqrt((parted**2).sum(axis=2).mean())
+    return np.array(
+        [*mean, length.mean(), np.percentile(length, 90), spread, turn, growth], np.float32
+    )
+
+
+def _courses(values: NDArray[np.float32]) -> NDArray[np.float32]:
+    """Return the statistics of courses, shape (cameras, statistics · columns).
+
+    Args:
+        values: Shape (frames, cameras, columns).
+    """
+    steps = np.diff(values, axis=0)
+    power = np.abs(np.fft.rfft(steps, axis=0)) ** 2 / len(steps)
+    bands = [np.log1p(power[low:high].sum(axis=0)) for low, high in _BANDS]
+    found = [
+        values.mean(axis=0),
+        values.std(axis=0),
+        values.min(axis=0),
+        values.max(axis=0),
+        values[-1],
+        *np.percentile(values, (10, 50, 90), axis=0),
+        (steps**2).mean(axis=0),
+        *bands,
+    ]
+    return np.asarray(np.concatenate(found, axis=1), np.float32)
+
+
+def _looks(values: NDArray[np.float32]) -> NDArray[np.float32]:
+    """Return the first look and how the middle and the last differ, a row a camera."""
+    first, middle, last = values
+    return np.concatenate([first, middle - first, last - first], axis=1)
+
+
+def mm_per_px(width: int, stated: float | None) -> float:
+    """Return the millimetres that a pixel of a 320-pixel row covers."""
+    return USUAL_MM_PER_PX if stated is None else stated * width / 320
+
+
+FAMILIES: Final[dict[str, Family]] = {
+    "pixels": Family(len(PIXELS), _pixels, _courses, "pixels-1"),
+    "gel": Family(
+        len(SLIP_FEATURES), _gel, _courses,
+        "gel-1-" + hashlib.sha256(",".join(SLIP_FEATURES).encode()).hexdigest()[:8],
+    ),
+    "slip": Family(
+        len(SLIP), _slip, _courses,
+        "slip-1-" + hashlib.sha256(",".join(SLIP).encode()).hexdigest()[:8],
+    ),
+    "stills": Family(STILLS, _stills, _looks, "stills-1"),
+}  # fmt: skip
+"""Name → what is looked at: grey differences and flow, markers and imprint, the slip signal, and
+how the crop's first, middle and last frame look."""

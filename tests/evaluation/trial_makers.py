@@ -1,0 +1,106 @@
+"""Camera trials made small: shape and traps of somebody's own set, not its values.
+
+A bright patch lies on a textured ground. In a trial that slips it moves against the ground from
+the middle on; in one that holds, patch and ground shake together. Traps: slip trials are shorter
+where `shorter` is set, and each object has a brightness of its own.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+SIZE = (60, 80)
+Write = Callable[[Path, list[NDArray[np.uint8]]], str]
+
+
+def trial_images(slips: bool, frames: int, seed: int, brightness: int) -> list[NDArray[np.uint8]]:
+    """One camera's images, shape (60, 80, 3), red first."""
+    rng = np.random.default_rng(seed)
+    y, x = np.mgrid[: SIZE[0], : SIZE[1]].astype(np.float32)
+    phase = rng.uniform(0, 6)
+    images = []
+    for number in range(frames):
+        shake = 0.6 * np.sin(number / 3 + phase)
+        moved = max(0.0, number - frames / 2) * 1.2 if slips else 0.0
+        ground = brightness + 25 * np.sin((x + shake) / 2.5) * np.cos(y / 3)
+        at = np.exp(-(((x - 30 - shake - moved) / 9) ** 2 + ((y - 30) / 12) ** 2))
+        grey = ground + 70 * at + rng.normal(0, 1.0, SIZE)
+        colours = np.stack([grey, 0.8 * grey, 0.6 * grey], axis=2)
+        images.append(np.clip(np.rint(colours), 0, 255).astype(np.uint8))
+    return images
+
+
+def as_folder(path: Path, images: list[NDArray[np.uint8]]) -> str:
+    """Write images as a folder of PNG, named without leading zeros; return its name."""
+    path.mkdir(parents=True)
+    for number, image in enumerate(images):
+        cv2.imwrite(str(path / f"frame{number}.png"), image[..., ::-1])
+    return path.name
+
+
+def as_avi(path: Path, images: list[NDArray[np.uint8]]) -> str:
+    """Write images as an AVI of 25 frames a second; return its name."""
+    return _as_video(path.with_suffix(".avi"), "MJPG", images)
+
+
+def as_mp4(path: Path, images: list[NDArray[np.uint8]]) -> str:
+    """Write images as an MP4 of 25 frames a second; return its name."""
+    return _as_video(path.with_suffix(".mp4"), "mp4v", images)
+
+
+def _as_video(path: Path, code: str, images: list[NDArray[np.uint8]]) -> str:
+    fourcc = cv2.VideoWriter.fourcc(*code)
+    writer = cv2.VideoWriter(str(path), fourcc, 25.0, (SIZE[1], SIZE[0]))
+    for image in images:
+        writer.write(np.ascontiguousarray(image[..., ::-1]))
+    writer.release()
+    return path.name
+
+
+def write_trials(
+    folder: Path,
+    *,
+    objects: int = 6,
+    each: int = 4,
+    cameras: int = 1,
+    frames: int = 21,
+    shorter: int = 0,
+    write: Write = as_avi,
+    test_objects: int = 0,
+) -> Path:
+    """Write trials and the table of them; return the table.
+
+    Args:
+        folder: Where to.
+        objects: How many there are.
+        each: Trials of each, half of which slip.
+        cameras: 1 or 2.
+        frames: Of a trial that holds.
+        shorter: By how many frames one that slips is shorter.
+        write: How a camera's images are kept.
+        test_objects: So many of them stand on the side "test" of a column split.
+    """
+    folder.mkdir(parents=True, exist_ok=True)
+    names = ["left", "right"][:cameras] if cameras > 1 else ["camera:wrist"]
+    split = ",split" if test_objects else ""
+    lines = [",".join(names) + ",label:slipped,group:object" + split]
+    for number in range(objects * each):
+        thing, slips = number % objects, (number // objects) % 2 == 1
+        cells = []
+        for camera in range(cameras):
+            images = trial_images(
+                slips, frames - (shorter if slips else 0), 100 * number + camera, 90 + 6 * thing
+            )
+            cells.append(write(folder / f"t{number}c{camera}", images))
+        cells += [str(int(slips)), f"object {thing}"]
+        if test_objects:
+            cells.append("test" if thing >= objects - test_objects else "train")
+        lines.append(",".join(cells))
+    table = folder / "trials.csv"
+    table.write_text("\n".join(lines) + "\n")
+    return table
