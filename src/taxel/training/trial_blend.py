@@ -87,14 +87,14 @@ class Member:
         return np.asarray(np.concatenate(each), np.intp)
 
 
-def forest(seed: int, trees: int = TREES) -> RandomForestClassifier:
-    """Return a random forest, the bar's kind."""
-    return RandomForestClassifier(trees, min_samples_leaf=2, random_state=seed, n_jobs=1)
+def forest(seed: int, trees: int | None = None) -> RandomForestClassifier:
+    """Return a random forest, the bar's kind, of `TREES` trees unless given."""
+    return RandomForestClassifier(trees or TREES, min_samples_leaf=2, random_state=seed, n_jobs=1)
 
 
-def extra(seed: int, trees: int = TREES) -> ExtraTreesClassifier:
-    """Return extremely randomised trees."""
-    return ExtraTreesClassifier(trees, min_samples_leaf=2, random_state=seed, n_jobs=1)
+def extra(seed: int, trees: int | None = None) -> ExtraTreesClassifier:
+    """Return extremely randomised trees, `TREES` of them unless given."""
+    return ExtraTreesClassifier(trees or TREES, min_samples_leaf=2, random_state=seed, n_jobs=1)
 
 
 MEMBERS: Final[tuple[Member, ...]] = (
