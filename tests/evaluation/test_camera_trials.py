@@ -45,6 +45,7 @@ from taxel.windows.trial_crops import (
     Scene,
     choose_layout,
     look_at,
+    numbers_of,
     row_of,
 )
 
@@ -54,7 +55,7 @@ def _small(monkeypatch: pytest.MonkeyPatch) -> None:
     """Few and small members: tests look at wiring, not at accuracy."""
     monkeypatch.setattr(blending, "TREES", 12)
     monkeypatch.setattr(blending, "INNER_TREES", 6)
-    monkeypatch.setattr(fit_blend, "__defaults__", ((MEMBERS[0], MEMBERS[2]), lambda line: None))
+    monkeypatch.setattr(fit_blend, "__defaults__", (MEMBERS[:2], lambda line: None))
 
 
 def some_trials(
@@ -65,7 +66,7 @@ def some_trials(
     y = np.arange(trials) % classes
     trial = np.repeat(np.arange(trials), places)
     pixels = rng.normal(size=(len(trial), 2 * STATISTICS * len(PIXELS))).astype(np.float32)
-    pixels[:, :3] += 3.0 * y[trial][:, None]
+    pixels[:, numbers_of("pixels", ("step", "since"), 2)[:6]] += 3.0 * y[trial][:, None]
     stills = rng.normal(size=(len(trial), 12)).astype(np.float32)
     return TrialSet(
         target="kind",
@@ -299,7 +300,7 @@ def test_weights_favour_the_member_that_is_right_and_sum_to_one() -> None:
     y = np.arange(40) % 2
     good = np.where(y[:, None] == [0, 1], 0.9, 0.1)
     blind = np.full((40, 2), 0.5)
-    weights = weigh(np.stack([blind, good], axis=1), y)
+    weights = weigh(np.stack([blind, good], axis=1), y, np.ones(2))
     assert weights.sum() == pytest.approx(1.0)
     assert weights[1] > 0.7
 

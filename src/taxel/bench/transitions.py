@@ -227,17 +227,15 @@ def paper_set() -> list[Row]:
 
 
 def slips(data: Path | None) -> list[Row]:
-    """gelsight-slip, split by object, at fixed crops."""
-    name = "gelsight-slip, three fixed crops of 48 frames a trial, split by object"
+    """gelsight-slip by object: the default recogniser, and the slip signal without any label."""
+    from taxel.bench.slip_trials import missing_rows, slip_rows
+
     if data is None or not (data / "gelsight-slip").exists():
-        why = "no recordings: name their folder with --data"
-        return [missing(name, "accuracy", ">= 0.92", why), missing(name, "AUC", ">= 0.97", why)]
-    with tempfile.TemporaryDirectory(prefix="taxel-") as scratch:
-        folder = Path(scratch) / "slips"
-        _taxel("import", "gelsight-slip", "--data", str(data / "gelsight-slip"), "--output",
-               str(folder), "--json")  # fmt: skip
-        found = _taxel("reproduce", "slip-trials", "--data", str(folder), "--json")
-    return slip_rows(name, found)
+        return missing_rows("no recordings: name their folder with --data")
+    folder = data / "gelsight-slip"
+    found = _taxel("evaluate-trials", str(folder), "--target", "outcome", "--split",
+                   "group:object", "--json")  # fmt: skip
+    return slip_rows(found, folder)
 
 
 def slip_live_path() -> list[Row]:
@@ -252,16 +250,6 @@ def slip_warning() -> list[Row]:
     from taxel.bench.slip_warning import slip_warning_rows
 
     return slip_warning_rows()
-
-
-def slip_rows(name: str, found: dict[str, Any]) -> list[Row]:
-    """Return the rows of `taxel reproduce slip-trials --json`; the others are in the note."""
-    ours, *others = found["rows"]
-    rows = []
-    for what, unit, limit in (("accuracy", "accuracy", 0.92), ("auc", "AUC", 0.97)):
-        note = "; ".join(f"{one['name']} {one['trials'][what]:.3f}" for one in others)
-        rows.append(row(f"{name}: {unit}", ours["trials"][what], unit, ">=", limit, note))
-    return rows
 
 
 def data_digest(data: Path | None) -> str:

@@ -31,7 +31,8 @@ docs/decisions/0010."""
 class Live:
     """Predict what is in the hand, window by window, with confidence, latency and the map.
 
-    A bundle of tactile cameras warns before the grasp turns unstable.
+    A bundle of tactile cameras warns before the grasp turns unstable; one of camera trials gives a
+    verdict that builds up while a trial runs.
     """
 
     bundle: tyro.conf.Positional[Path]
@@ -46,7 +47,7 @@ class Live:
     """One more bundle to run on the same samples, such as one for shape and one for material; may
     be given several times."""
     least_confidence: float | None = None
-    """Arrays: below this probability the answer is UNKNOWN, 0…1; 0.5 unless given."""
+    """Arrays and trials: below this probability the answer is UNKNOWN, 0…1; 0.5 unless given."""
     trust: Path | None = None
     """A public key, or a file of several: a bundle that none of them signed is refused."""
     beside: Annotated[tuple[str, ...], tyro.conf.UseAppendAction] = ()
@@ -100,8 +101,10 @@ class Live:
         from taxel.bundles.envelope import need_bundle
         from taxel.bundles.grasp import is_grasp_bundle
         from taxel.bundles.reader import read_bundle
+        from taxel.bundles.trials import is_trial_bundle
         from taxel.cli.live_grasps import live_grasps
         from taxel.cli.live_station import live_station
+        from taxel.cli.live_trials import live_trials
         from taxel.decisions.recognition import RecogniseConfig
         from taxel.live.recogniser import Recogniser
         from taxel.sources.opening import open_source, recordings_of
@@ -125,8 +128,19 @@ class Live:
             from taxel.bundles.signing import read_trust
 
             trust = read_trust(self.trust)
+        if any(map(is_trial_bundle, files)) and (self._needs_station() or len(files) > 1):
+            raise BadInput(
+                "a bundle of camera trials alone, in the terminal", "more beside it",
+                "leave the other bundles and options out",
+            )  # fmt: skip
         if self._needs_station() or (len(files) > 1 and any(map(is_grasp_bundle, files))):
             live_station(self._station(files, trust))
+            return
+        if is_trial_bundle(files[0]):
+            live_trials(
+                files[0], self.source, self.seconds, self._least(), quiet=self.quiet,
+                as_json=self.json, trust=trust,
+            )  # fmt: skip
             return
         if is_grasp_bundle(files[0]):
             live_grasps(files[0], self.source, self.seconds, self.quiet, self.json, trust)

@@ -28,6 +28,7 @@ from taxel import __version__
 from taxel.cli.old_spellings import refuse_old
 from taxel.cli.option_rules import check_rules
 from taxel.cli.parsing import parse
+from taxel.cli.trial_doors import trial_door
 from taxel.errors import BadInput, TaxelError
 from taxel.plain_text import visible_line, without_controls
 
@@ -59,9 +60,11 @@ VERBS = {
     "models": "list models and recipes, with their parameter counts",
     "train": "train a recogniser on recordings of an array",
     "train-monitor": "train a grasp monitor on recordings of tactile cameras",
+    "train-trials": "train a recogniser on camera trials: a label for a whole video",
     "train-slip": "train a warning of slip on simulated cups",
     "train-backbone": "train a network of images end to end on tactile cameras",
     "evaluate": "cross-validate a recipe on recordings",
+    "evaluate-trials": "measure a recogniser of camera trials, or score its bundle",
     "reproduce": "print a published table or study, with our figures beside it",
     "compare": "test whether one run is better than another",
     "sweep": "how accuracy falls with noise, faults and weather",
@@ -86,7 +89,6 @@ KINDS = {
         "transition-tables": "Tables 1 to 3 of the grasp-transition paper",
         "grasp-warnings": "lead times and false alarms on unseen cups",
         "precisions": "what engines and number formats of a backbone cost and lose",
-        "slip-trials": "slip on unseen objects of gelsight-slip",
     },
 }
 """Verb → its kinds, each with a line of help; the dataclass is in the verb's package."""
@@ -146,7 +148,7 @@ def split_door(words: Sequence[str]) -> tuple[str, list[str]]:
     if verb not in VERBS:
         raise BadInput(f"one of the verbs {', '.join(VERBS)}", repr(verb), "run: taxel --help")
     if verb not in KINDS:
-        return verb, rest
+        return trial_door(verb, rest), rest
     kind = rest[0] if rest else "nothing"
     if kind not in KINDS[verb]:
         raise BadInput(

@@ -46,14 +46,17 @@ _CAMERA = (
     "threads", "paper-settings",
 )  # fmt: skip
 _MONITOR = "taxel train-monitor DATA --features gel --output NAME.taxel"
+_TRIALS = "taxel evaluate-trials DATA --target outcome --split group:object"
 _STUDIES = {
     "teng-table": "table-4-1", "teng-models": "teng-models", "teng-cleaning": "teng-cleaning",
     "unknown": "unknown-objects", "transition-tables": "transition-tables",
-    "grasp-warnings": "grasp-warnings", "precisions": "precisions", "slip-trials": "slip-trials",
+    "grasp-warnings": "grasp-warnings", "precisions": "precisions",
 }  # fmt: skip
 
 OLD: tuple[Old, ...] = (
     *(Old(f"evaluate {old}", "", f"taxel reproduce {new}") for old, new in _STUDIES.items()),
+    Old("evaluate slip-trials", "", _TRIALS),
+    Old("reproduce slip-trials", "", _TRIALS),
     Old("train", "grasp", "taxel train-slip POSES --output NAME.taxel", "slip"),
     Old("train", "grasp", _MONITOR),
     Old("train", "false-alarms", "taxel train-slip POSES --output NAME.taxel --false-alarms 0.3"),
@@ -66,7 +69,7 @@ OLD: tuple[Old, ...] = (
     Old("evaluate", "backbones", "taxel reproduce transition-tables --backbones"),
     Old("evaluate", "single-split", "taxel reproduce transition-tables --single-split"),
     Old("evaluate", "plot", "taxel reproduce grasp-warnings --plot FILE.png"),
-    Old("evaluate", "crop", "taxel reproduce slip-trials --crop"),
+    Old("evaluate", "crop", f"{_TRIALS} --crop"),
     Old("evaluate", "data", "taxel evaluate DATA, or taxel reproduce STUDY --data DATA"),
     Old("evaluate", "never", "taxel reproduce unknown-objects --never"),
     Old("evaluate", "rejected", "taxel reproduce unknown-objects --reject-novel 0.05"),
@@ -78,7 +81,6 @@ OLD: tuple[Old, ...] = (
         for option, new in _WINDOW.items()
     ),
     Old("reproduce grasp-warnings", "backbones", "--features gel"),
-    Old("reproduce slip-trials", "folds", "--fold-count 5", r"\d+"),
     Old("reproduce unknown-objects", "folds", "--fold-count 5", r"\d+"),
     *(Old("simulate teng", option, f"taxel simulate cup-pour --{option}") for option in _CUPS),
     *(Old("simulate cup-pour", option, f"taxel simulate teng --{option}") for option in _HAND),

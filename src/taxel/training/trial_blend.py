@@ -1,8 +1,8 @@
 """A recogniser of camera trials: several models on several views, weighed by inner folds.
 
-Forests and logistic regressions see grey differences, flow, markers, the slip signal or stills;
-each one's weight comes from trials of groups that it was not fitted on, as does how sharp the
-mean is made. The bar's own forest is among them. Knows nothing about images, files or outer folds.
+Forests and logistic regressions see grey differences, flow, the slip signal or stills; each one's
+weight comes from trials of groups that it was not fitted on, as does how sharp the mean is made.
+Knows nothing about images, files or outer folds.
 
 Source: docs/decisions/0041.
 """
@@ -19,43 +19,46 @@ from sklearn.ensemble import ExtraTreesClassifier, RandomForestClassifier
 from sklearn.linear_model import LogisticRegression
 from sklearn.model_selection import StratifiedGroupKFold
 
-from taxel.training.squeezed import Squeezed
+from taxel.training.ranked import Ranked
 from taxel.training.trial_novelty import Novelty, held_out_novelty, novelty_threshold
-from taxel.windows.trial_crops import bar_columns
+from taxel.windows.trial_crops import numbers_of
 
 Rows = NDArray[np.float32]
 Views = Mapping[str, Rows]
 TREES: Final = 400
 INNER_TREES: Final = 150
 """Of a forest that is kept, and of one on an inner fold. Source: our choice, decision 41."""
-PENALTY: Final = 0.002
-"""C of the logistic regressions: strong, as columns outnumber rows. Source: our choice."""
 INNER_FOLDS: Final = 5
-PRIOR: Final = 0.25
-"""Weight of "all members alike" beside the trials, as a share of their number. Our choice."""
+PRIOR: Final = 0.5
+"""Weight of the members' priors beside the trials, as a share of their number. Our choice."""
 LEAST_WEIGHT: Final = 0.04
 """A member below it is left out. Source: our choice."""
 _ROUNDS: Final = 200
-_SHARPEST, _BLUNTEST, _SHARPNESSES = 0.5, 4.0, 29
+_BLUNTEST, _SHARPEST, _POWERS = 0.5, 6.0, 31
 _LEAST: Final = 1e-6
 _TRIES: Final = 50
 
 
-class Ridge:
-    """A logistic regression on each column's signed logarithm, standardised."""
+class Logistic:
+    """A logistic regression on each column's rank.
 
-    def __init__(self, seed: int, trees: int = 0) -> None:
-        self._model = LogisticRegression(C=PENALTY, max_iter=300)
-        self.columns = Squeezed.none()
+    Args:
+        penalty: C; small where columns outnumber rows.
+    """
 
-    def fit(self, rows: Rows, y: NDArray[np.intp]) -> Ridge:
-        self.columns = Squeezed.of(rows)
-        self._model.fit(self.columns.apply(rows), y)
+    def __init__(self, penalty: float) -> None:
+        self._model = LogisticRegression(C=penalty, max_iter=300)
+        self.ranked: Ranked | None = None
+
+    def fit(self, rows: Rows, y: NDArray[np.intp]) -> Logistic:
+        self.ranked = Ranked.of(rows)
+        self._model.fit(self.ranked.apply(rows), y)
         return self
 
     def predict_proba(self, rows: Rows) -> NDArray[np.float64]:
         """Return shape (n, classes), as scikit-learn's classifiers do."""
-        return np.asarray(self._model.predict_proba(self.columns.apply(rows)), np.float64)
+        assert self.ranked is not None
+        return np.asarray(self._model.predict_proba(self.ranked.apply(rows)), np.float64)
 
     @property
     def classes_(self) -> NDArray[np.intp]:
@@ -72,18 +75,20 @@ class Member:
     """A model and what it sees."""
 
     name: str
-    views: tuple[str, ...]
+    views: Mapping[str, tuple[str, ...]]
+    """View → its columns; all of them where none is named."""
     make: Callable[[int, int], Any]
     """Seed and number of trees → a scikit-learn classifier."""
-    bar: bool = False
-    """Sees mean grey differences alone."""
+    prior: float
+    """How much it is drawn on before any trial is seen; 0 leaves that to the inner folds."""
 
     def columns(self, cameras: int, widths: Mapping[str, int]) -> NDArray[np.intp]:
         """Return which columns of all views, side by side in their order, it sees."""
         starts = dict(zip(widths, np.cumsum([0, *widths.values()])[:-1], strict=True))
-        if self.bar:
-            return np.asarray(starts["pixels"] + bar_columns(cameras), np.intp)
-        each = [starts[view] + np.arange(widths[view]) for view in self.views]
+        each = [
+            starts[view] + (numbers_of(view, names, cameras) if names else np.arange(widths[view]))
+            for view, names in self.views.items()
+        ]
         return np.asarray(np.concatenate(each), np.intp)
 
 
@@ -97,17 +102,32 @@ def extra(seed: int, trees: int | None = None) -> ExtraTreesClassifier:
     return ExtraTreesClassifier(trees or TREES, min_samples_leaf=2, random_state=seed, n_jobs=1)
 
 
+DIFFERENCES: Final = ("step", "since", "lagged")
+SLIP_PARTS: Final = (
+    "slip_mm", "slip_rate_mm_s", "gel", "slip_over_gel", "slip_rate_8", "gel_rate_8",
+    "slip_rate_4", "gel_rate_4", "slip_turn", "readiness_8",
+)  # fmt: skip
+"""What members see of the slip signal. Source: our choice, before any score, decision 41."""
 MEMBERS: Final[tuple[Member, ...]] = (
-    Member(name="forest on grey differences", views=("pixels",), make=forest, bar=True),
-    Member(name="extra-trees on pixels", views=("pixels",), make=extra),
-    Member(name="logistic on pixels", views=("pixels",), make=Ridge),
-    Member(name="extra-trees on slip", views=("slip",), make=extra),
-    Member(name="extra-trees on movement", views=("pixels", "gel", "slip"), make=extra),
-    Member(name="logistic on movement", views=("pixels", "gel", "slip"), make=Ridge),
-    Member(name="extra-trees on stills", views=("stills",), make=extra),
-    Member(name="logistic on stills", views=("stills",), make=Ridge),
-)
-"""What is blended."""
+    Member(name="forest on differences", views={"pixels": DIFFERENCES}, make=forest, prior=1.0),
+    Member(
+        name="logistic on differences", views={"pixels": DIFFERENCES},
+        make=lambda seed, trees: Logistic(0.1), prior=1.0,
+    ),
+    Member(
+        name="logistic on differences and slip",
+        views={"pixels": DIFFERENCES, "slip": SLIP_PARTS},
+        make=lambda seed, trees: Logistic(0.03), prior=1.0,
+    ),
+    Member(name="extra-trees on pixels", views={"pixels": ()}, make=extra, prior=0.0),
+    Member(name="extra-trees on stills", views={"stills": ()}, make=extra, prior=0.0),
+    Member(
+        name="logistic on stills", views={"stills": ()},
+        make=lambda seed, trees: Logistic(0.003), prior=0.0,
+    ),
+)  # fmt: skip
+"""What is blended. The first three see movement only; the others enter by what they are worth on
+inner folds. Source: docs/decisions/0041, also for each C."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -189,10 +209,11 @@ def fit_blend(
     held, novelty = _held_out(learning, members, columns, seed, on_step)
     told = np.isfinite(held[:, 0, 0])
     y = learning.y[told]
-    weights = np.full(len(members), 1 / len(members))
+    weights = np.array([member.prior for member in members])
+    weights = weights / weights.sum() if weights.any() else np.full(len(members), 1 / len(members))
     sharpness, inner = 1.0, {}
     if told.any():
-        weights = weigh(held[told], y)
+        weights = weigh(held[told], y, np.array([member.prior for member in members]))
         sharpness = sharpen(_mixed(held[told], weights), y)
         each = {m.name: log_loss(held[told][:, i], y) for i, m in enumerate(members)}
         blended = sharpened(_mixed(held[told], weights), sharpness)
@@ -281,29 +302,33 @@ def mean_of_crops(crops: NDArray[np.float64], trial: NDArray[np.intp]) -> NDArra
     return np.asarray(np.stack(sums, axis=1) / count[:, None], np.float64)
 
 
-def weigh(held: NDArray[np.float64], y: NDArray[np.intp]) -> NDArray[np.float64]:
-    """Return weights under which the members' mean is likeliest, drawn towards equal ones.
+def weigh(
+    held: NDArray[np.float64], y: NDArray[np.intp], prior: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """Return weights under which the members' mean is likeliest, drawn towards their priors.
 
     Expectation maximisation of a mixture's weights with a Dirichlet prior.
 
     Args:
         held: Shape (trials, members, classes).
         y: Shape (trials,).
+        prior: Shape (members,).
     """
     right = np.maximum(held[np.arange(len(y)), :, y], _LEAST)
     count, members = right.shape
+    drawn = PRIOR * count * prior / prior.sum() if prior.any() else np.zeros(members)
     weights = np.full(members, 1 / members)
     for _ in range(_ROUNDS):
         share = right * weights
         share /= share.sum(axis=1, keepdims=True)
-        weights = share.sum(axis=0) + PRIOR * count / members
+        weights = share.sum(axis=0) + drawn
         weights /= weights.sum()
     return weights
 
 
 def sharpen(mixed: NDArray[np.float64], y: NDArray[np.intp]) -> float:
     """Return the power that makes probabilities likeliest, shape (trials, classes)."""
-    powers = np.geomspace(_SHARPEST, _BLUNTEST, _SHARPNESSES)
+    powers = np.geomspace(_BLUNTEST, _SHARPEST, _POWERS)
     return float(min(powers, key=lambda power: log_loss(sharpened(mixed, power), y)))
 
 

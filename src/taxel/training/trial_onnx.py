@@ -13,8 +13,9 @@ from numpy.typing import NDArray
 from onnx import TensorProto, helper, numpy_helper
 
 from taxel.models.forest import tables_of
+from taxel.training.ranked import Ranked
 from taxel.training.squeezed import REACH, Squeezed
-from taxel.training.trial_blend import Blend, Ridge
+from taxel.training.trial_blend import Blend, Logistic
 from taxel.training.trial_novelty import Novelty
 
 _OPSET: Final = 18
@@ -26,7 +27,9 @@ def blend_to_onnx(blend: Blend, columns: int) -> bytes:
     parts = []
     for model, own, weight in zip(blend.fitted, blend.columns, blend.weights, strict=True):
         seen = graph.add("Gather", "rows", graph.const(own.astype(np.int32)), axis=1)
-        told = (_ridge if isinstance(model, Ridge) else _forest)(graph, seen, model, blend.classes)
+        told = (_logistic if isinstance(model, Logistic) else _forest)(
+            graph, seen, model, blend.classes
+        )
         parts.append(graph.add("Mul", told, graph.const(np.float32(weight))))
     mean = parts[0] if len(parts) == 1 else graph.add("Sum", *parts)
     graph.add("Concat", mean, _novelty(graph, blend.novelty), axis=1, output="told")
@@ -78,17 +81,29 @@ def _forest(graph: _Graph, seen: str, trees: Any, classes: int) -> str:
     return graph.add("ReduceMean", found, graph.const(np.array([1])), keepdims=0)
 
 
-def _ridge(graph: _Graph, seen: str, model: Ridge, classes: int) -> str:
+def _logistic(graph: _Graph, seen: str, model: Logistic, classes: int) -> str:
     """Add a logistic regression; return its probabilities, (n, classes)."""
     slopes, levels = (part.astype(np.float32) for part in model.slopes)
-    alike = _squeezed(graph, seen, model.columns)
-    drive = graph.add("MatMul", alike, graph.const(np.ascontiguousarray(slopes.T)))
+    assert model.ranked is not None
+    ranks = _ranked(graph, seen, model.ranked)
+    drive = graph.add("MatMul", ranks, graph.const(np.ascontiguousarray(slopes.T)))
     drive = graph.add("Add", drive, graph.const(levels))
     if len(slopes) > 1:
         return graph.add("Softmax", drive, axis=1)
     second = graph.add("Sigmoid", drive)
     first = graph.add("Sub", graph.const(np.float32(1)), second)
     return graph.add("Concat", first, second, axis=1)
+
+
+def _ranked(graph: _Graph, rows: str, ranked: Ranked) -> str:
+    """Add columns' ranks, (n, columns)."""
+    middle = graph.add("Unsqueeze", rows, graph.const(np.array([1])))
+    past = graph.add("Sub", middle, graph.const(ranked.starts[None]))
+    part = graph.add("Div", past, graph.const(ranked.widths[None]))
+    cut = graph.add("Clip", part, *(graph.const(np.float32(end)) for end in (0, 1)))
+    risen = graph.add("Mul", cut, graph.const(ranked.rises[None]))
+    summed = graph.add("ReduceSum", risen, graph.const(np.array([1])), keepdims=0)
+    return graph.add("Add", summed, graph.const(np.float32(ranked.lowest)))
 
 
 def _squeezed(graph: _Graph, rows: str, squeezed: Squeezed) -> str:

@@ -18,7 +18,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taxel.errors import BadDataset, BadInput
-from taxel.gel.slip_features import SLIP_FEATURES, SlipFeatures
 from taxel.gel.slip_signal import TREND_FEATURES, USUAL_MM_PER_PX, GelSlip
 from taxel.gel.touch_poses import TouchFollower
 
@@ -60,8 +59,8 @@ PIXELS: Final[tuple[str, ...]] = (
 """Of each frame: absolute difference of grey to the frame before (step), to the crop's first
 (since) and to the one 0.2 s before (lagged), means and 95th percentiles, 0…255; optical flow since
 the frame before, pixels of a 160-pixel row; the differences by place."""
-BAR: Final = (0, 1)
-"""Columns of `PIXELS` that the bar's forest sees: mean step and since."""
+BAR: Final = ("step", "since")
+"""What the bar's forest sees of `PIXELS`."""
 SLIP: Final[tuple[str, ...]] = ("slip_mm", "slip_rate_mm_s", "slip_seen", *TREND_FEATURES)
 """Of each frame: the slip signal of `taxel.gel.slip_signal` and its features."""
 STILLS: Final = THUMB[0] * THUMB[1] + _GRID[0] * _GRID[1] * (_EDGES + 3)
@@ -174,11 +173,18 @@ def row_of(shown: Mapping[str, NDArray[np.float32]]) -> dict[str, NDArray[np.flo
     return rows
 
 
-def bar_columns(cameras: int) -> NDArray[np.intp]:
-    """Return which numbers of the family "pixels" sum up mean grey differences."""
-    blocks = STATISTICS * (2 if cameras > 1 else 1)
-    starts = np.arange(blocks)[:, None] * len(PIXELS)
-    return np.asarray((starts + np.array(BAR)).ravel(), np.intp)
+def numbers_of(view: str, names: Sequence[str], cameras: int) -> NDArray[np.intp]:
+    """Return which numbers of a view of courses sum up some of its columns.
+
+    Args:
+        view: "pixels" or "slip".
+        names: In `PIXELS` or `SLIP`.
+        cameras: How many there are.
+    """
+    columns = {"pixels": PIXELS, "slip": SLIP}[view]
+    chosen = [columns.index(name) for name in names]
+    blocks = np.arange(STATISTICS * (2 if cameras > 1 else 1))
+    return np.asarray((blocks[:, None] * len(columns) + np.array(chosen)).ravel(), np.intp)
 
 
 def _pixels(scene: Scene) -> NDArray[np.float32]:
@@ -203,11 +209,6 @@ def _pixels(scene: Scene) -> NDArray[np.float32]:
             )
         )
     return np.stack(rows).astype(np.float32)
-
-
-def _gel(scene: Scene) -> NDArray[np.float32]:
-    stream = SlipFeatures(scene.images[:REFERENCE_FRAMES])
-    return np.stack([stream.push(image) for image in scene.images])
 
 
 def _slip(scene: Scene) -> NDArray[np.float32]:
@@ -323,15 +324,11 @@ def mm_per_px(width: int, stated: float | None) -> float:
 
 FAMILIES: Final[dict[str, Family]] = {
     "pixels": Family(len(PIXELS), _pixels, _courses, "pixels-1"),
-    "gel": Family(
-        len(SLIP_FEATURES), _gel, _courses,
-        "gel-1-" + hashlib.sha256(",".join(SLIP_FEATURES).encode()).hexdigest()[:8],
-    ),
     "slip": Family(
         len(SLIP), _slip, _courses,
         "slip-1-" + hashlib.sha256(",".join(SLIP).encode()).hexdigest()[:8],
     ),
     "stills": Family(STILLS, _stills, _looks, "stills-1"),
 }  # fmt: skip
-"""Name → what is looked at: grey differences and flow, markers and imprint, the slip signal, and
-how the crop's first, middle and last frame look."""
+"""Name → what is looked at: grey differences and flow, the slip signal, and how the crop's first,
+middle and last frame look."""

@@ -43,8 +43,8 @@ def saved_part(data: Any, name: str) -> tuple[str, Html]:
     try:
         if isinstance(data, dict) and {"rows", "baselines", "steps"} <= set(data):
             return "Grasp transitions: Tables 1 to 3", _transitions(data)
-        if isinstance(data, dict) and {"rows", "objects", "crop"} <= set(data):
-            return "Slip on unseen objects", _slips(data)
+        if isinstance(data, dict) and {"rows", "crops_a_trial", "crop"} <= set(data):
+            return f"Camera trials: {data['target']}", _trials(data)
         if isinstance(data, list) and data and {"events", "windows", "by"} <= set(data[0]):
             return "Warnings on unseen cups", _warnings(data)
         if isinstance(data, list) and data and {"columns", "preset"} <= set(data[0]):
@@ -54,8 +54,8 @@ def saved_part(data: Any, name: str) -> tuple[str, Html]:
             f"a whole result in {name}", "one that lacks parts", "write it again with --json"
         ) from error
     raise BadInput(
-        f"what taxel reproduce table-4-1, transition-tables, grasp-warnings or slip-trials prints "
-        f"with --json in {name}",
+        f"what taxel evaluate-trials or taxel reproduce table-4-1, transition-tables or "
+        f"grasp-warnings prints with --json in {name}",
         "something else",
         "write it again with: taxel reproduce … --json > FILE.json",
     )
@@ -209,19 +209,18 @@ def _events(own: Row) -> list[object]:
     ]
 
 
-def _slips(data: Row) -> Html:
+def _trials(data: Row) -> Html:
     rows = [
         {"name": row["name"]}
-        | {f"{part}: {name}": value for part, own in row.items() if isinstance(own, dict)
-           for name, value in own.items() if isinstance(value, float)}
+        | {name: value for name, value in row["trials"].items() if isinstance(value, float)}
         for row in data["rows"]
-    ]  # fmt: skip
+    ]
     return join(
         [
             tag(
                 "p",
-                f"{data['trials']} trials of {data['objects']} objects, crops of {data['crop']} "
-                f"frames, {data['folds']} folds, whole objects held out.",
+                f"{data['trials']} trials, {data['crops_a_trial']} crops of {data['crop']} frames "
+                f"each; {data['split']}, {data['folds']} folds.",
             ),
             table(
                 list(rows[0]),

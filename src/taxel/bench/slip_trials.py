@@ -1,0 +1,56 @@
+"""Rows on gelsight-slip: slip by trial on objects never seen, with learning and without any label.
+
+Knows nothing about how rows are printed.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+from taxel.bench.rows import Row, missing, row
+
+NAME = "gelsight-slip by object, three crops of 48 frames a trial"
+UNLEARNED = "gelsight-slip, slip signal without any label, the same crops"
+LEAST_ACCURACY, LEAST_AUC, LEAST_UNLEARNED = 0.93, 0.988, 0.90
+"""Goals. Source: issues 15 and 16."""
+
+
+def missing_rows(why: str) -> list[Row]:
+    """Return the rows that could not be measured."""
+    return [
+        missing(f"{NAME}: accuracy", "accuracy", f">= {LEAST_ACCURACY}", why),
+        missing(f"{NAME}: AUC", "AUC", f">= {LEAST_AUC}", why),
+        missing(f"{UNLEARNED}: AUC", "AUC", f">= {LEAST_UNLEARNED}", why),
+    ]
+
+
+def slip_rows(found: dict[str, Any], folder: Path) -> list[Row]:
+    """Return ours with the others in the note, the difference to the bar, and the signal alone.
+
+    Args:
+        found: What `taxel evaluate-trials --json` printed.
+        folder: The data set.
+    """
+    ours, *others = found["rows"]
+    less = found["differences"][0]
+    rows = []
+    limits = (("accuracy", "accuracy", LEAST_ACCURACY), ("auc", "AUC", LEAST_AUC))
+    for key, unit, limit in limits:
+        beside = "; ".join(f"{one['name']} {one['trials'][key]:.3f}" for one in others)
+        low, high = less[f"{key}_interval"]
+        note = f"{beside}; less the bar {less[key]:+.3f} [{low:+.3f}, {high:+.3f}]"
+        rows.append(row(f"{NAME}: {unit}", ours["trials"][key], unit, ">=", limit, note))
+    return [*rows, signal_row(folder)]
+
+
+def signal_row(folder: Path) -> Row:
+    """Measure the slip signal alone: nothing is learned, labels are only used to score."""
+    from taxel.evaluation.slip_signal_trials import signal_auc
+    from taxel.training.features import default_cache
+
+    found = signal_auc(folder, default_cache())
+    others = "; ".join(f"{name} {value:.3f}" for name, value in found.others.items())
+    low, high = found.interval
+    note = f"{found.name}; 95 % CI over objects [{low:.3f}, {high:.3f}]; {others}"
+    return row(f"{UNLEARNED}: AUC", found.auc, "AUC", ">=", LEAST_UNLEARNED, note)
