@@ -13,9 +13,10 @@ from trial_makers import as_avi, as_folder, as_mp4, trial_images, write_trials
 
 import taxel.training.trial_blend as blending
 from taxel.bundles.engine import open_engine
+from taxel.bundles.trials import IN_RUN
 from taxel.cli.evaluate_trials import EvaluateTrials
 from taxel.cli.live_trials import live_trials
-from taxel.cli.train_trials import BUNDLE, TrainTrials
+from taxel.cli.train_trials import TrainTrials
 from taxel.cli.trial_data import TrialOptions
 from taxel.decisions.recognition import UNKNOWN
 from taxel.errors import BadBundle, BadDataset, BadInput, BadSplit, BadTable
@@ -102,7 +103,7 @@ def test_a_set_goes_from_a_table_to_a_live_verdict_without_glue(
     assert told["parity"] < 1e-4
 
     import_videos(read_video_rows(table, table.parent), tmp_path / "imported")
-    bundle = tmp_path / "run" / BUNDLE
+    bundle = tmp_path / "run" / IN_RUN
     EvaluateTrials(trials=bundle, data=tmp_path / "imported", json=True).run()
     offline = json.loads(capsys.readouterr().out)
     live_trials(bundle, str(tmp_path / "imported"), None, 0.5, quiet=True, as_json=True)
@@ -122,7 +123,7 @@ def test_a_verdict_is_unknown_before_a_crop_and_builds_up(
     options = TrialOptions(fold_count=2, cache=tmp_path / "cache")
     TrainTrials(trials=table, output=tmp_path / "run", options=options, check=False).run()
     capsys.readouterr()
-    live_trials(tmp_path / "run" / BUNDLE, str(table), None, 0.0, quiet=False, as_json=False)
+    live_trials(tmp_path / "run" / IN_RUN, str(table), None, 0.0, quiet=False, as_json=False)
     first = capsys.readouterr().out.splitlines()
     assert "UNKNOWN" in first[1]
     assert "1 of the 12 frames" in first[1]
@@ -321,7 +322,7 @@ def test_a_damaged_bundle_is_refused(tmp_path: Path) -> None:
     table = write_trials(tmp_path / "a", objects=2, each=2, frames=8)
     options = TrialOptions(fold_count=2, cache=tmp_path / "cache")
     TrainTrials(trials=table, output=tmp_path / "run", options=options, check=False).run()
-    path = tmp_path / "run" / BUNDLE
+    path = tmp_path / "run" / IN_RUN
     data = bytearray(path.read_bytes())
     data[len(data) // 2] ^= 1
     path.write_bytes(bytes(data))
@@ -357,7 +358,7 @@ def test_unknown_is_said_of_a_trial_shorter_than_a_crop(tmp_path: Path) -> None:
     options = TrialOptions(fold_count=2, cache=tmp_path / "cache")
     TrainTrials(trials=table, output=tmp_path / "run", options=options, check=False).run()
     short = write_trials(tmp_path / "b", objects=1, each=1, frames=8)
-    bundle = read_trial_bundle(tmp_path / "run" / BUNDLE)
+    bundle = read_trial_bundle(tmp_path / "run" / IN_RUN)
     verdict = next(tell_trials(bundle, read_camera_trials(short)))
     assert verdict.label == UNKNOWN
     assert "fewer than a crop" in verdict.reason

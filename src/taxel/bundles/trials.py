@@ -29,6 +29,8 @@ from taxel.recordings.whole import write_whole
 from taxel.windows.trial_crops import FAMILIES, LEAST_CROP, PLACES, Layout
 
 FORMAT = 1
+IN_RUN = "recogniser.taxel"
+"""The bundle within the folder of a run of camera trials."""
 _MOST_CAMERAS, _MOST_FRAMES, _LARGEST_SIDE, _MOST_CLASSES = 16, 10_000, 8192, 10_000
 """Bounds of what a contract may say. Source: our choice."""
 _MEMBERS = ("trials.json", "model.onnx", "check_rows.npy", "check_told.npy")

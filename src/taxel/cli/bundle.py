@@ -82,10 +82,14 @@ class Bundle:
     def _export(self, folder: Path, output: Path, signer: Signer | None) -> None:
         from taxel.bundles.recordings import load_at_level
         from taxel.bundles.signing import fingerprint
+        from taxel.bundles.trials import IN_RUN
         from taxel.bundles.writer import write_bundle
         from taxel.sim.teng_constants import SENSORS
         from taxel.training.run import load_run
 
+        if self.board is None and (folder / IN_RUN).is_file():
+            self._copy_trials(folder / IN_RUN, output, signer)
+            return
         path = output if self.board is None else output / BOARD_BUNDLE
         older = _older(path)
         trained = load_run(folder)
@@ -130,6 +134,24 @@ class Bundle:
             say(f"in a new session first: {adapt} ({contract.reference.touches})")
         live = command("taxel", "live", output, *source)
         say(f"next: {live}")
+
+    def _copy_trials(self, bundle: Path, output: Path, signer: Signer | None) -> None:
+        """Write the bundle of a run of camera trials; its parity is that of the training."""
+        from taxel.bundles.trials import read_trial_bundle
+        from taxel.recordings.whole import write_whole
+
+        if signer is not None:
+            self._sign_bundle(bundle, output, signer)
+            return
+        older = _older(output)
+        contract = read_trial_bundle(bundle).contract
+        write_whole(output, bundle.read_bytes())
+        size = output.stat().st_size
+        if self.json:
+            print_json({"bundle": str(output), "replaced": older, "bytes": size})
+            return
+        say(f"{output}{', replaced' if older else ''}: {size:,} bytes; predicts {contract.target}")
+        say(f"next: {command('taxel', 'live', output, 'replay://RECORDING')}")
 
     def _write_avr(self, write: Callable[[Path], Contract], output: Path, data: Path) -> None:
         """Write the network as C and its bundle beside it; print what it costs.

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import tyro
 
+from taxel.bundles.trials import IN_RUN
 from taxel.cli.options import check_run_folder
 from taxel.cli.printing import command, console, print_json, progress, say
 from taxel.cli.trial_data import TrialOptions, as_json
@@ -19,9 +20,6 @@ from taxel.plain_text import visible
 if TYPE_CHECKING:
     from taxel.evaluation.camera_trials import Difference, TrialResult, TrialSet
     from taxel.evaluation.trial_sides import TrialSplit
-
-BUNDLE = "recogniser.taxel"
-"""The bundle within a run's folder."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -110,7 +108,7 @@ class TrainTrials:
             f"frames, learned from {about['learned_trials']} trials; bundle {about['bytes']:,} "
             f"bytes, equal to training within {about['parity']:.1e}"
         )
-        live = command("taxel", "live", output / BUNDLE, "replay://RECORDING")
+        live = command("taxel", "live", output / IN_RUN, "replay://RECORDING")
         say(f"next: {live}")
         if not results:
             return
@@ -152,7 +150,7 @@ def _save(output: Path, bundle: bytes, about: dict[str, Any]) -> None:
     temporary = output.with_name(output.name + ".part")
     shutil.rmtree(temporary, ignore_errors=True)
     try:
-        write_whole(temporary / BUNDLE, bundle)
+        write_whole(temporary / IN_RUN, bundle)
         text = json_text(json.loads(json.dumps(about, default=str)), 1)
         write_whole(temporary / "run.json", text.encode())
         if output.exists():

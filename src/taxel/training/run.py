@@ -30,6 +30,7 @@ from taxel.bundles.contract import (
     contract_to_json,
     fingerprint_of,
 )
+from taxel.bundles.trials import IN_RUN
 from taxel.errors import BadInput, RecordingFailed, TaxelError
 from taxel.foreign.json_text import Fields, read_json
 from taxel.foreign.records import record_of
@@ -174,6 +175,11 @@ def load_run(folder: Path, *, weights: bool = True) -> Run:
     Raises:
         BadInput: The folder is no run, is damaged, or has no weights to load.
     """
+    if (folder / IN_RUN).is_file():
+        raise BadInput(
+            f"a run of an array in {folder}", "one of camera trials",
+            f"use its bundle {folder / IN_RUN} with taxel evaluate-trials or taxel live",
+        )  # fmt: skip
     try:
         about = Fields(read_json(folder / "run.json"), "run.json")
         contract = contract_from_json(json.dumps(about.any("contract")))

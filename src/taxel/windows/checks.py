@@ -31,9 +31,14 @@ def check_sensor(first: SensorInfo, own: SensorInfo, file: Path, config: WindowC
         config: How windows are cut.
 
     Raises:
-        BadDataset: Channels or units differ, a channel that windows take is missing, or the
-            rates differ where the sensor's own scans are rows.
+        BadDataset: It holds no array, channels or units differ, a channel that windows take is
+            missing, or the rates differ where the sensor's own scans are rows.
     """
+    if not own.channels:
+        raise BadDataset(
+            "recordings of an array", f"{file.name}, which holds none, as of tactile cameras",
+            "camera trials: taxel train-trials or evaluate-trials; grasps: taxel train-monitor",
+        )  # fmt: skip
     if (own.channels, own.units) != (first.channels, first.units):
         raise BadDataset(
             f"the channels {', '.join(first.channels)} in every recording",
