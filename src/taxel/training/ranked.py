@@ -16,8 +16,9 @@ from numpy.typing import NDArray
 Rows = NDArray[np.float32]
 KNOTS: Final = 33
 """Quantiles of each column. Source: our choice, docs/decisions/0041."""
-_END: Final = 0.005
-"""Share at which the normal distribution is cut: ranks lie within 2.6 standard deviations."""
+_END: Final = 1e-4
+"""Share at which the normal distribution is cut: ranks lie within 3.7 standard deviations. Source:
+docs/decisions/0041."""
 
 
 @dataclass(frozen=True, slots=True)
