@@ -31,7 +31,8 @@ def test_saved_warnings_and_slips_and_table_4_1_are_known():
     }  # fmt: skip
     warned = [{"name": "gel+lstm", "windows": {"balanced": 0.9, "auc": None}, "events": events,
                "by": {"force": {"15": events}}, "thresholds": []}]  # fmt: skip
-    slips = {"trials": 150, "objects": 29, "crops_a_trial": 3, "crop": 48, "folds": 5,
+    slips = {"trials": 150, "target": "slipped", "split": "object held out", "crops_a_trial": 3,
+             "crop": 48, "folds": 5,
              "rows": [{"name": "ours", "trials": {"accuracy": 0.92, "auc": 0.97}}]}  # fmt: skip
     column = {"rows": dict.fromkeys(ROWS, 0.91),
               "pooled": {"scores": {"accuracy": 0.91}, "interval": [None, None]}}  # fmt: skip
