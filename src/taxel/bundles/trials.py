@@ -3,6 +3,8 @@
 One file, as for arrays: a first line `TAXEL BUNDLE 1 <sha256 of the rest>`, then a zip of
 `trials.json` (the contract), `model.onnx`, and `check_*.npy` with crops as rows and what they must
 give. Nothing in it is unpickled. Knows nothing about training frameworks.
+
+Background of our choices: docs/decisions/0041.
 """
 
 from __future__ import annotations

@@ -3,6 +3,8 @@
 A label holds for a whole trial, whose length may tell it too: crops have a fixed length and
 place, and controls that see only the length or the first frame are judged on the same sides.
 Nothing is chosen on a test trial. Knows nothing about images, files or screens.
+
+Background of our choices: docs/decisions/0041.
 """
 
 from __future__ import annotations

@@ -1,6 +1,8 @@
 """Which camera trials are learned from and which are tested on; whole trials, whole groups.
 
 Knows nothing about images, models or metrics.
+
+Background of our choices: docs/decisions/0041.
 """
 
 from __future__ import annotations

@@ -3,6 +3,8 @@
 Each half crop a further crop is looked at, and the verdict is that of all crops so far. When the
 trial is over, the verdict is the one that evaluation gives: of its first, middle and last crop.
 Adds no maths of its own. Knows nothing about screens or training frameworks.
+
+Background of our choices: docs/decisions/0041.
 """
 
 from __future__ import annotations

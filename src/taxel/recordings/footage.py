@@ -3,6 +3,8 @@
 A video's coding has no check sums: damage that the decoder can conceal is not noticed. Images of
 a folder come in the order of the numbers in their names. Knows nothing about tables, trials or
 recordings.
+
+Background of our choices: docs/decisions/0041.
 """
 
 from __future__ import annotations

@@ -2,6 +2,8 @@
 
 Piecewise linear between quantiles, as plain arithmetic that can stand in an ONNX model. Knows
 nothing about what columns mean.
+
+Background of our choices: docs/decisions/0041.
 """
 
 from __future__ import annotations

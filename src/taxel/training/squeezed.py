@@ -1,6 +1,8 @@
 """Columns of very different sizes made alike: signed logarithm, standardised, cut.
 
 Plain arithmetic, so that it can stand in an ONNX model. Knows nothing about what columns mean.
+
+Background of our choices: docs/decisions/0041.
 """
 
 from __future__ import annotations

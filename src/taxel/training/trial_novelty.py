@@ -3,6 +3,8 @@
 Distances are taken along the main directions of the learned crops, each scaled to its spread. The
 threshold comes from groups held out, so that objects never seen are turned away at the stated
 rate only. Knows nothing about classes or images.
+
+Background of our choices: docs/decisions/0041.
 """
 
 from __future__ import annotations

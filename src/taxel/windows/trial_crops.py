@@ -4,6 +4,8 @@ Every trial has as many crops, at the same places, so that neither their number 
 tells how long it is. All that is seen of movement in a crop is relative to the crop's own first
 frames: a crop gives the same row wherever it was cut, offline and live. Knows nothing about
 labels, models or files.
+
+Background of our choices: docs/decisions/0041.
 """
 
 from __future__ import annotations
