@@ -95,6 +95,8 @@ LINES: dict[str, tuple[str, ...]] = {
         "train-backbone d --backbone edge --output w.safetensors",
         "train-backbone d --backbone edge --output w.safetensors --paper-settings",
     ),
+    "train-trials": ("train-trials d --output out", "train-trials d --output out --no-check"),
+    "evaluate-trials": ("evaluate-trials d",),
     "evaluate": ("evaluate d", "evaluate d --output out", "evaluate d --split order:trial:3"),
     "reproduce table-4-1": ("reproduce table-4-1", "reproduce table-4-1 --data d"),
     "reproduce teng-models": ("reproduce teng-models", "reproduce teng-models --data d"),
@@ -115,7 +117,6 @@ LINES: dict[str, tuple[str, ...]] = {
         "reproduce grasp-warnings --data d --paper-settings",
     ),
     "reproduce precisions": ("reproduce precisions", "reproduce precisions --paper-settings"),
-    "reproduce slip-trials": ("reproduce slip-trials --data d",),
     "compare": ("compare r s",),
     "sweep": (
         "sweep b.taxel --data d",

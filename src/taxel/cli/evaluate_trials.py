@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, ClassVar
 
 import tyro
 
+from taxel.cli.option_rules import Only
 from taxel.cli.printing import console, print_json, progress, say
-from taxel.cli.trial_data import TrialOptions, as_json
+from taxel.cli.trial_data import FOLDS_IN_TURN, TrialOptions
 from taxel.errors import BadInput
 
 
@@ -30,6 +31,15 @@ class EvaluateTrials:
     """Print JSON."""
     options: Annotated[TrialOptions, tyro.conf.arg(name="")] = field(default_factory=TrialOptions)
 
+    RULES: ClassVar = (
+        Only(
+            ("target", "split", "folds", "test", "fold-count", "crop", "cache", "seed"),
+            "trials without a bundle (it is scored as it is)",
+            lambda verb: verb.data is None,
+        ),
+        FOLDS_IN_TURN,
+    )
+
     def run(self) -> None:
         """Measure and print."""
         from taxel.bundles.trials import is_trial_bundle
@@ -42,7 +52,7 @@ class EvaluateTrials:
                            f"{self.trials}, which is no bundle, and {self.data}",
                            "leave one out")  # fmt: skip
         from taxel.evaluation.camera_trials import contenders_for, difference, judge_trials
-        from taxel.views.trial_results import best_control, trial_tables
+        from taxel.views.trial_results import best_control, trial_json, trial_tables
 
         with progress() as bar:
             trials, split, _ = self.options.load(self.trials, bar)
@@ -53,7 +63,7 @@ class EvaluateTrials:
             )  # fmt: skip
             differences = [difference(trials, split, results[0], results[1])]
         if self.json:
-            print_json(as_json(trials, split, results, differences))
+            print_json(trial_json(trials, split, results, differences))
             return
         console.print(trial_tables(trials, split, results, differences))
         if (control := best_control(results)) is not None:

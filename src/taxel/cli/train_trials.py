@@ -2,18 +2,17 @@
 
 from __future__ import annotations
 
-import json
-import shutil
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar
 
 import tyro
 
 from taxel.bundles.trials import IN_RUN
+from taxel.cli.option_rules import Only
 from taxel.cli.options import check_run_folder
 from taxel.cli.printing import command, console, print_json, progress, say
-from taxel.cli.trial_data import TrialOptions, as_json
+from taxel.cli.trial_data import FOLDS_IN_TURN, TrialOptions
 from taxel.held import only_writer
 from taxel.plain_text import visible
 
@@ -42,6 +41,11 @@ class TrainTrials:
     """Print JSON."""
     options: Annotated[TrialOptions, tyro.conf.arg(name="")] = field(default_factory=TrialOptions)
 
+    RULES: ClassVar = (
+        Only(("fold-count",), "accuracy measured (no --no-check)", lambda verb: verb.check),
+        FOLDS_IN_TURN,
+    )
+
     def run(self) -> None:
         """Check, train and save."""
         output = self.output or Path(f"{self.trials.name.removesuffix('.csv')}-run")
@@ -51,11 +55,11 @@ class TrainTrials:
 
     def _train(self, output: Path) -> None:
         from taxel.evaluation.camera_trials import BAR, OURS, difference, judge_trials
-        from taxel.evaluation.final_trials import fit_final
+        from taxel.evaluation.final_trials import fit_final, save_trial_run
+        from taxel.views.trial_results import trial_json
 
         results: list[TrialResult] = []
         differences: list[Difference] = []
-        older = output.exists()
         with progress() as bar:
             trials, split, found = self.options.load(self.trials, bar)
             task = bar.add_task("training", total=None)
@@ -69,17 +73,8 @@ class TrainTrials:
                 differences = [difference(trials, split, results[0], results[1])]
             measured = _measured(split, results)
             final = fit_final(trials, found, split, self.options.seed, measured, on_step)
-        about = as_json(trials, split, results, differences) if results else {}
-        about |= {
-            "run": str(output),
-            "replaced": older,
-            "bytes": len(final.bundle),
-            "parity": final.parity,
-            "members": dict(final.members),
-            "inner_loss": dict(final.inner),
-            "learned_trials": final.trials,
-        }
-        _save(output, final.bundle, about)
+        result = trial_json(trials, split, results, differences) if results else {}
+        about = save_trial_run(output, final, result)
         if self.json:
             print_json(about)
             return
@@ -138,23 +133,3 @@ def _measured(split: TrialSplit, results: list[TrialResult]) -> dict[str, float]
         f"accuracy of the bar's forest, {split.name}": bar.accuracy,
     }
     return {key: value for key, value in found.items() if math.isfinite(value)}
-
-
-def _save(output: Path, bundle: bytes, about: dict[str, Any]) -> None:
-    """Write a run's folder, whole or not at all; an older run there is replaced."""
-    import os
-
-    from taxel.plain_text import json_text
-    from taxel.recordings.whole import write_whole
-
-    temporary = output.with_name(output.name + ".part")
-    shutil.rmtree(temporary, ignore_errors=True)
-    try:
-        write_whole(temporary / IN_RUN, bundle)
-        text = json_text(json.loads(json.dumps(about, default=str)), 1)
-        write_whole(temporary / "run.json", text.encode())
-        if output.exists():
-            shutil.rmtree(output)
-        os.replace(temporary, output)
-    finally:
-        shutil.rmtree(temporary, ignore_errors=True)

@@ -7,14 +7,15 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from rich.progress import Progress as Bar
 
+from taxel.cli.option_rules import Only
 from taxel.errors import BadInput
 
 if TYPE_CHECKING:
-    from taxel.evaluation.camera_trials import Difference, TrialResult, TrialSet
+    from taxel.evaluation.camera_trials import TrialSet
     from taxel.evaluation.trial_sides import TrialSplit
     from taxel.windows.camera_trials import CameraTrial
 
@@ -93,40 +94,9 @@ class TrialOptions:
         return split_trials(trials.groups, trials.y, self.split, self.fold_count, self.seed)
 
 
-def as_json(
-    trials: TrialSet,
-    split: TrialSplit,
-    results: list[TrialResult],
-    differences: list[Difference],
-) -> dict[str, Any]:
-    """Return what was measured, for printing."""
-    from dataclasses import asdict
-
-    from taxel.evaluation.camera_trials import by_group
-    from taxel.windows.trial_crops import PLACES
-
-    def row(one: TrialResult) -> dict[str, Any]:
-        places = {place: asdict(s) for place, s in zip(PLACES, one.places, strict=False)}
-        return {"name": one.name, "leaks": one.leaks, "trials": asdict(one.whole),
-                "crops": places}  # fmt: skip
-
-    return {
-        "target": trials.target,
-        "classes": trials.classes,
-        "trials": len(trials.y),
-        "cameras": trials.cameras,
-        "crop": trials.layout.crop,
-        "crops_a_trial": trials.layout.places,
-        "split": split.name,
-        "folds": len(split.sides),
-        "rows": [row(one) for one in results],
-        "differences": [asdict(one) for one in differences],
-        "groups": {
-            name: {"right": right, "trials": of}
-            for name, (right, of) in by_group(trials, split, results[0]).items()
-        },
-        "predictions": [
-            {"trial": name, "truth": trials.classes[y], "probabilities": p.tolist()}
-            for name, y, p in zip(trials.names, trials.y, results[0].probabilities, strict=True)
-        ],
-    }
+FOLDS_IN_TURN = Only(
+    ("fold-count",),
+    "folds in turn (no --folds, --test or --split split)",
+    lambda verb: not (verb.options.folds or verb.options.test or verb.options.split == "split"),
+)
+"""Where the test trials are given there is nothing to count."""

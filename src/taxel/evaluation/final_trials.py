@@ -1,22 +1,28 @@
 """Train the recogniser of camera trials that is kept, and make its bundle.
 
 It learns from all trials but those that a split names as test trials for good. Knows nothing
-about files or screens.
+about images or screens.
 """
 
 from __future__ import annotations
 
 import hashlib
+import os
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from math import isfinite
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from taxel import __version__
-from taxel.bundles.trials import TrialContract, trial_bundle_bytes
+from taxel.bundles.trials import IN_RUN, TrialContract, trial_bundle_bytes
 from taxel.evaluation.camera_trials import TrialSet
 from taxel.evaluation.trial_sides import TrialSplit
+from taxel.held import MADE, REPLACED, scratch_folder
+from taxel.plain_text import json_text
+from taxel.recordings.whole import write_whole
 from taxel.training.trial_blend import fit_blend
 from taxel.training.trial_onnx import blend_to_onnx
 from taxel.windows.camera_trials import CameraTrial
@@ -98,3 +104,34 @@ def fit_final(
     return Final(
         bundle=bundle, parity=parity, members=weights, inner=blend.inner, trials=len(learned)
     )
+
+
+def save_trial_run(output: Path, final: Final, result: Mapping[str, Any]) -> dict[str, Any]:
+    """Write a run's folder, whole or not at all; return what `run.json` in it says.
+
+    Args:
+        output: The folder; an older run there is replaced.
+        final: What was trained.
+        result: What was measured on trials held out; empty where nothing was.
+
+    Raises:
+        RecordingFailed: The disk refused.
+    """
+    about = {
+        **result,
+        "run": str(output),
+        "replaced": output.exists(),
+        "bytes": len(final.bundle),
+        "parity": final.parity,
+        "members": dict(final.members),
+        "inner_loss": dict(final.inner),
+        "learned_trials": final.trials,
+    }
+    with scratch_folder(output) as scratch:
+        made = scratch / MADE
+        write_whole(made / IN_RUN, final.bundle)
+        write_whole(made / "run.json", json_text(about, 1).encode())
+        if output.exists():
+            os.replace(output, scratch / REPLACED)
+        os.replace(made, output)
+    return about

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import asdict
+from typing import Any
 
 from rich.box import SIMPLE_HEAD
 from rich.console import Group, RenderableType
@@ -125,3 +127,38 @@ def _weakest(trials: TrialSet, split: TrialSplit, ours: TrialResult) -> str:
         f"{len(groups) - len(missed)} of {len(groups)} {split.group}s all right; fewest right: "
         f"{shown}."
     )
+
+
+def trial_json(
+    trials: TrialSet,
+    split: TrialSplit,
+    results: Sequence[TrialResult],
+    differences: Sequence[Difference],
+) -> dict[str, Any]:
+    """Return what was measured, for printing."""
+
+    def row(one: TrialResult) -> dict[str, Any]:
+        places = {place: asdict(s) for place, s in zip(PLACES, one.places, strict=False)}
+        return {"name": one.name, "leaks": one.leaks, "trials": asdict(one.whole),
+                "crops": places}  # fmt: skip
+
+    return {
+        "target": trials.target,
+        "classes": trials.classes,
+        "trials": len(trials.y),
+        "cameras": trials.cameras,
+        "crop": trials.layout.crop,
+        "crops_a_trial": trials.layout.places,
+        "split": split.name,
+        "folds": len(split.sides),
+        "rows": [row(one) for one in results],
+        "differences": [asdict(one) for one in differences],
+        "groups": {
+            name: {"right": right, "trials": of}
+            for name, (right, of) in by_group(trials, split, results[0]).items()
+        },
+        "predictions": [
+            {"trial": name, "truth": trials.classes[y], "probabilities": p.tolist()}
+            for name, y, p in zip(trials.names, trials.y, results[0].probabilities, strict=True)
+        ],
+    }
