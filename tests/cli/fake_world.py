@@ -111,8 +111,8 @@ ATTRIBUTES: dict[str, Any] = {
 """Attribute → its value, where a verb's way goes by it."""
 ANSWERS: dict[str, Any] = {
     "is_grasp_bundle": lambda path: "cup" in str(path),
-    "is_trial_bundle": lambda path: "trial" in str(path),
-    "are_camera_trials": lambda path: "trial" in str(path),
+    "is_trial_bundle": lambda path: "trial" in str(path).rpartition("/")[2],
+    "are_camera_trials": lambda path: "trial" in str(path).rpartition("/")[2],
     "named_path": lambda path: path,
     "check_page": lambda _: False,
     "list_recordings": lambda path: (
