@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 from make_dataset import make_dataset
 
-from taxel.evaluation import kept_folds
 from taxel.evaluation.crossval import FoldPredictions
 from taxel.evaluation.kept_folds import KeptFolds, folds_folder, forget_folds
 from taxel.evaluation.metrics import score
 from taxel.evaluation.splits import WindowFold
+from taxel.training import environment
 
 Y = np.array([0, 1, 0])
 SHARES = np.array([[0.9, 0.1], [0.2, 0.8], [0.7, 0.3]])
@@ -42,12 +42,12 @@ def test_a_fold_of_code_that_was_changed_since_is_fitted_again(
     package = tmp_path / "taxel"
     package.mkdir()
     (package / "__init__.py").write_text("changed = True\n")
-    monkeypatch.setattr(kept_folds.taxel, "__file__", str(package / "__init__.py"))
-    kept_folds._code.cache_clear()
+    monkeypatch.setattr(environment.taxel, "__file__", str(package / "__init__.py"))
+    environment.code_digest.cache_clear()
     try:
         assert kept(tmp_path / "run").find("cnn", 0, FOLD) is None
     finally:
-        kept_folds._code.cache_clear()
+        environment.code_digest.cache_clear()
 
 
 @pytest.mark.parametrize("at", range(0, 80, 4))

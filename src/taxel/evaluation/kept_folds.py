@@ -13,20 +13,18 @@ import hashlib
 import io
 import json
 from contextlib import nullcontext, suppress
-from functools import cache
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-import taxel
 from taxel.errors import BadFile, RecordingFailed
 from taxel.evaluation.crossval import FoldPredictions
 from taxel.evaluation.metrics import score
 from taxel.evaluation.splits import Fold
 from taxel.foreign.archives import read_arrays
 from taxel.recordings.whole import write_whole
-from taxel.training.environment import environment
+from taxel.training.environment import code_digest, environment
 from taxel.windows.dataset import Dataset
 
 MOST_SHARED = 50
@@ -66,7 +64,7 @@ class KeptFolds:
         self.used = 0
         """Folds that were found finished."""
         self._folder, self._shared = folder, shared
-        about = {"for": depends_on, "software": environment(), "code": _code()}
+        about = {"for": depends_on, "software": environment(), "code": code_digest()}
         digest = hashlib.sha256(json.dumps(about, sort_keys=True, default=str).encode())
         windows = dataset.windows
         for part in (windows.values, windows.mask, dataset.class_numbers(target), dataset.trial):
@@ -133,14 +131,3 @@ def _remove(folder: Path) -> None:
         for path in (*folder.glob("*.npz"), *folder.glob("*.npz.part")):
             path.unlink()
         folder.rmdir()
-
-
-@cache
-def _code() -> str:
-    """Return the SHA-256 over taxel's own modules: a commit does not say what was changed since."""
-    root = Path(taxel.__file__).parent
-    digest = hashlib.sha256()
-    for path in sorted(root.rglob("*.py")):
-        digest.update(path.relative_to(root).as_posix().encode() + b"\0")
-        digest.update(hashlib.sha256(path.read_bytes()).digest())
-    return digest.hexdigest()

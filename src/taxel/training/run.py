@@ -14,7 +14,7 @@ from __future__ import annotations
 import json
 import os
 import shutil
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 
@@ -34,6 +34,7 @@ from taxel.bundles.trials import IN_RUN
 from taxel.errors import BadInput, RecordingFailed, TaxelError
 from taxel.foreign.json_text import Fields, read_json
 from taxel.foreign.records import record_of
+from taxel.models.blend import EXPERT, Blend
 from taxel.models.catalogue import count_parameters, find_network
 from taxel.training.adapt.exemplars import Exemplars, load_exemplars, save_exemplars
 from taxel.training.checkpoints import load_weights, save_weights
@@ -215,7 +216,7 @@ def load_run(folder: Path, *, weights: bool = True) -> Run:
 
 
 def _load_networks(folder: Path, contract: Contract, members: int) -> tuple[nn.Module, ...]:
-    build = find_network(contract.model).build
+    build = _build(contract.model)
     steps, channels, classes = contract.window.steps, len(contract.channels), len(contract.classes)
     if max(steps, channels, classes) > _LARGEST_SIDE or steps * channels > _LARGEST_WINDOW:
         raise BadInput(
@@ -228,6 +229,11 @@ def _load_networks(folder: Path, contract: Contract, members: int) -> tuple[nn.M
         load_weights(folder / f"weights-{index}.safetensors", network)
         networks.append(network.eval())
     return tuple(networks)
+
+
+def _build(model: str) -> Callable[[int, int, int], nn.Module]:
+    """Return what builds a model by its name; a blend's own weights say what it consists of."""
+    return (lambda *_: Blend()) if model == EXPERT else find_network(model).build
 
 
 def _train_config(raw: object) -> TrainConfig:

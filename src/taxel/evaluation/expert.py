@@ -1,0 +1,252 @@
+"""From recordings to the recogniser that is used: nested score, choice on all data, its bundle.
+
+Knows nothing about screens.
+"""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from time import perf_counter
+
+import numpy as np
+
+from taxel.bundles.contract import Contract
+from taxel.bundles.reader import read_bundle
+from taxel.bundles.writer import write_bundle
+from taxel.errors import BadInput
+from taxel.evaluation.nested import Nested, check_choosing
+from taxel.evaluation.splits import Split, TrialFold, parse_split
+from taxel.labels.trials import coarsest_group
+from taxel.models.blend import EXPERT, Blend
+from taxel.training.choose.budget import Budget
+from taxel.training.choose.candidates import Candidate
+from taxel.training.choose.choice import Choice
+from taxel.training.choose.fit_choice import fit_choice
+from taxel.training.choose.inner_folds import Held, what_is_held
+from taxel.training.choose.kept_tries import KeptTries
+from taxel.training.choose.preparations import Base, Prepared, load_base, prepare, prepare_all
+from taxel.training.choose.search import Found, choose
+from taxel.training.environment import Made, code_digest, environment
+from taxel.training.loop import TrainConfig
+from taxel.training.run import Run, contract_of
+from taxel.windows.scaling import Scaling
+
+MINUTES, MOST_MB, MOST_US = 5.0, 20.0, 2000.0
+"""Defaults: minutes to choose and train, megabytes of a bundle, microseconds a window. Source:
+issue 16."""
+FOLDS = 5
+_PARITY_WINDOWS = 500
+_TIMED = 200
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Limits:
+    """What choosing and its result may take."""
+
+    minutes: float = MINUTES
+    most_mb: float = MOST_MB
+    most_us: float = MOST_US
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Measured:
+    """A bundle's cost."""
+
+    mb: float
+    us: float
+    """Of one window on one core: the median."""
+    parity: float
+    """Largest difference of a probability, live from offline."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Expert:
+    """A trained recogniser, with what it is worth and why it was chosen."""
+
+    run: Run
+    choice: Choice
+    nested: Nested | None
+    measured: Measured
+    given_up: tuple[str, ...] = ()
+    """Members that did not fit in the limits, and what leaving them out cost."""
+    notes: tuple[str, ...] = ()
+    tries_kept: int = 0
+
+
+def usual_split(base: Base, folds: int = FOLDS, seed: int = 0) -> Split:
+    """Return the honest split where none is asked for: the coarsest groups held out.
+
+    Raises:
+        BadSplit: Not even single trials can be held out.
+    """
+    key = coarsest_group(base.trials)
+    order = [key, *(name for name in ("session", "file", "recording", "trial") if name != key)]
+    for number, name in enumerate(order):
+        if not all(name in trial.groups for trial in base.trials):
+            continue
+        try:
+            return parse_split(f"group:{name}", base.dataset, base.target, folds, seed)
+        except BadInput:
+            if number == len(order) - 1:
+                raise
+    raise AssertionError("a trial is a group of its own")
+
+
+def train_expert(
+    data: Path,
+    target: str,
+    *,
+    split: Callable[[Base], Split] = usual_split,
+    limits: Limits = Limits(),
+    like: Choice | None = None,
+    check: bool = True,
+    bars: Sequence[str] = (),
+    seed: int = 0,
+    tries: Path | None = None,
+    on_step: Callable[[str], None] = lambda _: None,
+) -> Expert:
+    """Choose, judge, train and measure.
+
+    Args:
+        data: A folder of recordings.
+        target: The label to predict.
+        split: Makes the outer folds.
+        limits: Minutes, megabytes, microseconds.
+        like: Repeat this choice, and choose nothing.
+        check: Judge the way of choosing on the outer folds.
+        bars: Bars to judge beside it.
+        seed: Of all that is random.
+        tries: A folder for what was tried, so that an interrupted run goes on.
+        on_step: Called with a line before each step.
+
+    Raises:
+        BadDataset: The recordings do not make such a data set.
+        BadSplit: They cannot be split so.
+    """
+    on_step("reading")
+    base = load_base(data, target)
+    folds = split(base)
+    kept = KeptTries(tries, {"code": code_digest(), "software": environment(), "seed": seed})
+    if like is not None:
+        return _repeat(base, like, limits, seed, on_step)
+    prepared = prepare_all(base)
+    budget = Budget(60.0 * limits.minutes, len(folds.folds) * check + 1)
+    on_step("choosing on all data")
+    everyone = range(len(base.trials))
+    found = choose(
+        base, prepared, everyone, _held(base, folds), budget, seed=seed, kept=kept, on_step=on_step
+    )
+    nested = None
+    if check:
+        nested = check_choosing(
+            base, prepared, folds, budget, bars=bars, seed=seed, kept=kept, on_step=on_step
+        )
+    expert = _within(base, found, nested, limits, seed, on_step)
+    kept.forget()
+    return replace(expert, tries_kept=kept.used)
+
+
+def _held(base: Base, split: Split) -> Held:
+    """Return what a split's first fold holds out."""
+    fold = split.folds[0]
+    assert isinstance(fold, TrialFold)
+    return what_is_held(base.trials, sorted(fold.train), sorted(fold.test))
+
+
+def _within(
+    base: Base,
+    found: Found,
+    nested: Nested | None,
+    limits: Limits,
+    seed: int,
+    on_step: Callable[[str], None],
+) -> Expert:
+    """Train on all data; leave out what makes the bundle too large or too slow."""
+    without: list[Candidate] = []
+    given_up: list[str] = []
+    whole = choice = found.choice()
+    while True:
+        on_step("training what was chosen on all data")
+        run, measured = _trained(base, found.part.prepared, choice, nested, seed)
+        fits = measured.mb <= limits.most_mb and measured.us <= limits.most_us
+        heavy = _heaviest(run, choice)
+        if fits or len(choice.members) == 1:
+            break
+        without.append(heavy)
+        choice = found.choice(without)
+        given_up.append(
+            f"{heavy.name}: {measured.mb:.1f} MB and {measured.us:.0f} µs with it; inner accuracy "
+            f"{whole.accuracy:.4f} → {choice.accuracy:.4f}"
+        )
+    return Expert(run=run, choice=choice, nested=nested, measured=measured,
+                  given_up=tuple(given_up), notes=base.dataset.notes)  # fmt: skip
+
+
+def _heaviest(run: Run, choice: Choice) -> Candidate:
+    """Return the member that holds most numbers."""
+    (blend,) = run.networks
+    assert isinstance(blend, Blend)
+    sizes = [sum(t.numel() for t in head.state_dict().values()) for head in blend.heads]
+    return choice.members[int(np.argmax(sizes))].candidate
+
+
+def _repeat(
+    base: Base, like: Choice, limits: Limits, seed: int, on_step: Callable[[str], None]
+) -> Expert:
+    if like.target != base.target:
+        raise BadInput(f"a choice for the label {base.target!r}", repr(like.target),
+                       f"say --target {like.target}")  # fmt: skip
+    on_step("cutting as chosen before")
+    prepared = prepare(base, like.window, like.window.steps)
+    run, measured = _trained(base, prepared, like, None, seed)
+    return Expert(run=run, choice=like, nested=None, measured=measured, notes=base.dataset.notes)
+
+
+def _trained(
+    base: Base, prepared: Prepared, choice: Choice, nested: Nested | None, seed: int
+) -> tuple[Run, Measured]:
+    blend = fit_choice(choice, base, prepared, range(len(base.trials)), seed)
+    channels = len(prepared.dataset.sensor.channels)
+    unscaled = Scaling(
+        kind="none", offset=np.zeros(channels, np.float32), factor=np.ones(channels, np.float32)
+    )
+    accuracy = {} if nested is None else {nested.split: nested.scores.scores.accuracy}
+    contract = replace(
+        contract_of(prepared.dataset, base.target, EXPERT, (blend,), unscaled, accuracy),
+        window=choice.window,
+        parameters=sum(table.numel() for table in blend.state_dict().values()),
+    )
+    run = Run(
+        networks=(blend,),
+        contract=contract,
+        train=TrainConfig(seed=seed),
+        history=(),
+        data=str(base.path),
+        predictions=None if nested is None else nested.predictions,
+        made=Made.now(),
+    )
+    return run, measure(run, prepared)
+
+
+def measure(run: Run, prepared: Prepared) -> Measured:
+    """Write the bundle aside, open it, and measure what a window costs on one core."""
+    windows = prepared.dataset.windows[:_PARITY_WINDOWS]
+    with tempfile.TemporaryDirectory(prefix="taxel-") as scratch:
+        path = Path(scratch) / "bundle.taxel"
+        contract: Contract = write_bundle(
+            path, run.networks, run.contract, windows.values, windows.mask
+        )
+        bundle = read_bundle(path)
+        times = []
+        for number in range(_TIMED):
+            place = number % len(windows)
+            part = slice(place, place + 1)
+            started = perf_counter()
+            bundle.probabilities(windows.values[part], windows.mask[part])
+            times.append(perf_counter() - started)
+        size = path.stat().st_size
+    assert contract.parity is not None
+    return Measured(mb=size / 1e6, us=float(np.median(times)) * 1e6, parity=contract.parity)

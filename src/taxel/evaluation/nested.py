@@ -1,0 +1,190 @@
+"""The outer score of a choice: for each fold all is chosen anew on the training part alone.
+
+The score is of the way to choose, not of one model: each outer fold may end up with other windows
+and members. What is trained on all data afterwards is chosen the same way. Knows nothing about
+screens or folders.
+
+Source: Cawley and Talbot, "On over-fitting in model selection", JMLR 2010; docs/decisions/0039.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from taxel.errors import BadSplit
+from taxel.evaluation.bars import BARS, FEWEST_ROWS, bar_probabilities
+from taxel.evaluation.metrics import cross_entropy
+from taxel.evaluation.run_scores import RunScores, judge
+from taxel.evaluation.splits import Split, TrialFold
+from taxel.training.choose.budget import Budget
+from taxel.training.choose.choice import Choice
+from taxel.training.choose.fit_choice import fit_choice, predict_blend
+from taxel.training.choose.inner_folds import what_is_held
+from taxel.training.choose.kept_tries import KeptTries
+from taxel.training.choose.preparations import Base, Prepared
+from taxel.training.choose.search import choose
+from taxel.training.predictions import Predictions
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TrialScores:
+    """A recogniser judged by trial, its windows joined."""
+
+    accuracy: float
+    loss: float
+    trials: int
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Nested:
+    """What a nested validation found."""
+
+    split: str
+    choices: tuple[Choice, ...]
+    """One an outer fold."""
+    predictions: Predictions
+    scores: RunScores
+    by_trial: TrialScores
+    bars: dict[str, tuple[RunScores, TrialScores]]
+    """Bar → its scores on the very same windows."""
+
+
+@dataclass(frozen=True, slots=True)
+class _Tested:
+    """Test windows of one fold."""
+
+    prepared: Prepared
+    index: NDArray[np.intp]
+    probabilities: NDArray[np.float64]
+    joined: tuple[NDArray[np.intp], NDArray[np.float64]]
+
+
+def check_choosing(
+    base: Base,
+    prepared: Sequence[Prepared],
+    split: Split,
+    budget: Budget,
+    *,
+    bars: Sequence[str] = (),
+    seed: int = 0,
+    kept: KeptTries | None = None,
+    on_step: Callable[[str], None] = lambda _: None,
+) -> Nested:
+    """Choose, train and test in each fold of a split.
+
+    Args:
+        base: The recordings.
+        prepared: The ways to cut them.
+        split: Folds of whole trials, by the indices of `base.trials`.
+        budget: Shared among the folds, a share each.
+        bars: Names in `BARS`, which see the windows that were chosen.
+        seed: Of all that is random.
+        kept: What an interrupted run had tried.
+        on_step: Called with a line before each fit.
+
+    Raises:
+        BadSplit: A fold parts windows, not trials.
+    """
+    tested, choices = [], []
+    beside: dict[str, list[_Tested]] = {name: [] for name in bars}
+    for fold in split.folds:
+        if not isinstance(fold, TrialFold):
+            raise BadSplit(
+                "a split of whole trials, to choose on", split.name, "choose group:KEY or order:KEY"
+            )
+        train, test = sorted(fold.train), sorted(fold.test)
+
+        def say(line: str, name: str = fold.name) -> None:
+            on_step(f"{name} · {line}")
+
+        held = what_is_held(base.trials, train, test)
+        choice = choose(
+            base, prepared, train, held, budget, seed=seed, kept=kept, on_step=say
+        ).choice()
+        own = next(one for one in prepared if one.config == choice.window)
+        say("training what was chosen")
+        blend = fit_choice(choice, base, own, train, seed)
+        index = np.flatnonzero(np.isin(own.trial, test) & own.scored)
+        found = predict_blend(blend, own, index)
+        tested.append(_Tested(own, index, found, choice.joining.apply(own.trial[index], found)))
+        choices.append(choice)
+        started = budget.clock()
+        for name in bars:
+            if choice.window.steps >= FEWEST_ROWS.get(name, 1):
+                say(name)
+                beside[name].append(_bar(name, base, own, train, index, seed))
+        budget.add(budget.clock() - started)
+    predictions = _predictions(base, split, tested)
+    return Nested(
+        split=split.name,
+        choices=tuple(choices),
+        predictions=predictions,
+        scores=judge(predictions),
+        by_trial=_by_trial(base, tested),
+        bars={
+            name: (judge(_predictions(base, split, own)), _by_trial(base, own))
+            for name, own in beside.items() if len(own) == len(tested)
+        },
+    )  # fmt: skip
+
+
+def _bar(
+    name: str, base: Base, own: Prepared, train: list[int], index: NDArray[np.intp], seed: int
+) -> _Tested:
+    """Fit a bar on the windows that were chosen, one after another as they are tested."""
+    assert name in BARS
+    learned = np.flatnonzero(np.isin(own.trial, train) & own.scored)
+    values, mask = own.dataset.windows.values, own.dataset.windows.mask
+    found = bar_probabilities(
+        name,
+        (values[learned], mask[learned], base.y[own.trial[learned]]),
+        (values[index], mask[index]),
+        len(base.dataset.classes(base.target)),
+        seed,
+    )
+    return _Tested(own, index, found, _mean_logs(own.trial[index], found))
+
+
+def _mean_logs(
+    trial: NDArray[np.intp], found: NDArray[np.float64]
+) -> tuple[NDArray[np.intp], NDArray[np.float64]]:
+    """Join a bar's windows as `metrics.by_trial` does."""
+    from taxel.training.choose.joining import Joining
+
+    return Joining().apply(trial, found)
+
+
+def _predictions(base: Base, split: Split, tested: Sequence[_Tested]) -> Predictions:
+    trained = np.zeros((len(tested), len(base.trials)), np.intp)
+    for number, (fold, own) in enumerate(zip(split.folds, tested, strict=True)):
+        assert isinstance(fold, TrialFold)
+        counts = np.bincount(own.prepared.trial[own.prepared.scored], minlength=len(base.trials))
+        learned = sorted(fold.train)
+        trained[number, learned] = counts[learned]
+    trial = np.concatenate([own.prepared.trial[own.index] for own in tested])
+    return Predictions(
+        split=split.name,
+        classes=tuple(base.dataset.classes(base.target)),
+        trials=base.trials,
+        folds=tuple(fold.name for fold in split.folds),
+        trained=trained,
+        trial=trial,
+        start_s=np.concatenate([own.prepared.dataset.windows.start_s[own.index] for own in tested]),
+        fold=np.repeat(np.arange(len(tested)), [len(own.index) for own in tested]),
+        y=base.y[trial],
+        probabilities=np.concatenate([own.probabilities for own in tested]),
+    )
+
+
+def _by_trial(base: Base, tested: Sequence[_Tested]) -> TrialScores:
+    y = np.concatenate([base.y[own.joined[0]] for own in tested])
+    found = np.concatenate([own.joined[1] for own in tested])
+    return TrialScores(
+        accuracy=float((found.argmax(axis=1) == y).mean()),
+        loss=cross_entropy(y, found),
+        trials=len(y),
+    )

@@ -1,0 +1,179 @@
+"""A blend of recognisers that were chosen together: features, heads, weights, one temperature.
+
+What it consists of stands in its own weights, as JSON in the buffer `plan`, so that it is saved,
+loaded and exported as any network. Knows nothing about how it was chosen.
+"""
+
+from __future__ import annotations
+
+import json
+from dataclasses import asdict, dataclass
+from typing import Any
+
+import torch
+from torch import Tensor, nn
+
+from taxel.errors import BadInput
+from taxel.foreign.json_text import Fields, parse_json
+from taxel.models.heads import HEADS
+from taxel.models.touch_features import BLOCKS, UNIT, TouchFeatures
+
+EXPERT = "expert"
+"""What a contract calls such a model."""
+LEAST_PROBABILITY = 1e-6
+"""Source: our choice, docs/decisions/0039."""
+_MOST_MEMBERS = 64
+_LARGEST_PLAN = 100_000
+
+
+@dataclass(frozen=True, slots=True)
+class Part:
+    """One member of a blend."""
+
+    head: str
+    """A key of `HEADS`, or "network:NAME" for a network of the catalogue."""
+    blocks: tuple[str, ...]
+    """Its features; none for a network, which sees the window."""
+
+
+@dataclass(frozen=True, slots=True)
+class Plan:
+    """What a blend consists of."""
+
+    steps: int
+    pads: tuple[int, ...]
+    """Each channel's pad; see `taxel.models.touch_features.pads_of`."""
+    classes: int
+    parts: tuple[Part, ...]
+
+
+class ScaledNetwork(nn.Module):
+    """A network of the catalogue behind its own scaling.
+
+    Args:
+        network: forward(values, mask) → logits.
+        channels: Of the array.
+    """
+
+    offset: Tensor
+    factor: Tensor
+
+    def __init__(self, network: nn.Module, channels: int) -> None:
+        super().__init__()
+        self.network = network
+        self.register_buffer("offset", torch.zeros(channels))
+        self.register_buffer("factor", torch.ones(channels))
+
+    def forward(self, values: Tensor, mask: Tensor) -> Tensor:
+        """Return logits, shape (n, classes), of unscaled windows."""
+        scaled = (values - self.offset) * self.factor * mask.unsqueeze(2)
+        found: Tensor = self.network(scaled, mask)
+        return found
+
+
+class Blend(nn.Module):
+    """Members' probabilities, each at its own temperature, weighted; one temperature on all.
+
+    Args:
+        plan: What it consists of; None for one whose weights are about to be loaded.
+        heads: One a part, fitted.
+        weights: One a part; their sum is 1.
+        sharpness: One a part: what its logits are multiplied by.
+        last: What the logarithm of the whole is multiplied by.
+    """
+
+    plan: Tensor
+    weights: Tensor
+    sharpness: Tensor
+    last: Tensor
+
+    def __init__(
+        self,
+        plan: Plan | None = None,
+        heads: tuple[nn.Module, ...] = (),
+        weights: tuple[float, ...] = (),
+        sharpness: tuple[float, ...] = (),
+        last: float = 1.0,
+    ) -> None:
+        super().__init__()
+        text = json.dumps(asdict(plan)) if plan is not None else ""
+        self.register_buffer("plan", torch.tensor(list(text.encode()), dtype=torch.uint8))
+        self.register_buffer("weights", torch.tensor(weights))
+        self.register_buffer("sharpness", torch.tensor(sharpness))
+        self.register_buffer("last", torch.tensor(last))
+        self.heads = nn.ModuleList(heads)
+        self.features = nn.ModuleList()
+        self._seen: list[int | None] = []
+        if plan is not None:
+            self._share_features(plan)
+
+    def _share_features(self, plan: Plan) -> None:
+        """Compute each set of features once, however many members see it."""
+        sets = list(dict.fromkeys(part.blocks for part in plan.parts if part.blocks))
+        self.features = nn.ModuleList(TouchFeatures(blocks, plan.pads) for blocks in sets)
+        self._seen = [sets.index(part.blocks) if part.blocks else None for part in plan.parts]
+
+    def forward(self, values: Tensor, mask: Tensor) -> Tensor:
+        """Return logits, shape (n, classes).
+
+        Args:
+            values: Unscaled windows, shape (n, steps, channels).
+            mask: Shape (n, steps).
+        """
+        sets = [features(values, mask) for features in self.features]
+        total = None
+        for number, (head, seen) in enumerate(zip(self.heads, self._seen, strict=True)):
+            logits = head(values, mask) if seen is None else head(sets[seen])
+            share = torch.softmax(logits * self.sharpness[number], dim=1) * self.weights[number]
+            total = share if total is None else total + share
+        assert total is not None
+        return self.last * torch.log(total.clamp(min=LEAST_PROBABILITY))
+
+    def _load_from_state_dict(self, state_dict: Any, prefix: str, *rest: Any) -> None:
+        for name in ("plan", "weights", "sharpness"):
+            if prefix + name in state_dict:
+                setattr(self, name, torch.empty_like(state_dict[prefix + name]))
+        if prefix + "plan" in state_dict:
+            plan = read_plan(bytes(state_dict[prefix + "plan"].tolist()))
+            self.heads = nn.ModuleList(_empty_head(plan, part) for part in plan.parts)
+            self._share_features(plan)
+        super()._load_from_state_dict(state_dict, prefix, *rest)
+
+
+def read_plan(text: bytes) -> Plan:
+    """Return the plan that a blend's weights hold.
+
+    Raises:
+        BadInput: It is none, or names what there is not.
+    """
+    try:
+        if len(text) > _LARGEST_PLAN:
+            raise ValueError("longer than any plan")
+        given = Fields(parse_json(text), "the plan")
+        steps, classes = (given.count(name, 1, 1_000_000) for name in ("steps", "classes"))
+        pads = tuple(int(pad) for pad in given.array("pads", (None,)))
+        parts = tuple(_part(Fields(raw, "a part")) for raw in given.items("parts"))
+        if not 0 < len(parts) <= _MOST_MEMBERS:
+            raise ValueError(f"{len(parts)} members")
+        return Plan(steps, pads, classes, parts)
+    except ValueError as error:  # BadFile is one
+        got = str(getattr(error, "got", error))
+        raise BadInput("a blend's plan", got, "train it again with: taxel train") from error
+
+
+def _part(given: Fields) -> Part:
+    head, blocks = given.text("head"), given.texts("blocks")
+    unknown = [name for name in blocks if name.removeprefix(UNIT) not in BLOCKS]
+    if unknown or (head not in HEADS and not head.startswith("network:")):
+        raise ValueError(f"{head} on {', '.join(blocks)}")
+    return Part(head, blocks)
+
+
+def _empty_head(plan: Plan, part: Part) -> nn.Module:
+    if part.head in HEADS:
+        return HEADS[part.head]()
+    from taxel.models.catalogue import find_network
+
+    network = find_network(part.head.removeprefix("network:"))
+    built = network.build(plan.steps, len(plan.pads), plan.classes)
+    return ScaledNetwork(built, len(plan.pads))

@@ -1,0 +1,120 @@
+"""From features to logits: linear, trees or a small perceptron, as tensors that export.
+
+Fitted elsewhere (`taxel.training.choose.fitting`), here they are tables that are saved, exported
+and run live as any network. Each `forward` takes features (n, features) and returns logits
+(n, classes). Knows nothing about how features are made.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import torch
+from torch import Tensor, nn
+
+LEAST_SHARE = 0.002
+"""Added to each class's share of a forest's votes, so that none is impossible. Source: our
+choice, docs/decisions/0039."""
+FARTHEST = 4.0
+"""Standardised features are cut here, deviations: a broken value must not decide alone. Source:
+as above."""
+
+
+class _Tables(nn.Module):
+    """Buffers whose sizes are known only to the weights."""
+
+    names: tuple[str, ...] = ()
+
+    def __init__(self, **tables: Tensor) -> None:
+        super().__init__()
+        for name in self.names:
+            self.register_buffer(name, tables.get(name, torch.zeros(1)))
+
+    def _load_from_state_dict(self, state_dict: Any, prefix: str, *rest: Any) -> None:
+        for name in self.names:
+            if prefix + name in state_dict:
+                setattr(self, name, torch.empty_like(state_dict[prefix + name]))
+        super()._load_from_state_dict(state_dict, prefix, *rest)
+
+
+class LinearHead(_Tables):
+    """Standardised, cut features times weights."""
+
+    names = ("offset", "factor", "weight", "bias")
+    offset: Tensor
+    factor: Tensor
+    weight: Tensor
+    bias: Tensor
+
+    def forward(self, features: Tensor) -> Tensor:
+        """Return logits, shape (n, classes)."""
+        scaled = (features.float() - self.offset) * self.factor
+        return scaled.clamp(-FARTHEST, FARTHEST) @ self.weight + self.bias
+
+
+class PerceptronHead(_Tables):
+    """Several perceptrons of one hidden layer; the mean of their logits."""
+
+    names = ("offset", "factor", "weight", "bias", "out", "out_bias")
+    offset: Tensor
+    factor: Tensor
+    weight: Tensor
+    """Shape (members, features, hidden)."""
+    bias: Tensor
+    out: Tensor
+    """Shape (members, hidden, classes)."""
+    out_bias: Tensor
+
+    def forward(self, features: Tensor) -> Tensor:
+        """Return logits, shape (n, classes)."""
+        scaled = ((features.float() - self.offset) * self.factor).clamp(-FARTHEST, FARTHEST)
+        hidden = torch.relu(scaled.unsqueeze(0) @ self.weight + self.bias)
+        return (hidden @ self.out + self.out_bias).mean(dim=0)
+
+
+class TreesHead(_Tables):
+    """Trees by look-up: a walk of `depth` steps in all trees at once.
+
+    A forest's leaves hold shares of classes, whose mean is taken; boosted trees' hold logits,
+    which are summed.
+    """
+
+    names = ("column", "threshold", "left", "right", "leaf", "value", "root", "depth", "start",
+             "summed")  # fmt: skip
+    column: Tensor
+    """Node → feature, int32."""
+    threshold: Tensor
+    left: Tensor
+    """Node → node if feature ≤ threshold; a leaf points to itself."""
+    right: Tensor
+    leaf: Tensor
+    """Node → row of `value`; 0 where it is no leaf."""
+    value: Tensor
+    """Shape (leaves, classes), float16: shares, or logits."""
+    root: Tensor
+    depth: Tensor
+    start: Tensor
+    """Logits before any tree, shape (classes,)."""
+    summed: Tensor
+    """1 where leaves are summed, 0 where their mean is taken."""
+
+    def forward(self, features: Tensor) -> Tensor:
+        """Return logits, shape (n, classes)."""
+        features = features.float()
+        place = self.root.long().unsqueeze(0) + torch.zeros_like(features[:, :1]).long()
+        for _ in range(int(self.depth)):
+            value = torch.gather(features, 1, self.column[place].long())
+            below = value <= self.threshold[place]
+            place = torch.where(below, self.left[place], self.right[place]).long()
+        found = self.value[self.leaf[place].long()].float()
+        if int(self.summed):
+            return found.sum(dim=1) + self.start
+        return torch.log(found.mean(dim=1) + LEAST_SHARE)
+
+
+HEADS: dict[str, type[_Tables]] = {
+    "linear": LinearHead,
+    "perceptron": PerceptronHead,
+    "trees": TreesHead,
+}
+"""Kind → head."""

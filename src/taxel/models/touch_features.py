@@ -1,0 +1,340 @@
+"""What is computed of a window before a linear model or trees see it, as one exportable module.
+
+The features are blocks of plain statistics, each channel by itself unless it says otherwise.
+They are computed in double precision, so that PyTorch offline and ONNX Runtime live give trees
+the same numbers. Rows that are padding do not count, and how many rows there are is no
+feature: the length of a trial must not tell its class. Knows nothing about models or files.
+
+Source: our choice of usual statistics, docs/decisions/0039.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable
+from functools import cached_property
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from torch import Tensor, nn
+
+SEGMENTS = 8
+"""Equal parts of a window whose means are taken. Source: our choice, 0039."""
+QUANTILES = (0.1, 0.25, 0.5, 0.75, 0.9)
+SPECTRUM_ROWS = (8, 64)
+"""Least and most rows of a stretch whose spectrum is taken; stretches overlap by half and their
+powers are averaged (Welch). Source: our choice, 0039."""
+MOST_CORRELATED = 24
+"""Channels up to which all pairs are correlated. Source: our choice, 0039."""
+FEWEST_IN_PAD = 4
+"""Channels that make a pad whose rows can be standardised. Source: our choice, 0039."""
+_BATCH_VALUES = 1_000_000
+_FAR = 1e30
+_TINY = 1e-9
+
+
+class Touch:
+    """One batch of windows, with what several blocks need of it.
+
+    Args:
+        values: Shape (n, steps, channels) float64, unscaled; 0 where padded.
+        present: Shape (n, steps, 1) float64: 1 where a row was measured, 0 where it is padding.
+    """
+
+    def __init__(self, values: Tensor, present: Tensor) -> None:
+        self.values = values
+        self.present = present
+        self.count = self.present.sum(dim=1).clamp(min=1.0)
+
+    @cached_property
+    def mean(self) -> Tensor:
+        """Shape (n, channels)."""
+        return (self.values * self.present).sum(dim=1) / self.count
+
+    @cached_property
+    def centred(self) -> Tensor:
+        """Values less their mean, 0 where padded, shape (n, steps, channels)."""
+        return (self.values - self.mean.unsqueeze(1)) * self.present
+
+    @cached_property
+    def deviation(self) -> Tensor:
+        """Shape (n, channels)."""
+        return (self.centred.square().sum(dim=1) / self.count).sqrt()
+
+    @cached_property
+    def least(self) -> Tensor:
+        """Shape (n, channels)."""
+        return (self.values * self.present + _FAR * (1.0 - self.present)).amin(dim=1)
+
+    @cached_property
+    def most(self) -> Tensor:
+        """Shape (n, channels)."""
+        return (self.values * self.present - _FAR * (1.0 - self.present)).amax(dim=1)
+
+    @cached_property
+    def first(self) -> Tensor:
+        """Shape (n, channels)."""
+        return self.values[:, 0]
+
+    @cached_property
+    def last(self) -> Tensor:
+        """Shape (n, channels)."""
+        after = torch.cat([self.present[:, 1:], torch.zeros_like(self.present[:, :1])], dim=1)
+        return (self.values * (self.present - after)).sum(dim=1)
+
+    @cached_property
+    def steps(self) -> Tensor:
+        """Each row less the one before, 0 where padded, shape (n, steps − 1, channels)."""
+        return (self.values[:, 1:] - self.values[:, :-1]) * self.present[:, 1:]
+
+    @cached_property
+    def place(self) -> Tensor:
+        """Each row's place in its window, 0 … 1 − 1/rows, shape (n, steps, 1)."""
+        return (self.present.cumsum(dim=1) - 1.0) / self.count.unsqueeze(1)
+
+    @cached_property
+    def segments(self) -> Tensor:
+        """Mean of each equal part less the window's mean, shape (n, SEGMENTS, channels)."""
+        edges = torch.arange(SEGMENTS, dtype=torch.float64) / SEGMENTS
+        low = (self.place >= edges - _TINY).double()
+        high = (self.place < edges + 1.0 / SEGMENTS - _TINY).double()
+        share = low * high * self.present
+        total = torch.matmul(share.transpose(1, 2), self.centred)
+        return total / share.sum(dim=1).clamp(min=1.0).unsqueeze(2)
+
+    @cached_property
+    def slope(self) -> Tensor:
+        """Change over the window along the fitted line, shape (n, channels)."""
+        middle = (self.place * self.present).sum(dim=1, keepdim=True) / self.count.unsqueeze(1)
+        place = (self.place - middle) * self.present
+        return (place * self.centred).sum(dim=1) / place.square().sum(dim=1).clamp(min=_TINY)
+
+    @cached_property
+    def activity(self) -> Tensor:
+        """Mean size of a step, shape (n, channels)."""
+        return self.steps.abs().sum(dim=1) / (self.count - 1.0).clamp(min=1.0)
+
+
+def _log(positive: Tensor) -> Tensor:
+    return (positive + _TINY).log()
+
+
+def _rows(touch: Touch) -> Tensor:
+    return (touch.values * touch.present).flatten(1)
+
+
+def _statistics(touch: Touch) -> Tensor:
+    parts = [touch.mean, touch.deviation, touch.least, touch.most, touch.last, touch.activity]
+    return torch.cat(parts, dim=1)
+
+
+def _level(touch: Touch) -> Tensor:
+    return torch.cat([touch.mean, touch.least, touch.most, touch.first, touch.last], dim=1)
+
+
+def _tared(touch: Touch) -> Tensor:
+    parts = [touch.mean, touch.least, touch.most, touch.last]
+    return torch.cat([part - touch.first for part in parts], dim=1)
+
+
+def _shape(touch: Touch) -> Tensor:
+    inside = [touch.least, touch.most, touch.first, touch.last]
+    sizes = [touch.deviation, touch.most - touch.least, touch.activity]
+    parts = [part - touch.mean for part in inside] + [_log(part) for part in sizes]
+    return torch.cat([*parts, touch.deviation, touch.activity, touch.slope], dim=1)
+
+
+def _course(touch: Touch) -> Tensor:
+    return touch.segments.flatten(1)
+
+
+def _quantiles(touch: Touch) -> Tensor:
+    """Quantiles less the mean, and how often the course crosses its mean."""
+    ordered, _ = (touch.values * touch.present + _FAR * (1.0 - touch.present)).sort(dim=1)
+    levels = torch.tensor(QUANTILES, dtype=torch.float64)
+    index = (levels * (touch.count - 1.0) + 0.5).floor().long().unsqueeze(2)
+    taken = torch.gather(ordered, 1, index.expand(-1, -1, ordered.shape[2]))
+    side = (touch.centred > 0).double()
+    both = touch.present[:, 1:] * touch.present[:, :-1]
+    crossed = ((side[:, 1:] - side[:, :-1]).abs() * both).sum(dim=1)
+    rate = crossed / (touch.count - 1.0).clamp(min=1.0)
+    return torch.cat([(taken - touch.mean.unsqueeze(1)).flatten(1), rate], dim=1)
+
+
+def _octaves(touch: Touch) -> Tensor:
+    """Logarithm of the mean square of each octave's Haar wavelets."""
+    now, here, parts = touch.centred, touch.present, []
+    while now.shape[1] >= 2:
+        if now.shape[1] % 2:
+            now, here = now[:, :-1], here[:, :-1]
+        even, odd = now[:, 0::2], now[:, 1::2]
+        both = here[:, 0::2] * here[:, 1::2]
+        power = ((even - odd).square() * both).sum(dim=1) / both.sum(dim=1).clamp(min=1.0)
+        parts.append(_log(power))
+        now, here = (even + odd) * both / 2.0, both
+    return torch.cat(parts, dim=1)
+
+
+def _spectrum(touch: Touch) -> Tensor:
+    """Logarithm of each frequency's power, averaged over stretches (Welch)."""
+    length = spectrum_rows(touch.values.shape[1])
+    half = length // 2
+    whole = touch.centred.shape[1] // half
+    channels = touch.values.shape[2]
+    halves = touch.centred[:, : whole * half].reshape(-1, whole, half, channels)
+    there = touch.present[:, : whole * half].reshape(-1, whole, half)[:, :, -1]
+    stretches = torch.cat([halves[:, :-1], halves[:, 1:]], dim=2)
+    measured = there[:, 1:].unsqueeze(2).unsqueeze(3)
+    level = stretches.mean(dim=2, keepdim=True)
+    cosine, sine = (torch.from_numpy(part) for part in waves(length))
+    turned = (stretches - level).transpose(2, 3)
+    power = (turned @ cosine).square() + (turned @ sine).square()
+    mean = (power * measured).sum(dim=1) / measured.sum(dim=1).clamp(min=1.0)
+    return _log(mean).flatten(1)
+
+
+def _pattern(touch: Touch) -> Tensor:
+    """Each channel's share of the whole, of level, change and spread: no gain in common."""
+    found = []
+    for part in (touch.mean, touch.last - touch.first, touch.deviation):
+        size = part.square().sum(dim=1, keepdim=True).sqrt()
+        found.append(part / (size + _TINY))
+    return torch.cat(found, dim=1)
+
+
+def _correlation(touch: Touch) -> Tensor:
+    unit = touch.centred / ((touch.deviation * touch.count.sqrt()).unsqueeze(1) + _TINY)
+    pairs = torch.matmul(unit.transpose(1, 2), unit)
+    row, column = (torch.from_numpy(part) for part in np.triu_indices(pairs.shape[1], 1))
+    return pairs[:, row, column]
+
+
+BLOCKS: dict[str, tuple[Callable[[Touch], Tensor], int]] = {
+    "rows": (_rows, 1),
+    "statistics": (_statistics, 2),
+    "level": (_level, 2),
+    "tared": (_tared, 2),
+    "shape": (_shape, 3),
+    "course": (_course, SEGMENTS),
+    "quantiles": (_quantiles, 10),
+    "octaves": (_octaves, 4),
+    "spectrum": (_spectrum, SPECTRUM_ROWS[0]),
+    "pattern": (_pattern, 2),
+    "correlation": (_correlation, 4),
+}
+"""Block → how it is computed, and how many rows a window must have for it."""
+
+
+UNIT = "unit/"
+"""Before a block's name: the block of rows that are standardised across the channels of a pad."""
+
+
+class TouchFeatures(nn.Module):
+    """Some blocks of features, side by side.
+
+    Args:
+        blocks: Names in `BLOCKS`, some behind `UNIT`.
+        pads: Each channel's pad, as numbers from 0; see `pads_of`.
+    """
+
+    def __init__(self, blocks: tuple[str, ...], pads: tuple[int, ...]) -> None:
+        super().__init__()
+        self.blocks = blocks
+        self._mean = torch.from_numpy(averaging(pads))
+
+    def forward(self, values: Tensor, mask: Tensor) -> Tensor:
+        """Return features, shape (n, features) float64.
+
+        Args:
+            values: Shape (n, steps, channels), unscaled.
+            mask: Shape (n, steps).
+        """
+        present = mask.unsqueeze(2).double()
+        plain = Touch(values.double() * present, present)
+        unit = None
+        found = []
+        for name in self.blocks:
+            if name.startswith(UNIT) and unit is None:
+                unit = Touch(self._standardised(plain.values) * present, present)
+            touch = unit if name.startswith(UNIT) and unit is not None else plain
+            found.append(BLOCKS[name.removeprefix(UNIT)][0](touch))
+        return torch.cat(found, dim=1)
+
+    def _standardised(self, values: Tensor) -> Tensor:
+        """Return each row less its pad's mean, over its pad's deviation."""
+        apart = values - torch.matmul(values, self._mean)
+        return apart / (torch.matmul(apart.square(), self._mean).sqrt() + _TINY)
+
+
+def pads_of(channels: tuple[str, ...]) -> tuple[int, ...]:
+    """Return each channel's pad: channels whose names differ in their last number only.
+
+    An array in which no pad has `FEWEST_IN_PAD` channels is one pad as a whole.
+    """
+    stems = [re.sub(r"\d+$", "", name) for name in channels]
+    large = {stem for stem in stems if stems.count(stem) >= FEWEST_IN_PAD}
+    if not large:
+        return (0,) * len(channels)
+    order = {stem: number for number, stem in enumerate(dict.fromkeys(stems))}
+    return tuple(order[stem] for stem in stems)
+
+
+def averaging(pads: tuple[int, ...]) -> NDArray[np.float64]:
+    """Return the matrix that puts the mean of its pad in each channel's place."""
+    own = np.array(pads)
+    same = (own[:, None] == own[None, :]).astype(np.float64)
+    return np.asarray(same / same.sum(axis=0))
+
+
+def fitting_blocks(blocks: tuple[str, ...], steps: int, channels: int) -> tuple[str, ...]:
+    """Return those blocks that windows of so many rows and channels have."""
+    few = channels <= MOST_CORRELATED
+    return tuple(
+        name for name in blocks
+        if steps >= BLOCKS[name.removeprefix(UNIT)][1]
+        and (name != "correlation" or (channels > 1 and few))
+        and (channels >= FEWEST_IN_PAD or not name.startswith(UNIT))
+    )  # fmt: skip
+
+
+def compute_features(
+    blocks: tuple[str, ...],
+    pads: tuple[int, ...],
+    values: NDArray[np.float32],
+    mask: NDArray[np.bool_],
+) -> NDArray[np.float32]:
+    """Return features of many windows, shape (n, features) float32.
+
+    Args:
+        blocks: Names in `BLOCKS`, some behind `UNIT`.
+        pads: Each channel's pad.
+        values: Shape (n, steps, channels), unscaled.
+        mask: Shape (n, steps).
+    """
+    module = TouchFeatures(blocks, pads)
+    batch = max(1, _BATCH_VALUES // (values.shape[1] * values.shape[2]))
+    parts = []
+    with torch.inference_mode():
+        for start in range(0, len(values), batch):
+            part = slice(start, start + batch)
+            found = module(torch.from_numpy(values[part]), torch.from_numpy(mask[part]))
+            parts.append(found.float().numpy())
+    return np.concatenate(parts)
+
+
+def spectrum_rows(steps: int) -> int:
+    """Return how many rows a stretch of the spectrum has: a power of 2 that fits twice."""
+    least, most = SPECTRUM_ROWS
+    length = most
+    while length > least and length > steps // 2:
+        length //= 2
+    return length
+
+
+def waves(length: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return a Hann window times cosine and sine, shapes (length, length // 2), from 1 up."""
+    row = np.arange(length)[:, None]
+    angle = 2.0 * np.pi * row * np.arange(1, length // 2 + 1) / length
+    hann = 0.5 - 0.5 * np.cos(2.0 * np.pi * (row + 0.5) / length)
+    return hann * np.cos(angle), hann * np.sin(angle)

@@ -1,0 +1,162 @@
+"""Join candidates: one temperature each, then the mean of the kinds' best, or what beats it.
+
+A candidate's inner score says how it does on groups like those that were held out. Groups to
+come may be further away, where one kind of model fails and another does not; so the kinds' bests
+are averaged with equal weights unless something else is better by more than chance. Knows
+nothing about features or files.
+
+Source: Caruana et al., "Ensemble selection from libraries of models", ICML 2004; the rule of one
+standard error after Breiman et al., "Classification and regression trees", 1984;
+docs/decisions/0039.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+LEAST = 1e-6
+"""Probabilities are cut here before the logarithm. Source: our choice, 0039."""
+SHARPNESS = np.geomspace(0.05, 8.0, 60)
+"""What logits may be multiplied by."""
+ROUNDS = 8
+"""Members that are added one by one in the greedy blend. Source: our choice, 0039."""
+LEAST_GAIN = 0.01
+"""Nats by which anything must beat that mean. Source: our choice, 0039."""
+BEHIND, SLACK = 1.3, 0.05
+"""A kind's best is in the mean where its loss is at most so many times the least, and so much
+more. Source: our choice, 0039."""
+
+
+@dataclass(frozen=True, slots=True)
+class Mix:
+    """Members with their weights."""
+
+    members: tuple[int, ...]
+    weights: tuple[float, ...]
+    why: str
+
+
+def softmax(logits: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return probabilities, shape (n, classes)."""
+    found = np.exp(logits - logits.max(axis=1, keepdims=True))
+    return np.asarray(found / found.sum(axis=1, keepdims=True))
+
+
+def losses(probabilities: NDArray[np.float64], y: NDArray[np.intp]) -> NDArray[np.float64]:
+    """Return each window's cross-entropy, nats, shape (n,)."""
+    return np.asarray(-np.log(np.maximum(probabilities[np.arange(len(y)), y], LEAST)))
+
+
+def fit_sharpness(
+    logits: NDArray[np.float64], y: NDArray[np.intp], trials: int | None = None
+) -> float:
+    """Return what logits are multiplied by for the least loss: one over the temperature.
+
+    Where no window is wrong, any sharpness would do; so few trials cannot show more certainty
+    than that one more might be wrong, which is what the truth is smoothed by.
+
+    Args:
+        logits: Out of fold, shape (n, classes).
+        y: Shape (n,).
+        trials: How many trials they come from; n unless given.
+
+    Source:
+        Guo et al., "On calibration of modern neural networks", ICML 2017.
+    """
+    doubt = 1.0 / ((len(y) if trials is None else trials) + 2.0)
+    each = []
+    for factor in SHARPNESS:
+        scaled = factor * logits
+        scaled = scaled - scaled.max(axis=1, keepdims=True)
+        log = scaled - np.log(np.exp(scaled).sum(axis=1, keepdims=True))
+        likely = (1.0 - doubt) * log[np.arange(len(y)), y] + doubt * log.mean(axis=1)
+        each.append(-likely.mean())
+    return float(SHARPNESS[int(np.argmin(each))])
+
+
+def mix(
+    probabilities: list[NDArray[np.float64]],
+    kinds: list[str],
+    freedom: list[tuple[float, ...]],
+    y: NDArray[np.intp],
+    groups: NDArray[np.intp],
+) -> Mix:
+    """Return which candidates to join, and how.
+
+    Args:
+        probabilities: Each candidate's, out of fold and calibrated, shape (n, classes).
+        kinds: Each candidate's kind: candidates of one kind make the same mistakes.
+        freedom: How much each may fit; of those of a kind that are as good as its best within one
+            standard error, the least free is taken.
+        y: Shape (n,).
+        groups: What must be taken as a whole when a difference is judged, shape (n,).
+    """
+    by_window = np.stack([losses(found, y) for found in probabilities])
+    each = by_window.mean(axis=1)
+    best = int(each.argmin())
+    champions = _champions(by_window, kinds, freedom, groups)
+    equal = Mix(champions, (1.0 / len(champions),) * len(champions), "mean of the kinds' best")
+    others = [Mix((best,), (1.0,), "far ahead of all blends"), _greedy(probabilities, y, best)]
+    base = losses(joined(probabilities, equal), y)
+    chosen, least = equal, LEAST_GAIN
+    for other in others:
+        gain = base - losses(joined(probabilities, other), y)
+        margin = gain.mean() - standard_error(gain, groups)
+        if margin > least:
+            chosen, least = other, margin
+    return chosen
+
+
+def joined(probabilities: list[NDArray[np.float64]], found: Mix) -> NDArray[np.float64]:
+    """Return a mix's probabilities, shape (n, classes)."""
+    parts = [w * probabilities[i] for i, w in zip(found.members, found.weights, strict=True)]
+    return np.asarray(np.sum(parts, axis=0))
+
+
+def standard_error(gain: NDArray[np.float64], groups: NDArray[np.intp]) -> float:
+    """Return the standard error of a mean over windows of which whole groups are alike."""
+    _, index, count = np.unique(groups, return_inverse=True, return_counts=True)
+    if len(count) < 2:
+        return float("inf")
+    apart = np.bincount(index, weights=gain - gain.mean())
+    return float(np.sqrt((apart**2).sum() * len(count) / (len(count) - 1)) / len(gain))
+
+
+def _champions(
+    by_window: NDArray[np.float64],
+    kinds: list[str],
+    freedom: list[tuple[float, ...]],
+    groups: NDArray[np.intp],
+) -> tuple[int, ...]:
+    """Return each kind's candidate, where it is not far behind the best of all."""
+    each = by_window.mean(axis=1)
+    found = []
+    for kind in dict.fromkeys(kinds):
+        own = [i for i, name in enumerate(kinds) if name == kind]
+        best = min(own, key=lambda i: each[i])
+        as_good = [i for i in own if i == best or each[i] - each[best]
+                   <= standard_error(by_window[i] - by_window[best], groups)]  # fmt: skip
+        chosen = min(as_good, key=lambda i: freedom[i])
+        if each[best] <= BEHIND * each.min() + SLACK:
+            found.append(chosen)
+    return tuple(found)
+
+
+def _greedy(probabilities: list[NDArray[np.float64]], y: NDArray[np.intp], first: int) -> Mix:
+    """Add the member that helps most, again and again, with replacement."""
+    chosen = [first]
+    total = probabilities[first].copy()
+    loss = losses(total, y).mean()
+    for size in range(2, ROUNDS + 1):
+        tried = [losses((total + own) / size, y).mean() for own in probabilities]
+        best = int(np.argmin(tried))
+        if tried[best] >= loss:
+            break
+        chosen.append(best)
+        total, loss = total + probabilities[best], tried[best]
+    members, counts = np.unique(chosen, return_counts=True)
+    weights = counts / counts.sum()
+    return Mix(tuple(map(int, members)), tuple(map(float, weights)), "greedy blend")

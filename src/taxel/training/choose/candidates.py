@@ -1,0 +1,127 @@
+"""What is tried: feature sets, and models on them, in families that make different mistakes.
+
+A family's best is a member of the blend, so that a blend never rests on one kind of model.
+Knows nothing about data.
+
+Source: docs/decisions/0039.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+from taxel.models.touch_features import UNIT, fitting_blocks
+
+Family = Literal["linear", "trees", "perceptron", "network"]
+FAMILIES: tuple[Family, ...] = ("linear", "trees", "perceptron", "network")
+
+_FREE = ("shape", "course", "quantiles", "octaves", "spectrum", "correlation")
+_UNIT = tuple(f"{UNIT}{name}" for name in ("level", "shape", "course"))
+FEATURE_SETS: dict[str, tuple[str, ...]] = {
+    "all": ("level", "tared", *_FREE, "pattern"),
+    "without level": _FREE,
+    "statistics": ("statistics",),
+    "across the pad": (*_UNIT, *_FREE, "pattern"),
+    "tared": ("tared", *_FREE),
+    "rows": ("rows",),
+    "rows across the pad": (f"{UNIT}rows",),
+    "both rows": ("rows", f"{UNIT}rows"),
+}
+"""Name → blocks of `taxel.models.touch_features.BLOCKS`."""
+LEVEL_FREE = ("without level", "tared", "across the pad", "rows across the pad")
+"""Sets that a drift of the channels' rest level, or of all of a pad's, leaves as they are."""
+MOST_ROW_VALUES = 1500
+"""Values of a window up to which its rows themselves are features. Source: our choice, 0039."""
+LONG = 16
+"""Rows from which on a convolutional network is tried. Source: our choice, 0039."""
+
+
+MODELS_BY_FREEDOM = (
+    "discriminant", "logistic", "extra-trees", "random-forest", "boosting", "perceptron", "touchnet"
+)  # fmt: skip
+"""The least free first."""
+
+
+@dataclass(frozen=True, slots=True)
+class Candidate:
+    """One model on one set of features."""
+
+    family: Family
+    model: str
+    """ridge of the linear model, kind of trees, …: a key of `fitting.FITS`."""
+    features: str
+    """A key of `FEATURE_SETS`; empty for a network, which sees the window."""
+    strength: float = 0.0
+    """What the model's one setting is: see `fitting`."""
+
+    @property
+    def kind(self) -> str:
+        """Return what makes the same mistakes: a family, with the level or without."""
+        return f"{self.family}{' without level' if self.features in LEVEL_FREE else ''}"
+
+    def freedom(self, sets: dict[str, tuple[str, ...]]) -> tuple[float, ...]:
+        """Return how much it may fit, to be compared within its kind: less is safer.
+
+        Args:
+            sets: Feature sets and their blocks: more blocks, more features.
+        """
+        looser = self.model == "logistic"
+        setting = self.strength if looser else -self.strength
+        return (len(sets.get(self.features, ())), MODELS_BY_FREEDOM.index(self.model), setting)
+
+    @property
+    def name(self) -> str:
+        """Return it in words, for the leaderboard."""
+        setting = f" {self.strength:g}" if self.strength else ""
+        on = f" on {self.features}" if self.features else ""
+        return f"{self.model}{setting}{on}"
+
+
+def feature_sets(steps: int, channels: int) -> dict[str, tuple[str, ...]]:
+    """Return the feature sets that windows of this size have, without those that are alike.
+
+    Args:
+        steps: Rows in a window.
+        channels: Of the array.
+    """
+    found: dict[str, tuple[str, ...]] = {}
+    for name, blocks in FEATURE_SETS.items():
+        rows = any(block.removeprefix(UNIT) == "rows" for block in blocks)
+        if rows and steps * channels > MOST_ROW_VALUES:
+            continue
+        own = fitting_blocks(blocks, steps, channels)
+        whole = len(own) == len(blocks) or not rows
+        if own and whole and own not in found.values():
+            found[name] = own
+    return found
+
+
+def first_round(sets: dict[str, tuple[str, ...]]) -> list[Candidate]:
+    """Return quick models on every set: they say which features carry over to unseen groups."""
+    linear = [Candidate("linear", "logistic", name, 0.03) for name in sets]
+    trees = [Candidate("trees", "extra-trees", name, 2) for name in sets]
+    return [one for pair in zip(linear, trees, strict=True) for one in pair]
+
+
+def second_round(linear: list[str], trees: list[str], steps: int) -> list[Candidate]:
+    """Return finer models on the sets that did best, the most promising first.
+
+    Args:
+        linear: Feature sets that suit linear models, the best first.
+        trees: Those that suit trees.
+        steps: Rows in a window.
+    """
+    free = next((name for name in linear if (name in LEVEL_FREE) != (linear[0] in LEVEL_FREE)), "")
+    found = [Candidate("perceptron", "perceptron", name, 3.0) for name in (linear[0], free) if name]
+    if steps >= LONG:
+        found.append(Candidate("network", "touchnet", ""))
+    found += [Candidate("linear", "logistic", name, c)
+              for c in (0.003, 0.3) for name in (linear[0], free) if name]  # fmt: skip
+    found += [Candidate("linear", "discriminant", linear[0], 0.1)]
+    if trees[0] not in (linear[0], free):
+        found += [Candidate("perceptron", "perceptron", trees[0], 3.0)]
+    found += [Candidate("trees", "random-forest", trees[0], 2)]
+    found += [Candidate("trees", "extra-trees", trees[0], leaf) for leaf in (1, 5)]
+    found += [Candidate("trees", "boosting", trees[0], 0.1)]
+    return found

@@ -1,0 +1,77 @@
+"""Networks of the catalogue as candidates: trained on windows, with augmentation.
+
+Knows nothing about folds.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+
+from taxel.models.blend import ScaledNetwork
+from taxel.models.catalogue import find_network
+from taxel.training.augment import Augment
+from taxel.training.choose.candidates import Candidate
+from taxel.training.choose.preparations import Prepared
+from taxel.training.loop import Labelled, TrainConfig, fit, new_network
+from taxel.windows.scaling import fit_scaling
+
+TRAIN = TrainConfig(
+    epochs=12, steps=15, batch=64, learning_rate=4e-3, warmup=0.2, weight_decay=0.02,
+    label_smoothing=0.05, clip=5.0,
+    augment=Augment(noise=0.02, gain=0.3, channel_gain=0.2, offset=0.3, drift=0.5),
+)  # fmt: skip
+"""As of the recipe teng-glove (docs/decisions/0011), without warping."""
+
+
+def fit_network(
+    prepared: Prepared,
+    windows: NDArray[np.intp],
+    y: NDArray[np.intp],
+    classes: int,
+    candidate: Candidate,
+    seed: int,
+) -> ScaledNetwork:
+    """Return a network trained on some windows.
+
+    Args:
+        prepared: The data set.
+        windows: Which of its windows, shape (n,).
+        y: Their classes, shape (n,).
+        classes: How many there are.
+        candidate: Its `model` is a network's name.
+        seed: Of weights, order and augmentation.
+    """
+    model = find_network(candidate.model)
+    own = prepared.dataset.windows[windows]
+    steps, channels = own.values.shape[1:]
+    kind = "standard" if model.scaling == "full-scale" else model.scaling
+    scaling = fit_scaling(kind, own.values, own.mask, None)
+    network = new_network(lambda: model.build(steps, channels, classes), seed)
+    data = Labelled(scaling.apply(own.values, own.mask), own.mask, y)
+    fit(network, data, replace(TRAIN, seed=seed))
+    scaled = ScaledNetwork(network, channels)
+    scaled.offset, scaled.factor = map(torch.from_numpy, (scaling.offset, scaling.factor))
+    return scaled.eval()
+
+
+def predict_network(
+    prepared: Prepared,
+    windows: NDArray[np.intp],
+    y: NDArray[np.intp],
+    test: NDArray[np.intp],
+    classes: int,
+    candidate: Candidate,
+    seed: int,
+) -> NDArray[np.float64]:
+    """Train on some windows and return logits of others, shape (len(test), classes)."""
+    network = fit_network(prepared, windows, y, classes, candidate, seed)
+    own = prepared.dataset.windows[test]
+    with torch.inference_mode():
+        parts = [network(torch.from_numpy(own.values[i : i + 512]),
+                         torch.from_numpy(own.mask[i : i + 512])).double().numpy()
+                 for i in range(0, len(test), 512)]  # fmt: skip
+    return np.concatenate(parts)

@@ -1,0 +1,221 @@
+"""Windows that a data set may be cut into, derived from its own trials, channels and rate.
+
+A short trial is a window as a whole; a long one is cut into windows of several lengths, among
+which inner validation chooses. No gate, unless the array is the TENG hand, whose thresholds are
+known. Knows nothing about models.
+
+Source: docs/decisions/0039.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from taxel.errors import BadDataset
+from taxel.labels.trials import Trial
+from taxel.models.touch_features import compute_features, pads_of
+from taxel.sim.teng_constants import SENSORS
+from taxel.windows.config import GATE_V, WindowConfig
+from taxel.windows.dataset import Dataset, load_dataset
+
+SHORT = 800
+"""Rows up to which a whole trial is the only window: a touch, not a session. Source: our choice,
+docs/decisions/0039."""
+LENGTHS = (25, 100, 400)
+"""Rows of windows that longer trials are cut into. Source: as above."""
+MOST_VALUES = 60_000_000
+"""Values of all whole trials, padded, up to which they are tried as windows. Source: as above."""
+MOST_ROWS = 2500
+"""Rows of the longest whole trial that is tried as one window. Source: as above."""
+OVERLAP = 4
+"""Training windows start so many times as often where there are few of them. Source: as above."""
+FEW = 2000
+MOST_WINDOWS = 8000
+"""Windows that are learned from while choosing; of more, evenly spaced ones. Source: as above."""
+PAUSE_ROWS = 10
+"""Lost rows after which a new stretch begins. Source: as above."""
+_TENG_GATES = ((GATE_V, 12), (GATE_V, 60), (0.6, 60))
+"""Gate in volts and rows of the recipes teng and teng-robust."""
+
+
+@dataclass(frozen=True, slots=True)
+class Base:
+    """What is known of recordings before they are cut: their trials and how long these are."""
+
+    path: Path
+    dataset: Dataset
+    """Windows of one row: each usable scan."""
+    target: str
+    rows: NDArray[np.intp]
+    """Rows of each trial, shape (trials,)."""
+
+    @property
+    def trials(self) -> tuple[Trial, ...]:
+        """Return all trials; splits count them."""
+        return self.dataset.trials
+
+    @property
+    def y(self) -> NDArray[np.intp]:
+        """Return each trial's class number, shape (trials,)."""
+        names = {name: number for number, name in enumerate(self.dataset.classes(self.target))}
+        return np.array([names[trial.labels[self.target]] for trial in self.trials], np.intp)
+
+
+@dataclass(frozen=True, slots=True)
+class Prepared:
+    """A data set cut in one way, with features that were computed of it."""
+
+    config: WindowConfig
+    """As it will run: windows one after another."""
+    dataset: Dataset
+    """Cut with overlap where there are few windows."""
+    trial: NDArray[np.intp]
+    """Each window's trial, an index into `Base.trials`, shape (n,)."""
+    scored: NDArray[np.bool_]
+    """Shape (n,): False for windows that overlap an earlier one: for training only."""
+    kept: NDArray[np.intp]
+    """Windows that are learned from while choosing."""
+    stretch: NDArray[np.intp]
+    """Shape (n,): which windows are joined before preparations are compared."""
+    cache: dict[tuple[str, ...], NDArray[np.float32]] = field(default_factory=dict)
+
+    @property
+    def name(self) -> str:
+        """Return it in words."""
+        steps, gate = self.config.steps, self.config.gate
+        rows = "1 row" if steps == 1 else f"{steps} rows"
+        gated = f" above {gate:g}" if gate is not None else ""
+        return f"{rows}{gated}{', padded' if self.dataset.windows.padded else ''}"
+
+    @property
+    def pads(self) -> tuple[int, ...]:
+        """Return each channel's pad."""
+        return pads_of(self.dataset.sensor.channels)
+
+    def features(self, blocks: tuple[str, ...]) -> NDArray[np.float32]:
+        """Return features of the kept windows, shape (kept, features)."""
+        if blocks not in self.cache:
+            windows = self.dataset.windows
+            self.cache[blocks] = compute_features(
+                blocks, self.pads, windows.values[self.kept], windows.mask[self.kept]
+            )
+        return self.cache[blocks]
+
+
+def load_base(path: Path, target: str, channels: tuple[str, ...] | None = None) -> Base:
+    """Read recordings row by row.
+
+    Args:
+        path: A folder of recordings, or one.
+        target: The label to predict.
+        channels: Those to use; all unless given.
+
+    Raises:
+        BadDataset: There is no usable row, or a trial lacks the target.
+    """
+    dataset = load_dataset(path, _rows_config(channels), target=target)
+    rows = np.bincount(dataset.trial, minlength=len(dataset.trials)).astype(np.intp)
+    return Base(path, dataset, target, rows)
+
+
+def _rows_config(channels: tuple[str, ...] | None) -> WindowConfig:
+    return WindowConfig(steps=1, stride=1, grid_hz=None, channels=channels)
+
+
+def candidate_windows(base: Base) -> list[WindowConfig]:
+    """Return the ways to cut that are tried, the most natural first."""
+    sensor, rows = base.dataset.sensor, base.rows
+    plain = replace(
+        base.dataset.config,
+        max_gap_s=max(base.dataset.config.max_gap_s, PAUSE_ROWS / max(sensor.rate_hz, 1e-6)),
+    )
+    if sensor.channels == SENSORS and set(sensor.units) == {"V"}:
+        return [replace(plain, steps=steps, stride=steps, gate=gate, grid_hz=100.0, max_gap_s=0.8)
+                for gate, steps in _TENG_GATES]  # fmt: skip
+    longest = int(rows.max())
+    alone = len({trial.recording for trial in base.trials}) == len(base.trials)
+    if longest <= SHORT and alone:
+        return [_window(plain, longest, pad=bool((rows < longest).any()))]
+    if longest == 1:
+        return [plain]
+    shortest = int(np.percentile(rows, 5))
+    lengths = [n for n in LENGTHS if n <= (longest if alone else shortest)]
+    lengths = lengths or [max(1, shortest)]
+    found = [_window(plain, n, pad=alone and n > rows.min()) for n in lengths]
+    whole = longest * len(base.trials) * len(sensor.channels)
+    if alone and longest <= MOST_ROWS and whole <= MOST_VALUES:
+        found.insert(0, _window(plain, longest, pad=bool((rows < longest).any())))
+    return found
+
+
+def _window(plain: WindowConfig, steps: int, *, pad: bool) -> WindowConfig:
+    return replace(plain, steps=steps, stride=steps, pad=pad)
+
+
+def prepare(base: Base, config: WindowConfig, span: int) -> Prepared:
+    """Cut the recordings; with overlap where there are few windows.
+
+    Args:
+        base: The recordings' rows.
+        config: Rows in a window.
+        span: Rows of the longest window that is tried: windows within that many rows are joined
+            before they are compared.
+
+    Raises:
+        BadDataset: No window comes of it.
+    """
+    stride = config.stride
+    if config.steps > OVERLAP and _many(base, config) <= FEW:
+        stride = max(1, config.steps // OVERLAP)
+    dataset = load_dataset(base.path, replace(config, stride=stride), target=base.target)
+    places = {(one.recording, one.start_s): index for index, one in enumerate(base.trials)}
+    own = np.array([places[one.recording, one.start_s] for one in dataset.trials], np.intp)
+    trial = own[dataset.trial]
+    order = _place_in_trial(trial)
+    every = config.stride // stride
+    scored = order % max(1, every) == 0
+    kept = np.arange(len(trial))
+    if len(kept) > MOST_WINDOWS:
+        kept = np.flatnonzero(scored)
+        kept = kept[np.linspace(0, len(kept) - 1, min(len(kept), MOST_WINDOWS)).astype(int)]
+    part = order * stride // max(1, span)
+    _, stretch = np.unique(np.stack([trial, part]), axis=1, return_inverse=True)
+    return Prepared(config, dataset, trial, scored, kept, stretch.ravel().astype(np.intp))
+
+
+def prepare_all(base: Base) -> list[Prepared]:
+    """Return the data set cut in each way that gives windows of all classes.
+
+    Raises:
+        BadDataset: None does.
+    """
+    windows = candidate_windows(base)
+    span = max(config.steps for config in windows)
+    found, refused = [], None
+    for config in windows:
+        try:
+            prepared = prepare(base, config, span)
+        except BadDataset as error:
+            refused = error
+            continue
+        if len(set(base.y[prepared.trial])) == len(set(base.y)):
+            found.append(prepared)
+    if not found:
+        raise refused or BadDataset(
+            "windows of every class", "classes without any", "record longer trials of them"
+        )
+    return found
+
+
+def _many(base: Base, config: WindowConfig) -> int:
+    return int(np.maximum(base.rows // config.steps, 1).sum())
+
+
+def _place_in_trial(trial: NDArray[np.intp]) -> NDArray[np.intp]:
+    """Return how many windows of its trial came before each, shape (n,)."""
+    change = np.flatnonzero(np.r_[True, trial[1:] != trial[:-1]])
+    return np.arange(len(trial)) - np.repeat(change, np.diff(np.r_[change, len(trial)]))

@@ -1,0 +1,289 @@
+"""Try candidates on inner folds, cheapest and most telling first, and blend what is best.
+
+Everything here sees training trials only: the caller hands over which those are. Knows nothing
+about files, screens or test trials.
+
+Source: docs/decisions/0039.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from taxel.training.choose.blending import (
+    fit_sharpness,
+    joined,
+    losses,
+    mix,
+    softmax,
+)
+from taxel.training.choose.budget import Budget
+from taxel.training.choose.candidates import (
+    Candidate,
+    feature_sets,
+    first_round,
+    second_round,
+)
+from taxel.training.choose.choice import Choice, Member, Standing
+from taxel.training.choose.fitting import fit_head, head_logits
+from taxel.training.choose.inner_folds import Held, groups_of, inner_folds
+from taxel.training.choose.joining import Joining, fit_joining, unit_classes
+from taxel.training.choose.kept_tries import KeptTries
+from taxel.training.choose.networks import predict_network
+from taxel.training.choose.preparations import Base, Prepared
+
+_PAIR = ("all", "both rows", "rows", "statistics")
+"""The feature set on which ways to cut are compared: the first of these that there is."""
+
+
+@dataclass(frozen=True, slots=True)
+class Part:
+    """The training part of one choice, in one way to cut."""
+
+    prepared: Prepared
+    rows: NDArray[np.intp]
+    """Kept windows of training trials, as places in `Prepared.kept`."""
+    fold: NDArray[np.intp]
+    """Inner fold of each, shape (rows,)."""
+    y: NDArray[np.intp]
+    """Class of each, shape (rows,)."""
+    scored: NDArray[np.bool_]
+    """Which of them are scored: those that overlap no earlier one, shape (rows,)."""
+    classes: int
+
+    @property
+    def windows(self) -> NDArray[np.intp]:
+        """Return the windows' places in the data set, shape (rows,)."""
+        return self.prepared.kept[self.rows]
+
+
+@dataclass(frozen=True, slots=True)
+class Tried:
+    """A candidate with its predictions on inner folds."""
+
+    candidate: Candidate
+    probabilities: NDArray[np.float64]
+    """Calibrated, of the scored windows, shape (scored, classes)."""
+    sharpness: float
+    loss: float
+    accuracy: float
+    seconds: float
+
+
+def choose(
+    base: Base,
+    prepared: Sequence[Prepared],
+    train: Sequence[int],
+    held: Held,
+    budget: Budget,
+    *,
+    seed: int = 0,
+    kept: KeptTries | None = None,
+    on_step: Callable[[str], None] = lambda _: None,
+) -> Found:
+    """Find what does best on the inner folds of some training trials.
+
+    Args:
+        base: The recordings.
+        prepared: The ways to cut them.
+        train: Indices of the trials that may be looked at.
+        held: What the outer split holds out, and so the inner folds.
+        budget: How long it may take.
+        seed: Of all that is random.
+        kept: What an interrupted run had tried.
+        on_step: Called with a line before each try.
+    """
+    budget.begin()
+    search = _Search(budget, seed, kept or KeptTries(None, {}), on_step)
+    fold_of = inner_folds(base.trials, base.y, train, held)
+    parts = [training_part(base, one, train, fold_of) for one in prepared]
+    part = search.best_cut(parts) if len(parts) > 1 else parts[0]
+    steps, channels = part.prepared.dataset.windows.values.shape[1:]
+    sets = feature_sets(steps, channels)
+    for candidate in first_round(sets):
+        search.try_(part, candidate, sets)
+    tried = search.of(part)
+    ranked = {
+        family: [one.candidate.features
+                 for one in sorted(tried, key=lambda t: t.loss) if one.candidate.family == family]
+        for family in ("linear", "trees")
+    }  # fmt: skip
+    for candidate in second_round(ranked["linear"], ranked["trees"] or ranked["linear"], steps):
+        search.try_(part, candidate, sets)
+    return Found(base, part, tuple(search.all), tuple(search.left_out), sets, held)
+
+
+class _Search:
+    """What was tried so far, and the time that is left."""
+
+    def __init__(
+        self, budget: Budget, seed: int, kept: KeptTries, on_step: Callable[[str], None]
+    ) -> None:
+        self._budget, self._seed, self._kept, self._on_step = budget, seed, kept, on_step
+        self.left_out: list[str] = []
+        self.all: list[tuple[str, Part, Tried]] = []
+
+    def of(self, part: Part) -> list[Tried]:
+        """Return what was tried on one way to cut."""
+        return [one for _, own, one in self.all if own is part]
+
+    def best_cut(self, parts: list[Part]) -> Part:
+        """Return the way to cut on which two quick models do best, in equal stretches of time."""
+        found = []
+        for part in parts:
+            steps, channels = part.prepared.dataset.windows.values.shape[1:]
+            sets = feature_sets(steps, channels)
+            name = next(name for name in _PAIR if name in sets)
+            for candidate in (Candidate("linear", "logistic", name, 0.03),
+                              Candidate("trees", "extra-trees", name, 2)):  # fmt: skip
+                self.try_(part, candidate, sets)
+            found.append(_stretch_loss(part, self.of(part)))
+        return parts[int(np.argmin(found))]
+
+    def try_(self, part: Part, candidate: Candidate, sets: dict[str, tuple[str, ...]]) -> None:
+        """Score a candidate on all inner folds, unless it was or the time does not allow it."""
+        if any(one.candidate == candidate for one in self.of(part)):
+            return
+        cut = part.prepared.name
+        self._on_step(f"{candidate.name} · {cut}")
+        blocks = sets.get(candidate.features, ())
+        first = len(self.of(part)) < 2
+        logits, seconds = self._kept.find(part, candidate, blocks)
+        if logits is None:
+            logits, seconds = self._score(part, candidate, blocks, must=first)
+            if logits is None:
+                self.left_out.append(f"{candidate.name} · {cut}")
+                return
+            self._kept.keep(part, candidate, blocks, logits, seconds)
+        y = part.y[part.scored]
+        trials = len(set(part.prepared.trial[part.windows[part.scored]]))
+        sharpness = fit_sharpness(logits, y, trials)
+        found = softmax(sharpness * logits)
+        loss, accuracy = losses(found, y).mean(), (found.argmax(axis=1) == y).mean()
+        tried = Tried(candidate, found, sharpness, float(loss), float(accuracy), seconds)
+        self.all.append((cut, part, tried))
+
+    def _score(
+        self, part: Part, candidate: Candidate, blocks: tuple[str, ...], *, must: bool
+    ) -> tuple[NDArray[np.float64] | None, float]:
+        """Return logits of the scored windows; None where the time would not do."""
+        clock, started = self._budget.clock, self._budget.clock()
+        numbers = np.unique(part.fold)
+        if not must and not self._budget.allows(0.0):
+            return None, 0.0
+        logits = np.zeros((len(part.rows), part.classes))
+        for done, number in enumerate(numbers):
+            train, test = part.fold != number, (part.fold == number) & part.scored
+            if test.any():
+                logits[test] = out_of_fold(part, candidate, blocks, train, test, self._seed)
+            spent = clock() - started
+            left = spent / (done + 1) * (len(numbers) - done - 1)
+            if not must and not self._budget.allows(left):
+                return None, spent
+        return logits[part.scored], clock() - started
+
+
+def training_part(
+    base: Base, prepared: Prepared, train: Sequence[int], fold_of: NDArray[np.intp]
+) -> Part:
+    """Return the kept windows of some trials, with their inner folds and classes."""
+    fold = np.full(len(base.trials), -1, np.intp)
+    fold[np.asarray(train, np.intp)] = fold_of
+    own = fold[prepared.trial[prepared.kept]]
+    rows = np.flatnonzero(own >= 0)
+    windows = prepared.kept[rows]
+    return Part(
+        prepared, rows, own[rows], base.y[prepared.trial[windows]], prepared.scored[windows],
+        len(base.dataset.classes(base.target)),
+    )  # fmt: skip
+
+
+def out_of_fold(
+    part: Part,
+    candidate: Candidate,
+    blocks: tuple[str, ...],
+    train: NDArray[np.bool_],
+    test: NDArray[np.bool_],
+    seed: int,
+) -> NDArray[np.float64]:
+    """Fit on some windows of a part and return logits of others."""
+    if candidate.family == "network":
+        return predict_network(part.prepared, part.windows[train], part.y[train],
+                               part.windows[test], part.classes, candidate, seed)  # fmt: skip
+    features = part.prepared.features(blocks)[part.rows]
+    head = fit_head(candidate, features[train], part.y[train], part.classes, seed)
+    return head_logits(head, features[test])
+
+
+def _stretch_loss(part: Part, tried: list[Tried]) -> float:
+    """Return the calibrated loss of two models' mean, its windows joined over equal stretches."""
+    if not tried:
+        return float("inf")
+    windows, y = part.windows[part.scored], part.y[part.scored]
+    mean = np.mean([one.probabilities for one in tried], axis=0)
+    unit = part.prepared.stretch[windows]
+    numbers, found = fit_joining(unit, mean, y).apply(unit, mean)
+    return float(losses(found, unit_classes(unit, y, numbers)).mean())
+
+
+@dataclass(frozen=True, slots=True)
+class Found:
+    """All that was tried, from which a blend is made."""
+
+    base: Base
+    part: Part
+    """The way to cut that was chosen."""
+    board: tuple[tuple[str, Part, Tried], ...]
+    left_out: tuple[str, ...]
+    sets: dict[str, tuple[str, ...]]
+    held: Held
+
+    def choice(self, without: Collection[Candidate] = ()) -> Choice:
+        """Return the blend that is best, without some candidates if their bundle is too large."""
+        part = self.part
+        tried = [one for _, own, one in self.board
+                 if own is part and one.candidate not in without]  # fmt: skip
+        y, windows = part.y[part.scored], part.windows[part.scored]
+        trial = part.prepared.trial[windows]
+        probabilities = [one.probabilities for one in tried]
+        kinds = [one.candidate.kind for one in tried]
+        freedom = [one.candidate.freedom(self.sets) for one in tried]
+        groups = groups_of(self.base.trials, self.held)[trial]
+        found = mix(probabilities, kinds, freedom, y, groups)
+        whole = np.log(joined(probabilities, found))
+        last = fit_sharpness(whole, y, len(set(trial)))
+        final = softmax(last * whole)
+        weight = {id(tried[i]): w for i, w in zip(found.members, found.weights, strict=True)}
+        single = len(set(trial)) == len(trial)
+        return Choice(
+            target=self.base.target,
+            window=part.prepared.config,
+            members=tuple(self._member(tried[i], weight[id(tried[i])]) for i in found.members),
+            last=last,
+            joining=Joining() if single else fit_joining(trial, final, y),
+            held=self.held.words,
+            folds=len(set(part.fold)),
+            why=found.why,
+            loss=float(losses(final, y).mean()),
+            accuracy=float((final.argmax(axis=1) == y).mean()),
+            leaderboard=self._leaderboard(weight),
+            left_out=self.left_out,
+        )
+
+    def _member(self, tried: Tried, weight: float) -> Member:
+        blocks = self.sets.get(tried.candidate.features, ())
+        return Member(
+            candidate=tried.candidate, blocks=blocks, weight=weight, sharpness=tried.sharpness
+        )
+
+    def _leaderboard(self, weight: dict[int, float]) -> tuple[Standing, ...]:
+        rows = [
+            Standing(name=one.candidate.name, windows=cut, loss=one.loss, accuracy=one.accuracy,
+                     seconds=one.seconds, weight=weight.get(id(one), 0.0))
+            for cut, _, one in self.board
+        ]  # fmt: skip
+        return tuple(sorted(rows, key=lambda row: row.loss))
