@@ -17,6 +17,8 @@ from taxel.recordings.importing import import_table
 BIOTAC_COLUMNS = tuple(
     f"{finger}_biotac_{i}" for finger in ("ff", "mf", "th") for i in range(1, 25)
 )
+FABRIC_HZ = 35.7
+"""One sample each 28 ms, says the data's README; its time stamps repeat now and then."""
 FABRIC_COLUMNS = ("proximity1", "proximity2", *(f"channel{i}" for i in range(1, 17)))
 
 
@@ -72,7 +74,7 @@ def import_fabric(source: Path, output: Path, scratch: Path) -> None:
     half = _halves(trials)
     channels = " ".join(f"{name}[count]" for name in FABRIC_COLUMNS)
     known = {row["trial"] for row in trials}
-    columns = ("timestamp", *FABRIC_COLUMNS)
+    columns = FABRIC_COLUMNS
     samples: dict[str, list[list[str]]] = defaultdict(list)
     with gzip.open(source / "samples.csv.gz", "rt", newline="") as file:
         for row in csv.DictReader(line for line in file if line.strip()):
@@ -85,7 +87,8 @@ def import_fabric(source: Path, output: Path, scratch: Path) -> None:
         ("file", "label:material", "group:force", "group:velocity", "group:half", "group:order",
          "channels", "time", "sensor"),
         [[f"slide-{int(row['trial']):04d}.csv", row["material"], row["force_code"],
-          row["velocity_mm_s"], half[row["trial"]], row["t0"], channels, "timestamp[ms]", "finger"]
+          row["velocity_mm_s"], half[row["trial"]], row["t0"], channels,
+          f"rate:{FABRIC_HZ:g}Hz", "finger"]
          for row in trials],
     )  # fmt: skip
     import_table(scratch / "table.csv", output)

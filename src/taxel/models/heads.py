@@ -73,14 +73,9 @@ class PerceptronHead(_Tables):
 
 
 class TreesHead(_Tables):
-    """Trees by look-up: a walk of `depth` steps in all trees at once.
+    """A forest by look-up: a walk of `depth` steps in all trees at once."""
 
-    A forest's leaves hold shares of classes, whose mean is taken; boosted trees' hold logits,
-    which are summed.
-    """
-
-    names = ("column", "threshold", "left", "right", "leaf", "value", "root", "depth", "start",
-             "summed")  # fmt: skip
+    names = ("column", "threshold", "left", "right", "leaf", "value", "root", "depth")
     column: Tensor
     """Node → feature, int32."""
     threshold: Tensor
@@ -90,13 +85,9 @@ class TreesHead(_Tables):
     leaf: Tensor
     """Node → row of `value`; 0 where it is no leaf."""
     value: Tensor
-    """Shape (leaves, classes), float16: shares, or logits."""
+    """Shape (leaves, classes), float16: shares of the classes."""
     root: Tensor
     depth: Tensor
-    start: Tensor
-    """Logits before any tree, shape (classes,)."""
-    summed: Tensor
-    """1 where leaves are summed, 0 where their mean is taken."""
 
     def forward(self, features: Tensor) -> Tensor:
         """Return logits, shape (n, classes)."""
@@ -107,8 +98,6 @@ class TreesHead(_Tables):
             below = value <= self.threshold[place]
             place = torch.where(below, self.left[place], self.right[place]).long()
         found = self.value[self.leaf[place].long()].float()
-        if int(self.summed):
-            return found.sum(dim=1) + self.start
         return torch.log(found.mean(dim=1) + LEAST_SHARE)
 
 

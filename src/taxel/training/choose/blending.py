@@ -23,8 +23,9 @@ SHARPNESS = np.geomspace(0.05, 8.0, 60)
 """What logits may be multiplied by."""
 ROUNDS = 8
 """Members that are added one by one in the greedy blend. Source: our choice, 0039."""
-LEAST_GAIN = 0.01
-"""Nats by which anything must beat that mean. Source: our choice, 0039."""
+LEAST_GAIN, ERRORS = 0.1, 2.0
+"""Share of that mean's loss, and standard errors, by which anything must beat it. Source: our
+choice, 0039: weights fitted to held-out groups favour what fits groups like those."""
 BEHIND, SLACK = 1.3, 0.05
 """A kind's best is in the mean where its loss is at most so many times the least, and so much
 more. Source: our choice, 0039."""
@@ -101,12 +102,11 @@ def mix(
     equal = Mix(champions, (1.0 / len(champions),) * len(champions), "mean of the kinds' best")
     others = [Mix((best,), (1.0,), "far ahead of all blends"), _greedy(probabilities, y, best)]
     base = losses(joined(probabilities, equal), y)
-    chosen, least = equal, LEAST_GAIN
+    chosen, most = equal, LEAST_GAIN * base.mean()
     for other in others:
         gain = base - losses(joined(probabilities, other), y)
-        margin = gain.mean() - standard_error(gain, groups)
-        if margin > least:
-            chosen, least = other, margin
+        if gain.mean() > most and gain.mean() > ERRORS * standard_error(gain, groups):
+            chosen, most = other, gain.mean()
     return chosen
 
 

@@ -38,7 +38,7 @@ LONG = 16
 
 
 MODELS_BY_FREEDOM = (
-    "discriminant", "logistic", "extra-trees", "random-forest", "boosting", "perceptron", "touchnet"
+    "discriminant", "logistic", "extra-trees", "random-forest", "perceptron", "touchnet"
 )  # fmt: skip
 """The least free first."""
 
@@ -121,7 +121,6 @@ def second_round(linear: list[str], trees: list[str], steps: int) -> list[Candid
     found += [Candidate("linear", "discriminant", linear[0], 0.1)]
     if trees[0] not in (linear[0], free):
         found += [Candidate("perceptron", "perceptron", trees[0], 3.0)]
+    found += [Candidate("trees", "extra-trees", trees[0], leaf) for leaf in (10, 1)]
     found += [Candidate("trees", "random-forest", trees[0], 2)]
-    found += [Candidate("trees", "extra-trees", trees[0], leaf) for leaf in (1, 5)]
-    found += [Candidate("trees", "boosting", trees[0], 0.1)]
     return found

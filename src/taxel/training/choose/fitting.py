@@ -24,7 +24,6 @@ and do not fit in 2 ms."""
 DEEPEST = 20
 MOST_TREE_BYTES = 6_000_000
 """Of one forest's tables before packing: three fit in a bundle. Source: as above."""
-BOOSTS = 60
 HIDDEN, MEMBERS, EPOCHS, BATCH, RATE = 64, 4, 30, 200, 1e-3
 """Of a perceptron: scikit-learn's usual batch and step size. Source: as above."""
 _TAILS = (0.5, 99.5)
@@ -138,39 +137,7 @@ def _head_of_forest(forest: Any, classes: int) -> nn.Module:
         share /= share.sum(axis=1, keepdims=True)
         nodes.append(_Tree(tree.children_left, tree.children_right, tree.feature,
                            floor32(tree.threshold), share, int(tree.max_depth)))  # fmt: skip
-    return _trees_head(nodes, np.zeros(classes), summed=False)
-
-
-def _boosting(x: Features, y: Classes, classes: int, rate: float, seed: int) -> nn.Module:
-    """Gradient boosting on histograms; `rate` is its step size."""
-    from sklearn.ensemble import HistGradientBoostingClassifier
-
-    model = HistGradientBoostingClassifier(
-        max_iter=BOOSTS, learning_rate=rate, max_leaf_nodes=8, l2_regularization=1.0,
-        early_stopping=False, random_state=seed,
-    )  # fmt: skip
-    model.fit(x, y)
-    known = np.asarray(model.classes_)
-    start = np.full(classes, -20.0)
-    base = np.asarray(model._baseline_prediction, float).ravel()
-    start[known] = [0.0, *base] if len(known) == 2 else base
-    nodes = []
-    for round_ in model._predictors:
-        for number, predictor in enumerate(round_):
-            nodes.append(
-                _boosted(predictor.nodes, known[1 if len(known) == 2 else number], classes)
-            )
-    return _trees_head(nodes, start, summed=True)
-
-
-def _boosted(raw: Any, target: int, classes: int) -> _Tree:
-    leaf = raw["is_leaf"].astype(bool)
-    left = np.where(leaf, -1, raw["left"].astype(np.int64))
-    right = np.where(leaf, -1, raw["right"].astype(np.int64))
-    value = np.zeros((len(raw), classes))
-    value[:, target] = raw["value"]
-    return _Tree(left, right, raw["feature_idx"], floor32(raw["num_threshold"]), value,
-                 int(raw["depth"].max()))  # fmt: skip
+    return _trees_head(nodes)
 
 
 class _Tree:
@@ -181,7 +148,7 @@ class _Tree:
         self.threshold, self.value, self.depth = threshold, value, depth
 
 
-def _trees_head(trees: list[_Tree], start: NDArray[np.float64], *, summed: bool) -> nn.Module:
+def _trees_head(trees: list[_Tree]) -> nn.Module:
     """Return all trees as flat tables; a leaf points to itself."""
     parts: dict[str, list[NDArray[Any]]] = {
         name: [] for name in ("column", "threshold", "left", "right", "leaf", "value", "root")
@@ -202,10 +169,7 @@ def _trees_head(trees: list[_Tree], start: NDArray[np.float64], *, summed: bool)
         offset, leaves = offset + len(own), leaves + int(leaf.sum())
     tables = {name: torch.from_numpy(np.concatenate(part)) for name, part in parts.items()}
     depth = max(tree.depth for tree in trees)
-    return TreesHead(
-        **tables, depth=torch.tensor([depth]), summed=torch.tensor([int(summed)]),
-        start=torch.from_numpy(start.astype(np.float32)),
-    )  # fmt: skip
+    return TreesHead(**tables, depth=torch.tensor([depth]))
 
 
 def floor32(values: NDArray[np.float64]) -> NDArray[np.float32]:
@@ -275,7 +239,6 @@ FITS: dict[str, Callable[[Features, Classes, int, float, int], nn.Module]] = {
     "discriminant": _discriminant,
     "extra-trees": _extra_trees,
     "random-forest": _random_forest,
-    "boosting": _boosting,
     "perceptron": _perceptron,
 }
 """Model → (features, classes, number of classes, strength, seed) → head."""
