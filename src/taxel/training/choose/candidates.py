@@ -31,8 +31,9 @@ FEATURE_SETS: dict[str, tuple[str, ...]] = {
 """Name → blocks of `taxel.models.touch_features.BLOCKS`."""
 LEVEL_FREE = ("without level", "tared", "across the pad", "rows across the pad")
 """Sets that a drift of the channels' rest level, or of all of a pad's, leaves as they are."""
-MOST_ROW_VALUES = 1500
-"""Values of a window up to which its rows themselves are features. Source: our choice, 0039."""
+MOST_ROWS, MOST_ROW_VALUES = 16, 1500
+"""Rows and values of a window up to which its rows themselves are features. Source: our choice,
+docs/decisions/0039."""
 LONG = 16
 """Rows from which on a convolutional network is tried. Source: our choice, 0039."""
 
@@ -88,7 +89,7 @@ def feature_sets(steps: int, channels: int) -> dict[str, tuple[str, ...]]:
     found: dict[str, tuple[str, ...]] = {}
     for name, blocks in FEATURE_SETS.items():
         rows = any(block.removeprefix(UNIT) == "rows" for block in blocks)
-        if rows and steps * channels > MOST_ROW_VALUES:
+        if rows and (steps > MOST_ROWS or steps * channels > MOST_ROW_VALUES):
             continue
         own = fitting_blocks(blocks, steps, channels)
         whole = len(own) == len(blocks) or not rows
@@ -99,9 +100,13 @@ def feature_sets(steps: int, channels: int) -> dict[str, tuple[str, ...]]:
 
 def first_round(sets: dict[str, tuple[str, ...]]) -> list[Candidate]:
     """Return quick models on every set: they say which features carry over to unseen groups."""
-    linear = [Candidate("linear", "logistic", name, 0.03) for name in sets]
-    trees = [Candidate("trees", "extra-trees", name, 2) for name in sets]
-    return [one for pair in zip(linear, trees, strict=True) for one in pair]
+    found = []
+    for name in sets:
+        found += [Candidate("linear", "logistic", name, 0.03),
+                  Candidate("trees", "extra-trees", name, 2)]  # fmt: skip
+        if len(found) == 4 and name in LEVEL_FREE:
+            found.append(Candidate("perceptron", "perceptron", name, 3.0))
+    return found
 
 
 def second_round(linear: list[str], trees: list[str], steps: int) -> list[Candidate]:

@@ -61,11 +61,11 @@ def _logistic(x: Features, y: Classes, classes: int, strength: float, seed: int)
     from sklearn.linear_model import LogisticRegression
 
     offset, factor, scaled = _standardised(x)
-    model = LogisticRegression(C=strength, max_iter=200, tol=1e-3)
+    model = LogisticRegression(C=strength, max_iter=100, tol=1e-3)
     import warnings
 
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # 200 steps are enough for a regularised model
+        warnings.simplefilter("ignore")  # 100 steps are enough for a regularised model
         model.fit(scaled, y)
     weight, bias = model.coef_, model.intercept_
     if len(weight) == 1:

@@ -34,7 +34,7 @@ MOST_ROWS = 2500
 OVERLAP = 4
 """Training windows start so many times as often where there are few of them. Source: as above."""
 FEW = 2000
-MOST_WINDOWS = 8000
+MOST_WINDOWS = 6000
 """Windows that are learned from while choosing; of more, evenly spaced ones. Source: as above."""
 PAUSE_ROWS = 10
 """Lost rows after which a new stretch begins. Source: as above."""

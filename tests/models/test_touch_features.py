@@ -1,0 +1,152 @@
+"""Features ignore padding, and the blend that sees them is one model offline and in ONNX."""
+
+import numpy as np
+import pytest
+import torch
+
+from taxel.bundles.engine import open_engine
+from taxel.bundles.model_check import check_model
+from taxel.bundles.writer import Classifier, export_onnx
+from taxel.errors import BadInput
+from taxel.models.blend import Blend, Part, Plan, read_plan
+from taxel.models.touch_features import (
+    BLOCKS,
+    UNIT,
+    compute_features,
+    fitting_blocks,
+    pads_of,
+)
+from taxel.training.choose.candidates import Candidate
+from taxel.training.choose.fitting import FITS, fit_head, head_logits
+
+RNG = np.random.default_rng(0)
+STEPS, CHANNELS, CLASSES = 24, 6, 3
+VALUES = RNG.normal(size=(90, STEPS, CHANNELS)).astype(np.float32)
+Y = np.arange(90) % CLASSES
+VALUES[np.arange(90), :, Y] += 3.0
+MASK = np.ones((90, STEPS), bool)
+PADS = (0,) * CHANNELS
+
+
+def padded(rows: int) -> tuple[np.ndarray, np.ndarray]:
+    """Return the windows' first rows, behind which zeros stand."""
+    mask = np.arange(STEPS)[None].repeat(90, 0) < rows
+    return VALUES * mask[:, :, None], mask
+
+
+@pytest.mark.parametrize("block", sorted(set(BLOCKS) - {"rows", "octaves", "spectrum"}))
+def test_padding_is_no_feature(block: str):
+    """A short window gives what it gives with rows of padding behind it."""
+    values, mask = padded(12)
+
+    long = compute_features((block,), PADS, values, mask)
+    short = compute_features((block,), PADS, values[:, :12], mask[:, :12])
+
+    np.testing.assert_allclose(long, short, rtol=1e-5, atol=1e-6)
+
+
+def test_a_gain_and_an_offset_of_the_whole_pad_leave_its_standardised_rows():
+    plain = compute_features((f"{UNIT}rows",), PADS, VALUES, MASK)
+    changed = compute_features((f"{UNIT}rows",), PADS, 2.0 * VALUES + 5.0, MASK)
+
+    np.testing.assert_allclose(plain, changed, rtol=1e-3, atol=1e-3)
+
+
+def test_channels_that_differ_in_their_last_number_are_one_pad():
+    names = tuple(f"{pad}_{i}" for pad in ("thumb", "index") for i in range(1, 5))
+
+    assert pads_of(names) == (0,) * 4 + (1,) * 4
+    assert pads_of(("left", "right")) == (0, 0)
+
+
+def test_the_strongest_frequency_stands_out_of_the_spectrum():
+    """A sine of 8 rows a turn: in stretches of 8 rows that is the first frequency."""
+    row = np.arange(16)
+    values = np.sin(2 * np.pi * row / 8).astype(np.float32)[None, :, None]
+
+    found = compute_features(("spectrum",), (0,), values, np.ones((1, 16), bool))[0]
+
+    assert found.argmax() == 0
+    assert found[0] > found[2] + 5
+
+
+def test_one_row_has_the_blocks_of_one_row_only():
+    assert fitting_blocks(("rows", "shape", f"{UNIT}rows"), 1, 24) == ("rows", f"{UNIT}rows")
+
+
+def blend() -> Blend:
+    every = fitting_blocks(tuple(BLOCKS), STEPS, CHANNELS)
+    sets = {"linear": every, "perceptron": (f"{UNIT}shape", "course"), "trees": every}
+    models = {"linear": "logistic", "perceptron": "perceptron", "trees": "extra-trees"}
+    parts = tuple(Part(head, blocks) for head, blocks in sets.items())
+    heads = tuple(
+        fit_head(
+            Candidate("linear", models[part.head], "", 2.0),
+            compute_features(part.blocks, PADS, VALUES, MASK),
+            Y,
+            CLASSES,
+        )
+        for part in parts
+    )
+    return Blend(Plan(STEPS, PADS, CLASSES, parts), heads, (0.4, 0.3, 0.3), (1.0, 0.9, 1.2), 1.1)
+
+
+@pytest.fixture(scope="module")
+def whole() -> Blend:
+    return blend().eval()
+
+
+def test_a_blend_gives_in_onnx_what_it_gives_in_pytorch(whole: Blend):
+    """Trees too: features are computed in double precision, so that no window falls elsewhere."""
+    model = export_onnx(Classifier((whole,)), STEPS, CHANNELS)
+    check_model(model)
+    values, mask = padded(17)
+    with torch.inference_mode():
+        logits = whole(torch.from_numpy(values), torch.from_numpy(mask))
+    engine = open_engine(model)
+
+    found = engine.run(values=values, mask=mask)
+    alone = engine.run(values=values[:1], mask=mask[:1])
+
+    np.testing.assert_allclose(found, torch.softmax(logits, dim=1).numpy(), atol=1e-5)
+    np.testing.assert_allclose(alone, found[:1], atol=1e-6)
+
+
+def test_a_blend_is_rebuilt_from_its_weights_alone(whole: Blend):
+    again = Blend()
+    again.load_state_dict(whole.state_dict())
+    values, mask = torch.from_numpy(VALUES), torch.from_numpy(MASK)
+
+    with torch.inference_mode():
+        assert torch.equal(again.eval()(values, mask), whole(values, mask))
+
+
+def test_a_plan_that_names_what_there_is_not_is_refused():
+    bad = b'{"steps":1,"classes":2,"pads":[0],"parts":[{"head":"linear","blocks":["secret"]}]}'
+    with pytest.raises(BadInput, match="plan"):
+        read_plan(bad)
+
+
+@pytest.mark.parametrize("model", sorted(FITS))
+def test_every_model_learns_which_channel_is_high(model: str):
+    features = compute_features(("statistics",), PADS, VALUES, MASK)
+    head = fit_head(Candidate("linear", model, "", 0.5 if model == "discriminant" else 2.0),
+                    features[:60], Y[:60], CLASSES)  # fmt: skip
+
+    assert (head_logits(head, features[60:]).argmax(axis=1) == Y[60:]).mean() > 0.9
+
+
+def test_a_forest_as_tables_votes_as_scikit_learn_does():
+    from sklearn.ensemble import ExtraTreesClassifier
+
+    from taxel.models.heads import LEAST_SHARE
+    from taxel.training.choose.fitting import DEEPEST, TREES
+
+    features = compute_features(("statistics",), PADS, VALUES, MASK)
+    forest = ExtraTreesClassifier(TREES, min_samples_leaf=2, max_depth=DEEPEST, random_state=0)
+    wanted = forest.fit(features, Y).predict_proba(features)
+
+    head = fit_head(Candidate("trees", "extra-trees", "", 2), features, Y, CLASSES)
+    found = np.exp(head_logits(head, features)) - LEAST_SHARE
+
+    np.testing.assert_allclose(found, wanted, atol=2e-3)  # shares are kept in 16 bits

@@ -1,0 +1,239 @@
+"""Choosing looks at no test trial, holds out what the split holds out, and keeps to its time."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from taxel.errors import BadInput, BadSplit
+from taxel.evaluation.expert import Limits, train_expert
+from taxel.labels.trials import Trial
+from taxel.recordings.importing import ImportRow, import_rows
+from taxel.training.choose.blending import fit_sharpness, losses, mix, softmax
+from taxel.training.choose.budget import Budget
+from taxel.training.choose.choice import read_choice, write_choice
+from taxel.training.choose.inner_folds import Held, inner_folds, what_is_held
+from taxel.training.choose.joining import fit_joining
+from taxel.training.choose.kept_tries import KeptTries
+from taxel.training.choose.preparations import Base, candidate_windows, load_base, prepare_all
+from taxel.training.choose.search import choose
+
+RNG = np.random.default_rng(0)
+
+
+def trials(**groups: list[str]) -> list[Trial]:
+    count = len(next(iter(groups.values())))
+    return [
+        Trial(recording=f"r{i}", start_s=0.0, end_s=1.0, labels={},
+              groups={"trial": f"r{i}#0", "recording": f"r{i}"}
+              | {key: values[i] for key, values in groups.items()})
+        for i in range(count)
+    ]  # fmt: skip
+
+
+def test_the_coarsest_group_that_is_new_on_the_test_side_is_what_is_held_out():
+    own = trials(object=["a", "b", "c", "d"] * 2, colour=["red", "blue"] * 4)
+    train = [i for i, one in enumerate(own) if one.groups["object"] != "d"]
+    test = [i for i, one in enumerate(own) if one.groups["object"] == "d"]
+
+    assert what_is_held(own, train, test) == Held("object")
+
+
+def test_later_numbers_held_out_are_an_order():
+    own = trials(number=[str(i) for i in range(10)])
+
+    assert what_is_held(own, range(5), range(5, 10)) == Held("number", ordered=True)
+
+
+def test_inner_folds_part_no_group_and_leave_every_class_to_learn_from():
+    own = trials(object=[f"o{i // 2}" for i in range(24)])
+    y = np.array([i // 2 % 3 for i in range(24)])
+
+    fold = inner_folds(own, y, range(24), Held("object"))
+
+    assert all(fold[i] == fold[i + 1] for i in range(0, 24, 2))
+    for number in set(fold):
+        assert set(y[fold != number]) == {0, 1, 2}
+
+
+def test_where_later_trials_are_held_out_inner_folds_are_successive():
+    own = trials(number=[str(9 - i) for i in range(10)])
+
+    fold = inner_folds(own, np.zeros(10, np.intp), range(10), Held("number", ordered=True))
+
+    assert (np.diff(fold) <= 0).all()
+    assert set(fold) == {0, 1, 2, 3, 4}
+
+
+def test_one_trial_of_a_class_is_not_enough_to_choose():
+    with pytest.raises(BadSplit, match="each class"):
+        inner_folds(trials(object=["a", "b", "c"]), np.array([0, 0, 1]), range(3), Held(None))
+
+
+def test_a_temperature_brings_logits_back_to_what_they_were():
+    logits = RNG.normal(size=(4000, 3)) * 2
+    y = np.array([RNG.choice(3, p=row) for row in softmax(logits)])
+
+    assert fit_sharpness(4.0 * logits, y) == pytest.approx(0.25, rel=0.15)
+
+
+def test_few_trials_without_an_error_do_not_make_a_recogniser_certain():
+    logits = np.eye(2)[np.zeros(10, int)] * 30.0
+
+    assert softmax(fit_sharpness(logits, np.zeros(10, np.intp)) * logits)[0, 0] < 0.99
+
+
+def test_kinds_that_do_about_as_well_are_averaged_and_one_far_behind_is_not():
+    y = np.arange(300) % 2
+    good = softmax(np.eye(2)[y] * 2 + RNG.normal(size=(300, 2)))
+    other = softmax(np.eye(2)[y] * 2 + RNG.normal(size=(300, 2)))
+    bad = np.full((300, 2), 0.5)
+
+    found = mix([good, other, bad], ["a", "b", "c"], [(0,), (0,), (0,)], y, np.arange(300) // 10)
+
+    assert found.members == (0, 1)
+    assert found.weights == (0.5, 0.5)
+
+
+def test_dependent_windows_are_not_multiplied_as_if_each_told_something_new():
+    """20 copies of one guess that is right 8 times in 10 are as sure as that one guess."""
+    truth = np.arange(400) % 2
+    guess = np.where(RNG.random(400) < 0.8, truth, 1 - truth)
+    unit = np.repeat(np.arange(400), 20)
+    windows = np.where(np.eye(2)[guess] > 0, 0.8, 0.2)[unit]
+
+    _, found = fit_joining(unit, windows, truth[unit]).apply(unit, windows)
+
+    assert found.max(axis=1).mean() == pytest.approx(0.8, abs=0.05)
+    assert losses(found, truth).mean() < 0.55
+
+
+def write_set(folder: Path, *, rows: int = 30, trials_a_class: int = 8) -> Path:
+    """Write recordings of two classes that differ in frequency, each session at its own level."""
+    import_from = []
+    for number in range(2 * trials_a_class):
+        kind, session = number % 2, number // 4
+        course = np.sin(np.arange(rows)[:, None] * (0.4 + 0.8 * kind) + np.arange(4))
+        values = course + 3.0 * session + RNG.normal(0, 0.1, (rows, 4))
+        file = folder / f"t{number}.csv"
+        lines = ["a,b,c,d", *(",".join(f"{v:.3f}" for v in row) for row in values)]
+        file.write_text("\n".join(lines) + "\n")
+        import_from.append(
+            ImportRow(file=file, labels={"kind": "xy"[kind]}, groups={"session": f"s{session}"},
+                      channels="a[N] b[N] c[N] d[N]", time="rate:50Hz")
+        )  # fmt: skip
+    import_rows(import_from, folder / "recordings")
+    return folder / "recordings"
+
+
+@pytest.fixture(scope="module")
+def recordings(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return write_set(tmp_path_factory.mktemp("set"))
+
+
+@pytest.fixture(scope="module")
+def base(recordings: Path) -> Base:
+    return load_base(recordings, "kind")
+
+
+def test_a_short_trial_is_one_window_without_a_gate(base: Base):
+    (config,) = candidate_windows(base)
+
+    assert (config.steps, config.gate, config.grid_hz) == (30, None, None)
+
+
+class Frozen:
+    """A clock that goes on by a second at each look."""
+
+    def __init__(self) -> None:
+        self.now = 0.0
+
+    def __call__(self) -> float:
+        self.now += 1.0
+        return self.now
+
+
+def search(base: Base, train: list[int], seconds: float, kept: KeptTries | None = None):
+    budget = Budget(seconds, 1, Frozen())
+    return choose(base, prepare_all(base), train, Held("session"), budget, kept=kept)
+
+
+def test_labels_of_test_trials_change_nothing(base: Base):
+    """The choice from eight trials is the same where those of all others are swapped."""
+    train = list(range(12))
+    swapped = [
+        replace(one, labels={"kind": "xy"[one.labels["kind"] == "x"]}) if i not in train else one
+        for i, one in enumerate(base.trials)
+    ]
+    other = replace(base, dataset=replace(base.dataset, trials=tuple(swapped)))
+
+    assert search(base, train, 15.0).choice() == search(other, train, 15.0).choice()
+
+
+def test_what_the_time_does_not_allow_is_left_out_and_said(base: Base):
+    found = search(base, list(range(16)), 5.0)
+
+    assert len(found.board) >= 2
+    assert found.left_out
+
+
+def test_an_interrupted_choice_goes_on_where_it_was(base: Base, tmp_path: Path):
+    first, second = KeptTries(tmp_path / "t", {}), KeptTries(tmp_path / "t", {})
+    one = search(base, list(range(16)), 12.0, first)
+    again = search(base, list(range(16)), 12.0, second)
+
+    assert first.used == 0
+    assert second.used == len(one.board)
+    assert [t.loss for _, _, t in again.board[: len(one.board)]] == [
+        t.loss for _, _, t in one.board
+    ]
+
+
+@pytest.fixture(scope="module")
+def expert(recordings: Path):
+    return train_expert(recordings, "kind", limits=Limits(minutes=0.05))
+
+
+def test_by_default_another_session_is_recognised_and_its_bundle_equals_it(expert):
+    assert expert.nested.split == "session held out"
+    assert expert.nested.scores.scores.accuracy > 0.9
+    assert expert.measured.mb < 20
+    assert expert.measured.parity < 1e-5
+
+
+def test_a_choice_that_was_written_can_be_repeated(expert, recordings: Path, tmp_path: Path):
+    write_choice(tmp_path / "expert.json", expert.choice)
+    like = read_choice(tmp_path / "expert.json")
+
+    again = train_expert(recordings, "kind", like=like)
+
+    assert like == expert.choice
+    assert again.run.contract.window == expert.run.contract.window
+    assert again.nested is None
+
+
+def test_a_damaged_choice_is_refused_in_one_line(tmp_path: Path):
+    (tmp_path / "expert.json").write_text('{"format": 1}')
+    with pytest.raises(BadInput, match=r"expert\.json"):
+        read_choice(tmp_path / "expert.json")
+
+
+def test_a_member_that_does_not_fit_is_replaced_and_the_loss_is_known(base: Base):
+    found = search(base, list(range(16)), 20.0)
+    whole = found.choice()
+    heavy = whole.members[-1].candidate
+
+    less = found.choice([heavy])
+
+    assert heavy not in [one.candidate for one in less.members]
+    assert sum(one.weight for one in less.members) == pytest.approx(1.0)
+    assert 0 <= less.accuracy <= 1
+
+
+def test_of_a_bundle_that_is_too_large_members_are_given_up_one_by_one(recordings: Path):
+    limits = Limits(minutes=0.05, most_mb=1e-3)
+
+    found = train_expert(recordings, "kind", limits=limits, check=False)
+
+    assert len(found.choice.members) == 1
