@@ -74,6 +74,8 @@ class Expert:
     """Members that did not fit in the limits, and what leaving them out cost."""
     notes: tuple[str, ...] = ()
     tries_kept: int = 0
+    seconds: float = 0.0
+    """All that it took, without the bars."""
 
 
 def usual_split(base: Base, folds: int = FOLDS, seed: int = 0) -> Split:
@@ -99,6 +101,7 @@ def train_expert(
     data: Path,
     target: str,
     *,
+    channels: tuple[str, ...] | None = None,
     split: Callable[[Base], Split] = usual_split,
     limits: Limits = Limits(),
     like: Choice | None = None,
@@ -113,6 +116,7 @@ def train_expert(
     Args:
         data: A folder of recordings.
         target: The label to predict.
+        channels: Those to use; all unless given.
         split: Makes the outer folds.
         limits: Minutes, megabytes, microseconds.
         like: Repeat this choice, and choose nothing.
@@ -127,7 +131,8 @@ def train_expert(
         BadSplit: They cannot be split so.
     """
     on_step("reading")
-    base = load_base(data, target)
+    started = perf_counter()
+    base = load_base(data, target, channels if like is None else like.window.channels)
     folds = split(base)
     kept = KeptTries(tries, {"code": code_digest(), "software": environment(), "seed": seed})
     if like is not None:
@@ -146,7 +151,8 @@ def train_expert(
         )
     expert = _within(base, found, nested, limits, seed, on_step)
     kept.forget()
-    return replace(expert, tries_kept=kept.used)
+    bars_s = 0.0 if nested is None else nested.bars_s
+    return replace(expert, tries_kept=kept.used, seconds=perf_counter() - started - bars_s)
 
 
 def _held(base: Base, split: Split) -> Held:

@@ -51,6 +51,8 @@ class Nested:
     by_trial: TrialScores
     bars: dict[str, tuple[RunScores, TrialScores]]
     """Bar → its scores on the very same windows."""
+    bars_s: float
+    """Seconds that the bars took, beside the budget."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -90,6 +92,7 @@ def check_choosing(
         BadSplit: A fold parts windows, not trials.
     """
     tested, choices = [], []
+    bars_s = 0.0
     beside: dict[str, list[_Tested]] = {name: [] for name in bars}
     for fold in split.folds:
         if not isinstance(fold, TrialFold):
@@ -117,7 +120,9 @@ def check_choosing(
             if choice.window.steps >= FEWEST_ROWS.get(name, 1):
                 say(name)
                 beside[name].append(_bar(name, base, own, train, index, seed))
-        budget.add(budget.clock() - started)
+        spent = budget.clock() - started
+        budget.add(spent)
+        bars_s += spent
     predictions = _predictions(base, split, tested)
     return Nested(
         split=split.name,
@@ -129,6 +134,7 @@ def check_choosing(
             name: (judge(_predictions(base, split, own)), _by_trial(base, own))
             for name, own in beside.items() if len(own) == len(tested)
         },
+        bars_s=bars_s,
     )  # fmt: skip
 
 

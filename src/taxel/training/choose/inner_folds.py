@@ -23,6 +23,8 @@ FOLDS = 5
 GROUP_FOLDS = 3
 """Inner folds of whole groups: with a third of them held out at once, those that are left are
 about as far from them as groups to come will be. Source: our choice, 0039."""
+LEAST_JUDGED = 0.5
+"""Share of the trials that must be judged for folds of whole groups. Source: our choice, 0039."""
 _FINE = ("trial", "recording", "file")
 """Groups that are new on the other side of any split of trials."""
 
@@ -64,8 +66,10 @@ def what_is_held(trials: Sequence[Trial], train: Sequence[int], test: Sequence[i
     for key in sorted(common - set(_FINE)):
         own = {trials[i].groups[key] for i in train}
         others = {trials[i].groups[key] for i in test}
-        if len(own) >= 3 and not own & others:
-            found.append((len(own), key, _above(others, own)))
+        ordered = _above(others, own)
+        grouped = 3 <= len(own) <= len(train) / 2
+        if not own & others and (grouped or (ordered and len(own) >= 3)):
+            found.append((len(own), key, ordered))
     if not found:
         return Held(None)
     _, key, ordered = min(found)
@@ -116,11 +120,25 @@ def inner_folds(
     return _by_blocks(np.array([_order(trials[i]) for i in own]), y[own])
 
 
-def _by_groups(groups: NDArray[np.str_], y: NDArray[np.intp]) -> NDArray[np.intp] | None:
-    """Return folds of whole groups; None where a class would be missing from a training part.
+def judged(fold: NDArray[np.intp], y: NDArray[np.intp]) -> NDArray[np.bool_]:
+    """Return what can be judged, shape (n,): whose class is also learned from in its fold.
 
-    A fold's training part must hold each class; the largest groups are dealt first, each to the
-    fold that has fewest of its classes.
+    Args:
+        fold: Inner fold of each trial or window, shape (n,).
+        y: Class of each, shape (n,).
+    """
+    found = np.zeros(len(y), bool)
+    for number in np.unique(fold):
+        own = fold == number
+        found |= own & np.isin(y, y[~own])
+    return found
+
+
+def _by_groups(groups: NDArray[np.str_], y: NDArray[np.intp]) -> NDArray[np.intp] | None:
+    """Return folds of whole groups; None where most trials' classes have one group only.
+
+    The largest groups are dealt first, each to the fold that has fewest of its classes. Where a
+    class's groups are all in one fold, its trials there are not judged.
     """
     names, index = np.unique(groups, return_inverse=True)
     classes = int(y.max()) + 1
@@ -133,18 +151,14 @@ def _by_groups(groups: NDArray[np.str_], y: NDArray[np.intp]) -> NDArray[np.intp
     held = np.zeros((folds, classes))
     place = np.zeros(len(names), np.intp)
     for number in np.argsort(-share.sum(axis=1), kind="stable"):
-        after = held + share[number]
-        spread = np.array(
-            [
-                (np.where(np.arange(folds)[:, None] == f, after, held) ** 2).sum()
-                for f in range(folds)
-            ]
-        )
-        place[number] = int(spread.argmin())
+        cost = []
+        for one in range(folds):
+            after = held + np.where(np.arange(folds) == one, 1.0, 0.0)[:, None] * share[number]
+            cost.append((after**2).sum() + (after.sum(axis=1) ** 2).sum() / classes)
+        place[number] = int(np.argmin(cost))
         held[place[number]] += share[number]
     fold = place[index]
-    whole = set(y)
-    if any(set(y[fold != number]) != whole for number in set(fold)) or len(set(fold)) < 2:
+    if len(set(fold)) < 2 or judged(fold, y).mean() < LEAST_JUDGED:
         return None
     return np.asarray(fold, np.intp)
 

@@ -42,6 +42,10 @@ _TENG_GATES = ((GATE_V, 12), (GATE_V, 60), (0.6, 60))
 """Gate in volts and rows of the recipes teng and teng-robust."""
 
 
+ROWS = WindowConfig(steps=1, stride=1, grid_hz=None)
+"""Each scan as a window of its own: what recordings hold before they are cut."""
+
+
 @dataclass(frozen=True, slots=True)
 class Base:
     """What is known of recordings before they are cut: their trials and how long these are."""
@@ -117,13 +121,9 @@ def load_base(path: Path, target: str, channels: tuple[str, ...] | None = None) 
     Raises:
         BadDataset: There is no usable row, or a trial lacks the target.
     """
-    dataset = load_dataset(path, _rows_config(channels), target=target)
+    dataset = load_dataset(path, replace(ROWS, channels=channels), target=target)
     rows = np.bincount(dataset.trial, minlength=len(dataset.trials)).astype(np.intp)
     return Base(path, dataset, target, rows)
-
-
-def _rows_config(channels: tuple[str, ...] | None) -> WindowConfig:
-    return WindowConfig(steps=1, stride=1, grid_hz=None, channels=channels)
 
 
 def candidate_windows(base: Base) -> list[WindowConfig]:
@@ -145,7 +145,7 @@ def candidate_windows(base: Base) -> list[WindowConfig]:
     shortest = int(np.percentile(rows, 5))
     lengths = [n for n in LENGTHS if n <= (longest if alone else shortest)]
     lengths = lengths or [max(1, shortest)]
-    found = [_window(plain, n, pad=alone and n > rows.min()) for n in lengths]
+    found = [_window(plain, n, pad=alone and n > rows.min()) for n in reversed(lengths)]
     whole = longest * len(base.trials) * len(sensor.channels)
     if alone and longest <= MOST_ROWS and whole <= MOST_VALUES:
         found.insert(0, _window(plain, longest, pad=bool((rows < longest).any())))
