@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from make_dataset import make_dataset
 
+from taxel.evaluation import kept_folds
 from taxel.evaluation.crossval import FoldPredictions
 from taxel.evaluation.kept_folds import KeptFolds, folds_folder, forget_folds
 from taxel.evaluation.metrics import score

@@ -26,7 +26,8 @@ class RecipeOptions:
     """A recipe by name, and changes to it; what is not given stays as the recipe has it."""
 
     recipe: str | None = None
-    """A named set of window, model and training; teng unless given."""
+    """A named set of window, model and training. Without one, and without other changes, what
+    recognises best is found by validation inside the training part."""
     target: str | None = None
     """The label to predict, such as shape, material, sign or object, or two joined:
     shape+material."""
@@ -42,6 +43,21 @@ class RecipeOptions:
     """Passes over the training windows, 1 or more."""
     seed: int = 0
     """Seed of weights, order and folds, 0 to 1000000000."""
+
+    def checked_seed(self) -> int:
+        """Return the seed.
+
+        Raises:
+            BadInput: It is none that every generator takes.
+        """
+        if not 0 <= self.seed <= _LARGEST_SEED:
+            raise BadInput(f"--seed within 0 and {_LARGEST_SEED}", str(self.seed), "choose another")
+        return self.seed
+
+    @property
+    def unnamed(self) -> bool:
+        """Return whether nothing of a recipe is named."""
+        return self.recipe is None and not self.window and self.epochs is None
 
     def resolve(
         self,
@@ -68,8 +84,7 @@ class RecipeOptions:
         for name, value in (("epochs", self.epochs), ("members", members)):
             if value is not None and value < 1:
                 raise BadInput(f"--{name} of at least 1", str(value), "give a larger number")
-        if not 0 <= self.seed <= _LARGEST_SEED:
-            raise BadInput(f"--seed within 0 and {_LARGEST_SEED}", str(self.seed), "choose another")
+        self.checked_seed()
         recipe = find_recipe(self.recipe or default)
         window = changed_window(recipe.window, parse_pairs(self.window, "--window"))
         train = replace(recipe.train, seed=self.seed)
@@ -91,11 +106,22 @@ class RecipeOptions:
         )
 
 
+def usual_recipe(data: Path) -> str:
+    """Return the recipe for recordings of which none is named: no gate but for the TENG hand."""
+    from taxel.recordings.reader import list_recordings, read_recording
+    from taxel.sim.teng_constants import SENSORS
+
+    sensor = read_recording(list_recordings(data)[0]).manifest.sensor
+    return "teng" if sensor.channels == SENSORS else "array"
+
+
 def _in_folds(verb: Any) -> bool:
     from taxel.training.recipes import find_recipe
 
     if verb.folds is not None or verb.test is not None:
         return False
+    if verb.split is None and verb.recipe.unnamed:
+        return True
     split = verb.split or find_recipe(verb.recipe.recipe or "teng").split
     return not split.startswith("order:")
 

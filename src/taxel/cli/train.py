@@ -1,4 +1,4 @@
-"""`taxel train`: cross-validate a recipe, then train it on all recordings."""
+"""`taxel train`: find what recognises best, or take a recipe; judge it; train it on all."""
 
 from __future__ import annotations
 
@@ -15,6 +15,7 @@ from taxel.cli.options import (
     check_run_folder,
     check_share,
     split_given,
+    usual_recipe,
 )
 from taxel.cli.printing import command, console, print_json, progress, say
 from taxel.errors import RecordingFailed, TaxelError
@@ -28,13 +29,13 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, kw_only=True)
 class Train:
-    """Train a recogniser on a folder of recordings of an array; accuracy is measured first."""
+    """Find and train the recogniser of a folder of recordings of an array, and judge it."""
 
     data: tyro.conf.Positional[Path]
     """A folder of recordings."""
-    output: Path
-    """Folder to write the run to: weights, configuration, accuracy; an older run there is
-    replaced."""
+    output: Path | None = None
+    """Folder to write the run to: weights, configuration, accuracy; runs/DATA-TARGET unless given.
+    An older run there is replaced."""
     check: bool = True
     """Cross-validate first, so that the run knows its accuracy."""
     split: str | None = None
@@ -49,8 +50,14 @@ class Train:
     """Folds of the cross-validation, 2 or more."""
     model: str | None = None
     """Model's name."""
-    members: int | None = None
-    """Networks whose probabilities are averaged, 1 or more."""
+    minutes: float = 5.0
+    """Without a recipe: how long may be looked for the best, minutes."""
+    max_mb: float = 20.0
+    """Without a recipe: what the bundle may weigh, megabytes."""
+    max_us: float = 2000.0
+    """Without a recipe: what a window may take live, on one core, microseconds."""
+    like: Path | None = None
+    """Repeat a training: its run's expert.json."""
     reject_novel: float | None = None
     """Reject novel touch: the share of known touch that may be rejected, 0…1, such as 0.05."""
     resume: bool = False
@@ -67,14 +74,44 @@ class Train:
             ("fold-count", "fresh", "test"), "a cross-validation (no --no-check)", lambda o: o.check
         ),
         FOLD_COUNT,
+        Only(
+            ("minutes", "max-mb", "max-us", "like"), "no recipe, model or window", lambda o: o._free
+        ),
+        Only(("resume", "fresh"), "a recipe", lambda o: not o._free),
     )
 
-    def run(self) -> None:
-        """Check, train and save."""
-        with only_writer(self.output):
-            self._train()
+    @property
+    def _free(self) -> bool:
+        """Whether the best is to be found: nothing of a recipe is named, nor asked for."""
+        named = self.model is not None or self.reject_novel is not None or self.split == "random"
+        return self.recipe.unnamed and not named
 
-    def _train(self) -> None:
+    def run(self) -> None:
+        """Find or take, judge, train and save."""
+        if self._free:
+            self._find()
+            return
+        output = self.output or Path("runs") / f"{self.data.resolve().name}-{self._target()}"
+        with only_writer(output):
+            self._train(output)
+
+    def _target(self) -> str:
+        recipe = self.recipe.resolve(default=usual_recipe(self.data), model=self.model)
+        return recipe.target
+
+    def _find(self) -> None:
+        from taxel.cli.train_expert import ExpertOptions, train_default
+
+        train_default(
+            ExpertOptions(
+                data=self.data, output=self.output, target=self.recipe.target, split=self.split,
+                folds=self.folds, test=self.test, fold_count=self.fold_count,
+                minutes=self.minutes, max_mb=self.max_mb, max_us=self.max_us, like=self.like,
+                check=self.check, seed=self.recipe.checked_seed(), json=self.json,
+            )
+        )  # fmt: skip
+
+    def _train(self, output: Path) -> None:
         from taxel.evaluation.checked import check_recipe
         from taxel.evaluation.final import train_on_all
         from taxel.evaluation.kept_folds import folds_folder, forget_folds
@@ -85,10 +122,12 @@ class Train:
         if self.reject_novel is not None:
             check_share("--reject-novel", self.reject_novel)
         given = split_given(self.split, self.folds, self.test)
-        recipe = self.recipe.resolve(model=self.model, split=self.split, members=self.members)
+        recipe = self.recipe.resolve(
+            default=usual_recipe(self.data), model=self.model, split=self.split
+        )
         find_network(recipe.model)
-        check_run_folder(self.output)
-        older = self.output.exists()
+        check_run_folder(output)
+        older = output.exists()
         accuracy = {}
         with progress() as bar:
             task = bar.add_task("starting", total=None)
@@ -103,7 +142,7 @@ class Train:
                     folds=self.fold_count,
                     bars=(),
                     given=given,
-                    keep_in=folds_folder(self.output),
+                    keep_in=folds_folder(output),
                     fresh=self.fresh,
                     on_step=on_step,
                 )
@@ -113,7 +152,7 @@ class Train:
                     self.data,
                     recipe,
                     accuracy,
-                    checkpoints=self.output.with_name(self.output.name + ".checkpoints"),
+                    checkpoints=output.with_name(output.name + ".checkpoints"),
                     resume=self.resume,
                     unknown=self.reject_novel,
                     given=given,
@@ -122,19 +161,19 @@ class Train:
                 run = replace(run, made=Made.now())
                 if self.check:
                     run = replace(run, predictions=checked.predictions, trivial=checked.trivial)
-                save_run(self.output, run)
-                forget_folds(self.output)
+                save_run(output, run)
+                forget_folds(output)
             except TaxelError:
                 raise
             except OSError as error:
                 raise RecordingFailed(
-                    f"needed to write {self.output}; got {error.strerror or error}; "
+                    f"needed to write {output}; got {error.strerror or error}; "
                     "choose another place with --output."
                 ) from error
         if self.json:
             print_json(
                 {
-                    "run": str(self.output),
+                    "run": str(output),
                     "replaced": older,
                     "target": recipe.target,
                     "classes": run.contract.classes,
@@ -161,7 +200,7 @@ class Train:
             console.print(confusion_table(classes, checked.pooled.scores.confusion))
             print_parts(checked)
         say(
-            f"{self.output}{', replaced' if older else ''}: {recipe.model}, "
+            f"{output}{', replaced' if older else ''}: {recipe.model}, "
             f"{run.contract.parameters:,} parameters, predicts {recipe.target}: "
             f"{', '.join(map(visible, run.contract.classes))}"
         )
@@ -169,10 +208,10 @@ class Train:
             say(f"learned from the training part of {self.folds} only: its test part stays unseen")
         if run.contract.unknown is not None:
             say(_rejects(run.contract.unknown))
-        bundle = command("taxel", "bundle", self.output, "--output", f"{self.output}.taxel")
+        bundle = command("taxel", "bundle", output, "--output", f"{output}.taxel")
         say(f"next: {bundle}")
         if self.check:
-            page = command("taxel", "report", self.output, "--output", "report.html")
+            page = command("taxel", "report", output, "--output", "report.html")
             say(f"or:   {page}")
 
 

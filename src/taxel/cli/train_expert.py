@@ -6,7 +6,7 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from taxel.cli.options import check_run_folder
+from taxel.cli.options import check_run_folder, split_given
 from taxel.cli.printing import command, console, print_json, progress, say
 from taxel.errors import BadInput
 from taxel.held import only_writer
@@ -30,22 +30,22 @@ class ExpertOptions:
     data: Path
     output: Path | None
     target: str | None
-    split: Callable[[Base], Split] | None
+    split: str | None
+    folds: Path | None
+    test: Path | None
+    fold_count: int
     minutes: float
     max_mb: float
     max_us: float
     like: Path | None
     check: bool
-    bars: tuple[str, ...] = ()
     seed: int = 0
     json: bool = False
-    keep: bool = True
-    """Write the run; without it only the score is printed."""
 
 
 def train_default(options: ExpertOptions) -> None:
     """Choose, judge, train, write the run and print all of it."""
-    from taxel.evaluation.expert import Limits, train_expert, usual_split
+    from taxel.evaluation.expert import Limits, train_expert
     from taxel.training.choose.choice import read_choice, write_choice
     from taxel.training.choose.kept_tries import tries_folder
     from taxel.training.run import save_run
@@ -65,34 +65,52 @@ def train_default(options: ExpertOptions) -> None:
             expert = train_expert(
                 options.data,
                 target,
-                split=options.split or usual_split,
+                split=outer_split(options, target),
+                test=options.test,
                 limits=Limits(
                     minutes=options.minutes, most_mb=options.max_mb, most_us=options.max_us
                 ),
                 like=like,
                 check=options.check and like is None,
-                bars=options.bars,
                 seed=options.seed,
                 tries=tries_folder(output),
                 on_step=lambda line: bar.update(task, description=line, advance=1),
             )
-        if options.keep:
-            save_run(output, expert.run)
-            write_choice(output / CHOICE, expert.choice)
+        save_run(output, expert.run)
+        write_choice(output / CHOICE, expert.choice)
     if options.json:
         print_json(expert_json(expert, output) | {"replaced": older})
         return
     from taxel.views.expert_results import expert_report
 
     console.print(expert_report(expert))
-    if not options.keep:
-        return
     say(
         f"{output}{', replaced' if older else ''}: predicts {visible(target)}: "
         f"{', '.join(map(visible, expert.run.contract.classes))}"
     )
     say(f"next: {command('taxel', 'bundle', output, '--output', f'{output}.taxel')}")
     say(f"same again: {command('taxel', 'train', options.data, '--like', output / CHOICE)}")
+
+
+def outer_split(options: ExpertOptions, target: str) -> Callable[[Base], Split] | None:
+    """Return what makes the outer folds; None for the usual ones.
+
+    Raises:
+        BadInput: More than one split is given, or too few folds.
+    """
+    from taxel.evaluation.expert import usual_split
+    from taxel.evaluation.splits import parse_split
+    from taxel.evaluation.table_split import split_elsewhere
+
+    given = split_given(options.split, options.folds, options.test)
+    named, count, seed = options.split, options.fold_count, options.seed
+    if count < 2:
+        raise BadInput("at least two folds", str(count), "choose more folds")
+    if given.table is not None:
+        return lambda base: split_elsewhere(options.data, base.dataset, target, given)[1]
+    if named is not None:
+        return lambda base: parse_split(named, base.dataset, target, count, seed)
+    return lambda base: usual_split(base, count, seed)
 
 
 def only_label(data: Path) -> str:

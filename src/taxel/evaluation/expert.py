@@ -81,9 +81,15 @@ class Expert:
 def usual_split(base: Base, folds: int = FOLDS, seed: int = 0) -> Split:
     """Return the honest split where none is asked for: the coarsest groups held out.
 
+    Where another folder is to be tested on, it is that.
+
     Raises:
         BadSplit: Not even single trials can be held out.
     """
+    if base.test is not None:
+        own = frozenset(base.own)
+        fold = TrialFold("test", own, frozenset(range(len(base.trials))) - own)
+        return Split(f"trained elsewhere, tested on {base.test.name}", (fold,), None)
     key = coarsest_group(base.trials)
     order = [key, *(name for name in ("session", "file", "recording", "trial") if name != key)]
     for number, name in enumerate(order):
@@ -102,7 +108,8 @@ def train_expert(
     target: str,
     *,
     channels: tuple[str, ...] | None = None,
-    split: Callable[[Base], Split] = usual_split,
+    split: Callable[[Base], Split] | None = None,
+    test: Path | None = None,
     limits: Limits = Limits(),
     like: Choice | None = None,
     check: bool = True,
@@ -117,7 +124,8 @@ def train_expert(
         data: A folder of recordings.
         target: The label to predict.
         channels: Those to use; all unless given.
-        split: Makes the outer folds.
+        split: Makes the outer folds; the coarsest groups are held out unless given.
+        test: Another folder, to test on only; then the outer fold is that.
         limits: Minutes, megabytes, microseconds.
         like: Repeat this choice, and choose nothing.
         check: Judge the way of choosing on the outer folds.
@@ -132,17 +140,16 @@ def train_expert(
     """
     on_step("reading")
     started = perf_counter()
-    base = load_base(data, target, channels if like is None else like.window.channels)
-    folds = split(base)
+    base = load_base(data, target, channels if like is None else like.window.channels, test)
+    folds = (split or usual_split)(base)
     kept = KeptTries(tries, {"code": code_digest(), "software": environment(), "seed": seed})
     if like is not None:
         return _repeat(base, like, limits, seed, on_step)
     prepared = prepare_all(base)
     budget = Budget(60.0 * limits.minutes, len(folds.folds) * check + 1)
     on_step("choosing on all data")
-    everyone = range(len(base.trials))
     found = choose(
-        base, prepared, everyone, _held(base, folds), budget, seed=seed, kept=kept, on_step=on_step
+        base, prepared, base.own, _held(base, folds), budget, seed=seed, kept=kept, on_step=on_step
     )
     nested = None
     if check:
@@ -214,7 +221,7 @@ def _repeat(
 def _trained(
     base: Base, prepared: Prepared, choice: Choice, nested: Nested | None, seed: int
 ) -> tuple[Run, Measured]:
-    blend = fit_choice(choice, base, prepared, range(len(base.trials)), seed)
+    blend = fit_choice(choice, base, prepared, base.own, seed)
     channels = len(prepared.dataset.sensor.channels)
     unscaled = Scaling(
         kind="none", offset=np.zeros(channels, np.float32), factor=np.ones(channels, np.float32)

@@ -52,6 +52,13 @@ _GLOVE_TRAIN = TrainConfig(
 """Chosen inside one training part, docs/decisions/0011."""
 
 RECIPES: dict[str, Recipe] = {
+    "array": Recipe(
+        summary="any array: each scan a row, no gate",
+        window=WindowConfig(steps=50, stride=50, grid_hz=None, max_gap_s=1.0, pad=True),
+        model="touchnet",
+        target="shape",
+        split="group:session",
+    ),
     "teng": Recipe(
         summary="the TENG hand, image-based (thesis, section 3.6)",
         window=TENG_WINDOW,

@@ -26,6 +26,8 @@ ROUNDS = 8
 LEAST_GAIN, ERRORS = 0.1, 2.0
 """Share of that mean's loss, and standard errors, by which anything must beat it. Source: our
 choice, 0039: weights fitted to held-out groups favour what fits groups like those."""
+LEAST_NATS = 0.01
+"""And so much more. Source: as above."""
 BEHIND, SLACK = 1.3, 0.05
 """A kind's best is in the mean where its loss is at most so many times the least, and so much
 more. Source: our choice, 0039."""
@@ -102,7 +104,7 @@ def mix(
     equal = Mix(champions, (1.0 / len(champions),) * len(champions), "mean of the kinds' best")
     others = [Mix((best,), (1.0,), "far ahead of all blends"), _greedy(probabilities, y, best)]
     base = losses(joined(probabilities, equal), y)
-    chosen, most = equal, LEAST_GAIN * base.mean()
+    chosen, most = equal, LEAST_GAIN * base.mean() + LEAST_NATS
     for other in others:
         gain = base - losses(joined(probabilities, other), y)
         if gain.mean() > most and gain.mean() > ERRORS * standard_error(gain, groups):

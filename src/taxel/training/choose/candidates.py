@@ -118,9 +118,9 @@ def second_round(linear: list[str], trees: list[str], steps: int) -> list[Candid
         steps: Rows in a window.
     """
     free = next((name for name in linear if (name in LEVEL_FREE) != (linear[0] in LEVEL_FREE)), "")
-    found = [Candidate("perceptron", "perceptron", name, 3.0) for name in (linear[0], free) if name]
-    if steps >= LONG:
-        found.append(Candidate("network", "touchnet", ""))
+    found = [Candidate("network", "touchnet", "")] if steps >= LONG else []
+    found += [Candidate("perceptron", "perceptron", name, 3.0)
+              for name in (linear[0], free) if name]  # fmt: skip
     found += [Candidate("linear", "logistic", name, c)
               for c in (0.003, 0.3) for name in (linear[0], free) if name]  # fmt: skip
     found += [Candidate("linear", "discriminant", linear[0], 0.1)]

@@ -21,6 +21,7 @@ from taxel.models.touch_features import compute_features, pads_of
 from taxel.sim.teng_constants import SENSORS
 from taxel.windows.config import GATE_V, WindowConfig
 from taxel.windows.dataset import Dataset, load_dataset
+from taxel.windows.joining import TEST_PREFIX, join_datasets
 
 SHORT = 800
 """Rows up to which a whole trial is the only window: a touch, not a session. Source: our choice,
@@ -56,11 +57,19 @@ class Base:
     target: str
     rows: NDArray[np.intp]
     """Rows of each trial, shape (trials,)."""
+    test: Path | None = None
+    """Another folder, whose trials follow and are tested only."""
 
     @property
     def trials(self) -> tuple[Trial, ...]:
         """Return all trials; splits count them."""
         return self.dataset.trials
+
+    @property
+    def own(self) -> list[int]:
+        """Return the trials that may be learned from in the end: those of the first folder."""
+        return [i for i, one in enumerate(self.trials)
+                if self.test is None or not one.recording.startswith(TEST_PREFIX)]  # fmt: skip
 
     @property
     def y(self) -> NDArray[np.intp]:
@@ -110,20 +119,25 @@ class Prepared:
         return self.cache[blocks]
 
 
-def load_base(path: Path, target: str, channels: tuple[str, ...] | None = None) -> Base:
+def load_base(
+    path: Path, target: str, channels: tuple[str, ...] | None = None, test: Path | None = None
+) -> Base:
     """Read recordings row by row.
 
     Args:
         path: A folder of recordings, or one.
         target: The label to predict.
         channels: Those to use; all unless given.
+        test: Another folder, to test on only.
 
     Raises:
         BadDataset: There is no usable row, or a trial lacks the target.
     """
     dataset = load_dataset(path, replace(ROWS, channels=channels), target=target)
+    if test is not None:
+        dataset = join_datasets(dataset, test, target)
     rows = np.bincount(dataset.trial, minlength=len(dataset.trials)).astype(np.intp)
-    return Base(path, dataset, target, rows)
+    return Base(path, dataset, target, rows, test)
 
 
 def candidate_windows(base: Base) -> list[WindowConfig]:
@@ -172,6 +186,8 @@ def prepare(base: Base, config: WindowConfig, span: int) -> Prepared:
     if config.steps > OVERLAP and _many(base, config) <= FEW:
         stride = max(1, config.steps // OVERLAP)
     dataset = load_dataset(base.path, replace(config, stride=stride), target=base.target)
+    if base.test is not None:
+        dataset = join_datasets(dataset, base.test, base.target)
     places = {(one.recording, one.start_s): index for index, one in enumerate(base.trials)}
     own = np.array([places[one.recording, one.start_s] for one in dataset.trials], np.intp)
     trial = own[dataset.trial]

@@ -139,7 +139,8 @@ class _Search:
     def best_cut(self, parts: list[Part]) -> Part:
         """Return the way to cut on which two quick models do best, in equal stretches of time."""
         found = []
-        for part in map(_thinned, parts):
+        for whole in parts:
+            part = _thinned(whole)
             steps, channels = part.prepared.dataset.windows.values.shape[1:]
             sets = feature_sets(steps, channels)
             name = next(name for name in _PAIR if name in sets)
@@ -210,6 +211,8 @@ def training_part(
 def _thinned(part: Part) -> Part:
     """Return every so many of a part's stretches as a whole, with all their windows."""
     every = -(-len(part.rows) // _QUICK_WINDOWS)
+    if every < 2:
+        return part
     own = part.prepared.stretch[part.windows] % every == 0
     return replace(
         part, rows=part.rows[own], fold=part.fold[own], y=part.y[own], scored=part.scored[own]
