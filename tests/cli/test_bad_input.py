@@ -94,7 +94,7 @@ CASES = {
     "recover nothing": "recover nowhere.mcap --output out.mcap",
     "preset unknown": "reproduce table-4-1 --preset fair",
     "no epochs": "train honest --output out --epochs 0",
-    "no members": "train honest --output out --members 0",
+    "no minutes": "train honest --output out --minutes 0",
     "one fold": "train honest --output out --fold-count 1",
     "no folds at random": "evaluate honest --split random --fold-count 0",
     "more folds than windows": "evaluate honest --split random --fold-count 100000",

@@ -56,7 +56,7 @@ def test_a_run_that_was_broken_off_resumes_to_the_same_weights(
         main(train.format("broken").split())
     monkeypatch.setattr(loop, "save_checkpoint", real)
     capsys.readouterr()
-    run(train.format("broken") + " --resume", capsys)
+    run(train.format("broken"), capsys)
 
     assert ended.value.code == 130
     weights = [Path("runs", name, "weights-0.safetensors") for name in ("whole", "broken")]

@@ -20,7 +20,8 @@ class Bench:
     """Measure what taxel promises, in this run, on this machine."""
 
     name: tyro.conf.Positional[
-        Literal["teng", "transitions", "faults", "closed-loop", "soak", "boards", "audit"] | None
+        Literal["teng", "transitions", "faults", "closed-loop", "soak", "boards", "audit", "data"]
+        | None
     ] = None
     """Which figures; none with --page, which then writes all that are stored."""
     full: bool = False

@@ -18,13 +18,14 @@ from taxel.cli.options import (
     usual_recipe,
 )
 from taxel.cli.printing import command, console, print_json, progress, say
-from taxel.errors import RecordingFailed, TaxelError
+from taxel.errors import BadInput, RecordingFailed, TaxelError
 from taxel.held import only_writer
 from taxel.plain_text import visible
 
 if TYPE_CHECKING:
     from taxel.decisions.unknown import Unknown
     from taxel.evaluation.checked import Checked
+    from taxel.training.run import Run
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -60,11 +61,10 @@ class Train:
     """Repeat a training: its run's expert.json."""
     reject_novel: float | None = None
     """Reject novel touch: the share of known touch that may be rejected, 0…1, such as 0.05."""
-    resume: bool = False
-    """Go on from the checkpoint of a run that was broken off."""
     fresh: bool = False
-    """Fit every fold, also those that a run that was broken off had finished: they are kept
-    beside --output as OUTPUT.folds, and used where recipe, data and software are the same."""
+    """With a recipe: fit everything, also what a run that was broken off had finished: its folds
+    and checkpoints are kept beside --output, and used where recipe, data and software are the
+    same."""
     json: bool = False
     """Print JSON."""
     recipe: Annotated[RecipeOptions, tyro.conf.arg(name="")] = field(default_factory=RecipeOptions)
@@ -77,7 +77,7 @@ class Train:
         Only(
             ("minutes", "max-mb", "max-us", "like"), "no recipe, model or window", lambda o: o._free
         ),
-        Only(("resume", "fresh"), "a recipe", lambda o: not o._free),
+        Only(("fresh",), "a recipe", lambda o: not o._free),
     )
 
     @property
@@ -148,16 +148,28 @@ class Train:
                 )
                 accuracy[checked.pooled.split] = checked.pooled.scores.accuracy
             try:
-                run = train_on_all(
-                    self.data,
-                    recipe,
-                    accuracy,
-                    checkpoints=output.with_name(output.name + ".checkpoints"),
-                    resume=self.resume,
-                    unknown=self.reject_novel,
-                    given=given,
-                    on_epoch=lambda e: on_step(f"all data · epoch {e.number} · loss {e.loss:.4f}"),
-                )
+
+                def train_all(resume: bool) -> Run:
+                    return train_on_all(
+                        self.data,
+                        recipe,
+                        accuracy,
+                        checkpoints=checkpoints,
+                        resume=resume,
+                        unknown=self.reject_novel,
+                        given=given,
+                        on_epoch=lambda e: on_step(
+                            f"all data · epoch {e.number} · loss {e.loss:.4f}"
+                        ),
+                    )
+
+                checkpoints = output.with_name(output.name + ".checkpoints")
+                try:
+                    run = train_all(resume=not self.fresh and checkpoints.exists())
+                except BadInput:
+                    if not checkpoints.exists():
+                        raise
+                    run = train_all(resume=False)  # checkpoints of another recipe or other data
                 run = replace(run, made=Made.now())
                 if self.check:
                     run = replace(run, predictions=checked.predictions, trivial=checked.trivial)

@@ -24,9 +24,9 @@ FEATURE_SETS: dict[str, tuple[str, ...]] = {
     "statistics": ("statistics",),
     "across the pad": (*_UNIT, *_FREE, "pattern"),
     "tared": ("tared", *_FREE),
-    "rows": ("rows",),
-    "rows across the pad": (f"{UNIT}rows",),
     "both rows": ("rows", f"{UNIT}rows"),
+    "rows across the pad": (f"{UNIT}rows",),
+    "rows": ("rows",),
 }
 """Name → blocks of `taxel.models.touch_features.BLOCKS`."""
 LEVEL_FREE = ("without level", "tared", "across the pad", "rows across the pad")
@@ -98,33 +98,36 @@ def feature_sets(steps: int, channels: int) -> dict[str, tuple[str, ...]]:
     return found
 
 
-def first_round(sets: dict[str, tuple[str, ...]]) -> list[Candidate]:
-    """Return quick models on every set: they say which features carry over to unseen groups."""
-    found = []
-    for name in sets:
-        found += [Candidate("linear", "logistic", name, 0.03),
-                  Candidate("trees", "extra-trees", name, 2)]  # fmt: skip
-        if len(found) == 4 and name in LEVEL_FREE:
-            found.append(Candidate("perceptron", "perceptron", name, 3.0))
-    return found
+def first_round(sets: dict[str, tuple[str, ...]], steps: int) -> list[Candidate]:
+    """Return one of each kind, then quick models on every set, which say what carries over.
+
+    Args:
+        sets: Feature sets of these windows, the broadest first.
+        steps: Rows in a window.
+    """
+    pairs = [
+        (Candidate("linear", "logistic", name, 0.03), Candidate("trees", "extra-trees", name, 2))
+        for name in sets
+    ]
+    found = [one for pair in pairs[:2] for one in pair]
+    found += [Candidate("network", "touchnet", "")] if steps >= LONG else []
+    found += [Candidate("perceptron", "perceptron", name, 3.0) for name in list(sets)[:2]]
+    return found + [one for pair in pairs[2:] for one in pair]
 
 
-def second_round(linear: list[str], trees: list[str], steps: int) -> list[Candidate]:
+def second_round(linear: list[str], trees: list[str]) -> list[Candidate]:
     """Return finer models on the sets that did best, the most promising first.
 
     Args:
         linear: Feature sets that suit linear models, the best first.
         trees: Those that suit trees.
-        steps: Rows in a window.
     """
     free = next((name for name in linear if (name in LEVEL_FREE) != (linear[0] in LEVEL_FREE)), "")
-    found = [Candidate("network", "touchnet", "")] if steps >= LONG else []
-    found += [Candidate("perceptron", "perceptron", name, 3.0)
-              for name in (linear[0], free) if name]  # fmt: skip
-    found += [Candidate("linear", "logistic", name, c)
-              for c in (0.003, 0.3) for name in (linear[0], free) if name]  # fmt: skip
+    names = [name for name in (linear[0], free) if name]
+    found = [Candidate("perceptron", "perceptron", name, 3.0) for name in names]
+    found += [Candidate("linear", "logistic", name, c) for c in (0.003, 0.3) for name in names]
     found += [Candidate("linear", "discriminant", linear[0], 0.1)]
-    if trees[0] not in (linear[0], free):
+    if trees[0] not in names:
         found += [Candidate("perceptron", "perceptron", trees[0], 3.0)]
     found += [Candidate("trees", "extra-trees", trees[0], leaf) for leaf in (10, 1)]
     found += [Candidate("trees", "random-forest", trees[0], 2)]

@@ -109,7 +109,7 @@ def choose(
     part = search.best_cut(parts) if len(parts) > 1 else parts[0]
     steps, channels = part.prepared.dataset.windows.values.shape[1:]
     sets = feature_sets(steps, channels)
-    for candidate in first_round(sets):
+    for candidate in first_round(sets, steps):
         search.try_(part, candidate, sets)
     tried = search.of(part)
     ranked = {
@@ -117,7 +117,7 @@ def choose(
                  for one in sorted(tried, key=lambda t: t.loss) if one.candidate.family == family]
         for family in ("linear", "trees")
     }  # fmt: skip
-    for candidate in second_round(ranked["linear"], ranked["trees"] or ranked["linear"], steps):
+    for candidate in second_round(ranked["linear"], ranked["trees"] or ranked["linear"]):
         search.try_(part, candidate, sets)
     return Found(base, part, tuple(search.all), tuple(search.left_out), sets, held)
 
