@@ -37,6 +37,9 @@ from taxel.windows.scaling import Scaling
 MINUTES, MOST_MB, MOST_US = 5.0, 20.0, 2000.0
 """Defaults: minutes to choose and train, megabytes of a bundle, microseconds a window. Source:
 issue 16."""
+TRYING = 0.75
+"""Share of the minutes in which candidates are tried; in the rest what was chosen is trained and
+measured. Source: our choice, docs/decisions/0039."""
 FOLDS = 5
 _PARITY_WINDOWS = 500
 _TIMED = 200
@@ -146,7 +149,7 @@ def train_expert(
     if like is not None:
         return _repeat(base, like, limits, seed, on_step)
     prepared = prepare_all(base)
-    budget = Budget(60.0 * limits.minutes, len(folds.folds) * check + 1)
+    budget = Budget(TRYING * 60.0 * limits.minutes, len(folds.folds) * check + 1)
     on_step("choosing on all data")
     found = choose(
         base, prepared, base.own, _held(base, folds), budget, seed=seed, kept=kept, on_step=on_step
