@@ -12,7 +12,7 @@ import tyro
 from taxel.cli.evaluate_bundle import evaluate_bundle, is_bundle_file
 from taxel.cli.html_pages import older_page, say_page
 from taxel.cli.option_rules import Only
-from taxel.cli.options import FOLD_COUNT, RecipeOptions, check_run_folder, split_given
+from taxel.cli.options import usual_recipe, FOLD_COUNT, RecipeOptions, check_run_folder, split_given
 from taxel.cli.printing import console, print_json, progress, say
 from taxel.errors import BadInput
 from taxel.held import only_writer
@@ -96,7 +96,9 @@ class Evaluate:
         from taxel.training.features import default_cache
 
         given = split_given(self.split, self.folds, self.test)
-        recipe = self.recipe.resolve(model=self.model, split=self.split, members=self.members)
+        recipe = self.recipe.resolve(
+            default=usual_recipe(path), model=self.model, split=self.split, members=self.members
+        )
         if self.output is not None:
             check_run_folder(self.output)
         with progress() as bar:

@@ -67,6 +67,7 @@ def train_default(options: ExpertOptions) -> None:
                 target,
                 split=outer_split(options, target),
                 test=options.test,
+                unseen=options.folds is not None,
                 limits=Limits(
                     minutes=options.minutes, most_mb=options.max_mb, most_us=options.max_us
                 ),

@@ -113,6 +113,7 @@ def train_expert(
     channels: tuple[str, ...] | None = None,
     split: Callable[[Base], Split] | None = None,
     test: Path | None = None,
+    unseen: bool = False,
     limits: Limits = Limits(),
     like: Choice | None = None,
     check: bool = True,
@@ -129,6 +130,7 @@ def train_expert(
         channels: Those to use; all unless given.
         split: Makes the outer folds; the coarsest groups are held out unless given.
         test: Another folder, to test on only; then the outer fold is that.
+        unseen: Learn in the end, too, from the training part alone, where there is one fold.
         limits: Minutes, megabytes, microseconds.
         like: Repeat this choice, and choose nothing.
         check: Judge the way of choosing on the outer folds.
@@ -145,21 +147,24 @@ def train_expert(
     started = perf_counter()
     base = load_base(data, target, channels if like is None else like.window.channels, test)
     folds = (split or usual_split)(base)
+    own = base.own
+    if unseen and len(folds.folds) == 1 and isinstance(folds.folds[0], TrialFold):
+        own = sorted(folds.folds[0].train)
     kept = KeptTries(tries, {"code": code_digest(), "software": environment(), "seed": seed})
     if like is not None:
-        return _repeat(base, like, limits, seed, on_step)
+        return _repeat(base, like, own, seed, on_step)
     prepared = prepare_all(base)
     budget = Budget(TRYING * 60.0 * limits.minutes, len(folds.folds) * check + 1)
     on_step("choosing on all data")
     found = choose(
-        base, prepared, base.own, _held(base, folds), budget, seed=seed, kept=kept, on_step=on_step
+        base, prepared, own, _held(base, folds), budget, seed=seed, kept=kept, on_step=on_step
     )
     nested = None
     if check:
         nested = check_choosing(
             base, prepared, folds, budget, bars=bars, seed=seed, kept=kept, on_step=on_step
         )
-    expert = _within(base, found, nested, limits, seed, on_step)
+    expert = _within(base, found, own, nested, limits, seed, on_step)
     kept.forget()
     bars_s = 0.0 if nested is None else nested.bars_s
     return replace(expert, tries_kept=kept.used, seconds=perf_counter() - started - bars_s)
@@ -175,6 +180,7 @@ def _held(base: Base, split: Split) -> Held:
 def _within(
     base: Base,
     found: Found,
+    own: Sequence[int],
     nested: Nested | None,
     limits: Limits,
     seed: int,
@@ -186,7 +192,7 @@ def _within(
     whole = choice = found.choice()
     while True:
         on_step("training what was chosen on all data")
-        run, measured = _trained(base, found.part.prepared, choice, nested, seed)
+        run, measured = _trained(base, found.part.prepared, choice, own, nested, seed)
         fits = measured.mb <= limits.most_mb and measured.us <= limits.most_us
         heavy = _heaviest(run, choice)
         if fits or len(choice.members) == 1:
@@ -210,21 +216,26 @@ def _heaviest(run: Run, choice: Choice) -> Candidate:
 
 
 def _repeat(
-    base: Base, like: Choice, limits: Limits, seed: int, on_step: Callable[[str], None]
+    base: Base, like: Choice, own: Sequence[int], seed: int, on_step: Callable[[str], None]
 ) -> Expert:
     if like.target != base.target:
         raise BadInput(f"a choice for the label {base.target!r}", repr(like.target),
                        f"say --target {like.target}")  # fmt: skip
     on_step("cutting as chosen before")
     prepared = prepare(base, like.window, like.window.steps)
-    run, measured = _trained(base, prepared, like, None, seed)
+    run, measured = _trained(base, prepared, like, own, None, seed)
     return Expert(run=run, choice=like, nested=None, measured=measured, notes=base.dataset.notes)
 
 
 def _trained(
-    base: Base, prepared: Prepared, choice: Choice, nested: Nested | None, seed: int
+    base: Base,
+    prepared: Prepared,
+    choice: Choice,
+    own: Sequence[int],
+    nested: Nested | None,
+    seed: int,
 ) -> tuple[Run, Measured]:
-    blend = fit_choice(choice, base, prepared, base.own, seed)
+    blend = fit_choice(choice, base, prepared, own, seed)
     channels = len(prepared.dataset.sensor.channels)
     unscaled = Scaling(
         kind="none", offset=np.zeros(channels, np.float32), factor=np.ones(channels, np.float32)
