@@ -12,7 +12,7 @@ import tyro
 from taxel.cli.evaluate_bundle import evaluate_bundle, is_bundle_file
 from taxel.cli.html_pages import older_page, say_page
 from taxel.cli.option_rules import Only
-from taxel.cli.options import usual_recipe, FOLD_COUNT, RecipeOptions, check_run_folder, split_given
+from taxel.cli.options import FOLD_COUNT, RecipeOptions, check_run_folder, split_given, usual_recipe
 from taxel.cli.printing import console, print_json, progress, say
 from taxel.errors import BadInput
 from taxel.held import only_writer
