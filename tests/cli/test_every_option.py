@@ -401,7 +401,7 @@ def test_a_folder_that_is_called_like_a_study_is_evaluated(
             "reproduce table-4-1 --preset fair",
             "needed one of honest, paper, both for --preset; got fair;",
         ),
-        ("train", "needed PATH and --output PATH; got none; run: taxel train --help."),
+        ("train", "needed PATH; got none; run: taxel train --help."),
         ("train d --output r --epochs many", "for --epochs; got many;"),
         ("train d --output r --epohcs 3", "got --epohcs, 3; perhaps --epochs was meant;"),
         ("simulate rain", "needed taxel simulate with one of teng, cup-pour; got rain;"),

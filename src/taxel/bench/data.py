@@ -18,10 +18,9 @@ from taxel.bench.rows import Row, missing, row
 from taxel.evaluation.bars import BARS
 from taxel.evaluation.expert import MINUTES, MOST_MB, MOST_US, Expert, train_expert
 from taxel.evaluation.nested import Nested
-from taxel.evaluation.splits import Split, parse_split
+from taxel.evaluation.outer_split import OuterSplit
 from taxel.recordings.importing import import_rows
 from taxel.recordings.known import glove_rows, icub_rows
-from taxel.training.choose.preparations import Base
 
 Measure = Callable[[], list[Row]]
 Import = Callable[[Path, Path, Path], None]
@@ -119,16 +118,13 @@ def measure_case(case: Case, data: Path | None, minutes: float = MINUTES) -> lis
     if case.folder and (data is None or not source.exists()):
         return [missing(case.name, "accuracy", "", "no recordings: name their folder with --data")]
 
-    def split(base: Base) -> Split:
-        return parse_split(case.split, base.dataset, case.target, 5, 0)
-
     with tempfile.TemporaryDirectory(prefix="taxel-") as folder:
         scratch = Path(folder) / "tables"
         scratch.mkdir()
         recordings = Path(folder) / "recordings"
         case.make(source, recordings, scratch)
         expert = train_expert(
-            recordings, case.target, channels=case.channels, split=split,
+            recordings, case.target, channels=case.channels, split=OuterSplit(named=case.split),
             limits=Limits(minutes=minutes), bars=tuple(BARS),
         )  # fmt: skip
     return rows_of(case.name, case.goal, expert)

@@ -13,11 +13,8 @@ from taxel.held import only_writer
 from taxel.plain_text import visible
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
-
     from taxel.evaluation.expert import Expert
-    from taxel.evaluation.splits import Split
-    from taxel.training.choose.preparations import Base
+    from taxel.evaluation.outer_split import OuterSplit
 
 CHOICE = "expert.json"
 """Beside a run's weights: what was chosen, for --like."""
@@ -65,9 +62,8 @@ def train_default(options: ExpertOptions) -> None:
             expert = train_expert(
                 options.data,
                 target,
-                split=outer_split(options, target),
+                split=outer_split(options),
                 test=options.test,
-                unseen=options.folds is not None,
                 limits=Limits(
                     minutes=options.minutes, most_mb=options.max_mb, most_us=options.max_us
                 ),
@@ -93,25 +89,18 @@ def train_default(options: ExpertOptions) -> None:
     say(f"same again: {command('taxel', 'train', options.data, '--like', output / CHOICE)}")
 
 
-def outer_split(options: ExpertOptions, target: str) -> Callable[[Base], Split] | None:
-    """Return what makes the outer folds; None for the usual ones.
+def outer_split(options: ExpertOptions) -> OuterSplit:
+    """Return what the outer folds are made by.
 
     Raises:
         BadInput: More than one split is given, or too few folds.
     """
-    from taxel.evaluation.expert import usual_split
-    from taxel.evaluation.splits import parse_split
-    from taxel.evaluation.table_split import split_elsewhere
+    from taxel.evaluation.outer_split import OuterSplit
 
+    if options.fold_count < 2:
+        raise BadInput("at least two folds", str(options.fold_count), "choose more folds")
     given = split_given(options.split, options.folds, options.test)
-    named, count, seed = options.split, options.fold_count, options.seed
-    if count < 2:
-        raise BadInput("at least two folds", str(count), "choose more folds")
-    if given.table is not None:
-        return lambda base: split_elsewhere(options.data, base.dataset, target, given)[1]
-    if named is not None:
-        return lambda base: parse_split(named, base.dataset, target, count, seed)
-    return lambda base: usual_split(base, count, seed)
+    return OuterSplit(named=options.split, given=given, folds=options.fold_count, seed=options.seed)
 
 
 def only_label(data: Path) -> str:

@@ -18,8 +18,8 @@ from taxel.bundles.reader import read_bundle
 from taxel.bundles.writer import write_bundle
 from taxel.errors import BadInput
 from taxel.evaluation.nested import Nested, check_choosing
-from taxel.evaluation.splits import Split, TrialFold, parse_split
-from taxel.labels.trials import coarsest_group
+from taxel.evaluation.outer_split import USUAL, OuterSplit
+from taxel.evaluation.splits import Split, TrialFold
 from taxel.models.blend import EXPERT, Blend
 from taxel.training.choose.budget import Budget
 from taxel.training.choose.candidates import Candidate
@@ -40,7 +40,6 @@ issue 16."""
 TRYING = 0.75
 """Share of the minutes in which candidates are tried; in the rest what was chosen is trained and
 measured. Source: our choice, docs/decisions/0039."""
-FOLDS = 5
 _PARITY_WINDOWS = 500
 _TIMED = 200
 
@@ -81,39 +80,13 @@ class Expert:
     """All that it took, without the bars."""
 
 
-def usual_split(base: Base, folds: int = FOLDS, seed: int = 0) -> Split:
-    """Return the honest split where none is asked for: the coarsest groups held out.
-
-    Where another folder is to be tested on, it is that.
-
-    Raises:
-        BadSplit: Not even single trials can be held out.
-    """
-    if base.test is not None:
-        own = frozenset(base.own)
-        fold = TrialFold("test", own, frozenset(range(len(base.trials))) - own)
-        return Split(f"trained elsewhere, tested on {base.test.name}", (fold,), None)
-    key = coarsest_group(base.trials)
-    order = [key, *(name for name in ("session", "file", "recording", "trial") if name != key)]
-    for number, name in enumerate(order):
-        if not all(name in trial.groups for trial in base.trials):
-            continue
-        try:
-            return parse_split(f"group:{name}", base.dataset, base.target, folds, seed)
-        except BadInput:
-            if number == len(order) - 1:
-                raise
-    raise AssertionError("a trial is a group of its own")
-
-
 def train_expert(
     data: Path,
     target: str,
     *,
     channels: tuple[str, ...] | None = None,
-    split: Callable[[Base], Split] | None = None,
+    split: OuterSplit = USUAL,
     test: Path | None = None,
-    unseen: bool = False,
     limits: Limits = Limits(),
     like: Choice | None = None,
     check: bool = True,
@@ -130,7 +103,6 @@ def train_expert(
         channels: Those to use; all unless given.
         split: Makes the outer folds; the coarsest groups are held out unless given.
         test: Another folder, to test on only; then the outer fold is that.
-        unseen: Learn in the end, too, from the training part alone, where there is one fold.
         limits: Minutes, megabytes, microseconds.
         like: Repeat this choice, and choose nothing.
         check: Judge the way of choosing on the outer folds.
@@ -146,9 +118,9 @@ def train_expert(
     on_step("reading")
     started = perf_counter()
     base = load_base(data, target, channels if like is None else like.window.channels, test)
-    folds = (split or usual_split)(base)
+    folds = split.of(base)
     own = base.own
-    if unseen and len(folds.folds) == 1 and isinstance(folds.folds[0], TrialFold):
+    if split.leaves_unseen and len(folds.folds) == 1 and isinstance(folds.folds[0], TrialFold):
         own = sorted(folds.folds[0].train)
     kept = KeptTries(tries, {"code": code_digest(), "software": environment(), "seed": seed})
     if like is not None:

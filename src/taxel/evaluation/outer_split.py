@@ -1,0 +1,69 @@
+"""The outer split of a training that chooses: one of taxel's own, a table's, or the usual one.
+
+Knows nothing about how anything is chosen.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from taxel.errors import BadInput, BadSplit
+from taxel.evaluation.splits import Split, TrialFold, parse_split
+from taxel.evaluation.table_split import OWN_SPLIT, Elsewhere, split_elsewhere
+from taxel.labels.trials import coarsest_group
+from taxel.training.choose.preparations import Base
+
+FOLDS = 5
+"""Source: our choice, docs/decisions/0039."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class OuterSplit:
+    """What the outer folds are made by."""
+
+    named: str | None = None
+    """As `parse_split` takes it; the coarsest groups are held out unless given."""
+    given: Elsewhere = OWN_SPLIT
+    folds: int = FOLDS
+    seed: int = 0
+
+    @property
+    def leaves_unseen(self) -> bool:
+        """Return whether a single test part stays unseen by what is trained in the end."""
+        return self.given.table is not None
+
+    def of(self, base: Base) -> Split:
+        """Return the folds of recordings.
+
+        Raises:
+            BadSplit: They cannot be split so.
+            BadTable: The table cannot be read, or names what is not there.
+        """
+        if self.folds < 2:
+            raise BadSplit("at least two folds", str(self.folds), "choose more folds")
+        if self.given.table is not None:
+            return split_elsewhere(base.path, base.dataset, base.target, self.given)[1]
+        if self.named is not None:
+            return parse_split(self.named, base.dataset, base.target, self.folds, self.seed)
+        return _usual(base, self.folds, self.seed)
+
+
+USUAL = OuterSplit()
+"""The coarsest groups held out."""
+
+
+def _usual(base: Base, folds: int, seed: int) -> Split:
+    """Hold out the coarsest groups; where another folder is to be tested on, that."""
+    if base.test is not None:
+        own = frozenset(base.own)
+        fold = TrialFold("test", own, frozenset(range(len(base.trials))) - own)
+        return Split(f"trained elsewhere, tested on {base.test.name}", (fold,), None)
+    key = coarsest_group(base.trials)
+    order = [key, *(name for name in ("session", "file", "recording", "trial") if name != key)]
+    known = [name for name in order if all(name in trial.groups for trial in base.trials)]
+    for name in known[:-1]:
+        try:
+            return parse_split(f"group:{name}", base.dataset, base.target, folds, seed)
+        except BadInput:
+            continue
+    return parse_split(f"group:{known[-1]}", base.dataset, base.target, folds, seed)
