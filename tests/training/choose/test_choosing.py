@@ -9,7 +9,7 @@ import pytest
 from taxel.errors import BadInput, BadSplit
 from taxel.evaluation.expert import Limits, train_expert
 from taxel.labels.trials import Trial
-from taxel.recordings.importing import ImportRow, import_rows
+from taxel.recordings.importing import ImportRow, import_rows, import_table
 from taxel.training.choose.blending import fit_sharpness, losses, mix, softmax
 from taxel.training.choose.budget import Budget
 from taxel.training.choose.choice import read_choice, write_choice
@@ -141,6 +141,24 @@ def test_a_short_trial_is_one_window_without_a_gate(base: Base):
     (config,) = candidate_windows(base)
 
     assert (config.steps, config.gate, config.grid_hz) == (30, None, None)
+
+
+def test_touches_of_one_length_that_marks_part_are_a_window_each(tmp_path: Path):
+    """However they lie in their recording: none is lost because a window starts beside its mark."""
+    rng = np.random.default_rng(0)
+    lines = ["a,b", *(f"{a:.3f},{b:.3f}" for a, b in rng.normal(size=(300, 2)))]
+    (tmp_path / "long.csv").write_text("\n".join(lines) + "\n")
+    starts = range(3, 280, 23)
+    table = "\n".join(f"long,{at / 50},{(at + 20) / 50},{'xy'[at % 2]}" for at in starts)
+    (tmp_path / "marks.csv").write_text(f"file,start_s,end_s,label:kind\n{table}\n")
+    (tmp_path / "table.csv").write_text("file,channels,time\nlong.csv,a[N] b[N],rate:50Hz\n")
+    import_table(tmp_path / "table.csv", tmp_path / "set", intervals=tmp_path / "marks.csv")
+    base = load_base(tmp_path / "set", "kind")
+
+    (prepared,) = prepare_all(base)
+
+    assert prepared.config.steps == 20
+    assert prepared.trial.tolist() == list(range(len(starts)))
 
 
 class Frozen:

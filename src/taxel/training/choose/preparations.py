@@ -37,6 +37,9 @@ OVERLAP = 4
 FEW = 2000
 MOST_WINDOWS = 6000
 """Windows that are learned from while choosing; of more, evenly spaced ones. Source: as above."""
+ALIKE = 1.3
+"""Marked trials of one recording are one window each where the longest has at most so many times
+the rows of the short ones. Source: as above."""
 PAUSE_ROWS = 10
 """Lost rows after which a new stretch begins. Source: as above."""
 _TENG_GATES = ((GATE_V, 12), (GATE_V, 60), (0.6, 60))
@@ -64,6 +67,11 @@ class Base:
     def trials(self) -> tuple[Trial, ...]:
         """Return all trials; splits count them."""
         return self.dataset.trials
+
+    @property
+    def alone(self) -> bool:
+        """Return whether each trial is a recording of its own; else marks part recordings."""
+        return len({trial.recording for trial in self.trials}) == len(self.trials)
 
     @property
     def own(self) -> list[int]:
@@ -151,12 +159,14 @@ def candidate_windows(base: Base) -> list[WindowConfig]:
         return [replace(plain, steps=steps, stride=steps, gate=gate, grid_hz=100.0, max_gap_s=0.8)
                 for gate, steps in _TENG_GATES]  # fmt: skip
     longest = int(rows.max())
-    alone = len({trial.recording for trial in base.trials}) == len(base.trials)
+    alone = base.alone
     if longest <= SHORT and alone:
         return [_window(plain, longest, pad=bool((rows < longest).any()))]
     if longest == 1:
         return [plain]
     shortest = int(np.percentile(rows, 5))
+    if not alone and longest <= min(SHORT, ALIKE * shortest):
+        return [_window(plain, shortest, pad=False)]
     lengths = [n for n in LENGTHS if n <= (longest if alone else shortest)]
     lengths = lengths or [max(1, shortest)]
     found = [_window(plain, n, pad=alone and n > rows.min()) for n in reversed(lengths)]
@@ -185,6 +195,8 @@ def prepare(base: Base, config: WindowConfig, span: int) -> Prepared:
     stride = config.stride
     if config.steps > OVERLAP and _many(base, config) <= FEW:
         stride = max(1, config.steps // OVERLAP)
+    if not base.alone and config.gate is None:  # a window must fit between two marks
+        stride = min(stride, max(1, int(np.percentile(base.rows, 5)) - config.steps + 1))
     dataset = load_dataset(base.path, replace(config, stride=stride), target=base.target)
     if base.test is not None:
         dataset = join_datasets(dataset, base.test, base.target)
