@@ -163,7 +163,7 @@ VALUES = {
     "window": "steps=24",
     "target": "material",
     "recipe": "teng-glove",
-    "model": "touchnet",
+    "model": "lstm",
     "label": "shape=sphere",
     "group": "session=2",
     "page-address": "127.0.0.1:8080",

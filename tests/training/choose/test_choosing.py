@@ -13,7 +13,7 @@ from taxel.recordings.importing import ImportRow, import_rows, import_table
 from taxel.training.choose.blending import fit_sharpness, losses, mix, softmax
 from taxel.training.choose.budget import Budget
 from taxel.training.choose.choice import read_choice, write_choice
-from taxel.training.choose.inner_folds import Held, inner_folds, what_is_held
+from taxel.training.choose.inner_folds import Held, inner_folds, judged, what_is_held
 from taxel.training.choose.joining import fit_joining
 from taxel.training.choose.kept_tries import KeptTries
 from taxel.training.choose.preparations import Base, candidate_windows, load_base, prepare_all
@@ -58,17 +58,27 @@ def test_inner_folds_part_no_group_and_leave_every_class_to_learn_from():
 
 
 def test_where_later_trials_are_held_out_inner_folds_are_successive():
-    own = trials(number=[str(9 - i) for i in range(10)])
+    own = trials(number=[str(9 - i // 2) for i in range(20)])
 
-    fold = inner_folds(own, np.zeros(10, np.intp), range(10), Held("number", ordered=True))
+    y = np.arange(20) % 2
+
+    fold = inner_folds(own, y, range(20), Held("number", ordered=True))
 
     assert (np.diff(fold) <= 0).all()
     assert set(fold) == {0, 1, 2, 3, 4}
 
 
-def test_one_trial_of_a_class_is_not_enough_to_choose():
-    with pytest.raises(BadSplit, match="each class"):
-        inner_folds(trials(object=["a", "b", "c"]), np.array([0, 0, 1]), range(3), Held(None))
+def test_a_class_of_one_trial_is_learned_from_but_not_judged():
+    y = np.array([0, 0, 1, 1, 2])
+
+    fold = inner_folds(trials(object=list("abcde")), y, range(5), Held(None))
+
+    assert judged(fold, y).tolist() == [True] * 4 + [False]
+
+
+def test_one_trial_of_each_class_is_not_enough_to_choose():
+    with pytest.raises(BadSplit, match="two classes"):
+        inner_folds(trials(object=["a", "b", "c"]), np.array([0, 1, 2]), range(3), Held(None))
 
 
 def test_a_temperature_brings_logits_back_to_what_they_were():

@@ -101,14 +101,14 @@ def inner_folds(
         held: What the outer split holds out.
 
     Raises:
-        BadSplit: There are fewer than two trials of some class.
+        BadSplit: Fewer than two classes have two trials.
     """
     own = np.asarray(train, np.intp)
     counts = np.bincount(y[own])
-    if counts[counts > 0].min() < 2:
+    if (counts >= 2).sum() < 2:
         raise BadSplit(
-            "at least two training trials of each class, to choose on one and learn from the other",
-            "one of some class", "record more trials",
+            "at least two training trials of two classes, to learn from and to choose on",
+            f"{len(own)} trials", "record more of them",
         )  # fmt: skip
     if held.key is not None:
         values = np.array([trials[i].groups[held.key] for i in own])
