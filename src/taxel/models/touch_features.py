@@ -124,6 +124,10 @@ def _rows(touch: Touch) -> Tensor:
     return (touch.values * touch.present).flatten(1)
 
 
+def _mean(touch: Touch) -> Tensor:
+    return touch.mean
+
+
 def _statistics(touch: Touch) -> Tensor:
     parts = [touch.mean, touch.deviation, touch.least, touch.most, touch.last, touch.activity]
     return torch.cat(parts, dim=1)
@@ -212,6 +216,7 @@ def _correlation(touch: Touch) -> Tensor:
 
 BLOCKS: dict[str, tuple[Callable[[Touch], Tensor], int]] = {
     "rows": (_rows, 1),
+    "mean": (_mean, 2),
     "statistics": (_statistics, 2),
     "level": (_level, 2),
     "tared": (_tared, 2),

@@ -21,6 +21,7 @@ _UNIT = tuple(f"{UNIT}{name}" for name in ("level", "shape", "course"))
 FEATURE_SETS: dict[str, tuple[str, ...]] = {
     "all": ("level", "tared", *_FREE, "pattern"),
     "without level": _FREE,
+    "means": ("mean",),
     "statistics": ("statistics",),
     "across the pad": (*_UNIT, *_FREE, "pattern"),
     "tared": ("tared", *_FREE),
@@ -29,6 +30,8 @@ FEATURE_SETS: dict[str, tuple[str, ...]] = {
     "rows": ("rows",),
 }
 """Name → blocks of `taxel.models.touch_features.BLOCKS`."""
+PLAIN = "means"
+"""The set that is told by each channel's level alone: often what a drift leaves best."""
 LEVEL_FREE = ("without level", "tared", "across the pad", "rows across the pad")
 """Sets that a drift of the channels' rest level, or of all of a pad's, leaves as they are."""
 MOST_ROWS, MOST_ROW_VALUES = 16, 1500
@@ -58,7 +61,9 @@ class Candidate:
 
     @property
     def kind(self) -> str:
-        """Return what makes the same mistakes: a family, with the level or without."""
+        """Return what makes the same mistakes: a family on means, with level or without."""
+        if self.features == PLAIN:
+            return f"{self.family} of means"
         return f"{self.family}{' without level' if self.features in LEVEL_FREE else ''}"
 
     def freedom(self, sets: dict[str, tuple[str, ...]]) -> tuple[float, ...]:
@@ -105,14 +110,17 @@ def first_round(sets: dict[str, tuple[str, ...]], steps: int) -> list[Candidate]
         sets: Feature sets of these windows, the broadest first.
         steps: Rows in a window.
     """
-    pairs = [
-        (Candidate("linear", "logistic", name, 0.03), Candidate("trees", "extra-trees", name, 2))
-        for name in sets
-    ]
-    found = [one for pair in pairs[:2] for one in pair]
+
+    def pair(name: str) -> list[Candidate]:
+        strength = 1.0 if name == PLAIN else 0.03
+        return [Candidate("linear", "logistic", name, strength),
+                Candidate("trees", "extra-trees", name, 2)]  # fmt: skip
+
+    early, late = list(sets)[:3], list(sets)[3:]
+    found = [one for name in early for one in pair(name)]
     found += [Candidate("network", "touchnet", "")] if steps >= LONG else []
-    found += [Candidate("perceptron", "perceptron", name, 3.0) for name in list(sets)[:2]]
-    return found + [one for pair in pairs[2:] for one in pair]
+    found += [Candidate("perceptron", "perceptron", name, 3.0) for name in early if name != PLAIN]
+    return found + [one for name in late for one in pair(name)]
 
 
 def second_round(linear: list[str], trees: list[str]) -> list[Candidate]:
@@ -123,7 +131,9 @@ def second_round(linear: list[str], trees: list[str]) -> list[Candidate]:
         trees: Those that suit trees.
     """
     free = next((name for name in linear if (name in LEVEL_FREE) != (linear[0] in LEVEL_FREE)), "")
-    names = [name for name in (linear[0], free) if name]
+    names = [name for name in (linear[0], free) if name not in ("", PLAIN)]
+    if not names:
+        names = [linear[0]]
     found = [Candidate("perceptron", "perceptron", name, 3.0) for name in names]
     found += [Candidate("linear", "logistic", name, c) for c in (0.003, 0.3) for name in names]
     found += [Candidate("linear", "discriminant", linear[0], 0.1)]
