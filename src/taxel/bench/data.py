@@ -135,7 +135,7 @@ def rows_of(name: str, goal: float | None, expert: Expert) -> list[Row]:
     nested = expert.nested
     assert nested is not None
     bars = {bar: own.scores.accuracy for bar, (own, _) in nested.bars.items()}
-    accuracy = nested.scores.scores.accuracy
+    accuracy = float(nested.scores.scores.accuracy)
     beside = _beside(nested)
     first = Row(name=f"{name}: accuracy", value=accuracy, unit="accuracy", goal="", ok=None,
                 note=beside)  # fmt: skip

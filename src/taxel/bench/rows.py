@@ -48,6 +48,7 @@ Side = Literal["<=", ">="]
 
 def row(name: str, value: float, unit: str, side: Side, limit: float, note: str = "") -> Row:
     """Return a row with a goal on one side."""
+    value = float(value)  # of NumPy's numbers JSON takes none
     ok = value <= limit if side == "<=" else value >= limit
     return Row(name=name, value=value, unit=unit, goal=f"{side} {limit:g}", ok=ok, note=note)
 
