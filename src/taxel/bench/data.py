@@ -156,7 +156,7 @@ def rows_of(name: str, goal: float | None, expert: Expert) -> list[Row]:
         row(f"{name}: calibration error", nested.scores.calibration_error, "", "<=", MOST_ERROR),
         row(f"{name}: bundle", measured.mb, "MB", "<=", MOST_MB,
             "; ".join(expert.given_up) or f"parity {measured.parity:.1e}"),
-        row(f"{name}: a window", measured.us, "µs", "<=", MOST_US, "median, one core"),
+        row(f"{name}: a window", measured.us, "µs", "<=", MOST_US, "one core, the quietest tenth"),
         row(f"{name}: training", expert.seconds / 60, "min", "<=", MINUTES,
             f"{len(expert.choice.left_out)} tries left out for time"),
     ]  # fmt: skip
