@@ -167,7 +167,6 @@ def test_the_same_table_and_folder_are_audited(
             ["train", "ours", "--output", "x", "--reject-novel", "y"],
             "a number, in the range that its help gives, for --reject-novel",
         ),
-        (["train", "ours"], "needed --output PATH; got none"),
         (["evaluate", "ours", "--window", "fill=2"], "at least 0 and below 1"),
     ],
 )

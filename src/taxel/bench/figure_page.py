@@ -18,6 +18,7 @@ TITLES = {
     "transitions": "Grasp transitions",
     "closed-loop": "The closed loop",
     "audit": "Splits, leaks, adaptation, robustness",
+    "data": "Real recordings, the default beside its bars",
     "boards": "Boards and firmware",
     "faults": "Faults",
     "soak": "Endurance",

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taxel.training.choose.blending import (
+    LEAST,
     fit_sharpness,
     joined,
     losses,
@@ -271,7 +272,7 @@ class Found:
         freedom = [one.candidate.freedom(self.sets) for one in tried]
         groups = groups_of(self.base.trials, self.held)[trial]
         found = mix(probabilities, kinds, freedom, y, groups)
-        whole = np.log(joined(probabilities, found))
+        whole = np.log(np.maximum(joined(probabilities, found), LEAST))
         last = fit_sharpness(whole, y, len(set(trial)))
         final = softmax(last * whole)
         weight = {id(tried[i]): w for i, w in zip(found.members, found.weights, strict=True)}
