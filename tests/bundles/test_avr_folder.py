@@ -96,5 +96,5 @@ def test_the_command_writes_a_folder_and_its_report(
         main(["bundle", str(trained.run), "--output", str(output), "--reference-mv", "5000"])
     said = capsys.readouterr().err
     assert ended.value.code == 2
-    assert "--board mega" in said
+    assert "--board beside --reference-mv" in said
     assert said.count("\n") == 1

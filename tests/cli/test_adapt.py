@@ -58,7 +58,16 @@ def made_once(tmp_path_factory: pytest.TempPathFactory) -> Path:
     copy(sessions[5], folder / "held-out.mcap", lambda mark: True)
     shutil.rmtree(folder / "honest")
     train = f"train {folder}/old --recipe teng-referenced --no-check --output {folder}/run"
-    main(["train", *train.split()[1:], "--reference", "object=cylinder-glass:1", "--epochs", "4"])
+    main(
+        [
+            "train",
+            *train.split()[1:],
+            "--window",
+            "reference=object=cylinder-glass:1",
+            "--epochs",
+            "4",
+        ]
+    )
     main(["bundle", f"{folder}/run", "--output", f"{folder}/shape.taxel"])
     return folder
 

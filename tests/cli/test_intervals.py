@@ -66,6 +66,6 @@ def test_label_refuses_what_cannot_be_meant(folder: Path, refused):
     assert "--intervals and --output together" in refused(["label", "raw", *intervals])
     assert "--output beside --overwrite" in refused(["label", "raw", "--overwrite"])
     both = ["label", "raw", *intervals, "--output", "out", "--onset", "1"]
-    assert "without options of grasps" in refused(both)
+    assert "no --intervals beside --onset" in refused(both)
     assert "'two.csv'" in refused(["label", "raw/one.mcap", *intervals, "--output", "out"])
     assert not (folder / "out").exists()

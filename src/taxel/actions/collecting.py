@@ -3,6 +3,8 @@
 A grasp is a recording of its own with one mark, from shortly before the first finger touched
 until the fingers were open. Nothing is kept of a grasp that touched nothing or was stopped.
 Knows nothing about plans as a whole, screens or addresses.
+
+Background of our choices: docs/decisions/0043.
 """
 
 from __future__ import annotations

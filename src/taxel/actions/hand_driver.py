@@ -3,6 +3,8 @@
 The program that moves the fingers is the decision maker here: it beats by ticking, and says STABLE,
 since no model judges. What the interlock stops stays stopped until a person arms again. Knows
 nothing about plans, sources or files.
+
+Background of our choices: docs/decisions/0043.
 """
 
 from __future__ import annotations

@@ -3,6 +3,8 @@
 A process of its own lives with the boards (`python -m taxel.bench.boards_collect PLAN FOLDER`)
 and notes a line a grasp; it is killed in the middle of one. Virtual time: no figure but the
 duration depends on how busy this machine is. Knows nothing about how rows are printed.
+
+Background of our choices: docs/decisions/0043.
 """
 
 from __future__ import annotations

@@ -1,4 +1,7 @@
-"""`taxel hand`: the TENG hand's fingers, one movement at a time."""
+"""`taxel hand`: the TENG hand's fingers, one movement at a time.
+
+Background of our choices: docs/decisions/0043.
+"""
 
 from __future__ import annotations
 

@@ -74,7 +74,7 @@ def join_crops(
     if not np.isfinite(mean).all() or not np.isfinite(strange):
         reason = "the model gave NaN"
     elif config.threshold is not None and strange > config.threshold:
-        reason = f"unlike anything learned (novelty {strange:.1f}, limit {config.threshold:.1f})"
+        reason = f"novel touch (novelty score {strange:.1f}, limit {config.threshold:.1f})"
     elif confidence < config.least_confidence:
         reason = f"confidence {confidence:.2f} is below {config.least_confidence:.2f}"
     label = UNKNOWN if reason else classes[best]

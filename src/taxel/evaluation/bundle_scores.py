@@ -2,6 +2,8 @@
 
 UNKNOWN is no answer and counts as wrong, but where the truth is a class that the bundle never
 learned: there it is the right one. Knows nothing about screens or training frameworks.
+
+Background of our choices: docs/decisions/0040.
 """
 
 from __future__ import annotations

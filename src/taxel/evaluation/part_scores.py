@@ -1,6 +1,8 @@
 """Accuracy of the parts of a test: each class, and each value of every group, such as an object.
 
 UNKNOWN counts as wrong, as a class number of −1. Knows nothing about models, splits or files.
+
+Background of our choices: docs/decisions/0040.
 """
 
 from __future__ import annotations

@@ -1,6 +1,8 @@
 """Somebody else's split of a data set: whole trials, so that no window can stand on both sides.
 
 A row that starts within a trial moves the whole of it. Knows nothing about how tables are written.
+
+Background of our choices: docs/decisions/0040.
 """
 
 from __future__ import annotations

@@ -6,6 +6,8 @@
 Each line is so many trials of one kind, in the table's order; each trial becomes one recording,
 trial-001.mcap and so on, which carries the line's labels and groups. A run that was broken off
 goes on where recordings are missing. Knows nothing about hands, grippers or screens.
+
+Background of our choices: docs/decisions/0043.
 """
 
 from __future__ import annotations

@@ -1,6 +1,8 @@
 """An audit in the terminal: the verdict, what alone gives which accuracy, and what to do.
 
 Knows nothing about how leaks are found.
+
+Background of our choices: docs/decisions/0040.
 """
 
 from __future__ import annotations

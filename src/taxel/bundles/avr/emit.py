@@ -96,10 +96,7 @@ def left_out(contract: Contract) -> str:
     """Return what a bundle does and a board does not; empty where there is no such thing."""
     if contract.unknown is None:
         return ""
-    return (
-        "the bundle's test for touch that is unlike anything learned; on the board only a low "
-        "confidence gives UNKNOWN"
-    )
+    return "the bundle's test for novel touch; on the board only a low confidence gives UNKNOWN"
 
 
 def write_c(

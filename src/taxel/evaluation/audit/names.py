@@ -3,6 +3,8 @@
 Two values of a group or label are near where they differ in case, blanks, underscores or hyphens
 only, or by one typing error in a word. Numbers must agree: cup_1 and cup_2 are two cups. Knows
 nothing about touch.
+
+Background of our choices: docs/decisions/0040.
 """
 
 from __future__ import annotations

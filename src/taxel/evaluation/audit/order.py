@@ -4,6 +4,8 @@ Trained on earlier trials and tested on later ones, the same trees are compared 
 trained on as many trials of any time; and later trials are told from earlier ones. Where sessions
 are named, both halves are those of a class within one session, so that a session's own level does
 not count. Knows nothing about files.
+
+Background of our choices: docs/decisions/0040.
 """
 
 from __future__ import annotations
