@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from taxel.bundles.engine import open_engine
+from taxel.bundles.model_check import check_model
 from taxel.errors import BadInput
 from taxel.gel.slip_signal import PAIR_FEATURES
 from taxel.training.pose_noise import add_noise, fit_noise, settle
@@ -121,10 +122,25 @@ def test_an_exported_head_gives_what_the_trained_one_gives(name):
     labels = (rows[:, 0] + rows[:, 5] ** 2 > 1).astype(int)
     head = new_head(name)
     head.fit(rows, labels, np.ones(len(rows)))
+    model = head.to_onnx()
+    check_model(model)  # as each bundle is, before it opens
+
+    found = open_engine(model).run(features=rows[:, None, None])
+
+    assert found.shape == (len(rows),)
+    assert np.abs(found - head.probability(rows)).max() < 1e-5
+
+
+def test_boosted_trees_send_a_missing_value_where_training_did():
+    random = np.random.default_rng(1)
+    rows = random.normal(size=(900, len(PAIR_FEATURES))).astype(np.float32)
+    labels = (rows[:, 2] > 0).astype(int)
+    rows[::7, 2] = np.nan
+    head = new_head("boosting")
+    head.fit(rows, labels, np.ones(len(rows)))
 
     found = open_engine(head.to_onnx()).run(features=rows[:, None, None])
 
-    assert found.shape == (len(rows),)
     assert np.abs(found - head.probability(rows)).max() < 1e-5
 
 

@@ -194,47 +194,72 @@ class BoostingHead:
         return np.asarray(self._model.predict_proba(rows)[:, 1], np.float32)
 
     def to_onnx(self) -> bytes:
+        """Return the trees as tables that are looked up level by level.
+
+        ONNX has an operator for trees; a bundle holds plain ones only (docs/decisions/0033).
+        """
         from onnx import helper
 
-        node = helper.make_node(
-            "TreeEnsembleRegressor", ["rows"], ["logit2"], domain="ai.onnx.ml",
-            n_targets=1, post_transform="NONE", aggregate_function="SUM",
-            base_values=[float(np.ravel(self._model._baseline_prediction)[0])],
-            **_trees(self._model),  # type: ignore[arg-type]  # onnx types one attribute only
-        )  # fmt: skip
-        flat = helper.make_node("Reshape", ["logit2", "one"], ["logit"])
-        return _model([node, flat], {"one": np.array([-1], np.int64)})
+        tables, depth = _tables(self._model)
+        nodes = [
+            helper.make_node("Slice", ["rows", "zero", "one", "one"], ["first"]),
+            helper.make_node("Equal", ["first", "first"], ["there"]),
+            helper.make_node("Where", ["there", "root", "root"], ["place0"]),
+        ]
+        for level in range(depth):
+            nodes += _level(f"place{level}", f"place{level + 1}")
+        baseline = float(np.ravel(self._model._baseline_prediction)[0])
+        nodes += [
+            helper.make_node("Gather", ["value", f"place{depth}"], ["votes"]),
+            helper.make_node("ReduceSum", ["votes", "one"], ["sum"], keepdims=0),
+            helper.make_node("Add", ["sum", "baseline"], ["logit"]),
+        ]
+        constants = {"zero": np.array([0]), "one": np.array([1]), "baseline": np.array(baseline)}
+        return _model(nodes, constants | tables)
 
 
-def _trees(model: HistGradientBoostingClassifier) -> dict[str, list[Any]]:
-    """Return scikit-learn's trees as the attributes of ONNX's operator.
+def _level(place: str, below: str) -> list[Any]:
+    """Return the nodes that take each tree's place (n, trees) one node down."""
+    from onnx import helper
+
+    def node(operator: str, *inputs: str, output: str = "", **attributes: Any) -> str:
+        output = output or f"{place}_{len(nodes)}"
+        nodes.append(helper.make_node(operator, list(inputs), [output], **attributes))
+        return output
+
+    nodes: list[Any] = []
+    column = node("Gather", "column", place)
+    value = node("GatherElements", "rows", column, axis=1)
+    low = node("LessOrEqual", value, node("Gather", "threshold", place))  # false for NaN
+    absent = node("Not", node("Equal", value, value))
+    left = node("Or", low, node("And", absent, node("Gather", "missing_left", place)))
+    node("Where", left, node("Gather", "left", place), node("Gather", "right", place), output=below)
+    return nodes
+
+
+def _tables(model: HistGradientBoostingClassifier) -> tuple[dict[str, NDArray[Any]], int]:
+    """Return scikit-learn's trees as flat tables, and how deep they are; a leaf points to itself.
 
     Thresholds are rounded towards minus infinity to 32 bits, so that a 32-bit feature goes the
-    way that it went in training. Source: onnx.ai, ai.onnx.ml TreeEnsembleRegressor.
+    way that it went in training.
     """
-    names = (
-        "nodes_treeids", "nodes_nodeids", "nodes_featureids", "nodes_modes", "nodes_values",
-        "nodes_truenodeids", "nodes_falsenodeids", "nodes_missing_value_tracks_true",
-        "target_treeids", "target_nodeids", "target_ids", "target_weights",
-    )  # fmt: skip
-    found: dict[str, list[Any]] = {name: [] for name in names}
-    for tree, (predictor,) in enumerate(model._predictors):
-        for number, node in enumerate(predictor.nodes):
-            leaf = bool(node["is_leaf"])
-            values = (
-                tree, number, 0 if leaf else int(node["feature_idx"]),
-                "LEAF" if leaf else "BRANCH_LEQ",
-                0.0 if leaf else _down(float(node["num_threshold"])),
-                0 if leaf else int(node["left"]), 0 if leaf else int(node["right"]),
-                int(node["missing_go_to_left"]),
-            )  # fmt: skip
-            for name, value in zip(names[:8], values, strict=True):
-                found[name].append(value)
-            if leaf:
-                for name, value in zip(names[8:], (tree, number, 0, float(node["value"])),
-                                       strict=True):  # fmt: skip
-                    found[name].append(value)
-    return found
+    every = [predictor.nodes for (predictor,) in model._predictors]
+    starts = np.cumsum([0, *(len(nodes) for nodes in every[:-1])])
+    nodes = np.concatenate(every)
+    start = np.repeat(starts, [len(one) for one in every])
+    leaf, own = nodes["is_leaf"].astype(bool), np.arange(len(nodes))
+    thresholds = [0.0 if end else _down(float(limit))
+                  for end, limit in zip(leaf, nodes["num_threshold"], strict=True)]  # fmt: skip
+    tables: dict[str, NDArray[Any]] = {
+        "column": np.where(leaf, 0, nodes["feature_idx"]).astype(np.int64),
+        "threshold": np.array(thresholds, np.float32),
+        "left": np.where(leaf, own, nodes["left"] + start).astype(np.int64),
+        "right": np.where(leaf, own, nodes["right"] + start).astype(np.int64),
+        "missing_left": nodes["missing_go_to_left"].astype(bool),
+        "value": np.where(leaf, nodes["value"], 0.0),
+        "root": starts.astype(np.int64)[None],
+    }
+    return tables, int(nodes["depth"].max())
 
 
 def _down(threshold: float) -> float:
@@ -275,7 +300,7 @@ def _model(nodes: list[Any], constants: dict[str, NDArray[Any]], *, sigmoid: boo
         *([helper.make_node("Sigmoid", ["logit"], ["probability"])] if sigmoid else []),
     ]
     values = {"table": np.array([-1, width], np.int64)} | {
-        name: value if value.dtype == np.int64 else value.astype(np.float32)
+        name: value if value.dtype in (np.int64, np.bool_) else value.astype(np.float32)
         for name, value in constants.items()
     }
     graph = helper.make_graph(
@@ -284,5 +309,5 @@ def _model(nodes: list[Any], constants: dict[str, NDArray[Any]], *, sigmoid: boo
         [helper.make_tensor_value_info("probability", TensorProto.FLOAT, ["n"])],
         [numpy_helper.from_array(value, name) for name, value in values.items()],
     )  # fmt: skip
-    opsets = [helper.make_opsetid("", _OPSET), helper.make_opsetid("ai.onnx.ml", 3)]
+    opsets = [helper.make_opsetid("", _OPSET)]
     return bytes(helper.make_model(graph, opset_imports=opsets, ir_version=8).SerializeToString())
