@@ -21,12 +21,26 @@ from taxel.errors import BadInput
 
 @contextmanager
 def gripper(port: str, **options: object) -> Iterator[PgeGripper]:
-    made = PgeGripper(PgeConfig(port=port, **options), SystemClock())  # type: ignore[arg-type]
+    made = _connected(PgeConfig(port=port, **options))  # type: ignore[arg-type]
     try:
-        made.connect()
         yield made
     finally:
         made.close()
+
+
+def _connected(config: PgeConfig) -> PgeGripper:
+    """The emulated gripper shares the machine: while that stands still it cannot answer."""
+    for left in (2, 1, 0):
+        made = PgeGripper(config, SystemClock())
+        try:
+            made.connect()
+        except BadInput:
+            made.close()
+            if not left:
+                raise
+        else:
+            break
+    return made
 
 
 def test_it_grips_raises_and_the_registers_say_so() -> None:
@@ -57,7 +71,7 @@ def test_forces_outside_the_register_are_kept_inside_and_nan_is_not_sent() -> No
 
 def test_stop_sends_moving_fingers_to_where_they_are() -> None:
     with rig.pge_on_a_cable() as (cable, pge), gripper(cable.near, look_s=0.005) as hand:
-        pge.fingers.speed_pct = 20.0
+        pge.fingers.speed_pct = 5.0
         hand.grip(50.0)
         until(lambda: 700 < hand.status().position_permille < 950)
         hand.stop()
