@@ -1,4 +1,4 @@
-"""JPEG to pixels and back: the one place where tactile images are coded.
+"""JPEG to pixels and back: the one place where tactile images are coded; still PNGs are read.
 
 Knows nothing about cameras, files or models.
 """
@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taxel.errors import BadSource, MissingExtra
-from taxel.jpeg_head import read_head
+from taxel.jpeg_head import check_size, read_head
 from taxel.signals import CameraInfo
 
 try:
@@ -19,6 +19,10 @@ except ModuleNotFoundError as error:  # the array path needs no images
 
 JPEG_QUALITY = 90
 """Of frames that taxel itself encodes, 0…100. Source: our choice, docs/decisions/0012."""
+
+_PNG = b"\x89PNG\r\n\x1a\n"
+_PNG_SIDES = (16, 20)
+"""Where width and height stand, four bytes each. Source: PNG specification, IHDR."""
 
 
 def encode_jpeg(rgb: NDArray[np.uint8], quality: int = JPEG_QUALITY) -> bytes:
@@ -73,6 +77,34 @@ def decode_grey_quarter(jpeg: bytes, camera: CameraInfo | None) -> NDArray[np.ui
     if grey is None:
         raise _damaged(jpeg)
     return np.asarray(grey, dtype=np.uint8)
+
+
+def still_size(image: bytes) -> tuple[int, int]:
+    """Return the width and height that a PNG or JPEG declares, pixels, without decoding it.
+
+    Raises:
+        BadSource: It is neither, is empty, or is larger than `taxel.jpeg_head.LARGEST_PX`.
+    """
+    if not image.startswith(_PNG):
+        head = read_head(image)
+        return head.width, head.height
+    width, height = (int.from_bytes(image[at : at + 4], "big") for at in _PNG_SIDES)
+    check_size(width, height)
+    return width, height
+
+
+def decode_still(image: bytes) -> NDArray[np.uint8]:
+    """Return a PNG's or JPEG's pixels, shape (height, width, 3), red first.
+
+    Raises:
+        BadSource: As `still_size` raises, or it is damaged.
+    """
+    still_size(image)
+    flags = cv2.IMREAD_COLOR | cv2.IMREAD_IGNORE_ORIENTATION
+    bgr = cv2.imdecode(np.frombuffer(image, np.uint8), flags)
+    if bgr is None:
+        raise BadSource("images that can be read", "a damaged one", "copy it again")
+    return np.asarray(cv2.cvtColor(bgr, cv2.COLOR_BGR2RGB), dtype=np.uint8)
 
 
 def _damaged(jpeg: bytes) -> BadSource:

@@ -131,7 +131,17 @@ def test_an_output_below_a_file_is_one_plain_line(
     before = files(trained)
     words = {
         "bundle": ["bundle", str(trained / "run"), "--output", str(below)],
-        "train": ["train", str(trained / "data"), "--output", str(below), "--no-check"],
+        "train": [
+            "train",
+            str(trained / "data"),
+            "--recipe",
+            "teng",
+            "--target",
+            "shape",
+            "--output",
+            str(below),
+            "--no-check",
+        ],
     }
     fails(words[verb], capsys)
     assert files(trained) == before

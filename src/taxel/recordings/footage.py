@@ -11,8 +11,9 @@ from __future__ import annotations
 
 import hashlib
 import re
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
+from typing import TypeVar
 
 import cv2
 import numpy as np
@@ -20,7 +21,8 @@ from numpy.typing import NDArray
 
 from taxel.errors import BadFile, BadSource, BadTable
 from taxel.foreign.files import MIB, open_file, read_bytes
-from taxel.jpeg_head import check_size, read_head
+from taxel.frame_codec import decode_still, still_size
+from taxel.jpeg_head import check_size
 
 LARGEST_SIDE = 8192
 """Pixels; beyond it a frame alone takes 200 MB. Source: our choice."""
@@ -34,6 +36,7 @@ rate. Source: our choice, docs/decisions/0041."""
 _GREY = 3.0
 """Mean difference between colours, grey levels, below which a video has no colour."""
 _BLOCK = MIB
+Result = TypeVar("Result")
 
 
 def open_footage(path: Path) -> Footage:
@@ -110,7 +113,7 @@ class ImageFolder:
             )  # fmt: skip
         self.count = len(self._files)
         self.rate_hz = NO_RATE_HZ
-        self.width, self.height = _size_of(self._files[0])
+        self.width, self.height = _readable(self._files[0], still_size)
         _refuse_side(path, self.width, self.height)
 
     def digest(self) -> str:
@@ -127,12 +130,9 @@ class ImageFolder:
             BadTable: An image is damaged, or has another size than the first.
         """
         for file in self._files:
-            _size_of(file)
-            bgr = cv2.imdecode(np.frombuffer(_bytes_of(file), np.uint8), cv2.IMREAD_COLOR)
-            if bgr is None:
-                raise BadTable("images that can be read", f"a damaged one: {file}", "copy it again")
-            _same_size(self, bgr)
-            yield np.asarray(cv2.cvtColor(bgr, cv2.COLOR_BGR2RGB), np.uint8)
+            rgb = _readable(file, decode_still)
+            _same_size(self, rgb)
+            yield rgb
 
     def close(self) -> None:
         """Do nothing: no file stays open."""
@@ -176,25 +176,18 @@ def _bytes_of(file: Path) -> bytes:
         raise BadTable("images that can be read", f"{file}: {error}", "check the folder") from error
 
 
-def _size_of(file: Path) -> tuple[int, int]:
-    """Return an image's width and height from its head, before it is decoded.
+def _readable(file: Path, read: Callable[[bytes], Result]) -> Result:
+    """Return what is read from an image; its head is looked at before it is decoded.
 
     Raises:
-        BadTable: It is neither PNG nor JPEG, or larger than any camera's.
+        BadTable: It is neither PNG nor JPEG, damaged, or larger than any camera's.
     """
-    data = _bytes_of(file)
-    if data[:8] == b"\x89PNG\r\n\x1a\n":
-        width, height = (int.from_bytes(data[at : at + 4], "big") for at in (16, 20))
-    else:
-        try:
-            head = read_head(data, None)
-            width, height = head.width, head.height
-        except BadSource as error:
-            raise BadTable(
-                "images as PNG or JPEG", f"{file}: {error.got}", "save them so"
-            ) from error
-    _refuse_large(file, width, height)
-    return width, height
+    try:
+        return read(_bytes_of(file))
+    except BadSource as error:
+        raise BadTable(
+            f"{error.needed}, as PNG or JPEG", f"{file}: {error.got}", "save or copy them anew"
+        ) from error
 
 
 def _same_size(footage: Footage, bgr: NDArray[np.generic]) -> None:
