@@ -23,7 +23,7 @@ ALWAYS = ("object", "cup", "item", "specimen", "session", "sitting", "day", "per
 """Groups that are listed however many values they have."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, slots=True, kw_only=True, order=True)
 class PartScore:
     """The test windows and trials of one part."""
 

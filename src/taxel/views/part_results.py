@@ -6,13 +6,15 @@ Knows nothing about how they were made.
 from __future__ import annotations
 
 import math
+from dataclasses import replace
+from typing import Any
 
 from rich.console import Group, RenderableType
 from rich.table import Table
 from rich.text import Text
 
 from taxel.evaluation.bundle_scores import BundleScores
-from taxel.evaluation.part_scores import Parts, PartScore
+from taxel.evaluation.part_scores import ALWAYS, Parts, PartScore
 from taxel.plain_text import visible, visible_line
 from taxel.views.results import bracketed, result_table
 
@@ -20,11 +22,22 @@ MOST_ROWS = 24
 """Values of a group that are printed; more fill the screen, and stand in --json."""
 
 
-def parts_tables(parts: Parts) -> list[Table]:
-    """Return a table of the classes and one of each group, the worst values first where many."""
-    return [_table("class", parts.classes)] + [
-        _table(key, values) for key, values in parts.groups.items()
-    ]
+def parts_tables(parts: Parts) -> list[RenderableType]:
+    """Return a table of the classes and one of each group, the worst values first where many.
+
+    Groups that part the trials alike, as a day's temperature and humidity do, share a table:
+    that of the session or object where there is one.
+    """
+    alike: dict[tuple[Any, ...], list[str]] = {}
+    for key in sorted(parts.groups, key=lambda key: (key not in ALWAYS, key)):
+        values = parts.groups[key]
+        alike.setdefault(tuple(sorted(replace(part, name="") for part in values)), []).append(key)
+    found: list[RenderableType] = [_table("class", parts.classes)]
+    for key, *others in alike.values():
+        found.append(_table(key, parts.groups[key]))
+        if others:
+            found.append(Text(visible_line(f"the same trials part by: {', '.join(others)}")))
+    return found
 
 
 def _table(title: str, values: tuple[PartScore, ...]) -> Table:

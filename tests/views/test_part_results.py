@@ -1,0 +1,50 @@
+"""Accuracy by part: each way of parting the trials is printed once."""
+
+from __future__ import annotations
+
+import io
+
+from rich.console import Console, Group
+
+from taxel.evaluation.part_scores import Parts, PartScore
+from taxel.views.part_results import parts_tables
+
+
+def text_of(parts: Parts) -> str:
+    console = Console(file=io.StringIO(), width=100, record=True)
+    console.print(Group(*parts_tables(parts)))
+    return console.export_text()
+
+
+def part(name: str, windows: int, accuracy: float) -> PartScore:
+    return PartScore(
+        name=name, windows=windows, accuracy=accuracy, trials=windows // 10, trial_accuracy=accuracy
+    )
+
+
+def test_groups_that_part_the_trials_alike_share_the_sessions_table():
+    two = (part("mon", 100, 0.9), part("tue", 60, 0.7))
+    weather = (part("21.5", 60, 0.7), part("18.0", 100, 0.9))
+    hands = (part("left", 80, 0.8), part("right", 80, 0.825))
+    parts = Parts(
+        classes=(part("ball", 160, 0.8),),
+        groups={"celsius": weather, "hand": hands, "session": two},
+    )
+
+    text = text_of(parts)
+
+    assert "mon" in text
+    assert "left" in text
+    assert "21.5" not in text
+    assert "the same trials part by: celsius" in text
+    assert "hand" in text
+
+
+def test_one_value_apart_is_another_parting():
+    parts = Parts(
+        classes=(),
+        groups={"a": (part("x", 100, 0.9), part("y", 60, 0.7)),
+                "b": (part("p", 100, 0.9), part("q", 60, 0.6))},
+    )  # fmt: skip
+
+    assert "the same trials" not in text_of(parts)
