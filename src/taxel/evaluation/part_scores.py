@@ -14,13 +14,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taxel.labels.class_order import in_order
-from taxel.labels.trials import Trial
+from taxel.labels.trials import USUAL_GROUPS, Trial
 
 MOST_VALUES = 40
 """A group with more values than this is listed only where it is an object or a session. Source:
 our choice, as in run_scores."""
-ALWAYS = ("object", "cup", "item", "specimen", "session", "sitting", "day", "person", "subject")
-"""Groups that are listed however many values they have."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, order=True)
@@ -92,4 +90,4 @@ def _parts_trials(key: str, values: Sequence[str | None]) -> bool:
     if key in ("trial", "recording", "file") or None in values:
         return False
     count = len(set(values))
-    return 1 < count < len(values) and (count <= MOST_VALUES or key in ALWAYS)
+    return 1 < count < len(values) and (count <= MOST_VALUES or key in USUAL_GROUPS)

@@ -13,6 +13,11 @@ from pathlib import Path
 from taxel.recordings.manifest import Manifest
 from taxel.signals import Mark
 
+USUAL_GROUPS = (
+    "object", "cup", "item", "specimen", "session", "sitting", "day", "person", "subject",
+)  # fmt: skip
+"""Groups that people part trials by: named first where others part them alike."""
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Trial:

@@ -14,7 +14,8 @@ from rich.table import Table
 from rich.text import Text
 
 from taxel.evaluation.bundle_scores import BundleScores
-from taxel.evaluation.part_scores import ALWAYS, Parts, PartScore
+from taxel.evaluation.part_scores import Parts, PartScore
+from taxel.labels.trials import USUAL_GROUPS
 from taxel.plain_text import visible, visible_line
 from taxel.views.results import bracketed, result_table
 
@@ -29,7 +30,7 @@ def parts_tables(parts: Parts) -> list[RenderableType]:
     that of the session or object where there is one.
     """
     alike: dict[tuple[Any, ...], list[str]] = {}
-    for key in sorted(parts.groups, key=lambda key: (key not in ALWAYS, key)):
+    for key in sorted(parts.groups, key=lambda key: (key not in USUAL_GROUPS, key)):
         values = parts.groups[key]
         alike.setdefault(tuple(sorted(replace(part, name="") for part in values)), []).append(key)
     found: list[RenderableType] = [_table("class", parts.classes)]

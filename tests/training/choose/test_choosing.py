@@ -40,6 +40,14 @@ def test_the_coarsest_group_that_is_new_on_the_test_side_is_what_is_held_out():
     assert what_is_held(own, train, test) == Held("object")
 
 
+def test_of_groups_that_part_alike_the_session_is_named():
+    days = ["mon"] * 4 + ["tue"] * 4 + ["wed"] * 4 + ["thu"] * 4
+    own = trials(celsius=[{"m": "18", "t": "21", "w": "19"}[day[0]] + day for day in days],
+                 session=days)  # fmt: skip
+
+    assert what_is_held(own, range(12), range(12, 16)) == Held("session")
+
+
 def test_later_numbers_held_out_are_an_order():
     own = trials(number=[str(i) for i in range(10)])
 

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taxel.errors import BadSplit
-from taxel.labels.trials import Trial
+from taxel.labels.trials import USUAL_GROUPS, Trial
 
 FOLDS = 5
 """Inner folds of successive trials. Source: our choice, 0039."""
@@ -56,6 +56,8 @@ def groups_of(trials: Sequence[Trial], held: Held) -> NDArray[np.intp]:
 def what_is_held(trials: Sequence[Trial], train: Sequence[int], test: Sequence[int]) -> Held:
     """Return the coarsest group of which a split holds out whole values.
 
+    Of groups that part the trials alike, as a session and its temperature do, a usual one.
+
     Args:
         trials: All of them.
         train: Indices of the training side.
@@ -69,10 +71,10 @@ def what_is_held(trials: Sequence[Trial], train: Sequence[int], test: Sequence[i
         ordered = _above(others, own)
         grouped = 3 <= len(own) <= len(train) / 2
         if not own & others and (grouped or (ordered and len(own) >= 3)):
-            found.append((len(own), key, ordered))
+            found.append((len(own), key not in USUAL_GROUPS, key, ordered))
     if not found:
         return Held(None)
-    _, key, ordered = min(found)
+    *_, key, ordered = min(found)
     return Held(key, ordered)
 
 
