@@ -6,7 +6,8 @@ import math
 from hypothesis import given
 from hypothesis import strategies as st
 
-from taxel.actions.alarm import GRASP, INPUT, AlarmLatch, Level
+from taxel.actions.alarm import BEGINNING_S, GRASP, INPUT, AlarmLatch, Level
+from taxel.decisions.reasons import REASONS
 from taxel.decisions.stability import Stability, StabilityDecision
 
 STABLE, WARNING, UNSTABLE, UNKNOWN, NO_GRASP = Stability
@@ -112,6 +113,41 @@ def test_input_lost_is_an_alarm_only_while_armed() -> None:
     (alarm,) = latch.alarms
     assert (alarm.kind, alarm.level) == (INPUT, Level.DANGER)
     assert alarm.text == "no decision: the newest input is 0.30 s old"
+
+
+def test_the_first_moments_of_each_grasp_are_no_alarm() -> None:
+    """While armed each new cup raised an alarm that a person had to acknowledge."""
+    latch = AlarmLatch()
+    for grasp_s in (0.0, 10.0, 20.0):
+        for step in range(4):
+            reason = REASONS["settling"].say(left_s=0.4 - 0.1 * step)
+            latch.watch(told(UNKNOWN, reason), True, grasp_s + 0.1 * step)
+        latch.watch(told(UNKNOWN, REASONS["window"].say(left_s=0.1)), True, grasp_s + 0.5)
+        latch.watch(told(STABLE), True, grasp_s + 0.6)
+
+    assert latch.alarms == ()
+
+
+def test_a_grasp_that_does_not_get_beyond_its_first_moments_is_an_alarm() -> None:
+    latch = AlarmLatch()
+    reason = REASONS["settling"].say(left_s=0.4)
+    for now_s in (1.0, 2.0, 1.0 + BEGINNING_S):
+        latch.watch(told(UNKNOWN, reason), True, now_s)
+        assert latch.alarms == ()
+    latch.watch(told(UNKNOWN, reason), True, 1.1 + BEGINNING_S)
+
+    (alarm,) = latch.alarms
+    assert (alarm.kind, alarm.level, alarm.on) == (INPUT, Level.DANGER, True)
+
+
+def test_input_that_is_lost_again_and_again_stays_an_alarm() -> None:
+    latch = AlarmLatch()
+    latch.watch(told(UNKNOWN, "the left camera is gone"), True, 1.0)
+    latch.watch(told(UNKNOWN, REASONS["settling"].say(left_s=0.4)), True, 1.5)
+    assert [alarm.state for alarm in latch.alarms] == ["gone, not acknowledged"]
+    latch.watch(told(UNKNOWN, "the left camera is gone"), True, 2.0)
+
+    assert [alarm.state for alarm in latch.alarms] == ["on"]
 
 
 def test_unknown_does_not_clear_the_alarm_of_a_slipping_grasp() -> None:

@@ -6,7 +6,8 @@
 
 An acknowledged alarm whose condition goes and comes back is a new alarm. So is one whose
 level rises. Input that is lost while the guard is armed is an alarm of its own, and while an
-input alarm's condition holds, `shown` never gives STABLE.
+input alarm's condition holds, `shown` never gives STABLE. The first moments of a grasp, in which
+a monitor learns what it looks like at rest, are UNKNOWN without an alarm.
 
 Knows nothing about sound, pages, grippers or where a decision comes from. Not for several
 threads at once.
@@ -19,12 +20,19 @@ from dataclasses import asdict, dataclass, replace
 from enum import StrEnum
 from typing import Any
 
+from taxel.decisions.reasons import kind_of
 from taxel.decisions.stability import Stability, StabilityDecision
 
 GRASP = "grasp"
 """Kind of the alarm that the grasp slips: WARNING gives a warning, UNSTABLE danger."""
 INPUT = "input"
 """Kind of the alarm that nothing can be said about the grasp while the guard is armed."""
+
+BEGINNING = ("settling", "window", "evidence")
+"""Reasons for UNKNOWN with which each grasp begins."""
+BEGINNING_S = 3.0
+"""For so long they are no alarm, seconds: a grasp's take 0.6. Source: our choice,
+docs/decisions/0031."""
 
 
 class Level(StrEnum):
@@ -95,6 +103,8 @@ class AlarmLatch:
         self._raised = 0
         self._acknowledged = 0
         self._latest_s = 0.0
+        self._begun_s: float | None = None
+        """When the present beginning of a grasp was first seen, seconds."""
 
     def set(self, kind: str, level: Level, text: str, now_s: float, input: bool = False) -> Alarm:
         """Say that a condition holds; return its alarm.
@@ -161,11 +171,23 @@ class AlarmLatch:
             self.set(GRASP, Level.DANGER, "the grasp is unstable", now_s)
         elif state in (Stability.STABLE, Stability.NO_GRASP):
             self.clear(GRASP, now_s)
-        if state is Stability.UNKNOWN and armed:
+        if state is Stability.UNKNOWN and armed and not self._begins(decision, now_s):
             text = f"no decision: {decision.reason or 'the input is lost'}"
             self.set(INPUT, Level.DANGER, text, now_s, input=True)
         else:
             self.clear(INPUT, now_s)
+        if state is not Stability.UNKNOWN:
+            self._begun_s = None
+
+    def _begins(self, decision: StabilityDecision, now_s: float) -> bool:
+        """True while a grasp's first moments are UNKNOWN, for no longer than they may take."""
+        if kind_of(decision.reason) not in BEGINNING:
+            self._begun_s = None
+            return False
+        now = self._moment(now_s)
+        if self._begun_s is None:
+            self._begun_s = now
+        return now - self._begun_s <= BEGINNING_S
 
     def acknowledge(self, number: int, now_s: float) -> bool:
         """Acknowledge one alarm, on behalf of a person; return whether it was waiting for that.
