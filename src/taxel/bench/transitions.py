@@ -21,7 +21,6 @@ from typing import TYPE_CHECKING, Any
 from taxel.bench import gel_shear
 from taxel.bench.rows import Row, missing, quietest, row
 from taxel.bundles.engine import EngineName, Precision
-from taxel.errors import MissingExtra
 
 if TYPE_CHECKING:
     from taxel.training.extractors import BackboneExtractor
@@ -135,25 +134,20 @@ def live_path() -> list[Row]:
     At the cameras' pace, in the rank and with the memory of a station's monitor: flat out, a
     process in real time is halted for 50 ms of each second.
     """
-    (median_ms, longest_ms, moments, memory_mb) = _live_steps("f32")
+    (median_ms, longest_ms, moments, memory_mb) = _live_steps()
     name = "EfficientNet-Lite0 + LSTM, a live step, decode included, 99 %"
     how = f"{moments} moments each at 60 a second, 2 threads, ORT"
-    rows = [
+    return [
         quietest(name, longest_ms, "ms", FRAME_S * 1e3, f"median {median_ms:.1f}; {how} f32"),
         row("live stability path: memory", memory_mb, "MiB", "<=", 600.0,
             "no training framework loaded"),
     ]  # fmt: skip
-    with suppress(MissingExtra):
-        median_ms, longest_ms, _, _ = _live_steps("int8")
-        rows.append(quietest(f"{name}, backbone in 8 bits", longest_ms, "ms", FRAME_S * 1e3,
-                             f"median {median_ms:.1f}; {how} int8"))  # fmt: skip
-    return rows
 
 
-def _live_steps(precision: Precision) -> tuple[float, list[float], int, float]:
+def _live_steps() -> tuple[float, list[float], int, float]:
     """Return the median, each round's 99 % (ms), moments a round and the most memory (MiB)."""
     with tempfile.TemporaryDirectory(prefix="taxel-") as scratch:
-        bundle, recording = _untrained_bundle(Path(scratch), precision)
+        bundle, recording = _untrained_bundle(Path(scratch))
         code = (
             "import json,sys,numpy as np;from pathlib import Path;"
             "from taxel.live.station.worker import Rank,hurry,settle_memory;hurry(Rank.MODEL);"
@@ -260,7 +254,7 @@ def data_digest(data: Path | None) -> str:
     return digest.hexdigest()
 
 
-def _untrained_bundle(folder: Path, precision: Precision) -> tuple[Path, Path]:
+def _untrained_bundle(folder: Path) -> tuple[Path, Path]:
     """Write a bundle whose head is untrained, and a pour: time does not depend on weights."""
     import numpy as np
 
@@ -273,8 +267,7 @@ def _untrained_bundle(folder: Path, precision: Precision) -> tuple[Path, Path]:
 
     config = CupPourConfig()
     run = list_runs(config)[0]
-    (folder / "calibration").mkdir()
-    backbone = _open("efficientnet-lite0", "onnxruntime", precision, folder / "calibration")
+    backbone = _open("efficientnet-lite0", "onnxruntime", "f32", folder)
     write_run(folder, run, config, CAMERA_HZ)
     head = find_head("lstm").build(1000, 8).eval()
     windows = np.random.default_rng(0).normal(size=(4, 8, 2, 1000)).astype(np.float32)
