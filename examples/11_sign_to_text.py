@@ -1,5 +1,6 @@
 """A triboelectric glove's signs to text (TENG thesis, chapter 5), real recordings of teng-glove."""
 
+import os
 import sys
 import tempfile
 from dataclasses import replace
@@ -12,7 +13,7 @@ from taxel.recordings.importing import import_rows
 from taxel.recordings.known import glove_rows
 from taxel.training.recipes import find_recipe
 
-WHERE = Path(sys.argv[1] if len(sys.argv) > 1 else "/work/shared/data/teng-glove")
+WHERE = Path(sys.argv[1] if len(sys.argv) > 1 else os.environ.get("TAXEL_DATA", "."), "teng-glove")
 
 
 def main() -> None:
