@@ -16,6 +16,7 @@ from typing import Any, Final, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from taxel.evaluation.rank_area import area
 from taxel.evaluation.run_scores import reliability
 from taxel.evaluation.trial_sides import TrialSplit
 from taxel.training.trial_blend import (
@@ -354,29 +355,6 @@ def by_group(
         for name in np.unique(groups[tested])
     }
     return dict(sorted(counts.items(), key=lambda item: item[1][0] / item[1][1]))
-
-
-def area(y: NDArray[np.intp], probabilities: Probabilities) -> float:
-    """Return the area under the ROC curve, one class against the rest; NaN where one is absent."""
-    classes = probabilities.shape[1]
-    if len(np.unique(y)) < classes:
-        return float("nan")
-    if classes == 2:
-        return _ranked_above(y == 1, probabilities[:, 1])
-    return float(np.mean([_ranked_above(y == k, probabilities[:, k]) for k in range(classes)]))
-
-
-def _ranked_above(positive: NDArray[np.bool_], values: NDArray[np.float64]) -> float:
-    """Return how often a positive's value is above a negative's, ties counting half.
-
-    Source: Mann and Whitney's statistic; scikit-learn's takes a millisecond, too long for
-    thousands of resamples.
-    """
-    ordered = np.sort(values)
-    own = values[positive]
-    ranks = (np.searchsorted(ordered, own) + np.searchsorted(ordered, own, "right") + 1) / 2
-    pairs = len(own) * (len(values) - len(own))
-    return float((ranks.sum() - len(own) * (len(own) + 1) / 2) / pairs)
 
 
 def _accuracy(y: NDArray[np.intp], probabilities: Probabilities) -> float:
