@@ -13,8 +13,8 @@ from taxel.cli.report import Report
 from taxel.cli.simulate.teng import Teng
 from taxel.cli.train import Train
 from taxel.errors import BadInput
-from taxel.evaluation.claims import all_parts, table_row
-from taxel.evaluation.teng_table import ROWS
+from taxel.evaluation.cards.claims import all_parts, table_row
+from taxel.evaluation.teng.table_4_1 import ROWS
 
 CARD = Path(__file__).parents[2] / "docs" / "reference" / "claims.md"
 
@@ -73,8 +73,8 @@ def test_the_audit_of_a_run_is_on_its_page(made: Path, tmp_path: Path):
 
 
 def test_the_audit_takes_the_sides_that_the_run_was_tested_on(made: Path):
+    from taxel.evaluation.audit.of_run import sides_of
     from taxel.evaluation.audit.reading import read_touch
-    from taxel.evaluation.audit_of_run import sides_of
     from taxel.training.run import load_run
 
     run = load_run(made / "run", weights=False)

@@ -75,7 +75,7 @@ def test_models_are_listed_with_their_parameters(capsys: pytest.CaptureFixture[s
 def test_table_4_1_has_every_row_and_what_must_stand_beside_it(
     capsys: pytest.CaptureFixture[str],
 ) -> None:
-    from taxel.evaluation.teng_table import ROWS
+    from taxel.evaluation.teng.table_4_1 import ROWS
 
     sections = run("reproduce table-4-1 --scans-per-class 5000 --epochs 1", capsys)
 

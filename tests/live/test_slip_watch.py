@@ -6,7 +6,11 @@ import numpy as np
 import pytest
 
 from taxel.bundles.grasp import read_grasp_bundle
-from taxel.evaluation.learn_slip_warning import rule_model, rule_probability, write_warning
+from taxel.evaluation.early_warning.learn_slip_warning import (
+    rule_model,
+    rule_probability,
+    write_warning,
+)
 from taxel.gel.slip_signal import PAIR_FEATURES, GelSlip, PairSlip
 from taxel.live.grasp_monitor import GraspMonitor
 from taxel.live.slip_watch import SlipWatch, mm_per_px_of, taken_of

@@ -10,7 +10,7 @@ import pytest
 import torch
 
 from taxel.cli.main import main
-from taxel.evaluation.transition_data import load_pours, tracks_of
+from taxel.evaluation.transitions.data import load_pours, tracks_of
 from taxel.frame_codec import decode_jpeg
 from taxel.models.backbones.catalogue import find_backbone
 from taxel.models.weights import find_weights

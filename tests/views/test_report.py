@@ -12,8 +12,8 @@ from saved_results import SWEEP, transition_tables
 from taxel.bundles.contract import Contract
 from taxel.errors import BadInput
 from taxel.evaluation.audit.finding import Audit, Finding
-from taxel.evaluation.data_card import DataCard, Nuisance
-from taxel.evaluation.latency import Latency
+from taxel.evaluation.cards.data import DataCard, Nuisance
+from taxel.evaluation.cards.latency import Latency
 from taxel.evaluation.run_scores import judge, reliability, split_groups
 from taxel.labels.trials import Trial
 from taxel.training.environment import Made

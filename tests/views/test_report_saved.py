@@ -6,7 +6,7 @@ import pytest
 from saved_results import SWEEP, transition_tables
 
 from taxel.errors import BadInput
-from taxel.evaluation.teng_table import ROWS
+from taxel.evaluation.teng.table_4_1 import ROWS
 from taxel.views.report.measured_parts import read_sweep, sweep_part
 from taxel.views.report.saved_parts import saved_part
 

@@ -17,7 +17,7 @@ import numpy as np
 import torch
 
 from taxel.bench.rows import Row, row
-from taxel.evaluation.adaptation import (
+from taxel.evaluation.adaptation.new_class import (
     CHOSEN,
     AdaptConfig,
     Point,
@@ -27,8 +27,8 @@ from taxel.evaluation.adaptation import (
     run_of,
     windows_of,
 )
-from taxel.evaluation.adaptation_online import OnlinePoint, measure_online
-from taxel.evaluation.adaptation_pads import PadPoint, measure_pads
+from taxel.evaluation.adaptation.online import OnlinePoint, measure_online
+from taxel.evaluation.adaptation.pads import PadPoint, measure_pads
 from taxel.sources.data_sets import simulate_presets, simulate_unknown
 from taxel.training.adapt.exemplars import all_exemplars
 from taxel.training.adapt.last_layer import adapt_last_layer

@@ -13,8 +13,8 @@ import numpy as np
 
 from taxel.bench.rows import Row, row
 from taxel.evaluation.baselines import trivial_accuracies
-from taxel.evaluation.honest_gap import TARGETS, Step, closed, honest_gap, with_touches
 from taxel.evaluation.splits import by_group
+from taxel.evaluation.teng.honest_gap import TARGETS, Step, closed, honest_gap, with_touches
 from taxel.sources.data_sets import simulate_presets
 from taxel.windows.config import TENG_WINDOW, WindowConfig
 from taxel.windows.dataset import load_dataset

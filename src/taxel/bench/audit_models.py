@@ -10,8 +10,8 @@ import tempfile
 from pathlib import Path
 
 from taxel.bench.rows import Row
-from taxel.evaluation.cleaning_gains import BASE, NOTHING, Gain, compare_cleaning
-from taxel.evaluation.model_comparison import (
+from taxel.evaluation.teng.cleaning_gains import BASE, NOTHING, Gain, compare_cleaning
+from taxel.evaluation.teng.model_comparison import (
     ComparisonConfig,
     ModelResult,
     TrivialResult,

@@ -12,8 +12,8 @@ from pathlib import Path
 import numpy as np
 
 from taxel.bench.rows import Row, missing, row
-from taxel.evaluation.unknown import UnknownConfig, find_unknown, kinds_of, leave_each_out
-from taxel.evaluation.unknown_scores import OURS, SCORES, UnknownResult
+from taxel.evaluation.unknown.objects import UnknownConfig, find_unknown, kinds_of, leave_each_out
+from taxel.evaluation.unknown.scores import OURS, SCORES, UnknownResult
 from taxel.recordings.importing import import_rows
 from taxel.recordings.known import glove_rows
 from taxel.sim.teng_unknown import UNKNOWN_MATERIALS, UNKNOWN_SHAPES

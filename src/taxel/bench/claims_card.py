@@ -16,7 +16,7 @@ from typing import Any
 
 from taxel.bench.rows import STORE, Row, stored
 from taxel.errors import BadInput
-from taxel.evaluation.claims import (
+from taxel.evaluation.cards.claims import (
     ABOVE_GATE,
     EVERY_CUP,
     NOT_YET,

@@ -20,7 +20,7 @@ from taxel import __version__
 from taxel.actions.grip_policy import GripPolicyConfig, PixelDifferenceConfig
 from taxel.bundles.grasp import GEL, GraspContract, write_grasp_bundle
 from taxel.decisions.stability import StabilityConfig
-from taxel.evaluation.transition_data import Fold, PourSet, judge_fold, load_pours, tracks_of
+from taxel.evaluation.transitions.data import Fold, PourSet, judge_fold, load_pours, tracks_of
 from taxel.live.closed_loop_tuning import (
     CurvePoint,
     PixelPoint,

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from taxel.bench.rows import Row, missing, row
 
 if TYPE_CHECKING:
-    from taxel.evaluation.marker_residual import MarkerResidual
+    from taxel.evaluation.camera_trials.marker_residual import MarkerResidual
 
 ROUNDS = 3
 """Times that a pour is rendered; the quickest counts."""
@@ -96,7 +96,7 @@ class Found:
 
     def carried(self) -> NDArray[np.float64]:
         """Return the medians of what each band carries, shape (bands,); NaN where unknown."""
-        from taxel.evaluation.marker_residual import BANDS
+        from taxel.evaluation.camera_trials.marker_residual import BANDS
 
         shares = np.array([each.carried for each in self.residuals]).reshape(-1, len(BANDS))
         seen = np.isfinite(shares).any(axis=0)
@@ -170,7 +170,7 @@ def _summary(name: str, found: Found) -> Row:
 
 def real_residuals(data: Path) -> dict[bool, Found]:
     """Return those of gelsight-slip's first cameras, by whether the object slipped."""
-    from taxel.evaluation.marker_residual import marker_residual
+    from taxel.evaluation.camera_trials.marker_residual import marker_residual
 
     found: dict[bool, Found] = {slipped: Found(0, []) for slipped in (False, True)}
     for path in sorted((data / "gelsight-slip").glob("trials/*/*/camera_0.avi")):
@@ -181,7 +181,7 @@ def real_residuals(data: Path) -> dict[bool, Found]:
 
 def simulated_residuals(gel: int) -> dict[bool, Found]:
     """Return those of simulated pours' left cameras, by whether the cup slipped 300 µm."""
-    from taxel.evaluation.marker_residual import marker_residual
+    from taxel.evaluation.camera_trials.marker_residual import marker_residual
     from taxel.frame_codec import decode_jpeg, encode_jpeg
     from taxel.sim.cup_pour import CupPourConfig, list_runs
     from taxel.sources.pour_sets import simulate_videos

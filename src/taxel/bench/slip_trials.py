@@ -46,7 +46,7 @@ def slip_rows(found: dict[str, Any], folder: Path) -> list[Row]:
 
 def signal_row(folder: Path) -> Row:
     """Measure the slip signal alone: nothing is learned, labels are only used to score."""
-    from taxel.evaluation.slip_signal_trials import signal_auc
+    from taxel.evaluation.camera_trials.slip_signal import signal_auc
     from taxel.training.features import default_cache
 
     found = signal_auc(folder, default_cache())

@@ -16,8 +16,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taxel.bench.rows import Row, missing, quietest, row, row_within
-from taxel.evaluation.events import by_group
-from taxel.evaluation.learn_slip_warning import (
+from taxel.evaluation.early_warning.events import by_group
+from taxel.evaluation.early_warning.learn_slip_warning import (
     fit_head,
     head_drive,
     out_of_fold,
@@ -27,7 +27,7 @@ from taxel.evaluation.learn_slip_warning import (
     track_of,
     training_features,
 )
-from taxel.evaluation.slip_warnings import (
+from taxel.evaluation.early_warning.slip_warnings import (
     Promise,
     WarningScores,
     WarningTrack,

@@ -98,7 +98,7 @@ def table_time() -> list[Row]:
     code = (
         "import json,resource,sys,tempfile,time;from pathlib import Path;"
         "from taxel.sources.data_sets import simulate_presets;"
-        "from taxel.evaluation.teng_table import TengTableConfig,teng_table;"
+        "from taxel.evaluation.teng.table_4_1 import TengTableConfig,teng_table;"
         "d=Path(tempfile.mkdtemp());simulate_presets(d,('honest',),160000,0);"
         "t=time.perf_counter();"
         "s=teng_table({'honest':d/'honest'},TengTableConfig(models=('cnn1d','cnn2d')));"

@@ -84,7 +84,7 @@ def simulator_speed() -> list[Row]:
 
 def steps() -> list[Row]:
     """Time a step: over the whole window again, one thread; the paper's network, two threads."""
-    from taxel.evaluation.step_times import time_step
+    from taxel.evaluation.transitions.step_times import time_step
 
     lite = min((time_step(LITE0) for _ in range(ROUNDS)), key=lambda one: one.stream_ms)
     rows = [

@@ -18,7 +18,7 @@ from taxel.cli.option_rules import Only
 from taxel.errors import BadInput
 
 if TYPE_CHECKING:
-    from taxel.evaluation.transition_data import PourSet
+    from taxel.evaluation.transitions.data import PourSet
     from taxel.training.extractors import BackboneExtractor, SlipExtractor
     from taxel.training.features import FrameFeatures, Progress
     from taxel.training.heads import HeadConfig
@@ -155,7 +155,7 @@ def given_or_simulated(data: Path | None, seed: int, bar: Bar) -> Iterator[Path]
 
 def load_set(labels: LabelOptions, folder: Path, bar: Bar) -> PourSet:
     """Read and label a folder of recordings."""
-    from taxel.evaluation.transition_data import load_pours
+    from taxel.evaluation.transitions.data import load_pours
 
     task = bar.add_task("labels", total=None)
     return load_pours(folder, labels.rule, labels.folder(), shown(bar, task, "labels"))

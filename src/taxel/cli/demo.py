@@ -94,7 +94,7 @@ class Demo:
         (self.output / _MARK).touch()
 
     def _table(self) -> None:
-        from taxel.evaluation.teng_table import TengTableConfig, section_plan, teng_table
+        from taxel.evaluation.teng.table_4_1 import TengTableConfig, section_plan, teng_table
         from taxel.views.report import write_teng_report
         from taxel.views.results import teng_sections
 

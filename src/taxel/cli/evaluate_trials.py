@@ -51,7 +51,7 @@ class EvaluateTrials:
             raise BadInput("one data set, or a bundle and a data set",
                            f"{self.trials}, which is no bundle, and {self.data}",
                            "leave one out")  # fmt: skip
-        from taxel.evaluation.camera_trials import contenders_for, difference, judge_trials
+        from taxel.evaluation.camera_trials.crossval import contenders_for, difference, judge_trials
         from taxel.views.trial_results import best_control, trial_json, trial_tables
 
         with progress() as bar:
@@ -75,8 +75,8 @@ class EvaluateTrials:
 
         from taxel.bundles.trials import read_trial_bundle
         from taxel.decisions.recognition import UNKNOWN
-        from taxel.evaluation.camera_trials import score_trials
-        from taxel.evaluation.trial_sides import interval_group, values_of
+        from taxel.evaluation.camera_trials.crossval import score_trials
+        from taxel.evaluation.camera_trials.sides import interval_group, values_of
         from taxel.live.trial_watch import tell_trials
         from taxel.windows.camera_trials import read_camera_trials
 

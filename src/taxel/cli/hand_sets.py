@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING
 from taxel.cli.options import RecipeOptions
 
 if TYPE_CHECKING:
-    from taxel.evaluation.model_comparison import ComparisonConfig
+    from taxel.evaluation.teng.model_comparison import ComparisonConfig
 
 
 def comparison_config(
@@ -33,7 +33,7 @@ def comparison_config(
     Raises:
         BadInput: The options do not allow it.
     """
-    from taxel.evaluation.model_comparison import ComparisonConfig
+    from taxel.evaluation.teng.model_comparison import ComparisonConfig
 
     found = recipe.resolve(model=model)
     config = ComparisonConfig(window=found.window, train=found.train)

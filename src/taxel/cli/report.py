@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
     from taxel.bundles.versions import History
     from taxel.evaluation.audit.finding import Audit
-    from taxel.evaluation.data_card import DataCard
+    from taxel.evaluation.cards.data import DataCard
     from taxel.training.run import Run
 
 
@@ -102,7 +102,7 @@ class Report:
 
     def _page(self, output: Path) -> None:
         from taxel.bundles.versions import read_history
-        from taxel.evaluation.latency import time_run
+        from taxel.evaluation.cards.latency import time_run
         from taxel.training.environment import Made
         from taxel.training.run import load_run
         from taxel.views.report import RunPage, write_run_report
@@ -150,7 +150,7 @@ class Report:
 
     def _card(self, runs: dict[str, Run], on_step: Callable[[str], None]) -> DataCard | None:
         """Read the recordings; None where the runs' own are not at hand."""
-        from taxel.evaluation.data_card import data_card
+        from taxel.evaluation.cards.data import data_card
 
         if self.data is not None:
             return data_card(self.data, on_step)
@@ -163,7 +163,7 @@ class Report:
         self, runs: dict[str, Run], paths: dict[str, Path], on_step: Callable[[str], None]
     ) -> list[Audit]:
         """Audit each data set, target and split once."""
-        from taxel.evaluation.audit_of_run import audit_run
+        from taxel.evaluation.audit.of_run import audit_run
 
         found: dict[tuple[str, str, str], Audit] = {}
         for name, run in runs.items():

@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     from rich.progress import Progress as Bar
     from torch import nn
 
-    from taxel.evaluation.transition_data import PourSet
+    from taxel.evaluation.transitions.data import PourSet
     from taxel.training.fine_tuning import EndToEnd, FineTuned
     from taxel.training.heads import HeadConfig
 
@@ -99,7 +99,7 @@ class TrainBackbone:
 
     def _network(self, pours: PourSet, config: HeadConfig, bar: Bar) -> tuple[nn.Module, EndToEnd]:
         """Return the backbone with its weights, and the same with a fitted head behind it."""
-        from taxel.evaluation.transition_data import tracks_of
+        from taxel.evaluation.transitions.data import tracks_of
         from taxel.models.backbones.catalogue import find_backbone
         from taxel.training.extractors import BackboneExtractor
         from taxel.training.fine_tuning import EndToEnd

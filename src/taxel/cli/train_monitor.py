@@ -33,8 +33,8 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from taxel.bundles.grasp import GraspContract
-    from taxel.evaluation.learn_monitor import LearntMonitor
-    from taxel.evaluation.transition_data import PourSet
+    from taxel.evaluation.early_warning.learn_monitor import LearntMonitor
+    from taxel.evaluation.transitions.data import PourSet
     from taxel.training.features import FrameFeatures
 
 _CHECK_WINDOWS = 32
@@ -78,7 +78,7 @@ class TrainMonitor:
 
     def _train(self) -> None:
         from taxel.bundles.grasp import write_grasp_bundle
-        from taxel.evaluation.learn_monitor import learn_monitor
+        from taxel.evaluation.early_warning.learn_monitor import learn_monitor
         from taxel.models.export_onnx import export_head
         from taxel.training.extractors import BackboneExtractor
 

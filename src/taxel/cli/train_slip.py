@@ -14,7 +14,7 @@ from taxel.cli.printing import command, console, print_json, progress
 from taxel.errors import BadInput
 
 if TYPE_CHECKING:
-    from taxel.evaluation.slip_warnings import Promise, WarningScores
+    from taxel.evaluation.early_warning.slip_warnings import Promise, WarningScores
 
 _CHECKED = 64
 _MOST_PER_MIN = 60.0
@@ -45,8 +45,8 @@ class TrainSlip:
 
     def run(self) -> None:
         """Learn, write the bundle and print what it is worth."""
-        from taxel.evaluation import learn_slip_warning as learn
-        from taxel.evaluation.slip_warnings import keep_promise, score_warnings
+        from taxel.evaluation.early_warning import learn_slip_warning as learn
+        from taxel.evaluation.early_warning.slip_warnings import keep_promise, score_warnings
 
         self._check()
         with progress() as bar:

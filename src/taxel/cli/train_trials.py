@@ -17,8 +17,8 @@ from taxel.held import only_writer
 from taxel.plain_text import visible
 
 if TYPE_CHECKING:
-    from taxel.evaluation.camera_trials import Difference, TrialResult, TrialSet
-    from taxel.evaluation.trial_sides import TrialSplit
+    from taxel.evaluation.camera_trials.crossval import Difference, TrialResult, TrialSet
+    from taxel.evaluation.camera_trials.sides import TrialSplit
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -54,8 +54,8 @@ class TrainTrials:
             self._train(output)
 
     def _train(self, output: Path) -> None:
-        from taxel.evaluation.camera_trials import BAR, OURS, difference, judge_trials
-        from taxel.evaluation.final_trials import fit_final, save_trial_run
+        from taxel.evaluation.camera_trials.crossval import BAR, OURS, difference, judge_trials
+        from taxel.evaluation.camera_trials.final import fit_final, save_trial_run
         from taxel.views.trial_results import trial_json
 
         results: list[TrialResult] = []

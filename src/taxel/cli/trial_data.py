@@ -15,8 +15,8 @@ from taxel.cli.option_rules import Only
 from taxel.errors import BadInput
 
 if TYPE_CHECKING:
-    from taxel.evaluation.camera_trials import TrialSet
-    from taxel.evaluation.trial_sides import TrialSplit
+    from taxel.evaluation.camera_trials.crossval import TrialSet
+    from taxel.evaluation.camera_trials.sides import TrialSplit
     from taxel.windows.camera_trials import CameraTrial
 
 
@@ -48,7 +48,7 @@ class TrialOptions:
         Raises:
             BadInput: The options or trials do not allow it.
         """
-        from taxel.evaluation.trial_set import load_trial_set
+        from taxel.evaluation.camera_trials.trial_set import load_trial_set
         from taxel.training.features import default_cache
 
         self._check()
@@ -72,7 +72,7 @@ class TrialOptions:
                            "leave the others out")  # fmt: skip
 
     def _read(self, data: Path) -> list[CameraTrial]:
-        from taxel.evaluation.trial_sides import TEST
+        from taxel.evaluation.camera_trials.sides import TEST
         from taxel.recordings.video_rows import SPLIT
         from taxel.windows.camera_trials import read_camera_trials
 
@@ -87,7 +87,7 @@ class TrialOptions:
         ]
 
     def _split(self, trials: TrialSet) -> TrialSplit:
-        from taxel.evaluation.trial_sides import split_by_table, split_trials
+        from taxel.evaluation.camera_trials.sides import split_by_table, split_trials
 
         if self.folds is not None:
             return split_by_table(trials.names, trials.groups, trials.y, self.folds)

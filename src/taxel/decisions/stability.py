@@ -44,7 +44,7 @@ _ALARMS = (Stability.WARNING, Stability.UNSTABLE)
 @dataclass(frozen=True, slots=True, kw_only=True)
 class StabilityConfig:
     """From probability to state. Source: our choice, docs/decisions/0013; thresholds and
-    times are tuned on training cups by `taxel.evaluation.tuning_stability`.
+    times are tuned on training cups by `taxel.evaluation.early_warning.tuning_stability`.
     """
 
     warn: float = 0.5

@@ -1,1 +1,1 @@
-"""Splits that cannot leak, metrics, baselines, published tables."""
+"""Splits that cannot leak, metrics, baselines, cross-validation; a folder for each study."""

@@ -13,11 +13,11 @@ from rich.console import Group, RenderableType
 from rich.table import Table
 from rich.text import Text
 
-from taxel.evaluation.events import EventScores
-from taxel.evaluation.grasp_warnings import WarningResult
-from taxel.evaluation.precisions import PrecisionRow
-from taxel.evaluation.step_times import StepTime
-from taxel.evaluation.transition_tables import Baseline, Scores, TableRow
+from taxel.evaluation.early_warning.events import EventScores
+from taxel.evaluation.early_warning.grasp_warnings import WarningResult
+from taxel.evaluation.transitions.precisions import PrecisionRow
+from taxel.evaluation.transitions.step_times import StepTime
+from taxel.evaluation.transitions.tables import Baseline, Scores, TableRow
 
 TITLES = {
     1: "Table 1 · backbones and heads, k = 8",

@@ -7,8 +7,8 @@ from collections.abc import Sequence
 from rich.console import Group, RenderableType
 from rich.text import Text
 
-from taxel.evaluation.cleaning_gains import BASE, NOTHING, Gain
-from taxel.evaluation.model_comparison import ModelResult, TrivialResult
+from taxel.evaluation.teng.cleaning_gains import BASE, NOTHING, Gain
+from taxel.evaluation.teng.model_comparison import ModelResult, TrivialResult
 from taxel.plain_text import visible
 from taxel.views.results import below, bracketed, few, result_table, with_interval
 

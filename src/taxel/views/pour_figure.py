@@ -17,8 +17,8 @@ from matplotlib.patches import Rectangle
 
 from taxel.decisions.stability import Stability, states
 from taxel.errors import RecordingFailed
-from taxel.evaluation.grasp_warnings import WarningResult
-from taxel.evaluation.transition_data import PourSet, truth_moments
+from taxel.evaluation.early_warning.grasp_warnings import WarningResult
+from taxel.evaluation.transitions.data import PourSet, truth_moments
 from taxel.plotting import drawn_name, plt
 
 _COLOURS = {

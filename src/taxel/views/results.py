@@ -17,7 +17,7 @@ from taxel.evaluation.baselines import below_majority
 from taxel.evaluation.checked import Checked
 from taxel.evaluation.crossval import Pooled
 from taxel.evaluation.run_scores import few_groups
-from taxel.evaluation.teng_table import PUBLISHED, ROWS, Section
+from taxel.evaluation.teng.table_4_1 import PUBLISHED, ROWS, Section
 from taxel.plain_text import short_names, visible, visible_line
 
 HEADINGS = {"cnn1d": "1D", "cnn2d": "2D", "minirocket": "MiniRocket"}

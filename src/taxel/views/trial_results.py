@@ -11,14 +11,14 @@ from rich.console import Group, RenderableType
 from rich.table import Table
 from rich.text import Text
 
-from taxel.evaluation.camera_trials import (
+from taxel.evaluation.camera_trials.crossval import (
     Difference,
     TrialResult,
     TrialScores,
     TrialSet,
     by_group,
 )
-from taxel.evaluation.trial_sides import TrialSplit
+from taxel.evaluation.camera_trials.sides import TrialSplit
 from taxel.plain_text import visible
 from taxel.windows.trial_crops import PLACES
 

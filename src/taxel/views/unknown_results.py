@@ -9,7 +9,7 @@ from rich.console import Group, RenderableType
 from rich.table import Table
 from rich.text import Text
 
-from taxel.evaluation.unknown_scores import COVERAGES, OURS, SCORES, Auroc, UnknownResult
+from taxel.evaluation.unknown.scores import COVERAGES, OURS, SCORES, Auroc, UnknownResult
 from taxel.plain_text import visible, visible_line
 from taxel.views.results import bracketed, result_table
 

@@ -14,10 +14,10 @@ from taxel.evaluation.audit.copies import near_copies, same_rows
 from taxel.evaluation.audit.gaps import measure_gaps
 from taxel.evaluation.audit.noise import shared_noise
 from taxel.evaluation.audit.nuisances import read_length
+from taxel.evaluation.audit.of_run import _rows
 from taxel.evaluation.audit.reading import read_touch
 from taxel.evaluation.audit.scaled import scaled_values
 from taxel.evaluation.audit.touch_set import TouchSet, usual_steps
-from taxel.evaluation.audit_of_run import _rows
 from taxel.recordings.manifest import Manifest
 from taxel.recordings.writer import Recorder
 from taxel.signals import Samples, SensorInfo

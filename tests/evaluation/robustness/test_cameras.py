@@ -11,7 +11,7 @@ from taxel.bundles.grasp import read_grasp_bundle
 from taxel.bundles.shipped import CUP_POUR, shipped_bundle
 from taxel.decisions.stability import Stability
 from taxel.errors import BadInput
-from taxel.evaluation.events import RunOutcome
+from taxel.evaluation.early_warning.events import RunOutcome
 from taxel.evaluation.robustness.grasp_sweep import (
     Watched,
     grasp_point,

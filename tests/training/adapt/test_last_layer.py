@@ -7,7 +7,7 @@ import pytest
 from make_dataset import make_dataset
 
 from taxel.errors import BadDataset, BadInput
-from taxel.evaluation.adaptation import first_grasps, run_of, told, windows_of
+from taxel.evaluation.adaptation.new_class import first_grasps, run_of, told, windows_of
 from taxel.models.catalogue import find_network
 from taxel.training.adapt.exemplars import Exemplars, all_exemplars, thin_out
 from taxel.training.adapt.last_layer import adapt_last_layer

@@ -8,7 +8,7 @@ import pytest
 from make_dataset import make_dataset
 
 from taxel.errors import BadDataset, MissingExtra
-from taxel.evaluation.adaptation import run_of, told, windows_of
+from taxel.evaluation.adaptation.new_class import run_of, told, windows_of
 from taxel.training.adapt.correcting import learn_corrections, run_probabilities
 from taxel.training.adapt.drift import DriftWatch
 from taxel.training.adapt.exemplars import Exemplars, all_exemplars

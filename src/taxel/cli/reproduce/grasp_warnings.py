@@ -30,7 +30,7 @@ from taxel.errors import BadInput
 if TYPE_CHECKING:
     from rich.progress import Progress as Bar
 
-    from taxel.evaluation.transition_data import PourSet
+    from taxel.evaluation.transitions.data import PourSet
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -84,13 +84,13 @@ class GraspWarnings:
 
     def _results(self, data: Path, bar: Bar) -> tuple[PourSet, list[Any]]:
         """Return the recordings, and the scores of each kind of features and each baseline."""
-        from taxel.evaluation.grasp_warnings import (
+        from taxel.evaluation.early_warning.grasp_warnings import (
             folds_within,
             split_by_folder,
             warn_on_unseen_cups,
             warn_trivially,
         )
-        from taxel.evaluation.transition_data import trivial_features
+        from taxel.evaluation.transitions.data import trivial_features
 
         config = head_config(self.labels.rule, self.fit, self.head)
         names = backbone_names(self.features, "--features")

@@ -58,7 +58,7 @@ class Precisions:
 
     def run(self) -> None:
         """Measure and print."""
-        from taxel.evaluation.precisions import WAYS
+        from taxel.evaluation.transitions.precisions import WAYS
 
         ways = [way for way in WAYS if find_spec("openvino") or way == WAYS[0]]
         with progress() as bar:
@@ -73,8 +73,8 @@ class Precisions:
             say("OpenVINO and 8-bit numbers are not installed: pip install 'taxel[openvino]'")
 
     def _rows(self, ways: list[Any], bar: Bar) -> list[Any]:
-        from taxel.evaluation.precisions import compare_precisions
-        from taxel.evaluation.transition_data import cup_folds
+        from taxel.evaluation.transitions.data import cup_folds
+        from taxel.evaluation.transitions.precisions import compare_precisions
 
         backbones = backbone_names(self.backbones)
         if GEL in backbones:

@@ -12,7 +12,7 @@ from taxel.cli.option_rules import Only
 from taxel.cli.printing import console, print_json, progress, say
 
 if TYPE_CHECKING:
-    from taxel.evaluation.teng_table import Section, TengTableConfig
+    from taxel.evaluation.teng.table_4_1 import Section, TengTableConfig
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -41,7 +41,7 @@ class Table41:
 
     def run(self) -> None:
         """Measure and print."""
-        from taxel.evaluation.teng_table import TengTableConfig
+        from taxel.evaluation.teng.table_4_1 import TengTableConfig
         from taxel.training.loop import TrainConfig
 
         older = older_page(self.html)
@@ -64,7 +64,7 @@ class Table41:
         say_page(self.html, older, silent=False)
 
     def _sections(self, config: TengTableConfig) -> list[Section]:
-        from taxel.evaluation.teng_table import section_plan, teng_table
+        from taxel.evaluation.teng.table_4_1 import section_plan, teng_table
         from taxel.sources.data_sets import simulate_presets
 
         presets = ("honest", "paper") if self.preset == "both" else (self.preset,)

@@ -41,7 +41,7 @@ class TengCleaning:
 
     def run(self) -> None:
         """Measure and print."""
-        from taxel.evaluation.cleaning_gains import compare_cleaning
+        from taxel.evaluation.teng.cleaning_gains import compare_cleaning
 
         config = comparison_config(self.data, self.recipe, self.fold_count)
         seeds = [self.recipe.seed + run for run in range(RUNS)]

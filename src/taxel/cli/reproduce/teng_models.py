@@ -37,7 +37,7 @@ class TengModels:
 
     def run(self) -> None:
         """Measure and print."""
-        from taxel.evaluation.model_comparison import compare_models
+        from taxel.evaluation.teng.model_comparison import compare_models
 
         config = comparison_config(self.data, self.recipe, self.fold_count, self.model)
         seeds = [self.recipe.seed]

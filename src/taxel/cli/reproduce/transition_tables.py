@@ -54,8 +54,8 @@ class TransitionTables:
 
     def run(self) -> None:
         """Measure and print."""
-        from taxel.evaluation.step_times import time_step
-        from taxel.evaluation.transition_tables import measure_rows, plan_rows, trivial_rows
+        from taxel.evaluation.transitions.step_times import time_step
+        from taxel.evaluation.transitions.tables import measure_rows, plan_rows, trivial_rows
         from taxel.models.transition import FRAMES
 
         backbones = backbone_names(self.backbones)

@@ -17,7 +17,7 @@ from taxel.cli.printing import console, print_json, progress, say
 from taxel.errors import BadInput
 
 if TYPE_CHECKING:
-    from taxel.evaluation.unknown import UnknownConfig
+    from taxel.evaluation.unknown.objects import UnknownConfig
     from taxel.training.recipes import Recipe
 
 SIMULATED = ("shape", "material", "shape+material")
@@ -81,7 +81,7 @@ class UnknownObjects:
         return group
 
     def _config(self, recipe: Recipe, target: str, model: str, group: str | None) -> UnknownConfig:
-        from taxel.evaluation.unknown import UnknownConfig
+        from taxel.evaluation.unknown.objects import UnknownConfig
 
         return UnknownConfig(
             target=target, model=model, train=recipe.train, group=group, folds=self.fold_count,
@@ -89,7 +89,7 @@ class UnknownObjects:
         )  # fmt: skip
 
     def _simulated(self, group: str | None, on_step: Callable[[str], None]) -> None:
-        from taxel.evaluation.unknown import find_unknown, kinds_of
+        from taxel.evaluation.unknown.objects import find_unknown, kinds_of
         from taxel.sim.teng_unknown import UNKNOWN_MATERIALS, UNKNOWN_SHAPES
         from taxel.windows.dataset import load_dataset
 
@@ -110,7 +110,7 @@ class UnknownObjects:
         console.print(unknown_tables(results))
 
     def _folder(self, data: Path, group: str | None, on_step: Callable[[str], None]) -> None:
-        from taxel.evaluation.unknown import find_unknown, kinds_of, leave_each_out
+        from taxel.evaluation.unknown.objects import find_unknown, kinds_of, leave_each_out
         from taxel.views.unknown_results import left_out_table, unknown_tables
         from taxel.windows.dataset import load_dataset
 

@@ -20,10 +20,10 @@ from numpy.typing import NDArray
 from taxel.bundles.grasp import GraspBundle, read_grasp_bundle
 from taxel.decisions.stability import Stability, StabilityDecision
 from taxel.errors import BadDataset, BadInput
-from taxel.evaluation.events import RESAMPLES, RunOutcome, StateTrack, judge
+from taxel.evaluation.early_warning.events import RESAMPLES, RunOutcome, StateTrack, judge
 from taxel.evaluation.robustness.curve import CLEAN, Point, mildest_first
 from taxel.evaluation.robustness.image_faults import IMAGE_FAULTS, find_image_fault
-from taxel.evaluation.transition_data import truth_moments
+from taxel.evaluation.transitions.data import truth_moments
 from taxel.labels.rules import RULES
 from taxel.labels.slip import label_truth
 from taxel.processes import side_by_side

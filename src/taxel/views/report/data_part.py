@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from taxel.evaluation.data_card import DataCard, trial_counts
+from taxel.evaluation.cards.data import DataCard, trial_counts
 from taxel.evaluation.run_scores import split_groups
 from taxel.training.predictions import Predictions
 from taxel.training.run import Run

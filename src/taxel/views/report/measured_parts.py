@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from taxel.errors import BadInput
-from taxel.evaluation.latency import Latency
+from taxel.evaluation.cards.latency import Latency
 from taxel.training.environment import Made
 from taxel.views.report.charts import Axis, Line, line_chart
 from taxel.views.report.page import Html, band, colour, figure, join, key, percent, table, tag

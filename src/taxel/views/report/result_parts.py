@@ -9,7 +9,7 @@ from collections.abc import Mapping, Sequence
 
 from taxel.evaluation.paired import Paired
 from taxel.evaluation.run_scores import RunScores, beside_baselines
-from taxel.evaluation.teng_table import PUBLISHED, TASKS
+from taxel.evaluation.teng.table_4_1 import PUBLISHED, TASKS
 from taxel.training.run import Run
 from taxel.views.compare_table import interval_text
 from taxel.views.report.charts import Axis, Dot, Line, dot_chart, line_chart, matrix

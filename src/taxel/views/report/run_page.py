@@ -13,8 +13,8 @@ from typing import Any
 
 from taxel.errors import BadInput
 from taxel.evaluation.audit.finding import Audit
-from taxel.evaluation.data_card import DataCard
-from taxel.evaluation.latency import Latency
+from taxel.evaluation.cards.data import DataCard
+from taxel.evaluation.cards.latency import Latency
 from taxel.evaluation.paired import compare_runs
 from taxel.evaluation.run_scores import RunScores, judge
 from taxel.training.environment import Made

@@ -10,7 +10,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from taxel.errors import BadInput
-from taxel.evaluation.teng_table import PUBLISHED, ROWS
+from taxel.evaluation.teng.table_4_1 import PUBLISHED, ROWS
 from taxel.views.grasp_results import TITLES
 from taxel.views.report.charts import Axis, Dot, Line, dot_chart, line_chart
 from taxel.views.report.page import (

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taxel.evaluation.checked import Checked
-from taxel.evaluation.teng_table import PUBLISHED, ROWS, Section
+from taxel.evaluation.teng.table_4_1 import PUBLISHED, ROWS, Section
 from taxel.recordings.reader import list_recordings, read_recording
 from taxel.signals import Mark
 from taxel.training.environment import environment

@@ -1,0 +1,137 @@
+"""Train the recogniser of camera trials that is kept, and make its bundle.
+
+It learns from all trials but those that a split names as test trials for good. Knows nothing
+about images or screens.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import os
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from math import isfinite
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from taxel import __version__
+from taxel.bundles.trials import IN_RUN, TrialContract, trial_bundle_bytes
+from taxel.evaluation.camera_trials.crossval import TrialSet
+from taxel.evaluation.camera_trials.sides import TrialSplit
+from taxel.held import MADE, REPLACED, scratch_folder
+from taxel.plain_text import json_text
+from taxel.recordings.whole import write_whole
+from taxel.training.trial_blend import fit_blend
+from taxel.training.trial_onnx import blend_to_onnx
+from taxel.windows.camera_trials import CameraTrial
+from taxel.windows.trial_crops import FAMILIES, mm_per_px
+
+_CHECKED = 32
+"""Crops that a bundle is checked on."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Final:
+    """A bundle, and what is in it."""
+
+    bundle: bytes
+    parity: float
+    """Largest difference between the bundle's numbers and the trained models'."""
+    members: Mapping[str, float]
+    """Member → weight."""
+    inner: Mapping[str, float]
+    """Member → log-loss on inner folds, nats."""
+    trials: int
+    """How many were learned from."""
+
+
+def fit_final(
+    trials: TrialSet,
+    images: Sequence[CameraTrial],
+    split: TrialSplit,
+    seed: int,
+    measured: Mapping[str, float],
+    on_step: Callable[[str], None] = lambda line: None,
+) -> Final:
+    """Fit the blend and write it as a bundle.
+
+    Args:
+        trials: The trials, cut and looked at.
+        images: The same, as they were read.
+        split: With one fold only, its test trials are not learned from.
+        seed: Of models and inner folds.
+        measured: What was measured on trials held out.
+        on_step: Called with a line before each fit.
+
+    Raises:
+        BadBundle: The exported model gives something else than the trained one.
+    """
+    learned = np.arange(len(trials.y), dtype=np.intp)
+    if len(split.sides) == 1:
+        learned = split.sides[0].train
+    rows = trials.rows
+    learning = trials.learning(rows, split.group).part(learned)
+    blend = fit_blend(learning, trials.cameras, trials.widths, seed, on_step=on_step)
+    own = learning.rows
+    at = np.linspace(0, len(own) - 1, min(_CHECKED, len(own))).astype(int)
+    told = np.concatenate([blend.crops(own[at]), blend.novelty.measure(own[at])[:, None]], axis=1)
+    first = images[0]
+    digests = "".join(images[index].digest for index in learned.tolist())
+    contract = TrialContract(
+        target=trials.target,
+        classes=trials.classes,
+        crop=trials.layout.crop,
+        places=trials.layout.places,
+        views=tuple(trials.cut.rows),
+        versions=tuple(FAMILIES[name].key for name in trials.cut.rows),
+        cameras=trials.cameras,
+        width=first.width,
+        height=first.height,
+        rate_hz=first.rate_hz,
+        mm_per_px=mm_per_px(first.width, first.mm_per_px),
+        sharpness=blend.sharpness,
+        threshold=blend.threshold if isfinite(blend.threshold) else None,
+        data_digest=hashlib.sha256(digests.encode()).hexdigest(),
+        measured=measured,
+        software=f"taxel {__version__}",
+    )
+    bundle, parity = trial_bundle_bytes(
+        contract, blend_to_onnx(blend, own.shape[1]), own[at], told.astype(np.float32)
+    )
+    weights = {m.name: float(w) for m, w in zip(blend.members, blend.weights, strict=True)}
+    return Final(
+        bundle=bundle, parity=parity, members=weights, inner=blend.inner, trials=len(learned)
+    )
+
+
+def save_trial_run(output: Path, final: Final, result: Mapping[str, Any]) -> dict[str, Any]:
+    """Write a run's folder, whole or not at all; return what `run.json` in it says.
+
+    Args:
+        output: The folder; an older run there is replaced.
+        final: What was trained.
+        result: What was measured on trials held out; empty where nothing was.
+
+    Raises:
+        RecordingFailed: The disk refused.
+    """
+    about = {
+        **result,
+        "run": str(output),
+        "replaced": output.exists(),
+        "bytes": len(final.bundle),
+        "parity": final.parity,
+        "members": dict(final.members),
+        "inner_loss": dict(final.inner),
+        "learned_trials": final.trials,
+    }
+    with scratch_folder(output) as scratch:
+        made = scratch / MADE
+        write_whole(made / IN_RUN, final.bundle)
+        write_whole(made / "run.json", json_text(about, 1).encode())
+        if output.exists():
+            os.replace(output, scratch / REPLACED)
+        os.replace(made, output)
+    return about

@@ -1,0 +1,1 @@
+"""How early a warning comes before a loss, how often it is false, and thresholds learned for it."""

@@ -1,0 +1,283 @@
+"""Learn a slip warning from training cups: out of fold, so that a threshold can be promised.
+
+Knows nothing about images, test cups, files or screens.
+
+Source: docs/decisions/0036.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from taxel import __version__
+from taxel.bundles.grasp import SLIP, GraspContract, write_grasp_bundle
+from taxel.evaluation.early_warning.slip_warnings import (
+    Promise,
+    WarningTrack,
+    alarm_config,
+    keep_promise,
+)
+from taxel.gel.slip_signal import PAIR_FEATURES
+from taxel.sim.cups import Kind
+from taxel.training.pose_noise import GelNoise, add_noise, fit_noise
+from taxel.training.slip_cups import (
+    FRAME_HZ,
+    GROSS_UM,
+    NOISE_CUPS,
+    TRAINING_CUPS,
+    PourRows,
+    keep_runs,
+    noise_runs,
+    other_part,
+    paper_runs,
+    true_pours,
+)
+from taxel.training.slip_heads import (
+    Goal,
+    HeadName,
+    PourFeatures,
+    SlipHead,
+    features_of,
+    learning_rows,
+    linear_model,
+    new_head,
+)
+from taxel.windows.rest import SETTLE
+
+FOLDS: Final = 4
+"""Groups of training cups that are held out in turn. Source: our choice, docs/decisions/0013."""
+AHEAD_S: Final = 0.6
+"""By how much the rule without learning looks ahead, seconds. Source: decision 36."""
+ONSET_UM: Final = 20.0
+"""Slip from which a warning is justified: the rule "micro-slip", docs/decisions/0013."""
+LEARNED_CUPS: Final = 60
+"""Training cups that a warning learns from unless more are asked for."""
+PROMISED_KINDS: Final[tuple[Kind, ...]] = ("pour", "still")
+"""Pours on which false alarms are promised: the paper's. Pushes slide fast and then hold, so that
+a promise over them too would silence the rest; the other kinds give fewer than these."""
+LATER_UM: Final = {"1 mm": 1000.0}
+_RULE: Final = tuple(PAIR_FEATURES.index(name) for name in ("slip_mean", "slip_rate_8_mean"))
+Drive = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LearntWarning:
+    """A head on all training cups, and the threshold that keeps the promise."""
+
+    head: SlipHead
+    promise: Promise
+    tracks: tuple[WarningTrack, ...]
+    """Training pours, out of fold."""
+
+
+def training_features(
+    folder: Path,
+    cups: int = LEARNED_CUPS,
+    on_step: Callable[[str], None] = lambda _: None,
+) -> tuple[list[PourFeatures], list[GelNoise]]:
+    """Return training pours as images would give them, and the noise that was added.
+
+    Args:
+        folder: Where poses are kept; what is not there is simulated, which takes an hour.
+        cups: How many of `TRAINING_CUPS`.
+        on_step: Called with a line before each cup.
+
+    Raises:
+        RecordingFailed: The disk refused.
+    """
+    seen: list[PourRows] = []
+    true: list[PourRows] = []
+    for cup in NOISE_CUPS:
+        on_step(f"images of training cup {cup}")
+        runs = noise_runs(cup)
+        seen += keep_runs(folder / f"{cup}-noise.npz", runs)
+        true += keep_runs(folder / f"{cup}-noise-true.npz", runs, true_pours)
+    noises = fit_noise(seen, true)
+    found: list[PourFeatures] = []
+    for cup in TRAINING_CUPS[:cups]:
+        on_step(f"poses of training cup {cup}")
+        runs = paper_runs(cup) + other_part(cup, 0) + other_part(cup, 1)
+        pours = keep_runs(folder / f"{cup}-true.npz", runs, true_pours)
+        found += noisy_features(pours, noises)
+    return found, noises
+
+
+def noisy_features(
+    pours: Sequence[PourRows], noises: Sequence[GelNoise], seed: int = 0
+) -> list[PourFeatures]:
+    """Return the features of pours whose exact poses are known, as images would give them."""
+    found = []
+    for pour in pours:
+        random = np.random.default_rng([seed, pour.run.seed])
+        found.append(features_of(add_noise(pour, noises, random)))
+    return found
+
+
+def rule_drive(features: PourFeatures) -> Drive:
+    """Return the slip that is due in `AHEAD_S` at each moment, mm, shape (moments,).
+
+    The mean over the gels: both hold the same object, and their noise is their own.
+    """
+    slip, rate = (features.rows[:, column] for column in _RULE)
+    return np.maximum(slip + AHEAD_S * rate, 0.0)[features.at].astype(np.float64)
+
+
+def head_drive(head: SlipHead, features: PourFeatures) -> Drive:
+    """Return the probability at each moment, shape (moments,)."""
+    return head.probability(features.rows)[features.at].astype(np.float64)
+
+
+def track_of(features: PourFeatures, drive: Drive) -> WarningTrack:
+    """Return what is judged of a pour."""
+    pour = features.pour
+    event_s = pour.first_s(GROSS_UM)
+    before = slice(None)
+    return WarningTrack(
+        drive=drive,
+        time_s=pour.time_s[before],
+        onset_s=None if event_s is None else pour.first_s(ONSET_UM),
+        event_s=event_s,
+        later_s={name: pour.first_s(um) for name, um in LATER_UM.items()} | {"drop": pour.drop_s},
+        largest_um=float(pour.slip_um.max()),
+        groups={
+            "cup": str(pour.run.cup.index),
+            "force_n": f"{pour.run.force_n:g}",
+            "position": pour.run.position,
+            "kind": pour.run.kind,
+        },
+    )
+
+
+def promised(tracks: Sequence[WarningTrack]) -> list[WarningTrack]:
+    """Return the pours on which false alarms are promised."""
+    return [track for track in tracks if track.groups["kind"] in PROMISED_KINDS]
+
+
+def out_of_fold(
+    pours: Sequence[PourFeatures],
+    head: HeadName,
+    goal: Goal = "within 1 s",
+    *,
+    seed: int = 0,
+    on_step: Callable[[str], None] = lambda _: None,
+) -> list[WarningTrack]:
+    """Return training pours, each driven by a head that had not seen its cup."""
+    cups = np.array([found.cup for found in pours])
+    drives: dict[int, Drive] = {}
+    for part in np.array_split(np.unique(cups), FOLDS):
+        on_step(f"{head}, without cups {part[0]} to {part[-1]}")
+        held = np.isin(cups, part)
+        fitted = fit_head(
+            [found for found, out in zip(pours, held, strict=True) if not out], head, goal, seed
+        )
+        for index in np.flatnonzero(held):
+            drives[int(index)] = head_drive(fitted, pours[index])
+    return [track_of(found, drives[index]) for index, found in enumerate(pours)]
+
+
+def fit_head(
+    pours: Sequence[PourFeatures], head: HeadName, goal: Goal = "within 1 s", seed: int = 0
+) -> SlipHead:
+    """Return a head that has learned from all of these pours."""
+    fitted = new_head(head, seed)
+    fitted.fit(*learning_rows(pours, goal))
+    return fitted
+
+
+def learn_warning(
+    pours: Sequence[PourFeatures],
+    head: HeadName,
+    per_min: float,
+    goal: Goal = "within 1 s",
+    *,
+    seed: int = 0,
+    on_step: Callable[[str], None] = lambda _: None,
+) -> LearntWarning:
+    """Learn a head on all training cups and the threshold that keeps a promise.
+
+    Args:
+        pours: Of training cups.
+        head: Which kind.
+        per_min: False alarms a minute that are promised.
+        goal: What a row is labelled by.
+        seed: Of learning.
+        on_step: Called with a line before each training.
+    """
+    tracks = out_of_fold(pours, head, goal, seed=seed, on_step=on_step)
+    promise = keep_promise(promised(tracks), per_min)
+    on_step(f"{head}, all training cups")
+    return LearntWarning(
+        head=fit_head(pours, head, goal, seed), promise=promise, tracks=tuple(tracks)
+    )
+
+
+def rule_tracks(pours: Sequence[PourFeatures]) -> list[WarningTrack]:
+    """Return pours driven by the rule that learns nothing."""
+    return [track_of(found, rule_drive(found)) for found in pours]
+
+
+def write_warning(
+    path: Path,
+    name: str,
+    model: bytes,
+    threshold: float,
+    check: NDArray[np.float32],
+    expected: NDArray[np.float32],
+    measured: Mapping[str, float],
+) -> float:
+    """Write a bundle that warns of slip; return the largest difference that was found.
+
+    Args:
+        path: The file.
+        name: The head's.
+        model: Its ONNX: features (n, 1, 1, 66) → probability (n,).
+        threshold: From which on it warns, 0…1.
+        check: Features, shape (n, 66).
+        expected: What the head gives for them, shape (n,).
+        measured: What was measured on training cups held out.
+
+    Raises:
+        BadBundle: The model gives other probabilities.
+        RecordingFailed: The disk refused.
+    """
+    width = len(PAIR_FEATURES)
+    contract = GraspContract(
+        features=SLIP,
+        weights="",
+        head=name,
+        frames=1,
+        tare="none",
+        settle=(SETTLE.start, SETTLE.stop),
+        cameras=2,
+        width=320,
+        height=240,
+        rate_hz=FRAME_HZ,
+        rule="gross-slip",
+        offset=((0.0,) * width,),
+        factor=((1.0,) * width,),
+        stability=replace(alarm_config(threshold), unstable=(1.0 + threshold) / 2),
+        parameters=0,
+        data_digest="simulated poses, docs/decisions/0036",
+        measured=dict(measured),
+        software=f"taxel {__version__}",
+    )
+    return write_grasp_bundle(path, contract, model, None, check[:, None, None], expected)
+
+
+def rule_probability(rows: NDArray[np.float32], threshold_mm: float) -> NDArray[np.float32]:
+    """Return what `rule_model` gives for rows, shape (n,)."""
+    drive = rows[:, _RULE[0]] + AHEAD_S * rows[:, _RULE[1]]
+    return np.asarray(np.clip(drive / (2 * threshold_mm), 0, 1), np.float32)
+
+
+def rule_model(threshold_mm: float) -> bytes:
+    """Return the rule without learning as ONNX: one half where it stands at its threshold."""
+    column = np.zeros(len(PAIR_FEATURES))
+    column[list(_RULE)] = np.array([1.0, AHEAD_S]) / (2 * threshold_mm)
+    return linear_model(column)

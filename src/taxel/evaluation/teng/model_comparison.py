@@ -1,0 +1,171 @@
+"""Every model on the same windows and folds, split by random windows and by sessions.
+
+Accuracy with an interval by session, whole trials, parameters, training and
+inference time, and what can be told without touch. Knows nothing about screens.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from time import perf_counter
+from typing import Literal
+
+import torch
+
+from taxel.evaluation.baselines import trivial_accuracies
+from taxel.evaluation.checked import check_gate
+from taxel.evaluation.crossval import Job, Pooled, pool, run_fold
+from taxel.evaluation.splits import Split, by_group, random_windows
+from taxel.evaluation.teng.inference_time import milliseconds_per_window
+from taxel.labels.trials import coarsest_group
+from taxel.models.catalogue import count_parameters
+from taxel.processes import WORKERS, side_by_side
+from taxel.training.loop import TrainConfig
+from taxel.windows.config import TENG_WINDOW, WindowConfig
+from taxel.windows.dataset import Dataset, load_dataset
+
+COMPARED = (
+    "cnn1d",
+    "cnn2d",
+    "touchnet",
+    "lstm",
+    "cnn3d",
+    "inception-time",
+    "minirocket",
+    "extra-trees",
+)
+"""The thesis's two networks, ours, its survey's, and the strongest library models."""
+SplitKind = Literal["random", "held out"]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ComparisonConfig:
+    """What to run."""
+
+    window: WindowConfig = TENG_WINDOW
+    targets: tuple[str, ...] = ("shape", "material")
+    models: tuple[str, ...] = COMPARED
+    train: TrainConfig = field(default_factory=TrainConfig)
+    """The same for every network; its seed is the splits' too."""
+    folds: int = 6
+    """Parts of the held-out split, and of the random one."""
+    random_folds: int = 2
+    """Folds of the random split that are run: they hardly differ."""
+    workers: int = WORKERS
+    """Processes that work side by side."""
+
+
+@dataclass(frozen=True, slots=True)
+class ModelResult:
+    """One model under one split."""
+
+    target: str
+    model: str
+    pooled: Pooled
+    parameters: int | None
+    """None for a library's model."""
+    fold_s: float
+    """Seconds to fit one fold and predict its test part, one thread; mean over the folds."""
+    inference_us: float
+    """Microseconds for one window, median: ONNX Runtime for networks, one thread."""
+
+
+@dataclass(frozen=True, slots=True)
+class TrivialResult:
+    """What can be told without touch under one split."""
+
+    target: str
+    split: str
+    windows: int
+    accuracies: dict[str, float]
+    """Trivial baseline → accuracy, 0…1."""
+
+
+def compare_models(
+    path: Path, config: ComparisonConfig, on_step: Callable[[str], None] = lambda _: None
+) -> tuple[list[ModelResult], list[TrivialResult]]:
+    """Measure every model under random windows and with groups held out.
+
+    Args:
+        path: A folder of recordings of an array.
+        config: What to run.
+        on_step: Called with a line after each model and split.
+
+    Raises:
+        BadDataset: The recordings do not make such a data set.
+        BadSplit: They cannot be split so.
+    """
+    for target in config.targets:
+        load_windows(path, config.window, target)  # refuse before hours of work
+    places = [(t, kind) for t in config.targets for kind in ("random", "held out")]
+    jobs = [(path, config, target, kind, model) for target, kind in places
+            for model in config.models]  # fmt: skip
+    results = side_by_side(_one_model, jobs, lambda one: on_step(_said(one)), config.workers)
+    trivial = side_by_side(
+        trivial_company,
+        [(path, config, target, kind) for target, kind in places],
+        lambda one: on_step(f"trivial baselines · {one.target} · {one.split}"),
+        config.workers,
+    )
+    return results, trivial
+
+
+def _one_model(
+    path: Path, config: ComparisonConfig, target: str, kind: SplitKind, model: str
+) -> ModelResult:
+    """Measure one model under one split; runs in a process of its own."""
+    torch.set_num_threads(1)
+    dataset = load_windows(path, config.window, target)
+    split = split_windows(dataset, config, target, kind)
+    job = Job(model=model, target=target, train=config.train)
+    started = perf_counter()
+    results = [run_fold(dataset, fold, job) for fold in split.folds]
+    fold_s = (perf_counter() - started) / len(results)
+    last = results[-1]
+    networks = last.fitted.model
+    return ModelResult(
+        target=target,
+        model=model,
+        pooled=pool(dataset, split, results),
+        parameters=sum(map(count_parameters, networks)) if isinstance(networks, tuple) else None,
+        fold_s=fold_s,
+        inference_us=1000.0 * milliseconds_per_window(last.fitted, dataset, last.test, job),
+    )
+
+
+def trivial_company(
+    path: Path, config: ComparisonConfig, target: str, kind: SplitKind
+) -> TrivialResult:
+    """Return what can be told without touch on the same windows and folds."""
+    dataset = load_windows(path, config.window, target)
+    split = split_windows(dataset, config, target, kind)
+    accuracies = trivial_accuracies(dataset, target, split.folds)
+    return TrivialResult(target, split.name, len(dataset), accuracies)
+
+
+def load_windows(path: Path, window: WindowConfig, target: str) -> Dataset:
+    """Return the data set of one target.
+
+    Raises:
+        BadDataset: The recordings do not make such a data set, or the gate is in another unit.
+    """
+    dataset = load_dataset(path, window, target=target)
+    check_gate(dataset)
+    return dataset
+
+
+def split_windows(
+    dataset: Dataset, config: ComparisonConfig, target: str, kind: SplitKind
+) -> Split:
+    """Return the split of one kind; the random one with the folds that are run."""
+    seed = config.train.seed
+    if kind == "held out":
+        return by_group(dataset, target, coarsest_group(dataset.trials), config.folds, seed)
+    split = random_windows(dataset, target, config.folds, seed, 0.0)
+    return replace(split, folds=split.folds[: config.random_folds])
+
+
+def _said(one: ModelResult) -> str:
+    return f"{one.model} · {one.target} · {one.pooled.split}"

@@ -1,0 +1,1 @@
+"""The grasp-transition paper's tables, and what its backbones cost."""

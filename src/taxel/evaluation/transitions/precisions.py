@@ -1,0 +1,120 @@
+"""What a backbone's engine and precision cost: one head, its features computed in several ways.
+
+Knows nothing about tables or screens.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from taxel.bundles.engine import EngineName, Precision
+from taxel.evaluation.transitions.data import Fold, PourSet, tracks_of
+from taxel.evaluation.transitions.step_times import time_step
+from taxel.training.extractors import BackboneExtractor
+from taxel.training.features import FrameFeatures, Progress, extract
+from taxel.training.heads import HeadConfig, TrainedHead, fit_head
+from taxel.windows.pours import Pour
+from taxel.windows.sequence import label_windows
+
+WAYS: tuple[tuple[EngineName, Precision], ...] = (
+    ("onnxruntime", "f32"),
+    ("onnxruntime", "int8"),
+    ("openvino", "f32"),
+    ("openvino", "bf16"),
+    ("openvino", "int8"),
+)
+"""The first is what the others are compared with, and what heads learn from."""
+THRESHOLD = 0.5
+"""A window from this probability on is called unstable, as in the tables."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PrecisionRow:
+    """One way to compute features, judged on the held-out cup."""
+
+    model: str
+    """backbone+head."""
+    engine: EngineName
+    precision: Precision
+    accuracy: float
+    """0…1, windows of the held-out cup."""
+    lost: float
+    """Accuracy lost against the first way, 0…1; below 0 where it is better."""
+    differ: float
+    """Share of windows whose decision differs from the first way's, 0…1."""
+    largest_difference: float
+    """Between probabilities."""
+    step_ms: float
+    """Median of a streaming step."""
+    windows: int
+
+
+def compare_precisions(
+    pours: PourSet,
+    fold: Fold,
+    head: HeadConfig,
+    open_way: Callable[[EngineName, Precision, Sequence[Pour]], BackboneExtractor],
+    ways: Sequence[tuple[EngineName, Precision]],
+    cache: Path,
+    *,
+    threads: int = 1,
+    on_progress: Callable[[str, Progress], None] = lambda _way, _progress: None,
+) -> list[PrecisionRow]:
+    """Train a head once, on features of the first way; judge all ways on the held-out cup.
+
+    Args:
+        pours: Labelled recordings.
+        fold: Which cups are learned from, and which is judged.
+        head: How the head is trained.
+        open_way: Opens the backbone; gets the training recordings to calibrate on.
+        ways: Engines and precisions.
+        cache: Folder for features.
+        threads: Of the engine, for the step's time.
+        on_progress: Called with the way's name after each recording.
+    """
+    training = [pours.pours[i] for i in fold.train]
+    testing = [pours.pours[i] for i in fold.test]
+    labels = np.concatenate([label_windows(pours.labels[i], head.frames) for i in fold.test])
+    trained: TrainedHead | None = None
+    wanted: NDArray[np.float32] | None = None
+    rows: list[PrecisionRow] = []
+    for engine, precision in ways:
+        extractor = open_way(engine, precision, training)
+        name = f"{engine} {precision}"
+
+        def show(done: Progress, name: str = name) -> None:
+            on_progress(name, done)
+
+        if trained is None:
+            known = extract(training, extractor, cache, show)
+            places = np.arange(len(training), dtype=np.intp)
+            trained = fit_head(
+                tracks_of(known, [pours.labels[i] for i in fold.train], places), head
+            )
+        found = _probabilities(trained, extract(testing, extractor, cache, show))
+        wanted = found if wanted is None else wanted
+        right = float(((found >= THRESHOLD) == labels).mean())
+        model = f"{extractor.backbone}+{head.head}"
+        step = time_step(
+            model, head.frames, engine=engine, precision=precision, threads=threads,
+            extractor=extractor,
+        )  # fmt: skip
+        rows.append(
+            PrecisionRow(
+                model=model, engine=engine, precision=precision, accuracy=right,
+                lost=rows[0].accuracy - right if rows else 0.0,
+                differ=float(((found >= THRESHOLD) != (wanted >= THRESHOLD)).mean()),
+                largest_difference=float(np.abs(found - wanted).max()),
+                step_ms=step.stream_ms, windows=len(labels),
+            )
+        )  # fmt: skip
+    return rows
+
+
+def _probabilities(head: TrainedHead, features: Sequence[FrameFeatures]) -> NDArray[np.float32]:
+    return np.concatenate([head.probabilities(one.all()) for one in features])

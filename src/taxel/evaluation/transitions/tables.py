@@ -1,0 +1,288 @@
+"""Tables 1 to 3 of the grasp-transition paper, with the published values beside.
+
+The paper's single split (one cup held out) and every cup held out in turn, and the trivial
+baselines on the same windows. Knows nothing about screens.
+
+Source: Zhao, Zheng and Chen, Sensors 2024, 24, 5080, section 5.2.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from time import perf_counter
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.stats import binomtest
+from sklearn.metrics import balanced_accuracy_score, roc_auc_score
+from sklearn.tree import DecisionTreeClassifier
+
+from taxel.evaluation.transitions.data import (
+    Fold,
+    Judged,
+    PourSet,
+    cup_folds,
+    judge_fold,
+    trivial_features,
+)
+from taxel.models.transition import (
+    FRAMES,
+    PUBLISHED_BY_FRAMES,
+    TRANSITION_MODELS,
+    find_transition,
+)
+from taxel.processes import side_by_side
+from taxel.training.features import FrameFeatures
+from taxel.training.heads import HeadConfig
+from taxel.windows.sequence import label_windows
+
+OWN_HEADS = ("lstm", "lstm2", "lstm4", "transformer")
+"""Heads tried on our own backbone, so that each table has rows with trained weights."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RowPlan:
+    """A row that is to be measured."""
+
+    tables: tuple[int, ...]
+    """In which of the paper's tables it stands."""
+    model: str
+    """backbone+head."""
+    frames: int
+    """k."""
+    published: float | None
+    """Accuracy in per cent; None for ours."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Scores:
+    """Windows of test pours, judged."""
+
+    accuracy: float
+    """0…1."""
+    interval: tuple[float, float]
+    """95 %: binomial over windows for the single split; over cups where each was held out."""
+    balanced: float
+    """Balanced accuracy, 0…1."""
+    auc: float
+    """Area under the ROC curve; NaN where a class is absent."""
+    windows: int
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TableRow:
+    """A row, measured."""
+
+    plan: RowPlan
+    weights: str
+    """ImageNet, file:NAME or RANDOM."""
+    parameters: int
+    published_ms: float | None
+    """Milliseconds a step on the paper's RTX 4090."""
+    published_mb: float | None
+    size_mb: float
+    """Of the network's numbers as 32-bit floats."""
+    single: Scores
+    """The paper's split: the last cup held out."""
+    every_cup: Scores | None
+    """Each cup held out in turn, pooled; None where only the single split was asked for."""
+    training_s: float
+    """All trainings of this row."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Baseline:
+    """A trivial answer on the same windows."""
+
+    name: str
+    single: Scores
+    every_cup: Scores
+
+
+def plan_rows(backbones: Sequence[str]) -> list[RowPlan]:
+    """Return the rows of Tables 1 to 3 for some backbones, each training once.
+
+    Args:
+        backbones: Names in `BACKBONES`; the paper's and ours.
+    """
+    plans = []
+    for model in TRANSITION_MODELS.values():
+        if model.backbone in backbones:
+            accuracy = model.published.accuracy_percent if model.published else None
+            tables: tuple[int, ...] = (2,) if model.head in ("lstm2", "lstm4") else (1,)
+            if model.name == "densenet121+lstm" or model.published is None:
+                tables = (1, 2, 3)
+            plans.append(
+                RowPlan(tables=tables, model=model.name, frames=FRAMES, published=accuracy)
+            )
+    for backbone in ("densenet121", "efficientnet-lite0"):
+        if backbone not in backbones:
+            continue
+        known = {plan.model for plan in plans}
+        for head in OWN_HEADS:
+            if f"{backbone}+{head}" not in known:
+                tables = (1,) if head == "transformer" else (2,)
+                name = f"{backbone}+{head}"
+                plans.append(RowPlan(tables=tables, model=name, frames=FRAMES, published=None))
+        for frames, accuracy in PUBLISHED_BY_FRAMES.items():
+            if frames != FRAMES:
+                published = accuracy if backbone == "densenet121" else None
+                plans.append(
+                    RowPlan(
+                        tables=(3,), model=f"{backbone}+lstm", frames=frames, published=published
+                    )
+                )
+    return plans
+
+
+def measure_rows(
+    data: PourSet,
+    features: dict[str, list[FrameFeatures]],
+    weights: dict[str, str],
+    plans: Sequence[RowPlan],
+    base: HeadConfig,
+    *,
+    every_cup: bool = True,
+    key: str = "cup",
+    on_row: Callable[[str], None] = lambda _: None,
+) -> list[TableRow]:
+    """Train and judge rows, two side by side.
+
+    Args:
+        data: Pours with labels.
+        features: Of each backbone's name, in the order of the pours.
+        weights: Label of each backbone's weights.
+        plans: Which rows.
+        base: How heads are trained; head and frames come from the plan.
+        every_cup: Also hold out each cup in turn, for rows of `FRAMES` frames.
+        key: The group that is held out whole.
+        on_row: Called with a model's name when it is done.
+    """
+    folds = cup_folds(data.groups(key), key)
+    jobs = []
+    for plan in plans:
+        head = find_transition(plan.model).head
+        config = replace(base, head=head, frames=plan.frames)
+        wanted = folds if every_cup and plan.frames == FRAMES else folds[-1:]
+        backbone = find_transition(plan.model).backbone
+        jobs.append((features[backbone], data.labels, wanted, config, plan.model))
+    done = side_by_side(_judge_folds, jobs, lambda result: on_row(result[2]))
+    rows = []
+    for plan, (judged, seconds, _) in zip(plans, done, strict=True):
+        model = find_transition(plan.model)
+        parameters = model.parameters
+        rows.append(
+            TableRow(
+                plan=plan,
+                weights=weights[model.backbone],
+                parameters=parameters,
+                published_ms=model.published.step_ms if model.published else None,
+                published_mb=model.published.size_mb if model.published else None,
+                size_mb=parameters * 4 / 2**20,
+                single=score_windows(judged[-1:]),
+                every_cup=score_windows(judged) if len(judged) > 1 else None,
+                training_s=seconds,
+            )
+        )
+    return rows
+
+
+def _judge_folds(
+    features: list[FrameFeatures],
+    labels: Sequence[NDArray[np.int8]],
+    folds: list[Fold],
+    config: HeadConfig,
+    name: str,
+) -> tuple[list[Judged], float, str]:
+    os.environ.setdefault("OMP_NUM_THREADS", "1")
+    import torch
+
+    torch.set_num_threads(1)
+    started = perf_counter()
+    judged = [judge_fold(features, labels, fold, config)[0] for fold in folds]
+    return judged, perf_counter() - started, name
+
+
+def trivial_rows(data: PourSet, frames: int = FRAMES, key: str = "cup") -> list[Baseline]:
+    """Return the trivial baselines: one number a frame, thresholds learned on training cups."""
+    folds = cup_folds(data.groups(key), key)
+    columns = [trivial_features(data, index) for index in range(len(data.pours))]
+    rows = []
+    for name in columns[0]:
+        judged = [_judge_trivial(data, [c[name] for c in columns], fold, frames) for fold in folds]
+        rows.append(
+            Baseline(name=name, single=score_windows(judged[-1:]), every_cup=score_windows(judged))
+        )
+    judged = [_judge_trivial(data, None, fold, frames) for fold in folds]
+    rows.append(
+        Baseline(
+            name="the commonest class",
+            single=score_windows(judged[-1:]),
+            every_cup=score_windows(judged),
+        )
+    )
+    return rows
+
+
+def _judge_trivial(
+    data: PourSet, columns: list[NDArray[np.float64]] | None, fold: Fold, frames: int
+) -> Judged:
+    labels = {i: label_windows(data.labels[i], frames) for i in (*fold.train, *fold.test)}
+    wanted = np.concatenate([labels[i] for i in fold.train])
+    if columns is None:
+        share = float(wanted.mean())
+        found = tuple(np.full(len(labels[i]), share, np.float32) for i in fold.test)
+        return Judged(fold, found, tuple(labels[i] for i in fold.test))
+    seen = np.concatenate([columns[i][frames - 1 :] for i in fold.train])[:, None]
+    tree = DecisionTreeClassifier(max_depth=3, min_samples_leaf=50).fit(seen, wanted)
+    one = list(tree.classes_).index(1) if 1 in tree.classes_ else None
+    found = tuple(
+        (
+            tree.predict_proba(columns[i][frames - 1 :, None])[:, one]
+            if one is not None
+            else np.zeros(len(labels[i]))
+        ).astype(np.float32)
+        for i in fold.test
+    )
+    return Judged(fold, found, tuple(labels[i] for i in fold.test))
+
+
+def score_windows(judged: Sequence[Judged]) -> Scores:
+    """Return the scores of all test windows; the interval is over folds where there are several."""
+    labels = np.concatenate([one for fold in judged for one in fold.labels])
+    found = np.concatenate([one for fold in judged for one in fold.probabilities])
+    right = (found > 0.5) == labels
+    if len(judged) == 1:
+        band = binomtest(int(right.sum()), len(right)).proportion_ci(0.95, "wilson")
+        interval = (float(band.low), float(band.high))
+    else:
+        interval = _over_folds(judged)
+    both = 0 < labels.mean() < 1
+    return Scores(
+        accuracy=float(right.mean()),
+        interval=interval,
+        balanced=float(balanced_accuracy_score(labels, found > 0.5)) if both else float("nan"),
+        auc=float(roc_auc_score(labels, found)) if both else float("nan"),
+        windows=len(labels),
+    )
+
+
+def _over_folds(judged: Sequence[Judged], resamples: int = 2000) -> tuple[float, float]:
+    """Return 95 % of the accuracy when cups are drawn again, seeded."""
+    right = np.array(
+        [
+            [
+                sum(int(((p > 0.5) == y).sum())
+                    for p, y in zip(fold.probabilities, fold.labels, strict=True)),
+                sum(map(len, fold.labels)),
+            ]
+            for fold in judged
+        ],
+        np.float64,
+    )  # fmt: skip
+    drawn = np.random.default_rng(0).integers(len(right), size=(resamples, len(right)))
+    sums = right[drawn].sum(axis=1)
+    low, high = np.percentile(sums[:, 0] / sums[:, 1], [2.5, 97.5])
+    return float(low), float(high)

@@ -1,0 +1,1 @@
+"""How well novel touch is told from known touch."""

@@ -1,0 +1,232 @@
+"""How well is the unknown told from the known: trained, tested and scored fold by fold.
+
+Known objects of groups held out, such as sessions, against objects that were never
+learned; trivial scores beside. Knows nothing about screens.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from sklearn.neighbors import NearestNeighbors
+
+from taxel.decisions.unknown import Strangeness
+from taxel.errors import BadDataset, BadInput
+from taxel.evaluation.crossval import Job, fit_model
+from taxel.evaluation.metrics import by_trial
+from taxel.evaluation.splits import TrialFold, by_group
+from taxel.evaluation.unknown.scores import OURS, Scored, UnknownResult, join_scored, result_of
+from taxel.labels.trials import coarsest_group
+from taxel.training.loop import TrainConfig
+from taxel.training.unknown import REJECTED, fit_unknown
+from taxel.windows.dataset import Dataset
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class UnknownConfig:
+    """What to run."""
+
+    target: str
+    model: str
+    """Whose answers the coverage curve counts, and whose largest probability is a score."""
+    train: TrainConfig = field(default_factory=TrainConfig)
+    group: str | None = None
+    """What is held out as a whole, such as "file"; None takes sessions where there are some."""
+    folds: int = 6
+    """Parts of the known groups; with no more groups than parts each is held out once."""
+    rejected: float = REJECTED
+    """Share of known touch that may be called unknown, 0…1."""
+    seed: int = 0
+
+
+def kinds_of(dataset: Dataset, target: str, never: Sequence[str]) -> NDArray[np.str_]:
+    """Return what is not learned about each trial, shape (trials,): empty for the known.
+
+    A trial that is unknown only by a label that is not told is marked "-": neither known nor
+    unknown (a rubber cylinder, to one who tells shapes).
+
+    Args:
+        dataset: Its trials.
+        target: The label that is told; several joined by "+".
+        never: Values that are not learned, of any label.
+    """
+    found = []
+    for trial in dataset.trials:
+        mine = [trial.labels[part] for part in target.split("+")]
+        hit = [value for value in mine if value in never]
+        others = [value for key, value in trial.labels.items()
+                  if "+" not in key and value in never and value not in mine]  # fmt: skip
+        found.append("-" if others else "+".join(hit))
+    return np.array(found)
+
+
+def find_unknown(
+    dataset: Dataset,
+    kinds: NDArray[np.str_],
+    config: UnknownConfig,
+    on_step: Callable[[str], None] = lambda _: None,
+) -> UnknownResult:
+    """Train on known objects, test on known and unknown ones in groups held out.
+
+    Args:
+        dataset: Known and unknown trials.
+        kinds: As `kinds_of` gives them.
+        config: What to run.
+        on_step: Called with a line after each fold.
+
+    Raises:
+        BadDataset: There are no unknown trials, or too few known ones.
+    """
+    if not np.any((kinds != "") & (kinds != "-")):
+        raise BadDataset("trials that are not learned", "none", "name values that the labels have")
+    known = _subset(dataset, kinds == "")
+    key = config.group or coarsest_group(known.trials)
+    split = by_group(known, config.target, key, config.folds, config.seed)
+    windows, grasps = [], []
+    for number, fold in enumerate(split.folds, 1):
+        assert isinstance(fold, TrialFold)
+        one = _one_fold(dataset, np.flatnonzero(kinds == ""), kinds, fold, key, config)
+        windows.append(one[0])
+        grasps.append(one[1])
+        on_step(f"{config.target} · {fold.name} ({number} of {len(split.folds)})")
+    return result_of(config.target, split.name, join_scored(windows), join_scored(grasps))
+
+
+def leave_each_out(
+    dataset: Dataset, config: UnknownConfig, on_step: Callable[[str], None] = lambda _: None
+) -> tuple[dict[str, UnknownResult], dict[str, str]]:
+    """Leave each class out of the training in turn.
+
+    Returns:
+        Class → how well it is found unknown, and class → why that could not be measured.
+
+    Raises:
+        BadInput: There are fewer than three classes, or none can be left out.
+    """
+    classes = dataset.classes(config.target)
+    if len(classes) < 3:
+        raise BadDataset(
+            "at least three classes, so that two are left to learn", f"{len(classes)}",
+            "name values that are never learned instead",
+        )  # fmt: skip
+    found: dict[str, UnknownResult] = {}
+    refused: dict[str, str] = {}
+    for name in classes:
+        kinds = kinds_of(dataset, config.target, [name])
+        try:
+            found[name] = find_unknown(
+                dataset, kinds, config,
+                lambda line, name=name: on_step(f"without {name} · {line}"),  # type: ignore[misc]
+            )  # fmt: skip
+        except BadInput as error:
+            if len(refused) == len(classes) - 1:
+                raise
+            refused[name] = str(error)
+    return found, refused
+
+
+def _subset(dataset: Dataset, trials: NDArray[np.bool_]) -> Dataset:
+    index = np.cumsum(trials) - 1
+    kept = trials[dataset.trial]
+    return replace(
+        dataset,
+        windows=dataset.windows[kept],
+        trial=index[dataset.trial[kept]].astype(np.intp),
+        trials=tuple(one for one, own in zip(dataset.trials, trials, strict=True) if own),
+    )
+
+
+def _one_fold(
+    dataset: Dataset,
+    known: NDArray[np.intp],
+    kinds: NDArray[np.str_],
+    fold: TrialFold,
+    key: str,
+    config: UnknownConfig,
+) -> tuple[Scored, Scored]:
+    """Fit on a fold's known trials; score its known test trials and the unknown of other groups."""
+    groups = dataset.group(key)
+    training = np.zeros(len(dataset.trials), bool)
+    training[known[sorted(fold.train)]] = True
+    tested = np.zeros(len(dataset.trials), bool)
+    tested[known[sorted(fold.test)]] = True
+    unknown = (kinds != "") & (kinds != "-")
+    tested |= unknown & ~np.isin(groups, groups[training])
+    labels = np.array([trial.labels[config.target] for trial in dataset.trials])
+    classes = sorted(set(labels[training]))
+    train, test = (np.flatnonzero(own[dataset.trial]) for own in (training, tested))
+    y = np.searchsorted(classes, labels[dataset.trial[train]])
+    job = Job(model=config.model, target=config.target, train=config.train)
+    learned, windows = dataset.windows[train], dataset.windows[test]
+    fitted = fit_model(learned, y, len(classes), dataset.sensor.full_scale, job)
+    p = fitted.probabilities(windows.values, windows.mask)
+    scaled = fitted.scaling.apply(windows.values, windows.mask)
+    test_of = Strangeness(
+        fit_unknown(dataset, config.target, fitted.scaling, config.rejected, training)
+    )
+    strange = np.array([
+        test_of.of_window(one[own]) for one, own in zip(scaled, windows.mask, strict=True)
+    ])  # fmt: skip
+    p_window = np.array([test_of.p_window(own) for own in strange.tolist()])
+    owner = dataset.trial[test]
+    trial, _, joined = by_trial(owner, np.zeros(len(owner), np.intp), p)
+    means, counts = _means(strange, owner)
+    p_grasp = np.array([
+        test_of.p_contact(own, int(n)) for own, n in zip(means.tolist(), counts, strict=True)
+    ])  # fmt: skip
+    trivial = _trivial(fitted.scaling.apply(learned.values, learned.mask), scaled)
+    names = np.array(classes)
+    each = [
+        Scored(
+            index=index,
+            kind=kinds[rows],
+            group=groups[rows],
+            scores={
+                OURS: _ranked(p_known, own_strange),
+                "max softmax": 1.0 - probability.max(axis=1),
+                **own_trivial,
+            },
+            told_unknown=p_known <= config.rejected,
+            truth=labels[rows],
+            answer=names[probability.argmax(axis=1)],
+        )
+        for index, rows, p_known, own_strange, probability, own_trivial in (
+            (test, owner, p_window, strange, p, trivial),
+            (trial, trial, p_grasp, means, joined,
+             {name: _means(own[:, None], owner)[0][:, 0] for name, own in trivial.items()}),
+        )
+    ]  # fmt: skip
+    return each[0], each[1]
+
+
+def _ranked(p: NDArray[np.float64], strange: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return what a user is told, p, as a score; where p has come to its end, by strangeness."""
+    return np.asarray(-p + 1e-9 * np.clip(strange.max(axis=1), -1e4, 1e4))
+
+
+def _means(
+    values: NDArray[np.float64], owner: NDArray[np.intp]
+) -> tuple[NDArray[np.float64], NDArray[np.intp]]:
+    """Return the mean over each trial's windows, trials in order, and their numbers."""
+    _, index, count = np.unique(owner, return_inverse=True, return_counts=True)
+    total = np.zeros((len(count), values.shape[1]))
+    np.add.at(total, index, values)
+    return total / count[:, None], count.astype(np.intp)
+
+
+def _trivial(
+    train: NDArray[np.float32], test: NDArray[np.float32]
+) -> dict[str, NDArray[np.float64]]:
+    """Return the scores that need no learning, each of shape (n,)."""
+    level = test.mean(axis=(1, 2), dtype=float)
+    usual = train.mean(axis=(1, 2), dtype=float)
+    near = NearestNeighbors(n_neighbors=1).fit(train.reshape(len(train), -1))
+    distance, _ = near.kneighbors(test.reshape(len(test), -1))
+    return {
+        "weak touch": -level,
+        "unusual level": np.abs(level - usual.mean()),
+        "1-NN on raw windows": np.asarray(distance[:, 0], float),
+    }

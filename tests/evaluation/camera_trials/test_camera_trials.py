@@ -1,0 +1,364 @@
+"""Somebody else's camera trials: read in place, judged beside what is trivial, told live."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from trial_makers import as_avi, as_folder, as_mp4, trial_images, write_trials
+
+import taxel.training.trial_blend as blending
+from taxel.bundles.engine import open_engine
+from taxel.bundles.trials import IN_RUN
+from taxel.cli.evaluate_trials import EvaluateTrials
+from taxel.cli.live_trials import live_trials
+from taxel.cli.train_trials import TrainTrials
+from taxel.cli.trial_data import TrialOptions
+from taxel.decisions.recognition import UNKNOWN
+from taxel.errors import BadBundle, BadDataset, BadInput, BadSplit, BadTable
+from taxel.evaluation.camera_trials.crossval import (
+    BAR,
+    OURS,
+    TrialSet,
+    contenders_for,
+    difference,
+    judge_trials,
+    thumbs,
+)
+from taxel.evaluation.camera_trials.sides import split_by_table, split_trials
+from taxel.evaluation.camera_trials.trial_set import load_trial_set
+from taxel.recordings.video_rows import read_video_rows
+from taxel.recordings.videos import import_videos
+from taxel.training.trial_blend import MEMBERS, Learning, fit_blend, weigh
+from taxel.training.trial_features import TrialRows
+from taxel.training.trial_novelty import Novelty, novelty_threshold
+from taxel.training.trial_onnx import blend_to_onnx
+from taxel.windows.camera_trials import are_camera_trials, read_camera_trials
+from taxel.windows.trial_crops import (
+    FAMILIES,
+    PIXELS,
+    STATISTICS,
+    Layout,
+    Scene,
+    choose_layout,
+    look_at,
+    numbers_of,
+    row_of,
+)
+
+
+@pytest.fixture(autouse=True)
+def _small(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Few and small members: tests look at wiring, not at accuracy."""
+    monkeypatch.setattr(blending, "TREES", 12)
+    monkeypatch.setattr(blending, "INNER_TREES", 6)
+    monkeypatch.setattr(fit_blend, "__defaults__", (MEMBERS[:2], lambda line: None))
+
+
+def some_trials(
+    trials: int = 24, places: int = 3, lengths: tuple[int, int] = (60, 30), classes: int = 2
+) -> TrialSet:
+    """Trials whose classes show in the mean grey difference, and in length where they differ."""
+    rng = np.random.default_rng(0)
+    y = np.arange(trials) % classes
+    trial = np.repeat(np.arange(trials), places)
+    pixels = rng.normal(size=(len(trial), 2 * STATISTICS * len(PIXELS))).astype(np.float32)
+    pixels[:, numbers_of("pixels", ("step", "since"), 2)[:6]] += 3.0 * y[trial][:, None]
+    stills = rng.normal(size=(len(trial), 12)).astype(np.float32)
+    return TrialSet(
+        target="kind",
+        classes=tuple("abc"[:classes]),
+        y=y.astype(np.intp),
+        names=tuple(f"t{i}" for i in range(trials)),
+        groups=tuple({"object": f"o{i // 4}", "turn": str(i % 4)} for i in range(trials)),
+        lengths=np.where(y == 0, *lengths).astype(np.intp),
+        cameras=2,
+        layout=Layout(20, places),
+        cut=TrialRows(
+            rows={"pixels": pixels, "stills": stills},
+            shown={"stills": rng.normal(size=(len(trial), 3, 2, 180)).astype(np.float32)},
+            trial=trial,
+            place=np.tile(np.arange(places), trials),
+        ),
+    )
+
+
+def test_a_set_goes_from_a_table_to_a_live_verdict_without_glue(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Table → train → bundle → evaluate → live; live, at a trial's end, is what evaluate says."""
+    table = write_trials(tmp_path / "a", objects=3, each=4, frames=14, write=as_avi)
+    options = TrialOptions(fold_count=3, cache=tmp_path / "cache", split="group:object")
+    TrainTrials(trials=table, output=tmp_path / "run", options=options, json=True).run()
+    told = json.loads(capsys.readouterr().out)
+    assert told["target"] == "slipped"
+    assert told["classes"] == ["0", "1"]
+    assert (told["crop"], told["crops_a_trial"]) == (14, 1)
+    assert told["rows"][0]["trials"]["trials"] == 12
+    assert told["differences"][0]["other"] == BAR.name
+    assert told["parity"] < 1e-4
+
+    import_videos(read_video_rows(table, table.parent), tmp_path / "imported")
+    bundle = tmp_path / "run" / IN_RUN
+    EvaluateTrials(trials=bundle, data=tmp_path / "imported", json=True).run()
+    offline = json.loads(capsys.readouterr().out)
+    live_trials(bundle, str(tmp_path / "imported"), None, 0.5, quiet=True, as_json=True)
+    live = json.loads(capsys.readouterr().out)
+    assert [t["verdict"] for t in live["trials"]] == [v["verdict"] for v in offline["verdicts"]]
+    assert [t["confidence"] for t in live["trials"]] == pytest.approx(
+        [v["confidence"] for v in offline["verdicts"]], abs=1e-6
+    )
+    assert live["marked"] == 12
+
+
+def test_a_verdict_is_unknown_before_a_crop_and_builds_up(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """UNKNOWN until a crop is full; then each half crop adds one; the last rests on three."""
+    table = write_trials(tmp_path / "a", objects=2, each=4, frames=26, shorter=14, write=as_avi)
+    options = TrialOptions(fold_count=2, cache=tmp_path / "cache")
+    TrainTrials(trials=table, output=tmp_path / "run", options=options, check=False).run()
+    capsys.readouterr()
+    live_trials(tmp_path / "run" / IN_RUN, str(table), None, 0.0, quiet=False, as_json=False)
+    first = capsys.readouterr().out.splitlines()
+    assert "UNKNOWN" in first[1]
+    assert "1 of the 12 frames" in first[1]
+    own = first[1 : next(i for i, line in enumerate(first[1:], 1) if line.endswith(":"))]
+    assert [line.split("(")[1].split()[0] for line in own if "crop" in line][-1] == "3"
+
+
+@pytest.mark.parametrize("write", [as_avi, as_mp4, as_folder])
+def test_videos_and_folders_of_images_are_read_in_place(tmp_path: Path, write) -> None:
+    """All frames, in the order of their numbers, and nothing is copied."""
+    table = write_trials(tmp_path, objects=2, each=1, frames=11, cameras=2, write=write)
+    before = sorted(tmp_path.rglob("*"))
+    assert are_camera_trials(table)
+    trials = read_camera_trials(table)
+    assert [trial.frames for trial in trials] == [11, 11]
+    assert trials[0].cameras == ("left", "right")
+    true = trial_images(False, 11, 1, 90)
+    shown = trials[0].images(1, [2, 10])
+    for number in (2, 10):
+        assert np.abs(shown[number].astype(int) - true[number]).mean() < 12
+    assert sorted(tmp_path.rglob("*")) == before
+    assert trials[0].digest != trials[1].digest
+
+
+def test_imported_and_in_place_trials_hold_the_same_labels(tmp_path: Path) -> None:
+    table = write_trials(tmp_path / "a", objects=2, each=2, frames=12, test_objects=1)
+    import_videos(read_video_rows(table, table.parent), tmp_path / "b")
+    assert are_camera_trials(tmp_path / "b")
+    pairs = zip(read_camera_trials(table), read_camera_trials(tmp_path / "b"), strict=True)
+    for own, other in pairs:
+        assert dict(own.labels) == dict(other.labels)
+        assert own.groups["split"] == other.groups["split"]
+        assert own.frames == other.frames
+
+
+def test_a_table_of_arrays_is_no_table_of_camera_trials(tmp_path: Path) -> None:
+    (tmp_path / "a.csv").write_text("file,channels\nx.csv,a[V]\n")
+    assert not are_camera_trials(tmp_path / "a.csv")
+    assert not are_camera_trials(tmp_path)
+
+
+def test_a_side_of_no_name_is_refused(tmp_path: Path) -> None:
+    (tmp_path / "t.csv").write_text("left,label:x,split\na.avi,1,dev\n")
+    with pytest.raises(BadTable, match="train, validation, test"):
+        read_camera_trials(tmp_path / "t.csv")
+
+
+def test_the_crop_fits_the_shortest_trial_and_equal_trials_have_one() -> None:
+    assert choose_layout([21, 21, 21]) == Layout(21, 1)
+    assert choose_layout([49, 450]) == Layout(48, 3)
+    assert choose_layout([30, 90]) == Layout(30, 3)
+    assert Layout(20, 3).starts(100) == [0, 40, 80]
+    assert Layout(21, 1).starts(21) == [0]
+    with pytest.raises(BadInput, match="--crop of 8 to 30"):
+        choose_layout([30, 90], 31)
+    with pytest.raises(BadDataset, match="at least 8 frames"):
+        choose_layout([5, 90])
+
+
+def test_a_crop_gives_the_same_numbers_wherever_it_was_cut() -> None:
+    images = trial_images(True, 20, 0, 100)
+    whole = row_of(look_at(tuple(FAMILIES), [Scene(images[4:14], 25.0, 0.065)]))
+    alone = row_of(look_at(tuple(FAMILIES), [Scene(list(images[4:14]), 25.0, 0.065)]))
+    for name in FAMILIES:
+        assert np.array_equal(whole[name], alone[name])
+        assert np.isfinite(whole[name]).all()
+
+
+def test_which_camera_is_left_does_not_matter() -> None:
+    scenes = [Scene(trial_images(slips, 10, 1, 100), 25.0, 0.065) for slips in (True, False)]
+    one, other = (row_of(look_at(("pixels", "stills"), s)) for s in (scenes, scenes[::-1]))
+    assert all(np.array_equal(one[name], other[name]) for name in one)
+
+
+def test_no_object_stands_on_both_sides_and_each_is_tested_once() -> None:
+    trials = some_trials()
+    split = split_trials(trials.groups, trials.y, "group:object", 3, 0)
+    assert split.name == "object held out"
+    objects = np.array([own["object"] for own in trials.groups])
+    for sides in split.sides:
+        assert not set(objects[sides.train]) & set(objects[sides.test])
+    assert sorted(np.concatenate([s.test for s in split.sides])) == list(range(24))
+
+
+def test_test_trials_given_by_a_column_are_the_default() -> None:
+    trials = some_trials()
+    groups = [{**own, "split": "test" if i >= 16 else "train"}
+              for i, own in enumerate(trials.groups)]  # fmt: skip
+    split = split_trials(groups, trials.y, None, 5, 0)
+    assert split.name == "test trials given"
+    assert split.group == "object"
+    assert split.sides[0].test.tolist() == list(range(16, 24))
+
+
+def test_a_table_of_folds_is_followed(tmp_path: Path) -> None:
+    trials = some_trials()
+    path = tmp_path / "folds.csv"
+    lines = [f"o{i},{'train' if i < 3 else 'validation' if i == 3 else 'test'}" for i in range(6)]
+    path.write_text("group:object,side\n" + "\n".join(lines) + "\n")
+    split = split_by_table(trials.names, trials.groups, trials.y, path)
+    assert split.group == "object"
+    assert split.sides[0].train.tolist() == list(range(16))
+    assert split.sides[0].test.tolist() == list(range(16, 24))
+    path.write_text("recording,side\nt0,train\nt1,train\nnone,test\n")
+    with pytest.raises(BadSplit, match="'none'"):
+        split_by_table(trials.names, trials.groups, trials.y, path)
+
+
+@pytest.mark.parametrize("text", ["objects", "group:nothing", "order:object:3", "split"])
+def test_a_split_that_cannot_be_is_refused_in_one_line(text: str) -> None:
+    trials = some_trials()
+    with pytest.raises(BadSplit) as caught:
+        split_trials(trials.groups, trials.y, text, 3, 0)
+    assert "\n" not in str(caught.value)
+
+
+def test_controls_see_what_they_are_named_for() -> None:
+    """Length tells where lengths differ; a first frame without information does not."""
+    trials = some_trials()
+    split = split_trials(trials.groups, trials.y, "group:object", 3, 0)
+    results = judge_trials(trials, split, 0, contenders_for(trials)[1:])
+    by_name = {one.name: one.whole for one in results}
+    assert by_name["control: the trial's length"].auc == 1.0
+    assert by_name["control: the crop's first frame, 8×6 grey"].auc < 0.9
+    assert by_name["control: the commonest class"].accuracy == 0.5
+    assert by_name[BAR.name].accuracy > 0.9
+    assert thumbs(trials).shape == (72, 2 * 48)
+
+
+def test_identical_crops_and_equal_lengths_are_not_judged_again() -> None:
+    names = [one.name for one in contenders_for(some_trials(places=1, lengths=(20, 20)))]
+    assert not [name for name in names if "length" in name or "crop's" in name]
+    trials = some_trials(places=1, lengths=(20, 20))
+    split = split_trials(trials.groups, trials.y, "group:object", 3, 0)
+    assert judge_trials(trials, split, 0, (BAR,))[0].places == ()
+
+
+def test_a_difference_to_itself_is_nothing_and_has_an_interval_around_it() -> None:
+    trials = some_trials()
+    split = split_trials(trials.groups, trials.y, "group:object", 3, 0)
+    ours, bar = judge_trials(trials, split, 0, (OURS, BAR))
+    same = difference(trials, split, ours, ours)
+    assert (same.accuracy, same.auc, same.loss) == (0.0, 0.0, 0.0)
+    assert same.accuracy_interval == (0.0, 0.0)
+    other = difference(trials, split, ours, bar)
+    low, high = other.loss_interval
+    assert low <= other.loss <= high
+
+
+def test_nothing_of_a_test_trial_reaches_training() -> None:
+    """Test trials with other labels and rows leave the predictions on others unchanged."""
+    trials = some_trials()
+    split = split_trials(trials.groups, trials.y, "group:object", 3, 0)
+    one = replace(split, sides=split.sides[:1])
+    held = one.sides[0].test
+    before = judge_trials(trials, one, 0, (OURS,))[0].probabilities[held]
+    y = trials.y.copy()
+    y[held] = 1 - y[held]
+    after = judge_trials(replace(trials, y=y), one, 0, (OURS,))[0].probabilities[held]
+    assert np.array_equal(before, after)
+
+
+@pytest.mark.parametrize("classes", [2, 3])
+def test_the_exported_blend_gives_what_the_trained_one_gives(classes: int) -> None:
+    trials = some_trials(classes=classes)
+    learning = trials.learning(trials.rows, "object")
+    blend = fit_blend(learning, trials.cameras, trials.widths, 0, MEMBERS)
+    model = open_engine(blend_to_onnx(blend, learning.rows.shape[1]))
+    told = model.run(rows=learning.rows)
+    assert told[:, :-1] == pytest.approx(blend.crops(learning.rows), abs=1e-5)
+    assert told[:, -1] == pytest.approx(blend.novelty.measure(learning.rows), abs=1e-3)
+
+
+def test_weights_favour_the_member_that_is_right_and_sum_to_one() -> None:
+    y = np.arange(40) % 2
+    good = np.where(y[:, None] == [0, 1], 0.9, 0.1)
+    blind = np.full((40, 2), 0.5)
+    weights = weigh(np.stack([blind, good], axis=1), y, np.ones(2))
+    assert weights.sum() == pytest.approx(1.0)
+    assert weights[1] > 0.7
+
+
+def test_what_is_far_from_all_learned_is_novel() -> None:
+    rows = np.random.default_rng(0).normal(size=(60, 5)).astype(np.float32)
+    novelty = Novelty.of(rows)
+    assert novelty.measure(rows + 50.0).min() > novelty.measure(rows).max()
+
+
+def test_the_threshold_rejects_the_stated_share_of_trials_held_out() -> None:
+    held: NDArray[np.float64] = np.arange(1.0, 100.0)
+    assert novelty_threshold(held, 0.05) == 95.0
+    assert novelty_threshold(held[:5], 0.05) == np.inf
+
+
+def test_a_damaged_bundle_is_refused(tmp_path: Path) -> None:
+    table = write_trials(tmp_path / "a", objects=2, each=2, frames=8)
+    options = TrialOptions(fold_count=2, cache=tmp_path / "cache")
+    TrainTrials(trials=table, output=tmp_path / "run", options=options, check=False).run()
+    path = tmp_path / "run" / IN_RUN
+    data = bytearray(path.read_bytes())
+    data[len(data) // 2] ^= 1
+    path.write_bytes(bytes(data))
+    with pytest.raises(BadBundle):
+        EvaluateTrials(trials=path, data=table).run()
+
+
+def test_a_label_that_is_missing_or_of_one_class_is_refused(tmp_path: Path) -> None:
+    table = write_trials(tmp_path / "a", objects=1, each=1, frames=8)
+    trials = read_camera_trials(table)
+    with pytest.raises(BadDataset, match="labels are slipped"):
+        load_trial_set(trials, "outcome", tmp_path)
+    with pytest.raises(BadDataset, match="two or more classes"):
+        load_trial_set(trials, "slipped", tmp_path)
+
+
+def test_learning_from_some_trials_numbers_them_anew() -> None:
+    learning = Learning(
+        np.arange(8, dtype=np.float32)[:, None], np.repeat(np.arange(4), 2),
+        np.array([0, 1, 0, 1]), np.array(list("aabb")), 2,
+    )  # fmt: skip
+    part = learning.part(np.array([1, 3]))
+    assert part.trial.tolist() == [0, 0, 1, 1]
+    assert part.rows[:, 0].tolist() == [2, 3, 6, 7]
+    assert part.groups.tolist() == ["a", "b"]
+
+
+def test_unknown_is_said_of_a_trial_shorter_than_a_crop(tmp_path: Path) -> None:
+    from taxel.bundles.trials import read_trial_bundle
+    from taxel.live.trial_watch import tell_trials
+
+    table = write_trials(tmp_path / "a", objects=2, each=2, frames=10)
+    options = TrialOptions(fold_count=2, cache=tmp_path / "cache")
+    TrainTrials(trials=table, output=tmp_path / "run", options=options, check=False).run()
+    short = write_trials(tmp_path / "b", objects=1, each=1, frames=8)
+    bundle = read_trial_bundle(tmp_path / "run" / IN_RUN)
+    verdict = next(tell_trials(bundle, read_camera_trials(short)))
+    assert verdict.label == UNKNOWN
+    assert "fewer than a crop" in verdict.reason

@@ -1,0 +1,55 @@
+"""Claims about precisions: what is compared is one head; 8-bit features stay close to it."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from taxel.bundles.engine import EngineName, Precision
+from taxel.evaluation.transitions.data import cup_folds, load_pours
+from taxel.evaluation.transitions.precisions import compare_precisions
+from taxel.training.extractors import BackboneExtractor, open_backbone
+from taxel.training.heads import HeadConfig
+from taxel.training.quantising import calibration_frames
+from taxel.windows.pours import Pour, read_pours
+
+EDGE = "edge"
+
+
+def test_calibration_frames_come_from_all_recordings_and_both_cameras(few_pours: Path) -> None:
+    pours = read_pours(few_pours)
+    frames = calibration_frames(pours, 24)
+    assert len(frames) == 24
+    assert len({frame.tobytes() for frame in frames}) > 20
+
+
+def test_the_first_way_loses_nothing_and_the_others_are_told_apart(
+    few_pours: Path, tmp_path: Path
+) -> None:
+    pytest.importorskip("nncf")
+    pytest.importorskip("openvino")
+    pours = load_pours(few_pours, "change", tmp_path)
+    calibrated: list[set[str]] = []
+
+    def open_way(engine: EngineName, precision: Precision, training: object) -> BackboneExtractor:
+        assert isinstance(training, list)
+        recordings: list[Pour] = training
+        calibrated.append({pour.groups["cup"] for pour in recordings})
+        frames = calibration_frames(recordings, 8) if precision == "int8" else ()
+        return open_backbone(EDGE, engine=engine, precision=precision, calibration=frames)
+
+    ways: list[tuple[EngineName, Precision]] = [
+        ("onnxruntime", "f32"), ("openvino", "f32"), ("onnxruntime", "int8"),
+    ]  # fmt: skip
+    fold = cup_folds(pours.groups("cup"))[-1]
+    head = HeadConfig(head="lstm", frames=4, epochs=2)
+
+    first, second, small = compare_precisions(pours, fold, head, open_way, ways, tmp_path)
+
+    assert (first.lost, first.differ, first.largest_difference) == (0.0, 0.0, 0.0)
+    assert second.largest_difference < 1e-4
+    assert 0.0 < small.largest_difference < 0.5
+    assert fold.name not in set().union(*calibrated)
+    windows = sum(len(pours.labels[i]) - head.frames + 1 for i in fold.test)
+    assert {row.windows for row in (first, second, small)} == {windows}
+    assert np.isfinite([row.step_ms for row in (first, second, small)]).all()

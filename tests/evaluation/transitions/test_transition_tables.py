@@ -1,0 +1,54 @@
+"""Claims about the paper's tables: every row is there, and no cup stands on both sides."""
+
+import numpy as np
+import pytest
+
+from taxel.errors import BadDataset
+from taxel.evaluation.transitions.data import Fold, Judged, cup_folds
+from taxel.evaluation.transitions.tables import plan_rows, score_windows
+
+PAPER = ("densenet121", "efficientnet-b0", "resnet50", "resnet101")
+
+
+def test_every_published_row_is_planned() -> None:
+    """Table 1 has eight rows, Table 2 three and Table 3 ten, with their published accuracies."""
+    plans = plan_rows(PAPER)
+    published = {
+        table: sorted(p.published for p in plans if table in p.tables and p.published is not None)
+        for table in (1, 2, 3)
+    }
+    assert published[1] == [87.29, 90.61, 91.71, 92.27, 95.58, 96.13, 96.69, 98.90]
+    assert published[2] == [95.03, 97.24, 98.90]
+    assert len(published[3]) == 10
+    assert len({(p.model, p.frames) for p in plans}) == len(plans)
+
+
+def test_a_cup_is_never_on_both_sides() -> None:
+    cups = np.array(["a", "b", "a", "c", "b"])
+    folds = cup_folds(cups)
+    assert [fold.name for fold in folds] == ["a", "b", "c"]
+    for fold in folds:
+        assert not set(cups[fold.train]) & set(cups[fold.test])
+        assert len(fold.train) + len(fold.test) == 5
+    with pytest.raises(BadDataset, match="at least two"):
+        cup_folds(np.array(["a", "a"]))
+
+
+def judged(right: int, of: int) -> Judged:
+    labels = np.zeros(of, np.int8)
+    labels[: of // 2] = 1
+    found = labels.astype(np.float32)
+    found[: of - right] = 1 - found[: of - right]
+    return Judged(Fold("x", np.arange(0), np.arange(1)), (found,), (labels,))
+
+
+def test_one_fold_has_a_binomial_interval() -> None:
+    scores = score_windows([judged(95, 100)])
+    assert scores.accuracy == 0.95
+    assert scores.interval == pytest.approx((0.888, 0.978), abs=0.002)  # Wilson
+
+
+def test_several_folds_have_an_interval_over_folds() -> None:
+    scores = score_windows([judged(100, 100), judged(60, 100)])
+    assert scores.accuracy == 0.8
+    assert scores.interval == (0.6, 1.0)
