@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from taxel.decisions.joining import Joining
 from taxel.decisions.recognition import UNKNOWN, Decision, GraspVote, RecogniseConfig, decide
 
 CLASSES = ("a", "b")
@@ -50,6 +51,22 @@ def test_a_contact_is_told_by_all_its_windows() -> None:
     odds = (0.4 * 0.9 * 0.4 / (0.6 * 0.1 * 0.6)) ** (1 / 3)
     assert label == "b"
     assert confidence == pytest.approx(odds / (1 + odds))
+
+
+def test_a_bundle_may_say_that_more_windows_make_a_contact_surer() -> None:
+    """Four windows of 0.6, power 1 and strength 0.5: odds 1.5² in place of 1.5."""
+    plain, sure = GraspVote(CLASSES, 0.5), GraspVote(CLASSES, 0.5, joining=Joining(1.0, 0.5))
+    for number in range(4):
+        decision = at("a", [0.6, 0.4], 0.1 * number)
+        label, confidence = plain.add(decision)
+        surer_label, surer = sure.add(decision)
+
+    assert (label, surer_label) == ("a", "a")
+    assert confidence == pytest.approx(0.6)
+    assert surer == pytest.approx(1.5**2 / (1 + 1.5**2))
+    assert sure.emptied().add(at("a", [0.6, 0.4], 0.0))[1] == pytest.approx(
+        1.5**0.5 / (1 + 1.5**0.5)
+    )
 
 
 def test_a_new_contact_starts_anew() -> None:

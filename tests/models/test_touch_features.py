@@ -70,6 +70,45 @@ def test_the_strongest_frequency_stands_out_of_the_spectrum():
     assert found[0] > found[2] + 5
 
 
+def test_a_long_window_is_seen_by_averages_of_its_rows():
+    """1,200 rows are 400 averages of three; what changes from row to row is still seen."""
+    slow = RNG.normal(size=(3, 400, 2)).astype(np.float32)
+    quick = np.tile([1.0, 0.0, -1.0], 400).astype(np.float32)[None, :, None]
+    long = slow.repeat(3, axis=1) + quick
+    mask = np.ones((3, 1200), bool)
+
+    means = compute_features(("statistics",), (0, 0), long, mask)
+    octaves = compute_features(("octaves",), (0, 0), long, mask)
+
+    np.testing.assert_allclose(
+        means, compute_features(("statistics",), (0, 0), slow, mask[:, ::3]), rtol=1e-4, atol=1e-5
+    )
+    still = compute_features(("octaves",), (0, 0), slow.repeat(3, axis=1), mask)
+    assert (octaves[:, :2] > still[:, :2] + 0.5).all()
+
+
+@pytest.mark.parametrize("steps", [24, 75, 1300])
+def test_channels_that_stand_still_give_the_same_live_as_offline(steps: int):
+    """A mean that is rounded otherwise must not become a feature: counts, volts, NaN-free."""
+    level = np.array([0.1, 7.2, 30_000.1, 0.0], np.float32)
+    values = np.broadcast_to(level, (8, steps, 4)).copy()
+    values[4:, steps // 2 :] += np.float32(0.3)
+    mask = np.ones((8, steps), bool)
+    blocks = fitting_blocks(tuple(name for name in BLOCKS if name != "rows"), steps, 4)
+    features = compute_features(blocks, (0,) * 4, values, mask)
+    y = np.arange(8) // 4
+    head = fit_head(Candidate("trees", "extra-trees", "all", 1), features, y, 2)
+    whole = Classifier((Blend(Plan(steps, (0,) * 4, 2, (Part("trees", blocks),)), (head,),
+                              (1.0,), (1.0,)),)).eval()  # fmt: skip
+
+    engine = open_engine(export_onnx(whole, steps, 4))
+    found = engine.run(values=values, mask=mask)
+
+    with torch.inference_mode():
+        wanted = whole(torch.from_numpy(values), torch.from_numpy(mask)).numpy()
+    np.testing.assert_allclose(found, wanted, atol=1e-6)
+
+
 def test_one_row_has_the_blocks_of_one_row_only():
     assert fitting_blocks(("rows", "shape", f"{UNIT}rows"), 1, 24) == ("rows", f"{UNIT}rows")
 

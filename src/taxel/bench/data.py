@@ -16,11 +16,12 @@ from pathlib import Path
 from taxel.bench.data_tables import import_biotac, import_fabric
 from taxel.bench.rows import Row, missing, row
 from taxel.evaluation.bars import BARS
-from taxel.evaluation.expert import MINUTES, MOST_MB, MOST_US, Expert, train_expert
+from taxel.evaluation.expert import MINUTES, Expert, train_expert
 from taxel.evaluation.nested import Nested
 from taxel.evaluation.outer_split import OuterSplit
 from taxel.recordings.importing import import_rows
 from taxel.recordings.known import glove_rows, icub_rows
+from taxel.training.choose.limits import MOST_MB, MOST_US
 
 Measure = Callable[[], list[Row]]
 Import = Callable[[Path, Path, Path], None]

@@ -16,6 +16,7 @@ from typing import Any, get_args
 import numpy as np
 from numpy.typing import NDArray
 
+from taxel.decisions.joining import MEAN, Joining
 from taxel.decisions.unknown import Unknown, unknown_from_json, unknown_to_json
 from taxel.errors import BadBundle, BadFile
 from taxel.foreign.json_text import Fields, parse_json
@@ -67,6 +68,9 @@ class Contract:
     learned: tuple[str, ...] = ()
     """A fingerprint of each training recording, see `fingerprint_of`, sorted; empty where it is
     not known, as in bundles of before."""
+
+    joining: Joining = MEAN
+    """How sure the windows of a contact are together; bundles of before take the mean."""
 
     def check_sensor(self, sensor: SensorInfo) -> None:
         """Refuse a sensor that this bundle was not made for.
@@ -193,7 +197,12 @@ def _contract(data: Any) -> Contract:
         reference=_reference(given.fields("reference"), n) if "reference" in given else None,
         unknown=_unknown(given.any("unknown"), n) if "unknown" in given else None,
         learned=given.texts("learned") if given.any("learned") != () else (),
+        joining=_joining(given.any("joining")),
     )
+
+
+def _joining(data: Any) -> Joining:
+    return data if isinstance(data, Joining) else record_of(Joining, data)
 
 
 def _window(data: Any) -> Any:

@@ -83,7 +83,7 @@ class Train:
     @property
     def _free(self) -> bool:
         """Whether the best is to be found: nothing of a recipe is named, nor asked for."""
-        named = self.model is not None or self.reject_novel is not None or self.split == "random"
+        named = self.model is not None or self.split == "random"
         return self.recipe.unnamed and not named
 
     def run(self) -> None:
@@ -100,6 +100,8 @@ class Train:
         return recipe.target
 
     def _find(self) -> None:
+        if self.reject_novel is not None:
+            check_share("--reject-novel", self.reject_novel)
         from taxel.cli.train_expert import ExpertOptions, train_default
 
         train_default(
@@ -107,6 +109,7 @@ class Train:
                 data=self.data, output=self.output, target=self.recipe.target, split=self.split,
                 folds=self.folds, test=self.test, fold_count=self.fold_count,
                 minutes=self.minutes, max_mb=self.max_mb, max_us=self.max_us, like=self.like,
+                reject_novel=self.reject_novel,
                 check=self.check, seed=self.recipe.checked_seed(), json=self.json,
             )
         )  # fmt: skip

@@ -35,6 +35,7 @@ class ExpertOptions:
     max_mb: float
     max_us: float
     like: Path | None
+    reject_novel: float | None
     check: bool
     seed: int = 0
     json: bool = False
@@ -68,6 +69,7 @@ def train_default(options: ExpertOptions) -> None:
                     minutes=options.minutes, most_mb=options.max_mb, most_us=options.max_us
                 ),
                 like=like,
+                reject_novel=options.reject_novel,
                 check=options.check and like is None,
                 seed=options.seed,
                 tries=tries_folder(output),

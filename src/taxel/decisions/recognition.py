@@ -11,6 +11,7 @@ from math import isfinite
 import numpy as np
 from numpy.typing import NDArray
 
+from taxel.decisions.joining import MEAN, Joining
 from taxel.decisions.unknown import Strangeness
 
 UNKNOWN = "UNKNOWN"
@@ -116,7 +117,8 @@ def _fault(
 
 
 class GraspVote:
-    """Join the windows of one contact: the mean of their log-probabilities decides.
+    """Join the windows of one contact: the mean of their log-probabilities decides, and how many
+    there are says how surely.
 
     Windows further apart than `gap_s` belong to different contacts. UNKNOWN
     windows do not vote, unless all are. Where the bundle tells the unknown, the
@@ -127,10 +129,15 @@ class GraspVote:
         classes: The answers' names.
         gap_s: Longest pause within a contact, seconds.
         test: The bundle's test for the unknown, if it has one.
+        joining: How sure windows are together; the mean unless the bundle says more.
     """
 
     def __init__(
-        self, classes: tuple[str, ...], gap_s: float, test: Strangeness | None = None
+        self,
+        classes: tuple[str, ...],
+        gap_s: float,
+        test: Strangeness | None = None,
+        joining: Joining = MEAN,
     ) -> None:
         self._classes = classes
         self._gap_s = gap_s
@@ -138,6 +145,7 @@ class GraspVote:
         self._count = 0
         self._end_s: float | None = None
         self._test = test
+        self._joining = joining
         self._strange = [0.0] * (len(test.labels) if test is not None else 0)
         self._tested = self._unmeasured = 0
         self.p_known = float("nan")
@@ -155,7 +163,7 @@ class GraspVote:
 
     def emptied(self) -> GraspVote:
         """Return such a vote in which no window has voted."""
-        return GraspVote(self.classes, self._gap_s, self._test)
+        return GraspVote(self.classes, self._gap_s, self._test, self._joining)
 
     def add(self, decision: Decision) -> tuple[str, float]:
         """Take in one decision; return the contact's answer so far and its confidence, 0…1."""
@@ -180,11 +188,10 @@ class GraspVote:
         # A contact of which no window was tested has p = NaN: it is not known either.
         if not self._count or (self._test is not None and not self.p_known > self._test.rejected):
             return UNKNOWN, float("nan")
-        voted = self._sum / self._count
-        weights = np.exp(voted - voted.max())
-        weights /= weights.sum()
-        best = int(weights.argmax())
-        return self._classes[best], float(weights[best])
+        mean = self._sum[None] / self._count
+        (found,) = self._joining.of_means(mean, np.array([float(self._count)]))
+        best = int(found.argmax())
+        return self._classes[best], float(found[best])
 
     def _p_contact(self, test: Strangeness) -> float:
         """Return p of the windows measured, times their share of all."""

@@ -175,7 +175,7 @@ def _votes(bundle: Bundle, dataset: Dataset, decisions: list[Decision]) -> NDArr
     """Return what all windows of each trial say together, shape (trials,)."""
     found = []
     for index in range(len(dataset.trials)):
-        vote = GraspVote(bundle.contract.classes, inf, bundle.strangeness)
+        vote = GraspVote(bundle.contract.classes, inf, bundle.strangeness, bundle.contract.joining)
         answer = UNKNOWN
         for i in np.flatnonzero(dataset.trial == index):
             answer, _ = vote.add(decisions[i])

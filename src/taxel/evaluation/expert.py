@@ -16,27 +16,29 @@ import numpy as np
 from taxel.bundles.contract import Contract
 from taxel.bundles.reader import read_bundle
 from taxel.bundles.writer import write_bundle
+from taxel.decisions.joining import Joining
+from taxel.decisions.unknown import Unknown
 from taxel.errors import BadInput
 from taxel.evaluation.nested import Nested, check_choosing
 from taxel.evaluation.outer_split import USUAL, OuterSplit
 from taxel.evaluation.splits import Split, TrialFold
 from taxel.models.blend import EXPERT, Blend
 from taxel.training.choose.budget import Budget
-from taxel.training.choose.candidates import Candidate
 from taxel.training.choose.choice import Choice
 from taxel.training.choose.fit_choice import fit_choice
 from taxel.training.choose.inner_folds import Held, what_is_held
 from taxel.training.choose.kept_tries import KeptTries
+from taxel.training.choose.limits import MOST_MB, MOST_US, fit_within
 from taxel.training.choose.preparations import Base, Prepared, load_base, prepare, prepare_all
 from taxel.training.choose.search import Found, choose
 from taxel.training.environment import Made, code_digest, environment
 from taxel.training.loop import TrainConfig
 from taxel.training.run import Run, contract_of
+from taxel.training.unknown import check_enough, fit_unknown
 from taxel.windows.scaling import Scaling
 
-MINUTES, MOST_MB, MOST_US = 5.0, 20.0, 2000.0
-"""Defaults: minutes to choose and train, megabytes of a bundle, microseconds a window. Source:
-issue 16."""
+MINUTES = 5.0
+"""Default: to choose and train. Source: issue 16."""
 TRYING = 0.75
 """Share of the minutes in which candidates are tried; in the rest what was chosen is trained and
 measured. Source: our choice, docs/decisions/0039."""
@@ -90,6 +92,7 @@ def train_expert(
     test: Path | None = None,
     limits: Limits = Limits(),
     like: Choice | None = None,
+    reject_novel: float | None = None,
     check: bool = True,
     bars: Sequence[str] = (),
     seed: int = 0,
@@ -106,6 +109,7 @@ def train_expert(
         test: Another folder, to test on only; then the outer fold is that.
         limits: Minutes, megabytes, microseconds.
         like: Repeat this choice, and choose nothing.
+        reject_novel: Share of known touch that may be rejected as novel, 0…1; none is unless given.
         check: Judge the way of choosing on the outer folds.
         bars: Bars to judge beside it.
         seed: Of all that is random.
@@ -123,9 +127,11 @@ def train_expert(
     own = base.own
     if split.leaves_unseen and len(folds.folds) == 1 and isinstance(folds.folds[0], TrialFold):
         own = sorted(folds.folds[0].train)
+    if reject_novel is not None:  # refused now, not after minutes
+        check_enough(len(own), len(target.split("+")), reject_novel)
     kept = KeptTries(tries, {"code": code_digest(), "software": environment(), "seed": seed})
     if like is not None:
-        return _repeat(base, like, own, seed, on_step)
+        return _repeat(base, like, own, reject_novel, seed, on_step)
     prepared = prepare_all(base)
     budget = Budget(TRYING * 60.0 * limits.minutes, len(folds.folds) * check + 1)
     on_step("choosing on all data")
@@ -135,9 +141,10 @@ def train_expert(
     nested = None
     if check:
         nested = check_choosing(
-            base, prepared, folds, budget, bars=bars, seed=seed, kept=kept, on_step=on_step
-        )
-    expert = _within(base, found, own, nested, limits, seed, on_step)
+            base, prepared, folds, budget, bars=bars, most_mb=limits.most_mb,
+            most_us=limits.most_us, seed=seed, kept=kept, on_step=on_step,
+        )  # fmt: skip
+    expert = _within(base, found, own, nested, limits, reject_novel, seed, on_step)
     kept.forget()
     bars_s = 0.0 if nested is None else nested.bars_s
     return replace(expert, tries_kept=kept.used, seconds=perf_counter() - started - bars_s)
@@ -147,7 +154,7 @@ def _held(base: Base, split: Split) -> Held:
     """Return what a split's first fold holds out."""
     fold = split.folds[0]
     assert isinstance(fold, TrialFold)
-    return what_is_held(base.trials, sorted(fold.train), sorted(fold.test))
+    return what_is_held(base.trials, base.y, sorted(fold.train), sorted(fold.test))
 
 
 def _within(
@@ -156,67 +163,76 @@ def _within(
     own: Sequence[int],
     nested: Nested | None,
     limits: Limits,
+    reject_novel: float | None,
     seed: int,
     on_step: Callable[[str], None],
 ) -> Expert:
     """Train on all data; leave out what makes the bundle too large or too slow."""
-    without: list[Candidate] = []
-    given_up: list[str] = []
-    whole = choice = found.choice()
-    while True:
-        on_step("training what was chosen on all data")
-        run, measured = _trained(base, found.part.prepared, choice, own, nested, seed)
-        fits = measured.mb <= limits.most_mb and measured.us <= limits.most_us
-        heavy = _heaviest(run, choice)
-        if fits or len(choice.members) == 1:
-            break
-        without.append(heavy)
-        choice = found.choice(without)
-        given_up.append(
-            f"{heavy.name}: {measured.mb:.1f} MB and {measured.us:.0f} µs with it; inner accuracy "
-            f"{whole.accuracy:.4f} → {choice.accuracy:.4f}"
-        )
-    return Expert(run=run, choice=choice, nested=nested, measured=measured,
-                  given_up=tuple(given_up), notes=base.dataset.notes)  # fmt: skip
-
-
-def _heaviest(run: Run, choice: Choice) -> Candidate:
-    """Return the member that holds most numbers."""
-    (blend,) = run.networks
-    assert isinstance(blend, Blend)
-    sizes = [sum(t.numel() for t in head.state_dict().values()) for head in blend.heads]
-    return choice.members[int(np.argmax(sizes))].candidate
+    on_step("training what was chosen on all data")
+    fitted = fit_within(found, own, most_mb=limits.most_mb, most_us=limits.most_us, seed=seed)
+    unknown = _novelty(base, found.part.prepared, own, reject_novel)
+    run, measured = _run_of(
+        base, found.part.prepared, fitted.blend, fitted.choice.joining, nested, unknown, seed
+    )
+    return Expert(run=run, choice=fitted.choice, nested=nested, measured=measured,
+                  given_up=fitted.given_up, notes=base.dataset.notes)  # fmt: skip
 
 
 def _repeat(
-    base: Base, like: Choice, own: Sequence[int], seed: int, on_step: Callable[[str], None]
+    base: Base,
+    like: Choice,
+    own: Sequence[int],
+    reject_novel: float | None,
+    seed: int,
+    on_step: Callable[[str], None],
 ) -> Expert:
     if like.target != base.target:
         raise BadInput(f"a choice for the label {base.target!r}", repr(like.target),
                        f"say --target {like.target}")  # fmt: skip
     on_step("cutting as chosen before")
     prepared = prepare(base, like.window, like.window.steps)
-    run, measured = _trained(base, prepared, like, own, None, seed)
+    blend = fit_choice(like, base, prepared, own, seed)
+    unknown = _novelty(base, prepared, own, reject_novel)
+    run, measured = _run_of(base, prepared, blend, like.joining, None, unknown, seed)
     return Expert(run=run, choice=like, nested=None, measured=measured, notes=base.dataset.notes)
 
 
-def _trained(
-    base: Base,
-    prepared: Prepared,
-    choice: Choice,
-    own: Sequence[int],
-    nested: Nested | None,
-    seed: int,
-) -> tuple[Run, Measured]:
-    blend = fit_choice(choice, base, prepared, own, seed)
+def _unscaled(prepared: Prepared) -> Scaling:
     channels = len(prepared.dataset.sensor.channels)
-    unscaled = Scaling(
+    return Scaling(
         kind="none", offset=np.zeros(channels, np.float32), factor=np.ones(channels, np.float32)
     )
+
+
+def _novelty(
+    base: Base, prepared: Prepared, own: Sequence[int], rejected: float | None
+) -> Unknown | None:
+    """Learn what is usual from windows that follow one another, as they do live."""
+    if rejected is None:
+        return None
+    rows = np.flatnonzero(prepared.scored & np.isin(prepared.trial, np.asarray(own, np.intp)))
+    whole = prepared.dataset
+    part = replace(whole, windows=whole.windows[rows], trial=whole.trial[rows])
+    return fit_unknown(part, base.target, _unscaled(prepared), rejected)
+
+
+def _run_of(
+    base: Base,
+    prepared: Prepared,
+    blend: Blend,
+    joining: Joining,
+    nested: Nested | None,
+    unknown: Unknown | None,
+    seed: int,
+) -> tuple[Run, Measured]:
+    """Return a trained blend as a run, and what its bundle costs."""
+    unscaled = _unscaled(prepared)
     accuracy = {} if nested is None else {nested.split: nested.scores.scores.accuracy}
     contract = replace(
         contract_of(prepared.dataset, base.target, EXPERT, (blend,), unscaled, accuracy),
-        window=choice.window,
+        window=prepared.config,
+        joining=joining,
+        unknown=unknown,
         parameters=sum(table.numel() for table in blend.state_dict().values()),
     )
     run = Run(

@@ -15,6 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from taxel.decisions.joining import Joining
 from taxel.errors import BadSplit
 from taxel.evaluation.bars import BARS, FEWEST_ROWS, bar_probabilities
 from taxel.evaluation.metrics import cross_entropy
@@ -22,9 +23,11 @@ from taxel.evaluation.run_scores import RunScores, judge
 from taxel.evaluation.splits import Split, TrialFold
 from taxel.training.choose.budget import Budget
 from taxel.training.choose.choice import Choice
-from taxel.training.choose.fit_choice import fit_choice, predict_blend
+from taxel.training.choose.fit_choice import predict_blend
 from taxel.training.choose.inner_folds import what_is_held
+from taxel.training.choose.joining import join
 from taxel.training.choose.kept_tries import KeptTries
+from taxel.training.choose.limits import MOST_MB, MOST_US, fit_within
 from taxel.training.choose.preparations import Base, Prepared
 from taxel.training.choose.search import choose
 from taxel.training.predictions import Predictions
@@ -72,6 +75,8 @@ def check_choosing(
     budget: Budget,
     *,
     bars: Sequence[str] = (),
+    most_mb: float = MOST_MB,
+    most_us: float = MOST_US,
     seed: int = 0,
     kept: KeptTries | None = None,
     on_step: Callable[[str], None] = lambda _: None,
@@ -84,6 +89,8 @@ def check_choosing(
         split: Folds of whole trials, by the indices of `base.trials`.
         budget: Shared among the folds, a share each.
         bars: Names in `BARS`, which see the windows that were chosen.
+        most_mb: Of a bundle: what is judged keeps to the limits of what is shipped.
+        most_us: Of one window on one core.
         seed: Of all that is random.
         kept: What an interrupted run had tried.
         on_step: Called with a line before each fit.
@@ -104,16 +111,14 @@ def check_choosing(
         def say(line: str, name: str = fold.name) -> None:
             on_step(f"{name} · {line}")
 
-        held = what_is_held(base.trials, train, test)
-        choice = choose(
-            base, prepared, train, held, budget, seed=seed, kept=kept, on_step=say
-        ).choice()
-        own = next(one for one in prepared if one.config == choice.window)
+        held = what_is_held(base.trials, base.y, train, test)
+        tried = choose(base, prepared, train, held, budget, seed=seed, kept=kept, on_step=say)
         say("training what was chosen")
-        blend = fit_choice(choice, base, own, train, seed)
+        fitted = fit_within(tried, train, most_mb=most_mb, most_us=most_us, seed=seed)
+        choice, own = fitted.choice, tried.part.prepared
         index = np.flatnonzero(np.isin(own.trial, test) & own.scored)
-        found = predict_blend(blend, own, index)
-        tested.append(_Tested(own, index, found, choice.joining.apply(own.trial[index], found)))
+        found = predict_blend(fitted.blend, own, index)
+        tested.append(_Tested(own, index, found, join(choice.joining, own.trial[index], found)))
         choices.append(choice)
         started = budget.clock()
         for name in bars:
@@ -159,9 +164,7 @@ def _mean_logs(
     trial: NDArray[np.intp], found: NDArray[np.float64]
 ) -> tuple[NDArray[np.intp], NDArray[np.float64]]:
     """Join a bar's windows as `metrics.by_trial` does."""
-    from taxel.training.choose.joining import Joining
-
-    return Joining().apply(trial, found)
+    return join(Joining(), trial, found)
 
 
 def _predictions(base: Base, split: Split, tested: Sequence[_Tested]) -> Predictions:

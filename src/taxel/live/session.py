@@ -151,6 +151,7 @@ def run_session(
                 recogniser.bundle.contract.classes,
                 recogniser.bundle.contract.window.max_gap_s,
                 recogniser.bundle.strangeness,
+                recogniser.bundle.contract.joining,
             ),
             late=recogniser.bundle.contract.window.pad,
         )

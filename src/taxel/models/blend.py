@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import json
 from dataclasses import asdict, dataclass
+from time import perf_counter
 from typing import Any
 
 import torch
@@ -24,6 +25,7 @@ LEAST_PROBABILITY = 1e-6
 """Source: our choice, docs/decisions/0039."""
 _MOST_MEMBERS = 64
 _LARGEST_PLAN = 100_000
+_TIMED = 5
 
 
 @dataclass(frozen=True, slots=True)
@@ -129,6 +131,22 @@ class Blend(nn.Module):
         assert total is not None
         return self.last * torch.log(total.clamp(min=LEAST_PROBABILITY))
 
+    def part_seconds(self, values: Tensor, mask: Tensor) -> list[float]:
+        """Return the seconds that each part takes here, features included, for comparison.
+
+        Args:
+            values: Unscaled windows, shape (n, steps, channels).
+            mask: Shape (n, steps).
+        """
+        sets = [_timed(features, values, mask) for features in self.features]
+        share = [1.0 / max(1, self._seen.count(number)) for number in range(len(sets))]
+        found = []
+        for head, seen in zip(self.heads, self._seen, strict=True):
+            given = (values, mask) if seen is None else (sets[seen][0],)
+            own = 0.0 if seen is None else share[seen] * sets[seen][1]
+            found.append(own + _timed(head, *given)[1])
+        return found
+
     def _load_from_state_dict(self, state_dict: Any, prefix: str, *rest: Any) -> None:
         for name in ("plan", "weights", "sharpness"):
             if prefix + name in state_dict:
@@ -138,6 +156,17 @@ class Blend(nn.Module):
             self.heads = nn.ModuleList(_empty_head(plan, part) for part in plan.parts)
             self._share_features(plan)
         super()._load_from_state_dict(state_dict, prefix, *rest)
+
+
+def _timed(module: nn.Module, *inputs: Tensor) -> tuple[Tensor, float]:
+    """Return a module's output, and the seconds of the quickest of a few runs."""
+    times = []
+    with torch.inference_mode():
+        for _ in range(_TIMED):
+            started = perf_counter()
+            output: Tensor = module(*inputs)
+            times.append(perf_counter() - started)
+    return output, min(times)
 
 
 def read_plan(text: bytes) -> Plan:

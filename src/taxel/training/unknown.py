@@ -84,7 +84,7 @@ def fit_unknown(
         held.append((out, np.array([test.of_window(values[i][mask[i]]) for i in out])))
     needed = _least_scores(len(labels), rejected)
     index = np.concatenate([np.zeros(0, np.intp), *(one for one, _ in held)])
-    _check(len(set(owner[index])), len(labels), rejected)
+    check_enough(len(set(owner[index])), len(labels), rejected)
     order = np.argsort(index)  # windows of a trial come in their order
     scores = np.concatenate([one for _, one in held])[order]
     whole = _fit(values, mask, labels, rejected)
@@ -104,8 +104,17 @@ def _least_scores(labels: int, rejected: float) -> int:
     return needed + (labels * (1 / (1 + needed)) > rejected)
 
 
-def _check(contacts: int, labels: int, rejected: float) -> None:
-    """Refuse fewer contacts than the share needs; say which share they would do for."""
+def check_enough(contacts: int, labels: int, rejected: float) -> None:
+    """Refuse fewer contacts than the share needs; say which share they would do for.
+
+    Args:
+        contacts: That could be held out.
+        labels: That are judged, each by itself.
+        rejected: Share of known touch that may be called unknown, 0…1.
+
+    Raises:
+        BadDataset: There are too few.
+    """
     needed = _least_scores(labels, rejected)
     if contacts < needed:
         each = (percent / 100 for percent in range(1, 51))

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -11,10 +12,12 @@ from taxel.evaluation.audit.audit import audit, make_case
 from taxel.evaluation.audit.copies import near_copies, rows_backwards, same_rows
 from taxel.evaluation.audit.finding import Finding
 from taxel.evaluation.audit.origins import read_origins
+from taxel.evaluation.audit.reading import read_touch
 from taxel.evaluation.audit.scaled import scaled_values
 from taxel.evaluation.audit.shared import shared_names
 from taxel.evaluation.audit.sides import named_sides
 from taxel.evaluation.audit.touch_set import TouchSet, checked, usual_steps
+from taxel.recordings.importing import import_table
 
 Make = dict[str, Callable[..., TouchSet]]
 
@@ -59,6 +62,18 @@ def test_one_trial_a_class_is_refused(make_set: Make) -> None:
 
     with pytest.raises(BadDataset, match="several of a class"):
         checked(replace(touch, trials=tuple(trials)))
+
+
+def test_single_readings_are_refused_in_words(tmp_path: Path) -> None:
+    """Grasps of one row each: there is no course to compare, and no label is said to be missing."""
+    (tmp_path / "a.csv").write_text("x,y\n" + "".join(f"{i},{i % 3}\n" for i in range(20)))
+    (tmp_path / "t.csv").write_text("file,channels,time\na.csv,x[N] y[N],rate:1Hz\n")
+    spans = "".join(f"a,{i},{i + 1},{'xy'[i % 2]}\n" for i in range(19))
+    (tmp_path / "i.csv").write_text(f"file,start_s,end_s,label:outcome\n{spans}")
+    import_table(tmp_path / "t.csv", tmp_path / "set", intervals=tmp_path / "i.csv")
+
+    with pytest.raises(BadDataset, match="at least 3 rows"):
+        read_touch(tmp_path / "set", "outcome", lambda *_: None)
 
 
 def test_one_operator_and_one_pad_on_both_sides_of_held_out_sessions_are_a_limit(

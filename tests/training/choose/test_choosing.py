@@ -6,20 +6,39 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from taxel.errors import BadInput, BadSplit
+from taxel.errors import BadDataset, BadInput, BadSplit
 from taxel.evaluation.expert import Limits, train_expert
 from taxel.labels.trials import Trial
+from taxel.models.blend import Blend
+from taxel.models.touchnet import TouchNet
 from taxel.recordings.importing import ImportRow, import_rows, import_table
+from taxel.training.choose import inner_folds as inner
 from taxel.training.choose.blending import fit_sharpness, losses, mix, softmax
 from taxel.training.choose.budget import Budget
 from taxel.training.choose.choice import read_choice, write_choice
-from taxel.training.choose.inner_folds import Held, inner_folds, judged, what_is_held
-from taxel.training.choose.joining import fit_joining
+from taxel.training.choose.inner_folds import (
+    Held,
+    inner_folds,
+    judged,
+    learned_from,
+    what_is_held,
+)
+from taxel.training.choose.joining import fit_joining, join
 from taxel.training.choose.kept_tries import KeptTries
-from taxel.training.choose.preparations import Base, candidate_windows, load_base, prepare_all
+from taxel.training.choose.limits import Cost, fit_within
+from taxel.training.choose.networks import TRAIN, settle_norms
+from taxel.training.choose.preparations import (
+    Base,
+    Prepared,
+    candidate_windows,
+    load_base,
+    prepare_all,
+)
 from taxel.training.choose.search import choose
+from taxel.training.loop import Labelled, evaluate, fit, new_network
 
 RNG = np.random.default_rng(0)
+ONE_CLASS = np.zeros(32, np.intp)
 
 
 def trials(**groups: list[str]) -> list[Trial]:
@@ -37,7 +56,7 @@ def test_the_coarsest_group_that_is_new_on_the_test_side_is_what_is_held_out():
     train = [i for i, one in enumerate(own) if one.groups["object"] != "d"]
     test = [i for i, one in enumerate(own) if one.groups["object"] == "d"]
 
-    assert what_is_held(own, train, test) == Held("object")
+    assert what_is_held(own, ONE_CLASS[: len(own)], train, test) == Held("object")
 
 
 def test_of_groups_that_part_alike_the_session_is_named():
@@ -45,13 +64,35 @@ def test_of_groups_that_part_alike_the_session_is_named():
     own = trials(celsius=[{"m": "18", "t": "21", "w": "19"}[day[0]] + day for day in days],
                  session=days)  # fmt: skip
 
-    assert what_is_held(own, range(12), range(12, 16)) == Held("session")
+    assert what_is_held(own, ONE_CLASS[:16], range(12), range(12, 16)) == Held("session")
 
 
 def test_later_numbers_held_out_are_an_order():
     own = trials(number=[str(i) for i in range(10)])
 
-    assert what_is_held(own, range(5), range(5, 10)) == Held("number", ordered=True)
+    held = what_is_held(own, ONE_CLASS[:10], range(5), range(5, 10))
+
+    assert held == Held("number", ordered=True)
+
+
+def test_later_numbers_of_each_class_are_an_order_wherever_the_classes_lie():
+    """Class 0 was recorded first, class 1 after it; of both the later half is tested."""
+    own = trials(number=[str(i) for i in range(20)])
+    y = np.arange(20) // 10
+
+    assert what_is_held(own, y, [*range(5), *range(10, 15)], [*range(5, 10), *range(15, 20)]) == (
+        Held("number", ordered=True)
+    )
+    assert not what_is_held(own, y, range(0, 20, 2), range(1, 20, 2)).ordered
+
+
+def test_in_an_order_each_inner_fold_learns_from_what_came_before_it():
+    fold = np.repeat(np.arange(5), 2)
+
+    assert inner.tested_folds(fold, ordered=True) == [2, 3, 4]
+    assert inner.tested_folds(fold, ordered=False) == [0, 1, 2, 3, 4]
+    assert learned_from(fold, 3, ordered=True).tolist() == (fold < 3).tolist()
+    assert judged(fold, np.arange(10) % 2, ordered=True).tolist() == (fold >= 2).tolist()
 
 
 def test_inner_folds_part_no_group_and_leave_every_class_to_learn_from():
@@ -108,10 +149,22 @@ def test_kinds_that_do_about_as_well_are_averaged_and_one_far_behind_is_not():
     other = softmax(np.eye(2)[y] * 2 + RNG.normal(size=(300, 2)))
     bad = np.full((300, 2), 0.5)
 
-    found = mix([good, other, bad], ["a", "b", "c"], [(0,), (0,), (0,)], y, np.arange(300) // 10)
+    groups = np.arange(300) // 10
+    found = mix([good, other, bad], ["a", "b", "c"], ["a", "b", "c"], [(0,)] * 3, y, groups)
 
     assert found.members == (0, 1)
     assert found.weights == (0.5, 0.5)
+
+
+def test_kinds_that_fail_together_share_one_weight():
+    y = np.arange(300) % 2
+    each = [softmax(np.eye(2)[y] * 2 + RNG.normal(size=(300, 2))) for _ in range(3)]
+
+    found = mix(each, ["linear", "perceptron", "trees"], ["sums", "sums", "trees"], [(0,)] * 3, y,
+                np.arange(300) // 10)  # fmt: skip
+
+    assert found.members == (0, 1, 2)
+    assert found.weights == (0.25, 0.25, 0.5)
 
 
 def test_dependent_windows_are_not_multiplied_as_if_each_told_something_new():
@@ -121,7 +174,7 @@ def test_dependent_windows_are_not_multiplied_as_if_each_told_something_new():
     unit = np.repeat(np.arange(400), 20)
     windows = np.where(np.eye(2)[guess] > 0, 0.8, 0.2)[unit]
 
-    _, found = fit_joining(unit, windows, truth[unit]).apply(unit, windows)
+    _, found = join(fit_joining(unit, windows, truth[unit]), unit, windows)
 
     assert found.max(axis=1).mean() == pytest.approx(0.8, abs=0.05)
     assert losses(found, truth).mean() < 0.55
@@ -191,7 +244,7 @@ class Frozen:
 
 
 def search(base: Base, train: list[int], seconds: float, kept: KeptTries | None = None):
-    budget = Budget(seconds, 1, Frozen())
+    budget = Budget(seconds, 1, Frozen(), at_once=1)
     return choose(base, prepare_all(base), train, Held("session"), budget, kept=kept)
 
 
@@ -265,6 +318,51 @@ def test_a_member_that_does_not_fit_is_replaced_and_the_loss_is_known(base: Base
     assert heavy not in [one.candidate for one in less.members]
     assert sum(one.weight for one in less.members) == pytest.approx(1.0)
     assert 0 <= less.accuracy <= 1
+
+
+def test_where_time_lacks_all_that_see_the_dearest_features_are_given_up(base: Base):
+    """Every blend with more than one set of features is said to be too slow."""
+    found = search(base, list(range(16)), 60.0)
+
+    def cost(blend: Blend, prepared: Prepared) -> Cost:
+        return Cost(1.0, 1000.0 * len(blend.features))
+
+    whole = found.choice()
+    fitted = fit_within(found, list(range(16)), most_us=1500.0, cost=cost)
+
+    assert len({member.blocks for member in whole.members if member.blocks}) > 1
+    assert len({member.blocks for member in fitted.choice.members if member.blocks}) == 1
+    assert all("inner accuracy" in line for line in fitted.given_up)
+    assert len(fitted.given_up) >= 1
+
+
+def test_a_network_trained_on_noise_knows_channels_that_stand_still():
+    """Integer taxels that hardly move within a window: with the noise of training in its batch
+    norms TouchNet named one class for all."""
+    rng = np.random.default_rng(1)
+    y = np.arange(60) % 3
+    level = rng.integers(50, 200, (3, 12))
+    values = (level[y] + rng.integers(-2, 3, (60, 12)))[:, None, :].repeat(20, axis=1)
+    values[:, -1] += 40 * rng.integers(0, 2, (60, 12))
+    data = Labelled(values.astype(np.float32), np.ones((60, 20), bool), y)
+    network = new_network(lambda: TouchNet(20, 12, 3), 0)
+    fit(network, data, replace(TRAIN, epochs=3))
+
+    settle_norms(network, data)
+
+    assert evaluate(network, data)[1] > 0.9
+
+
+def test_novel_touch_is_rejected_by_a_default_recogniser_where_asked(recordings: Path):
+    limits = Limits(minutes=0.02)
+
+    found = train_expert(recordings, "kind", limits=limits, check=False, reject_novel=0.2)
+
+    assert found.run.contract.unknown is not None
+    assert found.run.contract.unknown.rejected == 0.2
+    assert found.run.contract.joining == found.choice.joining
+    with pytest.raises(BadDataset, match="at least 999 contacts"):
+        train_expert(recordings, "kind", limits=limits, check=False, reject_novel=0.001)
 
 
 def test_of_a_bundle_that_is_too_large_members_are_given_up_one_by_one(recordings: Path):

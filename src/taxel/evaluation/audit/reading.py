@@ -293,6 +293,12 @@ def _assemble(
             times.append(read.time_s[inside])
             created.append(read.manifest.created)
             files.append(read.files)
+    if short and not trials:
+        raise BadDataset(
+            f"trials of at least {LEAST_ROWS} rows, to look for copies, drift and leaks in",
+            f"{short} trials, all shorter",
+            "judge single readings under splits of their groups: taxel train --split group:KEY",
+        )
     target, notes = _target(trials, target)
     if short:
         notes += (f"{short} trials have fewer than {LEAST_ROWS} rows: left out",)

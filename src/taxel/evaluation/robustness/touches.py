@@ -219,7 +219,9 @@ def _told(
         raw = model.probabilities(values, windows.mask)
         found = np.asarray(raw, np.float64)
         rows = None if test is None else model.contract.scaling.apply(values, windows.mask)
-        votes = {touch: GraspVote(classes, inf, test) for touch in trial.tolist()}
+        votes = {
+            touch: GraspVote(classes, inf, test, model.contract.joining) for touch in trial.tolist()
+        }
         for i, touch in enumerate(trial.tolist()):
             strange = None
             if test is not None and rows is not None and windows.mask[i].any():

@@ -218,7 +218,9 @@ class _RecogniseWatcher:
         config = RecogniseConfig(least_confidence=job.least_confidence)
         self._recogniser = Recogniser(bundle, job.sensor, config)
         contract = bundle.contract
-        self._vote = GraspVote(contract.classes, contract.window.max_gap_s, bundle.strangeness)
+        self._vote = GraspVote(
+            contract.classes, contract.window.max_gap_s, bundle.strangeness, contract.joining
+        )
         self._target = contract.target
         self._writer = writer
         self.what = {"kind": "answer", "who": self._who, "bundle": str(path),

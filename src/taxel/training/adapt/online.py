@@ -108,7 +108,7 @@ class OnlineLearner:
         scaled = contract.scaling.apply(windows.values, windows.mask)
         each = [layer.probabilities(scaled, windows.mask) for layer in self._learners]
         probabilities = np.asarray(np.mean(each, axis=0))
-        vote = GraspVote(contract.classes, float("inf"))
+        vote = GraspVote(contract.classes, float("inf"), joining=contract.joining)
         anything = RecogniseConfig(least_confidence=0.0, least_usable=0.0, most_saturated=1.0)
         label, confidence = "", 0.0
         for one in probabilities:

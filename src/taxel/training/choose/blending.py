@@ -83,6 +83,7 @@ def fit_sharpness(
 def mix(
     probabilities: list[NDArray[np.float64]],
     kinds: list[str],
+    camps: list[str],
     freedom: list[tuple[float, ...]],
     y: NDArray[np.intp],
     groups: NDArray[np.intp],
@@ -92,6 +93,8 @@ def mix(
     Args:
         probabilities: Each candidate's, out of fold and calibrated, shape (n, classes).
         kinds: Each candidate's kind: candidates of one kind make the same mistakes.
+        camps: Each candidate's camp: kinds of one camp fail together far from what was learned, and
+            share its weight.
         freedom: How much each may fit; of those of a kind that are as good as its best within one
             standard error, the least free is taken.
         y: Shape (n,).
@@ -101,7 +104,7 @@ def mix(
     each = by_window.mean(axis=1)
     best = int(each.argmin())
     champions = _champions(by_window, kinds, freedom, groups)
-    equal = Mix(champions, (1.0 / len(champions),) * len(champions), "mean of the kinds' best")
+    equal = Mix(champions, _shared(champions, camps), "mean of the kinds' best, camps alike")
     others = [Mix((best,), (1.0,), "far ahead of all blends"), _greedy(probabilities, y, best)]
     base = losses(joined(probabilities, equal), y)
     chosen, most = equal, LEAST_GAIN * base.mean() + LEAST_NATS
@@ -110,6 +113,13 @@ def mix(
         if gain.mean() > most and gain.mean() > ERRORS * standard_error(gain, groups):
             chosen, most = other, gain.mean()
     return chosen
+
+
+def _shared(members: tuple[int, ...], camps: list[str]) -> tuple[float, ...]:
+    """Return weights that are equal over the members' camps, and within each."""
+    own = [camps[member] for member in members]
+    each = [1.0 / (len(set(own)) * own.count(camp)) for camp in own]
+    return tuple(each)
 
 
 def joined(probabilities: list[NDArray[np.float64]], found: Mix) -> NDArray[np.float64]:

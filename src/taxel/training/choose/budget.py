@@ -15,11 +15,13 @@ class Budget:
         seconds: All of it.
         shares: Into how many equal parts it is divided, one a choice.
         clock: Monotonic seconds.
+        at_once: Candidates at work at a time: issue 16 gives two cores.
     """
 
     seconds: float
     shares: int = 1
     clock: Callable[[], float] = monotonic
+    at_once: int = 2
     _start: float = 0.0
     _done: int = 0
     _share_end: float = 0.0

@@ -37,8 +37,9 @@ LEVEL_FREE = ("without level", "tared", "across the pad", "rows across the pad")
 MOST_ROWS, MOST_ROW_VALUES = 16, 1500
 """Rows and values of a window up to which its rows themselves are features. Source: our choice,
 docs/decisions/0039."""
-LONG = 16
-"""Rows from which on a convolutional network is tried. Source: our choice, 0039."""
+NETWORK_ROWS = (16, 800)
+"""Rows of windows on which a convolutional network is tried; a longer one takes all the time.
+Source: our choice, 0039."""
 
 
 MODELS_BY_FREEDOM = (
@@ -65,6 +66,13 @@ class Candidate:
         if self.features == PLAIN:
             return f"{self.family} of means"
         return f"{self.family}{' without level' if self.features in LEVEL_FREE else ''}"
+
+    @property
+    def camp(self) -> str:
+        """Return what goes on alike beyond what was learned: a sum without bounds, or shares of
+        leaves.
+        """
+        return "sums" if self.family in ("linear", "perceptron") else self.family
 
     def freedom(self, sets: dict[str, tuple[str, ...]]) -> tuple[float, ...]:
         """Return how much it may fit, to be compared within its kind: less is safer.
@@ -118,7 +126,8 @@ def first_round(sets: dict[str, tuple[str, ...]], steps: int) -> list[Candidate]
 
     early, late = list(sets)[:3], list(sets)[3:]
     found = [one for name in early for one in pair(name)]
-    found += [Candidate("network", "touchnet", "")] if steps >= LONG else []
+    least, most = NETWORK_ROWS
+    found += [Candidate("network", "touchnet", "")] if least <= steps <= most else []
     found += [Candidate("perceptron", "perceptron", name, 3.0) for name in early if name != PLAIN]
     return found + [one for name in late for one in pair(name)]
 

@@ -11,13 +11,13 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any, cast
 
+from taxel.decisions.joining import Joining
 from taxel.errors import BadFile, BadInput
 from taxel.foreign.json_text import Fields, read_json
 from taxel.foreign.records import record_of
 from taxel.models.touch_features import BLOCKS, UNIT
 from taxel.recordings.whole import write_whole
 from taxel.training.choose.candidates import FAMILIES, Candidate, Family
-from taxel.training.choose.joining import Joining
 from taxel.windows.config import WindowConfig
 
 FORMAT = 1

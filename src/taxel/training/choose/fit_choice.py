@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from torch import nn
 
 from taxel.models.blend import Blend, Part, Plan
+from taxel.training.choose.candidates import Candidate
 from taxel.training.choose.choice import Choice, Member
 from taxel.training.choose.fitting import fit_head
 from taxel.training.choose.networks import fit_network
@@ -23,7 +24,12 @@ KINDS = {"linear": "linear", "trees": "trees", "perceptron": "perceptron"}
 
 
 def fit_choice(
-    choice: Choice, base: Base, prepared: Prepared, train: Sequence[int], seed: int = 0
+    choice: Choice,
+    base: Base,
+    prepared: Prepared,
+    train: Sequence[int],
+    seed: int = 0,
+    heads: dict[Candidate, nn.Module] | None = None,
 ) -> Blend:
     """Return the blend, trained.
 
@@ -33,18 +39,22 @@ def fit_choice(
         prepared: Them, cut as the choice says.
         train: Indices of the trials to learn from.
         seed: Of all that is random.
+        heads: Those that were fitted before on the same trials; new ones are added.
     """
+    fitted: dict[Candidate, nn.Module] = {} if heads is None else heads
     rows = np.flatnonzero(np.isin(prepared.trial[prepared.kept], np.asarray(train, np.intp)))
     y = base.y[prepared.trial[prepared.kept[rows]]]
     classes = len(base.dataset.classes(base.target))
-    heads = tuple(_head(member, prepared, rows, y, classes, seed) for member in choice.members)
+    for member in choice.members:
+        if member.candidate not in fitted:
+            fitted[member.candidate] = _head(member, prepared, rows, y, classes, seed)
     parts = tuple(
         Part(KINDS.get(one.candidate.family, f"network:{one.candidate.model}"), one.blocks)
         for one in choice.members
     )
     return Blend(
         Plan(choice.window.steps, prepared.pads, classes, parts),
-        heads,
+        tuple(fitted[member.candidate] for member in choice.members),
         tuple(one.weight for one in choice.members),
         tuple(one.sharpness for one in choice.members),
         choice.last,

@@ -62,11 +62,7 @@ def _logistic(x: Features, y: Classes, classes: int, strength: float, seed: int)
 
     offset, factor, scaled = _standardised(x)
     model = LogisticRegression(C=strength, max_iter=100, tol=1e-3)
-    import warnings
-
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # 100 steps are enough for a regularised model
-        model.fit(scaled, y)
+    model.fit(scaled, y)
     weight, bias = model.coef_, model.intercept_
     if len(weight) == 1:
         weight, bias = np.vstack([-weight, weight]) / 2, np.r_[-bias, bias] / 2

@@ -2,7 +2,8 @@
 
 What the outer split holds out (objects, sessions, later trials) is what the inner folds hold
 out, too; a choice that is made on neighbours of its own training trials is a choice for
-neighbours. Knows nothing about windows or models.
+neighbours. Where later trials are tested, each inner fold learns from what came before it.
+Knows nothing about windows or models.
 
 Source: docs/decisions/0039.
 """
@@ -23,6 +24,9 @@ FOLDS = 5
 GROUP_FOLDS = 3
 """Inner folds of whole groups: with a third of them held out at once, those that are left are
 about as far from them as groups to come will be. Source: our choice, 0039."""
+FIRST_TESTED = 2
+"""Of successive blocks, the first that is tested where later ones are held out: two of five are
+the least to learn from. Source: our choice, 0039."""
 LEAST_JUDGED = 0.5
 """Share of the trials that must be judged for folds of whole groups. Source: our choice, 0039."""
 _FINE = ("trial", "recording", "file")
@@ -53,13 +57,18 @@ def groups_of(trials: Sequence[Trial], held: Held) -> NDArray[np.intp]:
     return np.asarray(index, np.intp)
 
 
-def what_is_held(trials: Sequence[Trial], train: Sequence[int], test: Sequence[int]) -> Held:
+def what_is_held(
+    trials: Sequence[Trial], y: NDArray[np.intp], train: Sequence[int], test: Sequence[int]
+) -> Held:
     """Return the coarsest group of which a split holds out whole values.
 
-    Of groups that part the trials alike, as a session and its temperature do, a usual one.
+    Of groups that part the trials alike, as a session and its temperature do, a usual one. Later
+    trials are held out where in each class the group's values are numbers, and the tested ones
+    larger than all that are learned from.
 
     Args:
         trials: All of them.
+        y: Their class numbers, shape (trials,).
         train: Indices of the training side.
         test: Indices of the other.
     """
@@ -68,7 +77,7 @@ def what_is_held(trials: Sequence[Trial], train: Sequence[int], test: Sequence[i
     for key in sorted(common - set(_FINE)):
         own = {trials[i].groups[key] for i in train}
         others = {trials[i].groups[key] for i in test}
-        ordered = _above(others, own)
+        ordered = _later(key, trials, y, train, test)
         grouped = 3 <= len(own) <= len(train) / 2
         if not own & others and (grouped or (ordered and len(own) >= 3)):
             found.append((len(own), key not in USUAL_GROUPS, key, ordered))
@@ -78,12 +87,24 @@ def what_is_held(trials: Sequence[Trial], train: Sequence[int], test: Sequence[i
     return Held(key, ordered)
 
 
-def _above(later: set[str], earlier: set[str]) -> bool:
-    """Return whether all values are numbers, and the later ones larger."""
+def _later(
+    key: str,
+    trials: Sequence[Trial],
+    y: NDArray[np.intp],
+    train: Sequence[int],
+    test: Sequence[int],
+) -> bool:
+    """Return whether in each class on both sides a group's test values are the larger numbers."""
     try:
-        return min(map(float, later)) > max(map(float, earlier))
+        values = np.array([float(trial.groups.get(key, "nan")) for trial in trials])
     except ValueError:
         return False
+    learned, tested = np.asarray(train, np.intp), np.asarray(test, np.intp)
+    common = np.intersect1d(y[learned], y[tested])
+    return len(common) > 0 and all(
+        values[tested[y[tested] == own]].min() > values[learned[y[learned] == own]].max()
+        for own in common
+    )
 
 
 def inner_folds(
@@ -122,17 +143,37 @@ def inner_folds(
     return _by_blocks(np.array([_order(trials[i]) for i in own]), y[own])
 
 
-def judged(fold: NDArray[np.intp], y: NDArray[np.intp]) -> NDArray[np.bool_]:
-    """Return what can be judged, shape (n,): whose class is also learned from in its fold.
+def tested_folds(fold: NDArray[np.intp], *, ordered: bool) -> list[int]:
+    """Return the inner folds that are tested: all, or those with enough before them."""
+    numbers = [int(number) for number in np.unique(fold)]
+    return numbers[min(FIRST_TESTED, len(numbers) - 1) :] if ordered else numbers
+
+
+def learned_from(fold: NDArray[np.intp], number: int, *, ordered: bool) -> NDArray[np.bool_]:
+    """Return what is learned from before an inner fold is tested, shape (n,).
+
+    Args:
+        fold: Inner fold of each trial or window, shape (n,).
+        number: The fold that is tested.
+        ordered: Whether what is held out comes after what is learned from.
+    """
+    return np.asarray(fold < number if ordered else fold != number)
+
+
+def judged(
+    fold: NDArray[np.intp], y: NDArray[np.intp], *, ordered: bool = False
+) -> NDArray[np.bool_]:
+    """Return what can be judged, shape (n,): whose class is also learned from for its fold.
 
     Args:
         fold: Inner fold of each trial or window, shape (n,).
         y: Class of each, shape (n,).
+        ordered: Whether what is held out comes after what is learned from.
     """
     found = np.zeros(len(y), bool)
-    for number in np.unique(fold):
-        own = fold == number
-        found |= own & np.isin(y, y[~own])
+    for number in tested_folds(fold, ordered=ordered):
+        learned = learned_from(fold, number, ordered=ordered)
+        found |= (fold == number) & np.isin(y, y[learned])
     return found
 
 

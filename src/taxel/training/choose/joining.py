@@ -1,44 +1,32 @@
-"""Join the probabilities of a trial's windows, with their dependence taken into account.
-
-Windows of one trial err together, so that their likelihoods must not be multiplied as if they
-were independent, nor averaged as if a second window told nothing. The mean of the logarithms is
-raised by windows^power × strength, both fitted out of fold. Which class leads stays the same; how
-sure it is does not. Knows nothing about models.
+"""Fit how the windows of a trial are joined, out of fold. Knows nothing about models.
 
 Source: docs/decisions/0039.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 from numpy.typing import NDArray
 
+from taxel.decisions.joining import Joining
 from taxel.training.choose.blending import LEAST, fit_sharpness, softmax
 
 POWERS = (0.0, 0.25, 0.5, 0.75, 1.0)
-"""0: windows tell the same; 1: they are independent."""
+"""Of `Joining`."""
 
 
-@dataclass(frozen=True, slots=True)
-class Joining:
-    """How a trial's windows are joined."""
+def join(
+    joining: Joining, unit: NDArray[np.intp], probabilities: NDArray[np.float64]
+) -> tuple[NDArray[np.intp], NDArray[np.float64]]:
+    """Return units' numbers (m,) and joined probabilities (m, classes).
 
-    power: float = 0.0
-    strength: float = 1.0
-
-    def apply(
-        self, unit: NDArray[np.intp], probabilities: NDArray[np.float64]
-    ) -> tuple[NDArray[np.intp], NDArray[np.float64]]:
-        """Return units' numbers (m,) and joined probabilities (m, classes).
-
-        Args:
-            unit: Which windows belong together, shape (n,).
-            probabilities: Shape (n, classes).
-        """
-        numbers, mean, count = _means(unit, probabilities)
-        return numbers, softmax(self.strength * count[:, None] ** self.power * mean)
+    Args:
+        joining: How.
+        unit: Which windows belong together, shape (n,).
+        probabilities: Shape (n, classes).
+    """
+    numbers, mean, count = _means(unit, probabilities)
+    return numbers, joining.of_means(mean, count)
 
 
 def fit_joining(

@@ -10,6 +10,7 @@ from dataclasses import replace
 import numpy as np
 import torch
 from numpy.typing import NDArray
+from torch import nn
 
 from taxel.models.blend import ScaledNetwork
 from taxel.models.catalogue import find_network
@@ -53,9 +54,33 @@ def fit_network(
     network = new_network(lambda: model.build(steps, channels, classes), seed)
     data = Labelled(scaling.apply(own.values, own.mask), own.mask, y)
     fit(network, data, replace(TRAIN, seed=seed))
+    settle_norms(network, data)
     scaled = ScaledNetwork(network, channels)
     scaled.offset, scaled.factor = map(torch.from_numpy, (scaling.offset, scaling.factor))
     return scaled.eval()
+
+
+def settle_norms(network: nn.Module, data: Labelled, batch: int = 256) -> None:
+    """Measure the batch norms' means and variances anew on windows without augmentation.
+
+    A channel that is still in most windows is never still with noise and drift added, so that
+    statistics gathered while training are not those of the windows to come: on icub-grasp a
+    network that was right on 97 % of its training windows fell to 10 % with them.
+    """
+    norms = [part for part in network.modules() if isinstance(part, nn.BatchNorm1d)]
+    momenta = [norm.momentum for norm in norms]
+    for norm in norms:
+        norm.reset_running_stats()
+        norm.momentum = None  # a plain mean over batches
+    network.train()
+    values, mask, _ = data.tensors()
+    parts = max(1, len(data) // batch)
+    with torch.random.fork_rng(devices=[]), torch.inference_mode():
+        for v, m in zip(values.tensor_split(parts), mask.tensor_split(parts), strict=True):
+            network(v, m)
+    for norm, momentum in zip(norms, momenta, strict=True):
+        norm.momentum = momentum
+    network.eval()
 
 
 def predict_network(

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
 from pathlib import Path
+from threading import Lock
 
 import numpy as np
 from numpy.typing import NDArray
@@ -103,6 +104,7 @@ class Prepared:
     stretch: NDArray[np.intp]
     """Shape (n,): which windows are joined before preparations are compared."""
     cache: dict[tuple[str, ...], NDArray[np.float32]] = field(default_factory=dict)
+    computing: Lock = field(default_factory=Lock)
 
     @property
     def name(self) -> str:
@@ -118,13 +120,14 @@ class Prepared:
         return pads_of(self.dataset.sensor.channels)
 
     def features(self, blocks: tuple[str, ...]) -> NDArray[np.float32]:
-        """Return features of the kept windows, shape (kept, features)."""
-        if blocks not in self.cache:
-            windows = self.dataset.windows
-            self.cache[blocks] = compute_features(
-                blocks, self.pads, windows.values[self.kept], windows.mask[self.kept]
-            )
-        return self.cache[blocks]
+        """Return features of the kept windows, shape (kept, features); computed once."""
+        with self.computing:
+            if blocks not in self.cache:
+                windows = self.dataset.windows
+                self.cache[blocks] = compute_features(
+                    blocks, self.pads, windows.values[self.kept], windows.mask[self.kept]
+                )
+            return self.cache[blocks]
 
 
 def load_base(

@@ -8,12 +8,17 @@ Source: docs/decisions/0039.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Sequence
+import warnings
+from collections.abc import Callable, Collection, Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import contextmanager, nullcontext
 from dataclasses import dataclass, replace
+from threading import Lock
 
 import numpy as np
 from numpy.typing import NDArray
 
+from taxel.decisions.joining import Joining
 from taxel.training.choose.blending import (
     LEAST,
     fit_sharpness,
@@ -31,12 +36,21 @@ from taxel.training.choose.candidates import (
 )
 from taxel.training.choose.choice import Choice, Member, Standing
 from taxel.training.choose.fitting import fit_head, head_logits
-from taxel.training.choose.inner_folds import Held, groups_of, inner_folds, judged
-from taxel.training.choose.joining import Joining, fit_joining, unit_classes
+from taxel.training.choose.inner_folds import (
+    Held,
+    groups_of,
+    inner_folds,
+    judged,
+    learned_from,
+    tested_folds,
+)
+from taxel.training.choose.joining import fit_joining, join, unit_classes
 from taxel.training.choose.kept_tries import KeptTries
 from taxel.training.choose.networks import predict_network
 from taxel.training.choose.preparations import Base, Prepared
 
+_FEWEST = 2
+"""Candidates that are tried whatever the time. Source: our choice, 0039."""
 _QUICK_WINDOWS = 1500
 """Windows on which ways to cut are compared. Source: our choice, 0039."""
 BETTER_CUT, CUT_SLACK = 1.1, 0.01
@@ -60,11 +74,22 @@ class Part:
     scored: NDArray[np.bool_]
     """Which of them are scored: those that overlap no earlier one, shape (rows,)."""
     classes: int
+    ordered: bool = False
+    """Whether a fold is tested on what was learned from earlier folds alone."""
 
     @property
     def windows(self) -> NDArray[np.intp]:
         """Return the windows' places in the data set, shape (rows,)."""
         return self.prepared.kept[self.rows]
+
+    @property
+    def steps(self) -> int:
+        """Return the rows of a window."""
+        return int(self.prepared.dataset.windows.values.shape[1])
+
+    def feature_sets(self) -> dict[str, tuple[str, ...]]:
+        """Return the feature sets that windows of this size have."""
+        return feature_sets(*self.prepared.dataset.windows.values.shape[1:])
 
 
 @dataclass(frozen=True, slots=True)
@@ -106,20 +131,17 @@ def choose(
     budget.begin()
     search = _Search(budget, seed, kept or KeptTries(None, {}), on_step)
     fold_of = inner_folds(base.trials, base.y, train, held)
-    parts = [training_part(base, one, train, fold_of) for one in prepared]
+    parts = [training_part(base, own, train, fold_of, ordered=held.ordered) for own in prepared]
     part = search.best_cut(parts) if len(parts) > 1 else parts[0]
-    steps, channels = part.prepared.dataset.windows.values.shape[1:]
-    sets = feature_sets(steps, channels)
-    for candidate in first_round(sets, steps):
-        search.try_(part, candidate, sets)
+    sets = part.feature_sets()
+    search.try_all(part, first_round(sets, part.steps), sets)
     tried = search.of(part)
     ranked = {
-        family: [one.candidate.features
-                 for one in sorted(tried, key=lambda t: t.loss) if one.candidate.family == family]
+        family: [own.candidate.features
+                 for own in sorted(tried, key=lambda t: t.loss) if own.candidate.family == family]
         for family in ("linear", "trees")
     }  # fmt: skip
-    for candidate in second_round(ranked["linear"], ranked["trees"] or ranked["linear"]):
-        search.try_(part, candidate, sets)
+    search.try_all(part, second_round(ranked["linear"], ranked["trees"] or ranked["linear"]), sets)
     return Found(base, part, tuple(search.all), tuple(search.left_out), sets, held)
 
 
@@ -135,57 +157,85 @@ class _Search:
 
     def of(self, part: Part) -> list[Tried]:
         """Return what was tried on one way to cut."""
-        return [one for _, own, one in self.all if own is part]
+        return [tried for _, own, tried in self.all if own is part]
 
     def best_cut(self, parts: list[Part]) -> Part:
         """Return the way to cut on which two quick models do best, in equal stretches of time."""
         found = []
         for whole in parts:
             part = _thinned(whole)
-            steps, channels = part.prepared.dataset.windows.values.shape[1:]
-            sets = feature_sets(steps, channels)
+            sets = part.feature_sets()
             name = next(name for name in _PAIR if name in sets)
-            for candidate in (Candidate("linear", "logistic", name, 0.03),
-                              Candidate("trees", "extra-trees", name, 2)):  # fmt: skip
-                self.try_(part, candidate, sets)
+            pair = [Candidate("linear", "logistic", name, 0.03),
+                    Candidate("trees", "extra-trees", name, 2)]  # fmt: skip
+            self.try_all(part, pair, sets)
             found.append(_stretch_loss(part, self.of(part)))
         enough = BETTER_CUT * min(found) + CUT_SLACK
         return next(part for part, loss in zip(parts, found, strict=True) if loss <= enough)
 
-    def try_(self, part: Part, candidate: Candidate, sets: dict[str, tuple[str, ...]]) -> None:
-        """Score a candidate on all inner folds, unless it was or the time does not allow it."""
-        if any(one.candidate == candidate for one in self.of(part)):
-            return
+    def try_all(
+        self, part: Part, candidates: Sequence[Candidate], sets: dict[str, tuple[str, ...]]
+    ) -> None:
+        """Score candidates on all inner folds, some at a time, if they were not and time allows.
+
+        Networks draw from PyTorch's one generator, so that never two of them are at work.
+        """
+        done = {tried.candidate for tried in self.of(part)}
+        new = [candidate for candidate in candidates if candidate not in done]
+        must = len(done) < _FEWEST
+        with _without_warnings(), ThreadPoolExecutor(self._budget.at_once) as pool:
+            one_network = Lock()
+            jobs = [
+                pool.submit(self._try, part, candidate, sets, one_network,
+                            must=must and place < _FEWEST)
+                for place, candidate in enumerate(new)
+            ]  # fmt: skip
+            found = [job.result() for job in jobs]
         cut = part.prepared.name
-        self._on_step(f"{candidate.name} · {cut}")
+        for candidate, tried in zip(new, found, strict=True):
+            if tried is None:
+                self.left_out.append(f"{candidate.name} · {cut}")
+            else:
+                self.all.append((cut, part, tried))
+
+    def _try(
+        self,
+        part: Part,
+        candidate: Candidate,
+        sets: dict[str, tuple[str, ...]],
+        one_network: Lock,
+        *,
+        must: bool,
+    ) -> Tried | None:
+        """Return a candidate's scores; None where the time would not do."""
+        self._on_step(f"{candidate.name} · {part.prepared.name}")
         blocks = sets.get(candidate.features, ())
-        first = len(self.of(part)) < 2
         logits, seconds = self._kept.find(part, candidate, blocks)
         if logits is None:
-            logits, seconds = self._score(part, candidate, blocks, must=first)
+            with one_network if candidate.family == "network" else nullcontext():
+                logits, seconds = self._score(part, candidate, blocks, must=must)
             if logits is None:
-                self.left_out.append(f"{candidate.name} · {cut}")
-                return
+                return None
             self._kept.keep(part, candidate, blocks, logits, seconds)
         y = part.y[part.scored]
         trials = len(set(part.prepared.trial[part.windows[part.scored]]))
         sharpness = fit_sharpness(logits, y, trials)
         found = softmax(sharpness * logits)
         loss, accuracy = losses(found, y).mean(), (found.argmax(axis=1) == y).mean()
-        tried = Tried(candidate, found, sharpness, float(loss), float(accuracy), seconds)
-        self.all.append((cut, part, tried))
+        return Tried(candidate, found, sharpness, float(loss), float(accuracy), seconds)
 
     def _score(
         self, part: Part, candidate: Candidate, blocks: tuple[str, ...], *, must: bool
     ) -> tuple[NDArray[np.float64] | None, float]:
         """Return logits of the scored windows; None where the time would not do."""
         clock, started = self._budget.clock, self._budget.clock()
-        numbers = np.unique(part.fold)
+        numbers = tested_folds(part.fold, ordered=part.ordered)
         if not must and not self._budget.allows(0.0):
             return None, 0.0
         logits = np.zeros((len(part.rows), part.classes))
         for done, number in enumerate(numbers):
-            train, test = part.fold != number, (part.fold == number) & part.scored
+            train = learned_from(part.fold, number, ordered=part.ordered)
+            test = (part.fold == number) & part.scored
             if test.any():
                 logits[test] = out_of_fold(part, candidate, blocks, train, test, self._seed)
             spent = clock() - started
@@ -195,8 +245,23 @@ class _Search:
         return logits[part.scored], clock() - started
 
 
+@contextmanager
+def _without_warnings() -> Iterator[None]:
+    """Keep still about models that end before they converge: a hundred steps are enough for a
+    regularised one. Set here, for filters belong to all threads.
+    """
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        yield
+
+
 def training_part(
-    base: Base, prepared: Prepared, train: Sequence[int], fold_of: NDArray[np.intp]
+    base: Base,
+    prepared: Prepared,
+    train: Sequence[int],
+    fold_of: NDArray[np.intp],
+    *,
+    ordered: bool,
 ) -> Part:
     """Return the kept windows of some trials, with their inner folds and classes."""
     fold = np.full(len(base.trials), -1, np.intp)
@@ -205,8 +270,9 @@ def training_part(
     rows = np.flatnonzero(own >= 0)
     windows = prepared.kept[rows]
     y = base.y[prepared.trial[windows]]
-    scored = prepared.scored[windows] & judged(own[rows], y)
-    return Part(prepared, rows, own[rows], y, scored, len(base.dataset.classes(base.target)))
+    scored = prepared.scored[windows] & judged(own[rows], y, ordered=ordered)
+    classes = len(base.dataset.classes(base.target))
+    return Part(prepared, rows, own[rows], y, scored, classes, ordered)
 
 
 def _thinned(part: Part) -> Part:
@@ -244,7 +310,7 @@ def _stretch_loss(part: Part, tried: list[Tried]) -> float:
     windows, y = part.windows[part.scored], part.y[part.scored]
     mean = np.mean([one.probabilities for one in tried], axis=0)
     unit = part.prepared.stretch[windows]
-    numbers, found = fit_joining(unit, mean, y).apply(unit, mean)
+    numbers, found = join(fit_joining(unit, mean, y), unit, mean)
     return float(losses(found, unit_classes(unit, y, numbers)).mean())
 
 
@@ -269,9 +335,10 @@ class Found:
         trial = part.prepared.trial[windows]
         probabilities = [one.probabilities for one in tried]
         kinds = [one.candidate.kind for one in tried]
-        freedom = [one.candidate.freedom(self.sets) for one in tried]
+        camps = [own.candidate.camp for own in tried]
+        freedom = [own.candidate.freedom(self.sets) for own in tried]
         groups = groups_of(self.base.trials, self.held)[trial]
-        found = mix(probabilities, kinds, freedom, y, groups)
+        found = mix(probabilities, kinds, camps, freedom, y, groups)
         whole = np.log(np.maximum(joined(probabilities, found), LEAST))
         last = fit_sharpness(whole, y, len(set(trial)))
         final = softmax(last * whole)
@@ -284,7 +351,7 @@ class Found:
             last=last,
             joining=Joining() if single else fit_joining(trial, final, y),
             held=self.held.words,
-            folds=len(set(part.fold)),
+            folds=len(tested_folds(part.fold, ordered=part.ordered)),
             why=found.why,
             loss=float(losses(final, y).mean()),
             accuracy=float((final.argmax(axis=1) == y).mean()),

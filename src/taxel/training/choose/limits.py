@@ -1,0 +1,143 @@
+"""Train what was chosen so that its bundle keeps to its limits of size and time.
+
+A member that costs too much is given up, with all that see the same features where it is time
+that lacks, and what is left is blended anew. Done in each outer fold as at the end, so that the
+outer score is of what is shipped. Knows nothing about scores of test trials.
+
+Source: docs/decisions/0039.
+"""
+
+from __future__ import annotations
+
+import zlib
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from time import perf_counter
+
+import numpy as np
+import torch
+from torch import nn
+
+from taxel.bundles.engine import open_engine
+from taxel.bundles.writer import Classifier, export_onnx
+from taxel.models.blend import Blend
+from taxel.training.choose.candidates import Candidate
+from taxel.training.choose.choice import Choice
+from taxel.training.choose.fit_choice import fit_choice
+from taxel.training.choose.preparations import Prepared
+from taxel.training.choose.search import Found
+
+MOST_MB, MOST_US = 20.0, 2000.0
+"""Defaults: megabytes of a bundle, microseconds a window on one core. Source: issue 16."""
+TIMED, QUIET = 60, 10.0
+"""Runs that are timed, and which percentile counts: another program can only lengthen a time."""
+
+
+@dataclass(frozen=True, slots=True)
+class Cost:
+    """What a blend costs live."""
+
+    mb: float
+    us: float
+    """Of one window on one core: the quietest tenth of them."""
+
+
+@dataclass(frozen=True, slots=True)
+class Fitted:
+    """A trained blend within its limits."""
+
+    choice: Choice
+    blend: Blend
+    given_up: tuple[str, ...]
+    """What was left out for the limits, and what that cost in inner accuracy."""
+
+
+def fit_within(
+    found: Found,
+    train: Sequence[int],
+    *,
+    most_mb: float = MOST_MB,
+    most_us: float = MOST_US,
+    seed: int = 0,
+    cost: Callable[[Blend, Prepared], Cost] | None = None,
+) -> Fitted:
+    """Blend and train; leave out what makes the blend too large or too slow.
+
+    Args:
+        found: What was tried.
+        train: Indices of the trials to learn from.
+        most_mb: Of the exported model, packed.
+        most_us: Of one window on one core.
+        seed: Of all that is random.
+        cost: Measures a blend; `cost_of` unless given.
+    """
+    measure = cost or cost_of
+    heads: dict[Candidate, nn.Module] = {}
+    without: set[Candidate] = set()
+    given_up: list[str] = []
+    whole = choice = found.choice()
+    while True:
+        blend = fit_choice(choice, found.base, found.part.prepared, train, seed, heads)
+        now = measure(blend, found.part.prepared)
+        units = _units(choice)
+        if (now.mb <= most_mb and now.us <= most_us) or len(units) == 1:
+            return Fitted(choice, blend, tuple(given_up))
+        slow = now.us > most_us
+        name, unit = _dearest(choice, blend, found.part.prepared, slow=slow)
+        without |= _all_of(found, unit, slow=slow)
+        choice = found.choice(without)
+        given_up.append(
+            f"{name}: {now.mb:.1f} MB and {now.us:.0f} µs with it; inner accuracy "
+            f"{whole.accuracy:.4f} → {choice.accuracy:.4f}"
+        )
+
+
+def cost_of(blend: Blend, prepared: Prepared) -> Cost:
+    """Export a blend and run it on single windows."""
+    windows = prepared.dataset.windows
+    steps, channels = windows.values.shape[1:]
+    model = export_onnx(Classifier((blend,)).eval(), steps, channels)
+    engine = open_engine(model)
+    times = []
+    for number in range(TIMED):
+        place = number % len(windows)
+        part = slice(place, place + 1)
+        started = perf_counter()
+        engine.run(values=windows.values[part], mask=windows.mask[part])
+        times.append(perf_counter() - started)
+    return Cost(len(zlib.compress(model, 1)) / 1e6, float(np.percentile(times, QUIET)) * 1e6)
+
+
+def _units(choice: Choice) -> list[tuple[str, ...] | Candidate]:
+    """Return what can be left out to save time: a set of features with all on it, or a network."""
+    return list(dict.fromkeys(member.blocks or member.candidate for member in choice.members))
+
+
+def _dearest(
+    choice: Choice, blend: Blend, prepared: Prepared, *, slow: bool
+) -> tuple[str, tuple[str, ...] | Candidate]:
+    """Return the name and unit of what takes most time, or holds most numbers."""
+    if not slow:
+        sizes = [sum(t.numel() for t in head.state_dict().values()) for head in blend.heads]
+        heavy = choice.members[int(np.argmax(sizes))].candidate
+        return heavy.name, heavy
+    total: dict[tuple[str, ...] | Candidate, float] = {}
+    each = blend.part_seconds(*_one_window(prepared))
+    for member, seconds in zip(choice.members, each, strict=True):
+        unit = member.blocks or member.candidate
+        total[unit] = total.get(unit, 0.0) + seconds
+    unit = max(total, key=lambda key: total[key])
+    own = [m.candidate for m in choice.members if (m.blocks or m.candidate) == unit]
+    return (own[0].name if isinstance(unit, Candidate) else f"all on {own[0].features}"), unit
+
+
+def _all_of(found: Found, unit: tuple[str, ...] | Candidate, *, slow: bool) -> set[Candidate]:
+    tried = [own.candidate for _, part, own in found.board if part is found.part]
+    if slow:
+        return {own for own in tried if unit in (found.sets.get(own.features, ()), own)}
+    return {own for own in tried if own == unit}
+
+
+def _one_window(prepared: Prepared) -> tuple[torch.Tensor, torch.Tensor]:
+    windows = prepared.dataset.windows
+    return torch.from_numpy(windows.values[:1]), torch.from_numpy(windows.mask[:1])
