@@ -1,6 +1,7 @@
 """Choosing looks at no test trial, holds out what the split holds out, and keeps to its time."""
 
-from dataclasses import replace
+import json
+from dataclasses import asdict, replace
 from pathlib import Path
 
 import numpy as np
@@ -212,6 +213,17 @@ def test_a_short_trial_is_one_window_without_a_gate(base: Base):
     (config,) = candidate_windows(base)
 
     assert (config.steps, config.gate, config.grid_hz) == (30, None, None)
+
+
+def test_long_trials_are_cut_in_ways_that_a_bundle_can_hold(base: Base):
+    """Lengths come from NumPy; what a contract keeps are plain values, fit for JSON."""
+    long = replace(base, rows=np.linspace(300, 3000, len(base.rows)).astype(np.intp))
+
+    found = candidate_windows(long)
+
+    assert [config.steps for config in found] == [400, 100, 25]
+    assert [config.pad for config in found] == [True, False, False]
+    assert json.dumps([asdict(config) for config in found])
 
 
 def test_touches_of_one_length_that_marks_part_are_a_window_each(tmp_path: Path):

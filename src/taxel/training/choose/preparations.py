@@ -172,7 +172,7 @@ def candidate_windows(base: Base) -> list[WindowConfig]:
         return [_window(plain, shortest, pad=False)]
     lengths = [n for n in LENGTHS if n <= (longest if alone else shortest)]
     lengths = lengths or [max(1, shortest)]
-    found = [_window(plain, n, pad=alone and n > rows.min()) for n in reversed(lengths)]
+    found = [_window(plain, n, pad=bool(alone and n > rows.min())) for n in reversed(lengths)]
     whole = longest * len(base.trials) * len(sensor.channels)
     if alone and longest <= MOST_ROWS and whole <= MOST_VALUES:
         found.insert(0, _window(plain, longest, pad=bool((rows < longest).any())))
