@@ -4,7 +4,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 INSTALLED := $(VENV)/.installed-dev
 
-.PHONY: demo test check lint types imports examples bench docs dist try-wheel licences sbom clean
+.PHONY: demo test check lint types imports size examples bench docs dist try-wheel licences sbom clean
 
 $(INSTALLED): pyproject.toml constraints-cpu.txt
 	test -x $(BIN)/python || $(PYTHON) -m venv $(VENV)
@@ -28,6 +28,10 @@ types: $(INSTALLED)
 
 imports: $(INSTALLED)
 	$(BIN)/lint-imports
+
+# Code lines of src/, lengths of functions, parameters, docstrings, units (docs/decisions/0048).
+size: $(INSTALLED)
+	$(BIN)/python -m supply.size src
 
 examples: $(INSTALLED)
 	$(BIN)/python -m pytest tests/test_examples.py

@@ -5,10 +5,11 @@ from pathlib import Path
 
 from torch import Tensor, nn
 
-from taxel.evaluation.crossval import Job, pool, run_fold
+from taxel.evaluation.crossval import pool, run_fold
 from taxel.evaluation.splits import by_group
 from taxel.models.catalogue import MODELS, Network
 from taxel.sources.data_sets import simulate_presets
+from taxel.training.fitting import Job
 from taxel.training.loop import TrainConfig
 from taxel.windows.config import TENG_WINDOW
 from taxel.windows.dataset import load_dataset

@@ -7,10 +7,10 @@ from pathlib import Path
 from taxel.bundles.reader import read_bundle
 from taxel.bundles.writer import write_bundle
 from taxel.decisions.recognition import UNKNOWN, Decision
-from taxel.evaluation.final import train_on_all
 from taxel.live.recogniser import Recogniser
 from taxel.sources.data_sets import simulate_presets
 from taxel.sources.opening import open_source
+from taxel.training.final import train_on_all
 from taxel.training.recipes import find_recipe
 from taxel.windows.dataset import load_dataset
 
@@ -25,7 +25,7 @@ def act(decision: Decision) -> str:
 with tempfile.TemporaryDirectory() as name:
     data, bundle, recipe = Path(name) / "honest", Path(name) / "b.taxel", find_recipe("teng")
     simulate_presets(Path(name), ("honest",), 32_000, 0)
-    run = train_on_all(data, recipe, {}, checkpoints=Path(name) / "checkpoints")
+    run = train_on_all(data, recipe, checkpoints=Path(name) / "checkpoints")
     windows = load_dataset(data, recipe.window).windows[:100]
     write_bundle(bundle, run.networks, run.contract, windows.values, windows.mask)
     with open_source("sim://teng?seed=1&seconds=30&speed=max") as source:

@@ -16,9 +16,9 @@ from taxel.bundles.avr.write import model_of
 from taxel.bundles.contract import Contract
 from taxel.bundles.reader import read_bundle
 from taxel.bundles.writer import write_bundle
-from taxel.evaluation.crossval import Job, fit_model
 from taxel.evaluation.splits import by_group
 from taxel.sources.data_sets import simulate_presets
+from taxel.training.fitting import Job, Lesson, fit_model
 from taxel.training.loop import TrainConfig
 from taxel.training.run import Run, contract_of, save_run
 from taxel.windows.config import TENG_WINDOW, WindowConfig
@@ -41,23 +41,18 @@ class Trained:
         self.train, self.test = fold.windows(self.dataset)
         self.y = self.dataset.class_numbers("shape")
         values = self.dataset.windows.values
-        fitted = fit_model(
-            self.dataset.windows[self.train],
-            self.y[self.train],
-            3,
-            self.dataset.sensor.full_scale,
-            Job(model="cnn2d", target="shape"),
-        )
-        assert isinstance(fitted.model, tuple)
-        contract = contract_of(self.dataset, "shape", "cnn2d", fitted.model, fitted.scaling, {})
+        lesson = Lesson.of(self.dataset, "shape", self.train)
+        fitted = fit_model(lesson, Job(model="cnn2d", target="shape"))
+        contract = contract_of(self.dataset, "shape", "cnn2d", fitted.networks, fitted.scaling, {})
         run = Run(
-            networks=fitted.model, contract=contract, train=TrainConfig(), history=(),
+            networks=fitted.networks, contract=contract, train=TrainConfig(), history=(),
             data=str(self.data),
         )  # fmt: skip
         self.run = folder / "run"
         save_run(self.run, run)
         self.path = folder / "shape.taxel"
-        write_bundle(self.path, fitted.model, contract, values[:50], self.dataset.windows.mask[:50])
+        mask = self.dataset.windows.mask[:50]
+        write_bundle(self.path, fitted.networks, contract, values[:50], mask)
         self.bundle = read_bundle(self.path)
         self.network = read_network(model_of(self.path), 12, 12)
         self.integers = quantise(

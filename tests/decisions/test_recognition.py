@@ -4,15 +4,20 @@ import numpy as np
 import pytest
 
 from taxel.decisions.joining import Joining
-from taxel.decisions.recognition import UNKNOWN, Decision, GraspVote, RecogniseConfig, decide
+from taxel.decisions.recognition import (
+    UNKNOWN,
+    Decision,
+    GraspVote,
+    Quality,
+    RecogniseConfig,
+    decide,
+)
 
 CLASSES = ("a", "b")
 
 
 def answer(p: list[float], usable: float = 1.0, saturated: float = 0.0) -> Decision:
-    return decide(
-        np.array(p, np.float32), usable, saturated, (0.0, 0.1), CLASSES, RecogniseConfig()
-    )
+    return decide(np.array(p, np.float32), Quality(usable, saturated), CLASSES, RecogniseConfig())
 
 
 def test_a_clear_window_is_told() -> None:

@@ -10,6 +10,7 @@ from taxel.decisions.recognition import (
     UNMEASURED,
     Decision,
     GraspVote,
+    Quality,
     RecogniseConfig,
     decide,
 )
@@ -131,7 +132,7 @@ def test_a_contact_is_measured_against_contacts_of_at_most_as_many_windows():
 def told(level: float, usable: float = 1.0) -> Decision:
     test = Strangeness(level_only())
     return decide(
-        np.array([0.1, 0.9], np.float32), usable, 0.0, (0.0, 0.1), CLASSES, RecogniseConfig(),
+        np.array([0.1, 0.9], np.float32), Quality(usable), CLASSES, RecogniseConfig(),
         test.of_window(window(level)), test,
     )  # fmt: skip
 
@@ -193,7 +194,7 @@ def test_nan_is_as_strange_as_can_be():
 @pytest.mark.parametrize("strange", [None, *([one] for one in NO_NUMBER)])
 def test_a_window_whose_strangeness_is_no_number_is_unknown(strange: list[float] | None):
     found = decide(
-        np.array([0.1, 0.9], np.float32), 1.0, 0.0, (0.0, 0.1), CLASSES, RecogniseConfig(),
+        np.array([0.1, 0.9], np.float32), Quality(), CLASSES, RecogniseConfig(),
         strange, Strangeness(level_only()),
     )  # fmt: skip
     assert (found.label, found.reason) == (UNKNOWN, UNMEASURED)
@@ -205,7 +206,7 @@ def test_values_too_large_for_32_bits_are_unknown(value: float):
     rows = np.full((6, 1), value, np.float32)
     rows[::2] = 0.0
     found = decide(
-        np.array([0.1, 0.9], np.float32), 1.0, 0.0, (0.0, 0.1), CLASSES, RecogniseConfig(),
+        np.array([0.1, 0.9], np.float32), Quality(), CLASSES, RecogniseConfig(),
         test.of_window(rows), test,
     )  # fmt: skip
     assert found.label == UNKNOWN

@@ -6,8 +6,9 @@ import numpy as np
 from make_dataset import make_dataset
 
 from taxel.evaluation.baselines import below_majority, trivial_accuracies
-from taxel.evaluation.crossval import Job, pool, run_fold
+from taxel.evaluation.crossval import pool, run_fold
 from taxel.evaluation.splits import by_group
+from taxel.training.fitting import Job
 from taxel.training.loop import TrainConfig
 
 JOB = Job(model="cnn2d", target="shape", train=TrainConfig(epochs=60, batch=16), scaling="standard")

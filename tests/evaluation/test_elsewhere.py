@@ -13,9 +13,10 @@ from taxel.decisions.recognition import UNKNOWN
 from taxel.errors import BadDataset, BadSplit
 from taxel.evaluation.bundle_scores import score_bundle
 from taxel.evaluation.checked import Checked, check_recipe
-from taxel.evaluation.final import train_on_all
-from taxel.evaluation.table_split import Elsewhere
-from taxel.windows.dataset import load_dataset
+from taxel.evaluation.kept_folds import Keeping
+from taxel.evaluation.table_split import Elsewhere, training_part
+from taxel.training.final import train_on_all
+from taxel.windows.dataset import Dataset, load_dataset
 
 
 @pytest.fixture(scope="module")
@@ -40,7 +41,11 @@ def table(pads: Path) -> Path:
 def bundle(pads: Path, table: Path) -> Bundle:
     """One that was trained on the table's training part."""
     given = Elsewhere(table=table)
-    run = train_on_all(pads, RECIPE, {}, checkpoints=pads.parent / "marks", given=given)
+
+    def part(dataset: Dataset) -> Dataset:
+        return training_part(pads, dataset, RECIPE.target, given)
+
+    run = train_on_all(pads, RECIPE, checkpoints=pads.parent / "marks", part=part)
     windows = load_dataset(pads, RECIPE.window).windows
     path = pads.parent / "b.taxel"
     write_bundle(path, run.networks, run.contract, windows.values, windows.mask)
@@ -102,24 +107,24 @@ def test_a_changed_table_is_not_answered_from_kept_folds(
     pads: Path, table: Path, tmp_path: Path
 ) -> None:
     """Folds of a run that was broken off are of its own sides only."""
-    checked(pads, Elsewhere(table=table), keep_in=tmp_path / "kept")
-    assert checked(pads, Elsewhere(table=table), keep_in=tmp_path / "kept").kept == 1
+    checked(pads, Elsewhere(table=table), keep=Keeping(tmp_path / "kept"))
+    assert checked(pads, Elsewhere(table=table), keep=Keeping(tmp_path / "kept")).kept == 1
     other = tmp_path / "folds.csv"
     other.write_text("group:session,side\ns2,train\ns3,test\n")
 
-    assert checked(pads, Elsewhere(table=other), keep_in=tmp_path / "kept").kept == 0
+    assert checked(pads, Elsewhere(table=other), keep=Keeping(tmp_path / "kept")).kept == 0
 
 
 def test_comparators_are_fitted_once_for_a_data_set_and_split(pads: Path, tmp_path: Path) -> None:
     """Another model on the same folds takes them from the cache; another split does not."""
     bars = ("extra-trees",)
-    first = check_recipe(pads, RECIPE, folds=3, bars=bars, cache=tmp_path)
+    first = check_recipe(pads, RECIPE, folds=3, bars=bars, keep=Keeping(cache=tmp_path))
     other = replace(RECIPE, train=replace(RECIPE.train, epochs=2))
-    second = check_recipe(pads, other, folds=3, bars=bars, cache=tmp_path)
+    second = check_recipe(pads, other, folds=3, bars=bars, keep=Keeping(cache=tmp_path))
 
     assert (first.cached, second.cached) == (0, 3)
     assert second.bars["extra-trees"] == first.bars["extra-trees"]
-    assert check_recipe(pads, other, folds=2, bars=bars, cache=tmp_path).cached == 0
+    assert check_recipe(pads, other, folds=2, bars=bars, keep=Keeping(cache=tmp_path)).cached == 0
 
 
 def test_a_bundle_is_scored_by_window_trial_class_and_group(bundle: Bundle, others: Path) -> None:

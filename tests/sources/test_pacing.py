@@ -9,7 +9,7 @@ import pytest
 
 from taxel.clock import ManualClock
 from taxel.signals import Frame, Mark, Samples
-from taxel.sources.pacing import Pacer, Stretch
+from taxel.sources.pacing import FrameStream, Pacer, Stretch
 
 PERIOD_S = 0.02
 MAKING_S = 0.007
@@ -45,7 +45,7 @@ def test_a_frame_leaves_when_it_is_due_whatever_the_next_one_costs(ahead: bool):
     """With the next moment made first each frame would be 7 ms late."""
     clock = ManualClock()
     maker = Maker(clock)
-    pacer = Pacer(maker.stretches(), 0, clock, 1.0, maker.frames(), ahead=ahead, together=2)
+    pacer = Pacer(maker.stretches(), 0, clock, 1.0, FrameStream(maker.frames(), 2), ahead=ahead)
     late_s, given, marks = [], [], 0
     while not pacer.ended:
         pacer.read(0.1)
@@ -62,7 +62,7 @@ def test_a_frame_leaves_when_it_is_due_whatever_the_next_one_costs(ahead: bool):
 def test_frames_that_nobody_fetched_come_at_once():
     clock = ManualClock()
     maker = Maker(clock)
-    pacer = Pacer(maker.stretches(), 0, clock, 1.0, maker.frames(), together=2)
+    pacer = Pacer(maker.stretches(), 0, clock, 1.0, FrameStream(maker.frames(), 2))
     clock.advance(10 * PERIOD_S)
     pacer.read(0.0)
     assert len(pacer.frames()) >= 20

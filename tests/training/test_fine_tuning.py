@@ -16,7 +16,7 @@ from taxel.models.backbones.catalogue import find_backbone
 from taxel.models.weights import find_weights
 from taxel.training.extractors import open_backbone
 from taxel.training.features import extract
-from taxel.training.fine_tuning import EndToEnd, FineTuneConfig, _windows, fine_tune
+from taxel.training.fine_tuning import EndToEnd, FineTuneConfig, _Own, _windows, fine_tune
 from taxel.training.heads import HeadConfig, TrainedHead, fit_head
 from taxel.windows.pours import frame_sets, read_pours
 from taxel.windows.sequence import window_starts
@@ -82,7 +82,7 @@ def test_processes_share_the_windows_out_evenly_and_none_twice(few_pours: Path, 
     share = sum(map(len, places)) // ranks
     each = [
         [window.tobytes() for window, _, _ in _windows(
-            pours, labels, places, K, np.random.default_rng(5), rank, ranks, share)]
+            pours, labels, places, K, np.random.default_rng(5), _Own(rank, ranks, share))]
         for rank in range(ranks)
     ]  # fmt: skip
     assert {len(one) for one in each} == {share}

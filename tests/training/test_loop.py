@@ -10,7 +10,7 @@ import torch
 from taxel.errors import BadInput
 from taxel.models.cnn2d import Cnn2d
 from taxel.training.augment import Augment
-from taxel.training.loop import Epoch, Labelled, TrainConfig, evaluate, fit, new_network
+from taxel.training.loop import Checkpoint, Epoch, Labelled, TrainConfig, evaluate, fit, new_network
 
 CONFIG = TrainConfig(epochs=4, batch=16, augment=Augment(noise=0.05, gain=0.1), weight_decay=0.01)
 
@@ -43,9 +43,9 @@ def test_a_broken_run_resumes_to_the_same_weights(tmp_path: Path) -> None:
 
     path = tmp_path / "run.safetensors"
     with pytest.raises(BrokenOffError):
-        fit(network(), data(), CONFIG, checkpoint=path, on_epoch=break_after_two)
+        fit(network(), data(), CONFIG, checkpoint=Checkpoint(path), on_epoch=break_after_two)
     resumed = network()
-    again = fit(resumed, data(), CONFIG, checkpoint=path)
+    again = fit(resumed, data(), CONFIG, checkpoint=Checkpoint(path))
 
     assert again == history
     for a, b in zip(weights(unbroken), weights(resumed), strict=True):
@@ -54,19 +54,19 @@ def test_a_broken_run_resumes_to_the_same_weights(tmp_path: Path) -> None:
 
 def test_a_checkpoint_of_another_configuration_is_refused(tmp_path: Path) -> None:
     path = tmp_path / "run.safetensors"
-    fit(network(), data(), replace(CONFIG, epochs=1), checkpoint=path)
+    fit(network(), data(), replace(CONFIG, epochs=1), checkpoint=Checkpoint(path))
 
     with pytest.raises(BadInput, match="another configuration"):
-        fit(network(), data(), CONFIG, checkpoint=path)
+        fit(network(), data(), CONFIG, checkpoint=Checkpoint(path))
 
 
 def test_a_damaged_checkpoint_is_refused(tmp_path: Path) -> None:
     path = tmp_path / "run.safetensors"
-    fit(network(), data(), CONFIG, checkpoint=path)
+    fit(network(), data(), CONFIG, checkpoint=Checkpoint(path))
     path.write_bytes(path.read_bytes()[:200])
 
     with pytest.raises(BadInput, match="damaged"):
-        fit(network(), data(), CONFIG, checkpoint=path)
+        fit(network(), data(), CONFIG, checkpoint=Checkpoint(path))
 
 
 def test_training_leaves_the_global_random_state_alone() -> None:

@@ -9,9 +9,10 @@ import pytest
 from make_dataset import make_dataset
 
 from taxel.errors import BadInput
-from taxel.evaluation.crossval import Job, predictions_of, run_fold
+from taxel.evaluation.crossval import predictions_of, run_fold
 from taxel.evaluation.splits import by_group
 from taxel.training.environment import Made
+from taxel.training.fitting import Job
 from taxel.training.loop import TrainConfig
 from taxel.training.predictions import Predictions
 from taxel.training.run import Run, contract_of, load_run, save_run

@@ -77,16 +77,14 @@ def on_chip(
         place: A folder that may be made.
     """
     from taxel.bundles.writer import write_bundle
-    from taxel.evaluation.crossval import Job, fit_model
+    from taxel.training.fitting import Job, Lesson, fit_model
     from taxel.training.run import contract_of
 
     y, windows = dataset.class_numbers("shape"), dataset.windows
-    fitted = fit_model(windows[train], y[train], len(dataset.classes("shape")),
-                       dataset.sensor.full_scale, Job(model="cnn2d", target="shape"))  # fmt: skip
-    assert isinstance(fitted.model, tuple)
-    contract = contract_of(dataset, "shape", "cnn2d", fitted.model, fitted.scaling, {})
+    fitted = fit_model(Lesson.of(dataset, "shape", train), Job(model="cnn2d", target="shape"))
+    contract = contract_of(dataset, "shape", "cnn2d", fitted.networks, fitted.scaling, {})
     path = place / "shape.taxel"
-    write_bundle(path, fitted.model, contract, windows.values[:500], windows.mask[:500])
+    write_bundle(path, fitted.networks, contract, windows.values[:500], windows.mask[:500])
     bundle = read_bundle(path)
     converter = Converter(reference_mv=reference_of(dataset.sensor))
     network = read_network(model_of(path), *windows.values.shape[1:])

@@ -190,8 +190,8 @@ def _own_mib(pid: str) -> float:
 
 def _hand_bundle(folder: Path) -> Path:
     """Train a small recogniser of shapes on simulated grasps; return its bundle."""
-    from taxel.evaluation.final import train_bundle
     from taxel.sources.data_sets import simulate_presets
+    from taxel.training.final import train_bundle
     from taxel.training.recipes import find_recipe
 
     simulate_presets(folder, ("honest",), 20_000, 0)

@@ -12,9 +12,10 @@ from pathlib import Path
 
 import numpy as np
 
-from taxel.evaluation.crossval import Job, run_fold
+from taxel.evaluation.crossval import run_fold
 from taxel.evaluation.splits import Split, by_group, random_windows
 from taxel.sources.data_sets import simulate_presets
+from taxel.training.fitting import Job
 from taxel.training.loop import TrainConfig
 from taxel.windows.config import TENG_WINDOW
 from taxel.windows.dataset import Dataset, load_dataset

@@ -55,6 +55,7 @@ class PressTable:
         )
 
     def only(self, mask: NDArray[np.bool_]) -> PressTable:
+        """Return some of the presses; `mask` has the shape (presses,)."""
         names = ("channel", "all_force_n", "all_volts", "all_rising", "all_rounds", "saturated",
                  "rise_s", "fall_s", "ghost")  # fmt: skip
         return PressTable(**{name: getattr(self, name)[mask] for name in names})

@@ -62,6 +62,23 @@ class Responses:
     """Shape (n, channels): the smoothed signal."""
 
 
+@dataclass(frozen=True, slots=True)
+class _Signal:
+    """One recording, as its presses are looked at."""
+
+    samples: Samples
+    told: NDArray[np.float64]
+    """Shape (n, channels): the smoothed signal."""
+    resting: NDArray[np.bool_]
+    """Shape (n, channels): True where a channel is at rest."""
+    lines: tuple[RestLine | None, ...]
+    """One a channel; None where it never rests."""
+    noise: list[float]
+    """One a channel, as its values."""
+    rate_hz: float
+    """Scans a second, as measured."""
+
+
 def measure_responses(
     samples: Samples, script: Script, rate_hz: float, measure: Measure = "peak"
 ) -> Responses:
@@ -84,10 +101,8 @@ def measure_responses(
     blocks = tuple(rest_blocks(resting[:, c], rate_hz) for c in range(channels))
     lines = tuple(_line(told[:, c], time_s, blocks[c]) for c in range(channels))
     noise = [_rms(told[:, c], blocks[c]) for c in range(channels)]
-    found = [
-        _press(press, samples, told, resting, lines, noise, rate_hz, measure)
-        for press in script.presses
-    ]
+    signal = _Signal(samples, told, resting, lines, noise, rate_hz)
+    found = [_press(press, signal, measure) for press in script.presses]
     return Responses(
         presses=script.presses,
         height=np.array([one.height for one in found]),
@@ -141,14 +156,10 @@ def _rms(told: NDArray[np.float64], blocks: list[slice]) -> float:
 
 def _press(
     press: Press,
-    samples: Samples,
-    told: NDArray[np.float64],
-    resting: NDArray[np.bool_],
-    lines: tuple[RestLine | None, ...],
-    noise: list[float],
-    rate_hz: float,
+    signal: _Signal,
     measure: Measure,
 ) -> _One:
+    samples, told, rate_hz = signal.samples, signal.told, signal.rate_hz
     time_s = samples.fitted_s
     first, last = np.searchsorted(time_s, [press.start_s, press.end_s])
     if last - first < 5 or press.start_s < time_s[0] - 1.0 / rate_hz:
@@ -159,7 +170,7 @@ def _press(
             "mend the times of the presses",
         )
     part = slice(int(first), int(last))
-    base = np.array([_base(c, part, samples, told, resting, lines) for c in range(told.shape[1])])
+    base = np.array([_base(c, part, signal) for c in range(told.shape[1])])
     above = told[part] - base
     own = above[:, press.channel]
     peak = int(np.argmax(own))
@@ -170,7 +181,7 @@ def _press(
     saturated = bool((((samples.validity[part, press.channel] & end) != 0) & high).any())
     if not samples[part].usable[:, press.channel].all():
         height = math.nan
-    clear = height > _CLEAR * noise[press.channel] and not saturated
+    clear = height > _CLEAR * signal.noise[press.channel] and not saturated
     area = float(own.sum())
     ghost = above.sum(axis=0) / area if area > 0 else np.full(told.shape[1], np.nan)
     raw = samples.values[part, press.channel].astype(np.float64) - base[press.channel]
@@ -186,21 +197,18 @@ def _press(
 def _base(
     channel: int,
     part: slice,
-    samples: Samples,
-    told: NDArray[np.float64],
-    resting: NDArray[np.bool_],
-    lines: tuple[RestLine | None, ...],
+    signal: _Signal,
 ) -> float:
     """Return the baseline of one channel at a press: just before it, or by its line."""
-    time_s = samples.fitted_s
+    time_s = signal.samples.fitted_s
     start_s = float(time_s[part.start])
     first = int(np.searchsorted(time_s, start_s - _BEFORE_S))
     # The smoothed signal begins to rise half a width before the press does.
     last = int(np.searchsorted(time_s, start_s - 0.02))
-    quiet = resting[first:last, channel]
+    quiet = signal.resting[first:last, channel]
     if quiet.any() and quiet.sum() >= _LEAST_REST_S / _BEFORE_S * len(quiet):
-        return float(told[first:last, channel][quiet].mean())
-    line = lines[channel]
+        return float(signal.told[first:last, channel][quiet].mean())
+    line = signal.lines[channel]
     return 0.0 if line is None else float(line.at(start_s))
 
 

@@ -109,7 +109,7 @@ class Demo:
         console.print(teng_sections(sections))
 
     def _bundle(self, target: str) -> Path:
-        from taxel.evaluation.final import train_bundle
+        from taxel.training.final import train_bundle
         from taxel.training.recipes import find_recipe
 
         recipe = replace(find_recipe("teng-referenced"), target=target)

@@ -92,7 +92,7 @@ class Evaluate:
 
     def _folder(self, path: Path) -> None:
         from taxel.evaluation.checked import BARS, check_recipe
-        from taxel.evaluation.kept_folds import folds_folder, forget_folds
+        from taxel.evaluation.kept_folds import Keeping, folds_folder, forget_folds
         from taxel.training.features import default_cache
 
         given = split_given(self.split, self.folds, self.test)
@@ -109,9 +109,11 @@ class Evaluate:
                 folds=self.fold_count,
                 bars=BARS if self.comparators else (),
                 given=given,
-                cache=default_cache(),
-                keep_in=None if self.output is None else folds_folder(self.output),
-                fresh=self.fresh,
+                keep=Keeping(
+                    folder=None if self.output is None else folds_folder(self.output),
+                    cache=default_cache(),
+                    fresh=self.fresh,
+                ),
                 on_step=lambda line: bar.update(task, description=line, advance=1),
             )
         if self.output is not None:

@@ -116,10 +116,11 @@ class Train:
 
     def _train(self, output: Path) -> None:
         from taxel.evaluation.checked import check_recipe
-        from taxel.evaluation.final import train_on_all
-        from taxel.evaluation.kept_folds import folds_folder, forget_folds
+        from taxel.evaluation.kept_folds import Keeping, folds_folder, forget_folds
+        from taxel.evaluation.table_split import training_part
         from taxel.models.catalogue import find_network
         from taxel.training.environment import Made
+        from taxel.training.final import train_on_all
         from taxel.training.run import save_run
 
         if self.reject_novel is not None:
@@ -145,8 +146,7 @@ class Train:
                     folds=self.fold_count,
                     bars=(),
                     given=given,
-                    keep_in=folds_folder(output),
-                    fresh=self.fresh,
+                    keep=Keeping(folds_folder(output), fresh=self.fresh),
                     on_step=on_step,
                 )
                 accuracy[checked.pooled.split] = checked.pooled.scores.accuracy
@@ -156,11 +156,10 @@ class Train:
                     return train_on_all(
                         self.data,
                         recipe,
-                        accuracy,
                         checkpoints=checkpoints,
                         resume=resume,
                         unknown=self.reject_novel,
-                        given=given,
+                        part=lambda all_: training_part(self.data, all_, recipe.target, given),
                         on_epoch=lambda e: on_step(
                             f"all data · epoch {e.number} · loss {e.loss:.4f}"
                         ),
@@ -173,7 +172,8 @@ class Train:
                     if not checkpoints.exists():
                         raise
                     run = train_all(resume=False)  # checkpoints of another recipe or other data
-                run = replace(run, made=Made.now())
+                contract = replace(run.contract, accuracy=accuracy)
+                run = replace(run, contract=contract, made=Made.now())
                 if self.check:
                     run = replace(run, predictions=checked.predictions, trivial=checked.trivial)
                 save_run(output, run)

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from taxel.decisions.joining import MEAN, Joining
 from taxel.decisions.unknown import Strangeness
+from taxel.windows.windower import Windows
 
 UNKNOWN = "UNKNOWN"
 """The answer when the input or the confidence does not allow one."""
@@ -56,34 +57,49 @@ class Decision:
     """Share of the window's values that were missing, stale or NaN and were filled in, 0…1."""
 
 
+@dataclass(frozen=True, slots=True)
+class Quality:
+    """How much of a window may be used."""
+
+    usable: float = 1.0
+    """Share of its values that may be used, 0…1."""
+    saturated: float = 0.0
+    """Largest share of saturated rows in any one channel, 0…1."""
+    span_s: tuple[float, float] = (0.0, 0.0)
+    """Times of its first and last row, seconds."""
+    filled: float = 0.0
+    """Share of its values that were filled in, 0…1; they count as usable."""
+
+    @staticmethod
+    def of(windows: Windows, index: int) -> Quality:
+        """Return that of one of several windows."""
+        span_s = float(windows.start_s[index]), float(windows.end_s[index])
+        usable, saturated = float(windows.usable[index]), float(windows.saturated[index])
+        return Quality(usable, saturated, span_s, float(windows.filled[index]))
+
+
 def decide(
     probabilities: NDArray[np.float32],
-    usable: float,
-    saturated: float,
-    span_s: tuple[float, float],
+    quality: Quality,
     classes: tuple[str, ...],
     config: RecogniseConfig,
     strange: list[float] | None = None,
     test: Strangeness | None = None,
-    filled: float = 0.0,
 ) -> Decision:
     """Return the answer for one window.
 
     Args:
         probabilities: Shape (classes,).
-        usable: Share of the window's values that may be used, 0…1.
-        saturated: Largest share of saturated rows in any one channel, 0…1.
-        span_s: Times of the window's first and last row, seconds.
+        quality: How much of the window may be used.
         classes: The answers' names.
         config: When an answer may be given.
         strange: How unlike the learned the window is, as `test` gives it; where that is None or
             not finite although there is a test, the answer is UNKNOWN.
         test: What says how rare that is; None where the bundle has no such test.
-        filled: Share of the window's values that were filled in, 0…1; they count as usable.
     """
     best = int(probabilities.argmax())
     confidence = float(probabilities[best])
-    reason = _fault(probabilities, usable + filled, saturated, config)
+    reason = _fault(probabilities, quality.usable + quality.filled, quality.saturated, config)
     if reason or test is None:
         strange = None
     elif strange is None or not isfinite(sum(strange)):
@@ -93,7 +109,10 @@ def decide(
     if not reason and confidence < config.least_confidence:
         reason = f"confidence {confidence:.2f} is below {config.least_confidence:.2f}"
     label = UNKNOWN if reason else classes[best]
-    return Decision(label, confidence, probabilities, reason, *span_s, strange, filled)
+    start_s, end_s = quality.span_s
+    return Decision(
+        label, confidence, probabilities, reason, start_s, end_s, strange, quality.filled
+    )
 
 
 def unlike(p: float) -> str:

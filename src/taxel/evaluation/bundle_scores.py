@@ -18,7 +18,14 @@ from numpy.typing import NDArray
 
 from taxel.bundles.contract import fingerprint_of
 from taxel.bundles.reader import Bundle
-from taxel.decisions.recognition import UNKNOWN, Decision, GraspVote, RecogniseConfig, decide
+from taxel.decisions.recognition import (
+    UNKNOWN,
+    Decision,
+    GraspVote,
+    Quality,
+    RecogniseConfig,
+    decide,
+)
 from taxel.errors import BadDataset
 from taxel.evaluation.metrics import accuracy_interval, cross_entropy
 from taxel.evaluation.part_scores import Parts, score_parts
@@ -124,9 +131,8 @@ def _decisions(bundle: Bundle, windows: Windows, config: RecogniseConfig) -> lis
                 strange = bundle.strangeness.of_window(scaled[i][part.mask[i]])
             found.append(
                 decide(
-                    probabilities[i], float(part.usable[i]), float(part.saturated[i]),
-                    (float(part.start_s[i]), float(part.end_s[i])), bundle.contract.classes,
-                    config, strange, bundle.strangeness, float(part.filled[i]),
+                    probabilities[i], Quality.of(part, i), bundle.contract.classes,
+                    config, strange, bundle.strangeness,
                 )
             )  # fmt: skip
     return found

@@ -9,22 +9,22 @@ from collections.abc import Callable
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
-from taxel.errors import BadDataset
 from taxel.evaluation.baselines import trivial_accuracies
 from taxel.evaluation.crossval import (
     FoldPredictions,
-    Job,
     Pooled,
     pool,
     predictions_of,
     run_fold,
 )
-from taxel.evaluation.kept_folds import KeptFolds
+from taxel.evaluation.kept_folds import NOTHING_KEPT, Keeping, KeptFolds
 from taxel.evaluation.splits import Split, TrialFold, WindowFold, parse_split
 from taxel.evaluation.table_split import OWN_SPLIT, Elsewhere, split_elsewhere
+from taxel.training.final import check_gate
+from taxel.training.fitting import Job, training_windows
 from taxel.training.predictions import Predictions
 from taxel.training.recipes import Recipe
-from taxel.windows.dataset import Dataset, load_dataset, recut
+from taxel.windows.dataset import Dataset, load_dataset
 
 BARS = ("minirocket", "extra-trees")
 """Library models that every result is printed against."""
@@ -56,9 +56,7 @@ def check_recipe(
     folds: int = 5,
     bars: tuple[str, ...] = BARS,
     given: Elsewhere = OWN_SPLIT,
-    keep_in: Path | None = None,
-    cache: Path | None = None,
-    fresh: bool = False,
+    keep: Keeping = NOTHING_KEPT,
     on_step: Callable[[str], None] = lambda _: None,
 ) -> Checked:
     """Cross-validate a recipe.
@@ -69,11 +67,8 @@ def check_recipe(
         folds: How many folds.
         bars: Library models to print beside.
         given: A split that came from elsewhere, in place of the recipe's own.
-        keep_in: A folder for finished folds; those that are there already are not fitted again
+        keep: Where finished folds are kept; those that are there already are not fitted again
             where recipe, data and software are the same.
-        cache: A folder for the library models' folds, which depend on data and split but not on
-            the recipe's own model; None keeps them with the others.
-        fresh: Start afresh: remove what is there.
         on_step: Called with a line before each fit.
 
     Raises:
@@ -88,20 +83,21 @@ def check_recipe(
         dataset, split = split_elsewhere(path, dataset, recipe.target, given)
     else:
         split = parse_split(recipe.split, dataset, recipe.target, folds, recipe.train.seed)
-    training = _overlapping(path, dataset, split, recipe)
+    overlaps = recipe.train_stride is not None and not isinstance(split.folds[0], WindowFold)
+    training = training_windows(path, dataset, recipe) if overlaps else None
     depends_on = {"recipe": asdict(recipe), "folds": folds, "data": dataset.digest,
                   "sides": sides_of(split) if given else None}  # fmt: skip
-    kept = KeptFolds(keep_in, depends_on, dataset, recipe.target, fresh=fresh)
-    job = _job(recipe, recipe.model)
+    kept = KeptFolds(keep.folder, depends_on, dataset, recipe.target, fresh=keep.fresh)
+    job = Job.of(recipe)
     results = _results(dataset, split, job, training, kept, on_step)
     library = kept
-    if cache is not None:
-        library = _cached(cache, recipe, folds, dataset, split, fresh=fresh)
+    if keep.cache is not None:
+        library = _cached(keep.cache, recipe, folds, dataset, split, fresh=keep.fresh)
     beside = {
         name: pool(
             dataset,
             split,
-            _results(dataset, split, _job(recipe, name), None, library, on_step),
+            _results(dataset, split, Job.of(recipe, name), None, library, on_step),
             recipe.target,
         )
         for name in bars
@@ -136,32 +132,6 @@ def sides_of(split: Split) -> list[list[list[int]]]:
         [sorted(side) for side in (fold.train, fold.validation, fold.test)]
         for fold in split.folds if isinstance(fold, TrialFold)
     ]  # fmt: skip
-
-
-def check_gate(dataset: Dataset) -> None:
-    """Refuse a gate in volts for channels in other units.
-
-    Raises:
-        BadDataset: The window has a gate and no channel is in volts.
-    """
-    gate, units = dataset.config.gate, sorted(set(dataset.sensor.units))
-    if gate is not None and "V" not in units:
-        raise BadDataset(
-            f"channels in V for a gate of {gate:g}",
-            f"channels in {', '.join(units)}",
-            "say --window gate=none grid=own, or a gate in your unit",
-        )
-
-
-def _job(recipe: Recipe, model: str) -> Job:
-    return Job(model=model, target=recipe.target, train=recipe.train, members=recipe.members)
-
-
-def _overlapping(path: Path, dataset: Dataset, split: Split, recipe: Recipe) -> Dataset | None:
-    """Return the training windows with their own stride, where the split allows overlap."""
-    if recipe.train_stride is None or isinstance(split.folds[0], WindowFold):
-        return None
-    return recut(path, dataset, recipe.train_stride, recipe.train_steps or recipe.window.steps)
 
 
 def _results(

@@ -7,55 +7,20 @@ tables or pages.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from torch import nn
 
 from taxel.evaluation.metrics import Scores, accuracy_interval, by_trial, score
 from taxel.evaluation.part_scores import Parts, score_parts
 from taxel.evaluation.splits import Fold, Split, TrialFold
 from taxel.labels.trials import coarsest_group
-from taxel.models.catalogue import Baseline, find_model
-from taxel.models.library import Estimator
-from taxel.training.loop import Epoch, Labelled, TrainConfig, fit, new_network, predict
+from taxel.training.fitting import Fitted, Job, Lesson, fit_model
+from taxel.training.loop import Epoch
 from taxel.training.predictions import Predictions
 from taxel.windows.dataset import Dataset
-from taxel.windows.scaling import Scaling, ScalingKind, fit_scaling
 from taxel.windows.windower import Windows
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Job:
-    """What to fit: a model by name, its target, and how."""
-
-    model: str
-    target: str
-    train: TrainConfig = field(default_factory=TrainConfig)
-    scaling: ScalingKind | None = None
-    """None takes the model's own."""
-    members: int = 1
-    """Networks trained with different seeds whose probabilities are averaged."""
-
-
-@dataclass(frozen=True, slots=True)
-class Fitted:
-    """A model with the scaling that was fitted beside it."""
-
-    model: tuple[nn.Module, ...] | Estimator
-    scaling: Scaling
-    history: list[Epoch]
-
-    def probabilities(
-        self, values: NDArray[np.float32], mask: NDArray[np.bool_]
-    ) -> NDArray[np.float64]:
-        """Return class probabilities, shape (n, classes), of unscaled windows."""
-        scaled = self.scaling.apply(values, mask)
-        if isinstance(self.model, tuple):
-            members = [predict(member, scaled, mask) for member in self.model]
-            return np.asarray(np.mean(members, axis=0))
-        return self.model.predict_proba(scaled, mask)
 
 
 @dataclass(frozen=True, slots=True)
@@ -79,61 +44,6 @@ class FoldResult(FoldPredictions):
     fitted: Fitted
 
 
-def fit_model(
-    windows: Windows,
-    y: NDArray[np.intp],
-    classes: int,
-    full_scale: float | None,
-    job: Job,
-    *,
-    steps: int | None = None,
-    validation: tuple[Windows, NDArray[np.intp]] | None = None,
-    on_epoch: Callable[[Epoch], None] | None = None,
-) -> Fitted:
-    """Fit a model on training windows.
-
-    Args:
-        windows: Training windows only.
-        y: Their class numbers, shape (n,).
-        classes: How many classes there are.
-        full_scale: The sensor's largest value, None where unknown.
-        job: What to fit.
-        steps: Rows that the network takes, where the training windows are longer.
-        validation: Windows to watch while training.
-        on_epoch: Called after each epoch.
-    """
-    model = find_model(job.model)
-    kind = job.scaling or model.scaling
-    if kind == "full-scale" and full_scale is None:
-        kind = "standard"
-    scaling = fit_scaling(kind, windows.values, windows.mask, full_scale)
-    scaled = scaling.apply(windows.values, windows.mask)
-    if isinstance(model, Baseline):
-        estimator = model.build(job.train.seed)
-        estimator.fit(scaled, windows.mask, y)
-        return Fitted(estimator, scaling, [])
-    rows, channels = steps or scaled.shape[1], scaled.shape[2]
-    watched = None
-    if validation is not None:
-        own, own_y = validation
-        watched = Labelled(scaling.apply(own.values, own.mask), own.mask, own_y)
-    networks: list[nn.Module] = []
-    history: list[Epoch] = []
-    for member in range(job.members):
-        config = replace(job.train, seed=job.train.seed + member)
-        network = new_network(lambda: model.build(rows, channels, classes), config.seed)
-        history += fit(
-            network,
-            Labelled(scaled, windows.mask, y),
-            config,
-            steps=rows,
-            validation=watched,
-            on_epoch=on_epoch,
-        )
-        networks.append(network)
-    return Fitted(tuple(networks), scaling, history)
-
-
 def run_fold(
     dataset: Dataset,
     fold: Fold,
@@ -153,17 +63,14 @@ def run_fold(
     """
     y = dataset.class_numbers(job.target)
     train, test = fold.windows(dataset)
-    source, source_y = dataset, y
+    source = dataset
     if training is not None:
         if not isinstance(fold, TrialFold):
             raise ValueError("needed a fold of whole trials for overlapping windows; got windows")
         train, _ = fold.windows(training)
-        source, source_y = training, training.class_numbers(job.target)
+        source = training
     fitted = fit_model(
-        source.windows[train],
-        source_y[train],
-        len(dataset.classes(job.target)),
-        dataset.sensor.full_scale,
+        replace(Lesson.of(source, job.target, train), classes=len(dataset.classes(job.target))),
         job,
         steps=dataset.config.steps,
         validation=_watched(dataset, fold, y),

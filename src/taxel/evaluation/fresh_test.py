@@ -13,9 +13,9 @@ import numpy as np
 
 from taxel.bundles.contract import fingerprint_of
 from taxel.errors import BadDataset, BadInput
-from taxel.evaluation.crossval import Fitted
 from taxel.evaluation.fold_table import FoldTable
 from taxel.evaluation.table_split import trials_of_row
+from taxel.training.fitting import Fitted
 from taxel.training.predictions import Predictions
 from taxel.training.run import Run
 from taxel.windows.dataset import load_dataset, with_joined_label

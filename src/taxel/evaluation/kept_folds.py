@@ -13,6 +13,7 @@ import hashlib
 import io
 import json
 from contextlib import nullcontext, suppress
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -36,6 +37,22 @@ _ARRAYS = ("test", "y", "probabilities")
 def folds_folder(output: Path) -> Path:
     """Return where the folds of a run are kept until it is complete."""
     return output.with_name(f"{output.name}.folds")
+
+
+@dataclass(frozen=True, slots=True)
+class Keeping:
+    """Where the finished folds of a cross-validation are kept."""
+
+    folder: Path | None = None
+    """None keeps none."""
+    cache: Path | None = None
+    """For the library models' folds, which depend on data and split but not on the recipe's own
+    model; None keeps them with the others."""
+    fresh: bool = False
+    """Whether what is there is removed first."""
+
+
+NOTHING_KEPT = Keeping()
 
 
 class KeptFolds:

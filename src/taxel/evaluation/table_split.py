@@ -73,6 +73,27 @@ def split_elsewhere(
     return replace(dataset, notes=(*dataset.notes, *_left_out(dataset, split))), split
 
 
+def training_part(path: Path, dataset: Dataset, target: str, given: Elsewhere) -> Dataset:
+    """Return what may be learned from for use.
+
+    A table of folds with one training and one test part keeps its test part (and validation)
+    back, so that the run can still be scored on it; with several folds nothing is kept back.
+
+    Args:
+        path: Where `dataset` was loaded from.
+        dataset: All windows of that folder.
+        target: The label that is predicted.
+        given: Where the split is from.
+    """
+    if given.table is None:
+        return dataset
+    _, split = split_elsewhere(path, dataset, target, given)
+    match split.folds:
+        case (TrialFold(train=train),):
+            return dataset.only_trials(train)
+    return dataset
+
+
 def split_by_table(
     table: FoldTable, dataset: Dataset, target: str, recordings: Collection[str]
 ) -> Split:

@@ -10,7 +10,7 @@ from math import inf
 from time import perf_counter
 
 from taxel.bundles.reader import Bundle
-from taxel.decisions.recognition import Decision, RecogniseConfig, decide
+from taxel.decisions.recognition import Decision, Quality, RecogniseConfig, decide
 from taxel.signals import Samples, SensorInfo
 from taxel.windows.windower import Windower, Windows
 
@@ -93,14 +93,11 @@ class Recogniser:
             found, strange = self.bundle.recognise(one.values, one.mask)
             decision = decide(
                 found,
-                float(one.usable[0]),
-                float(one.saturated[0]),
-                (float(one.start_s[0]), float(one.end_s[0])),
+                Quality.of(one, 0),
                 self.bundle.contract.classes,
                 self._config,
                 strange,
                 self.bundle.strangeness,
-                float(one.filled[0]),
             )
             answers.append(Answer(decision, one, cutting_s + perf_counter() - began))
         return answers

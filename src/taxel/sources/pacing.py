@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 from collections import deque
 from collections.abc import Callable, Iterator
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from heapq import heappop, heappush
 from itertools import islice
 
@@ -58,6 +58,19 @@ def read_speed(options: dict[str, str]) -> float:
     return speed
 
 
+@dataclass(frozen=True, slots=True)
+class FrameStream:
+    """Frames of cameras, and when more of them can be had."""
+
+    frames: Iterator[Frame]
+    """Oldest first."""
+    together: int = 1
+    """Frames that are made at once, such as one of each camera."""
+    ready: Callable[[], bool] = lambda: True
+    """Whether the next frame can be had without waiting for it; a source that prepares its next
+    grasp says no until that is done."""
+
+
 class Pacer:
     """Lets out a stream's samples and marks as they fall due.
 
@@ -73,13 +86,10 @@ class Pacer:
         channels: Number of channels.
         clock: The clock to wait on.
         speed: A factor of real time; infinity gives all that is there.
-        frames: The cameras' frames on the same clock, oldest first.
+        frames: The cameras' frames on the same clock.
         ahead: Fetch the next frames and stretches while nothing is due, as a recording's can be
             and those of a simulator that is being acted on cannot.
-        together: Frames that are made at once, such as one of each camera.
-        frame_ready: Whether the next frame can be had without waiting for it; a source that
-            prepares its next grasp says no until that is done.
-        stretch_ready: The same for the next stretch.
+        stretch_ready: Whether the next stretch can be had without waiting for it.
     """
 
     def __init__(
@@ -88,18 +98,17 @@ class Pacer:
         channels: int,
         clock: Clock,
         speed: float,
-        frames: Iterator[Frame] | None = None,
+        frames: FrameStream | None = None,
         *,
         ahead: bool = False,
-        together: int = 1,
-        frame_ready: Callable[[], bool] = lambda: True,
         stretch_ready: Callable[[], bool] = lambda: True,
     ) -> None:
-        self._frame_ready, self._stretch_ready = frame_ready, stretch_ready
+        frames = frames or FrameStream(iter(()))
+        self._frame_ready, self._stretch_ready = frames.ready, stretch_ready
         self._stretches = stretches
         self._later: deque[Stretch] = deque()
         self._may_fetch_ahead = ahead
-        self._together = together
+        self._together = frames.together
         self._owed = 1
         """Fetches of stretches that are left for when nothing is due."""
         self._clock = clock
@@ -113,7 +122,7 @@ class Pacer:
         self._marks_came = 0
         self._scans_given_s = self._frames_given_s = -np.inf
         self._over = False
-        self._frames = iter(()) if frames is None else frames
+        self._frames = frames.frames
         self._ahead: deque[Frame] = deque()
         self._given_frames: list[Frame] = []
         first = self._next_frame

@@ -17,7 +17,7 @@ from taxel.errors import BadSource
 from taxel.recordings.manifest import Manifest
 from taxel.recordings.reader import iterate_blocks, iterate_frames, read_manifest
 from taxel.signals import CameraInfo, Frame, Mark, Samples, SensorInfo
-from taxel.sources.pacing import Pacer, Stretch, read_speed
+from taxel.sources.pacing import FrameStream, Pacer, Stretch, read_speed
 
 
 class Replay:
@@ -53,7 +53,8 @@ class Replay:
         # Frames are read on their own: a recording's scans and frames lie in different
         # chunks, and neither may wait for the other.
         frames = iterate_frames(path) if manifest.cameras else iter(())
-        self._pacer = Pacer(stretches, len(self._info.channels), clock, speed, frames, ahead=True)
+        channels = len(self._info.channels)
+        self._pacer = Pacer(stretches, channels, clock, speed, FrameStream(frames), ahead=True)
 
     @property
     def info(self) -> SensorInfo:

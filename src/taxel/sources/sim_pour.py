@@ -27,7 +27,7 @@ from taxel.errors import BadSource
 from taxel.signals import PAUSE, CameraInfo, Frame, Mark, Samples, SensorInfo
 from taxel.sim.cup_pour import CupPourConfig, Gel
 from taxel.sim.cups import Kind, Position, PourRun, draw_cup, draw_run
-from taxel.sources.pacing import Pacer, Stretch, read_speed
+from taxel.sources.pacing import FrameStream, Pacer, Stretch, read_speed
 from taxel.sources.pour_sets import CAMERA_HZ, describe_run, mark_of, sensor_info
 from taxel.sources.stepped_pour import SteppedPour
 
@@ -101,9 +101,9 @@ class SimPour:
         self._info = sensor_info(_FRAME_HZ, self._choice.gel)
         channels = len(self._info.channels)
         self._pacer = Pacer(
-            self._stretches(), channels, clock, speed, self._all_frames(),
-            together=len(self._cameras),
-            frame_ready=lambda: bool(self._frames) or self._waits_for_nothing(),
+            self._stretches(), channels, clock, speed,
+            FrameStream(self._all_frames(), len(self._cameras),
+                        lambda: bool(self._frames) or self._waits_for_nothing()),
             stretch_ready=lambda: bool(self._samples) or self._waits_for_nothing(),
         )  # fmt: skip
 

@@ -8,7 +8,7 @@ files or waiting.
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -70,7 +70,13 @@ class SteppedPour:
         self._truth = np.zeros((self.moments, len(sensor_info(frame_hz, gel).channels)))
         self._done = 0
         self._eyes = [
-            _Eye(run, side, shape, camera_hz, frame_hz, duration_s, most_lost, gel, self._layer)
+            _Eye(
+                run,
+                side,
+                shape,
+                _Taking(camera_hz, frame_hz, duration_s, most_lost, gel),
+                self._layer,
+            )
             for side, shape in enumerate(self._shapes)
         ]
         self.cameras = tuple(eye.info for eye in self._eyes)
@@ -174,6 +180,17 @@ class SteppedPour:
             _copy(gel_motion([row], side, np.array([patch])), motion, fine)
 
 
+@dataclass(frozen=True, slots=True)
+class _Taking:
+    """How both cameras take images; see `SteppedPour`."""
+
+    camera_hz: float
+    frame_hz: float
+    duration_s: float
+    most_lost: int | None
+    gel: Gel
+
+
 class _Eye:
     """One camera of a pour that goes on."""
 
@@ -182,17 +199,16 @@ class _Eye:
         run: PourRun,
         side: int,
         shape: HandleShape,
-        camera_hz: float,
-        frame_hz: float,
-        duration_s: float,
-        most_lost: int | None,
-        gel: Gel,
+        taking: _Taking,
         layer: list[LayerMoment],
     ) -> None:
         seed = run.seed * 2 + side
         sensor = draw_sensor(run.seed, side)
         self._side = side
-        self._times = camera_times(camera_hz, frame_hz, duration_s, seed, most_lost=most_lost)
+        camera_hz, frame_hz, gel = taking.camera_hz, taking.frame_hz, taking.gel
+        self._times = camera_times(
+            camera_hz, frame_hz, taking.duration_s, seed, most_lost=taking.most_lost
+        )
         self._camera: GelCamera | None = None
         self._make = (shape, sensor, seed)
         self._seen = _still(len(self._times.taken_s))

@@ -34,7 +34,9 @@ class Kernel(Protocol):
         """Do a request; the argument is changed in place."""
         ...
 
-    def map(self, fd: int, length: int, offset: int) -> Mapping: ...
+    def map(self, fd: int, length: int, offset: int) -> Mapping:
+        """Map a buffer of the driver, `length` bytes from `offset` on, into memory."""
+        ...
 
     def wait(self, fd: int, timeout_s: float) -> bool:
         """Return whether there is something to dequeue, or an error, within the time."""

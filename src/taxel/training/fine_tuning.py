@@ -151,13 +151,13 @@ def fine_tune(
     model.train()
     places = [window_starts(len(pour), frames, stride) for pour in pours]
     share = sum(map(len, places)) // fabric.world_size
+    own = _Own(fabric.global_rank, fabric.world_size, share)
     steps = config.epochs * -(-share // config.batch)
     number, losses = 0, []
     for epoch in range(config.epochs):
         order = np.random.default_rng((config.seed, epoch))
         total, count = 0.0, 0
-        drawn = _windows(pours, labels, places, frames, order, fabric.global_rank,
-                         fabric.world_size, share)  # fmt: skip
+        drawn = _windows(pours, labels, places, frames, order, own)
         for windows, rest, wanted in _batches(drawn, config.batch):
             logits = model(windows.to(fabric.device), rest.to(fabric.device))
             loss = functional.binary_cross_entropy_with_logits(logits, wanted.to(fabric.device))
@@ -172,6 +172,16 @@ def fine_tune(
     return FineTuned(tuple(losses), fabric.is_global_zero, str(fabric.device), fabric.world_size)
 
 
+@dataclass(frozen=True, slots=True)
+class _Own:
+    """Which windows one of several processes draws: every `ranks`-th."""
+
+    rank: int
+    ranks: int
+    windows: int
+    """How many of an epoch, the same for all."""
+
+
 _Drawn = tuple[NDArray[np.uint8], NDArray[np.uint8], int]
 
 
@@ -181,11 +191,9 @@ def _windows(
     places: Sequence[NDArray[np.intp]],
     frames: int,
     order: np.random.Generator,
-    rank: int,
-    ranks: int,
-    share: int,
+    own: _Own,
 ) -> Iterator[_Drawn]:
-    """Yield this process's windows, a few recordings mixed at a time, `share` of them."""
+    """Yield this process's windows, a few recordings mixed at a time."""
     given, turn = 0, 0
     shuffled = order.permutation(len(pours))
     for first in range(0, len(pours), SHUFFLED):
@@ -198,7 +206,7 @@ def _windows(
         wanted = {i: label_windows(labels[i], frames) for i in group}
         for i, start in mixed:
             turn += 1
-            if turn % ranks == rank and given < share:
+            if turn % own.ranks == own.rank and given < own.windows:
                 given += 1
                 yield images[i][start : start + frames], rests[i], int(wanted[i][start])
 

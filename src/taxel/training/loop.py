@@ -85,6 +85,15 @@ class Epoch:
     """0…1."""
 
 
+@dataclass(frozen=True, slots=True)
+class Checkpoint:
+    """Where training that is broken off goes on from."""
+
+    path: Path
+    job: str = ""
+    """What else the file must have been written for, such as the data's digest."""
+
+
 def new_network(build: Callable[[], nn.Module], seed: int) -> nn.Module:
     """Return a network whose first weights depend on the seed alone."""
     with torch.random.fork_rng(devices=[]):
@@ -99,8 +108,7 @@ def fit(
     *,
     steps: int | None = None,
     validation: Labelled | None = None,
-    checkpoint: Path | None = None,
-    job: str = "",
+    checkpoint: Checkpoint | None = None,
     on_epoch: Callable[[Epoch], None] | None = None,
 ) -> list[Epoch]:
     """Train a network in place and return its history.
@@ -117,7 +125,6 @@ def fit(
         validation: Windows to watch.
         checkpoint: A file written after each epoch; if it exists, training
             goes on from it and gives the weights that an unbroken run gives.
-        job: What else the checkpoint must have been written for, such as the data's digest.
         on_epoch: Called after each epoch, as by a progress bar.
 
     Raises:
@@ -130,14 +137,15 @@ def fit(
         network.parameters(), lr=config.learning_rate, weight_decay=config.weight_decay
     )
     history: list[Epoch] = []
-    if checkpoint is not None and checkpoint.exists():
-        history = load_checkpoint(checkpoint, network, optimiser, config, Epoch, job)
+    if checkpoint is not None and checkpoint.path.exists():
+        path, job = checkpoint.path, checkpoint.job
+        history = load_checkpoint(path, network, optimiser, config, Epoch, job)
     for number in range(len(history) + 1, config.epochs + 1):
         loss = _one_epoch(network, optimiser, train, config, shape, number)
         watched = evaluate(network, validation) if validation is not None else (None, None)
         history.append(Epoch(number, loss, *watched))
         if checkpoint is not None:
-            save_checkpoint(checkpoint, network, optimiser, config, history, job)
+            save_checkpoint(checkpoint.path, network, optimiser, config, history, checkpoint.job)
         if on_epoch is not None:
             on_epoch(history[-1])
     network.eval()

@@ -62,6 +62,7 @@ class Logistic:
 
     @property
     def classes_(self) -> NDArray[np.intp]:
+        """Class numbers that were learned, shape (classes,), ascending."""
         return np.asarray(self._model.classes_, np.intp)
 
     @property

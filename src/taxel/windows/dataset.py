@@ -168,29 +168,34 @@ def load_dataset(
         trials += [one for one, own_wanted in zip(own, wanted, strict=True) if own_wanted]
     if sensor is None or not sum(map(len, parts)):
         raise nothing_found(path, config, where)
-    made = _assemble(Windows.join(parts), np.concatenate(owners), trials, sensor, config,
-                     digest.hexdigest(), outside, stale, target, unusable)  # fmt: skip
-    return replace(made, fingerprints=fingerprints)
+    cut = _Cut(Windows.join(parts), np.concatenate(owners), trials, sensor, outside, stale)
+    made = _assemble(cut, config, target, keep=unusable)
+    return replace(made, digest=digest.hexdigest(), fingerprints=fingerprints)
 
 
-def _assemble(
-    windows: Windows,
-    trial: NDArray[np.intp],
-    trials: list[Trial],
-    sensor: SensorInfo,
-    config: WindowConfig,
-    digest: str,
-    outside: int,
-    stale: int,
-    target: str | None,
-    keep: bool,
-) -> Dataset:
+@dataclass(frozen=True, slots=True)
+class _Cut:
+    """All windows of some recordings."""
+
+    windows: Windows
+    trial: NDArray[np.intp]
+    """Shape (n,): each window's trial."""
+    trials: list[Trial]
+    sensor: SensorInfo
+    outside: int
+    """Windows that were left out, as they lie across a trial's border or outside."""
+    stale: int
+    """Windows that hold rows whose latest scan is too old."""
+
+
+def _assemble(cut: _Cut, config: WindowConfig, target: str | None, *, keep: bool) -> Dataset:
+    windows, trial, stale = cut.windows, cut.trial, cut.stale
     whole = windows.ready
     if keep:
         whole, stale = np.ones(len(windows), bool), 0
-    notes = grid_note(sensor, config)
-    if outside:
-        notes.append(f"{outside} windows lie across a trial's border or outside: left out")
+    notes = grid_note(cut.sensor, config)
+    if cut.outside:
+        notes.append(f"{cut.outside} windows lie across a trial's border or outside: left out")
     if stale:
         notes.append(
             f"{stale} windows hold rows whose latest scan is over {1000 * config.max_age_s:g} ms "
@@ -212,12 +217,12 @@ def _assemble(
             "look at the recordings with: taxel info",
         )
     used, trial = np.unique(trial, return_inverse=True)
-    if without := len(trials) - len(used):
+    if without := len(cut.trials) - len(used):
         notes.append(
-            f"{without} of {len(trials)} trials gave no window: too short, below the gate or not "
-            "usable"
+            f"{without} of {len(cut.trials)} trials gave no window: too short, below the gate or "
+            "not usable"
         )
-    kept = tuple(trials[index] for index in used)
+    kept = tuple(cut.trials[index] for index in used)
     reference = to_level = None
     if config.reference is not None:
         windows, trial, kept, reference, to_level = _referred(
@@ -234,9 +239,9 @@ def _assemble(
         windows=windows,
         trial=trial.astype(np.intp),
         trials=kept,
-        sensor=sensor.only(config.channels),
+        sensor=cut.sensor.only(config.channels),
         config=config,
-        digest=digest,
+        digest="",
         notes=tuple(notes),
         reference=reference,
         to_level=to_level,

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from taxel.bundles.contract import at_level
-from taxel.decisions.recognition import UNKNOWN, GraspVote, decide
+from taxel.decisions.recognition import UNKNOWN, GraspVote, Quality, decide
 from taxel.decisions.unknown import Strangeness
 from taxel.errors import BadBundle, BadDataset
 from taxel.evaluation.robustness.touches import ANSWER_ALL, Model, Recorded, judge, read_touches
@@ -155,8 +155,9 @@ def test_what_a_bundles_own_test_calls_unknown_is_not_answered_as_live(
     for i, number in enumerate(data.trial.tolist()):
         values, mask = data.windows.values[i : i + 1], data.windows.mask[i : i + 1]
         strange = test.of_window(contract.scaling.apply(values, mask)[0])
-        one = decide(model.probabilities(values, mask)[0], 1.0, float(data.windows.saturated[i]),
-                     (0.0, 0.0), contract.classes, ANSWER_ALL, strange, test)  # fmt: skip
+        quality = Quality(saturated=float(data.windows.saturated[i]))
+        one = decide(model.probabilities(values, mask)[0], quality, contract.classes, ANSWER_ALL,
+                     strange, test)  # fmt: skip
         told.append(one.label != UNKNOWN)
         whole[number] = votes[number].add(one)[0] != UNKNOWN
 

@@ -74,7 +74,7 @@ class Precisions:
 
     def _rows(self, ways: list[Any], bar: Bar) -> list[Any]:
         from taxel.evaluation.transitions.data import cup_folds
-        from taxel.evaluation.transitions.precisions import compare_precisions
+        from taxel.evaluation.transitions.precisions import Ways, compare_precisions
 
         backbones = backbone_names(self.backbones)
         if GEL in backbones:
@@ -98,7 +98,7 @@ class Precisions:
                     return open_backbone(name, train, self.weights, chosen)
 
                 rows += compare_precisions(
-                    pours, fold, config, open_way, ways, self.labels.folder(),
-                    threads=self.weights.threads, on_progress=show,
+                    pours, fold, config, Ways(open_way, ways, self.weights.threads),
+                    self.labels.folder(), on_progress=show,
                 )  # fmt: skip
         return rows

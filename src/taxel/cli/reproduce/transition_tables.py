@@ -26,7 +26,7 @@ from taxel.cli.printing import console, print_json, progress, say
 from taxel.errors import BadInput
 
 if TYPE_CHECKING:
-    from taxel.training.features import FrameFeatures
+    pass
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -55,7 +55,7 @@ class TransitionTables:
     def run(self) -> None:
         """Measure and print."""
         from taxel.evaluation.transitions.step_times import time_step
-        from taxel.evaluation.transitions.tables import measure_rows, plan_rows, trivial_rows
+        from taxel.evaluation.transitions.tables import Seen, measure_rows, plan_rows, trivial_rows
         from taxel.models.transition import FRAMES
 
         backbones = backbone_names(self.backbones)
@@ -64,13 +64,13 @@ class TransitionTables:
         config = head_config(self.labels.rule, self.fit)
         with progress() as bar, given_or_simulated(self.data, self.fit.seed, bar) as folder:
             pours = load_set(self.labels, folder, bar)
-            features: dict[str, list[FrameFeatures]] = {}
-            labels, times = {}, {}
+            seen: dict[str, Seen] = {}
+            times = {}
             plans = plan_rows(backbones)
             for name in backbones:
                 extractor = open_features(name, pours, self.weights, self.engine)
-                features[name] = extract_features(extractor, name, pours, self.labels.folder(), bar)
-                labels[name] = extractor.weights.label  # type: ignore[union-attr]
+                found = extract_features(extractor, name, pours, self.labels.folder(), bar)
+                seen[name] = Seen(extractor.weights.label, found)  # type: ignore[union-attr]
                 for plan in plans:
                     if plan.model.startswith(f"{name}+") and plan.frames == FRAMES:
                         times[plan.model] = time_step(
@@ -80,7 +80,7 @@ class TransitionTables:
                         )  # fmt: skip
             task = bar.add_task("training", total=len(plans))
             rows = measure_rows(
-                pours, features, labels, plans, config,
+                pours, seen, plans, config,
                 every_cup=not self.single_split,
                 on_row=lambda name: bar.update(task, description=name, advance=1),
             )  # fmt: skip

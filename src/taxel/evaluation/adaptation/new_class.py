@@ -22,7 +22,6 @@ from numpy.typing import NDArray
 from torch import nn
 
 from taxel.errors import BadDataset
-from taxel.evaluation.crossval import Fitted, Job, fit_model
 from taxel.models.catalogue import find_network
 from taxel.processes import WORKERS, side_by_side
 from taxel.training.adapt.exemplars import Exemplars, all_exemplars, thin_out
@@ -34,6 +33,7 @@ from taxel.training.adapt.last_layer import (
     features_of,
     with_last,
 )
+from taxel.training.fitting import Fitted, Job, Lesson, fit_model
 from taxel.training.loop import Labelled, TrainConfig, fit, new_network
 from taxel.training.recipes import Recipe, find_recipe
 from taxel.training.run import Run, contract_of
@@ -218,12 +218,11 @@ def run_of(
         recipe: The model and its training.
     """
     own = _renumbered(train, dataset.classes(target), classes)
-    job = Job(model=recipe.model, target=target, train=recipe.train, members=recipe.members)
-    fitted = fit_model(windows_of(own), own.y, len(classes), dataset.sensor.full_scale, job)
-    assert isinstance(fitted.model, tuple)
-    contract = contract_of(dataset, target, recipe.model, fitted.model, fitted.scaling, {})
+    lesson = Lesson(windows_of(own), own.y, len(classes), dataset.sensor.full_scale)
+    fitted = fit_model(lesson, replace(Job.of(recipe), target=target))
+    contract = contract_of(dataset, target, recipe.model, fitted.networks, fitted.scaling, {})
     return Run(
-        networks=fitted.model,
+        networks=fitted.networks,
         contract=replace(contract, classes=tuple(classes)),
         train=recipe.train,
         history=(),

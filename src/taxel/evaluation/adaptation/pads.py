@@ -23,7 +23,6 @@ from numpy.typing import NDArray
 from taxel.bundles.contract import at_level
 from taxel.bundles.levels import measure_level
 from taxel.evaluation.adaptation.new_class import AdaptConfig, by_session, run_of
-from taxel.evaluation.crossval import Fitted
 from taxel.evaluation.metrics import by_trial
 from taxel.evaluation.robustness.touches import recorded
 from taxel.recordings.reader import list_recordings, read_manifest, read_recording
@@ -31,6 +30,7 @@ from taxel.recordings.writer import Recorder
 from taxel.signals import flag_values
 from taxel.sim.teng_constants import HUMIDITY_DECAY
 from taxel.training.adapt.exemplars import Exemplars, all_exemplars, label_of
+from taxel.training.fitting import Fitted
 from taxel.training.run import Run
 from taxel.windows.dataset import load_dataset
 from taxel.windows.reference import parse_reference

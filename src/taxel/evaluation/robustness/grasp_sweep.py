@@ -45,16 +45,26 @@ class Answer(Protocol):
     """One moment's answer."""
 
     @property
-    def decision(self) -> StabilityDecision: ...
+    def decision(self) -> StabilityDecision:
+        """Stable, unstable or UNKNOWN."""
+        ...
+
     @property
-    def time_s(self) -> float: ...
+    def time_s(self) -> float:
+        """Of the moment, seconds."""
+        ...
 
 
 class Monitor(Protocol):
     """What turns frames of one grasp into answers: `taxel.live.grasp_monitor.GraspMonitor`."""
 
-    def see(self, frame: Frame) -> None: ...
-    def push(self, found: FrameSet) -> Answer: ...
+    def see(self, frame: Frame) -> None:
+        """Take one camera's frame as it comes."""
+        ...
+
+    def push(self, found: FrameSet) -> Answer:
+        """Return the answer of a moment."""
+        ...
 
 
 Watcher = Callable[[GraspBundle, tuple[CameraInfo, ...]], Monitor]

@@ -18,18 +18,18 @@ from numpy.typing import NDArray
 
 from taxel.bundles.contract import Contract
 from taxel.bundles.reader import Bundle
-from taxel.decisions.recognition import UNKNOWN, GraspVote, RecogniseConfig, decide
+from taxel.decisions.recognition import UNKNOWN, GraspVote, Quality, RecogniseConfig, decide
 from taxel.decisions.unknown import Strangeness
 from taxel.errors import BadDataset
-from taxel.evaluation.crossval import Job, fit_model
 from taxel.evaluation.robustness.curve import Answers
 from taxel.labels.trials import Trial, trials_of
 from taxel.recordings.manifest import Manifest
 from taxel.recordings.reader import list_recordings, read_recording
 from taxel.signals import Mark, Samples, SensorInfo
+from taxel.training.fitting import Job, Lesson, fit_model, training_windows
 from taxel.training.recipes import Recipe
 from taxel.training.run import contract_of
-from taxel.windows.dataset import load_dataset, recut
+from taxel.windows.dataset import load_dataset
 from taxel.windows.reference import (
     ReferenceTouches,
     parse_reference,
@@ -83,18 +83,10 @@ def train_model(path: Path, recipe: Recipe) -> Model:
         BadDataset: The recordings do not make such a data set.
     """
     dataset = load_dataset(path, recipe.window, target=recipe.target)
-    source = dataset
-    if recipe.train_stride is not None:
-        rows = recipe.train_steps or recipe.window.steps
-        source = recut(path, dataset, recipe.train_stride, rows)
-    classes = len(dataset.classes(recipe.target))
-    job = Job(model=recipe.model, target=recipe.target, train=recipe.train, members=recipe.members)
-    fitted = fit_model(
-        source.windows, source.class_numbers(recipe.target), classes,
-        dataset.sensor.full_scale, job, steps=recipe.window.steps,
-    )  # fmt: skip
-    networks = fitted.model if isinstance(fitted.model, tuple) else ()
-    contract = contract_of(dataset, recipe.target, recipe.model, networks, fitted.scaling, {})
+    lesson = Lesson.of(training_windows(path, dataset, recipe), recipe.target)
+    fitted = fit_model(lesson, Job.of(recipe), steps=recipe.window.steps)
+    target, networks = recipe.target, fitted.networks
+    contract = contract_of(dataset, target, recipe.model, networks, fitted.scaling, {})
     return Model(contract, fitted.probabilities)
 
 
@@ -167,10 +159,10 @@ def judge(
             y[reference] = -1
             y[~cut.own] = -1
             kept = (cut.owner >= 0) & (y[cut.owner] >= 0)
-            parts.append(
-                _told(model, cut.windows[kept], y[cut.owner[kept]], cut.owner[kept] + told,
-                      name, factor, config, test)
-            )  # fmt: skip
+            trial = cut.owner[kept] + told
+            answers = _answers(model, cut.windows[kept], trial, factor, config, test)
+            parts.append((y[cut.owner[kept]], *answers[:2], trial, np.full(len(trial), name),
+                          answers[2]))  # fmt: skip
             grasps += [name] * int((y >= 0).sum())
             told += len(cut.trials)
     if not grasps:
@@ -196,20 +188,15 @@ class _Cut:
     """Shape (touches,): which of them are of this session."""
 
 
-def _told(
+def _answers(
     model: Model,
     windows: Windows,
-    y: NDArray[np.intp],
     trial: NDArray[np.intp],
-    session: str,
     factor: NDArray[np.float32] | None,
     config: RecogniseConfig,
     test: Strangeness | None,
-) -> tuple[NDArray[np.intp], NDArray[np.float64], NDArray[np.bool_], NDArray[np.intp],
-           NDArray[np.str_], NDArray[np.bool_]]:  # fmt: skip
-    """Return class, probabilities, whether answered, touch and session of each window, and
-    whether its whole touch is answered.
-    """
+) -> tuple[NDArray[np.float64], NDArray[np.bool_], NDArray[np.bool_]]:
+    """Return probabilities of each window, whether it and whether its whole touch is answered."""
     classes = model.contract.classes
     found = np.zeros((len(windows), len(classes)))
     answered = np.zeros(len(windows), bool)
@@ -226,15 +213,11 @@ def _told(
             strange = None
             if test is not None and rows is not None and windows.mask[i].any():
                 strange = test.of_window(rows[i][windows.mask[i]])
-            decision = decide(
-                raw[i], float(windows.usable[i]), float(windows.saturated[i]),
-                (float(windows.start_s[i]), float(windows.end_s[i])), classes, config,
-                strange, test, float(windows.filled[i]),
-            )  # fmt: skip
+            decision = decide(raw[i], Quality.of(windows, i), classes, config, strange, test)
             answered[i] = decision.label != UNKNOWN
             whole[touch] = votes[touch].add(decision)[0] != UNKNOWN
     known = np.array([whole.get(touch, False) for touch in trial.tolist()], bool)
-    return y, np.nan_to_num(found), answered, trial, np.full(len(y), session), known
+    return np.nan_to_num(found), answered, known
 
 
 def _level(

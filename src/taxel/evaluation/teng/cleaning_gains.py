@@ -16,7 +16,7 @@ import torch
 from numpy.typing import NDArray
 
 from taxel.errors import BadDataset
-from taxel.evaluation.crossval import FoldResult, Job, pool, run_fold
+from taxel.evaluation.crossval import FoldResult, pool, run_fold
 from taxel.evaluation.paired import LEVEL, difference_interval, sign_flip
 from taxel.evaluation.splits import Split
 from taxel.evaluation.teng.model_comparison import (
@@ -29,6 +29,7 @@ from taxel.evaluation.teng.model_comparison import (
 from taxel.labels.trials import coarsest_group
 from taxel.processes import side_by_side
 from taxel.training.augment import Augment
+from taxel.training.fitting import Job
 from taxel.windows.config import WAVELET, WindowConfig
 from taxel.windows.dataset import Dataset
 

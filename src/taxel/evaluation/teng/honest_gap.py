@@ -16,10 +16,11 @@ from typing import Literal
 import numpy as np
 import torch
 
-from taxel.evaluation.crossval import Job, pool, run_fold
+from taxel.evaluation.crossval import pool, run_fold
 from taxel.evaluation.splits import by_group, random_windows
 from taxel.processes import WORKERS, side_by_side
 from taxel.training.augment import Augment
+from taxel.training.fitting import Job
 from taxel.training.loop import TrainConfig
 from taxel.windows.config import TENG_WINDOW, WindowConfig
 from taxel.windows.dataset import Dataset, load_dataset

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from taxel.bundles.reader import Bundle
 from taxel.bundles.writer import Classifier, export_onnx
-from taxel.evaluation.crossval import Fitted, Job
+from taxel.training.fitting import Fitted, Job
 from taxel.training.run import contract_of
 from taxel.windows.dataset import Dataset
 

@@ -15,13 +15,14 @@ from typing import Literal
 import torch
 
 from taxel.evaluation.baselines import trivial_accuracies
-from taxel.evaluation.checked import check_gate
-from taxel.evaluation.crossval import Job, Pooled, pool, run_fold
+from taxel.evaluation.crossval import Pooled, pool, run_fold
 from taxel.evaluation.splits import Split, by_group, random_windows
 from taxel.evaluation.teng.inference_time import milliseconds_per_window
 from taxel.labels.trials import coarsest_group
 from taxel.models.catalogue import count_parameters
 from taxel.processes import WORKERS, side_by_side
+from taxel.training.final import check_gate
+from taxel.training.fitting import Job
 from taxel.training.loop import TrainConfig
 from taxel.windows.config import TENG_WINDOW, WindowConfig
 from taxel.windows.dataset import Dataset, load_dataset

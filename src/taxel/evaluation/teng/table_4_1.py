@@ -18,11 +18,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taxel.evaluation.baselines import trivial_accuracies
-from taxel.evaluation.crossval import FoldResult, Job, Pooled, fit_model, pool, run_fold
+from taxel.evaluation.crossval import FoldResult, Pooled, pool, run_fold
 from taxel.evaluation.metrics import score
 from taxel.evaluation.splits import Fold, Split, TrialFold, by_group, random_windows
 from taxel.evaluation.teng.inference_time import milliseconds_per_window
 from taxel.processes import WORKERS, side_by_side
+from taxel.training.fitting import Job, Lesson, fit_model
 from taxel.training.loop import TrainConfig
 from taxel.windows.config import FULL_SCALE_V, TENG_WINDOW
 from taxel.windows.dataset import Dataset, load_dataset
@@ -236,8 +237,8 @@ def _last_fit(dataset: Dataset, fold: Fold, job: Job) -> tuple[FoldResult, dict[
     development, test = fold.windows(dataset)
     watched = _watched(dataset, fold, development, job.train.seed)
     train = development[~watched]
-    windows, classes = dataset.windows, len(dataset.classes(job.target))
-    fitted = fit_model(windows[train], y[train], classes, dataset.sensor.full_scale, job)
+    windows = dataset.windows
+    fitted = fit_model(Lesson.of(dataset, job.target, train), job)
 
     def accuracy(part: NDArray[np.intp]) -> float:
         found = fitted.probabilities(windows.values[part], windows.mask[part])

@@ -54,15 +54,25 @@ class PrecisionRow:
     windows: int
 
 
+@dataclass(frozen=True, slots=True)
+class Ways:
+    """How one backbone's features are computed."""
+
+    open: Callable[[EngineName, Precision, Sequence[Pour]], BackboneExtractor]
+    """Opens the backbone; gets the training recordings to calibrate on."""
+    tried: Sequence[tuple[EngineName, Precision]] = WAYS
+    """Engines and precisions; the first is what the others are compared with."""
+    threads: int = 1
+    """Of the engine, for the step's time."""
+
+
 def compare_precisions(
     pours: PourSet,
     fold: Fold,
     head: HeadConfig,
-    open_way: Callable[[EngineName, Precision, Sequence[Pour]], BackboneExtractor],
-    ways: Sequence[tuple[EngineName, Precision]],
+    ways: Ways,
     cache: Path,
     *,
-    threads: int = 1,
     on_progress: Callable[[str, Progress], None] = lambda _way, _progress: None,
 ) -> list[PrecisionRow]:
     """Train a head once, on features of the first way; judge all ways on the held-out cup.
@@ -71,10 +81,8 @@ def compare_precisions(
         pours: Labelled recordings.
         fold: Which cups are learned from, and which is judged.
         head: How the head is trained.
-        open_way: Opens the backbone; gets the training recordings to calibrate on.
-        ways: Engines and precisions.
+        ways: How features are computed.
         cache: Folder for features.
-        threads: Of the engine, for the step's time.
         on_progress: Called with the way's name after each recording.
     """
     training = [pours.pours[i] for i in fold.train]
@@ -83,8 +91,8 @@ def compare_precisions(
     trained: TrainedHead | None = None
     wanted: NDArray[np.float32] | None = None
     rows: list[PrecisionRow] = []
-    for engine, precision in ways:
-        extractor = open_way(engine, precision, training)
+    for engine, precision in ways.tried:
+        extractor = ways.open(engine, precision, training)
         name = f"{engine} {precision}"
 
         def show(done: Progress, name: str = name) -> None:
@@ -101,7 +109,7 @@ def compare_precisions(
         right = float(((found >= THRESHOLD) == labels).mean())
         model = f"{extractor.backbone}+{head.head}"
         step = time_step(
-            model, head.frames, engine=engine, precision=precision, threads=threads,
+            model, head.frames, engine=engine, precision=precision, threads=ways.threads,
             extractor=extractor,
         )  # fmt: skip
         rows.append(

@@ -9,7 +9,7 @@ Source: Zhao, Zheng and Chen, Sensors 2024, 24, 5080, section 5.2.
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from time import perf_counter
 
@@ -137,10 +137,19 @@ def plan_rows(backbones: Sequence[str]) -> list[RowPlan]:
     return plans
 
 
+@dataclass(frozen=True, slots=True)
+class Seen:
+    """What one backbone saw in all pours."""
+
+    weights: str
+    """Label of its weights."""
+    features: list[FrameFeatures]
+    """One a pour, in their order."""
+
+
 def measure_rows(
     data: PourSet,
-    features: dict[str, list[FrameFeatures]],
-    weights: dict[str, str],
+    seen: Mapping[str, Seen],
     plans: Sequence[RowPlan],
     base: HeadConfig,
     *,
@@ -152,8 +161,7 @@ def measure_rows(
 
     Args:
         data: Pours with labels.
-        features: Of each backbone's name, in the order of the pours.
-        weights: Label of each backbone's weights.
+        seen: What each backbone saw in the pours, by its name.
         plans: Which rows.
         base: How heads are trained; head and frames come from the plan.
         every_cup: Also hold out each cup in turn, for rows of `FRAMES` frames.
@@ -167,7 +175,7 @@ def measure_rows(
         config = replace(base, head=head, frames=plan.frames)
         wanted = folds if every_cup and plan.frames == FRAMES else folds[-1:]
         backbone = find_transition(plan.model).backbone
-        jobs.append((features[backbone], data.labels, wanted, config, plan.model))
+        jobs.append((seen[backbone].features, data.labels, wanted, config, plan.model))
     done = side_by_side(_judge_folds, jobs, lambda result: on_row(result[2]))
     rows = []
     for plan, (judged, seconds, _) in zip(plans, done, strict=True):
@@ -176,7 +184,7 @@ def measure_rows(
         rows.append(
             TableRow(
                 plan=plan,
-                weights=weights[model.backbone],
+                weights=seen[model.backbone].weights,
                 parameters=parameters,
                 published_ms=model.published.step_ms if model.published else None,
                 published_mb=model.published.size_mb if model.published else None,

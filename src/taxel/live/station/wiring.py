@@ -222,6 +222,7 @@ class Wiring:
         return self._crew.add("recorder", record, job, ends_itself=True)
 
     def ring(self, size: int = _NOTE_BYTES) -> str:
+        """Make a ring of `size` bytes that is closed with the station, and return its name."""
         return self._stack.enter_context(Ring(size)).name
 
 

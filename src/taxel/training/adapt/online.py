@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 from torch import nn
 
-from taxel.decisions.recognition import GraspVote, RecogniseConfig, decide
+from taxel.decisions.recognition import GraspVote, Quality, RecogniseConfig, decide
 from taxel.errors import BadDataset
 from taxel.models.catalogue import count_parameters
 from taxel.training.adapt.exemplars import Exemplars, thin_out
@@ -113,7 +113,7 @@ class OnlineLearner:
         label, confidence = "", 0.0
         for one in probabilities:
             label, confidence = vote.add(
-                decide(one.astype(np.float32), 1.0, 0.0, (0.0, 0.0), contract.classes, anything)
+                decide(one.astype(np.float32), Quality(), contract.classes, anything)
             )
         return Told(label, confidence, probabilities)
 

@@ -126,6 +126,7 @@ class Connection(asyncio.Protocol):
         self._transport.abort()
 
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
+        """Note who came, and give it little time to ask."""
         assert isinstance(transport, asyncio.Transport)
         self._transport = transport
         self.since_s = self._loop.time()
@@ -136,6 +137,7 @@ class Connection(asyncio.Protocol):
         self._look_at(self.since_s + self._hall.patience_s)
 
     def data_received(self, data: bytes) -> None:
+        """Hand the bytes on, and note that it speaks."""
         self._inner.data_received(data)
         if self._is_page:
             self._hall.leave(self)
@@ -144,15 +146,19 @@ class Connection(asyncio.Protocol):
             self._hall.heard(self)
 
     def eof_received(self) -> None:
+        """Hand on that nothing more comes."""
         self._inner.eof_received()
 
     def pause_writing(self) -> None:
+        """Hand on that its buffer is full."""
         self._inner.pause_writing()
 
     def resume_writing(self) -> None:
+        """Hand on that its buffer has room again."""
         self._inner.resume_writing()
 
     def connection_lost(self, exc: Exception | None) -> None:
+        """Forget it."""
         self._timer.cancel()
         self._hall.leave(self)
         self._inner.connection_lost(exc)
