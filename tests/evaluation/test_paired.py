@@ -8,9 +8,9 @@ import pytest
 
 from taxel.bundles.contract import Contract
 from taxel.errors import BadInput
+from taxel.evaluation.intervals import ratio_interval
 from taxel.evaluation.paired import (
     compare_runs,
-    difference_interval,
     mcnemar,
     sign_flip,
 )
@@ -125,7 +125,7 @@ def test_the_interval_of_the_difference_covers_the_truth():
     hits = 0
     for _ in range(100):
         changed = rng.normal(4.0, 6.0, 20)
-        low, high = difference_interval(changed, np.full(20, 40))
+        low, high = ratio_interval(changed, np.full(20, 40))
         hits += low <= 0.1 <= high
 
     assert hits >= 87

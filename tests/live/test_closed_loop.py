@@ -13,6 +13,16 @@ from taxel.actions.grip_policy import (
     PixelDifference,
     PixelDifferenceConfig,
 )
+from taxel.bench.closed_loop_scores import LoopCase, LoopScores, score_loops
+from taxel.bench.closed_loop_tuning import (
+    LoopGoal,
+    RunProbabilities,
+    choose,
+    commands_of,
+    stability_at,
+    thin,
+    tune_loop,
+)
 from taxel.bundles.grasp import GraspBundle, GraspContract, read_grasp_bundle, write_grasp_bundle
 from taxel.decisions.stability import StabilityConfig
 from taxel.errors import BadInput
@@ -27,16 +37,6 @@ from taxel.live.closed_loop import (
     open_pour,
     replay_loop,
     run_loop,
-)
-from taxel.live.closed_loop_scores import LoopCase, LoopScores, score_loops
-from taxel.live.closed_loop_tuning import (
-    LoopGoal,
-    RunProbabilities,
-    choose,
-    commands_of,
-    stability_at,
-    thin,
-    tune_loop,
 )
 from taxel.live.grasp_monitor import GraspMonitor
 from taxel.models.export_onnx import HeadProbability, export_head

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from taxel.bench.closed_loop import UNSEEN, JudgedPour, data_digest, loop_rows
+from taxel.bench.closed_loop_scores import LoopCase
 from taxel.bench.closed_loop_training import TRAINING, raisable
 from taxel.live.closed_loop import Command, LoopTrack
-from taxel.live.closed_loop_scores import LoopCase
 from taxel.sim.cup_pour import list_runs
 from taxel.sim.cups import PourRun
 

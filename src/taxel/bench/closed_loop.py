@@ -22,6 +22,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from taxel.actions.grip_policy import GripPolicy, PixelDifference, PixelDifferenceConfig
+from taxel.bench.closed_loop_scores import LoopCase, LoopScores, score_loops
+from taxel.bench.closed_loop_tuning import thin
 from taxel.bench.rows import Row, missing, row
 from taxel.bundles.grasp import GraspBundle, read_grasp_bundle
 from taxel.decisions.stability import StabilityConfig
@@ -35,8 +37,6 @@ from taxel.live.closed_loop import (
     replay_loop,
     run_loop,
 )
-from taxel.live.closed_loop_scores import LoopCase, LoopScores, score_loops
-from taxel.live.closed_loop_tuning import thin
 from taxel.live.grasp_monitor import GraspMonitor
 from taxel.processes import WORKERS, side_by_side
 from taxel.sim.cup_pour import CupPourConfig, list_runs

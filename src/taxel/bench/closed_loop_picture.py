@@ -17,6 +17,7 @@ from matplotlib.axes import Axes
 
 from taxel.actions.grip_policy import GripPolicy
 from taxel.bench.closed_loop import NEEDLESS, PREVENTED, UNSEEN
+from taxel.bench.closed_loop_scores import LoopScores
 from taxel.bundles.grasp import read_grasp_bundle
 from taxel.live.closed_loop import (
     LoopConfig,
@@ -27,7 +28,6 @@ from taxel.live.closed_loop import (
     replay_loop,
     run_loop,
 )
-from taxel.live.closed_loop_scores import LoopScores
 from taxel.live.grasp_monitor import GraspMonitor
 from taxel.plotting import plt
 from taxel.sim.cup_pour import list_runs

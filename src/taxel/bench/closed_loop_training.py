@@ -18,16 +18,16 @@ from numpy.typing import NDArray
 
 from taxel import __version__
 from taxel.actions.grip_policy import GripPolicyConfig, PixelDifferenceConfig
-from taxel.bundles.grasp import GEL, GraspContract, write_grasp_bundle
-from taxel.decisions.stability import StabilityConfig
-from taxel.evaluation.transitions.data import Fold, PourSet, judge_fold, load_pours, tracks_of
-from taxel.live.closed_loop_tuning import (
+from taxel.bench.closed_loop_tuning import (
     CurvePoint,
     PixelPoint,
     RunProbabilities,
     tune_loop,
     tune_pixels,
 )
+from taxel.bundles.grasp import GEL, GraspContract, write_grasp_bundle
+from taxel.decisions.stability import StabilityConfig
+from taxel.evaluation.transitions.data import Fold, PourSet, judge_fold, load_pours, tracks_of
 from taxel.models.counting import keras_parameters
 from taxel.models.export_onnx import export_head
 from taxel.processes import WORKERS, side_by_side

@@ -6,7 +6,6 @@ Knows nothing about what is measured.
 from __future__ import annotations
 
 import json
-import os
 import shlex
 import subprocess
 from collections.abc import Callable, Iterable, Sequence
@@ -19,6 +18,7 @@ from rich.table import Table
 from rich.text import Text
 
 from taxel.plain_text import visible_line
+from taxel.recordings.whole import write_whole
 
 STORE = Path(__file__).with_name("stored")
 """Where `--full` keeps what takes longer than a few minutes."""
@@ -94,11 +94,8 @@ def store(bench: str, rows: Iterable[Row], data: str, *, only: str = "") -> list
     if only:
         new = {one.name for one in stamped}
         stamped = [one for one in stored(bench) if one.name not in new] + stamped
-    STORE.mkdir(exist_ok=True)
-    path = STORE / f"{bench}.json"
-    temporary = path.with_name(path.name + ".part")
-    temporary.write_text(json.dumps([asdict(one) for one in stamped], indent=1) + "\n")
-    os.replace(temporary, path)
+    text = json.dumps([asdict(one) for one in stamped], indent=1)
+    write_whole(STORE / f"{bench}.json", text + "\n")
     return stamped
 
 

@@ -12,16 +12,12 @@ import onnxruntime
 from numpy.typing import NDArray
 
 from taxel.errors import BadBundle, MissingExtra
+from taxel.models.onnx_session import open_session
 from taxel.side_by_side import SideBySide
 
 EngineName = Literal["onnxruntime", "openvino"]
 Precision = Literal["f32", "bf16", "int8"]
 """int8 is a matter of the model, whose other numbers stay f32; bf16 of the engine."""
-
-
-def one_line(error: Exception) -> str:
-    """Return what a library says, on one line and not for long."""
-    return " ".join(str(error).split())[:300]
 
 
 def largest_difference(found: NDArray[Any], expected: NDArray[Any]) -> float:
@@ -48,8 +44,8 @@ class _OnnxRuntime:
 
     def __init__(self, model: bytes, threads: int) -> None:
         self._threads = threads
-        self._together = _session(model, threads)
-        self._alone = _session(model, 1) if threads > 1 else self._together
+        self._together = open_session(model, threads)
+        self._alone = open_session(model, 1) if threads > 1 else self._together
         self._beside = SideBySide(threads)
 
     def run(self, **inputs: NDArray[Any]) -> NDArray[np.float32]:
@@ -60,23 +56,6 @@ class _OnnxRuntime:
             {name: values[row : row + 1] for name, values in inputs.items()} for row in range(rows)
         ]
         return np.concatenate(self._beside.map(lambda part: _output(self._alone, part), parts))
-
-
-def _session(model: bytes, threads: int) -> onnxruntime.InferenceSession:
-    options = onnxruntime.SessionOptions()
-    options.intra_op_num_threads = threads
-    options.inter_op_num_threads = 1
-    options.log_severity_level = 3
-    # Threads wait for each other's next layer busily, but not for the next run: a core that
-    # spins on is taken from whoever has work.
-    options.add_session_config_entry("session.force_spinning_stop", "1")
-    try:
-        return onnxruntime.InferenceSession(model, options, providers=["CPUExecutionProvider"])
-    except Exception as error:  # onnxruntime's own errors share no public base
-        raise BadBundle(
-            "a model that ONNX Runtime can run", f"one that it refuses ({one_line(error)})",
-            "write it again with this version of taxel",
-        ) from error  # fmt: skip
 
 
 def _output(

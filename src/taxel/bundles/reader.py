@@ -10,17 +10,17 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import onnxruntime
 from numpy.typing import NDArray
 
 from taxel.bundles.contract import LARGEST_DIFFERENCE, Contract, contract_from_json
-from taxel.bundles.engine import largest_difference, one_line
+from taxel.bundles.engine import largest_difference
 from taxel.bundles.envelope import from_npy, unpack
 from taxel.bundles.model_check import check_model
 from taxel.bundles.model_trial import Trial, try_models
 from taxel.bundles.signing import Trust
 from taxel.decisions.unknown import Strangeness
 from taxel.errors import BadBundle
+from taxel.models.onnx_session import open_session
 
 _MEMBERS = (
     "bundle.json",
@@ -43,19 +43,7 @@ class Bundle:
 
     def __init__(self, contract: Contract, model: bytes, threads: int = 1) -> None:
         self.contract = contract
-        options = onnxruntime.SessionOptions()
-        options.intra_op_num_threads = threads
-        options.inter_op_num_threads = 1
-        options.log_severity_level = 3
-        try:
-            self._session = onnxruntime.InferenceSession(
-                model, options, providers=["CPUExecutionProvider"]
-            )
-        except Exception as error:  # onnxruntime's own errors share no public base
-            raise BadBundle(
-                "a model that ONNX Runtime can run", f"one that it refuses ({one_line(error)})",
-                "write the bundle again with this version of taxel",
-            ) from error  # fmt: skip
+        self._session = open_session(model, threads)
         self._inputs = {entry.name for entry in self._session.get_inputs()}
         self.strangeness = Strangeness(contract.unknown) if contract.unknown is not None else None
         """The test for touch that is unlike all that was learned; None where there is none."""

@@ -28,6 +28,7 @@ from taxel.errors import BadInput, RecordingFailed
 from taxel.foreign.files import MIB, sha256_of
 from taxel.foreign.json_text import Fields, read_json
 from taxel.foreign.records import record_of
+from taxel.recordings.whole import write_whole
 
 FORMAT = 1
 """Version of the history's layout."""
@@ -352,14 +353,7 @@ def _version(stored: object) -> Version:
 
 def _write(path: Path, versions: tuple[Version, ...]) -> None:
     text = json.dumps({"format": FORMAT, "versions": [asdict(one) for one in versions]}, indent=1)
-    temporary = path.with_name(path.name + ".part")
-    try:
-        temporary.write_text(text + "\n")
-        os.replace(temporary, path)
-    except OSError as error:
-        raise _refused(path, error) from error
-    finally:
-        temporary.unlink(missing_ok=True)
+    write_whole(path, text + "\n")
 
 
 def _clear(path: Path) -> None:

@@ -6,13 +6,12 @@ No script, no link to another file. Knows nothing about recordings or how figure
 from __future__ import annotations
 
 import base64
-import os
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from taxel.errors import RecordingFailed
 from taxel.plain_text import html_text
+from taxel.recordings.whole import write_whole
 
 Document = Mapping[str, Any]
 
@@ -194,16 +193,7 @@ def write_page(path: Path, document: Document, command: str) -> None:
         '<meta name="viewport" content="width=device-width,initial-scale=1">'
         f"<style>{_STYLE}</style><body>{''.join(parts)}</body></html>\n"
     )
-    part = path.with_name(path.name + ".part")
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        part.write_text(page, encoding="utf-8")
-        os.replace(part, path)
-    except OSError as error:
-        part.unlink(missing_ok=True)
-        raise RecordingFailed(
-            f"needed to write {path}; got {error.strerror or error}; choose another place."
-        ) from error
+    write_whole(path, page)
 
 
 def _uniform(result: Mapping[str, Any]) -> str:

@@ -9,7 +9,6 @@ from __future__ import annotations
 import hashlib
 import json
 import math
-import os
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from datetime import UTC, datetime
@@ -19,8 +18,9 @@ from typing import Any
 from taxel import __version__
 from taxel.calibration.curves import FORMS, Curve
 from taxel.calibration.results import Characterisation, SensorResult
-from taxel.errors import BadFile, BadInput, RecordingFailed
+from taxel.errors import BadFile, BadInput
 from taxel.foreign.json_text import read_json
+from taxel.recordings.whole import write_whole
 from taxel.signals import SensorInfo
 
 FORMAT = "taxel-calibration"
@@ -168,19 +168,8 @@ def write_calibration(path: Path, document: Mapping[str, Any], overwrite: bool =
         RecordingFailed: The disk refused.
     """
     check_output(path, overwrite)
-    part = path.with_name(path.name + ".part")
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        part.write_text(
-            json.dumps(document, indent=1, ensure_ascii=False, allow_nan=False) + "\n",
-            encoding="utf-8",
-        )
-        os.replace(part, path)
-    except OSError as error:
-        part.unlink(missing_ok=True)
-        raise RecordingFailed(
-            f"needed to write {path}; got {error.strerror or error}; choose another place."
-        ) from error
+    text = json.dumps(document, indent=1, ensure_ascii=False, allow_nan=False)
+    write_whole(path, text + "\n")
 
 
 def check_output(path: Path, overwrite: bool) -> None:

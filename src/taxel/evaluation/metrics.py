@@ -11,11 +11,11 @@ import numpy as np
 from numpy.typing import NDArray
 from sklearn.metrics import confusion_matrix, precision_recall_fscore_support, roc_auc_score
 
+from taxel.evaluation.intervals import ratio_interval
+
 LEAST_PROBABILITY = 1e-7
 """Probabilities are clipped to this before the logarithm. Source: Keras' epsilon, as the
 thesis's losses are Keras'."""
-RESAMPLES = 2000
-"""Bootstrap resamples. Source: our choice, docs/decisions/0008."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -71,23 +71,15 @@ def accuracy_interval(
 ) -> tuple[float, float]:
     """Return a 95 % interval of the accuracy by resampling whole groups.
 
-    Windows of one session are alike, so that resampling windows would promise
-    too much. One group alone gives no interval: (NaN, NaN).
+    One group alone gives no interval: (NaN, NaN).
 
     Args:
         correct: Shape (n,).
         groups: Shape (n,): the session, or other group, of each prediction.
         seed: Seed of the resampling.
     """
-    names, index = np.unique(groups, return_inverse=True)
-    if len(names) < 2:
-        return float("nan"), float("nan")
-    right = np.bincount(index, weights=correct)
-    count = np.bincount(index).astype(float)
-    drawn = np.random.default_rng(seed).integers(0, len(names), (RESAMPLES, len(names)))
-    shares = right[drawn].sum(axis=1) / count[drawn].sum(axis=1)
-    low, high = np.percentile(shares, [2.5, 97.5])
-    return float(low), float(high)
+    index = np.unique(groups, return_inverse=True)[1]
+    return ratio_interval(np.bincount(index, weights=correct), np.bincount(index), seed)
 
 
 def by_trial(

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from scipy.stats import binomtest
 
 from taxel.errors import BadInput
-from taxel.evaluation.metrics import RESAMPLES
+from taxel.evaluation.intervals import ratio_interval
 from taxel.labels.trials import coarsest_group
 from taxel.training.predictions import Predictions
 from taxel.training.run import Run
@@ -129,7 +129,7 @@ def compare_predictions(
         first=float(right.mean()),
         second=float(other.mean()),
         difference=float(changed.sum() / len(ours)),
-        interval=difference_interval(changed, count),
+        interval=ratio_interval(changed, count),
         only_first=only_first,
         only_second=only_second,
         p_windows=mcnemar(only_first, only_second),
@@ -171,24 +171,6 @@ def sign_flip(changed: NDArray[np.float64], seed: int = 0) -> float:
 def smallest_p(groups: int) -> float:
     """Return the least that `sign_flip` can say of so many groups: nothing below 6 of them."""
     return min(1.0, 2.0 ** (1 - groups))
-
-
-def difference_interval(
-    changed: NDArray[np.float64], count: NDArray[np.intp], seed: int = 0
-) -> tuple[float, float]:
-    """Return 95 % of the difference when whole groups are drawn again; NaN with one group.
-
-    Args:
-        changed: Windows gained in each group, shape (groups,).
-        count: Windows in each group, shape (groups,).
-        seed: Seed of the resampling.
-    """
-    n = len(changed)
-    if n < 2:
-        return float("nan"), float("nan")
-    drawn = np.random.default_rng(seed).integers(0, n, (RESAMPLES, n))
-    low, high = np.percentile(changed[drawn].sum(axis=1) / count[drawn].sum(axis=1), [2.5, 97.5])
-    return float(low), float(high)
 
 
 def coarsest_of(predictions: Predictions) -> str:

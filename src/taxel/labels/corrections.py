@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import json
 import math
-import os
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -20,6 +19,7 @@ from taxel.errors import BadFile, BadInput, RecordingFailed
 from taxel.foreign.files import MIB
 from taxel.foreign.json_text import read_json
 from taxel.labels.rules import rule_named
+from taxel.recordings.whole import write_whole
 
 FORMAT_VERSION = "1"
 """Raised when a reader of the old format would misread the new one."""
@@ -147,26 +147,21 @@ def remove_correction(recording: Path, rule: str, duration_s: float) -> bool:
 def _store(recording: Path, corrections: Mapping[str, Correction]) -> Path:
     """Write the file as a whole, or remove it where nothing is left to say."""
     path = corrections_path(recording)
-    temporary = path.with_name(path.name + ".part")
     stored = {
         "format": FORMAT_VERSION,
         "recording": recording.name,
         "corrections": [asdict(one) for one in corrections.values()],
     }
+    if corrections:
+        text = json.dumps(stored, indent=2, ensure_ascii=False, allow_nan=False)
+        write_whole(path, text + "\n")
+        return path
     try:
-        if not corrections:
-            path.unlink(missing_ok=True)
-            return path
-        try:
-            text = json.dumps(stored, indent=2, ensure_ascii=False, allow_nan=False)
-            temporary.write_text(text + "\n", encoding="utf-8")
-            os.replace(temporary, path)
-        finally:
-            temporary.unlink(missing_ok=True)
+        path.unlink(missing_ok=True)
     except OSError as error:
         raise RecordingFailed(
-            f"needed to write {path}; got {error.strerror or error}; "
-            "make room or choose another place."
+            f"needed to remove {path}; got {error.strerror or error}; "
+            "choose a folder that may be written."
         ) from error
     return path
 

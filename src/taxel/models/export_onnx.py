@@ -12,13 +12,13 @@ import io
 import warnings
 
 import numpy as np
-import onnxruntime
 import torch
 from numpy.typing import NDArray
 from torch import Tensor, nn
 
 from taxel.errors import BadBundle
 from taxel.models.frame_features import FrameFeatures
+from taxel.models.onnx_session import open_session
 from taxel.models.sequence import SENSORS
 
 FRAME_HEIGHT_PX = 240
@@ -109,9 +109,7 @@ def _export(
 
 def _check(module: nn.Module, model: bytes, example: NDArray[np.generic], input_name: str) -> None:
     """Run another number of rows than the export saw, and compare."""
-    options = onnxruntime.SessionOptions()
-    options.intra_op_num_threads = 1
-    session = onnxruntime.InferenceSession(model, options, providers=["CPUExecutionProvider"])
+    session = open_session(model)
     for rows in (example[:1], np.concatenate([example, example[:1]])):
         found = session.run(None, {input_name: rows})[0]
         with torch.no_grad():

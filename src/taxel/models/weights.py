@@ -20,11 +20,12 @@ from pathlib import Path
 
 from torch import nn
 
-from taxel.errors import BadFile, BadInput, RecordingFailed
+from taxel.errors import BadFile, BadInput
 from taxel.foreign.files import open_file
 from taxel.models.backbones.catalogue import Published, find_backbone
 from taxel.models.backbones.random_start import fill_randomly
 from taxel.models.backbones.weight_files import load_backbone_weights
+from taxel.recordings.whole import whole_file
 
 VARIABLE = "TAXEL_WEIGHTS"
 """Environment variable with a file or folder of weights."""
@@ -172,25 +173,14 @@ def _download(published: Published, folder: Path) -> Path:
     path = folder / published.file_name
     if path.is_file():
         return path
-    temporary = path.with_name(path.name + ".part")
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        try:
-            _fetch(published.url, temporary)
-            if _hash_file(temporary)[1] != published.md5:
-                raise BadInput(
-                    f"{published.file_name} as Keras published it",
-                    f"another file from {published.url}",
-                    "try again, or give a file by path",
-                )
-            os.replace(temporary, path)
-        finally:
-            temporary.unlink(missing_ok=True)
-    except OSError as error:
-        raise RecordingFailed(
-            f"needed to write {path}; got {error.strerror or error}; "
-            "make room or choose another place."
-        ) from error
+    with whole_file(path) as temporary:
+        _fetch(published.url, temporary)
+        if _hash_file(temporary)[1] != published.md5:
+            raise BadInput(
+                f"{published.file_name} as Keras published it",
+                f"another file from {published.url}",
+                "try again, or give a file by path",
+            )
     return path
 
 

@@ -14,8 +14,19 @@ from taxel.errors import BadTable, RecordingFailed
 from taxel.held import MADE, REPLACED, scratch_folder
 
 
-def write_whole(path: Path, data: bytes) -> None:
-    """Write a file, whole or not at all; an older one is replaced.
+def write_whole(path: Path, data: bytes | str) -> None:
+    """Write a file, whole or not at all; an older one is replaced. Text is written as UTF-8.
+
+    Raises:
+        RecordingFailed: The disk refused.
+    """
+    with whole_file(path) as temporary:
+        temporary.write_bytes(data.encode("utf-8") if isinstance(data, str) else data)
+
+
+@contextmanager
+def whole_file(path: Path) -> Iterator[Path]:
+    """Give a file to fill, which gets its name when the block ends well, and else goes.
 
     Raises:
         RecordingFailed: The disk refused.
@@ -24,7 +35,7 @@ def write_whole(path: Path, data: bytes) -> None:
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         try:
-            temporary.write_bytes(data)
+            yield temporary
             os.replace(temporary, path)
         finally:
             temporary.unlink(missing_ok=True)

@@ -7,26 +7,27 @@ from __future__ import annotations
 
 import dataclasses
 import json
-import os
 from pathlib import Path
 from typing import Any, TypeVar
 
 import torch
 from safetensors import SafetensorError, safe_open
-from safetensors.torch import save_file
 from torch import nn
 
-from taxel.errors import BadFile, BadInput, RecordingFailed
+from taxel.errors import BadFile, BadInput
 from taxel.foreign.files import check_tensors
 from taxel.foreign.json_text import parse_json
 from taxel.foreign.records import record_of
+from taxel.models.backbones.weight_files import save_tensors
 
 _Record = TypeVar("_Record")
 
 
 def save_weights(path: Path, network: nn.Module, about: dict[str, str]) -> None:
     """Write a network's weights, whole or not at all."""
-    _save(path, {key: value.contiguous() for key, value in network.state_dict().items()}, about)
+    save_tensors(
+        path, {key: value.contiguous() for key, value in network.state_dict().items()}, about
+    )
 
 
 def load_weights(path: Path, network: nn.Module) -> dict[str, str]:
@@ -58,7 +59,7 @@ def save_checkpoint(
         "job": job,
         "history": json.dumps([dataclasses.asdict(epoch) for epoch in history]),
     }
-    _save(path, tensors, about)
+    save_tensors(path, tensors, about)
 
 
 def load_checkpoint(
@@ -109,19 +110,6 @@ def _put(path: Path, network: nn.Module, tensors: dict[str, torch.Tensor]) -> No
         raise BadInput(
             "weights of this network", f"others in {path.name}", "train it again"
         ) from error
-
-
-def _save(path: Path, tensors: dict[str, torch.Tensor], about: dict[str, str]) -> None:
-    temporary = path.with_name(path.name + ".part")
-    try:
-        save_file(tensors, temporary, metadata=about)
-        os.replace(temporary, path)
-    except (SafetensorError, OSError) as error:
-        raise RecordingFailed(
-            f"needed to write {path}; got {error}; make room or choose another place."
-        ) from error
-    finally:
-        temporary.unlink(missing_ok=True)
 
 
 def _load(path: Path) -> tuple[dict[str, torch.Tensor], dict[str, str]]:

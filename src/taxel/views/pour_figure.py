@@ -5,7 +5,6 @@ Knows nothing about models.
 
 from __future__ import annotations
 
-import os
 from pathlib import Path
 from typing import Literal
 
@@ -16,10 +15,10 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Rectangle
 
 from taxel.decisions.stability import Stability, states
-from taxel.errors import RecordingFailed
 from taxel.evaluation.early_warning.grasp_warnings import WarningResult
 from taxel.evaluation.transitions.data import PourSet, truth_moments
 from taxel.plotting import drawn_name, plt
+from taxel.recordings.whole import whole_file
 
 _COLOURS = {
     Stability.STABLE: "#cfe8d5",
@@ -70,16 +69,9 @@ def write_pour_figure(path: Path, data: PourSet, result: WarningResult, frames: 
         handles.append(Line2D([], [], color=colour, linestyle=style))
         names.append(name)
     figure.legend(handles, names, loc="outside upper center", ncol=7, frameon=False)
-    temporary = path.with_name(path.name + ".part")
     try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        figure.savefig(temporary, format="png", dpi=110)
-        os.replace(temporary, path)
-    except OSError as error:
-        temporary.unlink(missing_ok=True)
-        raise RecordingFailed(
-            f"needed to write {path}; got {error.strerror or error}; choose another place."
-        ) from error
+        with whole_file(path) as temporary:
+            figure.savefig(temporary, format="png", dpi=110)
     finally:
         plt.close(figure)
 

@@ -6,7 +6,6 @@ Knows nothing about screens.
 from __future__ import annotations
 
 import json
-import os
 import re
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -29,6 +28,7 @@ from taxel.bundles.envelope import unpack
 from taxel.bundles.reader import Bundle, read_bundle
 from taxel.bundles.recordings import load_at_level
 from taxel.errors import BadBundle, BadInput
+from taxel.recordings.whole import write_whole
 from taxel.signals import SensorInfo
 from taxel.windows.dataset import Dataset
 
@@ -145,9 +145,7 @@ def write_avr(
     tested = load_at_level(test or calibration, contract, target=contract.target)
     report = _report(opened, network, integers, converter, tested, files)
     told = asdict(report) | {"points_lost": report.points_lost}
-    temporary = output / f"{REPORT}.part"
-    temporary.write_text(json.dumps(told, indent=1) + "\n")
-    os.replace(temporary, output / REPORT)
+    write_whole(output / REPORT, json.dumps(told, indent=1) + "\n")
     return report
 
 

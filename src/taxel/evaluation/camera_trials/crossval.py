@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taxel.evaluation.camera_trials.sides import TrialSplit
+from taxel.evaluation.intervals import draw_rows, percentile_interval
 from taxel.evaluation.rank_area import area
 from taxel.evaluation.run_scores import reliability
 from taxel.training.trial_blend import (
@@ -32,8 +33,6 @@ from taxel.training.trial_features import TrialRows
 from taxel.windows.trial_crops import BAR as BAR_COLUMNS
 from taxel.windows.trial_crops import THUMB, Layout, numbers_of
 
-RESAMPLES: Final = 2000
-"""Resamples of whole groups for an interval. Source: our choice."""
 Rows = NDArray[np.float32]
 Probabilities = NDArray[np.float64]
 
@@ -310,15 +309,15 @@ def score_trials(
 ) -> TrialScores:
     """Return scores of probabilities, shape (n, classes), against classes, shape (n,)."""
     right = probabilities.argmax(axis=1) == y
-    drawn = _draws(groups, seed)
+    drawn = draw_rows(groups, seed)
     bins = reliability(probabilities, right)
     return TrialScores(
         trials=len(y),
         accuracy=float(right.mean()),
-        accuracy_interval=_interval([float(right[d].mean()) for d in drawn]),
+        accuracy_interval=percentile_interval([float(right[d].mean()) for d in drawn]),
         balanced=float(np.mean([right[y == kind].mean() for kind in np.unique(y)])),
         auc=area(y, probabilities),
-        auc_interval=_interval([area(y[d], probabilities[d]) for d in drawn]),
+        auc_interval=percentile_interval([area(y[d], probabilities[d]) for d in drawn]),
         loss=log_loss(probabilities, y),
         calibration_error=sum(b.windows * abs(b.confidence - b.accuracy) for b in bins) / len(y),
     )
@@ -331,13 +330,13 @@ def difference(
     both = np.isfinite(ours.probabilities[:, 0]) & np.isfinite(other.probabilities[:, 0])
     y, groups = trials.y[both], trials.learning(trials.rows, split.group).groups[both]
     mine, others = ours.probabilities[both], other.probabilities[both]
-    drawn = _draws(groups, seed)
+    drawn = draw_rows(groups, seed)
 
     def compared(
         measure: Callable[[NDArray[np.intp], Probabilities], float],
     ) -> tuple[float, tuple[float, float]]:
         found = [measure(y[d], mine[d]) - measure(y[d], others[d]) for d in drawn]
-        return measure(y, mine) - measure(y, others), _interval(found)
+        return measure(y, mine) - measure(y, others), percentile_interval(found)
 
     accuracy, auc, loss = compared(_accuracy), compared(area), compared(_loss)
     return Difference(other.name, *accuracy, *auc, *loss)
@@ -363,21 +362,3 @@ def _accuracy(y: NDArray[np.intp], probabilities: Probabilities) -> float:
 
 def _loss(y: NDArray[np.intp], probabilities: Probabilities) -> float:
     return log_loss(probabilities, y)
-
-
-def _draws(groups: NDArray[np.str_], seed: int) -> list[NDArray[np.intp]]:
-    """Return resamples of whole groups, as indices; none where there is one group only."""
-    names, index = np.unique(groups, return_inverse=True)
-    if len(names) < 2:
-        return []
-    members = [np.flatnonzero(index == number) for number in range(len(names))]
-    drawn = np.random.default_rng(seed).integers(0, len(names), (RESAMPLES, len(names)))
-    return [np.concatenate([members[number] for number in draw]) for draw in drawn]
-
-
-def _interval(values: Sequence[float]) -> tuple[float, float]:
-    known = np.array(values)[np.isfinite(values)]
-    if not len(known):
-        return float("nan"), float("nan")
-    low, high = np.percentile(known, (2.5, 97.5))
-    return float(low), float(high)

@@ -29,10 +29,7 @@ from scipy.stats import chi2
 
 from taxel.decisions.stability import Stability
 from taxel.errors import BadInput
-
-RESAMPLES = 2000
-"""Bootstrap resamples. Source: our choice, docs/decisions/0008."""
-Interval = tuple[float, float]
+from taxel.evaluation.intervals import Interval, draw_rows, percentile_interval
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -220,12 +217,16 @@ def summarise(outcomes: Sequence[RunOutcome], cluster: str = "cup", seed: int = 
     if not outcomes:
         raise BadInput("at least one run", "none", "judge some runs first")
     table = _Table(outcomes, cluster)
-    drawn = table.resampled(seed)
+    drawn = draw_rows(table.cluster, seed)
     delay = _percentiles(table.delay_s)
     lead = _percentiles(table.lead_s)
     held = ~table.event
     alarms_held = int(table.false_alarms[held].sum())
     hold_min = float(table.judged_s[held].sum()) / 60.0
+
+    def interval(statistic: Callable[[NDArray[np.intp]], float]) -> Interval:
+        return percentile_interval([statistic(rows) for rows in drawn])
+
     return EventScores(
         runs=len(outcomes),
         events=int(table.event.sum()),
@@ -233,19 +234,19 @@ def summarise(outcomes: Sequence[RunOutcome], cluster: str = "cup", seed: int = 
         delay_p5_s=delay[0],
         delay_median_s=delay[1],
         delay_p95_s=delay[2],
-        delay_interval_s=_interval(drawn, lambda rows: _median(table.delay_s[rows])),
+        delay_interval_s=interval(lambda rows: _median(table.delay_s[rows])),
         lead_p5_s=lead[0],
         lead_median_s=lead[1],
         lead_p95_s=lead[2],
-        lead_interval_s=_interval(drawn, lambda rows: _median(table.lead_s[rows])),
+        lead_interval_s=interval(lambda rows: _median(table.lead_s[rows])),
         missed_share=_share(table.missed, table.event),
-        missed_interval=_interval(drawn, lambda r: _share(table.missed[r], table.event[r])),
+        missed_interval=interval(lambda r: _share(table.missed[r], table.event[r])),
         early_share=_share(table.early, table.event),
         false_alarms=alarms_held,
         hold_min=hold_min,
         false_alarms_per_min=_per_min(table.false_alarms[held], table.judged_s[held]),
-        false_alarms_interval=_interval(
-            drawn, lambda r: _per_min(table.false_alarms[r][held[r]], table.judged_s[r][held[r]])
+        false_alarms_interval=interval(
+            lambda r: _per_min(table.false_alarms[r][held[r]], table.judged_s[r][held[r]])
         ),
         false_alarms_poisson=poisson_interval(alarms_held, hold_min),
         false_alarms_per_min_all=_per_min(table.false_alarms, table.judged_s),
@@ -294,28 +295,8 @@ class _Table:
         self.false_alarms = np.array([one.false_alarms for one in outcomes])
         self.judged_s = np.array([one.judged_s for one in outcomes])
         names = [one.groups.get(cluster, f"\0{i}") for i, one in enumerate(outcomes)]
-        self._index = np.unique(names, return_inverse=True)[1]
-        self.clusters = int(self._index.max()) + 1
-
-    def resampled(self, seed: int) -> list[NDArray[np.intp]]:
-        """Return rows for each resample of whole clusters; none where there is one cluster."""
-        if self.clusters < 2:
-            return []
-        members = [np.flatnonzero(self._index == i) for i in range(self.clusters)]
-        draws = np.random.default_rng(seed).integers(0, self.clusters, (RESAMPLES, self.clusters))
-        return [np.concatenate([members[i] for i in draw]) for draw in draws]
-
-
-def _interval(
-    drawn: list[NDArray[np.intp]], statistic: Callable[[NDArray[np.intp]], float]
-) -> Interval:
-    """Return the 95 % percentile interval; resamples that say nothing are left out."""
-    values = np.array([statistic(rows) for rows in drawn])
-    values = values[np.isfinite(values)]
-    if not len(values):
-        return float("nan"), float("nan")
-    low, high = np.percentile(values, [2.5, 97.5])
-    return float(low), float(high)
+        self.cluster = np.array(names)
+        self.clusters = len(set(names))
 
 
 def _percentiles(values: NDArray[np.float64]) -> tuple[float, float, float]:

@@ -22,13 +22,13 @@ from taxel.errors import BadInput
 from taxel.evaluation.early_warning.events import (
     EventConfig,
     EventScores,
-    Interval,
     RunOutcome,
     StateTrack,
     judge,
     poisson_interval,
     summarise,
 )
+from taxel.evaluation.intervals import Interval, percentile_interval
 
 CLEAR_S: Final = 1.0
 """How long a drive must stay below half its threshold before a warning is cleared, seconds."""
@@ -191,10 +191,9 @@ def keep_promise(
         place = _lowest(by_cup[pick].sum(axis=0), float(time_by_cup[pick].sum()), per_min)
         drawn.append(float(tried[place]))
     count, total = int(counts[:, chosen].sum()), float(minutes.sum())
-    low, high = np.percentile(drawn, [2.5, 97.5])
     return Promise(
         threshold=float(tried[chosen]),
-        interval=(float(low), float(high)),
+        interval=percentile_interval(drawn),
         asked_per_min=per_min,
         found_per_min=count / total,
         found_interval=poisson_interval(count, total),

@@ -12,7 +12,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from taxel.evaluation.metrics import RESAMPLES, accuracy_interval, by_trial
+from taxel.evaluation.intervals import draw_clusters, percentile_interval
+from taxel.evaluation.metrics import accuracy_interval, by_trial
 
 CLEAN = "none"
 """Name of the point without any fault."""
@@ -163,11 +164,9 @@ def loss_between(base: Answers, worse: Answers, *, grasps: bool) -> Loss:
     """
     names = sorted(set(base.grasps.tolist()))
     both = np.stack([one.counts(names, grasps=grasps) for one in (base, worse)])
-    drawn = np.random.default_rng(0).integers(0, len(names), (RESAMPLES, len(names)))
-    share = _share(both[:, drawn].sum(axis=2))
-    low, high = np.percentile(share[0] - share[1], [2.5, 97.5])
+    share = _share(both[:, draw_clusters(len(names))].sum(axis=2))
     first, second = _share(both.sum(axis=1))
-    return Loss(float(first), float(second), float(low), float(high))
+    return Loss(float(first), float(second), *percentile_interval(share[0] - share[1]))
 
 
 def _share(counts: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -20,7 +20,8 @@ from numpy.typing import NDArray
 from taxel.bundles.grasp import GraspBundle, read_grasp_bundle
 from taxel.decisions.stability import Stability, StabilityDecision
 from taxel.errors import BadDataset, BadInput
-from taxel.evaluation.early_warning.events import RESAMPLES, RunOutcome, StateTrack, judge
+from taxel.evaluation.early_warning.events import RunOutcome, StateTrack, judge
+from taxel.evaluation.intervals import draw_clusters, percentile_interval
 from taxel.evaluation.robustness.curve import CLEAN, Point, mildest_first
 from taxel.evaluation.robustness.image_faults import IMAGE_FAULTS, find_image_fault
 from taxel.evaluation.transitions.data import truth_moments
@@ -256,13 +257,8 @@ def grasp_point(watched: Sequence[Watched], fault: str, level: float, unit: str)
             (alarm & one.unstable & told).sum(), (one.unstable & told).sum(),
             (~alarm & ~one.unstable & told).sum(), (~one.unstable & told).sum(),
         ]  # fmt: skip
-    drawn = np.random.default_rng(0).integers(0, len(cups), (RESAMPLES, len(cups)))
-    low, high = float("nan"), float("nan")
-    if len(cups) > 1:
-        shares = _balanced(counts[drawn].sum(axis=1))
-        shares = shares[np.isfinite(shares)]
-        if len(shares):
-            low, high = (float(bound) for bound in np.percentile(shares, [2.5, 97.5]))
+    drawn = draw_clusters(len(cups))
+    low, high = percentile_interval(_balanced(counts[drawn].sum(axis=1)))
     events = [one.outcome for one in watched if one.outcome.event]
     held = [one.outcome for one in watched if not one.outcome.event]
     minutes = sum(one.judged_s for one in held) / 60

@@ -17,7 +17,8 @@ from numpy.typing import NDArray
 
 from taxel.errors import BadDataset
 from taxel.evaluation.crossval import FoldResult, pool, run_fold
-from taxel.evaluation.paired import LEVEL, difference_interval, sign_flip
+from taxel.evaluation.intervals import ratio_interval
+from taxel.evaluation.paired import LEVEL, sign_flip
 from taxel.evaluation.splits import Split
 from taxel.evaluation.teng.model_comparison import (
     ComparisonConfig,
@@ -205,7 +206,7 @@ def _gains(found: Sequence[_WayRun], ways: Sequence[str]) -> list[Gain]:
                 accuracy=float(sum(one.right.sum() for one in own) / count.sum()),
                 trial_accuracy=float(np.mean([one.trial_accuracy for one in own])),
                 difference=float(every.sum() / count.sum()),
-                interval=difference_interval(every, count.astype(np.intp)),
+                interval=ratio_interval(every, count),
                 p=sign_flip(every),
                 by_run=tuple(
                     float(c.sum() / one.count.sum()) for c, one in zip(changed, own, strict=True)

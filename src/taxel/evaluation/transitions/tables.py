@@ -19,6 +19,7 @@ from scipy.stats import binomtest
 from sklearn.metrics import balanced_accuracy_score, roc_auc_score
 from sklearn.tree import DecisionTreeClassifier
 
+from taxel.evaluation.intervals import Interval, ratio_interval
 from taxel.evaluation.transitions.data import (
     Fold,
     Judged,
@@ -277,7 +278,7 @@ def score_windows(judged: Sequence[Judged]) -> Scores:
     )
 
 
-def _over_folds(judged: Sequence[Judged], resamples: int = 2000) -> tuple[float, float]:
+def _over_folds(judged: Sequence[Judged]) -> Interval:
     """Return 95 % of the accuracy when cups are drawn again, seeded."""
     right = np.array(
         [
@@ -290,7 +291,4 @@ def _over_folds(judged: Sequence[Judged], resamples: int = 2000) -> tuple[float,
         ],
         np.float64,
     )  # fmt: skip
-    drawn = np.random.default_rng(0).integers(len(right), size=(resamples, len(right)))
-    sums = right[drawn].sum(axis=1)
-    low, high = np.percentile(sums[:, 0] / sums[:, 1], [2.5, 97.5])
-    return float(low), float(high)
+    return ratio_interval(right[:, 0], right[:, 1])

@@ -13,6 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 from sklearn.metrics import roc_auc_score
 
+from taxel.evaluation.intervals import Interval, draw_rows, percentile_interval
+
 OURS = "density"
 """The score that a bundle carries (docs/decisions/0027); the others are there to compare."""
 SCORES = (OURS, "max softmax", "weak touch", "unusual level", "1-NN on raw windows")
@@ -160,22 +162,15 @@ def _area(one: Scored, score: str, kind: str) -> float:
     return float(roc_auc_score(one.kind[part] == kind, one.scores[score][part]))
 
 
-def _interval(one: Scored, score: str, kind: str) -> tuple[float, float]:
-    """Return a 95 % interval by resampling whole groups; NaN where there are too few."""
+def _interval(one: Scored, score: str, kind: str) -> Interval:
+    """Return a 95 % interval by drawing whole groups again."""
     part = (one.kind == "") | (one.kind == kind)
-    names, group = np.unique(one.group[part], return_inverse=True)
     truth, value = one.kind[part] == kind, one.scores[score][part]
-    rows = [np.flatnonzero(group == number) for number in range(len(names))]
-    rng = np.random.default_rng(0)
-    areas = []
-    for _ in range(RESAMPLES):
-        drawn = np.concatenate([rows[i] for i in rng.integers(0, len(names), len(names))])
-        if 0 < truth[drawn].sum() < len(drawn):
-            areas.append(roc_auc_score(truth[drawn], value[drawn]))
-    if len(names) < 2 or not areas:
-        return float("nan"), float("nan")
-    low, high = np.percentile(areas, [2.5, 97.5])
-    return float(low), float(high)
+    return percentile_interval([
+        float(roc_auc_score(truth[drawn], value[drawn]))
+        for drawn in draw_rows(one.group[part], resamples=RESAMPLES)
+        if 0 < truth[drawn].sum() < len(drawn)
+    ])  # fmt: skip
 
 
 def _curve(one: Scored, score: str) -> tuple[float, ...]:

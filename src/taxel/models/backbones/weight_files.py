@@ -7,7 +7,6 @@ published .pth. Knows nothing about where files lie or which to take.
 from __future__ import annotations
 
 import importlib
-import os
 import pickle
 import re
 from collections.abc import Callable, Mapping
@@ -20,10 +19,11 @@ from safetensors import SafetensorError
 from safetensors.torch import load_file, save_file
 from torch import Tensor, nn
 
-from taxel.errors import BadFile, BadInput, RecordingFailed
+from taxel.errors import BadFile, BadInput
 from taxel.foreign.files import check_tensors
 from taxel.models.backbones.efficientnet_lite0 import rename_published
 from taxel.models.backbones.keras_layers import Normalization
+from taxel.recordings.whole import whole_file
 
 SUFFIXES = (".safetensors", ".h5", ".pth")
 """Kinds of file that can be read; Keras' ".weights.h5" ends in ".h5" too."""
@@ -61,19 +61,23 @@ def save_backbone_weights(module: nn.Module, path: Path) -> None:
     Raises:
         RecordingFailed: The disk refused.
     """
-    temporary = path.with_name(path.name + ".part")
     tensors = {key: value.contiguous() for key, value in _wanted(module).items()}
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
+    save_tensors(path, tensors)
+
+
+def save_tensors(
+    path: Path, tensors: dict[str, Tensor], about: dict[str, str] | None = None
+) -> None:
+    """Write tensors and words about them as .safetensors, whole or not at all.
+
+    Raises:
+        RecordingFailed: The disk refused.
+    """
+    with whole_file(path) as temporary:
         try:
-            save_file(tensors, temporary)
-            os.replace(temporary, path)
-        finally:
-            temporary.unlink(missing_ok=True)
-    except (OSError, SafetensorError) as error:
-        raise RecordingFailed(
-            f"needed to write {path}; got {error}; make room or choose another place."
-        ) from error
+            save_file(tensors, temporary, metadata=about)
+        except SafetensorError as error:  # a full disk, among others
+            raise OSError(str(error)) from error
 
 
 def _wanted(module: nn.Module) -> dict[str, Tensor]:

@@ -20,9 +20,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taxel.actions.grip_policy import GripPolicy, GripPolicyConfig, PixelDifferenceConfig
+from taxel.bench.closed_loop_scores import LoopCase, LoopScores, score_loops
 from taxel.decisions.stability import StabilityConfig, StabilityMonitor
 from taxel.live.closed_loop import Command, LoopConfig, LoopTrack, at_full_force, replay_loop
-from taxel.live.closed_loop_scores import LoopCase, LoopScores, score_loops
 from taxel.processes import WORKERS, side_by_side
 from taxel.sim.cups import PourRun
 from taxel.sources.pour_sets import ARRIVAL_S

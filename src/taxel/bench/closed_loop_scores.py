@@ -17,11 +17,8 @@ from numpy.typing import NDArray
 from scipy.stats import beta
 
 from taxel.errors import BadInput
+from taxel.evaluation.intervals import Interval, ratio_interval
 from taxel.live.closed_loop import LoopTrack
-
-RESAMPLES = 2000
-"""Bootstrap resamples. Source: our choice, docs/decisions/0008."""
-Interval = tuple[float, float]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -148,12 +145,9 @@ def _interval(
     if not whole.any():
         return float("nan"), float("nan")
     members = [np.flatnonzero(cups == one) for one in np.unique(cups)]
-    drawn = np.random.default_rng(seed).integers(0, len(members), (RESAMPLES, len(members)))
     counts = np.array([[part[rows].sum(), whole[rows].sum()] for rows in members])
-    sums = counts[drawn].sum(axis=1)
-    shares = sums[sums[:, 1] > 0]
-    low, high = np.percentile(shares[:, 0] / shares[:, 1], [2.5, 97.5])
+    low, high = ratio_interval(counts[:, 0], counts[:, 1], seed)
     hits, total = int(part.sum()), int(whole.sum())
     exact_low = float(beta.ppf(0.025, hits, total - hits + 1)) if hits else 0.0
     exact_high = float(beta.ppf(0.975, hits + 1, total - hits)) if hits < total else 1.0
-    return min(float(low), exact_low), max(float(high), exact_high)
+    return float(np.fmin(low, exact_low)), float(np.fmax(high, exact_high))
