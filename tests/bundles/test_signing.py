@@ -10,7 +10,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from taxel.bundles.envelope import FIRST_WORDS, is_signed, pack, signed, signed_file, unpack
+from taxel.bundles.envelope import (
+    FIRST_WORDS,
+    is_signed,
+    kind_of,
+    pack,
+    signed,
+    signed_file,
+    unpack,
+)
 from taxel.bundles.grasp import is_grasp_bundle, read_grasp_bundle
 from taxel.bundles.shipped import CUP_POUR, shipped_bundle
 from taxel.bundles.signing import fingerprint, new_key, read_key, read_trust
@@ -202,7 +210,7 @@ def test_openssh_itself_verifies_a_bundle_by_the_commands_of_the_docs(tmp_path, 
                               check=False)  # fmt: skip
         return done.stdout
 
-    digest = whole.split(b" ")[3].decode()
+    digest = whole.split(b" ")[4].decode()
     assert 'Good "taxel-bundle" signature for author' in verified()
     assert digest in verified()
     changed = whole.replace(digest.encode(), b"0" * 64)
@@ -241,3 +249,41 @@ def test_a_key_is_made_from_the_command_line(tmp_path, capsys):
     with pytest.raises(SystemExit) as ended:
         main(["bundle", "--new-key", str(tmp_path / "k")])
     assert ended.value.code == 2
+
+
+@pytest.mark.parametrize("name", ["bundle.json", "grasp.json", "trials.json"])
+def test_a_bundles_kind_stands_in_its_first_line_and_is_signed_with_it(tmp_path, key, trust, name):
+    kind = {"bundle.json": "array"}.get(name, name.removesuffix(".json"))
+    path = tmp_path / "b.taxel"
+    path.write_bytes(signed(pack({name: b"{}", "model.onnx": bytes(9)}), read_key(key)))
+    assert path.read_bytes().startswith(f"TAXEL BUNDLE 2 {kind} ".encode())
+    assert kind_of(path) == kind
+
+    other = "array" if kind != "array" else "grasp"
+    path.write_bytes(path.read_bytes().replace(kind.encode(), other.encode(), 1))
+    with pytest.raises(BadBundle, match="does not fit its contents"):
+        unpack(path, (), trust)
+
+
+@pytest.mark.parametrize("name", ["bundle.json", "grasp.json", "trials.json"])
+def test_a_bundle_made_before_its_line_named_a_kind_still_opens(tmp_path, key, trust, name):
+    members = {name: b"{}", "model.onnx": bytes(9)}
+    line, _, body = pack(members).partition(b"\n")
+    path = tmp_path / "b.taxel"
+    before = b"TAXEL BUNDLE 1 " + line.split()[-1] + b"\n" + body
+    path.write_bytes(before)
+    assert kind_of(path) == {"bundle.json": "array"}.get(name, name.removesuffix(".json"))
+    assert unpack(path, tuple(members)) == members
+
+    path.write_bytes(signed(before, read_key(key)))
+    assert unpack(path, tuple(members), trust) == members
+
+
+@pytest.mark.parametrize(
+    "content", [b"", b"TAXEL BUNDLE 1 x\n", b"TAXEL BUNDLE 2 hat " + b"0" * 64]
+)
+def test_what_is_no_bundle_has_no_kind(tmp_path, content):
+    (tmp_path / "b.taxel").write_bytes(content)
+
+    assert kind_of(tmp_path / "b.taxel") is None
+    assert kind_of(tmp_path / "absent.taxel") is None

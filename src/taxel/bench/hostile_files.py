@@ -27,7 +27,7 @@ Edit = Callable[[bytes], bytes]
 
 def sealed(body: bytes) -> bytes:
     """Return a zip as a bundle whose checksum holds."""
-    return FIRST_WORDS + hashlib.sha256(body).hexdigest().encode() + b"\n" + body
+    return FIRST_WORDS + b"1 " + hashlib.sha256(body).hexdigest().encode() + b"\n" + body
 
 
 def members_of(bundle: Path) -> dict[str, bytes]:
@@ -202,7 +202,7 @@ def make_bundles(folder: Path, honest: Path) -> None:
     }  # fmt: skip
     for name, data in write.items():
         (folder / f"{name}.taxel").write_bytes(data)
-    sparse(folder / "sparse.taxel", FIRST_WORDS + b"0" * 64 + b"\n")
+    sparse(folder / "sparse.taxel", FIRST_WORDS + b"1 " + b"0" * 64 + b"\n")
 
 
 def make_recordings(folder: Path, honest: Path) -> None:

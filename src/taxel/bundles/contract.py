@@ -1,6 +1,6 @@
 """What a bundle says about itself, and the file's layout.
 
-A bundle is one file: a first line `TAXEL BUNDLE 1 <sha256 of the rest>`, then a
+A bundle is one file: a first line `TAXEL BUNDLE 2 array <sha256 of the rest>`, then a
 zip of `bundle.json` (this contract), `model.onnx` and three `check_*.npy` arrays
 with a few windows and the probabilities that they must give. Nothing in it is
 unpickled. Knows nothing about training frameworks.

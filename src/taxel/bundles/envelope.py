@@ -1,21 +1,23 @@
 """The file that every bundle is: a first line with a checksum, then a zip. Nothing is unpickled.
 
-The first line is `TAXEL BUNDLE 1 <SHA-256 of the rest>`, and where it is signed a blank and the
-signature (signing.py). Knows nothing about what the members mean.
+The first line is `TAXEL BUNDLE 2 <kind> <SHA-256 of the rest>`, and where it is signed a blank and
+the signature (signing.py). Bundles of format 1 do not name their kind: their first member does.
+Knows nothing about what the members mean.
 
-Background of our choices: docs/decisions/0034.
+Background of our choices: docs/decisions/0034 and docs/decisions/0048.
 """
 
 from __future__ import annotations
 
 import hashlib
 import io
+import re
 import shlex
 import zipfile
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any, BinaryIO
+from typing import Any, BinaryIO, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -32,7 +34,13 @@ from taxel.foreign.files import (
     size_of,
 )
 
-FIRST_WORDS = b"TAXEL BUNDLE 1 "
+FIRST_WORDS = b"TAXEL BUNDLE "
+BundleKind = Literal["array", "grasp", "trials"]
+_CONTRACTS: dict[BundleKind, str] = {
+    "array": "bundle.json", "grasp": "grasp.json", "trials": "trials.json",
+}  # fmt: skip
+"""The member that says what a bundle is; the first of all."""
+_LINE = re.compile(rb"TAXEL BUNDLE (?:1|2 (array|grasp|trials)) ([0-9a-f]{64})")
 FIRST_LINE_BYTES = 512
 """Of a first line, at most; one with a signature has 320."""
 LARGEST_BYTES = 512 * MIB
@@ -52,7 +60,25 @@ def pack(members: Mapping[str, bytes]) -> bytes:
             # A fixed date: the same run gives the same bytes.
             archive.writestr(zipfile.ZipInfo(name, (1980, 1, 1, 0, 0, 0)), data)
     content = body.getvalue()
-    return FIRST_WORDS + hashlib.sha256(content).hexdigest().encode() + b"\n" + content
+    kind = next(kind for kind, name in _CONTRACTS.items() if name in members)
+    digest = hashlib.sha256(content).hexdigest()
+    return FIRST_WORDS + f"2 {kind} {digest}\n".encode() + content
+
+
+def kind_of(path: Path) -> BundleKind | None:
+    """Return what kind of bundle a file is; None where it is none, or cannot be read."""
+    try:
+        with open_file(path) as file:
+            line, beginning = file.readline(FIRST_LINE_BYTES), file.read(100)
+    except (OSError, BadFile):
+        return None
+    found = _LINE.match(line)
+    if found is None:
+        return None
+    for kind, contract in _CONTRACTS.items():
+        if found[1] == kind.encode() or (not found[1] and contract.encode() in beginning):
+            return kind
+    return None
 
 
 def signed(bundle: bytes, signer: Signer) -> bytes:
@@ -131,10 +157,10 @@ def _refusing(path: Path) -> Iterator[None]:
 def _checked(path: Path, file: BinaryIO) -> tuple[bytes, bytes]:
     """Return a bundle's first words and its signature, once the sum of the rest was compared."""
     line = file.readline(FIRST_LINE_BYTES)
-    if not line.startswith(FIRST_WORDS) or not line.endswith(b"\n"):
-        raise damaged(path, "another kind of file, or a damaged first line")
     words, signature = _first_words(line)
-    if words != FIRST_WORDS + sha256_of_rest(file).encode():
+    if not words or not line.endswith(b"\n"):
+        raise damaged(path, "another kind of file, or a damaged first line")
+    if words.split()[-1] != sha256_of_rest(file).encode():
         raise damaged(path, "a checksum that does not fit the contents")
     return words, signature
 
@@ -144,9 +170,16 @@ def _most(name: str) -> int:
 
 
 def _first_words(line: bytes) -> tuple[bytes, bytes]:
-    """Return a first line's words up to the checksum, and the signature, which may be empty."""
-    head, blank, signature = line.rstrip(b"\n").removeprefix(FIRST_WORDS).partition(b" ")
-    return FIRST_WORDS + head + (b"" if signature else blank), signature
+    """Return a first line's words up to the checksum, and the signature, which may be empty.
+
+    Both are empty where the line is no bundle's.
+    """
+    found = _LINE.match(line)
+    words = found[0] if found else b""
+    rest = line.removesuffix(b"\n")[len(words) :]
+    if not rest:
+        return words, b""
+    return (words, rest[1:]) if rest[:1] == b" " and rest[1:] else (b"", b"")
 
 
 def need_bundle(path: Path) -> None:

@@ -1,6 +1,6 @@
 """Bundles that watch a grasp: features of frames, a head over the last k, and thresholds.
 
-One file, as for arrays: a first line `TAXEL BUNDLE 1 <sha256 of the rest>`, then a zip of
+One file, as for arrays: a first line `TAXEL BUNDLE 2 grasp <sha256 of the rest>`, then a zip of
 `grasp.json` (the contract), `head.onnx`, for a backbone `backbone.onnx`, and `check_*.npy`
 with features and the probabilities that they must give. Nothing in it is unpickled. Knows
 nothing about training frameworks.
@@ -29,10 +29,9 @@ from taxel.bundles.engine import (
     open_engine,
 )
 from taxel.bundles.envelope import (
-    FIRST_LINE_BYTES,
-    FIRST_WORDS,
     damaged,
     from_npy,
+    kind_of,
     pack,
     to_npy,
     unpack,
@@ -42,7 +41,6 @@ from taxel.bundles.model_trial import Trial, try_models
 from taxel.bundles.signing import Trust
 from taxel.decisions.stability import StabilityConfig
 from taxel.errors import BadBundle, BadFile
-from taxel.foreign.files import open_file
 from taxel.foreign.json_text import Fields, parse_json
 from taxel.foreign.records import record_of
 from taxel.recordings.whole import write_whole
@@ -135,13 +133,8 @@ class GraspBundle:
 
 
 def is_grasp_bundle(path: Path) -> bool:
-    """Return whether a file is a grasp bundle, by its contents; False where it cannot be read."""
-    try:
-        with open_file(path) as file:
-            head = file.readline(FIRST_LINE_BYTES)
-            return head.startswith(FIRST_WORDS) and b"grasp.json" in file.read(100)
-    except (OSError, BadFile):
-        return False
+    """Return whether a file is a grasp bundle; False where it cannot be read."""
+    return kind_of(path) == "grasp"
 
 
 def write_grasp_bundle(

@@ -1,6 +1,6 @@
 """Bundles that recognise camera trials: crops, what is seen in them, and a model.
 
-One file, as for arrays: a first line `TAXEL BUNDLE 1 <sha256 of the rest>`, then a zip of
+One file, as for arrays: a first line `TAXEL BUNDLE 2 trials <sha256 of the rest>`, then a zip of
 `trials.json` (the contract), `model.onnx`, and `check_*.npy` with crops as rows and what they must
 give. Nothing in it is unpickled. Knows nothing about training frameworks.
 
@@ -20,12 +20,11 @@ from numpy.typing import NDArray
 
 from taxel.bundles.contract import LARGEST_DIFFERENCE
 from taxel.bundles.engine import Engine, largest_difference, open_engine
-from taxel.bundles.envelope import FIRST_LINE_BYTES, FIRST_WORDS, from_npy, pack, to_npy, unpack
+from taxel.bundles.envelope import from_npy, kind_of, pack, to_npy, unpack
 from taxel.bundles.model_check import check_model
 from taxel.bundles.model_trial import Trial, try_models
 from taxel.bundles.signing import Trust
-from taxel.errors import BadBundle, BadFile
-from taxel.foreign.files import open_file
+from taxel.errors import BadBundle
 from taxel.foreign.json_text import Fields, parse_json
 from taxel.recordings.whole import write_whole
 from taxel.windows.trial_crops import FAMILIES, LEAST_CROP, PLACES, Layout
@@ -119,13 +118,8 @@ class TrialBundle:
 
 
 def is_trial_bundle(path: Path) -> bool:
-    """Return whether a file is such a bundle, by its contents; False where it cannot be read."""
-    try:
-        with open_file(path) as file:
-            head = file.readline(FIRST_LINE_BYTES)
-            return head.startswith(FIRST_WORDS) and _CONTRACT.encode() in file.read(100)
-    except (OSError, BadFile):
-        return False
+    """Return whether a file is such a bundle; False where it cannot be read."""
+    return kind_of(path) == "trials"
 
 
 def trial_bundle_bytes(
