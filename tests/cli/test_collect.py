@@ -1,6 +1,7 @@
 """`taxel collect` and `taxel hand` on the simulated hand, as a user runs them."""
 
 import json
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import Self
@@ -38,19 +39,14 @@ def plan(tmp_path: Path) -> Path:
 
 
 def test_a_plan_is_collected_and_goes_on_where_it_was_broken_off(
-    plan: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    plan: Path,
+    tmp_path: Path,
+    unplugged: Callable[..., None],
+    capsys: pytest.CaptureFixture[str],
 ):
     """The disk ends the second grasp; the same command makes what is missing and nothing else."""
     output = tmp_path / "grasps"
-    real, calls = collecting.collect_grasp, []
-
-    def broken(*args: object) -> object:
-        calls.append(args)
-        if len(calls) == 2:
-            raise OSError("unplugged")
-        return real(*args)  # type: ignore[arg-type]
-
-    monkeypatch.setattr(collecting, "collect_grasp", broken)
+    unplugged(collecting, "collect_grasp")
     with pytest.raises(OSError, match="unplugged"):
         collect(plan, output)
     first = (output / "trial-001.mcap").stat().st_mtime_ns

@@ -127,19 +127,13 @@ def plan(tmp_path: Path) -> Path:
 
 
 def test_the_simulated_pair_records_a_plan_and_goes_on_where_it_was_broken_off(
-    plan: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    plan: Path,
+    tmp_path: Path,
+    unplugged: Callable[..., None],
+    capsys: pytest.CaptureFixture[str],
 ):
     output = tmp_path / "pours"
-    real = guided_trials.record_trial
-    calls = []
-
-    def broken(*args: object) -> object:
-        calls.append(args)
-        if len(calls) == 2:
-            raise OSError("unplugged")
-        return real(*args)  # type: ignore[arg-type]
-
-    monkeypatch.setattr(guided_trials, "record_trial", broken)
+    unplugged(guided_trials, "record_trial")
     with pytest.raises(OSError, match="unplugged"):
         record(plan, output)
     first = (output / "trial-001.mcap").stat().st_mtime_ns

@@ -81,7 +81,7 @@ def write_claims_card(path: Path) -> None:
     Raises:
         RecordingFailed: The disk refused.
     """
-    write_whole(path, claims_card().encode())
+    write_whole(path, claims_card())
 
 
 def keep_for_claims(results: Mapping[str, Any]) -> int:
@@ -99,7 +99,7 @@ def keep_for_claims(results: Mapping[str, Any]) -> int:
     added = [row for name, data in results.items() for row in _rows_of(data, name)]
     found |= {one.name: one for one in added}
     text = json.dumps([asdict(one) for one in found.values()], indent=1, ensure_ascii=False)
-    write_whole(STORE / f"{MEASURED_FOR_CLAIMS}.json", (text + "\n").encode())
+    write_whole(STORE / f"{MEASURED_FOR_CLAIMS}.json", text + "\n")
     return len(added)
 
 

@@ -63,7 +63,7 @@ def write_fault_page(path: Path, rows: Sequence[Row]) -> None:
     Raises:
         RecordingFailed: The disk refused.
     """
-    write_whole(path, fault_page(rows).encode())
+    write_whole(path, fault_page(rows))
 
 
 def unmeasured(rows: Sequence[Row], faults: Sequence[Fault] = FAULTS) -> list[str]:

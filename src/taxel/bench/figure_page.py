@@ -66,7 +66,7 @@ def write_figure_page(path: Path) -> int:
         RecordingFailed: The disk refused.
     """
     rows = {bench: stored(bench) for bench in TITLES}
-    write_whole(path, figure_page(rows).encode())
+    write_whole(path, figure_page(rows))
     return sum(map(len, rows.values()))
 
 

@@ -3,8 +3,8 @@
 A key is an Ed25519 key in OpenSSH's own files, as `ssh-keygen -t ed25519` writes them; a signature
 is OpenSSH's too (SSHSIG, in the namespace `taxel-bundle`), over the words with which a bundle
 begins, `TAXEL BUNDLE 2 <kind> <SHA-256 of the rest>`. So `ssh-keygen -Y verify` checks it without
-taxel. The cryptography is pyca's, an extra; without it bundles are read as before, and no signature is
-checked. Knows nothing about bundles beyond those words.
+taxel. The cryptography is pyca's, an extra; without it bundles are read as before, and no signature
+is checked. Knows nothing about bundles beyond those words.
 
 Source: OpenSSH's PROTOCOL.sshsig; docs/decisions/0034.
 """

@@ -202,7 +202,7 @@ class Sweep:
             console.print(sweep_table(points, about, cameras=cameras))
         if self.output is not None:
             text = json.dumps(rows, indent=1, ensure_ascii=False) + "\n"
-            write_whole(self.output, text.encode())
+            write_whole(self.output, text)
         if self.plot is not None:
             from taxel.views.sweep_figure import sweep_figure
 

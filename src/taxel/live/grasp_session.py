@@ -8,7 +8,6 @@ from __future__ import annotations
 from collections import Counter, deque
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from math import inf
 from typing import Any
 
 import numpy as np
@@ -17,6 +16,7 @@ from taxel.bundles.grasp import GraspBundle
 from taxel.decisions.reasons import kind_of
 from taxel.decisions.stability import Stability, StabilityConfig
 from taxel.gel.slip_signal import Slip
+from taxel.live.frame_loop import moments_and_marks
 from taxel.live.grasp_monitor import GraspAnswer, GraspMonitor
 from taxel.signals import Mark
 from taxel.sources.contract import Source
@@ -44,6 +44,16 @@ class GraspTally:
     """The newest; None where the bundle does not follow slip."""
     largest_slip_mm: float | None = None
     """In the grasp that slipped furthest."""
+
+    def add(self, answer: GraspAnswer) -> None:
+        """Take in one moment's answer."""
+        self.moments += 1
+        self.states[answer.decision.state.name] += 1
+        self.latencies_s.append(answer.latency_s)
+        slip = answer.decision.slip
+        if slip is not None and slip.seen:
+            self.slip = slip
+            self.largest_slip_mm = max(self.largest_slip_mm or 0.0, slip.distance_mm)
 
     def summary(self) -> dict[str, Any]:
         """Return the counts and latencies, for printing."""
@@ -87,43 +97,22 @@ def run_grasp_session(
     pairer = FramePairer(len(source.cameras))
     tally = GraspTally()
     before: tuple[Stability, str | None] | None = None
-    end_s: float | None = None
-    over = False
     first_alarm_s: float | None = None
-    while not (over or source.ended):
-        source.read()
-        for frame in source.frames():
-            if end_s is None:
-                end_s = frame.fitted_s + (inf if seconds is None else seconds)
-            over = frame.fitted_s >= end_s
-            if over:
-                break
-            monitor.see(frame)
-            found = pairer.push(frame)
-            if found is None:
-                continue
-            answer = monitor.push(found)
-            state = answer.decision.state
-            shown = state, kind_of(answer.decision.reason)
-            tally.moments += 1
-            tally.states[state.name] += 1
-            tally.latencies_s.append(answer.latency_s)
-            slip = answer.decision.slip
-            if slip is not None and slip.seen:
-                tally.slip = slip
-                tally.largest_slip_mm = max(tally.largest_slip_mm or 0.0, slip.distance_mm)
-            if answer.decision.alarm and first_alarm_s is None:
-                first_alarm_s = answer.time_s
-                tally.alarms += 1
-            if on_answer is not None:
-                on_answer(answer, shown != before)
-            before = shown
-        for mark in source.marks():
-            if end_s is not None and mark.end_s >= end_s:
-                continue
-            tally.grasps.append(_told(mark, first_alarm_s))
-            monitor.over(mark.end_s)
+    for found in moments_and_marks(source, pairer, monitor.see, seconds):
+        if isinstance(found, Mark):
+            tally.grasps.append(_told(found, first_alarm_s))
+            monitor.over(found.end_s)
             first_alarm_s = None
+            continue
+        answer = monitor.push(found)
+        shown = answer.decision.state, kind_of(answer.decision.reason)
+        tally.add(answer)
+        if answer.decision.alarm and first_alarm_s is None:
+            first_alarm_s = answer.time_s
+            tally.alarms += 1
+        if on_answer is not None:
+            on_answer(answer, shown != before)
+        before = shown
     tally.dropped = pairer.dropped
     return tally
 

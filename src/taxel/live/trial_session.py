@@ -7,13 +7,13 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from math import inf
 from typing import Any
 
 import numpy as np
 
 from taxel.bundles.trials import TrialBundle
 from taxel.decisions.recognition import UNKNOWN
+from taxel.live.frame_loop import moments_and_marks
 from taxel.live.trial_watch import TrialAnswer, TrialWatch
 from taxel.signals import Mark
 from taxel.sources.contract import Source
@@ -84,8 +84,6 @@ def run_trial_session(
     pairer = FramePairer(len(source.cameras))
     tally = TrialTally(bundle.contract.target)
     before: tuple[str, int, bool] | None = None
-    end_s: float | None = None
-    over = False
 
     def finish(mark: Mark | None) -> None:
         nonlocal before
@@ -95,26 +93,15 @@ def run_trial_session(
             on_answer(answer, True)
         before = None
 
-    while not (over or source.ended):
-        source.read()
-        for frame in source.frames():
-            if end_s is None:
-                end_s = frame.fitted_s + (inf if seconds is None else seconds)
-            over = frame.fitted_s >= end_s
-            if over:
-                break
-            watch.see(frame)
-            found = pairer.push(frame)
-            if found is None:
-                continue
-            answer = watch.push(found)
-            shown = answer.verdict.label, answer.verdict.crops, bool(answer.verdict.reason)
-            if answer.looked:
-                tally.looks_s.append(answer.latency_s)
-            on_answer(answer, shown != before)
-            before = shown
-        for mark in source.marks():
-            if end_s is None or mark.end_s < end_s:
-                finish(mark)
+    for found in moments_and_marks(source, pairer, watch.see, seconds):
+        if isinstance(found, Mark):
+            finish(found)
+            continue
+        answer = watch.push(found)
+        shown = answer.verdict.label, answer.verdict.crops, bool(answer.verdict.reason)
+        if answer.looked:
+            tally.looks_s.append(answer.latency_s)
+        on_answer(answer, shown != before)
+        before = shown
     finish(None)
     return tally

@@ -10,7 +10,7 @@ from collections.abc import Collection, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from taxel.errors import BadTable, RecordingFailed
+from taxel.errors import BadInput, BadTable, RecordingFailed
 from taxel.held import MADE, REPLACED, scratch_folder
 
 
@@ -61,6 +61,17 @@ def new_folder(path: Path, names: Collection[str], *, overwrite: bool) -> Iterat
     """
     if path.exists():
         _check_replaceable(path, names, overwrite)
+    with whole_folder(path) as made:
+        yield made
+
+
+@contextmanager
+def whole_folder(path: Path) -> Iterator[Path]:
+    """Give a folder to fill, which gets its name when the block ends well; an older one goes.
+
+    Raises:
+        RecordingFailed: The disk refused.
+    """
     with scratch_folder(path) as scratch:
         made = scratch / MADE
         made.mkdir()
@@ -68,6 +79,30 @@ def new_folder(path: Path, names: Collection[str], *, overwrite: bool) -> Iterat
         if path.exists():
             os.replace(path, scratch / REPLACED)
         os.replace(made, path)
+
+
+@contextmanager
+def fresh_folder(path: Path) -> Iterator[Path]:
+    """Give a folder to fill, which gets its name when the block ends well; nothing is replaced.
+
+    Raises:
+        BadInput: There is something of that name already.
+        RecordingFailed: The disk refused.
+    """
+    if path.exists():
+        raise BadInput("a folder that does not exist yet for --output", str(path), "choose another")
+    try:
+        with scratch_folder(path) as scratch:
+            made = scratch / MADE
+            made.mkdir()
+            yield made
+            os.rename(made, path)
+    except RecordingFailed:
+        raise
+    except OSError as error:
+        raise RecordingFailed(
+            f"needed to write {path}; got {error.strerror or error}; choose another place."
+        ) from error
 
 
 def _check_replaceable(path: Path, names: Collection[str], overwrite: bool) -> None:

@@ -5,16 +5,15 @@ Knows nothing about windows, models or the command line.
 
 from __future__ import annotations
 
-import os
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from taxel.errors import BadInput, RecordingFailed
-from taxel.held import MADE, scratch_folder
+from taxel.errors import RecordingFailed
 from taxel.recordings.manifest import Manifest
+from taxel.recordings.whole import fresh_folder
 from taxel.recordings.writer import Recorder
 from taxel.sim.teng_hand import (
     SimulatedSession,
@@ -77,23 +76,8 @@ def write_sessions(
         BadInput: The folder exists.
         RecordingFailed: The disk refused.
     """
-    if output.exists():
-        raise BadInput(
-            "a folder that does not exist yet for --output", str(output), "choose another"
-        )
-    try:
-        with scratch_folder(output) as scratch:
-            made = scratch / MADE
-            made.mkdir()
-            rows = [
-                _write_session(made, session, config) for session in _announced(config, on_session)
-            ]
-            os.rename(made, output)
-    except RecordingFailed:
-        raise
-    except OSError as error:
-        raise _refused(output, error) from error
-    return rows
+    with fresh_folder(output) as made:
+        return [_write_session(made, session, config) for session in _announced(config, on_session)]
 
 
 def _announced(

@@ -8,7 +8,6 @@ Background of our choices: docs/decisions/0012.
 
 from __future__ import annotations
 
-import os
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -17,11 +16,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from taxel.errors import BadInput, RecordingFailed
+from taxel.errors import RecordingFailed
 from taxel.frame_codec import encode_jpeg
-from taxel.held import MADE, scratch_folder
 from taxel.processes import side_by_side
 from taxel.recordings.manifest import Manifest
+from taxel.recordings.whole import fresh_folder
 from taxel.recordings.writer import Recorder
 from taxel.signals import CameraInfo, Frame, Mark, Samples, SensorInfo
 from taxel.sim.cup_pour import (
@@ -163,24 +162,9 @@ def write_pours(
         BadInput: The folder exists.
         RecordingFailed: The disk refused.
     """
-    if output.exists():
-        raise BadInput(
-            "a folder that does not exist yet for --output", str(output), "choose another"
-        )
-    try:
-        with scratch_folder(output) as scratch:
-            made = scratch / MADE
-            made.mkdir()
-            jobs = [(made, run, config, camera_hz) for run in list_runs(config)]
-            rows = side_by_side(write_run, jobs, on_run, workers)
-            os.rename(made, output)
-    except RecordingFailed:
-        raise
-    except OSError as error:
-        raise RecordingFailed(
-            f"needed to write {output}; got {error.strerror or error}; choose another place."
-        ) from error
-    return rows
+    with fresh_folder(output) as made:
+        jobs = [(made, run, config, camera_hz) for run in list_runs(config)]
+        return side_by_side(write_run, jobs, on_run, workers)
 
 
 def write_run(

@@ -7,7 +7,6 @@ about images or screens.
 from __future__ import annotations
 
 import hashlib
-import os
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from math import isfinite
@@ -20,9 +19,8 @@ from taxel import __version__
 from taxel.bundles.trials import IN_RUN, TrialContract, trial_bundle_bytes
 from taxel.evaluation.camera_trials.crossval import TrialSet
 from taxel.evaluation.camera_trials.sides import TrialSplit
-from taxel.held import MADE, REPLACED, scratch_folder
 from taxel.plain_text import json_text
-from taxel.recordings.whole import write_whole
+from taxel.recordings.whole import whole_folder, write_whole
 from taxel.training.trial_blend import fit_blend
 from taxel.training.trial_onnx import blend_to_onnx
 from taxel.windows.camera_trials import CameraTrial
@@ -127,11 +125,7 @@ def save_trial_run(output: Path, final: Final, result: Mapping[str, Any]) -> dic
         "inner_loss": dict(final.inner),
         "learned_trials": final.trials,
     }
-    with scratch_folder(output) as scratch:
-        made = scratch / MADE
+    with whole_folder(output) as made:
         write_whole(made / IN_RUN, final.bundle)
-        write_whole(made / "run.json", json_text(about, 1).encode())
-        if output.exists():
-            os.replace(output, scratch / REPLACED)
-        os.replace(made, output)
+        write_whole(made / "run.json", json_text(about, 1))
     return about

@@ -248,4 +248,4 @@ def write_page(path: Path, title: str, parts: Sequence[object]) -> None:
         '<meta name="viewport" content="width=device-width,initial-scale=1">'
         f"<style>{_STYLE}</style><body>{join(parts)}</body></html>\n"
     )
-    write_whole(path, page.encode())
+    write_whole(path, page)
