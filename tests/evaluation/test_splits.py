@@ -104,3 +104,12 @@ def test_a_wrong_split_is_refused_in_one_line(text: str) -> None:
     with pytest.raises(BadInput) as caught:
         parse_split(text, make_dataset(), "shape", 5, 0)
     assert "\n" not in str(caught.value)
+
+
+def test_a_fold_of_camera_trials_cannot_leak_either_and_gives_its_rows_in_order():
+    """Cups and camera trials go through the type that arrays go through."""
+    fold = TrialFold.of("cup a", np.array([5, 1, 3]), np.array([4, 0]))
+
+    assert (fold.train_rows.tolist(), fold.test_rows.tolist()) == ([1, 3, 5], [0, 4])
+    with pytest.raises(BadSplit, match="1 on both sides of cup a"):
+        TrialFold.of("cup a", np.array([0, 1]), np.array([1, 2]))

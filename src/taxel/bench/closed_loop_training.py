@@ -27,7 +27,8 @@ from taxel.bench.closed_loop_tuning import (
 )
 from taxel.bundles.grasp import GEL, GraspContract, write_grasp_bundle
 from taxel.decisions.stability import StabilityConfig
-from taxel.evaluation.transitions.data import Fold, PourSet, judge_fold, load_pours, tracks_of
+from taxel.evaluation.splits import TrialFold
+from taxel.evaluation.transitions.data import PourSet, judge_fold, load_pours, tracks_of
 from taxel.models.counting import keras_parameters
 from taxel.models.export_onnx import export_head
 from taxel.processes import WORKERS, side_by_side
@@ -167,9 +168,9 @@ def _held_out(
     for part in np.array_split(np.array(sorted(set(cups.tolist()))), FOLDS):
         on_step(f"without cups {', '.join(part)}")
         held = np.isin(cups, part)
-        fold = Fold("+".join(part), np.flatnonzero(~held), np.flatnonzero(held))
+        fold = TrialFold.of("+".join(part), np.flatnonzero(~held), np.flatnonzero(held))
         judged, _ = judge_fold(features, labels, fold, config)
-        found |= dict(zip(fold.test.tolist(), judged.probabilities, strict=True))
+        found |= dict(zip(fold.test_rows.tolist(), judged.probabilities, strict=True))
     return found
 
 

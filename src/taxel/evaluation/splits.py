@@ -24,13 +24,13 @@ _TRIES = 50
 
 @dataclass(frozen=True, slots=True)
 class TrialFold:
-    """Whole trials on either side."""
+    """Whole trials, of arrays or of cameras, on either side."""
 
     name: str
     train: frozenset[int]
-    """Indices into `Dataset.trials`."""
+    """Indices into the trials, such as `Dataset.trials`."""
     test: frozenset[int]
-    """Indices into `Dataset.trials`."""
+    """Indices into the trials."""
     validation: frozenset[int] = frozenset()
     """Those to choose by: neither trained on nor tested; none in taxel's own splits."""
 
@@ -42,6 +42,25 @@ class TrialFold:
                 f"{len(both)} on both sides of {self.name}",
                 "assign each trial once",
             )
+
+    @staticmethod
+    def of(name: str, train: NDArray[np.intp], test: NDArray[np.intp]) -> TrialFold:
+        """Return the fold of two sides given by their trials' indices, shape (n,) each.
+
+        Raises:
+            BadSplit: A trial is on both.
+        """
+        return TrialFold(name, frozenset(train.tolist()), frozenset(test.tolist()))
+
+    @property
+    def train_rows(self) -> NDArray[np.intp]:
+        """Indices of the training trials, ascending."""
+        return np.array(sorted(self.train), np.intp)
+
+    @property
+    def test_rows(self) -> NDArray[np.intp]:
+        """Indices of the test trials, ascending."""
+        return np.array(sorted(self.test), np.intp)
 
     def windows(self, dataset: Dataset) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
         """Return the training and the test windows' indices."""

@@ -78,8 +78,8 @@ def _head(trials: TrialSet, split: TrialSplit, ours: TrialResult) -> str:
     return (
         f"{len(trials.y)} trials of {trials.cameras} camera{'s' if trials.cameras > 1 else ''}, "
         f"{visible(trials.target)}: {counts}{more}; {shortest} to {longest} frames, of each "
-        f"{crops} {layout.crop}. {split.name}: {len(split.sides)} fold"
-        f"{'s' if len(split.sides) > 1 else ''}, {ours.whole.trials} trials tested. Nothing is "
+        f"{crops} {layout.crop}. {split.name}: {len(split.folds)} fold"
+        f"{'s' if len(split.folds) > 1 else ''}, {ours.whole.trials} trials tested. Nothing is "
         "chosen on a test trial."
     )
 
@@ -150,7 +150,7 @@ def trial_json(
         "crop": trials.layout.crop,
         "crops_a_trial": trials.layout.places,
         "split": split.name,
-        "folds": len(split.sides),
+        "folds": len(split.folds),
         "rows": [row(one) for one in results],
         "differences": [asdict(one) for one in differences],
         "groups": {

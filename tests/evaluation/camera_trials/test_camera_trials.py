@@ -203,9 +203,9 @@ def test_no_object_stands_on_both_sides_and_each_is_tested_once() -> None:
     split = split_trials(trials.groups, trials.y, "group:object", 3, 0)
     assert split.name == "object held out"
     objects = np.array([own["object"] for own in trials.groups])
-    for sides in split.sides:
-        assert not set(objects[sides.train]) & set(objects[sides.test])
-    assert sorted(np.concatenate([s.test for s in split.sides])) == list(range(24))
+    for fold in split.folds:
+        assert not set(objects[fold.train_rows]) & set(objects[fold.test_rows])
+    assert sorted(np.concatenate([s.test_rows for s in split.folds])) == list(range(24))
 
 
 def test_test_trials_given_by_a_column_are_the_default() -> None:
@@ -215,7 +215,7 @@ def test_test_trials_given_by_a_column_are_the_default() -> None:
     split = split_trials(groups, trials.y, None, 5, 0)
     assert split.name == "test trials given"
     assert split.group == "object"
-    assert split.sides[0].test.tolist() == list(range(16, 24))
+    assert split.folds[0].test_rows.tolist() == list(range(16, 24))
 
 
 def test_a_table_of_folds_is_followed(tmp_path: Path) -> None:
@@ -225,8 +225,8 @@ def test_a_table_of_folds_is_followed(tmp_path: Path) -> None:
     path.write_text("group:object,side\n" + "\n".join(lines) + "\n")
     split = split_by_table(trials.names, trials.groups, trials.y, path)
     assert split.group == "object"
-    assert split.sides[0].train.tolist() == list(range(16))
-    assert split.sides[0].test.tolist() == list(range(16, 24))
+    assert split.folds[0].train_rows.tolist() == list(range(16))
+    assert split.folds[0].test_rows.tolist() == list(range(16, 24))
     path.write_text("recording,side\nt0,train\nt1,train\nnone,test\n")
     with pytest.raises(BadSplit, match="'none'"):
         split_by_table(trials.names, trials.groups, trials.y, path)
@@ -277,8 +277,8 @@ def test_nothing_of_a_test_trial_reaches_training() -> None:
     """Test trials with other labels and rows leave the predictions on others unchanged."""
     trials = some_trials()
     split = split_trials(trials.groups, trials.y, "group:object", 3, 0)
-    one = replace(split, sides=split.sides[:1])
-    held = one.sides[0].test
+    one = replace(split, folds=split.folds[:1])
+    held = one.folds[0].test_rows
     before = judge_trials(trials, one, 0, (OURS,))[0].probabilities[held]
     y = trials.y.copy()
     y[held] = 1 - y[held]

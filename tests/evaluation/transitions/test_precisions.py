@@ -50,6 +50,6 @@ def test_the_first_way_loses_nothing_and_the_others_are_told_apart(
     assert second.largest_difference < 1e-4
     assert 0.0 < small.largest_difference < 0.5
     assert fold.name not in set().union(*calibrated)
-    windows = sum(len(pours.labels[i]) - head.frames + 1 for i in fold.test)
+    windows = sum(len(pours.labels[i]) - head.frames + 1 for i in fold.test_rows)
     assert {row.windows for row in (first, second, small)} == {windows}
     assert np.isfinite([row.step_ms for row in (first, second, small)]).all()

@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from taxel.errors import BadDataset
-from taxel.evaluation.transitions.data import Fold, Judged, cup_folds
+from taxel.evaluation.splits import TrialFold
+from taxel.evaluation.transitions.data import Judged, cup_folds
 from taxel.evaluation.transitions.tables import plan_rows, score_windows
 
 PAPER = ("densenet121", "efficientnet-b0", "resnet50", "resnet101")
@@ -28,8 +29,8 @@ def test_a_cup_is_never_on_both_sides() -> None:
     folds = cup_folds(cups)
     assert [fold.name for fold in folds] == ["a", "b", "c"]
     for fold in folds:
-        assert not set(cups[fold.train]) & set(cups[fold.test])
-        assert len(fold.train) + len(fold.test) == 5
+        assert not set(cups[fold.train_rows]) & set(cups[fold.test_rows])
+        assert len(fold.train_rows) + len(fold.test_rows) == 5
     with pytest.raises(BadDataset, match="at least two"):
         cup_folds(np.array(["a", "a"]))
 
@@ -39,7 +40,7 @@ def judged(right: int, of: int) -> Judged:
     labels[: of // 2] = 1
     found = labels.astype(np.float32)
     found[: of - right] = 1 - found[: of - right]
-    return Judged(Fold("x", np.arange(0), np.arange(1)), (found,), (labels,))
+    return Judged(TrialFold.of("x", np.arange(0), np.arange(1)), (found,), (labels,))
 
 
 def test_one_fold_has_a_binomial_interval() -> None:

@@ -281,14 +281,14 @@ def _judge(
     learning = trials.learning(contender.rows(trials), split.group)
     crops = np.full((len(trials.cut.trial), learning.classes), np.nan)
     whole = np.full((len(trials.y), learning.classes), np.nan)
-    for sides in split.sides:
-        label = f"{contender.name}, {sides.name}"
+    for fold in split.folds:
+        label = f"{contender.name}, {fold.name}"
         on_step(label)
         model = contender.model(trials, seed, lambda line, label=label: on_step(f"{label}, {line}"))  # type: ignore[misc]
-        model.fit(learning.part(sides.train))
-        test = learning.part(sides.test)
-        crops[np.isin(trials.cut.trial, sides.test)] = model.crops(test.rows)
-        whole[sides.test] = model.trials(test.rows, test.trial)
+        model.fit(learning.part(fold.train_rows))
+        test = learning.part(fold.test_rows)
+        crops[np.isin(trials.cut.trial, fold.test_rows)] = model.crops(test.rows)
+        whole[fold.test_rows] = model.trials(test.rows, test.trial)
     tested = np.flatnonzero(np.isfinite(whole[:, 0]))
     groups, places = learning.groups, []
     if trials.layout.places > 1:

@@ -67,8 +67,8 @@ def fit_final(
         BadBundle: The exported model gives something else than the trained one.
     """
     learned = np.arange(len(trials.y), dtype=np.intp)
-    if len(split.sides) == 1:
-        learned = split.sides[0].train
+    if len(split.folds) == 1:
+        learned = split.folds[0].train_rows
     rows = trials.rows
     learning = trials.learning(rows, split.group).part(learned)
     blend = fit_blend(learning, trials.cameras, trials.widths, seed, on_step=on_step)

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from taxel.errors import BadSplit
 from taxel.evaluation.fold_table import read_fold_table
+from taxel.evaluation.splits import TrialFold
 from taxel.recordings.video_rows import SPLIT
 from taxel.training.trial_blend import inner_folds
 
@@ -28,27 +29,12 @@ Groups = Sequence[Mapping[str, str]]
 
 
 @dataclass(frozen=True, slots=True)
-class Sides:
-    """Trials on either side of one fold, by index."""
-
-    name: str
-    train: NDArray[np.intp]
-    test: NDArray[np.intp]
-
-    def __post_init__(self) -> None:
-        both = np.intersect1d(self.train, self.test)
-        if len(both):
-            raise BadSplit("trials on one side only", f"{len(both)} on both sides of {self.name}",
-                           "assign each trial once")  # fmt: skip
-
-
-@dataclass(frozen=True, slots=True)
 class TrialSplit:
     """How camera trials are parted."""
 
     name: str
     """Printed beside every accuracy, such as "object held out"."""
-    sides: tuple[Sides, ...]
+    folds: tuple[TrialFold, ...]
     group: str
     """What is held out whole on inner folds, and resampled for intervals."""
 
@@ -125,7 +111,7 @@ def split_by_table(
         if set(y[train].tolist()) != set(y.tolist()):
             raise BadSplit(f"every class on the training side of {fold.name}",
                            "one that is missing", "mend the table")  # fmt: skip
-        sides.append(Sides(fold.name, train, test))
+        sides.append(TrialFold.of(fold.name, train, test))
     key = interval_group(groups)
     if table.rows[0].key != "recording":
         key = table.rows[0].key
@@ -191,7 +177,7 @@ def _by_group(groups: Groups, y: NDArray[np.intp], key: str, folds: int, seed: i
 
 def _folds(
     values: NDArray[np.str_], y: NDArray[np.intp], folds: int, seed: int
-) -> tuple[Sides, ...]:
+) -> tuple[TrialFold, ...]:
     rarest = int(np.bincount(y)[np.unique(y)].min())
     parts = inner_folds(y, values, seed, folds) if folds <= rarest else []
     if not parts:
@@ -200,7 +186,7 @@ def _folds(
             f"{rarest} trials of the rarest class, in too few groups",
             "choose fewer --folds, or record more",
         )
-    return tuple(Sides(f"fold {i}", train, test) for i, (train, test) in enumerate(parts, 1))
+    return tuple(TrialFold.of(f"fold {i}", train, test) for i, (train, test) in enumerate(parts, 1))
 
 
 def _by_order(groups: Groups, y: NDArray[np.intp], key: str, last: str) -> TrialSplit:
@@ -222,4 +208,4 @@ def _one(name: str, groups: Groups, y: NDArray[np.intp], held: NDArray[np.bool_]
             "trials on both sides, and every class among those learned from",
             f"{len(train)} and {len(test)} trials", "name another split",
         )  # fmt: skip
-    return TrialSplit(name, (Sides(name, train, test),), interval_group(groups) or "trial")
+    return TrialSplit(name, (TrialFold.of(name, train, test),), interval_group(groups) or "trial")

@@ -24,8 +24,8 @@ from taxel.evaluation.early_warning.events import (
     summarise,
 )
 from taxel.evaluation.early_warning.tuning_stability import ProbabilityTrack, Tuned, tune
+from taxel.evaluation.splits import TrialFold
 from taxel.evaluation.transitions.data import (
-    Fold,
     Judged,
     PourSet,
     cup_folds,
@@ -66,7 +66,7 @@ def warn_on_unseen_cups(
     data: PourSet,
     features: Sequence[FrameFeatures],
     config: HeadConfig,
-    folds: Sequence[Fold],
+    folds: Sequence[TrialFold],
     *,
     name: str,
     key: str = "cup",
@@ -98,7 +98,7 @@ def warn_on_unseen_cups(
 def warn_trivially(
     data: PourSet,
     column: Callable[[int], NDArray[np.float64]],
-    folds: Sequence[Fold],
+    folds: Sequence[TrialFold],
     *,
     name: str,
     frames: int,
@@ -115,16 +115,16 @@ def warn_trivially(
     """
     judged, tuned = [], []
     for fold in folds:
-        known = np.sort(np.concatenate([column(i) for i in fold.train]))
+        known = np.sort(np.concatenate([column(i) for i in fold.train_rows]))
 
         def rank(index: int, known: NDArray[np.float64] = known) -> NDArray[np.float32]:
             place = np.searchsorted(known, column(index)[frames - 1 :]) / len(known)
             return np.asarray(np.clip(place, 0.001, 0.999), np.float32)
 
-        tracks = [_track(data, i, rank(i), frames) for i in fold.train]
+        tracks = [_track(data, i, rank(i), frames) for i in fold.train_rows]
         tuned.append(tune(tracks, base=_base()))
-        labels = tuple(label_windows(data.labels[i], frames) for i in fold.test)
-        judged.append(Judged(fold, tuple(rank(i) for i in fold.test), labels))
+        labels = tuple(label_windows(data.labels[i], frames) for i in fold.test_rows)
+        judged.append(Judged(fold, tuple(rank(i) for i in fold.test_rows), labels))
     return _result(data, judged, tuned, frames, name)
 
 
@@ -132,11 +132,11 @@ def _tune_head(
     data: PourSet,
     features: Sequence[FrameFeatures],
     config: HeadConfig,
-    fold: Fold,
+    fold: TrialFold,
     key: str,
 ) -> Tuned:
     """Tune on the fold's training cups, each judged by a head that had not seen it."""
-    cups = data.groups(key)[fold.train]
+    cups = data.groups(key)[fold.train_rows]
     names = sorted(set(cups.tolist()))
     if len(names) < 2:
         raise BadDataset(
@@ -145,7 +145,7 @@ def _tune_head(
     judged = []
     for part in np.array_split(np.array(names), min(INNER_FOLDS, len(names))):
         held = np.isin(cups, part)
-        inner = Fold("+".join(part), fold.train[~held], fold.train[held])
+        inner = TrialFold.of("+".join(part), fold.train_rows[~held], fold.train_rows[held])
         judged.append(judge_fold(features, data.labels, inner, config)[0])
     return tune(monitor_tracks(data, judged, config.frames), base=_base())
 
@@ -155,7 +155,7 @@ def monitor_tracks(data: PourSet, judged: Sequence[Judged], frames: int) -> list
     return [
         _track(data, int(index), found, frames)
         for one in judged
-        for index, found in zip(one.fold.test, one.probabilities, strict=True)
+        for index, found in zip(one.fold.test_rows, one.probabilities, strict=True)
     ]
 
 
@@ -183,7 +183,7 @@ def _result(
 ) -> WarningResult:
     outcomes, probabilities, tests = [], [], []
     for one, choice in zip(judged, tuned, strict=True):
-        for index, found in zip(one.fold.test, one.probabilities, strict=True):
+        for index, found in zip(one.fold.test_rows, one.probabilities, strict=True):
             track = _track(data, int(index), found, frames)
             told = states(track.probabilities, track.time_s, choice.config)
             outcomes.append(
@@ -211,7 +211,9 @@ def _result(
     )
 
 
-def split_by_folder(train: PourSet, test: PourSet, key: str = "cup") -> tuple[PourSet, list[Fold]]:
+def split_by_folder(
+    train: PourSet, test: PourSet, key: str = "cup"
+) -> tuple[PourSet, list[TrialFold]]:
     """Join a set to learn from and a set to be judged on, which share no cup.
 
     Raises:
@@ -231,10 +233,10 @@ def split_by_folder(train: PourSet, test: PourSet, key: str = "cup") -> tuple[Po
         labels=train.labels + test.labels,
         signals=train.signals + test.signals,
     )
-    fold = Fold("test", np.arange(count), np.arange(count, count + len(test.pours)))
+    fold = TrialFold.of("test", np.arange(count), np.arange(count, count + len(test.pours)))
     return both, [fold]
 
 
-def folds_within(data: PourSet, key: str = "cup") -> list[Fold]:
+def folds_within(data: PourSet, key: str = "cup") -> list[TrialFold]:
     """Return one fold a cup, for a set without a test set."""
     return cup_folds(data.groups(key), key)

@@ -13,7 +13,8 @@ import numpy as np
 from taxel.decisions.stability import StabilityConfig
 from taxel.evaluation.early_warning.grasp_warnings import INNER_FOLDS, monitor_tracks
 from taxel.evaluation.early_warning.tuning_stability import Tuned, tune
-from taxel.evaluation.transitions.data import Fold, Judged, PourSet, judge_fold, tracks_of
+from taxel.evaluation.splits import TrialFold
+from taxel.evaluation.transitions.data import Judged, PourSet, judge_fold, tracks_of
 from taxel.evaluation.transitions.tables import Scores, score_windows
 from taxel.labels.rules import rule_named
 from taxel.training.features import FrameFeatures
@@ -57,7 +58,7 @@ def learn_monitor(
         for part in np.array_split(np.array(names), min(INNER_FOLDS, len(names))):
             on_step(f"without {key} {', '.join(part)}")
             held = np.isin(cups, part)
-            fold = Fold("+".join(part), np.flatnonzero(~held), np.flatnonzero(held))
+            fold = TrialFold.of("+".join(part), np.flatnonzero(~held), np.flatnonzero(held))
             judged.append(judge_fold(features, data.labels, fold, config)[0])
     tuned = None
     if judged and rule_named(data.rule).needs == "truth":

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taxel.errors import BadDataset
+from taxel.evaluation.splits import TrialFold
 from taxel.labels.agreement import onset_s
 from taxel.labels.slip import label_truth
 from taxel.models.sequence import SENSORS
@@ -87,16 +88,7 @@ def load_pours(
     return PourSet(pours=tuple(pours), rule=rule, labels=tuple(labels), signals=tuple(signals))
 
 
-@dataclass(frozen=True, slots=True)
-class Fold:
-    """Which pours are learned from and which are judged; no cup is on both sides."""
-
-    name: str
-    train: NDArray[np.intp]
-    test: NDArray[np.intp]
-
-
-def cup_folds(cups: NDArray[np.str_], key: str = "cup") -> list[Fold]:
+def cup_folds(cups: NDArray[np.str_], key: str = "cup") -> list[TrialFold]:
     """Return one fold a cup, that cup held out.
 
     Raises:
@@ -106,7 +98,8 @@ def cup_folds(cups: NDArray[np.str_], key: str = "cup") -> list[Fold]:
     if len(names) < 2:
         raise BadDataset(f"at least two of the group {key}", f"{len(names)}", "record more")
     return [
-        Fold(name, np.flatnonzero(cups != name), np.flatnonzero(cups == name)) for name in names
+        TrialFold.of(name, np.flatnonzero(cups != name), np.flatnonzero(cups == name))
+        for name in names
     ]
 
 
@@ -121,7 +114,7 @@ def tracks_of(
 class Judged:
     """One fold, judged."""
 
-    fold: Fold
+    fold: TrialFold
     probabilities: tuple[NDArray[np.float32], ...]
     """One a test pour, at each window's end, shape (n − k + 1,)."""
     labels: tuple[NDArray[np.int8], ...]
@@ -131,13 +124,13 @@ class Judged:
 def judge_fold(
     features: Sequence[FrameFeatures],
     labels: Sequence[NDArray[np.int8]],
-    fold: Fold,
+    fold: TrialFold,
     config: HeadConfig,
 ) -> tuple[Judged, TrainedHead]:
     """Train a head on a fold's training pours and judge its test pours."""
-    trained = fit_head(tracks_of(features, labels, fold.train), config)
-    probabilities = tuple(trained.probabilities(features[i].all()) for i in fold.test)
-    windows = tuple(label_windows(labels[i], config.frames) for i in fold.test)
+    trained = fit_head(tracks_of(features, labels, fold.train_rows), config)
+    probabilities = tuple(trained.probabilities(features[i].all()) for i in fold.test_rows)
+    windows = tuple(label_windows(labels[i], config.frames) for i in fold.test_rows)
     return Judged(fold, probabilities, windows), trained
 
 

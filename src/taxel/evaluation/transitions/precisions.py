@@ -13,7 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taxel.bundles.engine import EngineName, Precision
-from taxel.evaluation.transitions.data import Fold, PourSet, tracks_of
+from taxel.evaluation.splits import TrialFold
+from taxel.evaluation.transitions.data import PourSet, tracks_of
 from taxel.evaluation.transitions.step_times import time_step
 from taxel.training.extractors import BackboneExtractor
 from taxel.training.features import FrameFeatures, Progress, extract
@@ -68,7 +69,7 @@ class Ways:
 
 def compare_precisions(
     pours: PourSet,
-    fold: Fold,
+    fold: TrialFold,
     head: HeadConfig,
     ways: Ways,
     cache: Path,
@@ -85,9 +86,9 @@ def compare_precisions(
         cache: Folder for features.
         on_progress: Called with the way's name after each recording.
     """
-    training = [pours.pours[i] for i in fold.train]
-    testing = [pours.pours[i] for i in fold.test]
-    labels = np.concatenate([label_windows(pours.labels[i], head.frames) for i in fold.test])
+    training = [pours.pours[i] for i in fold.train_rows]
+    testing = [pours.pours[i] for i in fold.test_rows]
+    labels = np.concatenate([label_windows(pours.labels[i], head.frames) for i in fold.test_rows])
     trained: TrainedHead | None = None
     wanted: NDArray[np.float32] | None = None
     rows: list[PrecisionRow] = []
@@ -102,7 +103,7 @@ def compare_precisions(
             known = extract(training, extractor, cache, show)
             places = np.arange(len(training), dtype=np.intp)
             trained = fit_head(
-                tracks_of(known, [pours.labels[i] for i in fold.train], places), head
+                tracks_of(known, [pours.labels[i] for i in fold.train_rows], places), head
             )
         found = _probabilities(trained, extract(testing, extractor, cache, show))
         wanted = found if wanted is None else wanted

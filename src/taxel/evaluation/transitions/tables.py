@@ -20,8 +20,8 @@ from sklearn.metrics import balanced_accuracy_score, roc_auc_score
 from sklearn.tree import DecisionTreeClassifier
 
 from taxel.evaluation.intervals import Interval, ratio_interval
+from taxel.evaluation.splits import TrialFold
 from taxel.evaluation.transitions.data import (
-    Fold,
     Judged,
     PourSet,
     cup_folds,
@@ -201,7 +201,7 @@ def measure_rows(
 def _judge_folds(
     features: list[FrameFeatures],
     labels: Sequence[NDArray[np.int8]],
-    folds: list[Fold],
+    folds: list[TrialFold],
     config: HeadConfig,
     name: str,
 ) -> tuple[list[Judged], float, str]:
@@ -236,15 +236,15 @@ def trivial_rows(data: PourSet, frames: int = FRAMES, key: str = "cup") -> list[
 
 
 def _judge_trivial(
-    data: PourSet, columns: list[NDArray[np.float64]] | None, fold: Fold, frames: int
+    data: PourSet, columns: list[NDArray[np.float64]] | None, fold: TrialFold, frames: int
 ) -> Judged:
-    labels = {i: label_windows(data.labels[i], frames) for i in (*fold.train, *fold.test)}
-    wanted = np.concatenate([labels[i] for i in fold.train])
+    labels = {i: label_windows(data.labels[i], frames) for i in (*fold.train_rows, *fold.test_rows)}
+    wanted = np.concatenate([labels[i] for i in fold.train_rows])
     if columns is None:
         share = float(wanted.mean())
-        found = tuple(np.full(len(labels[i]), share, np.float32) for i in fold.test)
-        return Judged(fold, found, tuple(labels[i] for i in fold.test))
-    seen = np.concatenate([columns[i][frames - 1 :] for i in fold.train])[:, None]
+        found = tuple(np.full(len(labels[i]), share, np.float32) for i in fold.test_rows)
+        return Judged(fold, found, tuple(labels[i] for i in fold.test_rows))
+    seen = np.concatenate([columns[i][frames - 1 :] for i in fold.train_rows])[:, None]
     tree = DecisionTreeClassifier(max_depth=3, min_samples_leaf=50).fit(seen, wanted)
     one = list(tree.classes_).index(1) if 1 in tree.classes_ else None
     found = tuple(
@@ -253,9 +253,9 @@ def _judge_trivial(
             if one is not None
             else np.zeros(len(labels[i]))
         ).astype(np.float32)
-        for i in fold.test
+        for i in fold.test_rows
     )
-    return Judged(fold, found, tuple(labels[i] for i in fold.test))
+    return Judged(fold, found, tuple(labels[i] for i in fold.test_rows))
 
 
 def score_windows(judged: Sequence[Judged]) -> Scores:
