@@ -8,16 +8,16 @@ import pytest
 
 from taxel.bench import audit_robustness as rows
 from taxel.evaluation.robustness.conditions import LEVELS
-from taxel.evaluation.robustness.curve import CLEAN, Answers, Point
+from taxel.evaluation.robustness.curve import CLEAN, SessionAnswers, SweepPoint
 from taxel.evaluation.robustness.touches import Model
 
 
-def told(right: int, of: int = 100) -> Answers:
+def told(right: int, of: int = 100) -> SessionAnswers:
     """Two sessions of single-window grasps, the same share right in both."""
     half = np.arange(of) < right
     flags = np.concatenate([half, half])
     sessions = np.repeat(["a", "b"], of)
-    return Answers(
+    return SessionAnswers(
         y=np.zeros(2 * of, np.intp),
         probabilities=np.where(flags[:, None], [0.9, 0.1], [0.1, 0.9]),
         answered=np.ones(2 * of, bool),
@@ -29,7 +29,7 @@ def told(right: int, of: int = 100) -> Answers:
     )
 
 
-def at_dust(shares: list[int]) -> dict[tuple[str, float], Answers]:
+def at_dust(shares: list[int]) -> dict[tuple[str, float], SessionAnswers]:
     levels = LEVELS["dust"][1]
     own = {("dust", level): told(share) for level, share in zip(levels, shares, strict=True)}
     return {(CLEAN, 0.0): told(95), **own}
@@ -61,7 +61,7 @@ def test_the_commonest_class_stands_beside_the_accuracy(grasps: bool):
 
 
 def test_a_fault_has_no_goal_and_says_where_nothing_is_answered():
-    base = Point(
+    base = SweepPoint(
         fault=CLEAN, level=0.0, unit="", accuracy=0.9, low=0.8, high=1.0, answered=1.0, windows=9,
         grasps=0.9, told=1.0, outside=0.0,
     )  # fmt: skip

@@ -28,7 +28,7 @@ from taxel.decisions.stability import StabilityConfig
 from taxel.errors import BadInput
 from taxel.gel.slip_features import SLIP_FEATURES
 from taxel.live.closed_loop import (
-    Command,
+    GripCommand,
     LoopConfig,
     LoopTrack,
     MonitoredGrip,
@@ -165,7 +165,7 @@ def track(
     truth = np.zeros((11, 8))
     truth[:, 0] = np.linspace(0.0, slip_um, 11)
     truth[-1, 7] = dropped
-    commands = () if raised_s is None else (Command(time_s=raised_s, force_n=50.0),)
+    commands = () if raised_s is None else (GripCommand(time_s=raised_s, force_n=50.0),)
     return LoopTrack(
         run=replace(DROPS, cup=replace(DROPS.cup, index=cup)),
         time_s=np.arange(11) / 10,

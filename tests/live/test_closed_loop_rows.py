@@ -8,7 +8,7 @@ import pytest
 from taxel.bench.closed_loop import UNSEEN, JudgedPour, data_digest, loop_rows
 from taxel.bench.closed_loop_scores import LoopCase
 from taxel.bench.closed_loop_training import TRAINING, raisable
-from taxel.live.closed_loop import Command, LoopTrack
+from taxel.live.closed_loop import GripCommand, LoopTrack
 from taxel.sim.cup_pour import list_runs
 from taxel.sim.cups import PourRun
 
@@ -25,7 +25,7 @@ def track(run: PourRun, *, dropped: bool = False, raised: bool = False) -> LoopT
         time_s=np.arange(4) / 10,
         truth=truth,
         force_n=np.full(4, 30.0 if raised else 15.0),
-        commands=(Command(time_s=0.25, force_n=50.0),) if raised else (),
+        commands=(GripCommand(time_s=0.25, force_n=50.0),) if raised else (),
     )
 
 

@@ -13,7 +13,7 @@ from taxel.bundles.contract import Contract
 from taxel.errors import BadInput
 from taxel.evaluation.audit.finding import Audit, Finding
 from taxel.evaluation.cards.data import DataCard, Nuisance
-from taxel.evaluation.cards.latency import Latency
+from taxel.evaluation.cards.latency import NetworkLatency
 from taxel.evaluation.run_scores import judge, reliability, split_groups
 from taxel.labels.trials import Trial
 from taxel.training.environment import Made
@@ -165,7 +165,9 @@ def whole(tmp_path_factory: pytest.TempPathFactory) -> str:
         card=CARD,
         audits=[AUDIT],
         latencies={
-            "second": Latency(median_ms=0.02, p95_ms=0.03, p99_ms=0.04, kilobytes=80, calls=500)
+            "second": NetworkLatency(
+                median_ms=0.02, p95_ms=0.03, p99_ms=0.04, kilobytes=80, calls=500
+            )
         },
         sweeps={"s.json": read_sweep(SWEEP, "s.json")},
         tables={"t.json": transition_tables()},

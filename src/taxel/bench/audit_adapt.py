@@ -20,7 +20,7 @@ from taxel.bench.rows import Row, row
 from taxel.evaluation.adaptation.new_class import (
     CHOSEN,
     AdaptConfig,
-    Point,
+    GraspsPoint,
     default_config,
     first_grasps,
     measure_new_class,
@@ -98,7 +98,7 @@ def unknown_object_rows() -> list[Row]:
     return rows
 
 
-def _recognised_row(name: str, grasps: int, points: list[Point]) -> Row:
+def _recognised_row(name: str, grasps: int, points: list[GraspsPoint]) -> Row:
     full = _mean(points, lambda one: one.full)
     note = (
         f"all classes {_mean(points, lambda one: one.accuracy):.3f}, by training on all data "
@@ -155,7 +155,7 @@ def _sets() -> Iterator[list[Path]]:
         yield [Path(scratch) / str(seed) / "honest" for seed in SETS]
 
 
-def _goal_rows(target: str, points: list[Point]) -> list[Row]:
+def _goal_rows(target: str, points: list[GraspsPoint]) -> list[Row]:
     five = [one for one in points if one.method == CHOSEN and one.grasps == 5]
     name = f"sim honest, new {target} from 5 grasps, {_SPLIT}"
     short = 100 * _mean(five, lambda one: one.full - one.accuracy)
@@ -181,7 +181,7 @@ def _goal_rows(target: str, points: list[Point]) -> list[Row]:
     ]  # fmt: skip
 
 
-def _curve_rows(target: str, points: list[Point]) -> list[Row]:
+def _curve_rows(target: str, points: list[GraspsPoint]) -> list[Row]:
     rows = []
     for grasps in sorted({one.grasps for one in points}):
         own = [one for one in points if one.method == CHOSEN and one.grasps == grasps]
@@ -194,7 +194,7 @@ def _curve_rows(target: str, points: list[Point]) -> list[Row]:
     return rows
 
 
-def _method_rows(target: str, points: list[Point]) -> list[Row]:
+def _method_rows(target: str, points: list[GraspsPoint]) -> list[Row]:
     rows = []
     for method in dict.fromkeys(one.method for one in points if one.method != CHOSEN):
         own = [one for one in points if one.method == method]

@@ -28,9 +28,9 @@ from taxel.evaluation.robustness.conditions import (
 )
 from taxel.evaluation.robustness.curve import (
     CLEAN,
-    Answers,
     Loss,
-    Point,
+    SessionAnswers,
+    SweepPoint,
     fall_text,
     loss_between,
     point_of,
@@ -122,7 +122,7 @@ def camera_rows() -> list[Row]:
     return rows
 
 
-_Told = dict[tuple[str, float], Answers]
+_Told = dict[tuple[str, float], SessionAnswers]
 
 
 def _at_conditions(robust: bool) -> dict[str, _Told]:
@@ -138,7 +138,7 @@ def _at_conditions(robust: bool) -> dict[str, _Told]:
     return found
 
 
-def _with_faults(robust: bool) -> list[Point]:
+def _with_faults(robust: bool) -> list[SweepPoint]:
     (model,) = _train(("shape",), robust).values()
     return sweep_array(model, simulate_at({}, FAULTY), plan_array())
 
@@ -217,7 +217,7 @@ def _loss_words(one: Loss) -> str:
     )
 
 
-def _fall_row(name: str, own: Sequence[Point], base: Point, note: str) -> Row:
+def _fall_row(name: str, own: Sequence[SweepPoint], base: SweepPoint, note: str) -> Row:
     level = reached(own, base.accuracy)
     if level is None:
         note = f"{fall_text(own, base.accuracy)}; {note}"
@@ -225,21 +225,21 @@ def _fall_row(name: str, own: Sequence[Point], base: Point, note: str) -> Row:
                goal="", ok=None, note=note)  # fmt: skip
 
 
-def _words(one: Point) -> str:
+def _words(one: SweepPoint) -> str:
     if one.answered == 0:
         return f"at {one.level:g} nothing answered"
     answered = "" if one.answered > 0.995 else f", {100 * one.answered:.0f} % answered"
     return f"at {one.level:g} {one.accuracy:.3f}{answered}"
 
 
-def _camera_words(one: Point) -> str:
+def _camera_words(one: SweepPoint) -> str:
     return (
         f"at {one.level:g} {one.accuracy:.3f}, {100 * one.grasps:.0f} % of slips warned of, "
         f"{one.outside:.1f} false alarms/min, {100 * one.answered:.0f} % answered"
     )
 
 
-def _by_fault(points: Sequence[Point]) -> list[tuple[str, list[Point]]]:
+def _by_fault(points: Sequence[SweepPoint]) -> list[tuple[str, list[SweepPoint]]]:
     return [(fault, list(own)) for fault, own in groupby(points[1:], key=lambda one: one.fault)]
 
 

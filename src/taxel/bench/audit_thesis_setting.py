@@ -16,7 +16,7 @@ import numpy as np
 from taxel.bench.audit_robustness import SCANS, TESTED, TRAIN_SEED
 from taxel.bench.rows import Row
 from taxel.evaluation.robustness.conditions import BASE, LEVELS, settings_at, simulate_at
-from taxel.evaluation.robustness.curve import CLEAN, Answers, loss_between, point_of
+from taxel.evaluation.robustness.curve import CLEAN, SessionAnswers, loss_between, point_of
 from taxel.evaluation.robustness.touches import judge, train_model
 from taxel.processes import side_by_side
 from taxel.sources.data_sets import DATA_SET_RATE_HZ, write_sessions
@@ -50,7 +50,7 @@ def _rows(target: str) -> list[Row]:
     return rows
 
 
-def _clean_row(target: str, clean: Answers) -> Row:
+def _clean_row(target: str, clean: SessionAnswers) -> Row:
     point = point_of(clean, CLEAN, 0.0, "")
     majority = np.bincount(clean.y).max() / len(clean.y)
     return Row(
@@ -60,7 +60,9 @@ def _clean_row(target: str, clean: Answers) -> Row:
     )  # fmt: skip
 
 
-def _condition_row(target: str, condition: str, clean: Answers, worse: dict[float, Answers]) -> Row:
+def _condition_row(
+    target: str, condition: str, clean: SessionAnswers, worse: dict[float, SessionAnswers]
+) -> Row:
     unit, levels = LEVELS[condition]
     each = {level: loss_between(clean, answers, grasps=False) for level, answers in worse.items()}
     worst = max(each, key=lambda level: each[level].points)

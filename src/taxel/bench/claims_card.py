@@ -23,8 +23,8 @@ from taxel.evaluation.cards.claims import (
     ONE_CUP,
     TRIVIAL,
     Claim,
+    ClaimsOfPart,
     Link,
-    Part,
     all_parts,
     grasp_row,
     table_row,
@@ -189,7 +189,7 @@ def _transition_rows(data: Mapping[str, Any], stamp: str) -> list[Row]:
     return rows
 
 
-def _part(part: Part, known: Mapping[str, Row]) -> list[str]:
+def _part(part: ClaimsOfPart, known: Mapping[str, Row]) -> list[str]:
     lines = [f"## {part.title}", "", *wrap(part.about, _WIDTH), ""]
     lines += ["| where | claim | claimed | ours, their split | ours, honest split | command |",
               "|---|---|---:|---:|---:|---|"]  # fmt: skip
@@ -206,7 +206,7 @@ def _part(part: Part, known: Mapping[str, Row]) -> list[str]:
     return [*lines, ""] if stamps else lines
 
 
-def _default(claim: Claim, part: Part) -> str:
+def _default(claim: Claim, part: ClaimsOfPart) -> str:
     if claim.ours:
         return "`taxel models`"
     if not claim.theirs and not claim.honest and claim.why not in ("", NOT_YET):

@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 from taxel.actions.grip_policy import GripPolicy, GripPolicyConfig, PixelDifferenceConfig
 from taxel.bench.closed_loop_scores import LoopCase, LoopScores, score_loops
 from taxel.decisions.stability import StabilityConfig, StabilityMonitor
-from taxel.live.closed_loop import Command, LoopConfig, LoopTrack, at_full_force, replay_loop
+from taxel.live.closed_loop import GripCommand, LoopConfig, LoopTrack, at_full_force, replay_loop
 from taxel.processes import WORKERS, side_by_side
 from taxel.sim.cups import PourRun
 from taxel.sources.pour_sets import ARRIVAL_S
@@ -128,7 +128,7 @@ def tune_pixels(
 
 
 def _scores(
-    jobs: Sequence[tuple[PourRun, list[tuple[Command, ...]], LoopConfig]], workers: int
+    jobs: Sequence[tuple[PourRun, list[tuple[GripCommand, ...]], LoopConfig]], workers: int
 ) -> list[LoopScores]:
     """Return the scores of each alternative over all pours."""
     played = side_by_side(play, jobs, workers=workers)
@@ -176,7 +176,7 @@ def choose(
 
 
 def play(
-    run: PourRun, alternatives: Sequence[tuple[Command, ...]], config: LoopConfig
+    run: PourRun, alternatives: Sequence[tuple[GripCommand, ...]], config: LoopConfig
 ) -> list[LoopCase]:
     """Return one training pour under each series of commands; equal ones are played once.
 
@@ -185,7 +185,7 @@ def play(
     """
     bare = replay_loop(run, config)
     full = at_full_force(run, config) if bare.dropped else bare
-    known: dict[tuple[Command, ...], LoopTrack] = {(): bare}
+    known: dict[tuple[GripCommand, ...], LoopTrack] = {(): bare}
     for commands in alternatives:
         if commands not in known:
             known[commands] = (
@@ -204,23 +204,23 @@ def commands_of(
     stability: StabilityConfig,
     config: LoopConfig,
     policy: GripPolicyConfig,
-) -> tuple[Command, ...]:
+) -> tuple[GripCommand, ...]:
     """Return what the monitor and the policy would command."""
     monitor, grip = StabilityMonitor(stability), GripPolicy(track.run.force_n, policy)
-    commands: list[Command] = []
+    commands: list[GripCommand] = []
     force_n = grip.force_n
     for time_s, probability in zip(track.time_s.tolist(), track.probabilities, strict=True):
         now_n = grip.push(monitor.push(float(probability), time_s), time_s)
         if now_n != force_n:
             force_n = now_n
             given_s = time_s + ARRIVAL_S + config.inference_s
-            commands.append(Command(time_s=given_s, force_n=force_n))
+            commands.append(GripCommand(time_s=given_s, force_n=force_n))
     return tuple(commands)
 
 
 def _pixel_commands(
     track: RunProbabilities, pixels: PixelDifferenceConfig, config: LoopConfig
-) -> tuple[Command, ...]:
+) -> tuple[GripCommand, ...]:
     """Return what the comparison by pixels would command."""
     since_s: float | None = None
     for time_s, value in zip(track.time_s.tolist(), track.probabilities, strict=True):
@@ -230,7 +230,7 @@ def _pixel_commands(
         since_s = time_s if since_s is None else since_s
         if time_s - since_s >= pixels.raise_s - 1e-9:
             given_s = time_s + ARRIVAL_S + config.inference_s
-            return (Command(time_s=given_s, force_n=pixels.most_n),)
+            return (GripCommand(time_s=given_s, force_n=pixels.most_n),)
     return ()
 
 

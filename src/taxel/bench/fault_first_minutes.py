@@ -24,7 +24,7 @@ MINUTES = 10.0
 _URL = "sim://cup-pour"
 
 
-class Seen:
+class MinuteSeen:
     """Counts what the monitor and the station told."""
 
     def __init__(self) -> None:
@@ -116,7 +116,7 @@ def first_minutes_rows(seconds: float) -> list[Row]:
     from taxel.views.page.station_page import StationPage, show
 
     how_long = f"{seconds / 60:g} minutes" if seconds >= 60 else f"{seconds:g} s"
-    seen = Seen()
+    seen = MinuteSeen()
     config = StationConfig(sources=(_URL,), bundles=(shipped_bundle(CUP_POUR),))
     with Station(config, seen.note) as station:
         view = station.view_config()

@@ -83,7 +83,7 @@ def speed(child: Any) -> list[Row]:
 
 
 @dataclass(frozen=True, slots=True)
-class Found:
+class ShearFound:
     """The residuals of one kind of videos."""
 
     videos: int
@@ -122,7 +122,7 @@ def residual_rows(data: Path | None) -> list[Row]:
     return rows + comparison_rows(found)
 
 
-def comparison_rows(found: dict[str, dict[bool, Found]]) -> list[Row]:
+def comparison_rows(found: dict[str, dict[bool, ShearFound]]) -> list[Row]:
     """Return how far each version's spread and shape lie from the real ones, 2 over 1.
 
     A cup turns about its handle, whereas real objects are mostly pulled: those that turned, held
@@ -145,14 +145,14 @@ def comparison_rows(found: dict[str, dict[bool, Found]]) -> list[Row]:
     return rows
 
 
-def _part(found: dict[bool, Found], what: str) -> Found:
+def _part(found: dict[bool, ShearFound], what: str) -> ShearFound:
     if what != "mostly a turn":
         return found[what == "slipped"]
     turned = [each for both in found.values() for each in both.residuals if each.turning > _TURN]
-    return Found(sum(both.videos for both in found.values()), turned)
+    return ShearFound(sum(both.videos for both in found.values()), turned)
 
 
-def _summary(name: str, found: Found) -> Row:
+def _summary(name: str, found: ShearFound) -> Row:
     if not found.residuals:
         return missing(name, "share", "", f"none of {found.videos} videos moved far enough")
     non_rigid, non_affine = found.values("non_rigid"), found.values("non_affine")
@@ -168,25 +168,25 @@ def _summary(name: str, found: Found) -> Row:
                note=note)  # fmt: skip
 
 
-def real_residuals(data: Path) -> dict[bool, Found]:
+def real_residuals(data: Path) -> dict[bool, ShearFound]:
     """Return those of gelsight-slip's first cameras, by whether the object slipped."""
     from taxel.evaluation.camera_trials.marker_residual import marker_residual
 
-    found: dict[bool, Found] = {slipped: Found(0, []) for slipped in (False, True)}
+    found: dict[bool, ShearFound] = {slipped: ShearFound(0, []) for slipped in (False, True)}
     for path in sorted((data / "gelsight-slip").glob("trials/*/*/camera_0.avi")):
         reference, frames = _split(islice(_frames(path), 0, SECONDS * 25, EVERY))
         _count(found, (path.parent / "slip.txt").exists(), marker_residual(reference, frames))
     return found
 
 
-def simulated_residuals(gel: int) -> dict[bool, Found]:
+def simulated_residuals(gel: int) -> dict[bool, ShearFound]:
     """Return those of simulated pours' left cameras, by whether the cup slipped 300 µm."""
     from taxel.evaluation.camera_trials.marker_residual import marker_residual
     from taxel.frame_codec import decode_jpeg, encode_jpeg
     from taxel.sim.cup_pour import CupPourConfig, list_runs
     from taxel.sources.pour_sets import simulate_videos
 
-    found: dict[bool, Found] = {slipped: Found(0, []) for slipped in (False, True)}
+    found: dict[bool, ShearFound] = {slipped: ShearFound(0, []) for slipped in (False, True)}
     config = CupPourConfig(cups=CUPS, first_cup=FIRST_CUP, still=0.0)
     for run in list_runs(config):
         track, videos = simulate_videos(run, 25.0 / EVERY, 60.0, float(SECONDS), gel)  # type: ignore[arg-type]
@@ -202,10 +202,10 @@ def _split(frames: Iterable[NDArray[np.uint8]]) -> tuple[list[NDArray[np.uint8]]
     return list(islice(rest, 1, 1 + _REFERENCE)), rest
 
 
-def _count(found: dict[bool, Found], slipped: bool, residual: MarkerResidual | None) -> None:
+def _count(found: dict[bool, ShearFound], slipped: bool, residual: MarkerResidual | None) -> None:
     before = found[slipped]
     new = [] if residual is None else [residual]
-    found[slipped] = Found(before.videos + 1, before.residuals + new)
+    found[slipped] = ShearFound(before.videos + 1, before.residuals + new)
 
 
 def _frames(path: Path) -> Iterator[NDArray[np.uint8]]:

@@ -17,7 +17,7 @@ from typing import Any
 
 import numpy as np
 
-from taxel.bench.fault_first_minutes import Seen, Stops
+from taxel.bench.fault_first_minutes import MinuteSeen, Stops
 from taxel.bench.rows import Row, missing, row
 from taxel.bundles.shipped import CUP_POUR, shipped_bundle
 from taxel.live.station.station import Station
@@ -60,7 +60,7 @@ def soak_rows(seconds: float, settled_s: float) -> list[Row]:
 
     how_long = f"{seconds / 60:g} minutes" if seconds >= 60 else f"{seconds:g} s"
     memory: list[tuple[float, dict[str, float]]] = []
-    seen = Seen()
+    seen = MinuteSeen()
     with tempfile.TemporaryDirectory(prefix="taxel-") as scratch:
         bundles = (shipped_bundle(CUP_POUR), _hand_bundle(Path(scratch)))
         config = StationConfig(sources=_SOURCES, bundles=bundles)

@@ -18,7 +18,7 @@ from taxel.errors import BadInput
 from taxel.recordings.whole import write_whole
 
 if TYPE_CHECKING:
-    from taxel.evaluation.robustness.curve import Point
+    from taxel.evaluation.robustness.curve import SweepPoint
 
 _LARGEST_SEED = 1_000_000_000
 
@@ -122,7 +122,7 @@ class Sweep:
 
     def _array(
         self, file: Path, names: Sequence[str], levels: Sequence[float]
-    ) -> tuple[list[Point], str, float]:
+    ) -> tuple[list[SweepPoint], str, float]:
         from taxel.bundles.reader import read_bundle
         from taxel.decisions.recognition import RecogniseConfig
         from taxel.evaluation.robustness.array_sweep import plan_array, sweep_array
@@ -166,7 +166,9 @@ class Sweep:
                 where = str(self.data)
         return points, f"{model.contract.target} · {file.name} on {where}", chance
 
-    def _cameras(self, file: Path, names: Sequence[str], levels: Sequence[float]) -> list[Point]:
+    def _cameras(
+        self, file: Path, names: Sequence[str], levels: Sequence[float]
+    ) -> list[SweepPoint]:
         from taxel.bundles.grasp import read_grasp_bundle
         from taxel.evaluation.robustness.grasp_sweep import plan_images, pours_digest, sweep_grasps
         from taxel.live.grasp_monitor import GraspMonitor
@@ -187,7 +189,7 @@ class Sweep:
                 on_point=lambda one: bar.update(task, description=one.fault, advance=1),
             )  # fmt: skip
 
-    def _tell(self, points: list[Point], about: str, chance: float, cameras: bool) -> None:
+    def _tell(self, points: list[SweepPoint], about: str, chance: float, cameras: bool) -> None:
         rows = [
             {key: None if isinstance(value, float) and not math.isfinite(value) else value
              for key, value in asdict(one).items()}

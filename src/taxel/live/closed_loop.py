@@ -52,7 +52,7 @@ class LoopConfig:
     """The gripper's."""
 
 
-class Grip(Protocol):
+class GripRule(Protocol):
     """Turns sets of frames into the force to hold."""
 
     latencies_s: list[float]
@@ -117,7 +117,7 @@ class PixelGrip:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Command:
+class GripCommand:
     """A force, and when it is given."""
 
     time_s: float
@@ -136,7 +136,7 @@ class LoopTrack:
     """Shape (n, 8), columns as `TRUTH_CHANNELS`."""
     force_n: NDArray[np.float64]
     """Shape (n,): the gripper's force, newtons."""
-    commands: tuple[Command, ...]
+    commands: tuple[GripCommand, ...]
     """Each change of the commanded force, oldest first."""
     latencies_s: tuple[float, ...] = ()
     """What each decision took in truth, seconds."""
@@ -172,7 +172,7 @@ class LoopTrack:
         return float(self.time_s[int(np.argmax(beyond))]) if beyond.any() else None
 
 
-def run_loop(pour: SteppedPour, grip: Grip, config: LoopConfig) -> LoopTrack:
+def run_loop(pour: SteppedPour, grip: GripRule, config: LoopConfig) -> LoopTrack:
     """Let a grip watch a pour and hold it.
 
     Args:
@@ -191,7 +191,7 @@ def run_loop(pour: SteppedPour, grip: Grip, config: LoopConfig) -> LoopTrack:
             if force_n != told_n:
                 told_n, after_s = force_n, ARRIVAL_S + config.inference_s
                 pour.grip(force_n, after_s)
-                notes.commands.append(Command(time_s=pour.time_s + after_s, force_n=force_n))
+                notes.commands.append(GripCommand(time_s=pour.time_s + after_s, force_n=force_n))
     return notes.track(config, tuple(grip.latencies_s))
 
 
@@ -203,7 +203,7 @@ def open_pour(run: PourRun, config: LoopConfig) -> SteppedPour:
 def replay_loop(
     run: PourRun,
     config: LoopConfig,
-    commands: Sequence[Command] = (),
+    commands: Sequence[GripCommand] = (),
     stop_pouring_s: float = float("inf"),
 ) -> LoopTrack:
     """Return how a pour goes with given commands, without pictures.
@@ -244,7 +244,7 @@ class _Notes:
         self._run = run
         self._truth: list[NDArray[np.float32]] = []
         self._force_n: list[float] = []
-        self.commands: list[Command] = []
+        self.commands: list[GripCommand] = []
 
     @property
     def dropped(self) -> bool:

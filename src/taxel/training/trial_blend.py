@@ -72,7 +72,7 @@ class Logistic:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Member:
+class TrialMember:
     """A model and what it sees."""
 
     name: str
@@ -109,20 +109,22 @@ SLIP_PARTS: Final = (
     "slip_rate_4", "gel_rate_4", "slip_turn", "readiness_8",
 )  # fmt: skip
 """What members see of the slip signal. Source: our choice, before any score, decision 41."""
-MEMBERS: Final[tuple[Member, ...]] = (
-    Member(name="forest on differences", views={"pixels": DIFFERENCES}, make=forest, prior=1.0),
-    Member(
+MEMBERS: Final[tuple[TrialMember, ...]] = (
+    TrialMember(
+        name="forest on differences", views={"pixels": DIFFERENCES}, make=forest, prior=1.0
+    ),
+    TrialMember(
         name="logistic on differences", views={"pixels": DIFFERENCES},
         make=lambda seed, trees: Logistic(0.1), prior=1.0,
     ),
-    Member(
+    TrialMember(
         name="logistic on differences and slip",
         views={"pixels": DIFFERENCES, "slip": SLIP_PARTS},
         make=lambda seed, trees: Logistic(0.03), prior=1.0,
     ),
-    Member(name="extra-trees on pixels", views={"pixels": ()}, make=extra, prior=0.0),
-    Member(name="extra-trees on stills", views={"stills": ()}, make=extra, prior=0.0),
-    Member(
+    TrialMember(name="extra-trees on pixels", views={"pixels": ()}, make=extra, prior=0.0),
+    TrialMember(name="extra-trees on stills", views={"stills": ()}, make=extra, prior=0.0),
+    TrialMember(
         name="logistic on stills", views={"stills": ()},
         make=lambda seed, trees: Logistic(0.003), prior=0.0,
     ),
@@ -157,10 +159,10 @@ class Learning:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Blend:
+class TrialBlend:
     """Fitted members with their weights."""
 
-    members: tuple[Member, ...]
+    members: tuple[TrialMember, ...]
     fitted: tuple[Any, ...]
     columns: tuple[NDArray[np.intp], ...]
     weights: NDArray[np.float64]
@@ -192,9 +194,9 @@ def fit_blend(
     cameras: int,
     widths: Mapping[str, int],
     seed: int,
-    members: Sequence[Member] = MEMBERS,
+    members: Sequence[TrialMember] = MEMBERS,
     on_step: Callable[[str], None] = lambda line: None,
-) -> Blend:
+) -> TrialBlend:
     """Fit members, weigh them by inner folds over groups, and set when a trial is unknown.
 
     Args:
@@ -221,7 +223,7 @@ def fit_blend(
         inner = each | {"blend": log_loss(blended, y)}
     kept = np.flatnonzero(weights >= min(LEAST_WEIGHT, weights.max()))
     on_step("all trials")
-    return Blend(
+    return TrialBlend(
         members=tuple(members[i] for i in kept),
         fitted=tuple(
             members[i]
@@ -263,7 +265,7 @@ def inner_folds(
 
 def _held_out(
     learning: Learning,
-    members: Sequence[Member],
+    members: Sequence[TrialMember],
     columns: Sequence[NDArray[np.intp]],
     seed: int,
     on_step: Callable[[str], None],

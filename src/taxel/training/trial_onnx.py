@@ -15,13 +15,13 @@ from onnx import TensorProto, helper, numpy_helper
 from taxel.models.forest import tables_of
 from taxel.training.ranked import Ranked
 from taxel.training.squeezed import REACH, Squeezed
-from taxel.training.trial_blend import Blend, Logistic
+from taxel.training.trial_blend import Logistic, TrialBlend
 from taxel.training.trial_novelty import Novelty
 
 _OPSET: Final = 18
 
 
-def blend_to_onnx(blend: Blend, columns: int) -> bytes:
+def blend_to_onnx(blend: TrialBlend, columns: int) -> bytes:
     """Return a model: rows (n, columns) → (n, classes + 1): mean probabilities, then novelty."""
     graph = _Graph()
     parts = []

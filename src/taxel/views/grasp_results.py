@@ -17,7 +17,7 @@ from taxel.evaluation.early_warning.events import EventScores
 from taxel.evaluation.early_warning.grasp_warnings import WarningResult
 from taxel.evaluation.transitions.precisions import PrecisionRow
 from taxel.evaluation.transitions.step_times import StepTime
-from taxel.evaluation.transitions.tables import Baseline, Scores, TableRow
+from taxel.evaluation.transitions.tables import TableRow, TrivialRow, WindowScores
 
 TITLES = {
     1: "Table 1 · backbones and heads, k = 8",
@@ -28,7 +28,7 @@ TITLES = {
 
 def transition_tables(
     rows: Sequence[TableRow],
-    baselines: Sequence[Baseline],
+    baselines: Sequence[TrivialRow],
     times: dict[str, StepTime],
     rule: str,
     unstable: float,
@@ -108,7 +108,7 @@ def _table(title: str, rows: Sequence[TableRow], times: dict[str, StepTime]) -> 
     return table
 
 
-def _baseline_table(baselines: Sequence[Baseline]) -> Table:
+def _baseline_table(baselines: Sequence[TrivialRow]) -> Table:
     table = Table(title="trivial baselines, same windows", title_justify="left", box=SIMPLE_HEAD,
                   pad_edge=False)  # fmt: skip
     for column in ("sees only", "one cup out", "every cup", "balanced"):
@@ -169,7 +169,7 @@ def _event_cells(scores: EventScores) -> list[str]:
     ]
 
 
-def _percent(scores: Scores) -> str:
+def _percent(scores: WindowScores) -> str:
     low, high = (100 * one for one in scores.interval)
     return f"{100 * scores.accuracy:.1f} [{low:.1f}, {high:.1f}]"
 

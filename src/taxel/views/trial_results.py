@@ -12,9 +12,9 @@ from rich.table import Table
 from rich.text import Text
 
 from taxel.evaluation.camera_trials.crossval import (
+    CameraTrialScores,
     Difference,
     TrialResult,
-    TrialScores,
     TrialSet,
     by_group,
 )
@@ -84,7 +84,7 @@ def _head(trials: TrialSet, split: TrialSplit, ours: TrialResult) -> str:
     )
 
 
-def _table(title: str, rows: Sequence[tuple[str, TrialScores]]) -> Table:
+def _table(title: str, rows: Sequence[tuple[str, CameraTrialScores]]) -> Table:
     table = Table(title=title, title_justify="left", box=SIMPLE_HEAD, pad_edge=False)
     table.add_column("model")
     for column in ("accuracy %", "balanced %", "AUC", "log-loss", "ECE"):
@@ -94,7 +94,7 @@ def _table(title: str, rows: Sequence[tuple[str, TrialScores]]) -> Table:
     return table
 
 
-def _cells(scores: TrialScores) -> list[str]:
+def _cells(scores: CameraTrialScores) -> list[str]:
     low, high = (100 * end for end in scores.accuracy_interval)
     least, most = scores.auc_interval
     return [

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from taxel.bench.gel_shear import Found, comparison_rows
+from taxel.bench.gel_shear import ShearFound, comparison_rows
 from taxel.evaluation.camera_trials.marker_residual import (
     BANDS,
     MarkerResidual,
@@ -91,12 +91,12 @@ def test_gels_of_version_2_leave_more_over_than_rigid_ones() -> None:
 
 
 def test_a_gel_that_is_nearer_to_the_real_ones_has_a_ratio_below_one() -> None:
-    def found(middle: float) -> dict[bool, Found]:
+    def found(middle: float) -> dict[bool, ShearFound]:
         spread = [
             MarkerResidual(0, 20, 5.0, 0.5, middle + x, 0.1, (1.0, middle, 0.3, 0.1))
             for x in (-0.1, 0.0, 0.1)
         ]
-        return {False: Found(3, spread), True: Found(3, [])}
+        return {False: ShearFound(3, spread), True: ShearFound(3, [])}
 
     rows = comparison_rows({"real": found(0.4), "gel 1": found(0.2), "gel 2": found(0.5)})
     assert [row.value for row in rows] == pytest.approx([0.5, 0.5])  # nothing slipped or turned

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from taxel.evaluation.robustness.curve import (
-    Answers,
-    Point,
+    SessionAnswers,
+    SweepPoint,
     fall_text,
     loss_between,
     point_of,
@@ -15,17 +15,17 @@ from taxel.evaluation.robustness.curve import (
 )
 
 
-def point(level: float, accuracy: float) -> Point:
-    return Point(
+def point(level: float, accuracy: float) -> SweepPoint:
+    return SweepPoint(
         fault="f", level=level, unit="u", accuracy=accuracy, low=0.0, high=1.0, answered=1.0,
         windows=10, grasps=0.5, told=1.0, outside=0.0,
     )  # fmt: skip
 
 
-def answers(right: list[int], answered: list[int], sessions: str, grasps: str) -> Answers:
+def answers(right: list[int], answered: list[int], sessions: str, grasps: str) -> SessionAnswers:
     """One window a touch."""
     found = np.array([[0.9, 0.1] if one else [0.1, 0.9] for one in right])
-    return Answers(
+    return SessionAnswers(
         y=np.zeros(len(right), np.intp),
         probabilities=found,
         answered=np.array(answered, bool),
@@ -60,9 +60,9 @@ def test_nothing_answered_has_no_accuracy_but_no_grasp_right():
 def test_windows_of_a_grasp_are_joined_and_passes_stay_apart():
     """One wrong window beside two right ones of the same grasp; twice over."""
     one = answers([1, 1, 0], [1, 1, 1], "aaa", "a")
-    one = Answers(one.y, one.probabilities, one.answered, np.zeros(3, np.intp), one.session,
+    one = SessionAnswers(one.y, one.probabilities, one.answered, np.zeros(3, np.intp), one.session,
                   one.grasps, 0, 1.0)  # fmt: skip
-    twice = Answers.join([one, one])
+    twice = SessionAnswers.join([one, one])
 
     assert point_of(twice, "f", 1.0, "u").grasps == 1.0
     assert len(set(twice.trial.tolist())) == 2

@@ -85,7 +85,7 @@ class IntegerNetwork:
 
 
 @dataclass(frozen=True, slots=True)
-class Answers:
+class BoardAnswers:
     """What the board says of windows."""
 
     best: NDArray[np.intp]
@@ -137,7 +137,7 @@ def quantise_counts(network: IntegerNetwork, counts: NDArray[np.uint16]) -> Ints
     return np.asarray(np.clip(wide >> INPUT_SHIFT, *network.input_ends), np.int64)
 
 
-def run_integers(network: IntegerNetwork, inputs: Ints) -> Answers:
+def run_integers(network: IntegerNetwork, inputs: Ints) -> BoardAnswers:
     """Return what the board says of windows.
 
     Args:
@@ -153,7 +153,7 @@ def run_integers(network: IntegerNetwork, inputs: Ints) -> Answers:
     logits = hidden @ network.last_weights.astype(np.int64).T + network.last_biases
     _check(logits)
     best = logits.argmax(axis=1)
-    return Answers(best, _confidence(network, logits), logits.astype(np.int32))
+    return BoardAnswers(best, _confidence(network, logits), logits.astype(np.int32))
 
 
 def requantise(layer: Layer, sums: Ints) -> Ints:

@@ -16,7 +16,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from taxel.bundles.avr.integers import Answers
+from taxel.bundles.avr.integers import BoardAnswers
 from taxel.errors import BadInput
 
 CLOCK_HZ = 16_000_000
@@ -38,7 +38,7 @@ class _Answer(ctypes.Structure):
 class OnBoard:
     """What an emulated ATmega2560 did."""
 
-    answers: Answers
+    answers: BoardAnswers
     clocks: NDArray[np.int64]
     """Shape (n,): from the window in 8 bits to the answer."""
     flash_bytes: int
@@ -67,7 +67,7 @@ def without_board() -> str:
     return f"no emulator: apt install {AVR_PACKAGES}"
 
 
-def run_on_host(folder: Path, counts: NDArray[np.uint16], classes: int) -> Answers:
+def run_on_host(folder: Path, counts: NDArray[np.uint16], classes: int) -> BoardAnswers:
     """Return what the C that `write_c` wrote says on this machine.
 
     Args:
@@ -157,14 +157,14 @@ def run_on_board(
     )
 
 
-def _answers(every: NDArray[np.int64]) -> Answers:
+def _answers(every: NDArray[np.int64]) -> BoardAnswers:
     """Return answers of rows (best, confidence, logits…)."""
-    return Answers(
+    return BoardAnswers(
         every[:, 0].astype(np.intp), every[:, 1].astype(np.uint8), every[:, 2:].astype(np.int32)
     )
 
 
-def equal_windows(one: Answers, other: Answers) -> NDArray[np.bool_]:
+def equal_windows(one: BoardAnswers, other: BoardAnswers) -> NDArray[np.bool_]:
     """Return which windows' answers are the same to the last bit, shape (n,)."""
     same = (one.best == other.best) & (one.confidence == other.confidence)
     found: NDArray[np.bool_] = same & (one.logits == other.logits).all(axis=1)

@@ -55,7 +55,12 @@ class TransitionTables:
     def run(self) -> None:
         """Measure and print."""
         from taxel.evaluation.transitions.step_times import time_step
-        from taxel.evaluation.transitions.tables import Seen, measure_rows, plan_rows, trivial_rows
+        from taxel.evaluation.transitions.tables import (
+            BackboneSeen,
+            measure_rows,
+            plan_rows,
+            trivial_rows,
+        )
         from taxel.models.transition import FRAMES
 
         backbones = backbone_names(self.backbones)
@@ -64,13 +69,13 @@ class TransitionTables:
         config = head_config(self.labels.rule, self.fit)
         with progress() as bar, given_or_simulated(self.data, self.fit.seed, bar) as folder:
             pours = load_set(self.labels, folder, bar)
-            seen: dict[str, Seen] = {}
+            seen: dict[str, BackboneSeen] = {}
             times = {}
             plans = plan_rows(backbones)
             for name in backbones:
                 extractor = open_features(name, pours, self.weights, self.engine)
                 found = extract_features(extractor, name, pours, self.labels.folder(), bar)
-                seen[name] = Seen(extractor.weights.label, found)  # type: ignore[union-attr]
+                seen[name] = BackboneSeen(extractor.weights.label, found)  # type: ignore[union-attr]
                 for plan in plans:
                     if plan.model.startswith(f"{name}+") and plan.frames == FRAMES:
                         times[plan.model] = time_step(

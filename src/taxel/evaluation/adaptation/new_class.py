@@ -76,7 +76,7 @@ class AdaptConfig:
 
 
 @dataclass(frozen=True, slots=True)
-class Point:
+class GraspsPoint:
     """One new class, learned in one way, tested on one held-out session; shares 0…1."""
 
     data: str
@@ -112,7 +112,7 @@ def default_config() -> AdaptConfig:
 
 def measure_new_class(
     paths: Sequence[Path], config: AdaptConfig, on_step: Callable[[str], None] = lambda _: None
-) -> list[Point]:
+) -> list[GraspsPoint]:
     """Measure learning a new class on data sets with several sessions.
 
     Raises:
@@ -162,7 +162,7 @@ def by_session(
     return [point for points in found for point in points]
 
 
-def _one_session(path: Path, config: AdaptConfig, target: str, session: str) -> list[Point]:
+def _one_session(path: Path, config: AdaptConfig, target: str, session: str) -> list[GraspsPoint]:
     """Measure with one session held out; runs in a process of its own."""
     torch.set_num_threads(1)
     dataset = load_dataset(path, config.recipe.window, target=target)
@@ -191,7 +191,7 @@ def _one_session(path: Path, config: AdaptConfig, target: str, session: str) -> 
                 seconds = perf_counter() - started
                 good = told(adapted, mine) == mine.y
                 points.append(
-                    Point(
+                    GraspsPoint(
                         str(path), target, name, session, method, grasps,
                         float(good.mean()), float(good[old].mean()), _share(good[~old]),
                         before, float(right.mean()), float(right[old].mean()), len(mine),

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from taxel.evaluation.audit.finding import ALARMS, Finding, Verdict
 from taxel.evaluation.audit.sides import Sides
-from taxel.evaluation.audit.telling import Fold, Told
+from taxel.evaluation.audit.telling import Fold, LabelEvidence
 from taxel.evaluation.audit.touch_set import Pieces, TouchSet
 
 
@@ -53,7 +53,7 @@ class Reading:
     """A nuisance's figure, whose verdict waits for the correction of all p values."""
 
     kind: str
-    told: Told
+    told: LabelEvidence
     decide: Callable[[bool], tuple[Verdict, str, str]]
     """Whether it counts → verdict, what is said, and what to do."""
     examples: tuple[str, ...] = ()

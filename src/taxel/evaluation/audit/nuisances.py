@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from taxel.evaluation.audit.case import Case, Reading, rows_folds
 from taxel.evaluation.audit.finding import Verdict
-from taxel.evaluation.audit.telling import Told, predict, told
+from taxel.evaluation.audit.telling import LabelEvidence, predict, told
 from taxel.evaluation.audit.touch_set import TouchSet
 
 AT_REST = 0.8
@@ -150,7 +150,7 @@ def read_level(case: Case) -> Reading:
     return Reading(kind="level", told=level, decide=decide, mended=lambda: tared(case))
 
 
-def tell_trials(case: Case, features: NDArray[np.floating]) -> Told:
+def tell_trials(case: Case, features: NDArray[np.floating]) -> LabelEvidence:
     """Return how well one row of features a trial tells the label, under the case's folds."""
     y = case.touch.y
     found = predict(features, y, case.folds, case.seed)
@@ -203,6 +203,6 @@ def sum_up(rows: NDArray[np.floating]) -> NDArray[np.float32]:
     return np.asarray(np.concatenate(parts), np.float32)
 
 
-def _way(one: Told) -> float:
+def _way(one: LabelEvidence) -> float:
     """Return how far from the majority class to 1 an accuracy goes, 0…1."""
     return (one.accuracy - one.majority) / max(1e-9, 1.0 - one.majority)

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from taxel.evaluation.audit.case import Case, Reading
 from taxel.evaluation.audit.finding import Verdict
-from taxel.evaluation.audit.telling import Told, look_up, predict, told
+from taxel.evaluation.audit.telling import LabelEvidence, look_up, predict, told
 from taxel.evaluation.audit.touch_set import OBJECTS, SESSIONS, TouchSet
 from taxel.labels.class_order import in_order
 
@@ -116,8 +116,8 @@ def recorded_order(touch: TouchSet) -> NDArray[np.float64] | None:
 
 def _read_order(case: Case, order: NDArray[np.float64]) -> Reading:
     y = case.touch.y
-    found: Told = told(predict(order[:, None], y, case.plain, case.seed), y, np.arange(len(y)),
-                       None, case.plain)  # fmt: skip
+    predicted = predict(order[:, None], y, case.plain, case.seed)
+    found: LabelEvidence = told(predicted, y, np.arange(len(y)), None, case.plain)
 
     def decide(counts: bool) -> tuple[Verdict, str, str]:
         if not counts:

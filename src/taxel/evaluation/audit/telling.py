@@ -44,7 +44,7 @@ Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Told:
+class LabelEvidence:
     """How well something alone tells the label."""
 
     accuracy: float
@@ -134,7 +134,7 @@ def told(
     groups: NDArray[np.str_] | None,
     folds: Sequence[Fold],
     seed: int = 0,
-) -> Told:
+) -> LabelEvidence:
     """Return how well probabilities tell the label, and by what chance.
 
     Args:
@@ -175,7 +175,7 @@ def told(
     if binary and 0 < own.sum() < len(own):
         auc = float(_auc(own[None], score[used])[0])
         p = min(1.0, 2 * min(p, _p(auc, _area(below, positive, len(own)), wider)))
-    return Told(
+    return LabelEvidence(
         accuracy=float(right / total), majority=majority(y, folds), auc=auc, p=p,
         by_chance=(float(alike.mean() / total), wider * float(alike.std() / total)),
     )  # fmt: skip

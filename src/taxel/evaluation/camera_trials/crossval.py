@@ -21,8 +21,8 @@ from taxel.evaluation.intervals import draw_rows, percentile_interval
 from taxel.evaluation.rank_area import area
 from taxel.evaluation.run_scores import reliability
 from taxel.training.trial_blend import (
-    Blend,
     Learning,
+    TrialBlend,
     fit_blend,
     forest,
     log_loss,
@@ -69,7 +69,7 @@ class TrialSet:
         return Learning(rows, self.cut.trial, self.y, np.array(values), len(self.classes))
 
 
-class Model(Protocol):
+class TrialModel(Protocol):
     """What learns classes from crops."""
 
     def fit(self, learning: Learning) -> None:
@@ -126,7 +126,7 @@ class Blended:
     ) -> None:
         self._make = cameras, widths, seed
         self._on_step = on_step
-        self.blend: Blend | None = None
+        self.blend: TrialBlend | None = None
 
     def fit(self, learning: Learning) -> None:
         cameras, widths, seed = self._make
@@ -147,7 +147,7 @@ class Contender:
 
     name: str
     rows: Callable[[TrialSet], Rows]
-    model: Callable[[TrialSet, int, Callable[[str], None]], Model]
+    model: Callable[[TrialSet, int, Callable[[str], None]], TrialModel]
     leaks: str = ""
     """In what way it knows something else than what happens in the crop; empty for none."""
 
@@ -207,7 +207,7 @@ def contenders_for(trials: TrialSet) -> tuple[Contender, ...]:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class TrialScores:
+class CameraTrialScores:
     """Scores of some tested trials; all but the loss are 0…1."""
 
     trials: int
@@ -231,9 +231,9 @@ class TrialResult:
 
     name: str
     leaks: str
-    whole: TrialScores
+    whole: CameraTrialScores
     """By trial, all its crops together."""
-    places: tuple[TrialScores, ...]
+    places: tuple[CameraTrialScores, ...]
     """By one crop alone, in the order of `PLACES`; empty where there is one only."""
     probabilities: Probabilities
     """Shape (trials, classes); NaN where a trial was never tested."""
@@ -306,12 +306,12 @@ def _judge(
 
 def score_trials(
     y: NDArray[np.intp], probabilities: Probabilities, groups: NDArray[np.str_], seed: int = 0
-) -> TrialScores:
+) -> CameraTrialScores:
     """Return scores of probabilities, shape (n, classes), against classes, shape (n,)."""
     right = probabilities.argmax(axis=1) == y
     drawn = draw_rows(groups, seed)
     bins = reliability(probabilities, right)
-    return TrialScores(
+    return CameraTrialScores(
         trials=len(y),
         accuracy=float(right.mean()),
         accuracy_interval=percentile_interval([float(right[d].mean()) for d in drawn]),

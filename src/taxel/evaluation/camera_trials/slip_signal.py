@@ -16,7 +16,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from taxel.evaluation.camera_trials.crossval import TrialScores, score_trials
+from taxel.evaluation.camera_trials.crossval import CameraTrialScores, score_trials
 from taxel.evaluation.camera_trials.trial_set import load_trial_set
 from taxel.training.trial_blend import mean_of_crops
 from taxel.windows.camera_trials import read_camera_trials
@@ -99,7 +99,7 @@ def _by_trial(crops: NDArray[np.float64], trial: NDArray[np.intp]) -> NDArray[np
 
 def _scored(
     values: NDArray[np.float64], y: NDArray[np.intp], objects: NDArray[np.str_]
-) -> TrialScores:
+) -> CameraTrialScores:
     """Return scores of ranks: as a probability each value has its place among all."""
     place = np.argsort(np.argsort(values)) / max(1, len(values) - 1)
     return score_trials(y, np.stack([1 - place, place], axis=1), objects)

@@ -68,7 +68,7 @@ class Claim:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Part:
+class ClaimsOfPart:
     """Claims that stand in one table of the card."""
 
     title: str
@@ -89,12 +89,12 @@ def grasp_row(model: str, frames: int, what: str) -> str:
     return f"Tables 1 to 3, {model}, k = {frames}: {what}"
 
 
-def all_parts() -> tuple[Part, ...]:
+def all_parts() -> tuple[ClaimsOfPart, ...]:
     """Return all claims, in the order of the papers."""
     return (_thesis_text(), _thesis_table(), _thesis_field(), *_grasp_tables(), _grasp_text())
 
 
-def _thesis_text() -> Part:
+def _thesis_text() -> ClaimsOfPart:
     claims = []
     for model, task, where, claimed in (
         ("cnn2d", "shape", "abstract, 3.6.2, 5", "98 %"),
@@ -135,7 +135,7 @@ def _thesis_text() -> Part:
             command="taxel simulate teng",
         )
     )
-    return Part(
+    return ClaimsOfPart(
         title="TENG hand: headline figures",
         about=(
             "Their split: windows at random, which is inferred, since the thesis names no split; "
@@ -153,7 +153,7 @@ def _pooled(task: str, model: str) -> str:
     return table_row("honest", task, SESSION, model, "all sessions told once")
 
 
-def _thesis_table() -> Part:
+def _thesis_table() -> ClaimsOfPart:
     claims = []
     for model, values in PUBLISHED.items():
         short = "2D" if model == "cnn2d" else "1D"
@@ -172,7 +172,7 @@ def _thesis_table() -> Part:
                     honest=both[1],
                 )
             )
-    return Part(
+    return ClaimsOfPart(
         title="TENG hand: Table 4.1",
         about=(
             "The thesis does not say whether its values are of shape or of material: both are "
@@ -186,9 +186,9 @@ def _thesis_table() -> Part:
     )
 
 
-def _thesis_field() -> Part:
+def _thesis_field() -> ClaimsOfPart:
     """Return what sections 4.3 and 4.4 claim beyond the table; rows are those of bench audit."""
-    return Part(
+    return ClaimsOfPart(
         title="TENG hand: beyond the laboratory (sections 4.3 and 4.4)",
         about=(
             "The thesis gives no split for these; windows of one grasp may stand on both sides. "
@@ -269,7 +269,7 @@ def _at_condition(what: str) -> tuple[Link, ...]:
     )
 
 
-def _grasp_tables() -> tuple[Part, ...]:
+def _grasp_tables() -> tuple[ClaimsOfPart, ...]:
     first = [m for m in TRANSITION_MODELS.values() if m.published and m.head in
              ("lstm", "transformer")]  # fmt: skip
     second = [TRANSITION_MODELS[f"densenet121+{head}"] for head in ("lstm", "lstm2", "lstm4")]
@@ -294,11 +294,11 @@ def _grasp_tables() -> tuple[Part, ...]:
         for frames, accuracy in PUBLISHED_BY_FRAMES.items()
     )
     return (
-        Part(title="Grasp transitions: Table 1", about=about, command=command,
+        ClaimsOfPart(title="Grasp transitions: Table 1", about=about, command=command,
              claims=tuple(c for m in first for c in _model_claims(m, "Table 1"))),
-        Part(title="Grasp transitions: Table 2, LSTM layers", about=about, command=command,
+        ClaimsOfPart(title="Grasp transitions: Table 2, LSTM layers", about=about, command=command,
              claims=tuple(c for m in second for c in _model_claims(m, "Table 2"))),
-        Part(title="Grasp transitions: Table 3, frames in a window", about=about,
+        ClaimsOfPart(title="Grasp transitions: Table 3, frames in a window", about=about,
              command=command, claims=third),
     )  # fmt: skip
 
@@ -351,11 +351,11 @@ def _model_claims(model: TransitionModel, table: str) -> list[Claim]:
     ]
 
 
-def _grasp_text() -> Part:
+def _grasp_text() -> ClaimsOfPart:
     lite = "rule change, EfficientNet-Lite0 + LSTM"
     gross = "gross slip > 300 µm, gel features + LSTM, every cup held out"
     step = "DenseNet121 + LSTM, streaming step, 2 threads, onnxruntime f32"
-    return Part(
+    return ClaimsOfPart(
         title="Grasp transitions: text",
         about=(
             "The paper warns when images begin to change; ours also by physics: a warning before "

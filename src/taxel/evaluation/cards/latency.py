@@ -20,7 +20,7 @@ _WARM = 50
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Latency:
+class NetworkLatency:
     """Times of one window to its probabilities, scaling included, milliseconds."""
 
     median_ms: float
@@ -31,7 +31,7 @@ class Latency:
     calls: int
 
 
-def time_run(run: Run) -> Latency:
+def time_run(run: Run) -> NetworkLatency:
     """Export a run's networks and time them in ONNX Runtime, one thread, window by window.
 
     The windows are random numbers in the range that the scaling was fitted to: the time of a
@@ -58,7 +58,7 @@ def time_run(run: Run) -> Latency:
         bundle.probabilities(one, mask)
         times[call] = perf_counter() - started
     median, p95, p99 = 1000.0 * np.percentile(times, [50, 95, 99])
-    return Latency(
+    return NetworkLatency(
         median_ms=float(median),
         p95_ms=float(p95),
         p99_ms=float(p99),

@@ -32,7 +32,7 @@ from taxel.evaluation.transitions.data import (
     judge_fold,
     truth_moments,
 )
-from taxel.evaluation.transitions.tables import Scores, score_windows
+from taxel.evaluation.transitions.tables import WindowScores, score_windows
 from taxel.training.features import FrameFeatures
 from taxel.training.heads import HeadConfig, TrainedHead
 from taxel.windows.sequence import label_windows
@@ -48,7 +48,7 @@ class WarningResult:
     """What a monitor does on cups that neither head nor thresholds have seen."""
 
     name: str
-    windows: Scores
+    windows: WindowScores
     """Windows against the rule's labels."""
     tuned: tuple[Tuned, ...]
     """Thresholds, one for each time that they were tuned."""

@@ -15,7 +15,7 @@ from taxel.evaluation.early_warning.grasp_warnings import INNER_FOLDS, monitor_t
 from taxel.evaluation.early_warning.tuning_stability import Tuned, tune
 from taxel.evaluation.splits import TrialFold
 from taxel.evaluation.transitions.data import Judged, PourSet, judge_fold, tracks_of
-from taxel.evaluation.transitions.tables import Scores, score_windows
+from taxel.evaluation.transitions.tables import WindowScores, score_windows
 from taxel.labels.rules import rule_named
 from taxel.training.features import FrameFeatures
 from taxel.training.heads import HeadConfig, TrainedHead, fit_head
@@ -30,7 +30,7 @@ class LearntMonitor:
     stability: StabilityConfig
     tuned: Tuned | None
     """None where the recordings hold no truth to tune on: the thresholds are the defaults."""
-    windows: Scores | None
+    windows: WindowScores | None
     """Windows of cups held out; None where there are fewer than two cups."""
 
 

@@ -23,8 +23,8 @@ from taxel.evaluation.robustness.array_faults import (
 )
 from taxel.evaluation.robustness.curve import (
     CLEAN,
-    Answers,
-    Point,
+    SessionAnswers,
+    SweepPoint,
     mildest_first,
     point_of,
     shared_accuracy,
@@ -39,8 +39,8 @@ def sweep_array(
     *,
     config: RecogniseConfig = ANSWER_ALL,
     seed: int = 0,
-    on_point: Callable[[Point], None] = lambda _: None,
-) -> list[Point]:
+    on_point: Callable[[SweepPoint], None] = lambda _: None,
+) -> list[SweepPoint]:
     """Return the point without faults, then one a fault and level.
 
     Args:
@@ -55,9 +55,9 @@ def sweep_array(
         BadInput: A fault or level is unknown.
         BadBundle, BadDataset: As `judge` says.
     """
-    points: list[Point] = []
+    points: list[SweepPoint] = []
 
-    def add(point: Point) -> None:
+    def add(point: SweepPoint) -> None:
         points.append(point)
         on_point(point)
 
@@ -75,7 +75,7 @@ def sweep_array(
                 for draw in range(fault.draws)
             ]
             base = shared_accuracy(clean, passes[0]) if fault.shortens else None
-            told = Answers.join(passes)
+            told = SessionAnswers.join(passes)
             add(point_of(told, name, level, fault.unit, fault.draws, base))
     return points
 

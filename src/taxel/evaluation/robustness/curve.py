@@ -22,7 +22,7 @@ FALL = 0.05
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Point:
+class SweepPoint:
     """What is told at one level of one fault."""
 
     fault: str
@@ -61,7 +61,7 @@ class Point:
 
 
 @dataclass(frozen=True, slots=True)
-class Answers:
+class SessionAnswers:
     """What a recogniser told of a set of recordings."""
 
     y: NDArray[np.intp]
@@ -85,9 +85,9 @@ class Answers:
     none is."""
 
     @staticmethod
-    def join(parts: Sequence[Answers]) -> Answers:
+    def join(parts: Sequence[SessionAnswers]) -> SessionAnswers:
         """Return the answers of several passes over the same recordings as one."""
-        return Answers(
+        return SessionAnswers(
             np.concatenate([one.y for one in parts]),
             np.concatenate([one.probabilities for one in parts]),
             np.concatenate([one.answered for one in parts]),
@@ -154,7 +154,7 @@ class Loss:
         return 100 * (self.base - self.worse)
 
 
-def loss_between(base: Answers, worse: Answers, *, grasps: bool) -> Loss:
+def loss_between(base: SessionAnswers, worse: SessionAnswers, *, grasps: bool) -> Loss:
     """Return what is lost from one set of answers to another of the same sessions.
 
     Args:
@@ -173,7 +173,7 @@ def _share(counts: NDArray[np.float64]) -> NDArray[np.float64]:
     return np.asarray(counts[..., 0] / np.maximum(counts[..., 1], 1.0))
 
 
-def shared_accuracy(base: Answers, worse: Answers) -> float | None:
+def shared_accuracy(base: SessionAnswers, worse: SessionAnswers) -> float | None:
     """Return the accuracy of as many first windows of each touch of `base` as `worse` has, 0…1;
     None where it has all of them.
     """
@@ -186,13 +186,13 @@ def shared_accuracy(base: Answers, worse: Answers) -> float | None:
 
 
 def point_of(
-    answers: Answers,
+    answers: SessionAnswers,
     fault: str,
     level: float,
     unit: str,
     draws: int = 1,
     base: float | None = None,
-) -> Point:
+) -> SweepPoint:
     """Return the point that answers make.
 
     Args:
@@ -208,7 +208,7 @@ def point_of(
     if told.any():
         low, high = accuracy_interval(right[told], answers.session[told])
     whole, grasps = answers.told_grasps()[0], len(answers.grasps)
-    return Point(
+    return SweepPoint(
         fault=fault,
         level=level,
         unit=unit,
@@ -236,7 +236,7 @@ def mildest_first(given: Sequence[float], own: Sequence[float]) -> tuple[float, 
     return tuple(sorted(set(given), key=abs if rising else lambda level: -level))
 
 
-def reached(points: Sequence[Point], base: float, fall: float = FALL) -> float | None:
+def reached(points: Sequence[SweepPoint], base: float, fall: float = FALL) -> float | None:
     """Return the first level at which accuracy has fallen, by straight lines between points.
 
     Args:
@@ -261,7 +261,7 @@ def reached(points: Sequence[Point], base: float, fall: float = FALL) -> float |
     return None
 
 
-def fall_text(points: Sequence[Point], base: float) -> str:
+def fall_text(points: Sequence[SweepPoint], base: float) -> str:
     """Return in words where accuracy has fallen by five points, or answers end.
 
     Args:

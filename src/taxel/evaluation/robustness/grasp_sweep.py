@@ -22,7 +22,7 @@ from taxel.decisions.stability import Stability, StabilityDecision
 from taxel.errors import BadDataset, BadInput
 from taxel.evaluation.early_warning.events import RunOutcome, StateTrack, judge
 from taxel.evaluation.intervals import draw_clusters, percentile_interval
-from taxel.evaluation.robustness.curve import CLEAN, Point, mildest_first
+from taxel.evaluation.robustness.curve import CLEAN, SweepPoint, mildest_first
 from taxel.evaluation.robustness.image_faults import IMAGE_FAULTS, find_image_fault
 from taxel.evaluation.transitions.data import truth_moments
 from taxel.labels.rules import RULES
@@ -42,7 +42,7 @@ still be saved. Source: docs/decisions/0017 and 0029."""
 _SLIP_RULE = re.compile(r"slip > (\d+(?:\.\d+)?) um")
 
 
-class Answer(Protocol):
+class MomentAnswer(Protocol):
     """One moment's answer."""
 
     @property
@@ -63,7 +63,7 @@ class Monitor(Protocol):
         """Take one camera's frame as it comes."""
         ...
 
-    def push(self, found: FrameSet) -> Answer:
+    def push(self, found: FrameSet) -> MomentAnswer:
         """Return the answer of a moment."""
         ...
 
@@ -172,8 +172,8 @@ def sweep_grasps(
     *,
     seed: int = 0,
     workers: int = 1,
-    on_point: Callable[[Point], None] = lambda _: None,
-) -> list[Point]:
+    on_point: Callable[[SweepPoint], None] = lambda _: None,
+) -> list[SweepPoint]:
     """Return the point without faults, then one a fault and level.
 
     Args:
@@ -191,7 +191,7 @@ def sweep_grasps(
     """
     if not pours:
         raise BadDataset("recordings of tactile cameras", "none", "name others with --data")
-    points: list[Point] = []
+    points: list[SweepPoint] = []
     levels = [(CLEAN, 0.0, "")]
     for name, own in plan.items():
         levels += [(name, level, find_image_fault(name).unit) for level in own]
@@ -243,7 +243,7 @@ def plan_images(
     return plan
 
 
-def grasp_point(watched: Sequence[Watched], fault: str, level: float, unit: str) -> Point:
+def grasp_point(watched: Sequence[Watched], fault: str, level: float, unit: str) -> SweepPoint:
     """Return the point that watched recordings make; its interval resamples cups."""
     cups = sorted({one.cup for one in watched})
     counts = np.zeros((len(cups), 4))  # right and all, of unstable and of stable moments
@@ -262,7 +262,7 @@ def grasp_point(watched: Sequence[Watched], fault: str, level: float, unit: str)
     events = [one.outcome for one in watched if one.outcome.event]
     held = [one.outcome for one in watched if not one.outcome.event]
     minutes = sum(one.judged_s for one in held) / 60
-    return Point(
+    return SweepPoint(
         fault=fault,
         level=level,
         unit=unit,

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 
 @dataclass(frozen=True, slots=True)
-class Claim:
+class ClaimedCondition:
     """One sentence of the thesis, as a number where it gives one."""
 
     what: str
@@ -21,18 +21,22 @@ class Claim:
     """Conditions of ours that stand beside it; empty where nothing of ours can."""
 
 
-CLAIMS: tuple[Claim, ...] = (
-    Claim(
+CLAIMS: tuple[ClaimedCondition, ...] = (
+    ClaimedCondition(
         "shape and material, 20 to 35 °C, changing light, now and then dust or moisture", "4.4",
         "above 95 %", ("temperature", "dust", "moisture"),
     ),
-    Claim(
+    ClaimedCondition(
         "misclassified, for altered surfaces or extreme temperatures", "4.4",
         "below 3 % of trials", ("temperature", "dust", "moisture"),
     ),
-    Claim("moving objects (conveyor belt)", "4.3", "“remains robust”, no number", ("moving",)),
-    Claim("noisy data, 2D against 1D", "4.3, Table 4.1", "0.9960 against 0.9704", ("noise",)),
-    Claim("changing light", "4.4", "within the first line", ()),
+    ClaimedCondition(
+        "moving objects (conveyor belt)", "4.3", "“remains robust”, no number", ("moving",)
+    ),
+    ClaimedCondition(
+        "noisy data, 2D against 1D", "4.3, Table 4.1", "0.9960 against 0.9704", ("noise",)
+    ),
+    ClaimedCondition("changing light", "4.4", "within the first line", ()),
 )  # fmt: skip
 """In the thesis's order of weight. Light does not reach a triboelectric pad: no row of ours."""
 LEAST = 0.95

@@ -21,7 +21,7 @@ from taxel.bundles.reader import Bundle
 from taxel.decisions.recognition import UNKNOWN, GraspVote, Quality, RecogniseConfig, decide
 from taxel.decisions.unknown import Strangeness
 from taxel.errors import BadDataset
-from taxel.evaluation.robustness.curve import Answers
+from taxel.evaluation.robustness.curve import SessionAnswers
 from taxel.labels.trials import Trial, trials_of
 from taxel.recordings.manifest import Manifest
 from taxel.recordings.reader import list_recordings, read_recording
@@ -117,7 +117,7 @@ def recorded(file: Path, manifest: Manifest, samples: Samples, marks: list[Mark]
 
 def judge(
     model: Model, touches: Sequence[Recorded], config: RecogniseConfig = ANSWER_ALL
-) -> Answers:
+) -> SessionAnswers:
     """Return what a model tells of recordings.
 
     Reference touches of a bundle that needs them set each session's level and are not judged.
@@ -173,7 +173,7 @@ def judge(
     y, found, answered, trial, session, known = (
         np.concatenate(arrays) for arrays in zip(*parts, strict=True)
     )
-    return Answers(
+    return SessionAnswers(
         y, found, answered, trial, session, np.array(grasps), outside, seconds / 60, known
     )  # fmt: skip
 

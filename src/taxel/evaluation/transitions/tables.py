@@ -58,7 +58,7 @@ class RowPlan:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Scores:
+class WindowScores:
     """Windows of test pours, judged."""
 
     accuracy: float
@@ -85,21 +85,21 @@ class TableRow:
     published_mb: float | None
     size_mb: float
     """Of the network's numbers as 32-bit floats."""
-    single: Scores
+    single: WindowScores
     """The paper's split: the last cup held out."""
-    every_cup: Scores | None
+    every_cup: WindowScores | None
     """Each cup held out in turn, pooled; None where only the single split was asked for."""
     training_s: float
     """All trainings of this row."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Baseline:
+class TrivialRow:
     """A trivial answer on the same windows."""
 
     name: str
-    single: Scores
-    every_cup: Scores
+    single: WindowScores
+    every_cup: WindowScores
 
 
 def plan_rows(backbones: Sequence[str]) -> list[RowPlan]:
@@ -139,7 +139,7 @@ def plan_rows(backbones: Sequence[str]) -> list[RowPlan]:
 
 
 @dataclass(frozen=True, slots=True)
-class Seen:
+class BackboneSeen:
     """What one backbone saw in all pours."""
 
     weights: str
@@ -150,7 +150,7 @@ class Seen:
 
 def measure_rows(
     data: PourSet,
-    seen: Mapping[str, Seen],
+    seen: Mapping[str, BackboneSeen],
     plans: Sequence[RowPlan],
     base: HeadConfig,
     *,
@@ -214,7 +214,7 @@ def _judge_folds(
     return judged, perf_counter() - started, name
 
 
-def trivial_rows(data: PourSet, frames: int = FRAMES, key: str = "cup") -> list[Baseline]:
+def trivial_rows(data: PourSet, frames: int = FRAMES, key: str = "cup") -> list[TrivialRow]:
     """Return the trivial baselines: one number a frame, thresholds learned on training cups."""
     folds = cup_folds(data.groups(key), key)
     columns = [trivial_features(data, index) for index in range(len(data.pours))]
@@ -222,11 +222,13 @@ def trivial_rows(data: PourSet, frames: int = FRAMES, key: str = "cup") -> list[
     for name in columns[0]:
         judged = [_judge_trivial(data, [c[name] for c in columns], fold, frames) for fold in folds]
         rows.append(
-            Baseline(name=name, single=score_windows(judged[-1:]), every_cup=score_windows(judged))
+            TrivialRow(
+                name=name, single=score_windows(judged[-1:]), every_cup=score_windows(judged)
+            )
         )
     judged = [_judge_trivial(data, None, fold, frames) for fold in folds]
     rows.append(
-        Baseline(
+        TrivialRow(
             name="the commonest class",
             single=score_windows(judged[-1:]),
             every_cup=score_windows(judged),
@@ -258,7 +260,7 @@ def _judge_trivial(
     return Judged(fold, found, tuple(labels[i] for i in fold.test_rows))
 
 
-def score_windows(judged: Sequence[Judged]) -> Scores:
+def score_windows(judged: Sequence[Judged]) -> WindowScores:
     """Return the scores of all test windows; the interval is over folds where there are several."""
     labels = np.concatenate([one for fold in judged for one in fold.labels])
     found = np.concatenate([one for fold in judged for one in fold.probabilities])
@@ -269,7 +271,7 @@ def score_windows(judged: Sequence[Judged]) -> Scores:
     else:
         interval = _over_folds(judged)
     both = 0 < labels.mean() < 1
-    return Scores(
+    return WindowScores(
         accuracy=float(right.mean()),
         interval=interval,
         balanced=float(balanced_accuracy_score(labels, found > 0.5)) if both else float("nan"),

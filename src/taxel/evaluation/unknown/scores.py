@@ -48,7 +48,7 @@ class Auroc:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Curve:
+class CoverageCurve:
     """Accuracy over the known touch that is answered, by how much of it is."""
 
     score: str
@@ -73,8 +73,8 @@ class UnknownResult:
     rejected_by_class: dict[str, float]
     """Class → share of its known trials that are called unknown."""
     aurocs: tuple[Auroc, ...]
-    curves: tuple[Curve, ...]
-    majority: Curve
+    curves: tuple[CoverageCurve, ...]
+    majority: CoverageCurve
     """Share of the commonest class among what `OURS` lets be answered: what `curves` must beat."""
 
     def auroc(self, kind: str, score: str = OURS) -> Auroc:
@@ -132,10 +132,10 @@ def result_of(target: str, split: str, windows: Scored, grasps: Scored) -> Unkno
             for name in SCORES
         ),
         curves=tuple(
-            Curve(score=name, windows=_curve(windows, name), grasps=_curve(grasps, name))
+            CoverageCurve(score=name, windows=_curve(windows, name), grasps=_curve(grasps, name))
             for name in (OURS, "max softmax")
         ),
-        majority=Curve(score=OURS, windows=_commonest(windows), grasps=_commonest(grasps)),
+        majority=CoverageCurve(score=OURS, windows=_commonest(windows), grasps=_commonest(grasps)),
     )
 
 

@@ -38,7 +38,7 @@ _TINY_S = 1e-6
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Seen:
+class PageSeen:
     """One source as the page sees it."""
 
     url: str
@@ -51,7 +51,7 @@ class Seen:
 class ViewConfig:
     """The rings that the page reads, and the one that it writes."""
 
-    sources: tuple[Seen, ...]
+    sources: tuple[PageSeen, ...]
     decisions: tuple[str, ...]
     status: str
     requests: str
@@ -235,7 +235,7 @@ class StationView:
         return found
 
 
-def _choose_array(sources: Sequence[Seen]) -> int | None:
+def _choose_array(sources: Sequence[PageSeen]) -> int | None:
     """Return which source's array is shown: the first without cameras, else the first."""
     with_array = [i for i, one in enumerate(sources) if one.sensor.channels]
     bare = [i for i in with_array if not sources[i].cameras]

@@ -22,7 +22,7 @@ from taxel.live.station.crew import Crew, Worker
 from taxel.live.station.fitting import misfit
 from taxel.live.station.guard import GuardConfig
 from taxel.live.station.inference import Inference, infer
-from taxel.live.station.page_link import Seen, ViewConfig
+from taxel.live.station.page_link import PageSeen, ViewConfig
 from taxel.live.station.recording import Recording, choose_recorded, record
 from taxel.live.station.ring import Ring, RingReader, RingWriter
 from taxel.live.station.worker import Place
@@ -135,7 +135,7 @@ class Wiring:
         """Return what a page needs to see this station."""
         return ViewConfig(
             sources=tuple(
-                Seen(url=feed.url, ring=feed.ring, sensor=feed.sensor, cameras=feed.cameras)
+                PageSeen(url=feed.url, ring=feed.ring, sensor=feed.sensor, cameras=feed.cameras)
                 for feed in self.feeds
             ),
             decisions=tuple(mind.decisions for mind in self.minds),

@@ -16,7 +16,7 @@ from torch import Tensor, nn
 from taxel.models.backbones.keras_layers import (
     IMAGENET_MEAN,
     IMAGENET_SPREAD,
-    Classifier,
+    KerasClassifier,
     PixelScale,
     Top,
     batch_norm,
@@ -83,7 +83,7 @@ class DenseNet121(nn.Module):
         self.pool4, channels = _transition(channels)
         self.conv5, channels = _dense_block(BLOCKS[3], channels)
         self.bn = batch_norm(channels, EPS)
-        self.predictions = Classifier(channels, CLASSES, top)
+        self.predictions = KerasClassifier(channels, CLASSES, top)
 
     def forward(self, images: Tensor) -> Tensor:
         """Return features, shape (n, 1000), of images (n, 3, 224, 224), 0 to 255."""

@@ -18,7 +18,7 @@ from torch import Tensor, nn
 
 from taxel.models.backbones.keras_layers import (
     IMAGENET_SPREAD,
-    Classifier,
+    KerasClassifier,
     Normalization,
     Top,
     batch_norm,
@@ -161,7 +161,7 @@ class InvertedNetwork(nn.Module):
                 self.blocks.append(name)
                 inputs = stage.outputs
         self.top = ConvNorm(nn.Conv2d(inputs, HEAD, 1, bias=False), activation)
-        self.predictions = Classifier(HEAD, CLASSES, top)
+        self.predictions = KerasClassifier(HEAD, CLASSES, top)
 
     def forward(self, scaled: Tensor) -> Tensor:
         """Return features, shape (n, 1000), of scaled images (n, 3, 224, 224)."""

@@ -76,7 +76,7 @@ class Normalization(nn.Module):
         return (images - self.mean[:, None, None]) / spread[:, None, None]
 
 
-class Classifier(nn.Linear):
+class KerasClassifier(nn.Linear):
     """Keras' layer "predictions": the 1000-way top over averaged maps, kept as features."""
 
     def __init__(self, inputs: int, outputs: int, top: Top) -> None:

@@ -13,7 +13,7 @@ from collections import OrderedDict
 
 from torch import Tensor, nn
 
-from taxel.models.backbones.keras_layers import Classifier, PixelScale, Top, batch_norm
+from taxel.models.backbones.keras_layers import KerasClassifier, PixelScale, Top, batch_norm
 
 BLOCKS_50 = (3, 4, 6, 3)
 """Blocks in each stage. Source: the paper, Table 1, 50-layer."""
@@ -83,7 +83,7 @@ class ResNet(nn.Module):
         self.conv3 = _stage(256, 128, blocks[1], stride=2)
         self.conv4 = _stage(512, 256, blocks[2], stride=2)
         self.conv5 = _stage(1024, 512, blocks[3], stride=2)
-        self.predictions = Classifier(2048, CLASSES, top)
+        self.predictions = KerasClassifier(2048, CLASSES, top)
 
     def forward(self, images: Tensor) -> Tensor:
         """Return features, shape (n, 1000), of images (n, 3, 224, 224), 0 to 255."""

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from taxel.errors import BadInput
-from taxel.evaluation.cards.latency import Latency
+from taxel.evaluation.cards.latency import NetworkLatency
 from taxel.training.environment import Made
 from taxel.views.report.charts import Axis, Line, line_chart
 from taxel.views.report.page import Html, band, colour, figure, join, key, percent, table, tag
@@ -42,7 +42,7 @@ UNCHANGED = "none"
 """The fault's name where nothing was changed."""
 
 
-def latency_part(latencies: Mapping[str, Latency], thesis: bool) -> Html:
+def latency_part(latencies: Mapping[str, NetworkLatency], thesis: bool) -> Html:
     """Return the times of one window through ONNX Runtime.
 
     Args:

@@ -14,7 +14,7 @@ from typing import Any
 from taxel.errors import BadInput
 from taxel.evaluation.audit.finding import Audit
 from taxel.evaluation.cards.data import DataCard
-from taxel.evaluation.cards.latency import Latency
+from taxel.evaluation.cards.latency import NetworkLatency
 from taxel.evaluation.paired import compare_runs
 from taxel.evaluation.run_scores import RunScores, judge
 from taxel.training.environment import Made
@@ -56,7 +56,7 @@ class RunPage:
     adapted: Mapping[str, Adapted] = field(default_factory=dict)
     """Run that was adapted → its versions."""
     audits: Sequence[Audit] = ()
-    latencies: Mapping[str, Latency] = field(default_factory=dict)
+    latencies: Mapping[str, NetworkLatency] = field(default_factory=dict)
     sweeps: Mapping[str, Sequence[SweepPoint]] = field(default_factory=dict)
     """File → robustness curves."""
     tables: Mapping[str, Any] = field(default_factory=dict)
