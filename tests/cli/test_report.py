@@ -8,12 +8,13 @@ import pytest
 import tyro
 
 from taxel.bench import claims_card as card
+from taxel.bench.claims_card import all_parts
 from taxel.bench.rows import Row
 from taxel.cli.report import Report
 from taxel.cli.simulate.teng import Teng
 from taxel.cli.train import Train
 from taxel.errors import BadInput
-from taxel.evaluation.cards.claims import all_parts, table_row
+from taxel.evaluation.cards.claims import table_row
 from taxel.evaluation.teng.table_4_1 import ROWS
 
 CARD = Path(__file__).parents[2] / "docs" / "reference" / "claims.md"

@@ -25,10 +25,11 @@ from taxel.evaluation.cards.claims import (
     Claim,
     ClaimsOfPart,
     Link,
-    all_parts,
     grasp_row,
     table_row,
 )
+from taxel.evaluation.cards.grasp_claims import grasp_parts
+from taxel.evaluation.cards.thesis_claims import thesis_parts
 from taxel.recordings.whole import write_whole
 from taxel.training.environment import environment
 
@@ -38,6 +39,11 @@ COMMAND = "taxel report --claims docs/reference/claims.md"
 _NONE = "not measured"
 _WIDTH = 110
 """Letters in a line of text."""
+
+
+def all_parts() -> tuple[ClaimsOfPart, ...]:
+    """Return all claims, in the order of the papers."""
+    return (*thesis_parts(), *grasp_parts())
 
 
 def claims_card(rows: Iterable[Row] | None = None) -> str:

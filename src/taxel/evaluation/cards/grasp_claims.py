@@ -1,0 +1,167 @@
+"""Every number that the grasp-transition paper claims of its system, and which row answers it.
+
+Knows the rows' names only; knows nothing about where rows are stored.
+
+Source: Zhao, Zheng and Chen, Sensors 2024, 24, 5080.
+"""
+
+from __future__ import annotations
+
+from taxel.evaluation.cards.claims import (
+    EVERY_CUP,
+    NOT_YET,
+    ONE_CUP,
+    Claim,
+    ClaimsOfPart,
+    Link,
+    grasp_row,
+)
+from taxel.models.transition import (
+    FRAMES,
+    PUBLISHED_BY_FRAMES,
+    TRANSITION_MODELS,
+    TransitionModel,
+)
+
+_STAND_IN = "efficientnet-lite0"
+"""The backbone whose trained weights are at hand; the paper's four need --weights."""
+_NO_WEIGHTS = "no trained weights of this backbone at hand (--weights)"
+
+
+def grasp_parts() -> tuple[ClaimsOfPart, ...]:
+    """Return the paper's claims, in its order."""
+    return (*_grasp_tables(), _grasp_text())
+
+
+def _grasp_tables() -> tuple[ClaimsOfPart, ...]:
+    first = [m for m in TRANSITION_MODELS.values() if m.published and m.head in
+             ("lstm", "transformer")]  # fmt: skip
+    second = [TRANSITION_MODELS[f"densenet121+{head}"] for head in ("lstm", "lstm2", "lstm4")]
+    about = (
+        "Their split: one of five cups held out, simulated pours, the paper's labels (rule "
+        "change). Honest: every cup held out in turn. A difference of pixels alone solves these "
+        "labels (98 %), so they measure parity with the paper, not a warning of slip. ImageNet "
+        "weights of the paper's four backbones are not at hand: where “Lite0” stands, "
+        "EfficientNet-Lite0 takes DenseNet121's place. Sizes: ours as 32-bit floats, then with the "
+        "backbone twice and the head once, which is what the published sizes fit (decision 42). "
+        "Times: the paper calls 31.84 ms both one inference step and a whole video; ours is a step."
+    )
+    command = "taxel reproduce transition-tables"
+    third = tuple(
+        Claim(
+            where="Table 3",
+            what=f"DenseNet121 + LSTM, k = {frames}: accuracy",
+            claimed=f"{accuracy:.2f} %",
+            why=_NO_WEIGHTS,
+            **_accuracy("densenet121+lstm", frames, "lstm"),  # type: ignore[arg-type]
+        )
+        for frames, accuracy in PUBLISHED_BY_FRAMES.items()
+    )
+    return (
+        ClaimsOfPart(title="Grasp transitions: Table 1", about=about, command=command,
+             claims=tuple(c for m in first for c in _model_claims(m, "Table 1"))),
+        ClaimsOfPart(title="Grasp transitions: Table 2, LSTM layers", about=about, command=command,
+             claims=tuple(c for m in second for c in _model_claims(m, "Table 2"))),
+        ClaimsOfPart(title="Grasp transitions: Table 3, frames in a window", about=about,
+             command=command, claims=third),
+    )  # fmt: skip
+
+
+def _accuracy(model: str, frames: int, head: str) -> dict[str, tuple[Link, ...]]:
+    """Return the links of an accuracy: the backbone's own row, and our small backbone's."""
+    names = [("", model)]
+    if model.startswith("densenet121"):
+        names.append(("Lite0", f"{_STAND_IN}+{head}"))
+    return {
+        "theirs": tuple(Link(grasp_row(m, frames, ONE_CUP), label) for label, m in names),
+        "honest": tuple(Link(grasp_row(m, frames, EVERY_CUP), label) for label, m in names),
+    }
+
+
+def _model_claims(model: TransitionModel, table: str) -> list[Claim]:
+    published = model.published
+    assert published is not None
+    name = model.name.replace("+", " + ")
+    step = grasp_row(model.name, FRAMES, "a streaming step")
+    return [
+        Claim(
+            where=table,
+            what=f"{name}: accuracy",
+            claimed=f"{published.accuracy_percent:.2f} %",
+            why=_NO_WEIGHTS,
+            **_accuracy(model.name, FRAMES, model.head),  # type: ignore[arg-type]
+        ),
+        Claim(
+            where=table,
+            what=f"{name}: parameters",
+            claimed=f"{published.parameters:,}",
+            ours=f"{model.parameters:,}",
+        ),
+        Claim(
+            where=table,
+            what=f"{name}: time of a step",
+            claimed=f"{published.step_ms:.2f} ms",
+            theirs=(Link(step),),
+            honest=(Link(step),),
+            why=NOT_YET,
+            command=f"taxel reproduce transition-tables --backbones {model.backbone}",
+        ),
+        Claim(
+            where=table,
+            what=f"{name}: size",
+            claimed=f"{published.size_mb:.2f} MB",
+            ours=f"{model.size_mb():.2f} MB, twice {model.size_mb(backbones=2):.2f} MB",
+        ),
+    ]
+
+
+def _grasp_text() -> ClaimsOfPart:
+    lite = "rule change, EfficientNet-Lite0 + LSTM"
+    gross = "gross slip > 300 µm, gel features + LSTM, every cup held out"
+    step = "DenseNet121 + LSTM, streaming step, 2 threads, onnxruntime f32"
+    return ClaimsOfPart(
+        title="Grasp transitions: text",
+        about=(
+            "The paper warns when images begin to change; ours also by physics: a warning before "
+            "the cup has slid 300 µm."
+        ),
+        command="taxel bench transitions --full",
+        claims=(
+            Claim(
+                where="abstract, 5.2, 6",
+                what="average accuracy on unseen objects",
+                claimed="98.90 %",
+                theirs=(Link(f"{lite}, {ONE_CUP}", "Lite0"),),
+                honest=(Link(f"{lite}, {EVERY_CUP}", "Lite0"),),
+            ),
+            Claim(
+                where="abstract, 5.2",
+                what="inference, DenseNet121 + LSTM (RTX 4090; ours: two processor cores); called "
+                "a step here and a whole video in 5.2; ours is a step",
+                claimed="31.84 ms",
+                theirs=(Link(step),),
+                honest=(Link(step),),
+            ),
+            Claim(
+                where="5.2, figure 8",
+                what="instability is identified before slippage: median warning before gross slip",
+                claimed="before (no number)",
+                honest=(Link(f"{gross}: median warning before"),),
+            ),
+            Claim(
+                where="5.2",
+                what="false alarms while the grasp holds",
+                claimed="none said",
+                honest=(Link(f"{gross}: false alarms on pours that hold"),),
+            ),
+            Claim(
+                where="5.2",
+                what="grasps avoided from failing by the warning in a person's hands",
+                claimed="not tried by the paper",
+                honest=(
+                    Link("warning only, the person stops 0.5 s after it: preventable drops "
+                         "prevented"),
+                ),
+            ),
+        ),
+    )  # fmt: skip
