@@ -1,11 +1,7 @@
 """A real server on this machine: who gets in, what gets through; slow pages hurt nobody."""
 
 import json
-import os
-import signal
 import socket
-import subprocess
-import sys
 import threading
 import time
 import tracemalloc
@@ -19,7 +15,7 @@ from websockets.exceptions import ConnectionClosed, InvalidStatus
 from websockets.sync.client import connect
 
 from taxel.errors import BadInput
-from taxel.views.page.clients import MESSAGES_HZ, Clients, to_json
+from taxel.views.page.clients import MESSAGES_HZ, Clients
 from taxel.views.page.guard import cookie_name
 from taxel.views.page.server import PageServer, serve_page
 
@@ -352,34 +348,6 @@ def test_on_all_addresses_any_number_will_do_as_host_but_no_foreign_name():
         assert httpx.get(there, headers={"Host": f"192.0.2.7:{port}"}).status_code == 200
         assert httpx.get(there, headers={"Host": f"evil.example:{port}"}).status_code == 421
         assert httpx.get(f"{there}/session").status_code == 401
-
-
-def test_sigterm_ends_a_page_s_own_process_cleanly():
-    program = (
-        "from taxel.views.page.server import run_page\n"
-        "class S:\n"
-        "    def snapshot(self): return {'time_s': 1.0}\n"
-        "    def frame(self, camera): return None\n"
-        "    def traces(self, since_s): return {'time_s': 1.0}\n"
-        "run_page(S(), on_open=lambda url: print(url, flush=True))\n"
-        "print('ended', flush=True)\n"
-    )
-    with subprocess.Popen([sys.executable, "-c", program], stdout=subprocess.PIPE) as process:
-        assert process.stdout is not None
-        url = process.stdout.readline().decode()
-        assert url.startswith("http://127.0.0.1:")
-        os.kill(process.pid, signal.SIGTERM)
-        rest, _ = process.communicate(timeout=10)
-
-    assert (rest, process.returncode) == (b"ended\n", 0)
-
-
-def test_arrays_and_missing_numbers_become_lists_and_null():
-    import numpy as np
-
-    value = {"t": np.array([1.0, np.nan]), "n": np.float32(2.0), "x": float("inf"), "k": (1,)}
-
-    assert json.loads(to_json(value)) == {"t": [1.0, None], "n": 2.0, "x": None, "k": [1]}
 
 
 @pytest.mark.parametrize("same_page", [True, False])
