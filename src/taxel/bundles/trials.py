@@ -26,7 +26,6 @@ from taxel.bundles.model_trial import Trial, try_models
 from taxel.bundles.signing import Trust
 from taxel.errors import BadBundle
 from taxel.foreign.json_text import Fields, parse_json
-from taxel.recordings.whole import write_whole
 from taxel.windows.trial_crops import FAMILIES, LEAST_CROP, PLACES, Layout
 
 FORMAT = 1
@@ -148,15 +147,6 @@ def trial_bundle_bytes(
         "check_told.npy": to_npy(check_told),
     }
     return pack(members), difference
-
-
-def write_trial_bundle(path: Path, bundle: bytes) -> None:
-    """Write what `trial_bundle_bytes` gave, whole or not at all.
-
-    Raises:
-        RecordingFailed: The disk refused.
-    """
-    write_whole(path, bundle)
 
 
 def read_trial_bundle(path: Path, trust: Trust | None = None) -> TrialBundle:

@@ -105,10 +105,6 @@ class GraspedHand:
         meets = 1000.0 * (1.0 - self._grasp.size_mm / _OPEN_MM)
         self._object = meets + _ROUND_PERMILLE * np.clip(1.0 - finger, 0.0, 1.0)
 
-    def take_away(self) -> None:
-        """Leave nothing between the fingers."""
-        self._object = np.full(FINGERS, np.inf)
-
     @property
     def touching(self) -> NDArray[np.bool_]:
         """Shape (4,): fingers that are on the object."""

@@ -21,7 +21,6 @@ NUMBERS = ("trial_number", "number", "index", "order", "attempt", "repetition", 
            "take")  # fmt: skip
 """Groups that count trials in the order in which they were recorded."""
 _UNITS = ("_n", "_mm", "_s", "_c", "_pct", "_hz", "_v", "_g", "_kg", "_deg", "_ppm", "_pf", "_um")
-_NAMES_OF_ONE = ("trial", "recording", "file", "grasp", "run")
 
 
 def read_origins(case: Case) -> list[Reading]:
