@@ -10,14 +10,14 @@ from taxel.gel.slip_features import SLIP_FEATURES, SlipFeatures
 from taxel.sim.cup_pour import CupPourConfig, list_runs
 from taxel.sources.pour_sets import CAMERA_HZ, write_run
 from taxel.training.frame_labels import truth_of
-from taxel.windows.pours import frame_sets, read_pours
+from taxel.windows.camera_recordings import frame_sets, read_camera_recordings
 from taxel.windows.rest import SETTLE
 
 config = CupPourConfig(cups=1, positions=("upper",), forces_n=(15.0,), duration_s=6.0, still=0.0)
 
 with tempfile.TemporaryDirectory() as name:
     write_run(Path(name), list_runs(config)[0], config, CAMERA_HZ)
-    (pour,) = read_pours(Path(name))
+    (pour,) = read_camera_recordings(Path(name))
     truth_um = truth_of(pour)[:, 0]
     pairs = [found.frames for found in frame_sets(pour.path, cameras=2)]
 

@@ -8,7 +8,7 @@ import pytest
 
 from taxel.bench import audit_robustness as rows
 from taxel.evaluation.robustness.conditions import LEVELS
-from taxel.evaluation.robustness.curve import CLEAN, SessionAnswers, SweepPoint
+from taxel.evaluation.robustness.curve import CLEAN, FaultPoint, SessionAnswers
 from taxel.evaluation.robustness.touches import Model
 
 
@@ -61,7 +61,7 @@ def test_the_commonest_class_stands_beside_the_accuracy(grasps: bool):
 
 
 def test_a_fault_has_no_goal_and_says_where_nothing_is_answered():
-    base = SweepPoint(
+    base = FaultPoint(
         fault=CLEAN, level=0.0, unit="", accuracy=0.9, low=0.8, high=1.0, answered=1.0, windows=9,
         grasps=0.9, told=1.0, outside=0.0,
     )  # fmt: skip

@@ -14,7 +14,7 @@ from taxel.recordings.reader import iterate_frames, read_manifest
 from taxel.recordings.writer import Recorder
 from taxel.training.frame_labels import frame_labels
 from taxel.training.label_sheet import label_sheet
-from taxel.windows.pours import read_pour
+from taxel.windows.camera_recordings import read_camera_recording
 
 Out = pytest.CaptureFixture[str]
 
@@ -61,7 +61,7 @@ def test_a_correction_is_kept_shown_obeyed_and_taken_back(pour: Path, capsys: Ou
     found = label_json(capsys, str(pour))
     assert found["recordings"][0]["corrections"]["change"]["author"] == "Ada [x]"
     assert found["person"]["second"] == "a person"
-    held = read_pour(pour)
+    held = read_camera_recording(pour)
     (labels,) = frame_labels([held], "change", [np.zeros((120, 2), np.float32)])
     assert held.time_s[labels.argmax()] - held.time_s[0] == pytest.approx(1.35, abs=1 / 60)
     assert found["recordings"][0]["unstable_share"] == pytest.approx(labels.mean())
@@ -76,7 +76,7 @@ def test_a_correction_is_kept_shown_obeyed_and_taken_back(pour: Path, capsys: Ou
 def test_a_frame_is_another_way_to_say_when(pour: Path, capsys: Out) -> None:
     found = label_json(capsys, str(pour), "--frame", "60", "--rule", "slip")
 
-    pour_time = read_pour(pour).time_s
+    pour_time = read_camera_recording(pour).time_s
     onset = found["recordings"][0]["corrections"]["slip"]["onset_s"]
     assert onset == pytest.approx(pour_time[60] - pour_time[0])
     assert found["recordings"][0]["unstable_share"] == 0.5
@@ -110,7 +110,9 @@ def test_without_physics_truth_a_person_can_still_label(pour: Path, capsys: Out)
     assert list(found["recordings"][0]["onsets_s"]) == ["change"]
     assert found["recordings"][0]["unstable_share"] == pytest.approx(0.5, abs=0.01)
     assert found["agreement"] == []
-    (labels,) = frame_labels([read_pour(bare)], "slip", [np.zeros((120, 2), np.float32)])
+    (labels,) = frame_labels(
+        [read_camera_recording(bare)], "slip", [np.zeros((120, 2), np.float32)]
+    )
     assert labels.mean() == pytest.approx(0.5, abs=0.01)
 
 
@@ -123,9 +125,9 @@ def test_a_figure_is_written_whole(pour: Path, tmp_path: Path, capsys: Out) -> N
 
 
 def test_the_sheet_keeps_rules_and_people_apart(pour: Path, tmp_path: Path, capsys: Out) -> None:
-    (before,) = label_sheet([read_pour(pour)], tmp_path / "cache")
+    (before,) = label_sheet([read_camera_recording(pour)], tmp_path / "cache")
     label_json(capsys, str(pour), "--stable")
-    (after,) = label_sheet([read_pour(pour)], tmp_path / "cache")
+    (after,) = label_sheet([read_camera_recording(pour)], tmp_path / "cache")
 
     np.testing.assert_array_equal(before.by_rule["change"], after.by_rule["change"])
     assert before.unstable_share("change") > after.unstable_share("change") == 0.0

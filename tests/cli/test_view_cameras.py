@@ -9,7 +9,7 @@ from taxel.cli.main import main
 from taxel.recordings.manifest import Manifest
 from taxel.recordings.reader import iterate_frames, read_manifest
 from taxel.recordings.writer import Recorder
-from taxel.windows.pours import read_pour
+from taxel.windows.camera_recordings import read_camera_recording
 
 Out = pytest.CaptureFixture[str]
 
@@ -30,7 +30,7 @@ def test_a_moment_gives_a_line_a_camera(pour: Path, capsys: Out) -> None:
 
 
 def test_time_and_frame_name_the_same_moment(pour: Path, capsys: Out) -> None:
-    time_s = read_pour(pour).time_s
+    time_s = read_camera_recording(pour).time_s
     by_frame = view_json(capsys, str(pour), "--frame", "90")
     by_time = view_json(capsys, str(pour), "--at", f"{time_s[90] - time_s[0]:.6f}")
 

@@ -24,14 +24,16 @@ from taxel.sources.opening import open_source
 from taxel.training.extractors import BackboneExtractor, SlipExtractor, open_backbone
 from taxel.training.features import extract
 from taxel.training.heads import HeadConfig, Track, TrainedHead, fit_head
+from taxel.windows.camera_recordings import CameraRecording, frame_sets, read_camera_recordings
 from taxel.windows.pairs import FrameSet
-from taxel.windows.pours import Pour, frame_sets, read_pours
 from taxel.windows.rest import SETTLE
 
 EVER = StabilityConfig(raise_s=0.0, clear_s=0.0, warn=0.5, clear=0.5, unstable=0.8)
 
 
-def make(folder: Path, pours: list[Pour], features: str) -> tuple[GraspBundle, list, TrainedHead]:
+def make(
+    folder: Path, pours: list[CameraRecording], features: str
+) -> tuple[GraspBundle, list, TrainedHead]:
     extractor = SlipExtractor(SETTLE) if features == "gel" else open_backbone(features)
     found = extract(pours, extractor, folder / "cache")
     labels = [(np.arange(len(pour)) > 50).astype(np.int8) for pour in pours]
@@ -70,14 +72,14 @@ def make(folder: Path, pours: list[Pour], features: str) -> tuple[GraspBundle, l
 
 @pytest.fixture(scope="module")
 def edge(few_pours: Path, tmp_path_factory: pytest.TempPathFactory):
-    pours = read_pours(few_pours)[:2]
+    pours = read_camera_recordings(few_pours)[:2]
     return (*make(tmp_path_factory.mktemp("edge"), pours, "edge"), pours)
 
 
 @pytest.mark.parametrize("features", ["edge", "gel"])
 def test_live_equals_offline(few_pours: Path, tmp_path: Path, features: str) -> None:
     """Frame by frame, from JPEG, each window's probability is that of the whole recording."""
-    pours = read_pours(few_pours)[:2]
+    pours = read_camera_recordings(few_pours)[:2]
     bundle, found, head = make(tmp_path, pours, features)
     for pour, own in zip(pours, found, strict=True):
         monitor = GraspMonitor(bundle, pour.cameras)
@@ -174,7 +176,7 @@ def test_another_camera_is_refused(edge) -> None:
 
 def test_a_damaged_bundle_is_refused(edge, tmp_path: Path, few_pours: Path) -> None:
     """Wherever a byte is flipped, the file does not open."""
-    make(tmp_path, read_pours(few_pours)[:1], "gel")
+    make(tmp_path, read_camera_recordings(few_pours)[:1], "gel")
     content = (tmp_path / "b.taxel").read_bytes()
     assert is_grasp_bundle(tmp_path / "b.taxel")
     for at in np.linspace(0, len(content) - 1, 25).astype(int):

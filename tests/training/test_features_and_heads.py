@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from taxel.training.features import Progress, extract
 from taxel.training.frame_labels import change_signals, frame_labels
 from taxel.training.heads import PAPER, HeadConfig, Track, fit_head
-from taxel.windows.pours import read_pours
+from taxel.windows.camera_recordings import read_camera_recordings
 
 
 @dataclass
@@ -31,7 +31,7 @@ class Means:
 def test_each_different_image_is_computed_once_and_never_again(
     few_pours: Path, tmp_path: Path
 ) -> None:
-    pours = read_pours(few_pours)[:2]
+    pours = read_camera_recordings(few_pours)[:2]
     backbone, told = Means(), list[Progress]()
     first = extract(pours, backbone, tmp_path, told.append)
     assert backbone.seen == sum(pour.images for pour in pours) < 2 * sum(map(len, pours))
@@ -45,7 +45,7 @@ def test_each_different_image_is_computed_once_and_never_again(
 
 
 def test_a_damaged_cache_is_computed_again(few_pours: Path, tmp_path: Path) -> None:
-    pours = read_pours(few_pours)[:1]
+    pours = read_camera_recordings(few_pours)[:1]
     expected = extract(pours, Means(), tmp_path)[0].all()
     (file,) = (tmp_path / "features" / "means").glob("*.npy")
     file.write_bytes(file.read_bytes()[:100])
@@ -53,7 +53,7 @@ def test_a_damaged_cache_is_computed_again(few_pours: Path, tmp_path: Path) -> N
 
 
 def test_in_order_extractors_see_every_frame_of_a_camera(few_pours: Path, tmp_path: Path) -> None:
-    pours = read_pours(few_pours)[:1]
+    pours = read_camera_recordings(few_pours)[:1]
     means = extract(pours, Means(), tmp_path)[0].all()
     ordered = extract(pours, Means(key="ordered", in_order=True), tmp_path)[0].all()
     np.testing.assert_array_equal(ordered, means)
@@ -62,7 +62,7 @@ def test_in_order_extractors_see_every_frame_of_a_camera(few_pours: Path, tmp_pa
 def test_a_correction_by_hand_wins_over_the_rule(few_pours: Path, tmp_path: Path) -> None:
     from taxel.labels.corrections import Correction, corrections_path, write_correction
 
-    pours = read_pours(few_pours)[:1]
+    pours = read_camera_recordings(few_pours)[:1]
     signals = change_signals(pours, tmp_path)
     try:
         write_correction(pours[0].path, Correction(rule="change", onset_s=None), 1.4)

@@ -10,7 +10,7 @@ import pytest
 import torch
 
 from taxel.cli.main import main
-from taxel.evaluation.transitions.data import load_pours, tracks_of
+from taxel.evaluation.transitions.data import load_camera_set, tracks_of
 from taxel.frame_codec import decode_jpeg
 from taxel.models.backbones.catalogue import find_backbone
 from taxel.models.weights import find_weights
@@ -18,7 +18,7 @@ from taxel.training.extractors import open_backbone
 from taxel.training.features import extract
 from taxel.training.fine_tuning import EndToEnd, FineTuneConfig, _Own, _windows, fine_tune
 from taxel.training.heads import HeadConfig, TrainedHead, fit_head
-from taxel.windows.pours import frame_sets, read_pours
+from taxel.windows.camera_recordings import frame_sets, read_camera_recordings
 from taxel.windows.sequence import window_starts
 
 EDGE = "edge"
@@ -27,7 +27,7 @@ pytest.importorskip("lightning_fabric")
 
 
 def learnt_head(folder: Path, cache: Path) -> TrainedHead:
-    pours = load_pours(folder, "change", cache)
+    pours = load_camera_set(folder, "change", cache)
     features = extract(pours.pours, open_backbone(EDGE), cache)
     config = HeadConfig(frames=K, epochs=1, tare="size")
     everything = np.arange(len(pours.pours), dtype=np.intp)
@@ -43,7 +43,7 @@ def network(head: TrainedHead) -> EndToEnd:
 def test_training_lowers_the_loss_and_leaves_normalisation_as_it_was(
     few_pours: Path, tmp_path: Path
 ) -> None:
-    pours = load_pours(few_pours, "change", tmp_path)
+    pours = load_camera_set(few_pours, "change", tmp_path)
     tuned = network(learnt_head(few_pours, tmp_path))
     before = {name: value.clone() for name, value in tuned.state_dict().items()}
     config = FineTuneConfig(epochs=4, learning_rate=1e-3, accelerator="cpu")
@@ -62,7 +62,7 @@ def test_training_lowers_the_loss_and_leaves_normalisation_as_it_was(
 def test_a_window_gives_what_cached_features_give(few_pours: Path, tmp_path: Path) -> None:
     """But for the grasp at rest: the median of images here, of features there."""
     head = learnt_head(few_pours, tmp_path)
-    pour = read_pours(few_pours)[0]
+    pour = read_camera_recordings(few_pours)[0]
     images = np.array([[decode_jpeg(f.jpeg, None) for f in one.frames]
                        for one in frame_sets(pour.path, 2)])  # fmt: skip
     rest = np.median(images[9:24], axis=0).astype(np.uint8)
@@ -76,7 +76,7 @@ def test_a_window_gives_what_cached_features_give(few_pours: Path, tmp_path: Pat
 
 @pytest.mark.parametrize("ranks", [1, 2, 3])
 def test_processes_share_the_windows_out_evenly_and_none_twice(few_pours: Path, ranks: int) -> None:
-    pours = read_pours(few_pours)[:2]
+    pours = read_camera_recordings(few_pours)[:2]
     labels = [np.arange(len(pour)).astype(np.int8) % 2 for pour in pours]
     places = [window_starts(len(pour), K, STRIDE) for pour in pours]
     share = sum(map(len, places)) // ranks

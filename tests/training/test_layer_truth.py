@@ -9,7 +9,7 @@ from taxel.sim.pour_state import LAYER_CHANNELS, TRUTH_CHANNELS
 from taxel.sources.pour_sets import write_run
 from taxel.training.frame_labels import truth_of
 from taxel.training.label_sheet import rules_of
-from taxel.windows.pours import read_pour
+from taxel.windows.camera_recordings import read_camera_recording
 
 
 def test_the_further_truth_of_version_2_is_recorded_and_disturbs_no_rule(tmp_path: Path) -> None:
@@ -21,7 +21,7 @@ def test_the_further_truth_of_version_2_is_recorded_and_disturbs_no_rule(tmp_pat
         folder.mkdir()
         run = list_runs(config)[0]
         write_run(folder, run, config, 10.0)
-        pours.append(read_pour(folder / f"{run.name}.mcap"))
+        pours.append(read_camera_recording(folder / f"{run.name}.mcap"))
     first, second = pours
     assert second.sensor.channels == TRUTH_CHANNELS + LAYER_CHANNELS
     assert second.beside.shape[1] == 14

@@ -13,8 +13,8 @@ from taxel.recordings.reader import read_manifest
 from taxel.signals import CameraInfo, Frame
 from taxel.views.gel_figure import gel_figure, gels_figure
 from taxel.views.gel_moment import Moment, look
+from taxel.windows.camera_recordings import frame_sets
 from taxel.windows.pairs import FrameSet
-from taxel.windows.pours import frame_sets
 
 RATE_HZ = 60.0
 CAMERA = CameraInfo(name="only", width=320, height=240, rate_hz=RATE_HZ, mm_per_px=0.06)

@@ -8,12 +8,12 @@ import pytest
 from taxel.labels.corrections import Correction
 from taxel.training.label_sheet import PourLabels, label_sheet
 from taxel.views.label_figure import label_figure
-from taxel.windows.pours import read_pour
+from taxel.windows.camera_recordings import read_camera_recording
 
 
 @pytest.fixture
 def labels(pour: Path, tmp_path: Path) -> PourLabels:
-    (one,) = label_sheet([read_pour(pour)], tmp_path / "cache")
+    (one,) = label_sheet([read_camera_recording(pour)], tmp_path / "cache")
     return one
 
 

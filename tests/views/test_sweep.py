@@ -5,12 +5,12 @@ from dataclasses import replace
 
 from rich.console import Console
 
-from taxel.evaluation.robustness.curve import CLEAN, SweepPoint
+from taxel.evaluation.robustness.curve import CLEAN, FaultPoint
 from taxel.views.sweep_figure import sweep_figure
 from taxel.views.sweep_table import sweep_table
 
 NAN = float("nan")
-BASE = SweepPoint(
+BASE = FaultPoint(
     fault=CLEAN, level=0.0, unit="", accuracy=0.95, low=0.93, high=0.97, answered=1.0,
     windows=1660, grasps=0.91, told=0.95, outside=0.8,
 )  # fmt: skip
@@ -24,7 +24,7 @@ SILENT = replace(
 )  # fmt: skip
 
 
-def printed(points: list[SweepPoint], cameras: bool = False, width: int = 110) -> str:
+def printed(points: list[FaultPoint], cameras: bool = False, width: int = 110) -> str:
     console = Console(width=width, file=io.StringIO())
     console.print(sweep_table(points, "shape · b.taxel on d", cameras=cameras))
     text = console.file.getvalue()

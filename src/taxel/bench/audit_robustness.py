@@ -28,9 +28,9 @@ from taxel.evaluation.robustness.conditions import (
 )
 from taxel.evaluation.robustness.curve import (
     CLEAN,
+    FaultPoint,
     Loss,
     SessionAnswers,
-    SweepPoint,
     fall_text,
     loss_between,
     point_of,
@@ -47,7 +47,7 @@ from taxel.sources.data_sets import DATA_SET_RATE_HZ, write_sessions
 from taxel.sources.pour_sets import write_pours
 from taxel.sources.teng_options import checked_config
 from taxel.training.recipes import find_recipe
-from taxel.windows.pours import read_pours
+from taxel.windows.camera_recordings import read_camera_recordings
 
 TARGETS = ("shape", "material", "shape+material")
 TWO = "shape+material by two recognisers"
@@ -111,7 +111,7 @@ def camera_rows() -> list[Row]:
     plan = {name: fault.levels[1:] for name, fault in IMAGE_FAULTS.items()}
     with tempfile.TemporaryDirectory(prefix="taxel-") as scratch:
         write_pours(Path(scratch) / "pours", POURS)
-        pours = read_pours(Path(scratch) / "pours")
+        pours = read_camera_recordings(Path(scratch) / "pours")
         points = sweep_grasps(shipped_bundle(CUP_POUR), GraspMonitor, pours, plan, workers=2)
     base = points[0]
     rows = [_plain_row("cup-pour, unseen cups, no fault", base.accuracy, "balanced accuracy",
@@ -138,7 +138,7 @@ def _at_conditions(robust: bool) -> dict[str, _Told]:
     return found
 
 
-def _with_faults(robust: bool) -> list[SweepPoint]:
+def _with_faults(robust: bool) -> list[FaultPoint]:
     (model,) = _train(("shape",), robust).values()
     return sweep_array(model, simulate_at({}, FAULTY), plan_array())
 
@@ -217,7 +217,7 @@ def _loss_words(one: Loss) -> str:
     )
 
 
-def _fall_row(name: str, own: Sequence[SweepPoint], base: SweepPoint, note: str) -> Row:
+def _fall_row(name: str, own: Sequence[FaultPoint], base: FaultPoint, note: str) -> Row:
     level = reached(own, base.accuracy)
     if level is None:
         note = f"{fall_text(own, base.accuracy)}; {note}"
@@ -225,21 +225,21 @@ def _fall_row(name: str, own: Sequence[SweepPoint], base: SweepPoint, note: str)
                goal="", ok=None, note=note)  # fmt: skip
 
 
-def _words(one: SweepPoint) -> str:
+def _words(one: FaultPoint) -> str:
     if one.answered == 0:
         return f"at {one.level:g} nothing answered"
     answered = "" if one.answered > 0.995 else f", {100 * one.answered:.0f} % answered"
     return f"at {one.level:g} {one.accuracy:.3f}{answered}"
 
 
-def _camera_words(one: SweepPoint) -> str:
+def _camera_words(one: FaultPoint) -> str:
     return (
         f"at {one.level:g} {one.accuracy:.3f}, {100 * one.grasps:.0f} % of slips warned of, "
         f"{one.outside:.1f} false alarms/min, {100 * one.answered:.0f} % answered"
     )
 
 
-def _by_fault(points: Sequence[SweepPoint]) -> list[tuple[str, list[SweepPoint]]]:
+def _by_fault(points: Sequence[FaultPoint]) -> list[tuple[str, list[FaultPoint]]]:
     return [(fault, list(own)) for fault, own in groupby(points[1:], key=lambda one: one.fault)]
 
 

@@ -28,7 +28,7 @@ from taxel.bench.closed_loop_tuning import (
 from taxel.bundles.grasp import GEL, GraspContract, write_grasp_bundle
 from taxel.decisions.stability import StabilityConfig
 from taxel.evaluation.splits import TrialFold
-from taxel.evaluation.transitions.data import PourSet, judge_fold, load_pours, tracks_of
+from taxel.evaluation.transitions.data import CameraSet, judge_fold, load_camera_set, tracks_of
 from taxel.models.counting import keras_parameters
 from taxel.models.export_onnx import export_head
 from taxel.processes import WORKERS, side_by_side
@@ -41,7 +41,7 @@ from taxel.training.extractors import SlipExtractor
 from taxel.training.features import FrameFeatures, extract
 from taxel.training.frame_labels import change_signals, rate_of, truth_of
 from taxel.training.heads import HeadConfig, TrainedHead, fit_head
-from taxel.windows.pours import Pour, read_pour
+from taxel.windows.camera_recordings import CameraRecording, read_camera_recording
 from taxel.windows.rest import SETTLE
 from taxel.windows.sequence import sequence_windows
 
@@ -97,7 +97,7 @@ def learn(
     on_step("gel features")
     files = list_recordings(data)
     side_by_side(keep_features, [(file, cache) for file in files], workers=workers)
-    pours = load_pours(data, "gross-slip", cache)
+    pours = load_camera_set(data, "gross-slip", cache)
     features = extract(pours.pours, SlipExtractor(SETTLE), cache)
     labels = [label_slip(pour) for pour in pours.pours]
     config = HeadConfig(tare="change", frames=FRAMES)
@@ -143,12 +143,12 @@ def raisable(run: PourRun) -> bool:
 
 def keep_features(file: Path, cache: Path) -> None:
     """Compute a recording's features and change signal into the cache."""
-    pour = read_pour(file)
+    pour = read_camera_recording(file)
     extract([pour], SlipExtractor(SETTLE), cache)
     change_signals([pour], cache)
 
 
-def label_slip(pour: Pour) -> NDArray[np.int8]:
+def label_slip(pour: CameraRecording) -> NDArray[np.int8]:
     """Return 1 for each frame whose slip exceeds `UNSTABLE_UM`, or whose cup is lost."""
     truth = truth_of(pour)
     slip, lost = (truth[:, TRUTH_CHANNELS.index(name)] for name in ("slip", "dropped"))
@@ -156,7 +156,7 @@ def label_slip(pour: Pour) -> NDArray[np.int8]:
 
 
 def _held_out(
-    pours: PourSet,
+    pours: CameraSet,
     features: Sequence[FrameFeatures],
     labels: Sequence[NDArray[np.int8]],
     config: HeadConfig,
@@ -176,7 +176,7 @@ def _held_out(
 
 def _write(
     path: Path,
-    pours: PourSet,
+    pours: CameraSet,
     features: Sequence[FrameFeatures],
     head: TrainedHead,
     stability: StabilityConfig,

@@ -116,13 +116,13 @@ def _open(
     from taxel.sources.pour_sets import CAMERA_HZ, write_run
     from taxel.training.extractors import open_backbone
     from taxel.training.quantising import calibration_frames
-    from taxel.windows.pours import read_pours
+    from taxel.windows.camera_recordings import read_camera_recordings
 
     if precision != "int8":
         return open_backbone(backbone, engine=engine, precision=precision, threads=2)
     config = CupPourConfig()
     write_run(scratch, list_runs(config)[0], config, CAMERA_HZ)
-    frames = calibration_frames(read_pours(scratch))
+    frames = calibration_frames(read_camera_recordings(scratch))
     return open_backbone(
         backbone, engine=engine, precision=precision, threads=2, calibration=frames
     )

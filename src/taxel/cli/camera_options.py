@@ -18,11 +18,11 @@ from taxel.cli.option_rules import Only
 from taxel.errors import BadInput
 
 if TYPE_CHECKING:
-    from taxel.evaluation.transitions.data import PourSet
+    from taxel.evaluation.transitions.data import CameraSet
     from taxel.training.extractors import BackboneExtractor, SlipExtractor
     from taxel.training.features import FrameFeatures, Progress
     from taxel.training.heads import HeadConfig
-    from taxel.windows.pours import Pour
+    from taxel.windows.camera_recordings import CameraRecording
     from taxel.windows.rest import Tare
 
 PAPER_BACKBONES = ("densenet121", "efficientnet-b0", "resnet50", "resnet101")
@@ -153,16 +153,16 @@ def given_or_simulated(data: Path | None, seed: int, bar: Bar) -> Iterator[Path]
         yield Path(scratch) / "cups"
 
 
-def load_set(labels: LabelOptions, folder: Path, bar: Bar) -> PourSet:
+def load_set(labels: LabelOptions, folder: Path, bar: Bar) -> CameraSet:
     """Read and label a folder of recordings."""
-    from taxel.evaluation.transitions.data import load_pours
+    from taxel.evaluation.transitions.data import load_camera_set
 
     task = bar.add_task("labels", total=None)
-    return load_pours(folder, labels.rule, labels.folder(), shown(bar, task, "labels"))
+    return load_camera_set(folder, labels.rule, labels.folder(), shown(bar, task, "labels"))
 
 
 def open_features(
-    name: str, pours: PourSet, weights: WeightOptions, engine: EngineOptions
+    name: str, pours: CameraSet, weights: WeightOptions, engine: EngineOptions
 ) -> BackboneExtractor | SlipExtractor:
     """Return what gives features, by name: a backbone, or "gel"."""
     from taxel.training.extractors import SlipExtractor
@@ -174,7 +174,7 @@ def open_features(
 
 
 def open_backbone(
-    name: str, pours: Sequence[Pour], weights: WeightOptions, engine: EngineOptions
+    name: str, pours: Sequence[CameraRecording], weights: WeightOptions, engine: EngineOptions
 ) -> BackboneExtractor:
     """Open a backbone for the cameras of some recordings, whose images may calibrate it.
 
@@ -197,7 +197,7 @@ def open_backbone(
 def extract_features(
     extractor: BackboneExtractor | SlipExtractor,
     name: str,
-    pours: PourSet,
+    pours: CameraSet,
     cache: Path,
     bar: Bar,
 ) -> list[FrameFeatures]:

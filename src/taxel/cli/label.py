@@ -19,7 +19,7 @@ from taxel.recordings.whole import write_whole
 if TYPE_CHECKING:
     from taxel.labels.agreement import Agreement
     from taxel.training.label_sheet import PourLabels
-    from taxel.windows.pours import Pour
+    from taxel.windows.camera_recordings import CameraRecording
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -78,7 +78,7 @@ class Label:
         from taxel.training.features import default_cache
         from taxel.training.frame_labels import corrections_of
         from taxel.training.label_sheet import label_sheet
-        from taxel.windows.pours import read_pour, read_pours
+        from taxel.windows.camera_recordings import read_camera_recording, read_camera_recordings
 
         rule_named(self.rule)
         self._check_options()
@@ -88,7 +88,11 @@ class Label:
         with progress() as bar:
             paths = list_recordings(self.path)
             task = bar.add_task("reading", total=None)
-            pours = read_pours(self.path) if len(paths) > 1 else [read_pour(paths[0])]
+            pours = (
+                read_camera_recordings(self.path)
+                if len(paths) > 1
+                else [read_camera_recording(paths[0])]
+            )
             bar.update(task, description="change", completed=0, total=len(pours))
             sheet = label_sheet(
                 pours, self.cache or default_cache(), lambda _: bar.update(task, advance=1)
@@ -173,7 +177,7 @@ class Label:
         if self.plot is not None:
             need_figures(self.plot)
 
-    def _correct(self, pour: Pour) -> str:
+    def _correct(self, pour: CameraRecording) -> str:
         """Write or remove a correction; return a line that says so."""
         from taxel.labels.corrections import Correction, remove_correction, write_correction
         from taxel.training.frame_labels import duration_of

@@ -18,7 +18,7 @@ from taxel.errors import BadInput
 from taxel.recordings.whole import write_whole
 
 if TYPE_CHECKING:
-    from taxel.evaluation.robustness.curve import SweepPoint
+    from taxel.evaluation.robustness.curve import FaultPoint
 
 _LARGEST_SEED = 1_000_000_000
 
@@ -122,7 +122,7 @@ class Sweep:
 
     def _array(
         self, file: Path, names: Sequence[str], levels: Sequence[float]
-    ) -> tuple[list[SweepPoint], str, float]:
+    ) -> tuple[list[FaultPoint], str, float]:
         from taxel.bundles.reader import read_bundle
         from taxel.decisions.recognition import RecogniseConfig
         from taxel.evaluation.robustness.array_sweep import plan_array, sweep_array
@@ -168,19 +168,19 @@ class Sweep:
 
     def _cameras(
         self, file: Path, names: Sequence[str], levels: Sequence[float]
-    ) -> list[SweepPoint]:
+    ) -> list[FaultPoint]:
         from taxel.bundles.grasp import read_grasp_bundle
         from taxel.evaluation.robustness.grasp_sweep import plan_images, pours_digest, sweep_grasps
         from taxel.live.grasp_monitor import GraspMonitor
         from taxel.processes import WORKERS
-        from taxel.windows.pours import read_pours
+        from taxel.windows.camera_recordings import read_camera_recordings
 
         assert self.data is not None
         plan = plan_images(names, levels)
         bundle = read_grasp_bundle(file)
         with progress() as bar:
             task = bar.add_task("reading", total=1 + sum(map(len, plan.values())))
-            pours = read_pours(self.data)
+            pours = read_camera_recordings(self.data)
             _warn_if_seen(pours_digest(pours), bundle.contract.data_digest)
             for pour in pours:
                 bundle.contract.check_cameras(pour.cameras)
@@ -189,7 +189,7 @@ class Sweep:
                 on_point=lambda one: bar.update(task, description=one.fault, advance=1),
             )  # fmt: skip
 
-    def _tell(self, points: list[SweepPoint], about: str, chance: float, cameras: bool) -> None:
+    def _tell(self, points: list[FaultPoint], about: str, chance: float, cameras: bool) -> None:
         rows = [
             {key: None if isinstance(value, float) and not math.isfinite(value) else value
              for key, value in asdict(one).items()}

@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     from rich.progress import Progress as Bar
     from torch import nn
 
-    from taxel.evaluation.transitions.data import PourSet
+    from taxel.evaluation.transitions.data import CameraSet
     from taxel.training.fine_tuning import EndToEnd, FineTuned
     from taxel.training.heads import HeadConfig
 
@@ -97,7 +97,9 @@ class TrainBackbone:
             raise BadInput("--output NAME.safetensors: a backbone's weights", str(self.output),
                            f"name a file such as {self.backbone}.safetensors")  # fmt: skip
 
-    def _network(self, pours: PourSet, config: HeadConfig, bar: Bar) -> tuple[nn.Module, EndToEnd]:
+    def _network(
+        self, pours: CameraSet, config: HeadConfig, bar: Bar
+    ) -> tuple[nn.Module, EndToEnd]:
         """Return the backbone with its weights, and the same with a fitted head behind it."""
         from taxel.evaluation.transitions.data import tracks_of
         from taxel.models.backbones.catalogue import find_backbone

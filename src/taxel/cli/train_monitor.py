@@ -34,7 +34,7 @@ if TYPE_CHECKING:
 
     from taxel.bundles.grasp import GraspContract
     from taxel.evaluation.early_warning.learn_monitor import LearntMonitor
-    from taxel.evaluation.transitions.data import PourSet
+    from taxel.evaluation.transitions.data import CameraSet
     from taxel.training.features import FrameFeatures
 
 _CHECK_WINDOWS = 32
@@ -121,7 +121,7 @@ class TrainMonitor:
 def _contract(
     rule: str,
     features_name: str,
-    pours: PourSet,
+    pours: CameraSet,
     learnt: LearntMonitor,
     backbone: object,
 ) -> GraspContract:

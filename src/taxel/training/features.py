@@ -21,7 +21,7 @@ from taxel.errors import BadFile, RecordingFailed
 from taxel.foreign.archives import LARGEST_ARRAYS, array_of
 from taxel.foreign.files import read_bytes
 from taxel.frame_codec import decode_jpeg
-from taxel.windows.pours import Pour, frame_sets
+from taxel.windows.camera_recordings import CameraRecording, frame_sets
 
 CACHE_VARIABLE = "TAXEL_CACHE"
 """Environment variable: the folder for features and other things that can be made again."""
@@ -91,7 +91,7 @@ class Progress:
 
 
 def extract(
-    pours: Sequence[Pour],
+    pours: Sequence[CameraRecording],
     extractor: Extractor,
     cache: Path,
     on_progress: Callable[[Progress], None] = lambda _: None,
@@ -134,7 +134,7 @@ BATCH = 16
 """Images given to a backbone at once: bounds memory."""
 
 
-def _compute(pour: Pour, extractor: Extractor) -> NDArray[np.float32]:
+def _compute(pour: CameraRecording, extractor: Extractor) -> NDArray[np.float32]:
     cameras = len(pour.cameras)
     if extractor.in_order:
         each = [extractor.of(list(_images(pour, camera))) for camera in range(cameras)]
@@ -143,7 +143,7 @@ def _compute(pour: Pour, extractor: Extractor) -> NDArray[np.float32]:
     return np.concatenate(parts)
 
 
-def _images(pour: Pour, camera: int) -> Iterator[NDArray[np.uint8]]:
+def _images(pour: CameraRecording, camera: int) -> Iterator[NDArray[np.uint8]]:
     """Yield every image of one camera, decoding each different one once in a row."""
     last: tuple[bytes, NDArray[np.uint8]] | None = None
     for found in frame_sets(pour.path, len(pour.cameras)):
@@ -153,8 +153,8 @@ def _images(pour: Pour, camera: int) -> Iterator[NDArray[np.uint8]]:
         yield last[1]
 
 
-def _different(pour: Pour) -> Iterator[NDArray[np.uint8]]:
-    """Yield the recording's different images in the order of `Pour.image`."""
+def _different(pour: CameraRecording) -> Iterator[NDArray[np.uint8]]:
+    """Yield the recording's different images in the order of `CameraRecording.image`."""
     known = 0
     for found, row in zip(frame_sets(pour.path, len(pour.cameras)), pour.image, strict=True):
         for frame, number in zip(found.frames, row, strict=True):

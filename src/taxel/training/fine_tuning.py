@@ -22,7 +22,7 @@ from taxel.errors import MissingExtra
 from taxel.frame_codec import decode_jpeg
 from taxel.models.frame_features import FrameFeatures
 from taxel.training.heads import TrainedHead
-from taxel.windows.pours import Pour, frame_sets
+from taxel.windows.camera_recordings import CameraRecording, frame_sets
 from taxel.windows.rest import SETTLE
 from taxel.windows.sequence import label_windows, window_starts
 
@@ -107,7 +107,7 @@ class EndToEnd(nn.Module):
 
 def fine_tune(
     network: EndToEnd,
-    pours: Sequence[Pour],
+    pours: Sequence[CameraRecording],
     labels: Sequence[NDArray[np.int8]],
     config: FineTuneConfig,
     *,
@@ -186,7 +186,7 @@ _Drawn = tuple[NDArray[np.uint8], NDArray[np.uint8], int]
 
 
 def _windows(
-    pours: Sequence[Pour],
+    pours: Sequence[CameraRecording],
     labels: Sequence[NDArray[np.int8]],
     places: Sequence[NDArray[np.intp]],
     frames: int,
@@ -211,7 +211,7 @@ def _windows(
                 yield images[i][start : start + frames], rests[i], int(wanted[i][start])
 
 
-def _decode(pour: Pour) -> NDArray[np.uint8]:
+def _decode(pour: CameraRecording) -> NDArray[np.uint8]:
     """Return all images, shape (n, cameras, h, w, 3)."""
     found = [[decode_jpeg(frame.jpeg, pour.cameras[frame.camera]) for frame in one.frames]
              for one in frame_sets(pour.path, len(pour.cameras))]  # fmt: skip

@@ -19,7 +19,7 @@ from taxel.labels.rules import rule_named
 from taxel.labels.slip import label_truth
 from taxel.sim.pour_state import TRUTH_CHANNELS, has_truth
 from taxel.training.features import Progress, extract
-from taxel.windows.pours import Pour
+from taxel.windows.camera_recordings import CameraRecording
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,7 +40,7 @@ class ChangeExtractor:
 
 
 def change_signals(
-    pours: Sequence[Pour],
+    pours: Sequence[CameraRecording],
     cache: Path,
     config: ChangeConfig | None = None,
     on_progress: Callable[[Progress], None] = lambda _: None,
@@ -57,7 +57,7 @@ def change_signals(
 
 
 def frame_labels(
-    pours: Sequence[Pour], rule: str, signals: Sequence[NDArray[np.float32]]
+    pours: Sequence[CameraRecording], rule: str, signals: Sequence[NDArray[np.float32]]
 ) -> list[NDArray[np.int8]]:
     """Return each pour's labels, shape (n,): 0 stable, 1 unstable.
 
@@ -81,7 +81,7 @@ def frame_labels(
     return labels
 
 
-def rule_labels(pour: Pour, rule: str, signal: NDArray[np.float32]) -> NDArray[np.int8]:
+def rule_labels(pour: CameraRecording, rule: str, signal: NDArray[np.float32]) -> NDArray[np.int8]:
     """Return what a rule itself says of each frame, shape (n,), whatever a person says.
 
     Args:
@@ -98,7 +98,7 @@ def rule_labels(pour: Pour, rule: str, signal: NDArray[np.float32]) -> NDArray[n
     return label_truth(truth_of(pour), rule)
 
 
-def corrections_of(pour: Pour) -> dict[str, Correction]:
+def corrections_of(pour: CameraRecording) -> dict[str, Correction]:
     """Return a person's corrections by rule.
 
     Raises:
@@ -107,12 +107,12 @@ def corrections_of(pour: Pour) -> dict[str, Correction]:
     return read_corrections(pour.path, duration_of(pour))
 
 
-def duration_of(pour: Pour) -> float:
+def duration_of(pour: CameraRecording) -> float:
     """Return the time from a pour's first frames to its last, seconds."""
     return float(pour.time_s[-1] - pour.time_s[0])
 
 
-def truth_of(pour: Pour) -> NDArray[np.float32]:
+def truth_of(pour: CameraRecording) -> NDArray[np.float32]:
     """Return the physics truth at each frame, shape (n, 8).
 
     Raises:
@@ -127,6 +127,6 @@ def truth_of(pour: Pour) -> NDArray[np.float32]:
     return pour.beside[:, : len(TRUTH_CHANNELS)]
 
 
-def rate_of(pour: Pour) -> float:
+def rate_of(pour: CameraRecording) -> float:
     """Return the measured rate of a pour's frames, hertz."""
     return (len(pour) - 1) / duration_of(pour)

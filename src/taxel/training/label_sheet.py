@@ -18,7 +18,7 @@ from taxel.labels.rules import RULES, rule_named
 from taxel.sim.pour_state import has_truth
 from taxel.training.features import Progress
 from taxel.training.frame_labels import change_signals, corrections_of, rule_labels
-from taxel.windows.pours import Pour
+from taxel.windows.camera_recordings import CameraRecording
 
 PERSON = "a person"
 """Name of the corrected labels beside those of the rules."""
@@ -28,7 +28,7 @@ PERSON = "a person"
 class PourLabels:
     """One pour's labels by every rule that can be worked out, and what a person says."""
 
-    pour: Pour
+    pour: CameraRecording
     signal: NDArray[np.float32]
     """Shape (n, cameras): change against the settled frames, per cent of the brightness."""
     by_rule: Mapping[str, NDArray[np.int8]]
@@ -61,7 +61,9 @@ class PourLabels:
 
 
 def label_sheet(
-    pours: Sequence[Pour], cache: Path, on_progress: Callable[[Progress], None] = lambda _: None
+    pours: Sequence[CameraRecording],
+    cache: Path,
+    on_progress: Callable[[Progress], None] = lambda _: None,
 ) -> list[PourLabels]:
     """Return what is said of each pour.
 
@@ -87,7 +89,7 @@ def label_sheet(
     ]
 
 
-def rules_of(pour: Pour) -> tuple[str, ...]:
+def rules_of(pour: CameraRecording) -> tuple[str, ...]:
     """Return the rules that can be worked out on a pour: those on images, and with truth all."""
     truth = has_truth(pour.sensor.channels)
     return tuple(name for name, rule in RULES.items() if truth or rule.needs == "images")

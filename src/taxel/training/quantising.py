@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from taxel.errors import BadInput, MissingExtra
 from taxel.frame_codec import decode_jpeg
-from taxel.windows.pours import Pour, frame_sets
+from taxel.windows.camera_recordings import CameraRecording, frame_sets
 
 CALIBRATION_FRAMES = 64
 """Images that set the ranges of the 8-bit numbers. Source: our choice; noise will not do
@@ -51,7 +51,7 @@ def quantise(model: bytes, frames: Sequence[NDArray[np.uint8]]) -> bytes:
 
 
 def calibration_frames(
-    pours: Sequence[Pour], count: int = CALIBRATION_FRAMES
+    pours: Sequence[CameraRecording], count: int = CALIBRATION_FRAMES
 ) -> list[NDArray[np.uint8]]:
     """Return images drawn evenly from recordings and, within each, over its time.
 
@@ -69,7 +69,7 @@ def calibration_frames(
     return [image for pour in chosen for image in _spread(pour, each)][:count]
 
 
-def _spread(pour: Pour, count: int) -> Iterator[NDArray[np.uint8]]:
+def _spread(pour: CameraRecording, count: int) -> Iterator[NDArray[np.uint8]]:
     """Yield images over a recording's whole time, the cameras in turn."""
     cameras = len(pour.cameras)
     wanted = {int(moment): turn % cameras

@@ -16,7 +16,7 @@ from matplotlib.patches import Rectangle
 
 from taxel.decisions.stability import Stability, states
 from taxel.evaluation.early_warning.grasp_warnings import WarningResult
-from taxel.evaluation.transitions.data import PourSet, truth_moments
+from taxel.evaluation.transitions.data import CameraSet, truth_moments
 from taxel.plotting import drawn_name, plt
 from taxel.recordings.whole import whole_file
 
@@ -37,7 +37,7 @@ _SHOWN = 12
 """Pours in a figure."""
 
 
-def write_pour_figure(path: Path, data: PourSet, result: WarningResult, frames: int) -> None:
+def write_pour_figure(path: Path, data: CameraSet, result: WarningResult, frames: int) -> None:
     """Write a PNG: a panel a pour, those that slip and those that hold in turn.
 
     Args:
@@ -76,7 +76,7 @@ def write_pour_figure(path: Path, data: PourSet, result: WarningResult, frames: 
         plt.close(figure)
 
 
-def _chosen(data: PourSet, result: WarningResult) -> list[int]:
+def _chosen(data: CameraSet, result: WarningResult) -> list[int]:
     """Return places among the test pours: as many that slip as that hold, spread evenly."""
     slips = [p for p, i in enumerate(result.tests) if truth_moments(data.pours[i])[1] is not None]
     holds = [p for p in range(len(result.tests)) if p not in slips]
@@ -87,7 +87,7 @@ def _chosen(data: PourSet, result: WarningResult) -> list[int]:
     return picked
 
 
-def _panel(axis: Axes, data: PourSet, result: WarningResult, place: int, frames: int) -> None:
+def _panel(axis: Axes, data: CameraSet, result: WarningResult, place: int, frames: int) -> None:
     index = result.tests[place]
     pour = data.pours[index]
     found = result.probabilities[place]

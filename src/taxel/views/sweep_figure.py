@@ -16,7 +16,7 @@ from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
-from taxel.evaluation.robustness.curve import FALL, SweepPoint
+from taxel.evaluation.robustness.curve import FALL, FaultPoint
 from taxel.plotting import drawn_name, plt
 
 _ACROSS = 4
@@ -29,7 +29,7 @@ _ACCURACY, _GRASPS, _ANSWERED = "#1f4e8c", "#c1121f", "#b5b5b5"
 
 
 def sweep_figure(
-    points: Sequence[SweepPoint], title: str, *, chance: float = 0.0, cameras: bool = False
+    points: Sequence[FaultPoint], title: str, *, chance: float = 0.0, cameras: bool = False
 ) -> bytes:
     """Return the curves as PNG.
 
@@ -71,7 +71,7 @@ def sweep_figure(
     return raw.getvalue()
 
 
-def _panel(axes: Axes, base: SweepPoint, own: Sequence[SweepPoint], fault: str) -> None:
+def _panel(axes: Axes, base: FaultPoint, own: Sequence[FaultPoint], fault: str) -> None:
     """Draw one fault: levels evenly apart, the mildest on the left, without it further left."""
     each = [base, *own]
     place = np.arange(len(each), dtype=float)

@@ -14,7 +14,7 @@ from rich.console import Group, RenderableType
 from rich.table import Table
 from rich.text import Text
 
-from taxel.evaluation.robustness.curve import FALL, SweepPoint, fall_text
+from taxel.evaluation.robustness.curve import FALL, FaultPoint, fall_text
 from taxel.plain_text import visible_line
 
 _CAMERA_COLUMNS = ("balanced [95 %]", "moments", "warned", "told", "false")
@@ -22,7 +22,7 @@ _ARRAY_COLUMNS = ("accuracy [95 %]", "windows", "grasps", "told", "outside")
 
 
 def sweep_table(
-    points: Sequence[SweepPoint], about: str, *, cameras: bool = False
+    points: Sequence[FaultPoint], about: str, *, cameras: bool = False
 ) -> RenderableType:
     """Return the curves as one table, and at which level each falls by five points.
 
@@ -63,7 +63,7 @@ def sweep_table(
     )
 
 
-def _falls(points: Sequence[SweepPoint]) -> list[Text]:
+def _falls(points: Sequence[FaultPoint]) -> list[Text]:
     if len(points) < 2:
         return []
     lines = [Text(f"accuracy falls by {100 * FALL:g} points at:")]
@@ -74,7 +74,7 @@ def _falls(points: Sequence[SweepPoint]) -> list[Text]:
     return lines
 
 
-def _silence(own: Sequence[SweepPoint], base: SweepPoint) -> str:
+def _silence(own: Sequence[FaultPoint], base: FaultPoint) -> str:
     """Return from which level on less than half is told of what is told without the fault."""
     few = [one for one in own if one.told < base.told / 2]
     if not few or math.isnan(few[0].accuracy):  # that nothing is answered is said already
@@ -82,7 +82,7 @@ def _silence(own: Sequence[SweepPoint], base: SweepPoint) -> str:
     return f"; at {few[0].level:g} {few[0].unit} only {_percent(few[0].told)} told"
 
 
-def _notes(points: Sequence[SweepPoint], cameras: bool) -> list[Text]:
+def _notes(points: Sequence[FaultPoint], cameras: bool) -> list[Text]:
     one = math.isnan(points[0].low) and not math.isnan(points[0].accuracy)
     if cameras:
         words = (
@@ -105,7 +105,7 @@ def _notes(points: Sequence[SweepPoint], cameras: bool) -> list[Text]:
     return [Text(words, style="dim")]
 
 
-def _accuracy(one: SweepPoint) -> str:
+def _accuracy(one: FaultPoint) -> str:
     if math.isnan(one.accuracy):
         return "nothing answered"
     if math.isnan(one.low):

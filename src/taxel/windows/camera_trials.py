@@ -24,7 +24,7 @@ from taxel.recordings.reader import list_recordings, read_manifest
 from taxel.recordings.table_columns import read_cells
 from taxel.recordings.video_rows import VideoRow, names_videos, read_video_rows
 from taxel.recordings.videos import same_length, same_rate
-from taxel.windows.pours import Pour, frame_sets, read_pours
+from taxel.windows.camera_recordings import CameraRecording, frame_sets, read_camera_recordings
 
 Image = NDArray[np.uint8]
 TABLES = (".csv", ".tsv")
@@ -88,7 +88,7 @@ def read_camera_trials(path: Path, *, outside: bool = False) -> list[CameraTrial
     elif rows := _known(path):
         trials = [_of_row(row) for row in rows]
     else:
-        trials = [_of_pour(pour) for pour in read_pours(path)]
+        trials = [_of_pour(pour) for pour in read_camera_recordings(path)]
     counts = {len(trial.cameras) for trial in trials}
     if len(counts) > 1:
         raise BadDataset(
@@ -139,7 +139,7 @@ def _of_row(row: VideoRow) -> CameraTrial:
             video.close()
 
 
-def _of_pour(pour: Pour) -> CameraTrial:
+def _of_pour(pour: CameraRecording) -> CameraTrial:
     def read(camera: int) -> Iterator[Image]:
         last: tuple[bytes, Image] | None = None
         for found in frame_sets(pour.path, len(pour.cameras)):

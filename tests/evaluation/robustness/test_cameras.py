@@ -31,7 +31,7 @@ from taxel.gel.markers import find_markers
 from taxel.live.grasp_monitor import GraspMonitor
 from taxel.recordings.reader import iterate_frames
 from taxel.signals import Frame
-from taxel.windows.pours import read_pour
+from taxel.windows.camera_recordings import read_camera_recording
 
 
 @pytest.fixture(scope="module")
@@ -121,7 +121,7 @@ def test_an_unknown_fault_is_refused():
 
 
 def test_truth_is_by_the_bundles_own_rule(pour_made_once: Path):
-    pour = read_pour(pour_made_once)
+    pour = read_camera_recording(pour_made_once)
     low, high = (truth_labels(pour, rule) for rule in ("slip > 100 um", "slip > 600 um"))
 
     assert (low >= high).all()
@@ -132,7 +132,7 @@ def test_truth_is_by_the_bundles_own_rule(pour_made_once: Path):
 
 def test_a_bundle_is_watched_by_the_live_path_and_dead_cameras_are_unknown(pour_made_once: Path):
     bundle = read_grasp_bundle(shipped_bundle(CUP_POUR))
-    pour = read_pour(pour_made_once)
+    pour = read_camera_recording(pour_made_once)
     clean = watch(bundle, GraspMonitor, pour)
     slow = watch(bundle, GraspMonitor, pour, "frame-rate", 1.0)
 

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from taxel.evaluation.robustness.curve import (
+    FaultPoint,
     SessionAnswers,
-    SweepPoint,
     fall_text,
     loss_between,
     point_of,
@@ -15,8 +15,8 @@ from taxel.evaluation.robustness.curve import (
 )
 
 
-def point(level: float, accuracy: float) -> SweepPoint:
-    return SweepPoint(
+def point(level: float, accuracy: float) -> FaultPoint:
+    return FaultPoint(
         fault="f", level=level, unit="u", accuracy=accuracy, low=0.0, high=1.0, answered=1.0,
         windows=10, grasps=0.5, told=1.0, outside=0.0,
     )  # fmt: skip

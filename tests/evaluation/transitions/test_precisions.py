@@ -6,18 +6,18 @@ import numpy as np
 import pytest
 
 from taxel.bundles.engine import EngineName, Precision
-from taxel.evaluation.transitions.data import cup_folds, load_pours
+from taxel.evaluation.transitions.data import cup_folds, load_camera_set
 from taxel.evaluation.transitions.precisions import Ways, compare_precisions
 from taxel.training.extractors import BackboneExtractor, open_backbone
 from taxel.training.heads import HeadConfig
 from taxel.training.quantising import calibration_frames
-from taxel.windows.pours import Pour, read_pours
+from taxel.windows.camera_recordings import CameraRecording, read_camera_recordings
 
 EDGE = "edge"
 
 
 def test_calibration_frames_come_from_all_recordings_and_both_cameras(few_pours: Path) -> None:
-    pours = read_pours(few_pours)
+    pours = read_camera_recordings(few_pours)
     frames = calibration_frames(pours, 24)
     assert len(frames) == 24
     assert len({frame.tobytes() for frame in frames}) > 20
@@ -28,12 +28,12 @@ def test_the_first_way_loses_nothing_and_the_others_are_told_apart(
 ) -> None:
     pytest.importorskip("nncf")
     pytest.importorskip("openvino")
-    pours = load_pours(few_pours, "change", tmp_path)
+    pours = load_camera_set(few_pours, "change", tmp_path)
     calibrated: list[set[str]] = []
 
     def open_way(engine: EngineName, precision: Precision, training: object) -> BackboneExtractor:
         assert isinstance(training, list)
-        recordings: list[Pour] = training
+        recordings: list[CameraRecording] = training
         calibrated.append({pour.groups["cup"] for pour in recordings})
         frames = calibration_frames(recordings, 8) if precision == "int8" else ()
         return open_backbone(EDGE, engine=engine, precision=precision, calibration=frames)

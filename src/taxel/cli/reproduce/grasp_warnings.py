@@ -30,7 +30,7 @@ from taxel.errors import BadInput
 if TYPE_CHECKING:
     from rich.progress import Progress as Bar
 
-    from taxel.evaluation.transitions.data import PourSet
+    from taxel.evaluation.transitions.data import CameraSet
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -82,7 +82,7 @@ class GraspWarnings:
         if self.plot is not None:
             say(f"probability over time with the true events: {self.plot}")
 
-    def _results(self, data: Path, bar: Bar) -> tuple[PourSet, list[Any]]:
+    def _results(self, data: Path, bar: Bar) -> tuple[CameraSet, list[Any]]:
         """Return the recordings, and the scores of each kind of features and each baseline."""
         from taxel.evaluation.early_warning.grasp_warnings import (
             folds_within,

@@ -33,7 +33,7 @@ if TYPE_CHECKING:
     from taxel.bundles.engine import EngineName, Precision
     from taxel.training.extractors import BackboneExtractor
     from taxel.training.features import Progress
-    from taxel.windows.pours import Pour
+    from taxel.windows.camera_recordings import CameraRecording
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -91,7 +91,7 @@ class Precisions:
                     bar.update(task, description=f"{name}, {way}", completed=done.recordings)
 
                 def open_way(
-                    engine: EngineName, precision: Precision, train: Sequence[Pour],
+                    engine: EngineName, precision: Precision, train: Sequence[CameraRecording],
                     name: str = backbone,
                 ) -> BackboneExtractor:  # fmt: skip
                     chosen = EngineOptions(engine=engine, precision=precision)

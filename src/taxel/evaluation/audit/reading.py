@@ -24,7 +24,7 @@ from taxel.recordings.manifest import NO_ARRAY, Manifest
 from taxel.recordings.reader import list_recordings, read_recording
 from taxel.recordings.video_rows import VideoRow
 from taxel.signals import CameraInfo, Mark
-from taxel.windows.pours import frame_sets
+from taxel.windows.camera_recordings import frame_sets
 
 SQUARES = (6, 8)
 """Rows and columns that a camera's frame is shrunk to. Source: the first-frame control of

@@ -26,8 +26,8 @@ from taxel.evaluation.early_warning.events import (
 from taxel.evaluation.early_warning.tuning_stability import ProbabilityTrack, Tuned, tune
 from taxel.evaluation.splits import TrialFold
 from taxel.evaluation.transitions.data import (
+    CameraSet,
     Judged,
-    PourSet,
     cup_folds,
     judge_fold,
     truth_moments,
@@ -63,7 +63,7 @@ class WarningResult:
 
 
 def warn_on_unseen_cups(
-    data: PourSet,
+    data: CameraSet,
     features: Sequence[FrameFeatures],
     config: HeadConfig,
     folds: Sequence[TrialFold],
@@ -96,7 +96,7 @@ def warn_on_unseen_cups(
 
 
 def warn_trivially(
-    data: PourSet,
+    data: CameraSet,
     column: Callable[[int], NDArray[np.float64]],
     folds: Sequence[TrialFold],
     *,
@@ -129,7 +129,7 @@ def warn_trivially(
 
 
 def _tune_head(
-    data: PourSet,
+    data: CameraSet,
     features: Sequence[FrameFeatures],
     config: HeadConfig,
     fold: TrialFold,
@@ -150,7 +150,9 @@ def _tune_head(
     return tune(monitor_tracks(data, judged, config.frames), base=_base())
 
 
-def monitor_tracks(data: PourSet, judged: Sequence[Judged], frames: int) -> list[ProbabilityTrack]:
+def monitor_tracks(
+    data: CameraSet, judged: Sequence[Judged], frames: int
+) -> list[ProbabilityTrack]:
     """Return the judged pours' probabilities with what truly happened, for tuning."""
     return [
         _track(data, int(index), found, frames)
@@ -160,7 +162,7 @@ def monitor_tracks(data: PourSet, judged: Sequence[Judged], frames: int) -> list
 
 
 def _track(
-    data: PourSet, index: int, probabilities: NDArray[np.float32], frames: int
+    data: CameraSet, index: int, probabilities: NDArray[np.float32], frames: int
 ) -> ProbabilityTrack:
     pour = data.pours[index]
     onset_s, event_s = truth_moments(pour)
@@ -179,7 +181,7 @@ def _base() -> StabilityConfig:
 
 
 def _result(
-    data: PourSet, judged: Sequence[Judged], tuned: Sequence[Tuned], frames: int, name: str
+    data: CameraSet, judged: Sequence[Judged], tuned: Sequence[Tuned], frames: int, name: str
 ) -> WarningResult:
     outcomes, probabilities, tests = [], [], []
     for one, choice in zip(judged, tuned, strict=True):
@@ -212,8 +214,8 @@ def _result(
 
 
 def split_by_folder(
-    train: PourSet, test: PourSet, key: str = "cup"
-) -> tuple[PourSet, list[TrialFold]]:
+    train: CameraSet, test: CameraSet, key: str = "cup"
+) -> tuple[CameraSet, list[TrialFold]]:
     """Join a set to learn from and a set to be judged on, which share no cup.
 
     Raises:
@@ -227,7 +229,7 @@ def split_by_folder(
             "simulate other cups with --first-cup, or record others",
         )
     count = len(train.pours)
-    both = PourSet(
+    both = CameraSet(
         pours=train.pours + test.pours,
         rule=train.rule,
         labels=train.labels + test.labels,
@@ -237,6 +239,6 @@ def split_by_folder(
     return both, [fold]
 
 
-def folds_within(data: PourSet, key: str = "cup") -> list[TrialFold]:
+def folds_within(data: CameraSet, key: str = "cup") -> list[TrialFold]:
     """Return one fold a cup, for a set without a test set."""
     return cup_folds(data.groups(key), key)

@@ -14,7 +14,7 @@ from taxel.decisions.stability import StabilityConfig
 from taxel.evaluation.early_warning.grasp_warnings import INNER_FOLDS, monitor_tracks
 from taxel.evaluation.early_warning.tuning_stability import Tuned, tune
 from taxel.evaluation.splits import TrialFold
-from taxel.evaluation.transitions.data import Judged, PourSet, judge_fold, tracks_of
+from taxel.evaluation.transitions.data import CameraSet, Judged, judge_fold, tracks_of
 from taxel.evaluation.transitions.tables import WindowScores, score_windows
 from taxel.labels.rules import rule_named
 from taxel.training.features import FrameFeatures
@@ -35,7 +35,7 @@ class LearntMonitor:
 
 
 def learn_monitor(
-    data: PourSet,
+    data: CameraSet,
     features: Sequence[FrameFeatures],
     config: HeadConfig,
     *,

@@ -23,8 +23,8 @@ from taxel.evaluation.robustness.array_faults import (
 )
 from taxel.evaluation.robustness.curve import (
     CLEAN,
+    FaultPoint,
     SessionAnswers,
-    SweepPoint,
     mildest_first,
     point_of,
     shared_accuracy,
@@ -39,8 +39,8 @@ def sweep_array(
     *,
     config: RecogniseConfig = ANSWER_ALL,
     seed: int = 0,
-    on_point: Callable[[SweepPoint], None] = lambda _: None,
-) -> list[SweepPoint]:
+    on_point: Callable[[FaultPoint], None] = lambda _: None,
+) -> list[FaultPoint]:
     """Return the point without faults, then one a fault and level.
 
     Args:
@@ -55,9 +55,9 @@ def sweep_array(
         BadInput: A fault or level is unknown.
         BadBundle, BadDataset: As `judge` says.
     """
-    points: list[SweepPoint] = []
+    points: list[FaultPoint] = []
 
-    def add(point: SweepPoint) -> None:
+    def add(point: FaultPoint) -> None:
         points.append(point)
         on_point(point)
 

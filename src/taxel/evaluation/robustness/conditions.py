@@ -16,7 +16,7 @@ from typing import Any
 
 from taxel.decisions.recognition import RecogniseConfig
 from taxel.errors import BadDataset, BadInput
-from taxel.evaluation.robustness.curve import CLEAN, SweepPoint, mildest_first, point_of
+from taxel.evaluation.robustness.curve import CLEAN, FaultPoint, mildest_first, point_of
 from taxel.evaluation.robustness.touches import ANSWER_ALL, Model, Recorded, judge, recorded
 from taxel.recordings.manifest import Manifest
 from taxel.sim.teng_hand import sensor_info, simulate_sessions
@@ -82,8 +82,8 @@ def sweep_conditions(
     which: NewSessions,
     config: RecogniseConfig = ANSWER_ALL,
     *,
-    on_point: Callable[[SweepPoint], None] = lambda _: None,
-) -> list[SweepPoint]:
+    on_point: Callable[[FaultPoint], None] = lambda _: None,
+) -> list[FaultPoint]:
     """Return the point at 23 °C, clean and still, then one a condition and level.
 
     Args:

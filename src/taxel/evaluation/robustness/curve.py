@@ -22,7 +22,7 @@ FALL = 0.05
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class SweepPoint:
+class FaultPoint:
     """What is told at one level of one fault."""
 
     fault: str
@@ -192,7 +192,7 @@ def point_of(
     unit: str,
     draws: int = 1,
     base: float | None = None,
-) -> SweepPoint:
+) -> FaultPoint:
     """Return the point that answers make.
 
     Args:
@@ -208,7 +208,7 @@ def point_of(
     if told.any():
         low, high = accuracy_interval(right[told], answers.session[told])
     whole, grasps = answers.told_grasps()[0], len(answers.grasps)
-    return SweepPoint(
+    return FaultPoint(
         fault=fault,
         level=level,
         unit=unit,
@@ -236,7 +236,7 @@ def mildest_first(given: Sequence[float], own: Sequence[float]) -> tuple[float, 
     return tuple(sorted(set(given), key=abs if rising else lambda level: -level))
 
 
-def reached(points: Sequence[SweepPoint], base: float, fall: float = FALL) -> float | None:
+def reached(points: Sequence[FaultPoint], base: float, fall: float = FALL) -> float | None:
     """Return the first level at which accuracy has fallen, by straight lines between points.
 
     Args:
@@ -261,7 +261,7 @@ def reached(points: Sequence[SweepPoint], base: float, fall: float = FALL) -> fl
     return None
 
 
-def fall_text(points: Sequence[SweepPoint], base: float) -> str:
+def fall_text(points: Sequence[FaultPoint], base: float) -> str:
     """Return in words where accuracy has fallen by five points, or answers end.
 
     Args:

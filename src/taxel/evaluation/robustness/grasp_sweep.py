@@ -22,7 +22,7 @@ from taxel.decisions.stability import Stability, StabilityDecision
 from taxel.errors import BadDataset, BadInput
 from taxel.evaluation.early_warning.events import RunOutcome, StateTrack, judge
 from taxel.evaluation.intervals import draw_clusters, percentile_interval
-from taxel.evaluation.robustness.curve import CLEAN, SweepPoint, mildest_first
+from taxel.evaluation.robustness.curve import CLEAN, FaultPoint, mildest_first
 from taxel.evaluation.robustness.image_faults import IMAGE_FAULTS, find_image_fault
 from taxel.evaluation.transitions.data import truth_moments
 from taxel.labels.rules import RULES
@@ -32,8 +32,8 @@ from taxel.recordings.reader import iterate_frames
 from taxel.signals import CameraInfo, Frame
 from taxel.sim.pour_state import TRUTH_CHANNELS
 from taxel.training.frame_labels import truth_of
+from taxel.windows.camera_recordings import CameraRecording
 from taxel.windows.pairs import FramePairer, FrameSet
-from taxel.windows.pours import Pour
 
 ALARMS = (Stability.WARNING, Stability.UNSTABLE)
 LATE_S = 0.3
@@ -88,7 +88,7 @@ class Watched:
 def watch(
     bundle: GraspBundle,
     watcher: Watcher,
-    pour: Pour,
+    pour: CameraRecording,
     fault: str = CLEAN,
     level: float = 0.0,
     seed: int = 0,
@@ -145,7 +145,7 @@ def watch(
     )
 
 
-def truth_labels(pour: Pour, rule: str) -> NDArray[np.bool_]:
+def truth_labels(pour: CameraRecording, rule: str) -> NDArray[np.bool_]:
     """Return the moments that a bundle's rule calls unstable, shape (n,).
 
     Raises:
@@ -167,13 +167,13 @@ def truth_labels(pour: Pour, rule: str) -> NDArray[np.bool_]:
 def sweep_grasps(
     bundle_file: Path,
     watcher: Watcher,
-    pours: Sequence[Pour],
+    pours: Sequence[CameraRecording],
     plan: Mapping[str, Sequence[float]],
     *,
     seed: int = 0,
     workers: int = 1,
-    on_point: Callable[[SweepPoint], None] = lambda _: None,
-) -> list[SweepPoint]:
+    on_point: Callable[[FaultPoint], None] = lambda _: None,
+) -> list[FaultPoint]:
     """Return the point without faults, then one a fault and level.
 
     Args:
@@ -191,7 +191,7 @@ def sweep_grasps(
     """
     if not pours:
         raise BadDataset("recordings of tactile cameras", "none", "name others with --data")
-    points: list[SweepPoint] = []
+    points: list[FaultPoint] = []
     levels = [(CLEAN, 0.0, "")]
     for name, own in plan.items():
         levels += [(name, level, find_image_fault(name).unit) for level in own]
@@ -215,7 +215,7 @@ def sweep_grasps(
     return points
 
 
-def pours_digest(pours: Sequence[Pour]) -> str:
+def pours_digest(pours: Sequence[CameraRecording]) -> str:
     """Return the digest that a bundle trained on just these recordings holds."""
     return hashlib.sha256("".join(pour.digest for pour in pours).encode()).hexdigest()
 
@@ -243,7 +243,7 @@ def plan_images(
     return plan
 
 
-def grasp_point(watched: Sequence[Watched], fault: str, level: float, unit: str) -> SweepPoint:
+def grasp_point(watched: Sequence[Watched], fault: str, level: float, unit: str) -> FaultPoint:
     """Return the point that watched recordings make; its interval resamples cups."""
     cups = sorted({one.cup for one in watched})
     counts = np.zeros((len(cups), 4))  # right and all, of unstable and of stable moments
@@ -262,7 +262,7 @@ def grasp_point(watched: Sequence[Watched], fault: str, level: float, unit: str)
     events = [one.outcome for one in watched if one.outcome.event]
     held = [one.outcome for one in watched if not one.outcome.event]
     minutes = sum(one.judged_s for one in held) / 60
-    return SweepPoint(
+    return FaultPoint(
         fault=fault,
         level=level,
         unit=unit,
@@ -284,7 +284,7 @@ def _balanced(counts: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def _watch(
-    file: Path, watcher: Watcher, pour: Pour, fault: str, level: float, seed: int
+    file: Path, watcher: Watcher, pour: CameraRecording, fault: str, level: float, seed: int
 ) -> Watched:
     """Watch one recording in a process of its own, to which no open bundle can be handed."""
     return watch(read_grasp_bundle(file), watcher, pour, fault, level, seed)

@@ -21,15 +21,15 @@ from taxel.sim.pour_state import TRUTH_CHANNELS, has_truth
 from taxel.training.features import Extractor, FrameFeatures, Progress, extract
 from taxel.training.frame_labels import change_signals, frame_labels, truth_of
 from taxel.training.heads import HeadConfig, Track, TrainedHead, fit_head
-from taxel.windows.pours import Pour, read_pours
+from taxel.windows.camera_recordings import CameraRecording, read_camera_recordings
 from taxel.windows.sequence import label_windows
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class PourSet:
+class CameraSet:
     """Pours with the labels of one rule."""
 
-    pours: tuple[Pour, ...]
+    pours: tuple[CameraRecording, ...]
     rule: str
     labels: tuple[NDArray[np.int8], ...]
     """Each shape (n,): 0 stable, 1 unstable."""
@@ -56,12 +56,12 @@ class PourSet:
         return float(np.concatenate(self.labels).mean())
 
 
-def load_pours(
+def load_camera_set(
     path: Path,
     rule: str,
     cache: Path,
     on_progress: Callable[[Progress], None] = lambda _: None,
-) -> PourSet:
+) -> CameraSet:
     """Read a folder of recordings and label it.
 
     Args:
@@ -75,7 +75,7 @@ def load_pours(
         BadDataset: There are none with cameras, one has another number of cameras than two,
             or lacks the truth that the rule needs.
     """
-    pours = read_pours(path)
+    pours = read_camera_recordings(path)
     for pour in pours:
         if len(pour.cameras) != SENSORS:
             raise BadDataset(
@@ -85,7 +85,7 @@ def load_pours(
             )
     signals = change_signals(pours, cache, on_progress=on_progress)
     labels = frame_labels(pours, rule, signals)
-    return PourSet(pours=tuple(pours), rule=rule, labels=tuple(labels), signals=tuple(signals))
+    return CameraSet(pours=tuple(pours), rule=rule, labels=tuple(labels), signals=tuple(signals))
 
 
 def cup_folds(cups: NDArray[np.str_], key: str = "cup") -> list[TrialFold]:
@@ -134,14 +134,14 @@ def judge_fold(
     return Judged(fold, probabilities, windows), trained
 
 
-def truth_moments(pour: Pour) -> tuple[float | None, float | None]:
+def truth_moments(pour: CameraRecording) -> tuple[float | None, float | None]:
     """Return when micro-slip and gross slip begin, seconds on the pour's clock; None: never."""
     truth = truth_of(pour)
     micro, gross = (label_truth(truth, rule) for rule in ("micro-slip", "gross-slip"))
     return onset_s(micro, pour.time_s), onset_s(gross, pour.time_s)
 
 
-def trivial_features(data: PourSet, index: int) -> dict[str, NDArray[np.float64]]:
+def trivial_features(data: CameraSet, index: int) -> dict[str, NDArray[np.float64]]:
     """Return what a trivial baseline looks at, one number a frame, shape (n,)."""
     pour = data.pours[index]
     found = {
@@ -155,7 +155,7 @@ def trivial_features(data: PourSet, index: int) -> dict[str, NDArray[np.float64]
 
 
 def features_of(
-    data: PourSet,
+    data: CameraSet,
     extractor: Extractor,
     cache: Path,
     on_progress: Callable[[Progress], None] = lambda _: None,

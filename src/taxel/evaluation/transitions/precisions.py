@@ -14,12 +14,12 @@ from numpy.typing import NDArray
 
 from taxel.bundles.engine import EngineName, Precision
 from taxel.evaluation.splits import TrialFold
-from taxel.evaluation.transitions.data import PourSet, tracks_of
+from taxel.evaluation.transitions.data import CameraSet, tracks_of
 from taxel.evaluation.transitions.step_times import time_step
 from taxel.training.extractors import BackboneExtractor
 from taxel.training.features import FrameFeatures, Progress, extract
 from taxel.training.heads import HeadConfig, TrainedHead, fit_head
-from taxel.windows.pours import Pour
+from taxel.windows.camera_recordings import CameraRecording
 from taxel.windows.sequence import label_windows
 
 WAYS: tuple[tuple[EngineName, Precision], ...] = (
@@ -59,7 +59,7 @@ class PrecisionRow:
 class Ways:
     """How one backbone's features are computed."""
 
-    open: Callable[[EngineName, Precision, Sequence[Pour]], BackboneExtractor]
+    open: Callable[[EngineName, Precision, Sequence[CameraRecording]], BackboneExtractor]
     """Opens the backbone; gets the training recordings to calibrate on."""
     tried: Sequence[tuple[EngineName, Precision]] = WAYS
     """Engines and precisions; the first is what the others are compared with."""
@@ -68,7 +68,7 @@ class Ways:
 
 
 def compare_precisions(
-    pours: PourSet,
+    pours: CameraSet,
     fold: TrialFold,
     head: HeadConfig,
     ways: Ways,

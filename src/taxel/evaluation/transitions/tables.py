@@ -22,8 +22,8 @@ from sklearn.tree import DecisionTreeClassifier
 from taxel.evaluation.intervals import Interval, ratio_interval
 from taxel.evaluation.splits import TrialFold
 from taxel.evaluation.transitions.data import (
+    CameraSet,
     Judged,
-    PourSet,
     cup_folds,
     judge_fold,
     trivial_features,
@@ -149,7 +149,7 @@ class BackboneSeen:
 
 
 def measure_rows(
-    data: PourSet,
+    data: CameraSet,
     seen: Mapping[str, BackboneSeen],
     plans: Sequence[RowPlan],
     base: HeadConfig,
@@ -214,7 +214,7 @@ def _judge_folds(
     return judged, perf_counter() - started, name
 
 
-def trivial_rows(data: PourSet, frames: int = FRAMES, key: str = "cup") -> list[TrivialRow]:
+def trivial_rows(data: CameraSet, frames: int = FRAMES, key: str = "cup") -> list[TrivialRow]:
     """Return the trivial baselines: one number a frame, thresholds learned on training cups."""
     folds = cup_folds(data.groups(key), key)
     columns = [trivial_features(data, index) for index in range(len(data.pours))]
@@ -238,7 +238,7 @@ def trivial_rows(data: PourSet, frames: int = FRAMES, key: str = "cup") -> list[
 
 
 def _judge_trivial(
-    data: PourSet, columns: list[NDArray[np.float64]] | None, fold: TrialFold, frames: int
+    data: CameraSet, columns: list[NDArray[np.float64]] | None, fold: TrialFold, frames: int
 ) -> Judged:
     labels = {i: label_windows(data.labels[i], frames) for i in (*fold.train_rows, *fold.test_rows)}
     wanted = np.concatenate([labels[i] for i in fold.train_rows])

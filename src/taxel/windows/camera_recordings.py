@@ -25,7 +25,7 @@ LEAST_FRAMES = 12
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Pour:
+class CameraRecording:
     """One recording of tactile cameras: a pour, a lift, a trial."""
 
     path: Path
@@ -59,7 +59,7 @@ class Pour:
         return int(self.image.max()) + 1
 
 
-def read_pour(path: Path) -> Pour:
+def read_camera_recording(path: Path) -> CameraRecording:
     """Read what a recording holds, but for the pixels.
 
     Raises:
@@ -94,7 +94,7 @@ def read_pour(path: Path) -> Pour:
     time_s = np.array(times)
     trials = trials_of(path, manifest, recording.marks, times[0], times[-1])
     first = trials[0] if trials else None
-    return Pour(
+    return CameraRecording(
         path=path,
         groups=first.groups if first is not None else manifest.groups,
         labels=first.labels if first is not None else manifest.labels,
@@ -107,14 +107,14 @@ def read_pour(path: Path) -> Pour:
     )
 
 
-def read_pours(path: Path) -> list[Pour]:
+def read_camera_recordings(path: Path) -> list[CameraRecording]:
     """Read a folder of recordings, or one.
 
     Raises:
         BadRecording: One is damaged.
         BadDataset: One has no cameras, or they differ in number.
     """
-    pours = [read_pour(file) for file in list_recordings(path)]
+    pours = [read_camera_recording(file) for file in list_recordings(path)]
     counts = {len(pour.cameras) for pour in pours}
     if len(counts) > 1:
         raise BadDataset(
