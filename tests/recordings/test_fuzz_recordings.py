@@ -23,9 +23,9 @@ from taxel.errors import TaxelError
 from taxel.labels.corrections import corrections_path, read_corrections
 from taxel.recordings.importing import ImportOptions, import_table
 from taxel.recordings.manifest import Manifest, to_record
+from taxel.recordings.mark_layout import encode_mark
 from taxel.recordings.reader import iterate_frames, read_manifest, read_recording
 from taxel.recordings.recovery import recover
-from taxel.recordings.scan_layout import encode_mark
 from taxel.recordings.summary import summarise
 from taxel.recordings.writer import Recorder
 from taxel.signals import CameraInfo, Frame, Mark, Samples, SensorInfo

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from taxel.recordings import scan_layout
+from taxel.recordings import mark_layout, scan_layout
 from taxel.recordings.chunk_content import decode_chunk
 from taxel.signals import Mark, Samples
 
@@ -17,7 +17,7 @@ def scans(count: int) -> list[bytes]:
 
 def mark(number: int) -> bytes:
     whole = Mark(start_s=number * 0.001, end_s=number * 0.001, labels={})
-    return scan_layout.encode_mark(whole, number, 0)[1]
+    return mark_layout.encode_mark(whole, number, 0)[1]
 
 
 def alternating(count: int, run: int) -> bytes:

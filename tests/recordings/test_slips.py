@@ -1,5 +1,7 @@
 """Slip that was measured live is kept beside the frames, and survives a recovery."""
 
+import struct
+
 import numpy as np
 import pytest
 
@@ -16,7 +18,12 @@ CAMERAS = tuple(
 
 
 def note(i, who="monitor/0"):
-    return SlipNote(time_s=1.0 + i / 60, who=who, values={"slip_mm": i / 100, "slip_seen": True})
+    values = {
+        "slip_mm": i / 100, "slip_sd_mm": 0.008, "slip_rate_mm_s": None if i == 0 else 0.3,
+        "slip_rate_sd_mm_s": 0.03, "slip_compliance": 0.4, "slip_compliance_sd": 0.05,
+        "slip_seen": i > 2,
+    }  # fmt: skip
+    return SlipNote(time_s=1.0 + i / 60, who=who, values=values)
 
 
 def frame(i):
@@ -63,7 +70,7 @@ def test_other_tools_find_the_topic(tmp_path):
         found = [m for _, c, m in make_reader(file).iter_messages() if c.topic == "/slip"]
 
     assert len(found) == 3
-    assert b'"slip_mm": 0.02' in found[2].data
+    assert struct.unpack_from("<d", found[2].data, 4 + 8) == (0.02,)
 
 
 def test_recovery_keeps_slip(tmp_path):

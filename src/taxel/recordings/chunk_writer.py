@@ -6,13 +6,13 @@ Knows nothing about threads, names of files or what to do when a disk refuses.
 from __future__ import annotations
 
 import json
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any, BinaryIO
 
 import numpy as np
 from mcap.records import Schema
 
-from taxel.recordings import frame_layout, slip_layout
+from taxel.recordings import frame_layout, mark_layout, slip_layout
 from taxel.recordings import scan_layout as layout
 from taxel.recordings.manifest import Manifest, to_record
 from taxel.recordings.mcap_file import McapFile, Messages
@@ -40,27 +40,27 @@ class ChunkWriter:
     def __init__(self, raw: BinaryIO, manifest: Manifest) -> None:
         self._manifest = manifest
         self._tally = Tally()
-        self._slips = 0
+        self._slips = self._channels = 0
         self._frame_tallies = [FrameTally() for _ in manifest.cameras]
         pairs = to_record(manifest)
         file = self._file = McapFile(raw, manifest.software)
         file.add_metadata("taxel", pairs)
-        scan = Schema(
-            id=1, name=layout.SCAN_SCHEMA_NAME, encoding="ros2msg", data=layout.SCAN_SCHEMA
+        sensor = manifest.sensor
+        name, fields = layout.scan_schema(sensor.channels, sensor.units)
+        self._add_channel(layout.scan_topic(sensor.name), name, fields, pairs)
+        self._add_channel(
+            mark_layout.MARK_TOPIC, mark_layout.MARK_SCHEMA_NAME, mark_layout.MARK_SCHEMA
         )
-        file.add_channel(layout.scan_topic(manifest.sensor.name), "cdr", scan, pairs)
-        mark = Schema(
-            id=2, name=layout.MARK_SCHEMA_NAME, encoding="jsonschema", data=layout.MARK_SCHEMA
-        )
-        file.add_channel(layout.MARK_TOPIC, "json", mark)
-        for number, camera in enumerate(manifest.cameras):
-            image = Schema(
-                id=frame_layout.FRAME_CHANNEL + number,
-                name=frame_layout.FRAME_SCHEMA_NAME,
-                encoding="ros2msg",
-                data=frame_layout.FRAME_SCHEMA,
-            )
-            file.add_channel(frame_layout.frame_topic(camera.name), "cdr", image)
+        for camera in manifest.cameras:
+            self._add_channel(
+                frame_layout.frame_topic(camera.name), frame_layout.FRAME_SCHEMA_NAME,
+                frame_layout.FRAME_SCHEMA,
+            )  # fmt: skip
+        for camera in manifest.cameras:
+            self._add_channel(
+                frame_layout.times_topic(camera.name), frame_layout.TIMES_SCHEMA_NAME,
+                frame_layout.TIMES_SCHEMA,
+            )  # fmt: skip
 
     @property
     def size(self) -> int:
@@ -116,6 +116,14 @@ class ChunkWriter:
         self._file.add_metadata("taxel.statistics", pairs)
         self._file.finish()
 
+    def _add_channel(
+        self, topic: str, name: str, fields: bytes, pairs: Mapping[str, str] | None = None
+    ) -> None:
+        """Add a channel of ROS 2 messages; its number is the next."""
+        self._channels += 1
+        schema = Schema(id=self._channels, name=name, encoding="ros2msg", data=fields)
+        self._file.add_channel(topic, "cdr", schema, pairs)
+
     def _write_scans(self, samples: Samples) -> None:
         channels = samples.values.shape[1]
         step = max(1, CHUNK_BYTES // layout.record_dtype(channels).itemsize)
@@ -142,22 +150,40 @@ class ChunkWriter:
         while taken < len(frames) and size < CHUNK_BYTES:
             size += len(frames[taken].jpeg)
             taken += 1
-        parts = []
+        images: list[Messages] = []
+        times: list[Messages] = []
         for camera, tally in enumerate(self._frame_tallies):
-            stamps: list[int] = []
-            contents: list[bytes] = []
-            for frame in frames[:taken]:
-                if frame.camera == camera:
-                    stamp, content = frame_layout.encode_frame(
-                        frame, tally.frames, self._manifest.wall_anchor_ns
-                    )
-                    tally.add(frame)
-                    stamps.append(stamp)
-                    contents.append(content)
-            if contents:
-                parts.append(_messages(frame_layout.FRAME_CHANNEL + camera, stamps, contents))
+            own = [frame for frame in frames[:taken] if frame.camera == camera]
+            if own:
+                image, exact = self._frame_messages(camera, own, tally)
+                images.append(image)
+                times.append(exact)
+        parts = images + times
         self._file.add_chunk(parts)
         return frames[taken:]
+
+    def _frame_messages(
+        self, camera: int, frames: list[Frame], tally: FrameTally
+    ) -> tuple[Messages, Messages]:
+        """Return a camera's images and, on a channel of their own, their exact times."""
+        cameras, stamps, contents, exact = self._manifest.cameras, [], [], []
+        for frame in frames:
+            stamp, image, times = frame_layout.encode_frame(
+                frame, cameras[camera].name, len(cameras), tally.frames,
+                self._manifest.wall_anchor_ns,
+            )  # fmt: skip
+            tally.add(frame)
+            stamps.append(stamp)
+            contents.append(image)
+            exact.append(times)
+        channel = frame_layout.FRAME_CHANNEL + camera
+        image_messages = _messages(channel, stamps, contents)
+        offsets = np.arange(len(exact), dtype=np.uint64) * np.uint64(len(exact[0]))
+        times_messages = Messages(
+            channel=channel + len(cameras), content=b"".join(exact), log_ns=image_messages.log_ns,
+            offsets=offsets,
+        )  # fmt: skip
+        return image_messages, times_messages
 
     def _write_marks(self, marks: list[Mark]) -> None:
         """Write marks as a chunk of their own: a damaged one costs no scan."""
@@ -165,23 +191,19 @@ class ChunkWriter:
         contents: list[bytes] = []
         for mark in marks:
             sequence = self._tally.marks + len(contents)
-            stamp, content = layout.encode_mark(mark, sequence, self._manifest.wall_anchor_ns)
+            stamp, content = mark_layout.encode_mark(mark, sequence, self._manifest.wall_anchor_ns)
             log_ns.append(stamp)
             contents.append(content)
-        self._file.add_chunk([_messages(layout.MARK_CHANNEL, log_ns, contents)])
+        self._file.add_chunk([_messages(mark_layout.MARK_CHANNEL, log_ns, contents)])
         self._tally.marks += len(marks)
 
     def _write_slips(self, slips: list[SlipNote]) -> None:
         """Write slip as a chunk of its own; the first brings its channel with it."""
         cameras = len(self._manifest.cameras)
         if not self._slips:
-            schema = Schema(
-                id=slip_layout.slip_channel(cameras),
-                name=slip_layout.SLIP_SCHEMA_NAME,
-                encoding="jsonschema",
-                data=slip_layout.SLIP_SCHEMA,
+            self._add_channel(
+                slip_layout.SLIP_TOPIC, slip_layout.SLIP_SCHEMA_NAME, slip_layout.SLIP_SCHEMA
             )
-            self._file.add_channel(slip_layout.SLIP_TOPIC, "json", schema)
         stamps, contents = [], []
         for note in slips:
             stamp, content = slip_layout.encode_slip(

@@ -1,39 +1,49 @@
-"""How camera frames lie in a recording: Foxglove's CompressedImage as ROS 2 CDR.
+"""How camera frames lie in a recording: ROS 2's CompressedImage, and their exact times beside it.
 
-Foxglove, Lichtblick and Rerun show them without taxel. A frame comes back as it
-was: its counter, its three times and its bytes. FORMAT.md has the byte table.
-Knows nothing about files, chunks or threads.
+Any ROS 2 program shows the images; what only taxel needs is a message of its own on
+/camera/NAME/times, with the same sequence number, so that a frame comes back bit by bit and every
+image of a camera has the same frame_id. FORMAT.md has the byte table. Knows nothing about files,
+chunks or threads.
+
+Background of our choices: docs/decisions/0051.
 """
 
 from __future__ import annotations
 
 import math
 import struct
+from functools import cache
 
-from taxel.recordings.mcap_file import RECORD_HEAD
-from taxel.recordings.scan_layout import CDR_LITTLE_ENDIAN, MESSAGE_HEAD, MESSAGE_OPCODE
+from taxel.recordings.cdr import CDR_HEAD
+from taxel.recordings.messages import definition, message_record, wall_ns_of
 from taxel.signals import Frame
 
-FRAME_SCHEMA_NAME = "foxglove_msgs/msg/CompressedImage"
-FRAME_SCHEMA = b"""\
-builtin_interfaces/Time timestamp  # when it was taken
-string frame_id                    # the other times: see taxel's FORMAT.md
-uint8[] data                       # the image as its format says
-string format                      # jpeg
-================================================================================
-MSG: builtin_interfaces/Time
-int32 sec
-uint32 nanosec
+FRAME_SCHEMA_NAME = "sensor_msgs/msg/CompressedImage"
+FRAME_SCHEMA = definition(
+    """\
+std_msgs/Header header  # stamp: when it was taken; frame_id: the camera's name
+string format           # jpeg or png
+uint8[] data            # the image as it came, never coded again
+""",
+    ("std_msgs/Header", "builtin_interfaces/Time stamp\nstring frame_id\n"),
+    ("builtin_interfaces/Time", "int32 sec\nuint32 nanosec\n"),
+)
+TIMES_SCHEMA_NAME = "taxel_msgs/msg/FrameTimes"
+TIMES_SCHEMA = b"""\
+# The exact times of the image with the same sequence number. Written by taxel.
+float64 fitted_s   # best estimate of when it was taken, host monotonic, seconds
+float64 device_s   # the device's clock, seconds since its boot; NaN where it has none
+float64 arrival_s  # when it arrived, host monotonic, seconds
+int64 counter      # the device's frame counter; -1 where it has none
 """
 FRAME_CHANNEL = 3
-"""MCAP channel of the first camera; the next follow."""
+"""MCAP channel of the first camera's images; the other cameras' follow, then all their times."""
 
-_CDR = struct.pack("<I", CDR_LITTLE_ENDIAN)
-_FORMAT = struct.pack("<I", 5) + b"jpeg\0"
-_STAMP = struct.Struct("<iII")
-"""Seconds, nanoseconds, and the length of frame_id."""
-_TIMES = struct.Struct(">qddd")
-"""Counter, device, arrival and fitted time, written in frame_id as 64 hexadecimal digits."""
+_PNG = b"\x89PNG"
+_STAMP = struct.Struct("<iI")
+_LENGTH = struct.Struct("<I")
+_TIMES = struct.Struct("<dddq")
+"""Fitted, device and arrival time, seconds, and counter."""
 
 
 def frame_topic(camera_name: str) -> str:
@@ -41,71 +51,82 @@ def frame_topic(camera_name: str) -> str:
     return f"/camera/{camera_name}"
 
 
-def encode_frame(frame: Frame, sequence: int, wall_anchor_ns: int) -> tuple[int, bytes]:
-    """Return a frame's log time (ns) and its MCAP message record.
+def times_topic(camera_name: str) -> str:
+    """Return the topic on which the exact times of a camera's frames are recorded."""
+    return f"{frame_topic(camera_name)}/times"
+
+
+def encode_frame(
+    frame: Frame, name: str, cameras: int, sequence: int, wall_anchor_ns: int
+) -> tuple[int, bytes, bytes]:
+    """Return a frame's log time (ns), and the MCAP message records of its image and its times.
 
     Args:
         frame: Its fitted time must be finite.
+        name: The camera's.
+        cameras: How many the recording has.
         sequence: Number of this camera's frame in the recording, from 0.
         wall_anchor_ns: Wall time at monotonic zero, nanoseconds.
     """
-    log_ns = _wall_ns(frame.fitted_s, wall_anchor_ns)
+    log_ns = wall_ns_of(frame.fitted_s, wall_anchor_ns)
     arrival_s = frame.arrival_s if math.isfinite(frame.arrival_s) else frame.fitted_s
-    times = _TIMES.pack(frame.counter, frame.device_s, frame.arrival_s, frame.fitted_s).hex()
-    identity = times.encode() + b"\0"
-    body = _CDR + _STAMP.pack(log_ns // 10**9, log_ns % 10**9, len(identity)) + identity
-    body = _padded(body) + struct.pack("<I", len(frame.jpeg)) + frame.jpeg
-    body = _padded(body) + _FORMAT
-    head = RECORD_HEAD.pack(MESSAGE_OPCODE, MESSAGE_HEAD.size + len(body))
-    stamps = MESSAGE_HEAD.pack(
-        FRAME_CHANNEL + frame.camera,
-        sequence & 0xFFFFFFFF,
-        log_ns,
-        _wall_ns(arrival_s, wall_anchor_ns),
-    )
-    return log_ns, head + stamps + body
+    publish_ns = wall_ns_of(arrival_s, wall_anchor_ns)
+    channel = FRAME_CHANNEL + frame.camera
+    image = message_record(
+        channel, sequence, log_ns, publish_ns,
+        CDR_HEAD, _STAMP.pack(log_ns // 10**9, log_ns % 10**9),
+        _identity(name, "png" if frame.jpeg.startswith(_PNG) else "jpeg"),
+        _LENGTH.pack(len(frame.jpeg)), frame.jpeg,
+    )  # fmt: skip
+    exact = _TIMES.pack(frame.fitted_s, frame.device_s, frame.arrival_s, frame.counter)
+    times = message_record(channel + cameras, sequence, log_ns, publish_ns, CDR_HEAD, exact)
+    return log_ns, image, times
 
 
-def decode_frame(channel: int, body: bytes) -> Frame:
-    """Return the frame that a message of a camera's channel holds.
+def decode_image(body: bytes) -> bytes:
+    """Return the image that a message of a camera's channel holds.
 
     Args:
-        channel: The message's channel, `FRAME_CHANNEL` or above.
         body: The message's own bytes, without MCAP's head.
 
     Raises:
         ValueError: It is not laid out as FORMAT.md says.
     """
+    at = len(CDR_HEAD) + _STAMP.size
     try:
-        _, _, length = _STAMP.unpack_from(body, len(_CDR))
-        start = len(_CDR) + _STAMP.size
-        identity = body[start : start + length - 1]
-        counter, device_s, arrival_s, fitted_s = _TIMES.unpack(bytes.fromhex(identity.decode()))
-        at = _next_four(start + length)
-        (size,) = struct.unpack_from("<I", body, at)
-    except (struct.error, UnicodeDecodeError) as error:
+        for _ in range(2):  # frame_id and format
+            at = _next_four(at + _LENGTH.size + _LENGTH.unpack_from(body, at)[0])
+        (size,) = _LENGTH.unpack_from(body, at)
+    except struct.error as error:
         raise ValueError(f"a frame is not laid out as taxel's: {error}") from error
-    jpeg = bytes(body[at + 4 : at + 4 + size])
-    if body[:4] != _CDR or len(jpeg) != size:
+    image = bytes(body[at + _LENGTH.size : at + _LENGTH.size + size])
+    if body[:4] != CDR_HEAD or len(image) != size:
         raise ValueError("a frame is not laid out as taxel's")
-    return Frame(
-        camera=channel - FRAME_CHANNEL,
-        jpeg=jpeg,
-        counter=counter,
-        device_s=device_s,
-        arrival_s=arrival_s,
-        fitted_s=fitted_s,
-    )
+    return image
 
 
-def _padded(body: bytes) -> bytes:
-    return body + b"\0" * (_next_four(len(body)) - len(body))
+def decode_times(body: bytes) -> tuple[float, float, float, int]:
+    """Return fitted, device and arrival time (seconds) and counter of a frame.
+
+    Raises:
+        ValueError: It is not laid out as FORMAT.md says.
+    """
+    if body[:4] != CDR_HEAD or len(body) != len(CDR_HEAD) + _TIMES.size:
+        raise ValueError("the times of a frame are not laid out as taxel's")
+    fitted_s, device_s, arrival_s, counter = _TIMES.unpack_from(body, len(CDR_HEAD))
+    return fitted_s, device_s, arrival_s, counter
+
+
+@cache
+def _identity(name: str, form: str) -> bytes:
+    """Return frame_id and format, the same for every image of a camera."""
+    parts = b""
+    for text in (name.encode() + b"\0", form.encode() + b"\0"):
+        parts += _LENGTH.pack(len(text)) + text
+        parts += b"\0" * (-len(parts) % 4)
+    return parts
 
 
 def _next_four(at: int) -> int:
     """Return the next multiple of four: CDR aligns after its own head of four bytes."""
     return -(-at // 4) * 4
-
-
-def _wall_ns(time_s: float, wall_anchor_ns: int) -> int:
-    return max(round(time_s * 1e9) + wall_anchor_ns, 0)

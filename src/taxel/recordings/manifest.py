@@ -25,8 +25,10 @@ from taxel.signals import CameraInfo, SensorInfo
 
 NO_ARRAY = SensorInfo(name="none", channels=(), units=(), rate_hz=0.0)
 """The sensor of a recording that holds cameras only."""
-FORMAT_VERSION = "1"
-"""Raised when a reader of the old format would misread the new one."""
+FORMAT_VERSION = "2"
+"""What is written; raised when a reader of the old format would misread the new one."""
+READABLE = ("1", FORMAT_VERSION)
+"""Versions that are read. Source: our choice, docs/decisions/0051."""
 _MOST_CAMERAS, _LARGEST_SIDE, _LARGEST_RATE_HZ = 64, 65_535, 1e9
 """Bounds of what a manifest may say; no JPEG has a longer side. Source: our choice."""
 _LARGEST_32 = 3.4e38
@@ -54,6 +56,8 @@ class Manifest:
     """Wall time of the start, ISO 8601 with zone; empty where the source's own is unknown."""
     wall_anchor_ns: int = 0
     """Wall time at monotonic zero, nanoseconds since 1970; 0 where time starts at the data."""
+    version: str = field(default=FORMAT_VERSION, compare=False)
+    """Format of the file that it was read from; what is written has `FORMAT_VERSION`."""
 
     @staticmethod
     def started_now(
@@ -138,9 +142,9 @@ def from_record(pairs: Mapping[str, str]) -> Manifest:
         raise BadRecording(
             "a manifest whose check sum holds", "a damaged manifest", "run: taxel recover"
         )
-    if body.get("format") != FORMAT_VERSION:
+    if body.get("format") not in READABLE:
         raise BadRecording(
-            f"recording format {FORMAT_VERSION}",
+            f"recording format {' or '.join(READABLE)}",
             f"format {body.get('format')!r}",
             "update taxel to read it",
         )
@@ -181,6 +185,7 @@ def _parse(body: Mapping[str, str]) -> Manifest:
         software=body["software"],
         created=body["created"],
         wall_anchor_ns=int(anchor),
+        version=body["format"],
     )
 
 

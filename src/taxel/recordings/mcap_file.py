@@ -38,6 +38,9 @@ from numpy.typing import NDArray
 
 MAGIC = b"\x89MCAP0\r\n"
 """The first and the last eight bytes of every MCAP file."""
+PROFILE = "ros2"
+"""What the header promises: every channel is CDR with a `ros2msg` schema. Source: MCAP's registry,
+well-known profiles."""
 COMPRESSION = "lz4"
 """Measured in docs/decisions/0004."""
 RECORD_HEAD = struct.Struct("<BQ")
@@ -80,7 +83,7 @@ class McapFile:
         self._counts: list[int] = []
         self._start_ns: int | None = None
         self._end_ns = 0
-        self._append(MAGIC + _bytes_of(Header(profile="", library=library)))
+        self._append(MAGIC + _bytes_of(Header(profile=PROFILE, library=library)))
 
     @property
     def size(self) -> int:
@@ -139,7 +142,9 @@ class McapFile:
                 uncompressed_size=len(content),
             )
         )
-        counts = [sum(len(p.log_ns) for p in parts if p.channel == c.id) for c in self._channels]
+        counts = [0] * len(self._channels)
+        for part in parts:
+            counts[part.channel - 1] = len(part.log_ns)
         self._chunks.extend(
             (start_ns, end_ns, self._offset, len(chunk), len(compressed), len(content), *counts)
         )

@@ -91,7 +91,7 @@ def read_recording(path: Path) -> Recording:
                 )  # fmt: skip
     if manifest is None:
         raise _no_manifest(path)
-    dtype = layout.record_dtype(len(manifest.sensor.channels))
+    dtype = layout.record_dtype(len(manifest.sensor.channels), manifest.version)
     records = np.concatenate(runs) if runs else np.zeros(0, dtype)
     return Recording(
         path=path,
@@ -244,7 +244,8 @@ def decoded(content: bytes, manifest: Manifest) -> ChunkContent:
     Raises:
         ValueError: A record is not laid out as FORMAT.md says, or its time is none.
     """
-    found = decode_chunk(content, len(manifest.sensor.channels), len(manifest.cameras))
+    sensor, cameras = manifest.sensor, manifest.cameras
+    found = decode_chunk(content, len(sensor.channels), len(cameras), manifest.version)
     times = [run["fitted_s"] for run in found.runs]
     times.append(np.array([frame.fitted_s for frame in found.frames]))
     if not all((np.abs(own) <= layout.FURTHEST_S).all() for own in times):  # NaN is not, either

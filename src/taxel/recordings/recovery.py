@@ -211,7 +211,8 @@ def _copy_chunk(
 ) -> None:
     """Copy what a sound chunk holds; one of another layout counts as damaged."""
     try:
-        found = decode_chunk(content, len(manifest.sensor.channels), len(manifest.cameras))
+        sensor, cameras = manifest.sensor, manifest.cameras
+        found = decode_chunk(content, len(sensor.channels), len(cameras), manifest.version)
     except ValueError as error:
         report.damaged_stretches += 1
         report.bytes_skipped += len(content)

@@ -1,71 +1,55 @@
-"""How scans and marks lie in a recording: fixed-size messages, so that a chunk is one array.
+"""How scans lie in a recording: fixed-size messages, so that a chunk is one array.
 
 A scan is a ROS 2 message in CDR (little endian), whose size depends only on
-the number of channels. The MCAP message record around it has a fixed head,
-so that a run of scans is a numpy array as it stands: no loop over messages,
-neither on writing nor on reading. FORMAT.md has the byte table. Knows
-nothing about files, chunks or threads.
+the number of channels, each of which is a field with its own name. The MCAP
+message record around it has a fixed head, so that a run of scans is a numpy
+array as it stands: no loop over messages, neither on writing nor on reading.
+FORMAT.md has the byte table. Knows nothing about files, chunks or threads.
 
-Background of our choices: docs/decisions/0004.
+Background of our choices: docs/decisions/0004 and 0051.
 """
 
 from __future__ import annotations
 
-import json
 import struct
-from collections.abc import Mapping
+import zlib
+from collections.abc import Mapping, Sequence
 from functools import cache
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from taxel.foreign.json_text import Fields, parse_json
+from taxel.recordings.cdr import CDR_HEAD, CDR_LITTLE_ENDIAN
+from taxel.recordings.field_names import field_names
+from taxel.recordings.manifest import FORMAT_VERSION
 from taxel.recordings.mcap_file import RECORD_HEAD
-from taxel.signals import Mark, Samples
+from taxel.recordings.messages import MESSAGE_OPCODE, definition, wall_ns
+from taxel.signals import Samples
 
-SCAN_SCHEMA_NAME = "taxel_msgs/msg/Scan"
-SCAN_SCHEMA = b"""\
+_SCAN_FIELDS = """\
 # One scan of a touch array: one reading of all channels. Written by taxel.
-float64 fitted_s     # best estimate of when it was taken, host monotonic, seconds
-float64 device_s     # the device's clock, seconds since its boot; NaN where it has none
-float64 arrival_s    # when it arrived, host monotonic, seconds
-int64 counter        # the device's scan counter; -1 where it has none
-float32[] values     # one a channel, in the unit that the manifest gives
-uint8[] validity     # one a channel; 0 good, 1 missing, 2 stale, 4 saturated, 8 reconnecting, \
-16 not finite
+float64 fitted_s   # best estimate of when it was taken, host monotonic, seconds
+float64 device_s   # the device's clock, seconds since its boot; NaN where it has none
+float64 arrival_s  # when it arrived, host monotonic, seconds
+int64 counter      # the device's scan counter; -1 where it has none
 """
+_VALIDITY = (
+    "# one a channel; 0 good, 1 missing, 2 stale, 4 saturated, 8 reconnecting, 16 not finite"
+)
+MOST_NAMED = 1000
+"""Channels that are fields with names of their own; a larger array is one field. Our choice."""
 
-MARK_TOPIC = "/marks"
-MARK_SCHEMA_NAME = "taxel.Mark"
-MARK_SCHEMA = json.dumps(
-    {
-        "title": "taxel.Mark",
-        "description": "A labelled stretch of time, on the fitted clock of the scans.",
-        "type": "object",
-        "properties": {
-            "start_s": {"type": "number"},
-            "end_s": {"type": "number"},
-            "labels": {"type": "object", "additionalProperties": {"type": "string"}},
-            "groups": {"type": "object", "additionalProperties": {"type": "string"}},
-        },
-        "required": ["start_s", "end_s", "labels", "groups"],
-    }
-).encode()
-
-SCAN_CHANNEL, MARK_CHANNEL = 1, 2
-"""MCAP channel numbers, the same in every recording, so that a chunk can be read alone."""
+SCAN_CHANNEL = 1
+"""MCAP channel of the scans, the same in every recording, so that a chunk can be read alone."""
 
 FURTHEST_S = 4e9
 """No clock that counts from a boot or from 1970 lies further from zero, seconds: until 2096."""
 
-MESSAGE_OPCODE = 0x05
-MESSAGE_HEAD = struct.Struct("<HIQQ")
-"""Channel, sequence, log time and publish time (ns), before every message's own bytes."""
+_COUNTS = ("n_values", "n_validity")
+"""Fields of format 1: the channels, counted twice."""
 _ONE_BY_ONE = 8
 """Scans of a run that are looked at one by one before arrays are worth it. Our choice."""
-CDR_LITTLE_ENDIAN = 0x0100
-"""The CDR head 00 01 00 00, read as one little-endian u32."""
 
 
 def scan_topic(sensor_name: str) -> str:
@@ -73,12 +57,33 @@ def scan_topic(sensor_name: str) -> str:
     return f"/touch/{sensor_name}"
 
 
-def record_dtype(channels: int) -> np.dtype[Any]:
+def scan_schema(channels: Sequence[str], units: Sequence[str]) -> tuple[str, bytes]:
+    """Return the name and the definition of a scan's message, a field a channel.
+
+    The name ends in a digest of the fields, so that recordings of different arrays can be read
+    beside each other: ROS knows one definition a name.
+    """
+    count = len(channels)
+    if count > MOST_NAMED:
+        fields = f"float32[{count}] channels\n"
+    else:
+        fields = "".join(f"float32 {name}\n" for name in field_names(channels, units))
+    digest = f"{zlib.crc32(fields.encode()):08x}"
+    own = _SCAN_FIELDS
+    if not count:  # of cameras only: no scan is ever written
+        return f"taxel_msgs/msg/Scan{digest}", own.encode()
+    own += f"taxel_msgs/Values{digest} values  # in the unit that ends each name\n"
+    own += f"uint8[{count}] validity  {_VALIDITY}\n"
+    return f"taxel_msgs/msg/Scan{digest}", definition(own, (f"taxel_msgs/Values{digest}", fields))
+
+
+def record_dtype(channels: int, version: str = FORMAT_VERSION) -> np.dtype[Any]:
     """Return the layout of one scan with its MCAP record head, packed.
 
     The CDR alignment holds by itself: the four 8-byte fields come first, and
-    4-byte fields follow them.
+    4-byte fields follow them. Format 1 had the lengths of both lists before them.
     """
+    counted = version == "1"
     return np.dtype(
         [
             ("opcode", "u1"),
@@ -92,9 +97,9 @@ def record_dtype(channels: int) -> np.dtype[Any]:
             ("device_s", "<f8"),
             ("arrival_s", "<f8"),
             ("counter", "<i8"),
-            ("n_values", "<u4"),
+            *([("n_values", "<u4")] if counted else []),
             ("values", "<f4", (channels,)),
-            ("n_validity", "<u4"),
+            *([("n_validity", "<u4")] if counted else []),
             ("validity", "u1", (channels,)),
         ]
     )
@@ -122,7 +127,6 @@ def encode_scans(samples: Samples, first_sequence: int, wall_anchor_ns: int) -> 
     records["device_s"] = samples.device_s
     records["arrival_s"] = samples.arrival_s
     records["counter"] = samples.counter
-    records["n_values"] = records["n_validity"] = channels
     records["values"] = samples.values
     records["validity"] = samples.validity
     return records
@@ -138,22 +142,6 @@ def decode_scans(records: NDArray[np.void]) -> Samples:
         fitted_s=np.ascontiguousarray(records["fitted_s"], np.float64),
         validity=np.ascontiguousarray(records["validity"], np.uint8),
     )
-
-
-def encode_mark(mark: Mark, sequence: int, wall_anchor_ns: int) -> tuple[int, bytes]:
-    """Return a mark's log time (of its start, ns) and its MCAP message record."""
-    text = json.dumps(
-        {
-            "start_s": mark.start_s,
-            "end_s": mark.end_s,
-            "labels": dict(mark.labels),
-            "groups": dict(mark.groups),
-        },
-        ensure_ascii=False,
-    ).encode()
-    log_ns = int(wall_ns(np.array([mark.start_s]), wall_anchor_ns)[0])
-    head = RECORD_HEAD.pack(MESSAGE_OPCODE, MESSAGE_HEAD.size + len(text))
-    return log_ns, head + MESSAGE_HEAD.pack(MARK_CHANNEL, sequence, log_ns, log_ns) + text
 
 
 def end_of_scans(content: bytes, at: int, dtype: np.dtype[Any]) -> int:
@@ -192,9 +180,8 @@ def _signs(dtype: np.dtype[Any]) -> tuple[tuple[int, bytes], ...]:
     counted = struct.pack("<I", dtype["values"].shape[0])
     return (
         (0, RECORD_HEAD.pack(MESSAGE_OPCODE, length) + struct.pack("<H", SCAN_CHANNEL)),
-        (fields["cdr"][1], struct.pack("<I", CDR_LITTLE_ENDIAN)),
-        (fields["n_values"][1], counted),
-        (fields["n_validity"][1], counted),
+        (fields["cdr"][1], CDR_HEAD),
+        *((fields[name][1], counted) for name in _COUNTS if name in fields),
     )
 
 
@@ -202,6 +189,7 @@ def _fitting(content: bytes, at: int, dtype: np.dtype[Any]) -> int:
     """Return how many scans follow one another from `at`; looks at twice as many each time."""
     channels = dtype["values"].shape[0]
     records = np.frombuffer(content, dtype, (len(content) - at) // dtype.itemsize, at)
+    counts = [name for name in _COUNTS if name in (dtype.names or ())]
     run, step = 0, _ONE_BY_ONE
     while run < len(records):
         part = records[run : run + step]
@@ -210,30 +198,10 @@ def _fitting(content: bytes, at: int, dtype: np.dtype[Any]) -> int:
             & (part["length"] == dtype.itemsize - RECORD_HEAD.size)
             & (part["channel"] == SCAN_CHANNEL)
             & (part["cdr"] == CDR_LITTLE_ENDIAN)
-            & (part["n_values"] == channels)
-            & (part["n_validity"] == channels)
         )
+        for name in counts:
+            fits &= part[name] == channels
         if not fits.all():
             return run + int(np.argmin(fits))
         run, step = run + len(part), 2 * step
     return run
-
-
-def decode_mark(text: bytes) -> Mark:
-    """Return the mark that a message holds.
-
-    Raises:
-        ValueError: It is not laid out as FORMAT.md says.
-    """
-    fields = Fields(parse_json(text), "a mark")
-    return Mark(
-        start_s=fields.number("start_s", -FURTHEST_S, FURTHEST_S),
-        end_s=fields.number("end_s", -FURTHEST_S, FURTHEST_S),
-        labels=fields.pairs("labels"),
-        groups=fields.pairs("groups"),
-    )
-
-
-def wall_ns(time_s: NDArray[np.float64], wall_anchor_ns: int) -> NDArray[np.int64]:
-    """Return wall nanoseconds; MCAP knows no time before 1970, so earlier becomes 0."""
-    return np.maximum(np.rint(time_s * 1e9).astype(np.int64) + wall_anchor_ns, 0)
