@@ -57,7 +57,15 @@ LINES: dict[str, tuple[str, ...]] = {
         "collect p.csv --source serial:///dev/a --hand hand:///dev/b --output r",
     ),
     "recover": ("recover a.part --output r.mcap",),
-    "import": ("import table.csv --output r", "import videos.csv --output r"),
+    "import": (
+        "import table.csv --output r",
+        "import videos.csv --output r",
+        "import lerobot --data d --output r",
+    ),
+    "export lerobot": ("export lerobot d --output o",),
+    "export ros2": ("export ros2 d --output o",),
+    "export parquet": ("export parquet d --output o",),
+    "export video": ("export video d --output o",),
     "info": ("info a.mcap", "info folder"),
     "view": (
         "view sim://teng",

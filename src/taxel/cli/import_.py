@@ -9,6 +9,7 @@ from typing import ClassVar, Literal
 
 import tyro
 
+from taxel.cli.export.need import need_packages
 from taxel.cli.option_rules import Only
 from taxel.cli.printing import command, print_json, progress, say
 from taxel.errors import BadInput, MissingExtra
@@ -25,6 +26,9 @@ from taxel.recordings.spelling import look_alikes
 from taxel.recordings.table_columns import read_cells
 from taxel.recordings.video_rows import VideoRow
 
+LEROBOT = "lerobot"
+"""In the table's place: a data set of LeRobot's, in the folder --data."""
+
 
 @dataclass(frozen=True)
 class Import:
@@ -39,13 +43,14 @@ class Import:
     cameras: left and right, or camera:NAME as many as there are (videos, or
     folders of images, relative to the table), label:NAME, group:NAME, and
     where wanted split (train, validation, test), rate (Hz) and mm_per_px. Instead of a table,
-    the name of a public data set: teng-glove, icub-grasp, gelsight-slip.
+    the name of a public data set: teng-glove, icub-grasp, gelsight-slip; or lerobot, for the data
+    set of LeRobot's (version 3.0, images in Parquet) that --data names.
     Long recordings: --intervals names the labelled stretches of each.
     """
 
     table: tyro.conf.Positional[str]
-    """The import table (CSV), or the name of a public data set: teng-glove, icub-grasp,
-    gelsight-slip."""
+    """The import table (CSV); or the name of a public data set: teng-glove, icub-grasp,
+    gelsight-slip; or lerobot, with --data."""
     output: Path
     """Folder to be made for the recordings."""
     data: Path | None = None
@@ -70,7 +75,7 @@ class Import:
     RULES: ClassVar = (
         Only(
             ("allow-code", "allow-outside"), "a table of your own",
-            lambda o: o.table not in (*KNOWN, *KNOWN_VIDEOS),
+            lambda o: o.table not in (LEROBOT, *KNOWN, *KNOWN_VIDEOS),
         ),
     )  # fmt: skip
 
@@ -89,7 +94,9 @@ class Import:
     def _import(self, progress: Callable[[int, int], None]) -> tuple[list[Path], list[str]]:
         """Return the recordings, and what to say of their labels and groups."""
         table = Path(self.table)
-        if self.table in KNOWN_VIDEOS or (self.table not in KNOWN and _of_videos(table)):
+        if self.table in (LEROBOT, *KNOWN_VIDEOS) or (
+            self.table not in KNOWN and _of_videos(table)
+        ):
             for name, given in (
                 ("--intervals", self.intervals), ("--missing", self.missing),
                 ("--allow-code", self.allow_code),
@@ -97,6 +104,8 @@ class Import:
                 if given:
                     raise BadInput(f"a table of arrays beside {name}", "one of videos",
                                    f"leave {name} out")  # fmt: skip
+            if self.table == LEROBOT:
+                return self._import_lerobot(progress)
             return self._import_videos(progress)
         if self.table not in KNOWN:
             rows = read_rows(table, self.data or table.parent, outside=self.allow_outside)
@@ -118,6 +127,15 @@ class Import:
         return BadInput(
             f"the folder of the data set {self.table}", "none", "name it with --data FOLDER"
         )
+
+    def _import_lerobot(self, progress: Callable[[int, int], None]) -> tuple[list[Path], list[str]]:
+        if self.data is None:
+            raise self._no_folder()
+        need_packages("pyarrow", "cv2", purpose="LeRobot data sets")
+        from taxel.exchange.lerobot_read import import_lerobot
+
+        made = import_lerobot(self.data, self.output, overwrite=self.overwrite, progress=progress)
+        return made, []
 
     def _import_videos(self, progress: Callable[[int, int], None]) -> tuple[list[Path], list[str]]:
         from taxel.recordings.video_rows import read_video_rows

@@ -53,6 +53,7 @@ VERBS = {
     "collect": "let the hand grasp a plan of objects, labelled and recorded",
     "recover": "save what is sound in a damaged or unfinished recording",
     "import": "turn tables of values, or a public data set, into recordings",
+    "export": "write recordings for LeRobot, ROS 2, tables or video players",
     "info": "say what a recording or a folder of them holds",
     "view": "look at raw touch, without any model",
     "label": "label intervals of long recordings; correct when a grasp turned unstable",
@@ -80,6 +81,12 @@ KINDS = {
     "simulate": {
         "teng": "the TENG hand: one recording a session",
         "cup-pour": "two tactile cameras hold a cup that is filled: one recording a pour",
+    },
+    "export": {
+        "lerobot": "a LeRobot data set, version 3.0: touch and JPEG images, labels as tasks",
+        "ros2": "ROS 2 bags, and the package of the message of touch",
+        "parquet": "tables of scans, frames and marks, nothing resampled",
+        "video": "a video a camera: its own JPEG, or H.264 for browsers",
     },
     "reproduce": {
         "table-4-1": "Table 4.1 of the TENG thesis: 2D and 1D CNN, simulated hand",

@@ -68,19 +68,28 @@ def encode_frame(
         sequence: Number of this camera's frame in the recording, from 0.
         wall_anchor_ns: Wall time at monotonic zero, nanoseconds.
     """
-    log_ns = wall_ns_of(frame.fitted_s, wall_anchor_ns)
     arrival_s = frame.arrival_s if math.isfinite(frame.arrival_s) else frame.fitted_s
     publish_ns = wall_ns_of(arrival_s, wall_anchor_ns)
     channel = FRAME_CHANNEL + frame.camera
-    image = message_record(
-        channel, sequence, log_ns, publish_ns,
-        CDR_HEAD, _STAMP.pack(log_ns // 10**9, log_ns % 10**9),
-        _identity(name, "png" if frame.jpeg.startswith(_PNG) else "jpeg"),
-        _LENGTH.pack(len(frame.jpeg)), frame.jpeg,
-    )  # fmt: skip
+    log_ns, body = image_message(frame, name, wall_anchor_ns)
+    image = message_record(channel, sequence, log_ns, publish_ns, *body)
     exact = _TIMES.pack(frame.fitted_s, frame.device_s, frame.arrival_s, frame.counter)
     times = message_record(channel + cameras, sequence, log_ns, publish_ns, CDR_HEAD, exact)
     return log_ns, image, times
+
+
+def image_message(frame: Frame, name: str, wall_anchor_ns: int) -> tuple[int, tuple[bytes, ...]]:
+    """Return a frame's log time (ns) and its CompressedImage in CDR, in pieces.
+
+    Args:
+        frame: Its fitted time must be finite.
+        name: The camera's.
+        wall_anchor_ns: Wall time at monotonic zero, nanoseconds.
+    """
+    log_ns = wall_ns_of(frame.fitted_s, wall_anchor_ns)
+    stamp = _STAMP.pack(log_ns // 10**9, log_ns % 10**9)
+    same = _identity(name, "png" if frame.jpeg.startswith(_PNG) else "jpeg")
+    return log_ns, (CDR_HEAD, stamp, same, _LENGTH.pack(len(frame.jpeg)), frame.jpeg)
 
 
 def decode_image(body: bytes) -> bytes:

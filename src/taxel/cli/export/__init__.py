@@ -1,0 +1,1 @@
+"""`taxel export`: one file a format."""

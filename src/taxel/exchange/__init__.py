@@ -1,0 +1,1 @@
+"""Other people's formats: what a recording becomes in them, and back."""

@@ -1,0 +1,51 @@
+"""A folder of files and folders that is there as a whole or not at all.
+
+Knows nothing about what is in it.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from taxel.errors import BadInput, RecordingFailed
+from taxel.held import MADE, REPLACED, scratch_folder
+
+
+@contextmanager
+def new_tree(path: Path, sign: str, *, overwrite: bool) -> Iterator[Path]:
+    """Give a folder to fill, which gets its name when the block ends well, and else goes.
+
+    Args:
+        path: The name.
+        sign: A file that every such folder has; a folder without it is never replaced.
+        overwrite: Replace an older folder of the same kind.
+
+    Raises:
+        BadInput: There is something of that name that is not to be replaced.
+        RecordingFailed: The disk refused.
+    """
+    if path.exists() and (not path.is_dir() or any(path.iterdir())):
+        if not overwrite:
+            raise BadInput("a new folder for what is exported", f"{path}, which exists",
+                           "choose another --output, or add --overwrite")  # fmt: skip
+        if not (path / sign).is_file():
+            raise BadInput(f"a folder with {sign}, to replace", f"{path}, which is another",
+                           "choose another --output")  # fmt: skip
+    try:
+        with scratch_folder(path) as scratch:
+            made = scratch / MADE
+            made.mkdir()
+            yield made
+            if path.exists():
+                os.replace(path, scratch / REPLACED)
+            os.replace(made, path)
+    except RecordingFailed:
+        raise
+    except OSError as error:
+        raise RecordingFailed(
+            f"needed room to write {path}; got {error.strerror or error}; "
+            "free space or choose another folder, then start again."
+        ) from error

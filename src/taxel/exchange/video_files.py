@@ -1,0 +1,134 @@
+"""Recordings' frames as video files, one a camera, with the times at which they were taken.
+
+Motion JPEG in Matroska holds the camera's own JPEG, byte by byte. H.264 in MP4 plays in every
+browser and is for looking at only: it moves the gel quantities by 0.4 of their standard deviation
+(docs/decisions/0051). Knows nothing about touch.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Sequence
+from contextlib import ExitStack
+from fractions import Fraction
+from pathlib import Path
+from typing import Any, Literal
+
+import av
+
+from taxel.errors import BadDataset
+from taxel.exchange.output import new_tree
+from taxel.frame_codec import decode_jpeg
+from taxel.recordings.reader import iterate_frames, read_manifest
+from taxel.signals import CameraInfo, Frame
+
+Codec = Literal["mjpeg", "h264"]
+ENDINGS = {"mjpeg": ".mkv", "h264": ".mp4"}
+SIGN = ".taxel-videos"
+"""An empty file in every such folder, so that it may be replaced."""
+_BASE = Fraction(1, 1000)
+"""Seconds of a tick. Source: Matroska's default TimestampScale, 1 ms."""
+_CRF = "23"
+"""x264's own default quality."""
+
+
+def write_videos(
+    paths: Sequence[Path],
+    output: Path,
+    *,
+    codec: Codec = "mjpeg",
+    overwrite: bool = False,
+    progress: Callable[[int, int], None] = lambda done, of: None,
+) -> dict[str, int]:
+    """Write a video for each camera of each recording: NAME.CAMERA.mkv or .mp4.
+
+    Args:
+        paths: The recordings.
+        output: Folder to be made.
+        codec: How frames are kept.
+        overwrite: Replace an older such folder.
+        progress: Called with recordings done and in all.
+
+    Returns:
+        File → frames.
+
+    Raises:
+        BadDataset: A recording has no cameras.
+        BadRecording: One is damaged or cut short.
+        RecordingFailed: The disk refused.
+    """
+    found: dict[str, int] = {}
+    with new_tree(output, SIGN, overwrite=overwrite) as made:
+        (made / SIGN).touch()
+        for done, path in enumerate(paths, 1):
+            cameras = read_manifest(path).cameras
+            if not cameras:
+                raise BadDataset("a recording of cameras", f"{path} without",
+                                 "name recordings with cameras")  # fmt: skip
+            found |= _write(path, cameras, made, codec)
+            progress(done, len(paths))
+    return found
+
+
+def _write(path: Path, cameras: Sequence[CameraInfo], folder: Path, codec: Codec) -> dict[str, int]:
+    names = [f"{path.stem}.{_plain(camera.name)}{ENDINGS[codec]}" for camera in cameras]
+    counts = dict.fromkeys(names, 0)
+    with ExitStack() as stack:
+        videos = [
+            stack.enter_context(_Video(folder / name, camera, codec))
+            for name, camera in zip(names, cameras, strict=True)
+        ]
+        for frame in iterate_frames(path):
+            videos[frame.camera].add(frame)
+            counts[names[frame.camera]] += 1
+    return counts
+
+
+class _Video:
+    """A video file that is being written."""
+
+    def __init__(self, path: Path, camera: CameraInfo, codec: Codec) -> None:
+        self._camera, self._codec = camera, codec
+        self._file: Any = av.open(os.fspath(path), "w")
+        rate = Fraction(camera.rate_hz or 25).limit_denominator(1000)
+        self._stream: Any = self._file.add_stream(
+            "mjpeg" if codec == "mjpeg" else "libx264", rate=rate,
+            options={} if codec == "mjpeg" else {"crf": _CRF},
+        )  # fmt: skip
+        self._stream.width, self._stream.height = camera.width, camera.height
+        self._stream.pix_fmt = "yuvj420p" if codec == "mjpeg" else "yuv420p"
+        self._first_s: float | None = None
+        self._last = -1
+
+    def add(self, frame: Frame) -> None:
+        """Add a frame at its time; two within a millisecond come a millisecond apart."""
+        self._first_s = frame.fitted_s if self._first_s is None else self._first_s
+        tick = max(round((frame.fitted_s - self._first_s) / _BASE), self._last + 1)
+        self._last = tick
+        if self._codec == "mjpeg":
+            packet = av.Packet(frame.jpeg)
+            packet.stream = self._stream
+            packet.pts = packet.dts = tick
+            packet.time_base = _BASE
+            packet.is_keyframe = True
+            self._file.mux(packet)
+            return
+        image = av.VideoFrame.from_ndarray(decode_jpeg(frame.jpeg, self._camera), format="rgb24")
+        image.pts, image.time_base = tick, _BASE
+        for packet in self._stream.encode(image):
+            self._file.mux(packet)
+
+    def __enter__(self) -> _Video:
+        return self
+
+    def __exit__(self, kind: object, error: object, trace: object) -> None:
+        try:
+            if kind is None and self._codec == "h264":
+                for packet in self._stream.encode():
+                    self._file.mux(packet)
+        finally:
+            self._file.close()
+
+
+def _plain(name: str) -> str:
+    return "".join(letter if letter.isalnum() or letter in "-_" else "_" for letter in name)

@@ -1,0 +1,208 @@
+"""Claims about LeRobot's layout: written right, read by LeRobot where it is, back bit by bit."""
+
+import importlib
+import importlib.util
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from taxel.errors import BadDataset, BadInput
+from taxel.recordings.reader import iterate_frames, read_recording
+
+pq = pytest.importorskip("pyarrow.parquet", reason="pyarrow is not installed (taxel[export])")
+layout = importlib.import_module("taxel.exchange.lerobot_layout")
+problems = importlib.import_module("taxel.exchange.lerobot_check").problems
+import_lerobot = importlib.import_module("taxel.exchange.lerobot_read").import_lerobot
+write_lerobot = importlib.import_module("taxel.exchange.lerobot_write").write_lerobot
+DATA = "data/chunk-000/file-000.parquet"
+
+
+@pytest.fixture
+def recordings(make, tmp_path) -> list[Path]:
+    return [make(tmp_path / f"r{seed}.mcap", seed=seed) for seed in (1, 2)]
+
+
+def check_same(before: Path, after: Path) -> None:
+    """Values, flags, times, images, labels, groups and marks are the same, bit by bit."""
+    ours, theirs = read_recording(before), read_recording(after)
+    assert theirs.manifest == ours.manifest
+    assert theirs.marks == ours.marks
+    assert theirs.samples.values.tobytes() == ours.samples.values.tobytes()
+    np.testing.assert_array_equal(theirs.samples.validity, ours.samples.validity)
+    np.testing.assert_array_equal(theirs.samples.fitted_s, ours.samples.fitted_s)
+    np.testing.assert_array_equal(theirs.samples.counter, ours.samples.counter)
+    kept = [(f.camera, f.jpeg, f.fitted_s, f.counter) for f in iterate_frames(before)]
+    assert [(f.camera, f.jpeg, f.fitted_s, f.counter) for f in iterate_frames(after)] == kept
+
+
+@pytest.mark.parametrize(("array", "cameras"), [(True, True), (True, False), (False, True)])
+def test_there_and_back_again_nothing_changed(array, cameras, make, tmp_path):
+    """JPEG, values, flags, exact times, labels, groups and marks."""
+    kind = {"array": array, "cameras": cameras, "seconds": 1.6 if cameras else 1.603}
+    paths = [make(tmp_path / f"r{seed}.mcap", seed=seed, **kind) for seed in (1, 2)]
+    written = write_lerobot(paths, tmp_path / "set")
+    assert (written.scans_left_out, written.images_left_out) == (0, 0)
+    assert problems(tmp_path / "set") == []
+    back = import_lerobot(tmp_path / "set", tmp_path / "back")
+    assert [path.name for path in back] == [path.name for path in paths]
+    for before, after in zip(paths, back, strict=True):
+        check_same(before, after)
+
+
+def test_windows_hold_the_scans_up_to_their_frame(recordings, tmp_path):
+    """No frame sees a scan of its future; what never was is NaN and MISSING, not zero."""
+    write_lerobot(recordings, tmp_path / "set", rows=44)
+    table = pq.read_table(tmp_path / "set/data/chunk-000/file-000.parquet")
+    ours = read_recording(recordings[0]).samples
+    frames = list(iterate_frames(recordings[0], 0))
+    for place in (0, 1, 20, 39):
+        end = int(np.searchsorted(ours.fitted_s, frames[place].fitted_s, "right"))
+        window = np.array(table[layout.TACTILE][place].as_py(), np.float32)
+        flags = np.array(table[layout.VALIDITY][place].as_py())
+        missing = max(0, 44 - end)
+        np.testing.assert_array_equal(window[missing:], ours.values[max(0, end - 44) : end])
+        assert np.isnan(window[:missing]).all()
+        assert (flags[:missing] == 1).all()
+        assert table[layout.STATE][place].as_py() == window[-1].tolist()
+    assert len(frames) == 40
+
+
+def test_labels_are_tasks_and_groups_are_columns(recordings, tmp_path):
+    written = write_lerobot(recordings, tmp_path / "set")
+    assert written.tasks == [
+        "shape: sphere", "grasp: stable, shape: sphere", "grasp: slip, shape: sphere"
+    ]  # fmt: skip
+    rows = pq.read_table(tmp_path / "set" / layout.EPISODES).to_pylist()
+    assert [row["taxel/group/session"] for row in rows] == ["1", "2"]
+    assert {row["taxel/label/shape"] for row in rows} == {"sphere"}
+
+
+def test_marks_may_be_the_episodes(recordings, tmp_path):
+    """Each labelled stretch, with its own labels and groups, and no scan of another."""
+    written = write_lerobot(recordings, tmp_path / "set", cut="mark")
+    assert written.episodes == 4
+    assert problems(tmp_path / "set") == []
+    back = import_lerobot(tmp_path / "set", tmp_path / "back")
+    first = read_recording(back[0])
+    assert first.manifest.labels == {"shape": "sphere", "grasp": "stable"}
+    assert first.manifest.groups == {"session": "1", "cup": "ä"}
+    assert first.marks == []
+    assert 100.2 <= first.samples.fitted_s[0] <= first.samples.fitted_s[-1] <= 100.6
+
+
+def test_lost_images_and_scans_are_counted(make, tmp_path):
+    """What fits no frame is said, never dropped in silence."""
+    path = make(tmp_path / "a.mcap")
+    written = write_lerobot([path], tmp_path / "set", rows=20)
+    assert written.scans_left_out > 500
+
+
+@pytest.mark.parametrize("name", [layout.INFO, layout.EPISODES, layout.TASKS, DATA])
+def test_a_damaged_data_set_is_refused_and_nothing_is_written(name, recordings, tmp_path):
+    write_lerobot(recordings, tmp_path / "set")
+    file = tmp_path / "set" / name
+    file.write_bytes(file.read_bytes()[:100])
+    with pytest.raises(BadDataset) as caught:
+        import_lerobot(tmp_path / "set", tmp_path / "back")
+    assert "\n" not in str(caught.value)
+    assert not (tmp_path / "back").exists()
+
+
+def only(key: str, dtype: str) -> dict[str, dict]:
+    return {"features": {key: {"dtype": dtype, "shape": [4, 4, 3], "names": None}}}
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        ({"codebase_version": "v2.1"}, "v3.0"),
+        ({"storage_format": "lance"}, "lance"),
+        (only("observation.images.x", "video"), "video"),
+        (only("action", "float32"), "none of them"),
+    ],
+)
+def test_what_cannot_be_read_is_refused_in_one_line(change, said, recordings, tmp_path):
+    write_lerobot(recordings, tmp_path / "set")
+    file = tmp_path / "set" / layout.INFO
+    file.write_text(json.dumps(json.loads(file.read_text()) | change))
+    with pytest.raises(BadDataset, match=said):
+        import_lerobot(tmp_path / "set", tmp_path / "back")
+
+
+def test_somebody_elses_data_set_gives_state_and_images_at_frame_over_fps(recordings, tmp_path):
+    """Without taxel's columns: times are frame / fps, and tasks become labels."""
+    write_lerobot(recordings, tmp_path / "set")
+    place = tmp_path / "set" / layout.EPISODES
+    table = pq.read_table(place)
+    own = [name for name in table.column_names if name.startswith(layout.OWN)]
+    pq.write_table(table.drop_columns(own), place)
+    back = import_lerobot(tmp_path / "set", tmp_path / "back")
+    assert [path.stem for path in back] == ["episode_000000", "episode_000001"]
+    recording = read_recording(back[0])
+    assert recording.manifest.sensor.details["time"] == "frame number over rate"
+    assert recording.marks[0].labels == {"task": "shape: sphere"}
+    frames = list(iterate_frames(back[0], 0))
+    assert [f.fitted_s for f in frames] == pytest.approx([k / 25 for k in range(40)])
+    assert (
+        frames[3].jpeg == next(f for f in iterate_frames(recordings[0], 0) if f.counter == 3).jpeg
+    )
+
+
+def test_different_arrays_do_not_make_a_data_set(make, recordings, tmp_path):
+    other = make(tmp_path / "z.mcap", array=False)
+    with pytest.raises(BadDataset, match="same array"):
+        write_lerobot([*recordings, other], tmp_path / "set")
+    assert not (tmp_path / "set").exists()
+
+
+def test_a_rate_follows_from_the_other_where_there_are_no_cameras(make, tmp_path):
+    path = make(tmp_path / "a.mcap", cameras=False)
+    assert write_lerobot([path], tmp_path / "a", rows=20).fps == 50
+    assert write_lerobot([path], tmp_path / "b", fps=100).rows == 10
+    with pytest.raises(BadInput, match="leave one out"):
+        write_lerobot([path], tmp_path / "c", fps=100, rows=5)
+
+
+def test_nothing_but_an_older_data_set_is_replaced(recordings, tmp_path):
+    (tmp_path / "set").mkdir()
+    (tmp_path / "set/mine.txt").write_text("mine")
+    with pytest.raises(BadInput, match="which is another"):
+        write_lerobot(recordings, tmp_path / "set", overwrite=True)
+    (tmp_path / "set/mine.txt").unlink()
+    write_lerobot(recordings, tmp_path / "set")
+    with pytest.raises(BadInput, match="which exists"):
+        write_lerobot(recordings, tmp_path / "set")
+    write_lerobot(recordings[:1], tmp_path / "set", overwrite=True)
+    assert problems(tmp_path / "set") == []
+
+
+def test_the_check_finds_what_is_wrong(recordings, tmp_path):
+    """Our own check of the layout can fail: each of these would mislead LeRobot."""
+    write_lerobot(recordings, tmp_path / "set")
+    file = tmp_path / "set" / layout.INFO
+    info = json.loads(file.read_text())
+    file.write_text(json.dumps(info | {"fps": 30, "total_frames": 7}))
+    found = "\n".join(problems(tmp_path / "set"))
+    assert "timestamp is not frame over fps" in found
+    assert "7 in info" in found
+
+
+@pytest.mark.skipif(
+    importlib.util.find_spec("lerobot") is None,
+    reason="lerobot is not installed (Python 3.12; docs/how-to/lerobot.md has the recipe)",
+)
+def test_lerobots_own_reader_loads_it(recordings, tmp_path):
+    """Their reader, their time windows and a DataLoader, offline."""
+    import torch
+    from lerobot.datasets.lerobot_dataset import LeRobotDataset
+
+    write_lerobot(recordings, tmp_path / "set")
+    windows = {layout.STATE: [-0.04, 0.0]}
+    data = LeRobotDataset("taxel/test", root=tmp_path / "set", delta_timestamps=windows)
+    batches = list(torch.utils.data.DataLoader(data, batch_size=16))
+    assert sum(len(batch["index"]) for batch in batches) == len(data) == 80
+    assert batches[0][layout.TACTILE].shape == (16, 44, 3)
+    assert batches[0][layout.STATE].shape == (16, 2, 3)
+    assert batches[0]["observation.images.left"].shape == (16, 3, 24, 32)

@@ -1,0 +1,100 @@
+"""Claims about ROS 2 bags, Parquet tables and videos: other programs read what was recorded."""
+
+import json
+
+import numpy as np
+import pytest
+
+from taxel.errors import BadDataset
+from taxel.exchange.ros2_bag import write_bags
+from taxel.recordings.reader import iterate_frames, read_recording
+
+
+def test_rosbags_reads_a_bag_folder_with_every_message(make, tmp_path):
+    """Images as they came, touch with names and units, marks as JSON in a String."""
+    rosbag2 = pytest.importorskip("rosbags.rosbag2", reason="rosbags is not installed")
+    typesys = pytest.importorskip("rosbags.typesys")
+    path = make(tmp_path / "a.mcap")
+    counts = write_bags([path], tmp_path / "bags")["a"]
+    assert counts == {"/touch/teng": 1600, "/camera/left": 40, "/camera/right": 40, "/marks": 2}
+    store = typesys.get_typestore(typesys.Stores.ROS2_HUMBLE)
+    message = (tmp_path / "bags/taxel_msgs/msg/TactileState.msg").read_text()
+    store.register(typesys.get_types_from_msg(message, "taxel_msgs/msg/TactileState"))
+    found: dict[str, list] = {topic: [] for topic in counts}
+    with rosbag2.Reader(tmp_path / "bags/a") as reader:
+        assert reader.message_count == sum(counts.values())
+        for connection, _, content in reader.messages():
+            message = store.deserialize_cdr(content, connection.msgtype)
+            found[connection.topic].append(message)
+    ours = read_recording(path).samples
+    for i in (0, 5, 1599):
+        state = found["/touch/teng"][i]
+        assert (state.names, state.units) == (["thumb", "index", "palm"], ["V", "V", "V"])
+        np.testing.assert_array_equal(state.values, ours.values[i])
+        np.testing.assert_array_equal(state.validity, ours.validity[i])
+        stamp = state.header.stamp
+        assert stamp.sec * 10**9 + stamp.nanosec == 17 * 10**17 + round(ours.fitted_s[i] * 1e9)
+    left = [bytes(message.data) for message in found["/camera/left"]]
+    assert left == [frame.jpeg for frame in iterate_frames(path, 0)]
+    assert json.loads(found["/marks"][0].data)["labels"] == {"grasp": "stable"}
+
+
+def test_parquet_holds_what_was_recorded(make, tmp_path):
+    """Every scan, flag, image and mark; units beside the columns; the manifest in the file."""
+    pq = pytest.importorskip("pyarrow.parquet", reason="pyarrow is not installed (taxel[export])")
+    from taxel.exchange.parquet_tables import write_tables
+
+    path = make(tmp_path / "a.mcap")
+    found = write_tables([path], tmp_path / "tables")
+    assert found == {"a": {"scans": 1600, "frames": 80, "marks": 2}}
+    ours = read_recording(path)
+    scans = pq.read_table(tmp_path / "tables/a.scans.parquet")
+    np.testing.assert_array_equal(scans["index"].to_numpy(), ours.samples.values[:, 1])
+    np.testing.assert_array_equal(scans["index validity"].to_numpy(), ours.samples.validity[:, 1])
+    np.testing.assert_array_equal(scans["arrival_s"].to_numpy(), ours.samples.arrival_s)
+    assert scans.schema.field("palm").metadata == {b"unit": b"V"}
+    assert json.loads(json.loads(scans.schema.metadata[b"taxel"])["labels"]) == {"shape": "sphere"}
+    frames = pq.read_table(tmp_path / "tables/a.frames.parquet").to_pylist()
+    left = [row["jpeg"] for row in frames if row["camera"] == "left"]
+    assert left == [frame.jpeg for frame in iterate_frames(path, 0)]
+    marks = pq.read_table(tmp_path / "tables/a.marks.parquet").to_pylist()
+    assert marks[0]["groups"] == [("cup", "ä")]
+
+
+def test_motion_jpeg_is_the_cameras_own_bytes_at_their_times(make, tmp_path):
+    av = pytest.importorskip("av", reason="av is not installed (taxel[export])")
+    from taxel.exchange.video_files import write_videos
+
+    path = make(tmp_path / "a.mcap")
+    assert write_videos([path], tmp_path / "v") == {"a.left.mkv": 40, "a.right.mkv": 40}
+    frames = list(iterate_frames(path, 1))
+    with av.open(str(tmp_path / "v/a.right.mkv")) as file:
+        packets = [packet for packet in file.demux() if packet.size]
+        assert [bytes(packet) for packet in packets] == [frame.jpeg for frame in frames]
+        taken = [float(packet.pts * packet.time_base) for packet in packets]
+    since = [frame.fitted_s - frames[0].fitted_s for frame in frames]
+    np.testing.assert_allclose(taken, since, atol=0.001)
+
+
+def test_h264_is_for_looking(make, tmp_path):
+    av = pytest.importorskip("av", reason="av is not installed (taxel[export])")
+    if "libx264" not in av.codecs_available:
+        pytest.skip("this build of av has no H.264 encoder")
+    from taxel.exchange.video_files import write_videos
+
+    path = make(tmp_path / "a.mcap", array=False)
+    assert write_videos([path], tmp_path / "v", codec="h264") == {
+        "a.left.mp4": 40,
+        "a.right.mp4": 40,
+    }
+    with av.open(str(tmp_path / "v/a.left.mp4")) as file:
+        assert sum(1 for _ in file.decode(video=0)) == 40
+
+
+def test_a_recording_without_cameras_has_no_video(make, tmp_path):
+    pytest.importorskip("av", reason="av is not installed (taxel[export])")
+    from taxel.exchange.video_files import write_videos
+
+    with pytest.raises(BadDataset, match="cameras"):
+        write_videos([make(tmp_path / "a.mcap", cameras=False)], tmp_path / "v")
+    assert not (tmp_path / "v").exists()
