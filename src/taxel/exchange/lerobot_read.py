@@ -26,11 +26,11 @@ from taxel.recordings.writer import Recorder
 from taxel.signals import Samples
 
 _MOST_EPISODES, _MOST_FPS = 1_000_000, 100_000
-"""Bounds of what meta/info.json may say. Source: our choice, docs/decisions/0051."""
+"""Bounds of what meta/info.json may say. Source: our choice, 0051."""
 _ROWS = 64
-"""Frames that are read at a time. Source: our choice, docs/decisions/0051."""
+"""Frames that are read at a time. Source: our choice, 0051."""
 _LONGEST_NAME = 100
-"""Characters of a recording's name that come from a data set. Source: our choice, docs/decisions/0051."""
+"""Characters of a recording's name that come from a data set. Source: our choice, 0051."""
 
 
 def import_lerobot(
