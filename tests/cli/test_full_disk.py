@@ -106,7 +106,7 @@ def test_weights_that_do_not_fit_leave_the_older_run_as_it_was(
     def full(*_args: object, **_options: object) -> None:
         raise SafetensorError("Error while serializing: I/O error: No space left on device")
 
-    monkeypatch.setattr("taxel.training.checkpoints.save_file", full)
+    monkeypatch.setattr("taxel.models.backbones.weight_files.save_file", full)
     words = ["train", str(trained / "data"), "--output", str(trained / "run"), "--epochs", "1"]
     fails([*words, "--no-check"], capsys)
     assert {name: (trained / name).read_bytes() for name in files(trained)} == before

@@ -44,7 +44,7 @@ def test_the_first_way_loses_nothing_and_the_others_are_told_apart(
     fold = cup_folds(pours.groups("cup"))[-1]
     head = HeadConfig(head="lstm", frames=4, epochs=2)
 
-    first, second, small = compare_precisions(pours, fold, head, Ways(open_way, ways), tmp_path)
+    first, second, small = compare_precisions(pours, fold, head, open_way, Ways(ways), tmp_path)
 
     assert (first.lost, first.differ, first.largest_difference) == (0.0, 0.0, 0.0)
     assert second.largest_difference < 1e-4

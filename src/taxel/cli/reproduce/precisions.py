@@ -98,7 +98,7 @@ class Precisions:
                     return open_backbone(name, train, self.weights, chosen)
 
                 rows += compare_precisions(
-                    pours, fold, config, Ways(open_way, ways, self.weights.threads),
+                    pours, fold, config, open_way, Ways(ways, self.weights.threads),
                     self.labels.folder(), on_progress=show,
                 )  # fmt: skip
         return rows

@@ -59,8 +59,6 @@ class PrecisionRow:
 class Ways:
     """How one backbone's features are computed."""
 
-    open: Callable[[EngineName, Precision, Sequence[CameraRecording]], BackboneExtractor]
-    """Opens the backbone; gets the training recordings to calibrate on."""
     tried: Sequence[tuple[EngineName, Precision]] = WAYS
     """Engines and precisions; the first is what the others are compared with."""
     threads: int = 1
@@ -71,6 +69,7 @@ def compare_precisions(
     pours: CameraSet,
     fold: TrialFold,
     head: HeadConfig,
+    open_way: Callable[[EngineName, Precision, Sequence[CameraRecording]], BackboneExtractor],
     ways: Ways,
     cache: Path,
     *,
@@ -82,6 +81,7 @@ def compare_precisions(
         pours: Labelled recordings.
         fold: Which cups are learned from, and which is judged.
         head: How the head is trained.
+        open_way: Opens the backbone; gets the training recordings to calibrate on.
         ways: How features are computed.
         cache: Folder for features.
         on_progress: Called with the way's name after each recording.
@@ -93,7 +93,7 @@ def compare_precisions(
     wanted: NDArray[np.float32] | None = None
     rows: list[PrecisionRow] = []
     for engine, precision in ways.tried:
-        extractor = ways.open(engine, precision, training)
+        extractor = open_way(engine, precision, training)
         name = f"{engine} {precision}"
 
         def show(done: Progress, name: str = name) -> None:
