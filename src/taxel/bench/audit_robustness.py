@@ -22,6 +22,7 @@ from taxel.evaluation.robustness.array_sweep import plan_array, sweep_array
 from taxel.evaluation.robustness.conditions import (
     BASE,
     LEVELS,
+    WEATHER,
     NewSessions,
     settings_at,
     simulate_at,
@@ -80,7 +81,7 @@ def condition_rows() -> list[Row]:
         for grasps in (False, True):
             what = f"{target} by {'whole grasps' if grasps else 'windows'}"
             rows.append(_base_row(what, plain[target], robust[target], grasps))
-            for condition in LEVELS:
+            for condition in WEATHER:
                 rows.append(_condition_row(what, condition, plain[target], robust[target], grasps))
     return rows
 
@@ -129,7 +130,7 @@ def _at_conditions(robust: bool) -> dict[str, _Told]:
     """Return target → (condition, level) → answers; runs in a process of its own."""
     models = _train(TARGETS, robust)
     models[TWO] = _side_by_side(models["shape"], models["material"], models["shape+material"])
-    places = [(CLEAN, 0.0), *((name, at) for name, (_, levels) in LEVELS.items() for at in levels)]
+    places = [(CLEAN, 0.0), *((name, at) for name in WEATHER for at in LEVELS[name][1])]
     found: dict[str, _Told] = {target: {} for target in models}
     for name, level in places:
         sessions = simulate_at(dict(BASE) if name == CLEAN else settings_at(name, level), TESTED)

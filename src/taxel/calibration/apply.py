@@ -87,13 +87,13 @@ def correct(
         if unit == "V":
             values[:, column] = above
         else:
-            values[:, column], flags = _newtons(above, channel)
+            values[:, column], flags = newtons(above, channel)
             validity[:, column] |= flags
     unusable = ~samples.usable
     values[unusable] = samples.values[unusable] if unit == "V" else np.float32(np.nan)
     return Corrected(
         samples=replace(samples, values=values, validity=validity),
-        info=_described(info, calibration, unit),
+        info=described(info, calibration, unit),
         baselines=tuple(lines),
         borrowed=tuple(borrowed),
     )
@@ -212,9 +212,15 @@ def _own_line(
     return rest_line(middles, lows)
 
 
-def _newtons(
+def newtons(
     above: NDArray[np.float64], channel: ChannelCalibration
 ) -> tuple[NDArray[np.float64], NDArray[np.uint8]]:
+    """Return one channel's forces and their flags, shape (n,) each.
+
+    Args:
+        above: Volts above the baseline, shape (n,).
+        channel: Its calibration.
+    """
     flags = np.zeros(len(above), np.uint8)
     if channel.curve is None or math.isnan(channel.largest_n):
         return np.full(len(above), np.nan), flags | np.uint8(Validity.NOT_FINITE)
@@ -223,7 +229,8 @@ def _newtons(
     return np.minimum(force, channel.largest_n), flags
 
 
-def _described(info: SensorInfo, calibration: Calibration, unit: Unit) -> SensorInfo:
+def described(info: SensorInfo, calibration: Calibration, unit: Unit) -> SensorInfo:
+    """Return what an array is once it was corrected: units, full scale, what was done."""
     what = "baseline, drift" + (", force in newtons" if unit == "N" else "")
     details = {**info.details, "calibration": calibration.digest, "corrected": what}
     if unit == "V":

@@ -165,6 +165,7 @@ def _sensor(
         largest_n=range_n[1],
         rise_s=_quartiles(own.rise_s),
         fall_s=_quartiles(own.fall_s),
+        recovery_s=_quartiles(own.recovery_s),
         noise=noise,
         rest=measured.lines[channel],
         errors=errors_of(held, rng),

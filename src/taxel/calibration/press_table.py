@@ -33,6 +33,7 @@ class PressTable:
     saturated: NDArray[np.bool_]
     rise_s: Array
     fall_s: Array
+    recovery_s: Array
     ghost: Array
 
     @staticmethod
@@ -51,13 +52,14 @@ class PressTable:
             saturated=np.concatenate([one.saturated for one in measured]),
             rise_s=np.concatenate([one.rise_s for one in measured]),
             fall_s=np.concatenate([one.fall_s for one in measured]),
+            recovery_s=np.concatenate([one.recovery_s for one in measured]),
             ghost=np.concatenate([one.ghost for one in measured]),
         )
 
     def only(self, mask: NDArray[np.bool_]) -> PressTable:
         """Return some of the presses; `mask` has the shape (presses,)."""
         names = ("channel", "all_force_n", "all_volts", "all_rising", "all_rounds", "saturated",
-                 "rise_s", "fall_s", "ghost")  # fmt: skip
+                 "rise_s", "fall_s", "recovery_s", "ghost")  # fmt: skip
         return PressTable(**{name: getattr(self, name)[mask] for name in names})
 
     @property

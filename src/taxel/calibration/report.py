@@ -120,6 +120,12 @@ def findings(document: Document) -> list[str]:
             f"under a force that stays the signal sinks with a time constant of "
             f"{1000 * min(falls):.0f} to {1000 * max(falls):.0f} ms"
         )
+    back = [one["recovery_s"][0] for one in pressed if one["recovery_s"][0] is not None]
+    if back:
+        lines.append(
+            f"response 10 to 90 % and recovery 90 to 10 %, gauge included, medians: "
+            f"{_spread([one['rise_s'][0] for one in pressed])} and {_spread(back)} ms"
+        )
     floor = [one["channel"] for one in channels if (one["noise"]["at_floor"] or 0.0) > 0.2]
     if floor:
         lines.append(
@@ -133,6 +139,12 @@ def findings(document: Document) -> list[str]:
             f"{lost[1]} with unusable values"
         )
     return lines
+
+
+def _spread(seconds: list[float | None]) -> str:
+    """Return the least and the largest of some times, milliseconds."""
+    known = [1000.0 * value for value in seconds if value is not None]
+    return f"{min(known):.0f} to {max(known):.0f}" if known else "–"
 
 
 def write_page(path: Path, document: Document, command: str) -> None:

@@ -52,6 +52,9 @@ class Responses:
     fall_s: NDArray[np.float64]
     """Shape (presses,): time constant of the fall right after the peak, seconds; NaN where
     it is not clear."""
+    recovery_s: NDArray[np.float64]
+    """Shape (presses,): from 90 to 10 % of the height after the peak, seconds; NaN where it is not
+    clear, or not over when the press is. The gauge's own speed is in it."""
     ghost: NDArray[np.float64]
     """Shape (presses, channels): area of each channel as a share of the pressed one's."""
     lines: tuple[RestLine | None, ...]
@@ -109,6 +112,7 @@ def measure_responses(
         saturated=np.array([one.saturated for one in found], bool),
         rise_s=np.array([one.rise_s for one in found]),
         fall_s=np.array([one.fall_s for one in found]),
+        recovery_s=np.array([one.recovery_s for one in found]),
         ghost=np.array([one.ghost for one in found]).reshape(len(found), channels),
         lines=lines,
         blocks=blocks,
@@ -122,6 +126,7 @@ class _One:
     saturated: bool
     rise_s: float
     fall_s: float
+    recovery_s: float
     ghost: NDArray[np.float64]
 
 
@@ -188,8 +193,9 @@ def _press(
     return _One(
         height=height,
         saturated=saturated,
-        rise_s=_rise_s(raw, peak, float(own[peak]), rate_hz) if clear else math.nan,
+        rise_s=rise_s(raw, peak, float(own[peak]), rate_hz) if clear else math.nan,
         fall_s=_fall_s(own, peak, rate_hz) if clear else math.nan,
+        recovery_s=recovery_s(raw, peak, float(own[peak]), rate_hz) if clear else math.nan,
         ghost=ghost if math.isfinite(height) else np.full(told.shape[1], np.nan),
     )
 
@@ -212,14 +218,38 @@ def _base(
     return 0.0 if line is None else float(line.at(start_s))
 
 
-def _rise_s(raw: NDArray[np.float64], peak: int, height: float, rate_hz: float) -> float:
-    """Return the time from 10 to 90 %, between scans where they allow, seconds."""
-    light = np.asarray(np.convolve(raw, np.ones(3) / 3.0, mode="same")[: peak + 1], np.float64)
+def rise_s(raw: NDArray[np.float64], peak: int, height: float, rate_hz: float) -> float:
+    """Return the time from 10 to 90 %, between scans where they allow, seconds; NaN if unclear.
+
+    Args:
+        raw: One channel above its baseline, shape (n,), from before the press.
+        peak: Index of its highest value.
+        height: Of the press, in the channel's unit.
+        rate_hz: Scans a second.
+    """
+    light = _light(raw)[: peak + 1]
     tenth = _crossing(light, 0.1 * height)
     most = _crossing(light, 0.9 * height)
     if not (math.isfinite(tenth) and math.isfinite(most)):
         return math.nan
     return max(most - tenth, 0.0) / rate_hz
+
+
+def recovery_s(raw: NDArray[np.float64], peak: int, height: float, rate_hz: float) -> float:
+    """Return the time from 90 to 10 % after the peak, seconds; NaN where it never falls so far.
+
+    Args: as of `rise_s`, to after the release.
+    """
+    falling = _light(raw)[peak:]
+    most, tenth = (_crossing(-falling, -share * height) for share in (0.9, 0.1))
+    if not (math.isfinite(most) and math.isfinite(tenth)):
+        return math.nan
+    return max(tenth - most, 0.0) / rate_hz
+
+
+def _light(raw: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the mean of each value and its neighbours."""
+    return np.asarray(np.convolve(raw, np.ones(3) / 3.0, mode="same"), np.float64)
 
 
 def _crossing(rising: NDArray[np.float64], level: float) -> float:

@@ -85,6 +85,8 @@ class SensorResult:
     """10 to 90 %, gauge and sensor together: median, quartiles."""
     fall_s: Interval
     """Time constant after the peak: median, quartiles."""
+    recovery_s: Interval
+    """90 to 10 % after the peak, gauge and sensor together: median, quartiles."""
     noise: Noise
     rest: RestLine | None
     errors: tuple[Errors, ...]

@@ -13,15 +13,17 @@ from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from taxel import __version__
 from taxel.calibration.curves import FORMS, Curve
-from taxel.calibration.results import Characterisation, SensorResult
 from taxel.errors import BadFile, BadInput
 from taxel.foreign.json_text import read_json
 from taxel.recordings.whole import write_whole
 from taxel.signals import SensorInfo
+
+if TYPE_CHECKING:  # reading a calibration, as live does, needs no SciPy
+    from taxel.calibration.results import Characterisation, SensorResult
 
 FORMAT = "taxel-calibration"
 VERSION = 1

@@ -56,7 +56,13 @@ class Calibrate:
     rounds: int = 3
     """Live: times up and down these forces, on each sensor."""
     sensors: tuple[str, ...] = ()
-    """Live: which channels to press; all unless given."""
+    """Live: which channels to press; all unless given. --cycles: which to look at; of sim://teng
+    which to tap, the first unless given."""
+    cycles: int | None = None
+    """Durability instead of curves: so many taps, found by themselves in any source; of sim://teng
+    the simulated gauge taps, else whoever stands beside the pad."""
+    tap_hz: tuple[float, ...] = (0.5, 1.0, 4.0, 8.0)
+    """--cycles of sim://teng: further rates to tap at, 1/s; other taps come as they come."""
     recording: Path | None = None
     """Live: where the raw recording goes; beside --output unless given. sim://teng keeps none
     unless this is given."""
@@ -74,11 +80,25 @@ class Calibrate:
     """Print the calibration, or the ledger of the corrected recording, as JSON."""
 
     RULES: ClassVar = (
-        Only(("measure", "presses", "html", "seed"), "no --apply", lambda o: o.apply is None),
+        Only(
+            ("measure", "presses", "html", "seed"), "no --apply and no --cycles",
+            lambda o: o.apply is None and o.cycles is None,
+        ),
         Only(("unit",), "--apply", lambda o: o.apply is not None),
-        Only(("forces", "rounds", "recording"), "a live sensor or sim://teng", lambda o: o._live()),
-        Only(("sensors",), "a live sensor", lambda o: o._live() and not o._is_simulated()),
-    )
+        Only(("apply",), "no --cycles", lambda o: o.cycles is None),
+        Only(
+            ("forces", "rounds", "recording"), "a live sensor or sim://teng, and no --cycles",
+            lambda o: o._live() and o.cycles is None,
+        ),
+        Only(
+            ("sensors",), "a live sensor, or --cycles",
+            lambda o: o.cycles is not None or (o._live() and not o._is_simulated()),
+        ),
+        Only(
+            ("tap-hz",), "--cycles and sim://teng",
+            lambda o: o.cycles is not None and o._is_simulated(),
+        ),
+    )  # fmt: skip
 
     def run(self) -> None:
         """Calibrate, or correct."""
@@ -86,6 +106,9 @@ class Calibrate:
             raise BadInput("a recording or an address", "none", "try: taxel calibrate sim://teng")
         if self.apply is not None:
             self._correct(self.apply)
+            return
+        if self.cycles is not None:
+            self._tap(self.cycles)
             return
         _need_scipy()
         from taxel.calibration.characterise import characterise
@@ -104,6 +127,18 @@ class Calibrate:
             print_json(document)
         else:
             self._print(document)
+
+    def _tap(self, cycles: int) -> None:
+        """Measure durability instead of curves."""
+        from taxel.calibration.stored import check_output
+        from taxel.cli.calibrate_cycles import measure_cycles, write_cycles
+
+        _need_scipy()
+        check_output(self.output, self.overwrite)
+        if len(self.source) != 1:
+            raise BadInput("one source with --cycles", f"{len(self.source)}", "name one")
+        document = measure_cycles(self.source[0], self.sensors, cycles, self.tap_hz)
+        write_cycles(self.output, document, self.json)
 
     def _live(self) -> bool:
         """Return whether forces are asked for, and nothing is read or corrected."""

@@ -17,11 +17,14 @@ from taxel.errors import BadInput
 
 if TYPE_CHECKING:
     from taxel.bundles.signing import Trust
+    from taxel.calibration.live import LiveNewtons
     from taxel.live.recogniser import Recogniser
     from taxel.live.session import Tally
     from taxel.sources.contract import Source
 
 
+PAGE_ADDRESS = "127.0.0.1:0"
+"""Where the page listens unless told: this machine alone, at a free port."""
 LEAST_CONFIDENCE = 0.5
 """Probability below which an answer is UNKNOWN unless another is asked for. Our choice,
 docs/decisions/0010."""
@@ -53,11 +56,12 @@ class Live:
     beside: Annotated[tuple[str, ...], tyro.conf.UseAppendAction] = ()
     """One more source to run beside the first, such as a hand beside a pair of cameras; each
     bundle goes to the first source that it fits. May be given several times."""
-    page: bool = False
-    """Open the operator's page; its address is printed."""
-    page_address: str = "127.0.0.1:0"
-    """With --page: where it listens, HOST:PORT; port 0 takes a free one; any host but this
-    machine's own address is open to the network."""
+    page: tuple[str, ...] | None = None
+    """Open the operator's page; its address is printed. It listens on 127.0.0.1 at a free port, or
+    where HOST:PORT says; any host but this machine's own address is open to the network."""
+    calibration: Path | None = None
+    """A calibration (.json) of the array: the map and the page show newtons; what the bundle is
+    given stays in volts."""
     record: Path | None = None
     """Record everything to this file, ending in .mcap."""
     label: Pairs = ()
@@ -88,11 +92,10 @@ class Live:
     grasps_right in all their windows; latencies in µs, from samples in hand to decision."""
 
     RULES: ClassVar = (
-        Only(("page-address",), "--page", lambda o: o.page),
         Only(("arm",), "--gripper", lambda o: o.gripper),
         Only(("force-n",), "--gripper or --tell", lambda o: o.gripper or o.tell),
         Only(("overwrite",), "--record", lambda o: o.record),
-        Only(("label", "group"), "--record or --page", lambda o: o.record or o.page),
+        Only(("label", "group"), "--record or --page", lambda o: o.record or o.page is not None),
         Only(("quiet",), "no --json", lambda o: not o.json),
     )
 
@@ -108,6 +111,7 @@ class Live:
         from taxel.decisions.recognition import RecogniseConfig
         from taxel.live.recogniser import Recogniser
         from taxel.sources.opening import open_source, recordings_of
+        from taxel.windows.following import GateMove
 
         if self.seconds is not None and not self.seconds > 0:
             raise BadInput("--seconds above 0", str(self.seconds), "give a longer time")
@@ -128,6 +132,12 @@ class Live:
             from taxel.bundles.signing import read_trust
 
             trust = read_trust(self.trust)
+        if self.calibration is not None and not any(
+            not (is_grasp_bundle(file) or is_trial_bundle(file)) for file in files
+        ):
+            raise BadInput(
+                "a bundle of an array beside --calibration", "tactile cameras only", "leave it out"
+            )
         if any(map(is_trial_bundle, files)) and (self._needs_station() or len(files) > 1):
             raise BadInput(
                 "a bundle of camera trials alone, in the terminal", "more beside it",
@@ -172,6 +182,8 @@ class Live:
                 )
             if result["filled"]:
                 say(f"  {result['filled']} windows had short gaps filled in")
+            for move in result["gate_moves"]:
+                say(f"  {move['time_s']:.1f} s: {GateMove(**move).words()}")
             if result["windows"]:
                 say(
                     f"  latency from window to decision: median {result['latency_us_median']:.0f} "
@@ -182,24 +194,33 @@ class Live:
         """Run one source to its end, on the screen where there is one."""
         from taxel.live.session import run_session
 
+        newtons = self._newtons(source)
         if self.quiet or self.json or not console.is_terminal:
             return run_session(source, recognisers, self.seconds)
         from taxel.views.live import LiveView
 
-        with LiveView(console, source.info, recognisers) as view:
+        with LiveView(console, source.info, recognisers, newtons) as view:
             return run_session(source, recognisers, self.seconds, view.show)
+
+    def _newtons(self, source: Source) -> LiveNewtons | None:
+        """Return what shows the array in newtons, where a calibration was named."""
+        if self.calibration is None:
+            return None
+        from taxel.calibration.live import LiveNewtons
+        from taxel.calibration.stored import read_calibration
+
+        return LiveNewtons(read_calibration(self.calibration), source.info)
 
     def _least(self) -> float:
         return LEAST_CONFIDENCE if self.least_confidence is None else self.least_confidence
 
     def _needs_station(self) -> bool:
         """True where one process is not enough."""
-        return bool(
-            self.beside or self.page or self.record or self.gripper or self.tell or self.rerun
-        )
+        asked = (self.beside, self.record, self.gripper, self.tell, self.rerun)
+        return self.page is not None or any(asked)
 
     def _station(self, bundles: tuple[Path, ...], trust: Trust | None) -> StationOptions:
-        host, port = parse_address(self.page_address)
+        host, port = parse_address(*(self.page or (PAGE_ADDRESS,)))
         return StationOptions(
             bundles=bundles,
             sources=(self.source, *self.beside),
@@ -210,7 +231,7 @@ class Live:
             labels=parse_pairs(self.label, "--label"),
             groups=parse_pairs(self.group, "--group"),
             overwrite=self.overwrite,
-            page=self.page,
+            page=self.page is not None,
             page_host=host,
             page_port=port,
             gripper=self.gripper,
@@ -218,6 +239,7 @@ class Live:
             tell=self.tell,
             force_n=self.force_n,
             rerun=self.rerun,
+            calibration=self.calibration,
             quiet=self.quiet,
             json=self.json,
         )

@@ -70,6 +70,8 @@ class StationOptions:
     force_n: tuple[float, float] | None = None
     """Force at which a grasp begins and largest force, newtons; `FORCE_N` unless given."""
     rerun: bool = False
+    calibration: Path | None = None
+    """Of the array that the page shows, which is then in newtons."""
     quiet: bool = False
     json: bool = False
 
@@ -106,6 +108,7 @@ def live_station(options: StationOptions) -> dict[str, Any]:
             recordings=options.recordings,
             labels=options.labels,
             groups=options.groups,
+            calibration=options.calibration,
             guard=GuardConfig(silent_s=_PATIENT_S) if simulated else GuardConfig(),
             interlock=replace(interlock, **_PATIENCE) if simulated else interlock,
         )
@@ -176,7 +179,7 @@ def parse_address(text: str) -> tuple[str, int]:
     """
     host, colon, port = text.rpartition(":")
     if not (host and colon and re.fullmatch(r"[0-9]{1,5}", port) and int(port) < 1 << 16):
-        raise BadInput("HOST:PORT for --page-address", repr(text), "for example 127.0.0.1:8080")
+        raise BadInput("HOST:PORT for --page", repr(text), "for example 127.0.0.1:8080")
     return host.removeprefix("[").removesuffix("]"), int(port)
 
 

@@ -89,8 +89,10 @@ OLD: tuple[Old, ...] = (
     Old("audit", "parts", "--fold-count 5"),
     Old("bundle", "target", "--board mega", "avr"),
     Old("bundle", "target", "without --target: a bundle is for live work", "live"),
-    Old("live", "page-host", "--page-address 127.0.0.1:8080"),
-    Old("live", "page-port", "--page-address 127.0.0.1:8080"),
+    *(
+        Old("live", option, "--page 127.0.0.1:8080")
+        for option in ("page-host", "page-port", "page-address")
+    ),
     Old("live", "least-n", "--force-n 15 50"),
     Old("live", "most-n", "--force-n 15 50"),
 )  # fmt: skip

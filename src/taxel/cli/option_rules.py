@@ -18,7 +18,7 @@ class Only:
     """Options of a verb that mean something only where `when` holds."""
 
     options: tuple[str, ...]
-    """As they are typed, without dashes: "page-address"."""
+    """As they are typed, without dashes: "fold-count"."""
     need: str
     """What must be, such as "--page" or "no --json"."""
     when: Callable[[Any], object]

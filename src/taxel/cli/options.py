@@ -38,7 +38,8 @@ class RecipeOptions:
     (whole scans). channels: names with commas. pad, tare: yes or no. wavelet: such as db2, or none.
     segment: values up to this are background, or none. fill: share of a
     window, 0…1, whose short gaps are filled in. reference: KEY=VALUE:COUNT, first touches
-    that set a session's level, or none."""
+    that set a session's level, or none. follow: seconds of rest and noise that each channel's gate
+    follows, or none. subtract: an untouched channel's name, taken from all, or none."""
     epochs: int | None = None
     """Passes over the training windows, 1 or more."""
     seed: int = 0

@@ -36,15 +36,17 @@ class Sweep:
     data: Path | None = None
     """Recordings that it was not trained on: a folder, or one recording."""
     simulate: bool = False
-    """Instead of --data: new sessions of sim://teng at other temperatures, humidities, dust,
-    moisture and with moving objects, each with its own reference touches."""
+    """Instead of --data: new sessions of sim://teng at each level of a condition (see --faults),
+    each with its own reference touches."""
     faults: tuple[str, ...] = ()
     """Names, with commas or spaces between them; all unless given. Arrays: noise (dB), hum, hum-60
     (% of full scale), dead, missing, stuck (channels), swapped (pairs), drift, channel-drift
     (%/min), skew (ppm), jitter (ms), loss, burst-loss (%), offset, saturation (% of full scale).
     Cameras: bright, dark, exposure-step (stops), scratches, fading, marker-loss, frame-loss (%),
     frame-rate (images/s), blur (px), image-noise (grey levels), jpeg (quality). --simulate:
-    temperature (°C), humidity (% RH), dust, moisture, moving (shares, 0…1)."""
+    temperature (°C), humidity (% RH), dust, moisture, moving (shares, 0…1), force (N), size (mm,
+    half of the width), angle (° turned in the hand), fatigue (full presses of pads that lose 20 %
+    of their output in 10,000)."""
     levels: tuple[str, ...] = ()
     """Levels of the one fault named, in its unit; its own unless given."""
     least_confidence: float | None = None

@@ -54,13 +54,19 @@ class View:
     png: Path | None = None
     """Write a figure to this file (.png) instead, of that time or moment; of cameras' last moment
     within it unless --at or --frame chooses. Needs taxel[train]."""
+    calibration: Path | None = None
+    """A calibration (.json) of the array: traces and map in newtons instead of volts."""
     page: bool = False
     """A recording on the operator's page, with a time cursor; its address is printed."""
     json: bool = False
     """Print the summary as JSON."""
 
     RULES: ClassVar = (
-        Only(("seconds", "at", "frame", "png", "json"), "no --page", lambda o: not o.page),
+        Only(
+            ("seconds", "at", "frame", "png", "calibration", "json"),
+            "no --page",
+            lambda o: not o.page,
+        ),
     )
 
     def run(self) -> None:
@@ -73,7 +79,8 @@ class View:
             return
         drawn = self.png is not None
         watched = console.is_terminal and not (self.json or drawn or self._chosen())
-        with open_source(self.source if watched else at_full_speed(self.source)) as source:
+        with open_source(self.source if watched else at_full_speed(self.source)) as raw:
+            source = self._calibrated(raw)
             if self._of_cameras(source):
                 view_cameras(source, self.source, self._moment(), self.png, as_json=self.json)
             elif self.png is not None:
@@ -82,6 +89,15 @@ class View:
                 show(source, self.seconds)
             else:
                 self._summarise(source)
+
+    def _calibrated(self, source: Source) -> Source:
+        """Return the source in newtons, where a calibration was named."""
+        if self.calibration is None:
+            return source
+        from taxel.calibration.live import SourceInNewtons
+        from taxel.calibration.stored import read_calibration
+
+        return SourceInNewtons(source, read_calibration(self.calibration))
 
     def _replay_page(self) -> None:
         """Serve the recording's page until Ctrl-C."""

@@ -35,12 +35,15 @@ def changed_window(window: WindowConfig, words: Mapping[str, str]) -> WindowConf
         if name not in _READ:
             raise BadInput(f"--window with {', '.join(_READ)}", repr(name), "mend the name")
     changes: dict[str, Any] = {
-        ("grid_hz" if name == "grid" else name): _READ[name](f"--window {name}=", text)
+        _FIELDS.get(name, name): _READ[name](f"--window {name}=", text)
         for name, text in words.items()
         if name != "gate"
     }
     if "gate" in words:
         changes["gate"] = _gate(words["gate"], changes.get("channels"))
+    follow = changes.get("gate_follow_s", window.gate_follow_s)
+    if follow is not None and not (changes.get("gate", window.gate) or 0.0) > 0.0:
+        raise BadInput("a gate above 0 beside --window follow=", "none", "give one with gate=1.55")
     if "steps" in changes:
         changes.setdefault("stride", changes["steps"])
     _check_layout(window, changes)
@@ -153,6 +156,15 @@ def _gate(text: str, channels: tuple[str, ...] | None) -> float | None:
         ) from error
 
 
+def _seconds_or_none(option: str, text: str) -> float | None:
+    value = _number_or_none(option, text)
+    if value is not None and value <= 0:
+        raise BadInput(f"{option}SECONDS above 0, or none", repr(text), f"for example {option}30")
+    return value
+
+
+_FIELDS = {"grid": "grid_hz", "follow": "gate_follow_s"}
+"""Name of a change → the window's field, where it has another name."""
 _READ: dict[str, Callable[[str, str], Any]] = {
     "steps": _count,
     "stride": _count,
@@ -166,5 +178,7 @@ _READ: dict[str, Callable[[str, str], Any]] = {
     "segment": _number_or_none,
     "reference": _reference,
     "fill": _share,
+    "follow": _seconds_or_none,
+    "subtract": _text_or_none,
 }
 """Name of a change → what reads its value."""

@@ -12,6 +12,7 @@ from time import perf_counter
 from taxel.bundles.reader import Bundle
 from taxel.decisions.recognition import Decision, Quality, RecogniseConfig, decide
 from taxel.signals import Samples, SensorInfo
+from taxel.windows.following import GateMove
 from taxel.windows.windower import Windower, Windows
 
 _NEAR_S = 0.03
@@ -78,6 +79,10 @@ class Recogniser:
         if missing != self._missing:
             self._missing, self._grown_s = missing, perf_counter()
         return answers
+
+    def gate_moves(self) -> list[GateMove]:
+        """Return how the contact gate was moved since the last call, oldest first."""
+        return self._windower.gate_moves()
 
     def flush(self) -> list[Answer]:
         """End the stream; return the answer of its last, padded window if there is one."""

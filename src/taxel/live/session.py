@@ -6,8 +6,8 @@ Knows nothing about screens.
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable
-from dataclasses import dataclass, field
+from collections.abc import Callable, Sequence
+from dataclasses import asdict, dataclass, field
 from math import inf
 from typing import Any
 
@@ -17,6 +17,7 @@ from taxel.decisions.recognition import UNKNOWN, Decision, GraspVote
 from taxel.live.recogniser import Answer, Recogniser
 from taxel.signals import Mark, Samples
 from taxel.sources.contract import Source
+from taxel.windows.following import GateMove
 
 _KEPT_LATENCIES = 10_000
 """Latest latencies kept, so that memory stays constant."""
@@ -40,6 +41,8 @@ class Tally:
     grasp_answer: tuple[str, float] = (UNKNOWN, float("nan"))
     latest: Answer | None = None
     latencies_s: list[float] = field(default_factory=list)
+    gate_moves: list[GateMove] = field(default_factory=list)
+    """How the contact gate was moved, oldest first; the last `_KEPT_ANSWERS`."""
     late: bool = False
     """True where an answer may come after the mark that it lies in, as of a padded window."""
     _waiting: list[Decision] = field(default_factory=list)
@@ -58,6 +61,11 @@ class Tally:
         del self.latencies_s[:-_KEPT_LATENCIES]
         self._waiting.append(decision)
         del self._waiting[:-_KEPT_ANSWERS]
+
+    def note(self, moves: Sequence[GateMove]) -> None:
+        """Keep how the contact gate was moved."""
+        self.gate_moves += moves
+        del self.gate_moves[:-_KEPT_ANSWERS]
 
     def compare(self, mark: Mark) -> None:
         """Count the windows inside a mark as right or wrong; their vote is the grasp's.
@@ -106,6 +114,7 @@ class Tally:
             setattr(self, name, getattr(self, name) + getattr(other, name))
         self.latencies_s += other.latencies_s
         del self.latencies_s[:-_KEPT_LATENCIES]
+        self.note(other.gate_moves)
         self.latest, self.grasp_answer = other.latest, other.grasp_answer
 
     def summary(self) -> dict[str, Any]:
@@ -120,6 +129,7 @@ class Tally:
             "right": self.right,
             "grasps": self.grasps,
             "grasps_right": self.grasps_right,
+            "gate_moves": [asdict(move) for move in self.gate_moves],
             "latency_us_median": float(np.median(latencies)),
             "latency_us_p99": float(np.percentile(latencies, 99)),
         }
@@ -169,6 +179,7 @@ def run_session(
         for recogniser, tally in zip(recognisers, tallies, strict=True):
             for answer in recogniser.push(samples):
                 tally.add(answer)
+            tally.note(recogniser.gate_moves())
         _compare(source, tallies, end_s)
         if show is not None:
             show(samples, tallies)

@@ -16,6 +16,7 @@ from taxel.errors import BadInput
 from taxel.models.cnn1d import Cnn1d
 from taxel.models.cnn2d import Cnn2d
 from taxel.models.cnn3d import Cnn3d
+from taxel.models.conv_lstm import ConvLstm
 from taxel.models.forest import CourseForest
 from taxel.models.inception_time import InceptionTime
 from taxel.models.library import Estimator, ExtraTrees, MiniRocketRidge
@@ -82,6 +83,12 @@ MODELS: dict[str, Network | Baseline] = {
         summary="3D CNN over time × fingers × phalanges",
         source="TENG thesis, section 2.5.3; sizes: docs/decisions/0024",
         build=Cnn3d,
+        scaling="full-scale",
+    ),
+    "conv-lstm": Network(
+        summary="ConvLSTM: an LSTM with convolutions over fingers × phalanges",
+        source="TENG thesis, section 1; Shi et al., NeurIPS 2015; sizes: docs/decisions/0047",
+        build=ConvLstm,
         scaling="full-scale",
     ),
     "inception-time": Network(

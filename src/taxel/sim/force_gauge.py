@@ -19,7 +19,12 @@ from taxel.sim import teng_constants as constants
 from taxel.sim.teng_constants import MATERIALS, SENSORS
 from taxel.sim.teng_electrics import Sensors, Session, draw_session, full_voltage, quantise
 from taxel.sim.teng_hand import TengHandConfig, sensor_info
+from taxel.sim.teng_wear import Wear
 
+_TAP_PART = 0.2
+"""Share of a tap's period that rise, hold and release take each. Our choice, 0047."""
+_TAP_JITTER = 0.05
+"""Spread of the taps' rate, logarithmic. Our choice, docs/decisions/0047."""
 _SENSORS_A_BOARD = 4
 """Source: TENG thesis, section 3.2: three boards, four sensors each."""
 
@@ -119,6 +124,7 @@ class ForceGauge:
             reference_error=np.repeat(boards, _SENSORS_A_BOARD),
         )
         self._leaked = np.zeros(len(SENSORS))
+        self._wear = Wear(hand.fatigue, hand.worn_presses, len(SENSORS))
         self._scan = 0
 
     @property
@@ -170,17 +176,45 @@ class ForceGauge:
         gain = math.exp(self._rng.normal(0.0, gauge.scatter))
         gain *= 1.0 + gauge.memory * max(heavier_n - force_n, 0.0) / 5.0
         length_s = 2 * gauge.rise_s + gauge.hold_s
-        scans = round((length_s + gauge.rest_s) * self._hand.rate_hz)
-        time_s = np.arange(scans, dtype=np.float64) / self._hand.rate_hz
-        up = _smooth_step(time_s / gauge.rise_s)
-        down = _smooth_step((time_s - gauge.rise_s - gauge.hold_s) / gauge.rise_s)
-        touch = full_voltage(self._session, gauge.material, pressed_n) * (up - down)
-        charge = np.zeros((len(time_s), len(SENSORS)))
-        charge[:, sensor] = touch * gain * self._session.gain[sensor]
-        samples = self._scans(charge)
+        full_v = full_voltage(self._session, gauge.material, pressed_n) * gain
+        samples = self._touch(sensor, full_v, (gauge.rise_s, gauge.hold_s, gauge.rest_s))
         start_s = float(samples.fitted_s[0])
         labels = {"sensor": SENSORS[sensor], "force_n": f"{shown_n:.3f}"}
         return samples, Mark(start_s=start_s, end_s=start_s + length_s, labels=labels)
+
+    def tap(self, sensor: int, force_n: float, tap_hz: float) -> Samples:
+        """Tap one sensor once, at a rate; return one period's scans.
+
+        Rise, hold and release take a fifth of the period each, so that faster taps are quicker
+        touches too. Source: our choice, docs/decisions/0047.
+
+        Args:
+            sensor: Its column.
+            force_n: Newtons.
+            tap_hz: Taps a second.
+        """
+        gauge = self._gauge
+        # Whoever taps in step with the mains reads the hum's phase, not the pad.
+        tap_hz *= math.exp(self._rng.normal(0.0, _TAP_JITTER))
+        part_s = _TAP_PART / tap_hz
+        pressed_n = force_n * math.exp(self._rng.normal(0.0, gauge.force_spread))
+        gain = math.exp(self._rng.normal(0.0, gauge.scatter))
+        full_v = full_voltage(self._session, gauge.material, pressed_n) * gain
+        return self._touch(sensor, full_v, (part_s, part_s, 1.0 / tap_hz - 3.0 * part_s))
+
+    def _touch(self, sensor: int, full_v: float, times_s: tuple[float, float, float]) -> Samples:
+        """Touch one sensor, hold, let go and rest; rise and release take the first time each."""
+        rise_s, hold_s, rest_s = times_s
+        scans = round((2 * rise_s + hold_s + rest_s) * self._hand.rate_hz)
+        time_s = np.arange(scans, dtype=np.float64) / self._hand.rate_hz
+        up = _smooth_step(time_s / rise_s)
+        down = _smooth_step((time_s - rise_s - hold_s) / rise_s)
+        charge = np.zeros((scans, len(SENSORS)))
+        charge[:, sensor] = full_v * (up - down) * self._session.gain[sensor]
+        if self._hand.fatigue:
+            charge[:, sensor] *= self._wear.left[sensor]
+        self._wear.add(np.eye(len(SENSORS))[sensor])
+        return self._scans(charge)
 
     def rest(self, seconds: float) -> Samples:
         """Return scans of an untouched hand."""

@@ -22,6 +22,10 @@ _FINGER_MM = np.array([-33.0, -11.0, 11.0, 33.0])
 """The fingers' places across the hand, millimetres. Our choice: 22 mm apart."""
 _PHALANX_RAD = np.array([-0.75, 0.0, 0.75])
 """Where the phalanges meet a round object, angle around it. Our choice."""
+HALF_WIDTH_MM = (28.0, 40.0)
+"""Half of an object's width, millimetres, in data sets. Our choice, docs/decisions/0005."""
+_TURN_DEVIATION_RAD = 0.06
+"""Spread of how far an object is turned in the hand, radians. Our choice, docs/decisions/0005."""
 _GIVE_MM = 9.0
 """How far soft pads and linked fingers follow a surface that falls away. Our choice."""
 _RELATIVE_RISE = constants.RELATIVE_RISE | UNKNOWN_RISE
@@ -62,6 +66,8 @@ def draw_grasp(
     material: str,
     force_n: tuple[float, float],
     moving: float,
+    size_mm: tuple[float, float] = HALF_WIDTH_MM,
+    angle_deg: float = 0.0,
 ) -> Grasp:
     """Draw a grasp; its nuisances do not depend on shape or material.
 
@@ -71,18 +77,22 @@ def draw_grasp(
         material: One of `MATERIALS`, or of `UNKNOWN_MATERIALS`.
         force_n: Range of the grip force, newtons.
         moving: Share of grasps whose object moves, 0…1.
+        size_mm: Range of half of the object's width, millimetres.
+        angle_deg: How much further the object is turned in the hand than grasps scatter,
+            degrees, to the side to which it is turned anyway.
     """
-    size_mm = rng.uniform(28.0, 40.0)
+    half_mm = rng.uniform(*size_mm)
     across_mm = rng.normal(0.0, 3.0)
-    turned_rad = rng.normal(0.0, 0.06)
+    turned_rad = rng.normal(0.0, _TURN_DEVIATION_RAD)
+    turned_rad += np.copysign(np.deg2rad(angle_deg), turned_rad)
     scatter = np.exp(rng.normal(0.0, constants.GRASP_DEVIATION, 12))
-    pressure = pad_pressure(shape, size_mm, across_mm, turned_rad) * scatter
+    pressure = pad_pressure(shape, half_mm, across_mm, turned_rad) * scatter
     finger_delay = rng.uniform(0.0, constants.FINGER_DELAY_S, 4)
     low, high = np.log(force_n[0]), np.log(force_n[1])
     return Grasp(
         shape=shape,
         material=material,
-        size_mm=size_mm,
+        size_mm=half_mm,
         force_n=float(np.exp(rng.uniform(low, high))),
         pressure=pressure,
         delay_s=np.repeat(finger_delay, 3) + rng.uniform(0.0, 0.01, 12),
@@ -120,7 +130,7 @@ def pad_pressure(
     if shape == "sphere":
         inside = np.sqrt(np.maximum(size_mm**2 - y**2, 0.0))
         finger = np.exp(-(size_mm - inside) / _GIVE_MM)
-        phalanx = np.cos(angle) ** 0.5
+        phalanx = np.maximum(np.cos(angle), 0.0) ** 0.5
     elif shape == "cylinder":
         finger = np.exp(-np.abs(y * np.sin(turned_rad)) / _GIVE_MM)
         phalanx = np.cos(0.8 * angle)

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from scipy.signal import lfilter
 
 from taxel.sim import teng_constants as constants
+from taxel.sim.teng_pickup import Pickup
 from taxel.sim.teng_unknown import RELATIVE_CHARGE as UNKNOWN_CHARGE
 
 _RELATIVE_CHARGE = constants.RELATIVE_CHARGE | UNKNOWN_CHARGE
@@ -112,7 +113,9 @@ class Sensors:
         wiring: str,
         reference_v: float,
         rng: np.random.Generator,
+        pickup: Pickup | None = None,
     ) -> None:
+        self._pickup = pickup
         self._session = session
         self._rate_hz = rate_hz
         self._shared = wiring == "one-board"
@@ -136,6 +139,8 @@ class Sensors:
         kept = (1.0 - decay) * self._rate_hz * self._tau_s
         volts, self._state = lfilter([kept], [1.0, -decay], charge - before, axis=0, zi=self._state)
         volts += self._hum(len(charge))
+        if self._pickup is not None:
+            volts += self._pickup.next(len(charge))[:, None]
         volts = self._ghosts(volts)
         volts += self._rng.normal(0.0, constants.NOISE_V, volts.shape)
         return quantise(volts, self._reference_v)

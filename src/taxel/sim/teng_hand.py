@@ -15,9 +15,11 @@ from numpy.typing import NDArray
 from taxel.signals import Mark, Samples, SensorInfo, flag_values
 from taxel.sim import teng_constants as constants
 from taxel.sim.teng_constants import MATERIALS, SENSORS, SHAPES, SIM_VERSION
-from taxel.sim.teng_contact import Grasp, contact_over_time, draw_grasp
+from taxel.sim.teng_contact import HALF_WIDTH_MM, Grasp, contact_over_time, draw_grasp
 from taxel.sim.teng_electrics import Sensors, Session, draw_session, full_voltage, quantise
+from taxel.sim.teng_pickup import PICKUP_SEED, Pickup
 from taxel.sim.teng_unknown import UNKNOWN_MATERIALS, UNKNOWN_SHAPES
+from taxel.sim.teng_wear import Wear
 
 Preset = Literal["honest", "paper"]
 Wiring = Literal["three-boards", "one-board"]
@@ -58,6 +60,16 @@ class TengHandConfig:
     """Share of grasps whose object moves, 0…1."""
     reference_v: float = 3.3
     """The converter's reference, volts: 3.3 or 5."""
+    size_mm: Range = HALF_WIDTH_MM
+    """Half of the object's width, millimetres."""
+    contact_angle_deg: float = 0.0
+    """How much further objects are turned in the hand than grasps scatter, degrees."""
+    fatigue: float = 0.0
+    """Share of its output that a pad loses in 10,000 full presses, 0…1; 0 does not wear."""
+    worn_presses: float = 0.0
+    """Full presses that every pad has behind it when a session begins."""
+    pickup_v: float = 0.0
+    """Interference that all leads pick up alike, volts of standard deviation; 0 is none."""
     unknown: bool = False
     """True: grasps of an elongated prism and of a rubber composite come among the others."""
 
@@ -77,8 +89,11 @@ class TengHandConfig:
             raise ValueError("needed ranges as (low, high); got one whose low is above its high")
         if self.rate_hz <= 0 or self.scans_per_class < 1 or self.sessions < 1:
             raise ValueError("needed a rate, scans a class and sessions above 0")
-        if self.force_n[0] <= 0:
-            raise ValueError(f"needed a force above 0 N; got {self.force_n[0]} N")
+        if self.force_n[0] <= 0 or self.size_mm[0] <= 0:
+            raise ValueError(
+                f"needed a force above 0 N and an object wider than 0 mm; got {self.force_n[0]} N "
+                f"and {self.size_mm[0]} mm"
+            )
 
 
 @dataclass(frozen=True, slots=True)
@@ -222,9 +237,13 @@ class _Maker:
         self._order_rng = np.random.default_rng(order)
         self._order: list[int] = []
         self._noise = np.random.default_rng(noise)
+        # Interference has a generator of its own, so that it changes nothing else.
+        pickup = np.random.default_rng([config.seed, index, PICKUP_SEED])
         self._sensors = Sensors(
-            self.session, config.rate_hz, config.wiring, config.reference_v, self._noise
-        )
+            self.session, config.rate_hz, config.wiring, config.reference_v, self._noise,
+            Pickup(config.pickup_v, config.rate_hz, pickup) if config.pickup_v else None,
+        )  # fmt: skip
+        self._wear = Wear(config.fatigue, config.worn_presses, len(SENSORS))
         self._scan = 0
         self._last_arrival_s = 0.0
         self._count = 0
@@ -235,12 +254,20 @@ class _Maker:
             self._order = list(self._order_rng.permutation(len(self._combinations)))
         shape, material = self._combinations[self._order.pop()]
         rng = np.random.default_rng(self._grasps.spawn(1)[0])
-        grasp = draw_grasp(rng, shape, material, self._config.force_n, self._config.moving)
-        rate_hz = self._config.rate_hz
+        config = self._config
+        grasp = draw_grasp(
+            rng, shape, material, config.force_n, config.moving, config.size_mm,
+            config.contact_angle_deg,
+        )  # fmt: skip
+        rate_hz = config.rate_hz
         n = round(grasp.duration_s * rate_hz)
         contact = contact_over_time(grasp, np.arange(n) / rate_hz)
         volts = full_voltage(self.session, material, grasp.force_n)
-        values = self._sensors.read(contact * volts * self.session.gain)
+        charge = contact * volts * self.session.gain
+        if config.fatigue:
+            charge = charge * self._wear.left
+        self._wear.add(grasp.presses * grasp.pressure)
+        values = self._sensors.read(charge)
         samples = self._samples(values)
         self._count += 1
         return samples, [self._mark(grasp, samples)]

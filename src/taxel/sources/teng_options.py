@@ -40,6 +40,11 @@ LIMITS: dict[str, tuple[float, float]] = {
     "moisture": (0, 1),
     "moving": (0, 1),
     "reference_v": (1, 5),
+    "size_mm": (10, 100),
+    "contact_angle_deg": (0, 40),
+    "fatigue": (0, 0.999),
+    "worn_presses": (0, 1e9),
+    "pickup_v": (0, 3.3),
 }
 """Field → its smallest and largest value, in its own unit. Source: shares and percentages by
 definition, temperatures of industrial parts, the rest our choice (docs/decisions/0006)."""

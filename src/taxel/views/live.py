@@ -16,6 +16,7 @@ from rich.panel import Panel
 from rich.table import Table
 from rich.text import Text
 
+from taxel.calibration.live import LiveNewtons
 from taxel.decisions.recognition import UNKNOWN
 from taxel.live.recogniser import Recogniser
 from taxel.live.session import Tally
@@ -34,10 +35,18 @@ class LiveView:
         console: Where to draw.
         info: The source's array.
         recognisers: Those whose tallies will be shown.
+        newtons: Shows the map in newtons; in the array's own unit unless given.
     """
 
-    def __init__(self, console: Console, info: SensorInfo, recognisers: list[Recogniser]) -> None:
+    def __init__(
+        self,
+        console: Console,
+        info: SensorInfo,
+        recognisers: list[Recogniser],
+        newtons: LiveNewtons | None = None,
+    ) -> None:
         self._info = info
+        self._newtons = newtons
         self._contracts = [recogniser.bundle.contract for recogniser in recognisers]
         self._live = Live(console=console, auto_refresh=False)
         self._drawn_s = -np.inf
@@ -57,6 +66,8 @@ class LiveView:
 
     def show(self, samples: Samples, tallies: list[Tally]) -> None:
         """Draw, at most ten times a second."""
+        if len(samples) and self._newtons is not None:
+            samples = self._newtons.push(samples)
         if len(samples):
             self._now = np.where(samples.usable[-1], samples.values[-1], np.float32(np.nan))
         now_s = time.monotonic()
@@ -68,11 +79,17 @@ class LiveView:
     def render(self, tallies: list[Tally]) -> RenderableType:
         """Return the screen."""
         high = self._info.full_scale or float(np.nanmax(self._now, initial=1.0))
+        shown = self._info if self._newtons is None else self._newtons.info
+        most = shown.full_scale or float(np.nanmax(self._now, initial=1.0))
+        unit = visible(shown.units[0])
         answers = Table.grid(padding=(0, 3))
         answers.add_row(*(self._answer(i, tally) for i, tally in enumerate(tallies)))
         pictures = Table.grid(padding=(0, 4))
         pictures.add_row(
-            Group(Text("now: fingers across, distal on top"), array_map(self._now, 0.0, high)),
+            Group(
+                Text(f"now, {unit}: fingers across, distal on top"),
+                array_map(self._now, 0.0, most),
+            ),
             Group(Text("the last window: rows time, columns sensors"), _window(tallies, high)),
         )
         return Panel(Group(answers, Text(), pictures), title="taxel live", title_align="left")
@@ -94,6 +111,8 @@ class LiveView:
             lines.append(f"  {visible(name):<12}{'█' * full}{'·' * (20 - full)} {p:4.0%}\n")
         if latest.decision.reason:
             lines.append(f"  {visible_line(latest.decision.reason)}\n", style="red")
+        if tally.gate_moves:
+            lines.append(f"  {visible_line(tally.gate_moves[-1].words())}\n", style="yellow")
         lines.append(
             f"  {tally.windows} windows, {1e6 * latest.latency_s:.0f} µs the last"
             + (f", right {tally.right} of {tally.marked}" if tally.marked else ""),

@@ -8,7 +8,7 @@ from rich.console import Group, RenderableType
 from rich.text import Text
 
 from taxel.evaluation.teng.cleaning_gains import BASE, NOTHING, Gain
-from taxel.evaluation.teng.model_comparison import ModelResult, TrivialResult
+from taxel.evaluation.teng.model_comparison import LITERATURE, ModelResult, TrivialResult
 from taxel.plain_text import visible
 from taxel.views.results import below, bracketed, few, result_table, with_interval
 
@@ -28,19 +28,28 @@ def model_tables(
                if (one.target, one.pooled.split) == (beside.target, beside.split)]  # fmt: skip
         table = result_table(
             f"{visible(beside.target)} · split: {visible(beside.split)} · {beside.windows} windows",
-            ("model", "accuracy [95 %]", "by trial", "parameters", "s a fold", "µs a window"),
+            (
+                "model",
+                "accuracy [95 %]",
+                "by trial",
+                "literature",
+                "parameters",
+                "s a fold",
+                "µs a window",
+            ),
         )
         for one in own:
             table.add_row(
                 one.model,
                 with_interval(one.pooled),
                 f"{one.pooled.trial_accuracy:.4f}",
+                LITERATURE.get(one.model, "–"),
                 "–" if one.parameters is None else f"{one.parameters:,}",
                 f"{one.fold_s:.1f}",
                 f"{one.inference_us:,.0f}",
             )
         for name, accuracy in beside.accuracies.items():
-            table.add_row(visible(name), f"{accuracy:.4f}", "", "", "", "", style="dim")
+            table.add_row(visible(name), f"{accuracy:.4f}", "", "", "", "", "", style="dim")
         parts += [table, *below(beside.accuracies)]
     group = results[0].pooled.interval_group
     return Group(
@@ -48,7 +57,9 @@ def model_tables(
         Text(
             f"Intervals: 95 %, every {visible(group)} as a whole resampled. Seconds to fit one "
             "fold and predict its test part, one thread. µs: the median for one window on one "
-            "thread, networks in ONNX Runtime as live, library models (parameters –) as they are."
+            "thread, networks in ONNX Runtime as live, library models (parameters –) as they are. "
+            "Literature: what the TENG thesis (sections 1 and 2.5) quotes for such networks, on "
+            "other hands and objects, by splits that it does not name."
         ),
         *few(results[0].pooled),
     )

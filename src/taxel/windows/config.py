@@ -50,6 +50,12 @@ class WindowConfig:
     """A value older than this at a row's time is not used, seconds."""
     gate: float | None = None
     """Only rows with a channel above this count, in the channels' unit; None takes all."""
+    gate_follow_s: float | None = None
+    """Each channel's gate follows its rest and noise, measured over so many of the last seconds
+    (`following.py`); None keeps the gate as it is. Source: TENG thesis, section 4.3; 0047."""
+    subtract: str | None = None
+    """Name of a channel that touches nothing: row by row it is taken from all channels, before the
+    gate; its own column becomes 0. None subtracts nothing. Source: thesis, section 2.6; 0047."""
     max_gap_s: float = 0.8
     """Rows further apart than this never share a window, seconds."""
     layout: Literal["A", "B"] = "B"
@@ -85,6 +91,11 @@ class WindowConfig:
             )
         if self.layout == "A" and self.gate is None:
             raise ValueError("needed a gate for layout A; got None")
+        if self.gate_follow_s is not None and not (self.gate_follow_s > 0 and (self.gate or 0) > 0):
+            raise ValueError(
+                f"needed a gate above 0 to follow, over more than 0 s; got {self.gate} and "
+                f"{self.gate_follow_s} s"
+            )
         if self.layout == "A" and self.wavelet is not None:
             raise ValueError("needed layout B for a wavelet: in A a column is no channel; got A")
         if not 0.0 <= self.fill < 1.0:

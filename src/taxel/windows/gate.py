@@ -15,7 +15,9 @@ _SIGMA_PER_MAD = 1.4826
 
 
 def above_gate(
-    values: NDArray[np.float32], usable: NDArray[np.bool_] | None, gate: float
+    values: NDArray[np.float32],
+    usable: NDArray[np.bool_] | None,
+    gate: float | NDArray[np.float32],
 ) -> NDArray[np.bool_]:
     """Return which values lie above the gate, shape (n, channels).
 
@@ -25,9 +27,9 @@ def above_gate(
     Args:
         values: Shape (n, channels), in the channels' unit.
         usable: Shape (n, channels); None where all are.
-        gate: Threshold in the same unit.
+        gate: Threshold in the same unit, for all channels or one a channel, shape (channels,).
     """
-    above: NDArray[np.bool_] = values > np.float32(gate)
+    above: NDArray[np.bool_] = values > np.asarray(gate, np.float32)
     return above if usable is None else above & usable
 
 

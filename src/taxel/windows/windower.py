@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from taxel.signals import UNUSABLE, Samples, SensorInfo, Validity
 from taxel.windows.config import WindowConfig
 from taxel.windows.denoise import cleaner
+from taxel.windows.following import GateFollower, GateMove
 from taxel.windows.gaps import fill_gaps
 from taxel.windows.gate import above_gate
 from taxel.windows.grid import Grid, Rows
@@ -119,6 +120,12 @@ class Windower:
         self._columns = sensor.indices(config.channels) if config.channels else None
         self._channels = len(sensor.only(config.channels).channels)
         self._grid = Grid(config.grid_hz, sensor.rate_hz, config.max_age_s)
+        own = sensor.only(config.channels)
+        self._untouched = own.indices((config.subtract,))[0] if config.subtract else None
+        self._follower: GateFollower | None = None
+        if config.gate_follow_s is not None and config.gate is not None:
+            rate_hz = config.grid_hz or sensor.rate_hz
+            self._follower = GateFollower(config.gate, config.gate_follow_s, rate_hz, own.channels)
         self._single = config.layout == "A"
         factor = self._channels if self._single else 1
         self._length, self._stride = config.steps * factor, config.stride * factor
@@ -135,7 +142,7 @@ class Windower:
             return self._shape([])
         if self._columns is not None:
             samples = samples.only(self._columns)
-        rows = self._gate(self._grid.push(samples))
+        rows = self._gate(self._less_untouched(self._grid.push(samples)))
         if not len(rows):
             return self._shape([])
         done: list[Windows] = []
@@ -168,6 +175,7 @@ class Windower:
         """Do what `push` would do, and forget it: brings code and data into the caches."""
         twin = copy(self)
         twin._grid = copy(self._grid)
+        twin._follower = self._follower.still() if self._follower is not None else None
         return twin.push(samples)
 
     def flush(self) -> Windows:
@@ -175,12 +183,36 @@ class Windower:
         self._last_s = None
         return self._shape(self._stretch(self._pending, ended=True))
 
+    def gate_moves(self) -> list[GateMove]:
+        """Return how the gates were moved since the last call; none where they do not follow."""
+        return [] if self._follower is None else self._follower.take_moves()
+
+    def _less_untouched(self, rows: Rows) -> Rows:
+        """Take the untouched channel from all, where the configuration names one."""
+        if self._untouched is None or not len(rows):
+            return rows
+        column = slice(self._untouched, self._untouched + 1)
+        # What the untouched channel does not know, or knows at its end only, no channel knows.
+        flags = rows.flags | (rows.flags[:, column] & (_UNUSABLE | _SATURATED))
+        values = rows.values - rows.values[:, column]
+        values[(flags & _UNUSABLE) != 0] = 0.0
+        return Rows(rows.time_s, values, flags)
+
     def _gate(self, rows: Rows) -> Rows:
-        gate = self._config.gate
+        if self._follower is None or not len(rows):
+            return self._above(rows, self._config.gate)
+        parts = [self._above(part, gates) for part, gates in self._follower.parts(rows)]
+        joined = parts[0]
+        for part in parts[1:]:
+            joined = _join_rows(joined, part)
+        return joined
+
+    def _above(self, rows: Rows, gate: float | NDArray[np.float32] | None) -> Rows:
         if gate is None or not len(rows):
             return rows
         # What is not usable is 0 in rows: only below 0 could it open the gate.
-        above = above_gate(rows.values, rows.usable if gate < 0.0 else None, gate)
+        least = self._config.gate or 0.0
+        above = above_gate(rows.values, rows.usable if least < 0.0 else None, gate)
         if self._single:
             row, _ = np.nonzero(above)
             return Rows(rows.time_s[row], rows.values[above][:, None], rows.flags[above][:, None])

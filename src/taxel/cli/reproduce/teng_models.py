@@ -37,7 +37,7 @@ class TengModels:
 
     def run(self) -> None:
         """Measure and print."""
-        from taxel.evaluation.teng.model_comparison import compare_models
+        from taxel.evaluation.teng.model_comparison import LITERATURE, compare_models
 
         config = comparison_config(self.data, self.recipe, self.fold_count, self.model)
         seeds = [self.recipe.seed]
@@ -51,7 +51,9 @@ class TengModels:
         if self.json:
             print_json(
                 {
-                    "models": [asdict(row) for row in results],
+                    "models": [
+                        asdict(row) | {"literature": LITERATURE.get(row.model)} for row in results
+                    ],
                     "trivial": [asdict(row) for row in trivial],
                 }
             )

@@ -11,6 +11,7 @@ from rich.table import Table
 from taxel.cli.option_rules import Only
 from taxel.cli.printing import command, console, print_json, progress, say
 from taxel.cli.simulate.need import need_simulators
+from taxel.sim.teng_contact import HALF_WIDTH_MM
 from taxel.windows.config import GATE_V, GRID_RATE_HZ
 
 if TYPE_CHECKING:
@@ -56,6 +57,12 @@ class Teng:
     """Among the rest an elongated prism and a rubber composite, as objects to be left unlearned."""
     reference_v: float = 3.3
     """The converter's reference, V: 3.3 or 5."""
+    size_mm: tuple[float, float] = HALF_WIDTH_MM
+    """Half of the object's width from and to, mm."""
+    contact_angle_deg: float = 0.0
+    """How much further objects are turned in the hand than grasps scatter, °."""
+    fatigue: float = 0.0
+    """Share of its output that a pad loses in 10,000 full presses, 0…1; 0 does not wear."""
     json: bool = False
     """Print the table as JSON."""
 
@@ -98,6 +105,9 @@ class Teng:
             moving=self.moving,
             reference_v=self.reference_v,
             unknown=self.unknown,
+            size_mm=self.size_mm,
+            contact_angle_deg=self.contact_angle_deg,
+            fatigue=self.fatigue,
         )
 
     def _print(self, rows: list[dict[str, Any]]) -> None:

@@ -1,4 +1,5 @@
-"""Surroundings, through the simulator: the same hand and grasps, warm, humid, dusty, wet or moving.
+"""Conditions, through the simulator: the same hand and grasps, warm, humid, dusty, wet, moving,
+at another force, size or contact angle, or worn.
 
 A recogniser that was trained on honest sessions is judged on new ones, simulated at each
 condition. Seeds of sessions and grasps are those of the base, so that sensors' gains, forces,
@@ -29,7 +30,7 @@ BASE: Mapping[str, Any] = {
     "moisture": (0.0, 0.0),
     "moving": 0.0,
 }
-"""23 °C, clean, dry and still; what is not named is drawn as in training. Source: our choice,
+"""23 °C, clean, dry, still and new; what is not named is drawn as in training. Source: our choice,
 docs/decisions/0029."""
 LEVELS: Mapping[str, tuple[str, tuple[float, ...]]] = {
     "temperature": ("°C", (20.0, 25.0, 30.0, 35.0)),
@@ -37,12 +38,30 @@ LEVELS: Mapping[str, tuple[str, tuple[float, ...]]] = {
     "dust": ("share of the pads", (0.1, 0.2, 0.3, 0.4, 0.5)),
     "moisture": ("share of the pads", (0.05, 0.1, 0.2, 0.3)),
     "moving": ("share of the grasps", (0.1, 0.3, 0.5, 1.0)),
+    "force": ("N", (5.0, 2.0, 1.0, 0.5, 0.25)),
+    "size": ("mm, half of the width", (24.0, 28.0, 34.0, 40.0, 48.0)),
+    "angle": ("° turned", (5.0, 10.0, 20.0, 30.0)),
+    "fatigue": ("full presses", (10_000.0, 30_000.0, 100_000.0)),
 }
-"""Condition → its unit and levels. Source: thesis, section 4.4, and our choice beyond it,
-docs/decisions/0029."""
-_FIELDS = {"temperature": "temperature_c", "humidity": "humidity_pct"}
-_SHARES = ("moving",)
+"""Condition → its unit and levels, the mildest first. Source: thesis, sections 2.5.1, 2.6 and 4.4,
+and our choice beyond it, docs/decisions/0029 and 0047."""
+WEATHER = ("temperature", "humidity", "dust", "moisture", "moving")
+"""Conditions around the hand, as in section 4.4."""
+GRASPS = ("force", "size", "angle", "fatigue")
+"""Conditions of the grasp and of the pads, as in sections 2.5.1, 2.6 and 2.7."""
+_FIELDS = {
+    "temperature": "temperature_c",
+    "humidity": "humidity_pct",
+    "force": "force_n",
+    "size": "size_mm",
+    "angle": "contact_angle_deg",
+    "fatigue": "worn_presses",
+}
+_NUMBERS = ("moving", "contact_angle_deg", "worn_presses")
 """Fields that are one number, not a range."""
+FATIGUE = 0.2
+"""Share of its output that a pad loses in 10,000 full presses where fatigue is swept. Source: our
+choice, docs/decisions/0047."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -122,7 +141,9 @@ def settings_at(condition: str, level: float) -> dict[str, Any]:
         BadInput: The level lies outside the simulator's limits.
     """
     name = _FIELDS.get(condition, condition)
-    settings = {**BASE, name: level if condition in _SHARES else (level, level)}
+    settings = {**BASE, name: level if name in _NUMBERS else (level, level)}
+    if condition == "fatigue":
+        settings["fatigue"] = FATIGUE
     checked_config(**settings)
     return settings
 

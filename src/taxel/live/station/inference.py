@@ -235,6 +235,9 @@ class _RecogniseWatcher:
             times = {"arrival_s": float(packet.arrival_s[-1]), **came, "began_s": monotonic()}
             for answer in self._recogniser.push(packet):
                 self._tell(answer, times)
+            for move in self._recogniser.gate_moves():
+                text = f"{self._target}: {move.words()}"
+                self._writer.put(pack({"kind": "gate", "who": self._who, "text": text}))
 
     def end(self) -> None:
         """Answer the stream's last, padded window, if there is one."""

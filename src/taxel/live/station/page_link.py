@@ -13,11 +13,14 @@ import threading
 from collections import deque
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from pathlib import Path
 from time import monotonic, sleep
 from typing import Any
 
 import numpy as np
 
+from taxel.calibration.live import LiveNewtons
+from taxel.calibration.stored import read_calibration
 from taxel.decisions.reasons import REASONS
 from taxel.jpeg_head import fits
 from taxel.live.station.beats import BeatsView
@@ -45,6 +48,8 @@ class PageSeen:
     ring: str
     sensor: SensorInfo
     cameras: tuple[CameraInfo, ...]
+    calibration: Path | None = None
+    """Of the array, which is then shown in newtons."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -66,12 +71,15 @@ class _Array:
     """The array that is shown."""
 
     sensor: SensorInfo
+    newtons: LiveNewtons | None = None
     rows: deque[tuple[float, list[float]]] = field(
         default_factory=lambda: deque(maxlen=round(_KEPT_S / _ROW_S))
     )
 
     def add(self, samples: Samples) -> None:
         """Keep rows that are a grid's step apart; what is not usable is a gap."""
+        if self.newtons is not None:
+            samples = self.newtons.push(samples)
         last_s = self.rows[-1][0] if self.rows else -math.inf
         for index, time_s in enumerate(samples.fitted_s.tolist()):
             if time_s - last_s >= _ROW_S - _TINY_S:
@@ -100,7 +108,7 @@ class StationView:
         self._array_at = _choose_array(config.sources)
         self._array = None
         if self._array_at is not None:
-            self._array = _Array(config.sources[self._array_at].sensor)
+            self._array = _shown_array(config.sources[self._array_at])
         self._p: deque[tuple[float, float]] = deque(maxlen=round(_KEPT_S * 60))
         self._newest: dict[str, Any] = {}
         self._notes: list[dict[str, Any]] = [{} for _ in config.sources]
@@ -233,6 +241,14 @@ class StationView:
         top = array.sensor.full_scale or float(np.nanmax(np.abs(values), initial=1e-9))
         found: list[list[float]] = np.clip(values / top, 0.0, 1.0).tolist()
         return found
+
+
+def _shown_array(seen: PageSeen) -> _Array:
+    """Return a source's array, in newtons where it has a calibration."""
+    if seen.calibration is None:
+        return _Array(seen.sensor)
+    newtons = LiveNewtons(read_calibration(seen.calibration), seen.sensor)
+    return _Array(newtons.info, newtons)
 
 
 def _choose_array(sources: Sequence[PageSeen]) -> int | None:

@@ -305,6 +305,8 @@ class Station:
                     self._keep_slip(note)
                     self.skipped = max(self.skipped, int(note["skipped"]))
                     self._weigh_late(note, now_s)
+                elif note["kind"] == "gate":
+                    self.say(note["text"])
                 else:
                     self.answers.add(note)
         for note in _notes(self.wiring.news):

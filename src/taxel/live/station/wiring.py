@@ -16,7 +16,8 @@ from urllib.parse import parse_qsl
 
 from taxel.actions.interlock import InterlockConfig
 from taxel.bundles.signing import Trust
-from taxel.errors import BadSource
+from taxel.calibration.stored import read_calibration
+from taxel.errors import BadInput, BadSource
 from taxel.live.station.acquisition import Acquisition, acquire
 from taxel.live.station.crew import Crew, Worker
 from taxel.live.station.fitting import misfit
@@ -52,6 +53,8 @@ class StationConfig:
     """Of such recordings; what is typed on the page goes first."""
     groups: Mapping[str, str] = field(default_factory=dict)
     """Of such recordings, too."""
+    calibration: Path | None = None
+    """Of an array among the sources, which the page then shows in newtons."""
     drill: bool = False
     """Let processes obey orders to go wrong, for `taxel bench faults`."""
     disk_bytes: int | None = None
@@ -124,6 +127,7 @@ class Wiring:
             self._start_feed(url, number)
         for feed in self.feeds:
             feed.sensor, feed.cameras = crew.opened(feed.worker)
+        self._calibrated = self._calibrate(config.calibration)
         for index, paths in self._assign().items():
             self._start_mind(self.feeds[index], paths, index)
         recorder = self._start_recorder()
@@ -135,7 +139,13 @@ class Wiring:
         """Return what a page needs to see this station."""
         return ViewConfig(
             sources=tuple(
-                PageSeen(url=feed.url, ring=feed.ring, sensor=feed.sensor, cameras=feed.cameras)
+                PageSeen(
+                    url=feed.url,
+                    ring=feed.ring,
+                    sensor=feed.sensor,
+                    cameras=feed.cameras,
+                    calibration=self._config.calibration if feed is self._calibrated else None,
+                )
                 for feed in self.feeds
             ),
             decisions=tuple(mind.decisions for mind in self.minds),
@@ -144,6 +154,25 @@ class Wiring:
             beats=self._crew.beats_name,
             stall_s=self._config.interlock.stall_s,
         )
+
+    def _calibrate(self, path: Path | None) -> Feed | None:
+        """Return the source that a calibration is of.
+
+        Raises:
+            BadInput: It is of none of them.
+        """
+        if path is None:
+            return None
+        calibration = read_calibration(path)
+        arrays = [feed for feed in self.feeds if feed.sensor.channels]
+        if not arrays:
+            raise BadInput("an array beside a calibration", "tactile cameras only", "leave it out")
+        for feed in arrays[:-1]:
+            with contextlib.suppress(BadInput):
+                calibration.check_fits(feed.sensor, feed.url)
+                return feed
+        calibration.check_fits(arrays[-1].sensor, arrays[-1].url)
+        return arrays[-1]
 
     def send_to(self, name: str) -> RingWriter | None:
         """Return the ring of orders of a source's or a monitor's process."""
