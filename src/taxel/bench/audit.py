@@ -20,6 +20,7 @@ from taxel.bench.audit_gap import baseline_rows, gap_rows
 from taxel.bench.audit_leaks import planted_leaks, real_leaks
 from taxel.bench.audit_models import cleaning_rows, model_rows
 from taxel.bench.audit_robustness import camera_rows, condition_rows, fault_rows
+from taxel.bench.audit_teng import across_rows, follow_rows, grasp_rows, reference_rows
 from taxel.bench.audit_thesis_setting import thesis_setting_rows
 from taxel.bench.audit_unknown import unknown_rows
 from taxel.bench.rows import Row
@@ -49,6 +50,10 @@ def full_steps(data: Path | None) -> list[tuple[str, Measure]]:
         ("prism and rubber learned", unknown_object_rows),
         ("changed pads", pad_rows),
         ("corrections", online_rows),
+        ("material across shapes", across_rows),
+        ("grasps and wear", grasp_rows),
+        ("gate that follows", follow_rows),
+        ("untouched channel", reference_rows),
         ("models", model_rows),
         ("cleaning", cleaning_rows),
     ]
