@@ -165,3 +165,27 @@ def test_a_board_without_a_single_press_gives_no_calibration_and_keeps_the_raw_r
     raw = read_recording(tmp_path / "c.mcap")
     assert raw.statistics["lost_scans"] == 0
     assert len(raw.samples) > 1000  # the rest before, and a second after
+
+
+def test_taps_of_the_simulated_gauge_give_wear_rates_and_both_times(tmp_path: Path) -> None:
+    words = ["calibrate", f"{SIM}&fatigue=0.5", "--output", str(tmp_path / "d.json")]
+    main([*words, "--cycles", "200", "--tap-hz", "0.5", "4"])
+    document = json.loads((tmp_path / "d.json").read_text())
+
+    (pad,) = document["channels"]
+    assert pad["taps"] == 260
+    assert pad["lost"][1] < 0.5 < pad["lost"][2]
+    assert [round(row["tap_hz"], 1) for row in pad["by_rate"]] == pytest.approx(
+        [0.5, 2.0, 4.0], abs=0.3
+    )
+    assert 0.0 < pad["response_s"][0] < 0.2
+    assert 0.0 < pad["recovery_s"][0] < 0.2
+
+
+def test_taps_in_a_recording_are_found_without_marks(made: Path, tmp_path: Path) -> None:
+    """The gauge's presses are taps too: 16 on each pad are below the fewest, and that is said."""
+    with pytest.raises(SystemExit) as ended:
+        main(["calibrate", str(made / "raw.mcap"), "--output", str(tmp_path / "d.json"),
+              "--cycles", "20"])  # fmt: skip
+    assert ended.value.code == 2
+    assert not (tmp_path / "d.json").exists()

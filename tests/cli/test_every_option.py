@@ -39,7 +39,10 @@ LINES: dict[str, tuple[str, ...]] = {
         "calibrate sim://teng --output c.json",
         "calibrate serial:///dev/x --output live.json",
         "calibrate a.mcap --output c.mcap --apply c.json",
+        "calibrate sim://teng --output d.json --cycles 30",
+        "calibrate serial:///dev/x --output d.json --cycles 30",
     ),
+    "power": ("power sim://teng", "power a.mcap"),
     "simulate teng": ("simulate teng --output s", "simulate teng --output s --preset paper"),
     "simulate cup-pour": ("simulate cup-pour --output s",),
     "record": (

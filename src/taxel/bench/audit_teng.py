@@ -39,8 +39,8 @@ from taxel.training.recipes import find_recipe
 from taxel.windows.config import TENG_WINDOW, WindowConfig
 from taxel.windows.dataset import Dataset, load_dataset
 
-SCANS = 80_000
-"""Scans a class, half of the thesis's, for two cores that are shared. Our choice, 0047."""
+SCANS = 160_000
+"""Scans a class. Source: TENG thesis, section 3.5.1."""
 TRAIN_SEED = 1
 NEW = NewSessions(seed=15_023, sessions=10, scans=15_000)
 RECIPE = "teng-referenced"
@@ -50,8 +50,8 @@ section 4.1; our choice, docs/decisions/0047."""
 PICKUPS_V = (0.0, 0.1, 0.3)
 """Interference alike on all leads, volts. Our choice, docs/decisions/0047."""
 FOLLOW_S = 30.0
-DRIFTS_V = (0.4, 0.8, 1.2)
-"""How much higher all channels rest at the end of a session, volts: the last is past half of the
+DRIFTS_V = (0.4, 0.8, 1.6, 2.0)
+"""How much higher all channels rest at the end of a session, volts: the last two are above the
 thesis's gate. Our choice, docs/decisions/0047."""
 
 
@@ -61,7 +61,11 @@ def across_rows() -> list[Row]:
     for name, window in (("cnn2d", TENG_WINDOW), (f"cnn2d, {RECIPE}", find_recipe(RECIPE).window)):
         dataset = _honest({}, window, "material")
         cylinders = np.array([trial.labels["shape"] == "cylinder" for trial in dataset.trials])
-        for learned, chosen in (("cylinders", cylinders), ("all shapes", cylinders | True)):
+        # As many grasps as of cylinders: more data would be another reason for another accuracy.
+        third = np.zeros(len(cylinders), bool)
+        order = np.random.default_rng(0).permutation(len(cylinders))
+        third[order[: int(cylinders.sum())]] = True
+        for learned, chosen in (("cylinders", cylinders), ("as many of all shapes", third)):
             results = _sessions_held_out(dataset, chosen, "material")
             for tested, mask in (("cylinders", cylinders), ("the other shapes", ~cylinders)):
                 what = f"learned on {learned}, tested on {tested}"

@@ -23,6 +23,8 @@ FEWEST = 20
 """Taps from which a channel is told of, and from which a trend is. Our choice, 0047."""
 _FEWEST_AT_RATE = 5
 """Taps from which a rate has a row. Our choice, docs/decisions/0047."""
+_STEADY = 1.5
+"""A tap that waited this many times longer than the next one did is left out. Our choice, 0047."""
 _OCTAVE_PARTS = 2
 """Rates are put together by half octaves. Our choice, docs/decisions/0047."""
 
@@ -75,9 +77,9 @@ def durability_of(channel: str, taps: Sequence[Tap]) -> Durability:
     """
     good = np.array([not tap.at_end for tap in taps])
     height = np.array([tap.height for tap in taps])
-    rate_hz = _rates(np.array([tap.at_s for tap in taps]))
-    # A bin stands for half an octave; -inf where a tap has no neighbour.
-    bins = np.round(_OCTAVE_PARTS * np.log2(rate_hz))
+    rate_hz, steady = _rates(np.array([tap.at_s for tap in taps]))
+    good &= steady
+    bins = np.round(_OCTAVE_PARTS * np.log2(rate_hz))  # half an octave each
     commonest = _commonest(bins[good])
     chosen = np.flatnonzero(good & (bins == commonest))
     first, last, lost = _trend(chosen.astype(np.float64), height[chosen])
@@ -85,7 +87,7 @@ def durability_of(channel: str, taps: Sequence[Tap]) -> Durability:
     return Durability(
         channel=channel,
         taps=len(taps),
-        at_end=int((~good).sum()),
+        at_end=sum(tap.at_end for tap in taps),
         tap_hz=float(rate_hz[chosen].mean()) if len(chosen) else math.nan,
         first=first,
         last=last,
@@ -100,10 +102,15 @@ def durability_of(channel: str, taps: Sequence[Tap]) -> Durability:
     )
 
 
-def _rates(at_s: Array) -> Array:
-    """Return each tap's rate by the interval to the tap before it, shape (taps,)."""
+def _rates(at_s: Array) -> tuple[Array, NDArray[np.bool_]]:
+    """Return each tap's rate by the interval to the tap before it, and which rates are steady.
+
+    The first tap after a pause, or at another rate, is not: the pad has rested otherwise. Shapes
+    (taps,).
+    """
     steps = np.maximum(np.diff(at_s), 1e-6)
-    return np.asarray(1.0 / np.concatenate([steps[:1], steps]))
+    before, after = np.concatenate([steps[:1], steps]), np.concatenate([steps, steps[-1:]])
+    return 1.0 / before, before < _STEADY * after
 
 
 def _commonest(bins: Array) -> float:

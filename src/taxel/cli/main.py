@@ -47,6 +47,7 @@ VERBS = {
     "doctor": "say what this machine lacks for live work",
     "flash": "write the firmware to a board",
     "calibrate": "known forces to curves, and what a sensor array is worth",
+    "power": "what pads could give as a source of power, as an estimate",
     "simulate": "write recordings of a simulated sensor",
     "record": "record a source to an MCAP file",
     "hand": "move the TENG hand's fingers, see its motor currents",
