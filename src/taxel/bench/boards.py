@@ -24,6 +24,7 @@ from taxel.bench.boards_sensors import (
     run_damage,
     run_wide,
 )
+from taxel.bench.boards_taps import tap_rows
 from taxel.bench.rows import Row, row
 
 PPM = (0.0, 40.0, -25.0)
@@ -67,6 +68,7 @@ def quick_steps() -> list[tuple[str, Measure]]:
     return [
         ("three boards for five seconds", lambda: chain_rows(firmware, _QUICK_S)),
         ("sixteen channels on one board", lambda: wide_rows(firmware)),
+        ("a pad that is tapped", lambda: tap_rows(firmware)),
         ("the hand's motors", lambda: hand_rows(firmware)),
         ("the image network on the board", cnn_rows),
     ]

@@ -158,6 +158,16 @@ def _record(boards: EmulatedBoards, path: Path, seconds: float, count: int) -> l
     ]
 
 
+def read_for(
+    until_s: float,
+    source: SerialBoards,
+    boards: EmulatedBoards,
+    write: Callable[[Samples], None],
+) -> None:
+    """Let the boards run until a virtual time, and hand on the rows that the host completes."""
+    _run_to(until_s, source, boards, np.random.default_rng(0), write)
+
+
 def _run_to(
     until_s: float,
     source: SerialBoards,

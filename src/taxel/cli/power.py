@@ -53,27 +53,11 @@ class Power:
 
     def run(self) -> None:
         """Read, estimate and print."""
-        from taxel.calibration.apply import rate_of
-        from taxel.calibration.power import capacitor_curve, presses_of
-
-        circuit = self._circuit()
-        samples, marks, nominal_hz = self._read()
-        rate_hz = rate_of(samples, nominal_hz)
-        presses = presses_of(samples, rate_hz, circuit)
-        if not presses:
-            raise BadDataset("presses that stand above rest", f"none in {len(samples)} scans",
-                             "touch the pads, or look for longer with --seconds")  # fmt: skip
-        seconds = len(samples) / rate_hz
-        try:
-            volts = capacitor_curve(presses, seconds, MOMENTS_S, circuit)
-        except ValueError as error:
-            raise BadInput("presses of some seconds or more", str(error),
-                           "look for longer with --seconds") from error  # fmt: skip
-        result = _result(presses, marks, seconds, volts.tolist(), circuit)
+        result = estimate_power(self.source, self.seconds, self._circuit())
         if self.json:
             print_json(result)
         else:
-            _print(result, self.storage_uf)
+            _print(result)
 
     def _circuit(self) -> Circuit:
         from taxel.calibration.power import Circuit
@@ -94,23 +78,50 @@ class Power:
             diode_v=self.diode_v,
         )
 
-    def _read(self) -> tuple[Samples, list[Mark], float]:
-        """Return the scans, the grasps that lie within, and the nominal rate."""
-        from taxel.cli.view import follow
-        from taxel.sources.opening import at_full_speed, open_source
 
-        parts: list[Samples] = []
-        with open_source(at_full_speed(self.source)) as source:
-            units = set(source.info.units)
-            if units != {"V"}:
-                raise BadInput("an array that reads volts", ", ".join(sorted(units)),
-                               "give its raw recording")  # fmt: skip
-            follow(source, self.seconds, parts.append)
-            marks, nominal_hz = source.marks(), source.info.rate_hz
-        samples = Samples.join([part for part in parts if len(part)] or parts[:1])
-        if len(samples) < 10:
-            raise BadDataset("10 scans", f"{len(samples)}", "look for longer with --seconds")
-        return samples, [m for m in marks if m.end_s <= samples.fitted_s[-1]], nominal_hz
+def estimate_power(address: str, seconds: float, circuit: Circuit) -> dict[str, Any]:
+    """Return what a source's pads gave, as `--json` prints it.
+
+    Raises:
+        BadInput: The source does not read volts, or its presses are too quick to be followed.
+        BadSource: It cannot be opened.
+        BadDataset: It holds no presses.
+    """
+    from taxel.calibration.apply import rate_of
+    from taxel.calibration.power import capacitor_curve, presses_of
+
+    samples, marks, nominal_hz = _read(address, seconds)
+    rate_hz = rate_of(samples, nominal_hz)
+    presses = presses_of(samples, rate_hz, circuit)
+    if not presses:
+        raise BadDataset("presses that stand above rest", f"none in {len(samples)} scans",
+                         "touch the pads, or look for longer with --seconds")  # fmt: skip
+    seen_s = len(samples) / rate_hz
+    try:
+        volts = capacitor_curve(presses, seen_s, MOMENTS_S, circuit)
+    except ValueError as error:
+        raise BadInput("presses of some seconds or more", str(error),
+                       "look for longer with --seconds") from error  # fmt: skip
+    return _result(presses, marks, seen_s, volts.tolist(), circuit)
+
+
+def _read(address: str, seconds: float) -> tuple[Samples, list[Mark], float]:
+    """Return the scans, the grasps that lie within, and the nominal rate."""
+    from taxel.cli.view import follow
+    from taxel.sources.opening import at_full_speed, open_source
+
+    parts: list[Samples] = []
+    with open_source(at_full_speed(address)) as source:
+        units = set(source.info.units)
+        if units != {"V"}:
+            raise BadInput("an array that reads volts", ", ".join(sorted(units)) or "none",
+                           "give its raw recording")  # fmt: skip
+        follow(source, seconds, parts.append)
+        marks, nominal_hz = source.marks(), source.info.rate_hz
+    samples = Samples.join(parts)
+    if len(samples) < 10:
+        raise BadDataset("10 scans", f"{len(samples)}", "look for longer with --seconds")
+    return samples, [mark for mark in marks if mark.end_s <= samples.fitted_s[-1]], nominal_hz
 
 
 def _result(
@@ -133,6 +144,7 @@ def _result(
         "grasps": len(grasps),
         "grasp": _means(grasps) if grasps else None,
         "power_nw": energy_nj / seconds,
+        "storage_uf": circuit.storage_uf,
         "capacitor": [
             {
                 "at_s": at_s,
@@ -163,7 +175,7 @@ def _means(groups: Sequence[Sequence[PressPower]]) -> dict[str, float]:
     }
 
 
-def _print(result: dict[str, Any], storage_uf: float) -> None:
+def _print(result: dict[str, Any]) -> None:
     least = " at least" if result["at_end"] else ""
     press, grasp = result["press"], result["grasp"]
     say(f"{result['presses']} presses of pads in {result['seconds']:.0f} s, {result['at_end']} at "
@@ -173,7 +185,9 @@ def _print(result: dict[str, Any], storage_uf: float) -> None:
         say(f"a grasp, all pads and presses ({result['grasps']} grasps):{least} "
             f"{grasp['charge_nc']:.3g} nC, {grasp['energy_nj']:.3g} nJ")  # fmt: skip
     say(f"power while this goes on: {result['power_nw']:.3g} nW")
-    table = Table(title=f"a capacitor of {storage_uf:g} µF", title_justify="left", box=None)
+    table = Table(
+        title=f"a capacitor of {result['storage_uf']:g} µF", title_justify="left", box=None
+    )
     for name in ("after s", "volts", "energy µJ"):
         table.add_column(name, justify="right")
     for row in result["capacitor"]:
