@@ -273,3 +273,19 @@ def test_a_session_ends_within_the_block_that_a_read_gives(plain: Bundle):
     source = Given([(touch(4 * STEPS), marks)])
     (tally,) = run_session(source, [Recogniser(plain, SENSOR, ANY)], seconds=0.15)  # type: ignore[arg-type]
     assert (tally.windows, tally.marked, tally.grasps) == (2, 2, 1)
+
+
+def test_a_gate_that_follows_tells_each_move_live_and_in_the_summary(tmp_path: Path):
+    """A bundle states it; a channel that comes to rest 0.4 V higher moves its own gate alone."""
+    follows = WindowConfig(
+        steps=STEPS, stride=STEPS, grid_hz=None, gate=1.0, gate_follow_s=20.0, max_gap_s=9.0
+    )
+    values = np.random.default_rng(0).normal([0.0, 0.4, 0.0], 0.005, (3000, CHANNELS))
+    given = Samples.from_values(values, np.arange(3000) / 100.0, full_scale=3.3)
+    source = Given([(given[first : first + 250], []) for first in range(0, 3000, 250)])
+    recogniser = Recogniser(bundle(tmp_path, follows), SENSOR, ANY)
+    (tally,) = run_session(source, [recogniser])  # type: ignore[arg-type]
+    (move,) = tally.summary()["gate_moves"]
+    assert (move["channel"], move["before"]) == ("b", 1.0)
+    assert move["after"] == pytest.approx(1.4, abs=0.01)
+    assert tally.windows == 0

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from taxel.decisions.joining import MEAN, Joining
 from taxel.decisions.unknown import Unknown, unknown_from_json, unknown_to_json
-from taxel.errors import BadBundle, BadFile
+from taxel.errors import BadBundle, BadFile, BadInput
 from taxel.foreign.json_text import Fields, parse_json
 from taxel.foreign.records import record_of
 from taxel.signals import SensorInfo
@@ -110,6 +110,25 @@ def fingerprint_of(digest: str) -> str:
     once in 10⁷ data sets.
     """
     return digest[:16]
+
+
+def following(contract: Contract, follow_s: float) -> Contract:
+    """Return the contract with a gate that follows each channel's rest and noise.
+
+    Args:
+        contract: A recogniser's.
+        follow_s: How many of the last seconds they are measured on.
+
+    Raises:
+        BadInput: There is no gate above 0 to follow, or the time is not above 0 s.
+    """
+    window = contract.window
+    if not follow_s > 0 or not (window.gate or 0.0) > 0:
+        raise BadInput(
+            "more than 0 s, and a recogniser with a gate above 0 to follow",
+            f"{follow_s:g} s, gate {window.gate}", "train with --window gate=1.55",
+        )  # fmt: skip
+    return replace(contract, window=replace(window, gate_follow_s=follow_s))
 
 
 def at_level(contract: Contract, level: NDArray[np.float32]) -> Contract:

@@ -37,6 +37,9 @@ class Bundle:
     new_key: Path | None = None
     """Alone: write a new private key to this file, and its public key to the same name with .pub.
     No file is replaced."""
+    follow: float | None = None
+    """Live, let each channel's contact gate follow its rest and noise over so many of the last
+    seconds, and say so each time; as the run was trained unless given."""
     board: Literal["mega"] | None = None
     """Also write C that predicts on the board itself: mega, the Arduino Mega 2560 (networks of the
     model cnn2d)."""
@@ -53,7 +56,11 @@ class Bundle:
     """Print JSON."""
 
     RULES: ClassVar = (
-        Only(("data", "board", "test", "reference-mv"), "a run to export", lambda o: o._exports()),
+        Only(
+            ("data", "follow", "board", "test", "reference-mv"),
+            "a run to export",
+            lambda o: o._exports(),
+        ),
         Only(("test", "reference-mv"), "--board", lambda o: o.board is not None),
     )
 
@@ -80,6 +87,7 @@ class Bundle:
         return self.new_key is None and not (self.trained is not None and self.trained.is_file())
 
     def _export(self, folder: Path, output: Path, signer: Signer | None) -> None:
+        from taxel.bundles.contract import following
         from taxel.bundles.recordings import load_at_level
         from taxel.bundles.signing import fingerprint
         from taxel.bundles.trials import IN_RUN
@@ -88,6 +96,9 @@ class Bundle:
         from taxel.training.run import load_run
 
         if self.board is None and (folder / IN_RUN).is_file():
+            if self.follow is not None:
+                raise BadInput("a run of an array beside --follow", "one of camera trials",
+                               "leave it out")  # fmt: skip
             self._copy_trials(folder / IN_RUN, output, signer)
             return
         path = output if self.board is None else output / BOARD_BUNDLE
@@ -98,12 +109,13 @@ class Bundle:
             raise BadInput(
                 "recordings to measure parity on", f"no {data}", "name some with --data FOLDER"
             )
-        windows = load_at_level(data, trained.contract).windows[:2000]
+        own = trained.contract
+        if self.follow is not None:
+            own = following(own, self.follow)
+        windows = load_at_level(data, own).windows[:2000]
 
         def write(path: Path) -> Contract:
-            return write_bundle(
-                path, trained.networks, trained.contract, windows.values, windows.mask, signer
-            )
+            return write_bundle(path, trained.networks, own, windows.values, windows.mask, signer)
 
         if self.board is not None:
             self._write_avr(write, output, data)

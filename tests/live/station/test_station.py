@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import itertools
+import math
 import os
 import signal
 import subprocess
 import sys
 from collections.abc import Callable
 from contextlib import closing
+from dataclasses import replace
 from pathlib import Path
 from time import monotonic, sleep
 from types import SimpleNamespace
@@ -20,8 +22,12 @@ from taxel.actions.actuators import Health
 from taxel.actions.gripper import ForceRange
 from taxel.actions.interlock import Interlock, Order
 from taxel.bundles.shipped import CUP_POUR, shipped_bundle
+from taxel.calibration.characterise import characterise
+from taxel.calibration.presses import script_of_marks
+from taxel.calibration.results import Taken
+from taxel.calibration.stored import document_of, write_calibration
 from taxel.decisions.stability import StabilityDecision
-from taxel.errors import BadBundle, BadSource
+from taxel.errors import BadBundle, BadInput, BadSource
 from taxel.live.station import station as supervision
 from taxel.live.station.packets import pack
 from taxel.live.station.page_link import StationView
@@ -29,7 +35,10 @@ from taxel.live.station.ring import RingWriter
 from taxel.live.station.station import Station
 from taxel.live.station.wiring import StationConfig
 from taxel.recordings.reader import iterate_frames, read_recording
+from taxel.signals import Samples
 from taxel.sim.cup_pour import CupPourConfig, list_runs
+from taxel.sim.force_gauge import ForceGauge, GaugeConfig
+from taxel.sim.teng_hand import TengHandConfig
 from taxel.sources.pour_sets import CAMERA_HZ, write_run
 
 WAIT_S = 40.0
@@ -305,6 +314,30 @@ def test_a_supervisor_that_stands_still_is_a_stop_on_the_page_although_it_tells_
         assert told["time_s"] - told["since_s"] > 0.08
         until(station, lambda: view.snapshot()["state"] == "NONE")
         assert any(alarm.kind == "supervisor" for alarm in station.guard.alarms.alarms)
+
+
+def test_with_a_calibration_the_page_shows_newtons_and_other_sensors_are_refused(tmp_path: Path):
+    """Nothing else changes: what is recorded and judged stays in volts."""
+    hand = TengHandConfig(seed=4, rate_hz=250.0)
+    gauge = ForceGauge(hand, GaugeConfig(forces_n=(0.5, 1.0, 2.0), rounds=1))
+    parts, marks = [], []
+    for samples, own in gauge.script():
+        parts.append(samples)
+        marks += own
+    script = script_of_marks(marks, gauge.info)
+    taken = Taken(samples=Samples.join(parts), script=script, rate_hz=250.0)
+    path = tmp_path / "c.json"
+    write_calibration(path, document_of(characterise([taken], gauge.info), [], {}))
+    config = StationConfig(sources=("sim://teng?seed=4&rate_hz=250",), bundles=(), calibration=path)
+    with Station(config) as station, closing(StationView(station.view_config())) as view:
+        station.run(WAIT_S, lambda: len(view.traces(-math.inf)["sensors"]["t"]) > 20)
+        assert view.snapshot()["array"]["unit"] == "N"
+        assert station.wiring.feeds[0].sensor.units[0] == "V"
+        shown = np.array(view.traces(-math.inf)["sensors"]["values"], np.float64)
+        assert np.nanmin(shown) == 0.0
+    other = replace(config, sources=("sim://teng?seed=5&rate_hz=250",))
+    with pytest.raises(BadInput, match="the sensors that were calibrated"), Station(other):
+        pass
 
 
 def test_the_page_disarms_and_cannot_arm():
