@@ -6,12 +6,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from taxel.bundles.contract import Contract
+from taxel.bundles.contract import Contract, following
 from taxel.bundles.reader import Bundle, read_bundle
 from taxel.bundles.writer import write_bundle
 from taxel.decisions.recognition import UNKNOWN, RecogniseConfig
 from taxel.decisions.unknown import Density, Unknown
-from taxel.errors import BadBundle
+from taxel.errors import BadBundle, BadInput
 from taxel.live.recogniser import Recogniser
 from taxel.live.session import run_session
 from taxel.models.cnn2d import Cnn2d
@@ -289,3 +289,12 @@ def test_a_gate_that_follows_tells_each_move_live_and_in_the_summary(tmp_path: P
     assert (move["channel"], move["before"]) == ("b", 1.0)
     assert move["after"] == pytest.approx(1.4, abs=0.01)
     assert tally.windows == 0
+
+
+def test_a_gate_is_made_to_follow_only_where_there_is_one(tmp_path: Path):
+    contract = bundle(tmp_path, WindowConfig(steps=STEPS, stride=STEPS, gate=1.0)).contract
+    assert following(contract, 30.0).window.gate_follow_s == 30.0
+    without = replace(contract, window=WindowConfig(steps=STEPS, stride=STEPS))
+    for one, follow_s in ((without, 30.0), (contract, 0.0)):
+        with pytest.raises(BadInput, match="gate above 0 to follow"):
+            following(one, follow_s)

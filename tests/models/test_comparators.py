@@ -69,10 +69,23 @@ def test_inception_time_has_the_papers_shape() -> None:
 
 
 def test_the_comparators_have_the_documented_size() -> None:
-    """docs/decisions/0024 hangs on these."""
+    """docs/decisions/0024 and 0047 hang on these."""
     counts = {
         name: count_parameters(MODELS[name].build(12, 12, 3))
-        for name in ("lstm", "cnn3d", "inception-time")
+        for name in ("lstm", "cnn3d", "conv-lstm", "inception-time")
     }
 
-    assert counts == {"lstm": 22147, "cnn3d": 22259, "inception-time": 178819}
+    assert counts == {"lstm": 22147, "cnn3d": 22259, "conv-lstm": 16131, "inception-time": 178819}
+
+
+def test_the_conv_lstm_reads_the_order_of_rows_and_where_on_the_hand_they_are() -> None:
+    """The same values at other rows, or at pads that are no neighbours, give other answers."""
+    torch.manual_seed(0)
+    network = find_network("conv-lstm").build(12, 12, 2).eval()
+    mask = torch.ones(1, 12, dtype=torch.bool)
+    near, far = torch.zeros(1, 12, 12), torch.zeros(1, 12, 12)
+    near[0, 4:8, [0, 3]] = 1.0  # one phalanx of two fingers side by side
+    far[0, 4:8, [0, 9]] = 1.0
+
+    assert not torch.allclose(network(near, mask), network(near.flip(1), mask))
+    assert not torch.allclose(network(near, mask), network(far, mask))

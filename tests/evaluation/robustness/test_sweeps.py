@@ -140,3 +140,29 @@ def test_conditions_are_judged_beside_the_base(model: Model):
 def test_a_condition_outside_the_simulators_limits_is_refused(model: Model):
     with pytest.raises(BadInput, match="dust within 0 and 1"):
         sweep_conditions(model, {"dust": (1.5,)}, FEW)
+
+
+@pytest.mark.parametrize(
+    ("condition", "level", "key"), [("force", 2.0, "force_n"), ("size", 24.0, "size_mm")]
+)
+def test_force_and_size_are_those_asked_for_and_nothing_else_is_drawn_anew(
+    condition: str, level: float, key: str
+):
+    base, changed = (simulate_at(s, FEW) for s in (BASE, settings_at(condition, level)))
+    for one, other in zip(base, changed, strict=True):
+        assert {float(trial.groups[key]) for trial in other.trials} == {level}
+        assert [t.labels for t in one.trials] == [t.labels for t in other.trials]
+        assert [t.start_s for t in one.trials] == [t.start_s for t in other.trials]
+
+
+def test_angle_and_wear_change_the_values_and_not_the_grasps():
+    base, *others = (
+        simulate_at(s, FEW)
+        for s in (BASE, settings_at("angle", 30.0), settings_at("fatigue", 30_000.0))
+    )
+    for changed in others:
+        for one, other in zip(base, changed, strict=True):
+            assert [t.start_s for t in one.trials] == [t.start_s for t in other.trials]
+            assert not np.array_equal(one.samples.values, other.samples.values)
+    worn = np.mean([s.samples.values.mean() for s in others[1]])
+    assert worn < 0.7 * np.mean([s.samples.values.mean() for s in base])
