@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from taxel.bench.rows import Row
 from taxel.evaluation.baselines import trivial_accuracies
-from taxel.evaluation.crossval import FoldResult, Job, run_fold
+from taxel.evaluation.crossval import FoldResult, run_fold
 from taxel.evaluation.metrics import accuracy_interval
 from taxel.evaluation.robustness.conditions import (
     BASE,
@@ -29,11 +29,18 @@ from taxel.evaluation.robustness.conditions import (
     settings_at,
     simulate_at,
 )
-from taxel.evaluation.robustness.curve import CLEAN, Answers, Point, loss_between, point_of
+from taxel.evaluation.robustness.curve import (
+    CLEAN,
+    FaultPoint,
+    SessionAnswers,
+    loss_between,
+    point_of,
+)
 from taxel.evaluation.robustness.touches import Model, Recorded, judge, train_model
 from taxel.evaluation.splits import TrialFold
 from taxel.sources.data_sets import DATA_SET_RATE_HZ, write_sessions
 from taxel.sources.teng_options import checked_config
+from taxel.training.fitting import Job
 from taxel.training.loop import TrainConfig
 from taxel.training.recipes import find_recipe
 from taxel.windows.config import TENG_WINDOW, WindowConfig
@@ -84,7 +91,7 @@ def grasp_rows() -> list[Row]:
             for target in ("shape", "material")
         }
     places = [(name, level) for name in GRASPS for level in LEVELS[name][1]]
-    told: dict[str, dict[tuple[str, float], Answers]] = {target: {} for target in models}
+    told: dict[str, dict[tuple[str, float], SessionAnswers]] = {target: {} for target in models}
     for name, level in [(CLEAN, 0.0), *places]:
         settings = dict(BASE) if name == CLEAN else settings_at(name, level)
         sessions = simulate_at(settings, NEW)
@@ -185,7 +192,7 @@ def _scored(
                goal="", ok=None, note=note)  # fmt: skip
 
 
-def _cost(target: str, name: str, told: Mapping[tuple[str, float], Answers]) -> Row:
+def _cost(target: str, name: str, told: Mapping[tuple[str, float], SessionAnswers]) -> Row:
     unit, levels = LEVELS[name]
     base = told[CLEAN, 0.0]
     each = {level: loss_between(base, told[name, level], grasps=False) for level in levels}
@@ -210,7 +217,7 @@ def _drifting(one: Recorded, drift_v: float) -> Recorded:
     return replace(one, samples=replace(one.samples, values=values))
 
 
-def _gate_rows(name: str, point: Point) -> list[Row]:
+def _gate_rows(name: str, point: FaultPoint) -> list[Row]:
     note = f"95 % {point.low:.3f} … {point.high:.3f} by session; {point.windows} windows"
     return [
         Row(name=f"{name}: windows cut outside touch", value=point.outside, unit="1/min",
