@@ -10,11 +10,11 @@ from taxel.sim.cup_pour import (
     CupPourConfig,
     PourSim,
     PourTrack,
-    indentation,
     list_runs,
     simulate_pour,
 )
 from taxel.sim.cups import PourRun, draw_cup, draw_run
+from taxel.sim.grip_limits import indentation
 
 MU, NORMAL_N = 0.8, 20.0
 

@@ -9,13 +9,11 @@ from taxel.sim.brush_contact import BrushField, elliptic_patch
 from taxel.sim.cup_pour import (
     CupPourConfig,
     PourSim,
-    half_axes,
     list_runs,
-    load_ratio,
-    pour_less,
     simulate_pour,
 )
 from taxel.sim.cups import draw_cup, draw_run
+from taxel.sim.grip_limits import half_axes, load_ratio, pour_less
 
 
 def test_frame_by_frame_equals_the_whole() -> None:

@@ -159,6 +159,26 @@ class BrushField:
             (self._stiffness * moment),
         )
 
+    def most_drag(
+        self, drag: NDArray[np.float64], held: NDArray[np.float64], normal_n: float
+    ) -> NDArray[np.float64]:
+        """Return what the pads' damping can bear beside what they hold, shape (3,).
+
+        Friction bears both: a pad that is torn along cannot damp more than it could hold.
+
+        Args:
+            drag: Shape (3,): what damping would give, x and y (N), moment (N mm).
+            held: Shape (3,): what the bent pads hold, as `forces`.
+            normal_n: Normal force on each side.
+        """
+        most_n = float(self.friction().sum()) * max(normal_n, 0.0)
+        arm_mm = float(np.sqrt(self._arm2) @ self.patch.share)
+        held_n, wanted_n = float(np.hypot(*held[:2])), float(np.hypot(*drag[:2]))
+        line = min(1.0, max(most_n - held_n, 0.0) / max(wanted_n, 1e-12))
+        spare = max(most_n * arm_mm - abs(float(held[2])), 0.0)
+        turn = min(1.0, spare / max(abs(float(drag[2])), 1e-12))
+        return drag * np.array([line, line, turn])
+
     def sticking(self) -> float:
         """Return the share of all brushes that do not slide, 0…1."""
         return float((self.speed <= 0.0).mean())

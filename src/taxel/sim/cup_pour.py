@@ -11,23 +11,33 @@ docs/decisions/0013.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from taxel.sim.brush_contact import BrushField, elliptic_patch
-from taxel.sim.cups import OTHER_KINDS, Kind, Position, PourRun, draw_cup, draw_run
+from taxel.sim.cups import MOVING_KINDS, Kind, Position, PourRun, draw_cup, draw_kinds
 from taxel.sim.gel_shear import LayerGels, LayerMoment
+from taxel.sim.grip_limits import GRAVITY_M_S2, half_axes, indentation, pour_less
 from taxel.sim.pour_state import GelMotion, HandleShape, PadHold
-from taxel.sim.pour_views import gel_motion, handle_shape, layer_motion, layer_truth
+from taxel.sim.pour_views import (
+    GelRow,
+    gel_motion,
+    handle_shape,
+    layer_motion,
+    layer_truth,
+    with_layers,
+)
+from taxel.sim.run_forces import RunGrip, RunPulls
+from taxel.sim.scene_draws import draw_grasp
+from taxel.sim.surroundings import Surroundings, inertia_mm2
 
 SIM_VERSION = "1"
 """Of dynamics and nuisances together; recorded with every run."""
 Gel = Literal[1, 2]
 """How a gel's face moves: 1 as one rigid piece, 2 as an elastic layer (docs/decisions/0037)."""
-GRAVITY_M_S2 = 9.81
 GEL_SHEAR_KPA = 145.0
 """E/3 of the gel, E = 435 kPa. Source: FEATS, C10 = 0.0725 MPa."""
 GEL_MM = 4.5
@@ -39,16 +49,12 @@ STEP_S = 1.0 / 480.0
 """Of the integration: eight a frame at 60 Hz."""
 DAMPING_S = 0.06
 """Relaxation time of the gel's shear: damps the cup's pendulum of 2 to 4 Hz. Our choice."""
-GRIP_SETTLE_S = 1.5
-"""Time constant of the grip's relaxation. Source: our choice."""
 DROP_MM, DROP_RAD = 9.0, 0.75
 """A cup that slid or turned so far is lost: it has left the gripper, or spills. Our choice."""
 RELEASE_S = 0.03
 """Time constant of a pad that springs back from a lost cup. Our choice: two frames."""
 GONE_MM = 40.0
 """A lost cup has fallen out of every image. Our choice: twice the pad's width."""
-_HOLD_RATIO = 0.6
-"""Largest load, as a share of the limit, of a pour that is meant to hold. Our choice."""
 _HANG_S = 0.6
 """How long the empty cup hangs before time zero."""
 
@@ -72,6 +78,10 @@ class CupPourConfig:
     unstable, as in the paper. Source: our choice, docs/decisions/0013."""
     negatives: float = 0.0
     """Runs of the other kinds, as a share of the paper's runs, 0…1."""
+    kinds: tuple[Kind, ...] = ()
+    """Runs of these kinds for each cup, position and force, in place of the paper's."""
+    approach: bool = False
+    """Begin with open jaws about a cup that stands on a table."""
     duration_s: float = 6.0
     frame_hz: float = 60.0
     gel: Gel = 1
@@ -80,6 +90,10 @@ class CupPourConfig:
     def __post_init__(self) -> None:
         if self.gel not in (1, 2):
             raise ValueError(f"needed gel 1 or 2; got {self.gel}")
+        if self.approach and self.gel == 2:
+            raise ValueError(
+                "needed gel 1 for an approach: a layer that nothing touches is not modelled"
+            )
         if self.cups < 1 or self.repetitions < 1 or not self.positions or not self.forces_n:
             raise ValueError("needed at least one cup, position, force and repetition")
         if min(self.forces_n) <= 0:
@@ -99,37 +113,16 @@ def list_runs(config: CupPourConfig) -> list[PourRun]:
         for number in range(config.repetitions):
             for position in config.positions:
                 for force_n in config.forces_n:
-                    still = random.random() < config.still
-                    first: Kind = "still" if still else "pour"
-                    runs.append(draw_run(config.seed, cup, position, force_n, first, number))
-                    if random.random() < config.negatives:
-                        kind = OTHER_KINDS[int(random.integers(len(OTHER_KINDS)))]
-                        other = draw_run(config.seed, cup, position, force_n, kind, number)
-                        runs.append(pour_less(other))
+                    kinds = config.kinds or draw_kinds(config.still, config.negatives, random)
+                    runs += [
+                        pour_less(
+                            draw_grasp(
+                                config.seed, cup, position, force_n, kind, number, config.approach
+                            )
+                        )
+                        for kind in kinds
+                    ]
     return runs
-
-
-def load_ratio(run: PourRun, poured_g: float) -> float:
-    """Return the resting load over the limit surface of both gels; slip begins at 1.
-
-    Source: (f / μN)² + (m / μNe)² ≤ 1, docs/explanation/physics-gel; the weakest grip of
-    the run, cup unturned.
-    """
-    grip_n = run.force_n * (1.0 + run.grip_error) * (1.0 - run.relaxation)
-    friction_n = run.cup.friction * sum(run.side_friction) * grip_n
-    patch = elliptic_patch(*half_axes(run, grip_n), 0.0)
-    arm_mm = float(np.hypot(patch.x_mm, patch.y_mm) @ patch.share)
-    weight_n = (run.cup.mass_kg + poured_g / 1000.0) * GRAVITY_M_S2
-    return float(np.hypot(weight_n, weight_n * run.cup.lever_mm / arm_mm) / friction_n)
-
-
-def pour_less(run: PourRun) -> PourRun:
-    """Return a run that is meant to hold its pour with no more water than that allows."""
-    if run.kind not in ("no-slip pour", "late slip"):
-        return run
-    empty = load_ratio(run, 0.0)
-    room_g = 1000.0 * run.cup.mass_kg * (_HOLD_RATIO / empty - 1.0)
-    return replace(run, amount_g=min(run.amount_g, max(room_g, 5.0)))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -142,8 +135,7 @@ class PourTrack:
     """Left and right gel."""
     shapes: tuple[HandleShape, HandleShape]
     truth: NDArray[np.float64]
-    """Shape (n, 8), columns as `TRUTH_CHANNELS`; with gels of version 2 (n, 14), columns as
-    `LAYER_CHANNELS` after them."""
+    """Shape (n, 8 …), columns as `truth_columns` says."""
     pour_start_s: float
     """Infinity without a pour."""
     pour_end_s: float
@@ -159,15 +151,20 @@ class PourSim:
     """
 
     def __init__(self, run: PourRun) -> None:
+        if run.kind in MOVING_KINDS and run.scene is None:
+            raise ValueError(f"needed a run with its scene, from draw_grasp; got a {run.kind}")
         self.run = run
         self.time_s = 0.0
-        self.poured_g = 0.0
+        self.around = None if run.scene is None else Surroundings(run)
+        self.poured_g = 0.0 if run.scene is None else run.scene.contents_g
+        self._grip, self._pulls = RunGrip(run), RunPulls(run)
+        self._stands = run.scene is not None and run.scene.on_table
         self.dropped = False
         self.pouring = True
         """False once the person has been told to stop."""
         self.patch_mm = half_axes(run, run.force_n)
         self._patch_n = run.force_n
-        self._depth_mm, _ = indentation(run.force_n)
+        self._depth_mm: float | NDArray[np.float64] = indentation(run.force_n)[0]
         self._owed_s = 0.0
         self.axis_rad = run.tilt_rad + 0.7 * run.along
         patch = elliptic_patch(*self.patch_mm, self.axis_rad)
@@ -177,13 +174,14 @@ class PourSim:
         """Of the handle: x and y (mm), turn (rad)."""
         self._speed = np.zeros(3)
         self._normal_n = run.force_n
-        self._random = np.random.default_rng([14, run.seed])
-        self._unrest = np.zeros(2)
         self._sliding = np.zeros(2)
         for _ in range(round(_HANG_S / STEP_S)):
-            self._advance(run.force_n, STEP_S, hanging=True)
+            self._advance(0.0 if self._stands else run.force_n, STEP_S, hanging=True)
+        if self._stands and run.approach is None:  # gripped as it stands: nothing is sheared yet
+            self._normal_n = run.force_n
+            self._follow_grip()
         self._field.path[:] = 0.0
-        self._origin = self._place.copy()
+        self._origin = self._grasped = self._place.copy()
         self._surface = self._field.surface_motion()
         self.time_s = 0.0
 
@@ -206,13 +204,15 @@ class PourSim:
 
     @property
     def state(self) -> NDArray[np.float64]:
-        """The truth now, shape (8,), as `TRUTH_CHANNELS`."""
+        """The truth now, shape (8,) or (16,), as `truth_columns` without those of the layers."""
         share = self._field.patch.share
         slip_um = 1000.0 * float((self._field.path @ share).max())
-        moved = self._place - self._origin
+        moved = self._place - self._grasped
         load_n = (self.run.cup.mass_kg + self.poured_g / 1000.0) * GRAVITY_M_S2
+        if self.around is not None:
+            load_n = float(np.hypot(*self._field.forces()[:2]))
         load_n *= not self.dropped
-        return np.array(
+        known = np.array(
             [
                 slip_um,
                 float(self._sliding.max()),
@@ -224,9 +224,15 @@ class PourSim:
                 float(self.dropped),
             ]
         )
+        if self.around is None:
+            return known
+        motion = self.around.truth(self.time_s, self._grip.phase(self.time_s))
+        return np.concatenate([known, motion])
 
-    def gel(self) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64], float]:
-        """Return the handle's move (3,), each gel's move (2, 2) and twist (2,), and depth (mm)."""
+    def gel(self) -> GelRow:
+        """Return the handle's move (3,), each gel's move (2, 2) and twist (2,), and depth (mm),
+        of both or, while jaws close, of each (2,).
+        """
         moved, turn = self._field.surface_motion()
         return (
             self._place - self._origin,
@@ -249,13 +255,12 @@ class PourSim:
 
     def layers(self) -> LayerGels:
         """Return the gels of version 2 as they are now, the empty cup's load upon them."""
-        return LayerGels(
-            self._origin, self.hold(), self.axis_rad, self.run.creep, _SHEAR_STIFFNESS_N_MM3
-        )
+        hang = np.zeros(3) if self._stands else self._origin
+        return LayerGels(hang, self.hold(), self.axis_rad, self.run.creep, _SHEAR_STIFFNESS_N_MM3)
 
     def _advance(self, grip_n: float, dt_s: float, *, hanging: bool = False) -> None:
         run = self.run
-        self._normal_n = grip_n if hanging else self._grip(grip_n)
+        self._normal_n = grip_n if hanging else self._grip.normal_n(self.time_s, grip_n)
         if self.dropped:
             self._fall(dt_s)
             return
@@ -265,32 +270,45 @@ class PourSim:
         force, moment = self._load(dt_s, hanging)
         held_x, held_y, held_m = self._field.forces()
         mass = run.cup.mass_kg + self.poured_g / 1000.0
-        arm2 = run.cup.lever_mm**2 + run.cup.gyration_mm**2
+        arm2 = inertia_mm2(run)
         line, turn = self._field.stiffness()
-        stuck = self._field.sticking()
+        stuck = self._field.sticking() if self._normal_n > 0.0 else 0.0
         # Newton with millimetres: N = kg m/s² is 1000 kg mm/s²; damping is taken implicitly.
         drag_line = DAMPING_S * line * stuck * 1000.0 * dt_s / mass
         drag_turn = DAMPING_S * turn * stuck * 1000.0 * dt_s / (mass * arm2)
         self._speed[0] += 1000.0 * dt_s * (force[0] - held_x) / mass
         self._speed[1] += 1000.0 * dt_s * (force[1] - held_y) / mass
-        self._speed[:2] /= 1.0 + drag_line
         self._speed[2] += 1000.0 * dt_s * (moment - held_m) / (mass * arm2)
+        before = self._speed.copy()
+        self._speed[:2] /= 1.0 + drag_line
         self._speed[2] /= 1.0 + drag_turn
+        if self.around is not None:
+            kept = np.array([held_x, held_y, held_m])
+            masses = np.array([mass, mass, mass * arm2]) / (1000.0 * dt_s)
+            self._speed = (
+                before
+                - self._field.most_drag((before - self._speed) * masses, kept, self._normal_n)
+                / masses
+            )
         step = self._speed * dt_s
         self._field.move(step[0], step[1], step[2], self._normal_n, dt_s)
         if not hanging:  # viscoelastic: the bent gel gives way slowly
-            self._field.yield_by(run.creep * dt_s / 3.0 * np.exp(-self.time_s / 3.0))
+            held_s = self._grip.held_s(self.time_s)
+            self._field.yield_by(run.creep * dt_s / 3.0 * np.exp(-held_s / 3.0))
         self._place += step
-        sliding = self._field.speed > 0.05
+        sliding = (self._field.speed > 0.05) & (self._normal_n > 0.0)
         self._sliding = sliding @ self._field.patch.share
         self.time_s += dt_s
+        if not hanging and self.time_s - dt_s < self._grip.settled_s <= self.time_s:
+            self._field.path[:] = 0.0  # slip counts since the grasp
+            self._grasped = self._place.copy()
         if not hanging:
-            moved = np.abs(self._place - self._origin)
+            moved = np.abs(self._place - self._grasped)
             self.dropped |= bool(np.hypot(moved[0], moved[1]) > DROP_MM or moved[2] > DROP_RAD)
 
     def _follow_grip(self) -> None:
         """Let depth follow the grip, and the patch once that has changed by a per cent."""
-        self._depth_mm, _ = indentation(max(self._normal_n, 0.5))
+        self._depth_mm = self._grip.depth_mm(self.time_s, self._normal_n)
         if abs(self._normal_n - self._patch_n) > 0.01 * self._patch_n:
             self._patch_n = max(self._normal_n, 0.5)
             self.patch_mm = half_axes(self.run, self._patch_n)
@@ -298,20 +316,18 @@ class PourSim:
 
     def _fall(self, dt_s: float) -> None:
         """Let a lost cup fall out of the images and the pads spring back."""
-        self._speed[1] += 1000.0 * GRAVITY_M_S2 * dt_s
-        if abs(self._place[1]) < GONE_MM:
+        if self.around is None:
+            self._speed[1] += 1000.0 * GRAVITY_M_S2 * dt_s
+        else:
+            self._speed[:2] += 1000.0 * self.around.gripper(self.time_s).pull_m_s2 * dt_s
+        off = self._place[1:2] if self.around is None else self._place[:2]
+        if np.abs(off).max() < GONE_MM:
             self._place += self._speed * dt_s
         kept = float(np.exp(-dt_s / RELEASE_S))
         self._depth_mm *= kept
         self._normal_n, self._sliding[:] = 0.0, 0.0
         self._field.let_go(kept)
         self.time_s += dt_s
-
-    def _grip(self, grip_n: float) -> float:
-        run = self.run
-        lost = run.relaxation * (1.0 - np.exp(-self.time_s / GRIP_SETTLE_S))
-        drop = run.grip_drop * min(max((self.time_s - run.start_s) / 0.33, 0.0), 1.0)
-        return float(grip_n * (1.0 + run.grip_error) * (1.0 - lost) * (1.0 - drop))
 
     def _load(self, dt_s: float, hanging: bool) -> tuple[NDArray[np.float64], float]:
         """Return force (x, y), newtons, and clockwise moment, N mm, on the handle."""
@@ -321,17 +337,17 @@ class PourSim:
         turn = self._place[2]
         arm_mm = run.cup.lever_mm * np.cos(turn)
         if hanging:
+            if self.around is not None:
+                still = self.around.load(0.0, self._place, self._speed, mass, np.zeros(2))
+                return still.force_n, still.moment_n_mm
             return np.array([0.0, weight_n]), weight_n * arm_mm
-        # Unrest of the hand and the jet: noise of about 8 Hz.
-        fade = np.exp(-dt_s * 50.0)
-        kick = self._random.normal(size=2) * np.sqrt(1.0 - fade**2)
-        self._unrest = self._unrest * fade + kick
         poured = 0.0 < self.poured_g < run.amount_g and self.pouring
-        unrest_n = run.vibration_n * self._unrest * (2.0 if poured else 1.0)
-        jet_n = 1.4 * run.flow_g_s / 1000.0 if poured else 0.0  # 1.4 m/s after 10 cm of fall
-        since_s = (self.time_s - run.bump_s) / 0.08
-        bump_n = run.bump_n * np.sin(np.pi * since_s) if 0.0 < since_s < 1.0 else 0.0
+        unrest_n, jet_n, bump_n = self._pulls.step(self.time_s, dt_s, poured)
         down_n = weight_n + jet_n + unrest_n[1] + bump_n
+        if self.around is not None:
+            poured_n = np.array([unrest_n[0], down_n - weight_n])
+            load = self.around.load(self.time_s, self._place, self._speed, mass, poured_n)
+            return load.force_n, load.moment_n_mm
         return np.array([unrest_n[0], down_n]), down_n * arm_mm
 
 
@@ -353,7 +369,8 @@ def simulate_pour(
     """
     sim = PourSim(run)
     count = round(duration_s * frame_hz)
-    truth, rows, patches = np.zeros((count, 8)), [], np.zeros((count, 2))
+    rows, patches = [], np.zeros((count, 2))
+    truth = np.zeros((count, len(sim.state)))
     layers = sim.layers() if gel == 2 else None
     layer: list[LayerMoment] = []
     for index in range(count):
@@ -366,7 +383,7 @@ def simulate_pour(
     motions = (gel_motion(rows, 0, patches), gel_motion(rows, 1, patches))
     if layer:
         motions = (layer_motion(motions[0], layer, 0), layer_motion(motions[1], layer, 1))
-        truth = np.concatenate([truth, layer_truth(layer, count)], axis=1)
+        truth = with_layers(truth, layer_truth(layer, count))
     pours = run.flow_g_s > 0
     return PourTrack(
         time_s=np.arange(count) / frame_hz,
@@ -377,20 +394,3 @@ def simulate_pour(
         pour_end_s=run.start_s + run.amount_g / run.flow_g_s if pours else float("inf"),
         layer=tuple(layer),
     )
-
-
-def indentation(force_n: float) -> tuple[float, float]:
-    """Return depth (mm) and area (mm²): 1.4 and 124 at 15 N, 2.4 and 168 at 50 N.
-
-    Source: FEATS, as collected in docs/explanation/physics-gel; powers fitted through both.
-    """
-    over = force_n / 15.0
-    return 1.4 * over**0.448, 124.0 * over**0.252
-
-
-def half_axes(run: PourRun, force_n: float) -> tuple[float, float]:
-    """Return the patch's half axes across and along the handle, millimetres."""
-    _, area_mm2 = indentation(force_n)
-    ratio = (run.cup.radius_across_mm / run.cup.bend_mm) ** 0.5
-    across = min(np.sqrt(area_mm2 / np.pi * ratio), run.cup.width_mm / 2.0)
-    return float(across), float(min(area_mm2 / np.pi / across, 11.0))

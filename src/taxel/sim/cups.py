@@ -12,11 +12,19 @@ from typing import Literal
 
 import numpy as np
 
+from taxel.sim.scenes import Approach, Scene
+
 Position = Literal["upper", "middle", "lower"]
-Kind = Literal["pour", "still", "no-slip pour", "bump", "grip drop", "late slip"]
+Kind = Literal[
+    "pour", "still", "no-slip pour", "bump", "grip drop", "late slip",
+    "lift", "tilt", "carry", "hand-over", "collision",
+]  # fmt: skip
 """pour and still (held, nothing poured): the paper's protocol, whose videos are in part stable
-throughout; the others are negatives and hard cases."""
+throughout; the next four are negatives and hard cases; the last five are `MOVING_KINDS`."""
 OTHER_KINDS: tuple[Kind, ...] = ("no-slip pour", "bump", "grip drop", "late slip")
+MOVING_KINDS: tuple[Kind, ...] = ("lift", "tilt", "carry", "hand-over", "collision")
+"""The gripper moves, or somebody else bears the cup: what else the paper's abstract names. Their
+scenes are drawn by `taxel.sim.scene_draws`."""
 
 _HELD_KG_MM = 11.9
 """Mass times lever that a grip of 15 N holds where friction is 1: 2 · 15 N · 0.62 · 6.28 mm over
@@ -95,6 +103,8 @@ class PourRun:
     """Of the patch's middle from the image's middle (x, y)."""
     side_friction: tuple[float, float]
     """Friction of the left and the right side over the cup's own."""
+    scene: Scene | None = None
+    """What else happens: where the gripper goes, table, person, obstacle, approach."""
 
     @property
     def name(self) -> str:
@@ -102,7 +112,14 @@ class PourRun:
         name = f"cup-{self.cup.index:02d}_{self.position}_{self.force_n:g}N"
         if self.kind != "pour":
             name += "_" + self.kind.replace(" ", "-")
+        if self.approach is not None:
+            name += "_approach"
         return name if self.number == 0 else f"{name}_{self.number}"
+
+    @property
+    def approach(self) -> Approach | None:
+        """How the grasp is made; None where it is made at time zero."""
+        return None if self.scene is None else self.scene.approach
 
     @property
     def along(self) -> float:
@@ -135,9 +152,9 @@ def draw_cup(seed: int, index: int) -> Cup:
 def draw_run(
     seed: int, cup: Cup, position: Position, force_n: float, kind: Kind = "pour", number: int = 0
 ) -> PourRun:
-    """Return a run; its nuisances depend on the seed and the run's place in the set alone."""
-    place = [_POSITION[position] * 2 + 3, round(force_n * 10), number, hash_of(kind)]
-    random = np.random.default_rng([_RUN, seed, cup.index, *map(int, place)])
+    """Return a run without its scene; it depends on the seed and its place in the set alone."""
+    place = place_of(position, force_n, number, kind)
+    random = np.random.default_rng([_RUN, seed, cup.index, *place])
     amount_g = random.uniform(90.0, 420.0)
     start_s = random.uniform(0.4, 2.2)
     flow_g_s = random.uniform(50.0, 160.0)
@@ -170,6 +187,25 @@ def draw_run(
     )
 
 
+def draw_kinds(still: float, negatives: float, random: np.random.Generator) -> tuple[Kind, ...]:
+    """Return the kind of one of the paper's runs, and that of one more where one is drawn.
+
+    Args:
+        still: Share of runs in which nothing is poured, 0…1.
+        negatives: Runs of the other kinds, as a share of these, 0…1.
+        random: Of the cup.
+    """
+    first: Kind = "still" if random.random() < still else "pour"
+    if random.random() >= negatives:
+        return (first,)
+    return first, OTHER_KINDS[int(random.integers(len(OTHER_KINDS)))]
+
+
+def place_of(position: Position, force_n: float, number: int, kind: Kind) -> list[int]:
+    """Return a run's place in its set, for its random numbers."""
+    return [int(_POSITION[position] * 2 + 3), round(force_n * 10), number, hash_of(kind)]
+
+
 def hash_of(kind: Kind) -> int:
     """Return a number for a kind, the same on every machine."""
-    return ("pour", *OTHER_KINDS, "still").index(kind)
+    return ("pour", *OTHER_KINDS, "still", *MOVING_KINDS).index(kind)

@@ -8,6 +8,7 @@ forces, pixels or files.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from enum import IntEnum
 
 import numpy as np
 from numpy.typing import NDArray
@@ -92,6 +93,39 @@ LAYER_UNITS = ("um", "um", "1", "1", "deg", "deg")
 """slip: load-weighted path of the handle over that gel's face since the grasp, by the layer's own
 friction; at_limit: share of the contact's area that friction no longer holds, Mindlin's annulus;
 gel_turn: load-weighted turn of the gel's face since the grasp: rotation less it is rigid slip."""
+
+
+MOTION_CHANNELS = (
+    "shift", "lift", "tilt", "accel_x", "accel_y", "outside_x", "outside_y", "grasp"
+)  # fmt: skip
+"""Further truth of runs with a scene, last of all, in this order."""
+MOTION_UNITS = ("mm", "mm", "deg", "m/s^2", "m/s^2", "N", "N", "1")
+"""shift, lift, tilt: of the gripper since time zero, to the right, up and clockwise; accel: its
+own, in its frame, right and down; outside: what table, person and obstacle push the cup with, in
+the gripper's frame; grasp: a `GraspPhase`. `load` is then what the gels bear."""
+
+
+class GraspPhase(IntEnum):
+    """How far a grasp is."""
+
+    OPEN = 0
+    CLOSING = 1
+    """A gel touches."""
+    HELD = 2
+    """Both press as commanded."""
+
+
+def truth_columns(gel: int, scene: bool) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    """Return the channels and units of the truth that is recorded.
+
+    Args:
+        gel: How the gels shear; with 2 there is more to say.
+        scene: True where the gripper moves, or a grasp is made.
+    """
+    channels, units = TRUTH_CHANNELS, TRUTH_UNITS
+    if gel == 2:
+        channels, units = channels + LAYER_CHANNELS, units + LAYER_UNITS
+    return (channels + MOTION_CHANNELS, units + MOTION_UNITS) if scene else (channels, units)
 
 
 def has_truth(channels: tuple[str, ...]) -> bool:

@@ -14,14 +14,14 @@ from numpy.typing import NDArray
 from taxel.sim.cups import PourRun
 from taxel.sim.elastic_layer import LayerPatch
 from taxel.sim.gel_shear import LayerMoment
-from taxel.sim.pour_state import GelMotion, HandleShape
+from taxel.sim.pour_state import TRUTH_CHANNELS, GelMotion, HandleShape
 
 Array = NDArray[np.float64]
+GelRow = tuple[Array, Array, Array, float | Array]
+"""The handle's move (3,), each gel's move (2, 2) and twist (2,), and depth of both or of each."""
 
 
-def gel_motion(
-    rows: Sequence[tuple[Array, Array, Array, float]], side: int, patches: Array
-) -> GelMotion:
+def gel_motion(rows: Sequence[GelRow], side: int, patches: Array) -> GelMotion:
     """Return one gel's view of how handle and gel move.
 
     Args:
@@ -34,8 +34,9 @@ def gel_motion(
     moved = np.stack([row[1][side] for row in rows])
     turn = np.array([row[2][side] for row in rows])
     flip = np.array([mirror, 1.0])
+    depth = np.array([row[3] for row in rows])
     return GelMotion(
-        depth_mm=np.array([row[3] for row in rows]),
+        depth_mm=depth if depth.ndim == 1 else depth[:, side],
         object_mm=place[:, :2] * flip,
         object_rad=place[:, 2] * mirror,
         gel_mm=moved * flip,
@@ -139,6 +140,12 @@ def layer_motion(motion: GelMotion, layer: Sequence[LayerMoment], side: int) -> 
 def layer_truth(layer: Sequence[LayerMoment], count: int) -> Array:
     """Return what is recorded of gels that shear as layers, shape (count, 6): `LAYER_CHANNELS`."""
     return _between(np.stack([layer_state(moment, layer[0]) for moment in layer]), count)
+
+
+def with_layers(truth: Array, layers: Array) -> Array:
+    """Return truth with the layers' columns in their place; the last axis is that of columns."""
+    own = len(TRUTH_CHANNELS)
+    return np.concatenate([truth[..., :own], layers, truth[..., own:]], axis=-1)
 
 
 def layer_state(moment: LayerMoment, first: LayerMoment) -> Array:

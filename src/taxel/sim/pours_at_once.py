@@ -21,17 +21,15 @@ from taxel.sim.cup_pour import (
     GEL_MM,
     GEL_SHEAR_KPA,
     GONE_MM,
-    GRAVITY_M_S2,
-    GRIP_SETTLE_S,
     LAYER_FACTOR,
     RELEASE_S,
     STEP_S,
     PourTrack,
-    half_axes,
-    indentation,
 )
 from taxel.sim.cups import PourRun
+from taxel.sim.grip_limits import GRAVITY_M_S2, half_axes, indentation
 from taxel.sim.pour_views import gel_motion, handle_shape
+from taxel.sim.run_forces import GRIP_SETTLE_S
 
 Values = NDArray[np.float64]
 
@@ -47,11 +45,13 @@ def simulate_pours(
         duration_s: Seconds.
 
     Raises:
-        ValueError: The rate does not divide that of the integration.
+        ValueError: The rate does not divide that of the integration, or a run has a scene.
     """
     steps = round(1.0 / (STEP_S * frame_hz))
     if abs(steps * STEP_S * frame_hz - 1.0) > 1e-9:
         raise ValueError(f"needed a rate that divides {1 / STEP_S:g} Hz; got {frame_hz:g}")
+    if any(run.scene is not None for run in runs):
+        raise ValueError("needed runs without a scene; simulate moving ones one by one")
     if not runs:
         return []
     count = round(duration_s * frame_hz)

@@ -40,13 +40,7 @@ from taxel.sim.gelsight import (
     camera_times,
     draw_sensor,
 )
-from taxel.sim.pour_state import (
-    LAYER_CHANNELS,
-    LAYER_UNITS,
-    TRUTH_CHANNELS,
-    TRUTH_UNITS,
-    GelMotion,
-)
+from taxel.sim.pour_state import GelMotion, truth_columns
 from taxel.sim.pour_views import LayerView
 
 SIDES = ("left", "right")
@@ -69,17 +63,19 @@ class SimulatedVideo:
     """The camera's different images in order, each shape (240, 320, 3)."""
 
 
-def sensor_info(frame_hz: float, gel: Gel = 1) -> SensorInfo:
+def sensor_info(frame_hz: float, gel: Gel = 1, scene: bool = False) -> SensorInfo:
     """Return what the truth beside the images is.
 
     Args:
         frame_hz: Moments a second.
         gel: How the gels shear; with 2 there is more to say.
+        scene: True where the gripper moves, or a grasp is made: there is more to say, too.
     """
+    channels, units = truth_columns(gel, scene)
     return SensorInfo(
         name="truth",
-        channels=TRUTH_CHANNELS if gel == 1 else TRUTH_CHANNELS + LAYER_CHANNELS,
-        units=TRUTH_UNITS if gel == 1 else TRUTH_UNITS + LAYER_UNITS,
+        channels=channels,
+        units=units,
         rate_hz=frame_hz,
         serial=f"sim://cup-pour {SIM_VERSION}",
     )
@@ -174,7 +170,7 @@ def write_run(
     track, videos = simulate_videos(run, camera_hz, config.frame_hz, config.duration_s, config.gel)
     row = describe_run(run, track)
     manifest = Manifest.started_now(
-        sensor_info(config.frame_hz, config.gel),
+        sensor_info(config.frame_hz, config.gel, run.scene is not None),
         groups=groups_of(run),
         now_s=0.0,
         cameras=tuple(video.info for video in videos),
@@ -228,7 +224,7 @@ def frame_of(camera: int, jpeg: bytes, shown: int, times: CameraTimes, time_s: f
 
 def groups_of(run: PourRun) -> dict[str, str]:
     """Return what must not be split, and nuisances worth keeping."""
-    return {
+    groups = {
         "cup": f"{run.cup.index:02d}",
         "position": run.position,
         "force_n": f"{run.force_n:g}",
@@ -236,6 +232,12 @@ def groups_of(run: PourRun) -> dict[str, str]:
         "run": run.name,
         "start_s": f"{run.start_s:.3f}",
     }
+    if run.approach is not None:
+        groups["contact_s"] = f"{run.approach.contact_s:.3f}"
+        groups["settled_s"] = f"{run.approach.settled_s:.3f}"
+    if run.scene is not None and run.scene.path.stop is not None:
+        groups["stopped_s"] = f"{run.scene.path.stop.at_s:.3f}"
+    return groups
 
 
 def mark_of(run: PourRun, track: PourTrack, row: dict[str, Any]) -> Mark:

@@ -26,7 +26,8 @@ from taxel.clock import Clock, SystemClock
 from taxel.errors import BadSource
 from taxel.signals import PAUSE, CameraInfo, Frame, Mark, Samples, SensorInfo
 from taxel.sim.cup_pour import CupPourConfig, Gel
-from taxel.sim.cups import Kind, Position, PourRun, draw_cup, draw_run
+from taxel.sim.cups import MOVING_KINDS, Kind, Position, PourRun, draw_cup
+from taxel.sim.scene_draws import draw_grasp
 from taxel.sources.pacing import FrameStream, Pacer, Stretch, read_speed
 from taxel.sources.pour_sets import CAMERA_HZ, describe_run, mark_of, sensor_info
 from taxel.sources.stepped_pour import SteppedPour
@@ -63,6 +64,13 @@ class PourChoice:
     an image for as long as a frozen one, and are said to be."""
     gel: Gel = 1
     """How the gels shear: 1 as rigid pieces, 2 as elastic layers."""
+    approach: bool = False
+    """Each grasp begins with open jaws about a cup that stands on a table."""
+
+    @property
+    def scene(self) -> bool:
+        """True where there is more to see than a grasp that is held."""
+        return self.approach or self.kind in MOVING_KINDS
 
 
 class SimPour:
@@ -98,7 +106,7 @@ class SimPour:
         self._more()
         # Only where time passes meanwhile is there anything to tell while the next cup is made.
         self._meanwhile = speed != float("inf") and isinstance(clock, SystemClock)
-        self._info = sensor_info(_FRAME_HZ, self._choice.gel)
+        self._info = sensor_info(_FRAME_HZ, self._choice.gel, self._choice.scene)
         channels = len(self._info.channels)
         self._pacer = Pacer(
             self._stretches(), channels, clock, speed,
@@ -265,13 +273,14 @@ def draw_choice(choice: PourChoice, number: int) -> PourRun:
     cup = _FIRST_CUP + number if choice.cup is None else choice.cup
     position = config.positions[int(random.integers(len(config.positions)))]
     force_n = config.forces_n[int(random.integers(len(config.forces_n)))]
-    return draw_run(
+    return draw_grasp(
         choice.seed,
         draw_cup(choice.seed, cup),
         choice.position or position,
         choice.force_n or force_n,
         choice.kind or "pour",
         number,
+        choice.approach,
     )
 
 
@@ -281,7 +290,8 @@ def parse_choice(options: dict[str, str]) -> PourChoice:
     Raises:
         BadSource: An option is unknown, of the wrong kind or outside its limits.
     """
-    kinds = {"kind": get_args(Kind), "position": get_args(Position)}
+    names = {kind.replace(" ", "-"): kind for kind in get_args(Kind)}
+    kinds = {"kind": names, "position": {name: name for name in get_args(Position)}}
     limits = {
         "cup": (0, 10**6), "force_n": (1, 200), "runs": (1, 10**6), "seed": (0, 10**9),
         "camera_hz": (1, 60), "duration_s": (1, 600), "most_lost": (0, 10**6),
@@ -290,11 +300,13 @@ def parse_choice(options: dict[str, str]) -> PourChoice:
     chosen: dict[str, object] = {}
     for key, text in options.items():
         if key in kinds:
-            value: object = text.replace("-", " ") if key == "kind" else text
-            if text == "no-slip-pour":
-                value = "no-slip pour"
-            if value not in kinds[key]:
+            value: object = kinds[key].get(text)
+            if value is None:
                 raise _bad(key, f"one of {', '.join(kinds[key])}", text)
+        elif key == "approach":
+            if text not in ("yes", "no"):
+                raise _bad(key, "yes or no", text)
+            value = text == "yes"
         elif key in limits:
             low, high = limits[key]
             whole = key in ("cup", "runs", "seed", "most_lost", "gel")
@@ -305,12 +317,15 @@ def parse_choice(options: dict[str, str]) -> PourChoice:
             if not low <= value <= high:
                 raise _bad(key, f"a number within {low} and {high}", text)
         else:
+            known = ", ".join([*limits, *kinds, "approach", "speed"])
             raise BadSource(
-                f"options of sim://cup-pour among {', '.join([*limits, *kinds, 'speed'])}",
-                repr(key), "mend the address",
-            )  # fmt: skip
+                f"options of sim://cup-pour among {known}", repr(key), "mend the address"
+            )
         chosen[key] = value
-    return PourChoice(**chosen)  # type: ignore[arg-type]  # each was checked above
+    choice = PourChoice(**chosen)  # type: ignore[arg-type]  # each was checked above
+    if choice.approach and choice.gel == 2:
+        raise _bad("gel", "1 with an approach", "2")
+    return choice
 
 
 def _bad(key: str, needed: str, got: str) -> BadSource:

@@ -20,8 +20,15 @@ from taxel.sim.cups import PourRun
 from taxel.sim.gel_shear import LayerMoment
 from taxel.sim.gelsight import GelCamera, camera_times, draw_sensor
 from taxel.sim.grip_response import GrippedPour, GripResponseConfig
-from taxel.sim.pour_state import GelMotion, HandleShape
-from taxel.sim.pour_views import LayerView, gel_motion, handle_shape, layer_motion, layer_state
+from taxel.sim.pour_state import GelMotion, HandleShape, truth_columns
+from taxel.sim.pour_views import (
+    LayerView,
+    gel_motion,
+    handle_shape,
+    layer_motion,
+    layer_state,
+    with_layers,
+)
 from taxel.sources.pour_sets import (
     CAMERA_HZ,
     FINE,
@@ -29,7 +36,6 @@ from taxel.sources.pour_sets import (
     camera_info,
     frame_of,
     motion_at,
-    sensor_info,
 )
 
 
@@ -67,7 +73,7 @@ class SteppedPour:
         self._motions = (_still(self._fine), _still(self._fine))
         self._layers = self._pour.sim.layers() if gel == 2 else None
         self._layer: list[LayerMoment] = []
-        self._truth = np.zeros((self.moments, len(sensor_info(frame_hz, gel).channels)))
+        self._truth = np.zeros((self.moments, len(truth_columns(gel, run.scene is not None)[0])))
         self._done = 0
         self._eyes = [
             _Eye(
@@ -154,7 +160,7 @@ class SteppedPour:
         if self._layers is None:
             return state
         self._layer.append(self._layers.step(self._pour.sim.hold()))
-        return np.concatenate([state, layer_state(self._layer[-1], self._layer[0])])
+        return with_layers(state, layer_state(self._layer[-1], self._layer[0]))
 
     def track(self) -> PourTrack:
         """Return the truth so far, and how the gels moved."""

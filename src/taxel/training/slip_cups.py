@@ -22,18 +22,13 @@ from numpy.typing import NDArray
 from taxel.frame_codec import decode_jpeg, encode_jpeg
 from taxel.gel.touch_poses import TouchFollower
 from taxel.recordings.whole import write_whole
-from taxel.sim.cup_pour import (
-    GRAVITY_M_S2,
-    CupPourConfig,
-    PourTrack,
-    list_runs,
-    load_ratio,
-    pour_less,
-)
-from taxel.sim.cups import OTHER_KINDS, Position, PourRun, draw_cup, draw_run
+from taxel.sim.cup_pour import CupPourConfig, PourTrack, list_runs
+from taxel.sim.cups import MOVING_KINDS, OTHER_KINDS, Kind, Position, PourRun, draw_cup, draw_run
 from taxel.sim.gelsight import CameraTimes, camera_times
+from taxel.sim.grip_limits import GRAVITY_M_S2, load_ratio, pour_less
 from taxel.sim.pour_state import TRUTH_CHANNELS, GelMotion
 from taxel.sim.pours_at_once import simulate_pours
+from taxel.sim.scene_draws import draw_grasp
 from taxel.sources.pour_sets import CAMERA_HZ, FINE, SimulatedVideo, motion_at, simulate_videos
 from taxel.windows.rest import SETTLE
 
@@ -119,6 +114,20 @@ def other_part(cup: int, part: int) -> list[PourRun]:
         position, force_n = _POSITIONS[turn % 3], _FORCES_N[turn // 3 % len(_FORCES_N)]
         run = draw_run(SEED, drawn, position, force_n, kind, number=1 + part)
         runs.append(pour_less(run))
+    return runs
+
+
+def moving_part(cup: int) -> list[PourRun]:
+    """Return a run of each kind in which the gripper moves or the cup is handed over, and a pour.
+
+    Positions and forces go round from cup to cup.
+    """
+    drawn, runs = draw_cup(SEED, cup), []
+    kinds: tuple[Kind, ...] = (*MOVING_KINDS, "pour")
+    for place, kind in enumerate(kinds):
+        turn = cup + place
+        position, force_n = _POSITIONS[turn % 3], _FORCES_N[turn // 3 % len(_FORCES_N)]
+        runs.append(draw_grasp(SEED, drawn, position, force_n, kind, number=20))
     return runs
 
 
