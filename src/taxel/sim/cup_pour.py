@@ -172,6 +172,8 @@ class PourSim:
         self._field = BrushField(patch, _SHEAR_STIFFNESS_N_MM3, friction, run.cup.friction_kinetic)
         self._place = np.zeros(3)
         """Of the handle: x and y (mm), turn (rad)."""
+        if self.around is not None:
+            self._place[1] = self.around.sag_mm(run.cup.mass_kg + self.poured_g / 1000.0)
         self._speed = np.zeros(3)
         self._normal_n = run.force_n
         self._sliding = np.zeros(2)
@@ -299,10 +301,12 @@ class PourSim:
         sliding = (self._field.speed > 0.05) & (self._normal_n > 0.0)
         self._sliding = sliding @ self._field.patch.share
         self.time_s += dt_s
-        if not hanging and self.time_s - dt_s < self._grip.settled_s <= self.time_s:
-            self._field.path[:] = 0.0  # slip counts since the grasp
+        if hanging:
+            return
+        if self.time_s - dt_s < self._grip.settled_s:  # slip counts since the grasp
+            self._field.path[:] = 0.0
             self._grasped = self._place.copy()
-        if not hanging:
+        else:
             moved = np.abs(self._place - self._grasped)
             self.dropped |= bool(np.hypot(moved[0], moved[1]) > DROP_MM or moved[2] > DROP_RAD)
 
@@ -324,7 +328,7 @@ class PourSim:
         if np.abs(off).max() < GONE_MM:
             self._place += self._speed * dt_s
         kept = float(np.exp(-dt_s / RELEASE_S))
-        self._depth_mm *= kept
+        self._depth_mm = self._depth_mm * kept
         self._normal_n, self._sliding[:] = 0.0, 0.0
         self._field.let_go(kept)
         self.time_s += dt_s

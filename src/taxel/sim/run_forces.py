@@ -50,11 +50,13 @@ class RunGrip:
         return min(force_of(self._approach.close_mm_s * after_s), held_n)
 
     def depth_mm(self, time_s: float, normal_n: float) -> float | NDArray[np.float64]:
-        """Return how deep both gels are pressed in, or while jaws close each, shape (2,)."""
+        """Return how deep both gels are pressed in, or each, shape (2,), after an approach."""
         approach = self._approach
-        if approach is None or time_s >= self.settled_s:
+        if approach is None:
             return indentation(max(normal_n, _LEAST_N))[0]
         depth = np.full(2, indentation(normal_n)[0])
+        if time_s >= self.settled_s:
+            return depth
         alone_mm = approach.close_mm_s * max(time_s - approach.contact_s, 0.0)
         alone_mm = min(alone_mm, indentation(approach.push_n)[0])
         depth[approach.first] = max(depth[approach.first], alone_mm)
@@ -92,6 +94,8 @@ class RunPulls:
         kick = self._random.normal(size=2) * np.sqrt(1.0 - fade**2)
         self._unrest = self._unrest * fade + kick
         unrest_n = run.vibration_n * self._unrest * (2.0 if poured else 1.0)
+        if run.approach is not None and time_s < run.approach.settled_s:
+            unrest_n = np.zeros(2)  # the hand does not hold the cup yet
         jet_n = 1.4 * run.flow_g_s / 1000.0 if poured else 0.0  # 1.4 m/s after 10 cm of fall
         since_s = (time_s - run.bump_s) / 0.08
         bump_n = run.bump_n * np.sin(np.pi * since_s) if 0.0 < since_s < 1.0 else 0.0

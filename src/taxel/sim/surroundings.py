@@ -28,6 +28,8 @@ FOOT_MM = 30.0
 """Half the width of the cup's bottom: it stands on its two ends. Our choice, decision 45."""
 TABLE_N_MM = 4.0
 """Stiffness of the table under each end: felt or a mat. Our choice, decision 45."""
+TABLE_FRICTION = 0.3
+"""Of the cup on it. Our choice, decision 45."""
 TABLE_S = 0.003
 """Its damping over its stiffness. Our choice, decision 45: a cup that is put down is at rest
 after some hundredths of a second."""
@@ -57,6 +59,10 @@ class Surroundings:
         self._inertia_mm2 = inertia_mm2(run)
         self._outside_n = np.zeros(2)
         self._feet = tuple(run.cup.lever_mm + side * FOOT_MM for side in (-1.0, 1.0))
+
+    def sag_mm(self, mass_kg: float) -> float:
+        """Return how deep a cup that stands at rest sinks into the table."""
+        return mass_kg * GRAVITY_M_S2 / (len(self._feet) * TABLE_N_MM) * self.scene.on_table
 
     def gripper(self, time_s: float) -> GripperMoment:
         """Return where the gripper is and how it moves."""
@@ -96,8 +102,8 @@ class Surroundings:
             outside = outside + np.array([pushed, 0.0])
             about -= scene.hit.below_mm * pushed
         if scene.on_table:
-            up_n, turned = self._table(place, speed, gripper)
-            outside = outside - np.array([0.0, up_n])
+            stood, turned = self._table(place, speed, gripper)
+            outside = outside + stood
             about += turned
         self._outside_n = outside
         return Load(weight + poured_n + outside, moment + _moment(arm, poured_n) + about)
@@ -109,8 +115,11 @@ class Surroundings:
         moved = [right, -down, np.degrees(tilt), *gripper.accel_m_s2]
         return np.array([*moved, *self._outside_n, float(phase)])
 
-    def _table(self, place: Array, speed: Array, gripper: GripperMoment) -> tuple[float, float]:
-        """Return the table's push upwards and its clockwise moment: it never pulls."""
+    def _table(self, place: Array, speed: Array, gripper: GripperMoment) -> tuple[Array, float]:
+        """Return the table's force, shape (2,), and its clockwise moment: it never pulls.
+
+        Friction along it is taken at the height of the pads.
+        """
         up_n, moment = 0.0, 0.0
         for foot in self._feet:
             deep = place[1] + place[2] * foot + gripper.state[1, 0]
@@ -118,7 +127,10 @@ class Surroundings:
                 rate = speed[1] + speed[2] * foot + gripper.state[1, 1]
                 push = TABLE_N_MM * max(deep + TABLE_S * rate, 0.0)
                 up_n, moment = up_n + push, moment - foot * push
-        return up_n, moment
+        along = place[0] + gripper.state[0, 0] + TABLE_S * (speed[0] + gripper.state[0, 1])
+        most_n = TABLE_FRICTION * up_n
+        held_n = min(max(2.0 * TABLE_N_MM * along, -most_n), most_n)
+        return np.array([-held_n, -up_n]), moment
 
 
 def _borne(person: Person, time_s: float) -> float:
