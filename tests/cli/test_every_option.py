@@ -44,7 +44,10 @@ LINES: dict[str, tuple[str, ...]] = {
     ),
     "power": ("power sim://teng", "power a.mcap"),
     "simulate teng": ("simulate teng --output s", "simulate teng --output s --preset paper"),
-    "simulate cup-pour": ("simulate cup-pour --output s",),
+    "simulate cup-pour": (
+        "simulate cup-pour --output s",
+        "simulate cup-pour --output s --kinds tilt carry",
+    ),
     "record": (
         "record sim://teng --output r.mcap --seconds 1",
         "record camera:///dev/a --plan p.csv --output r --seconds 1",
@@ -212,6 +215,7 @@ VALUES = {
     "unseen": "object",
     "fold-count": "4",
     "negatives": "0.5",
+    "kinds": "lift",
     "crop": "60",
     "flash firmware": "fw",
     "doctor output": "folder",

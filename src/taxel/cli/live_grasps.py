@@ -14,7 +14,9 @@ if TYPE_CHECKING:
     from taxel.bundles.signing import Trust
     from taxel.live.grasp_monitor import GraspAnswer
 
-_COLOURS = {"STABLE": "green", "WARNING": "yellow", "UNSTABLE": "red", "UNKNOWN": "dim"}
+_COLOURS = {"STABLE": "green", "WARNING": "yellow", "UNSTABLE": "red", "UNKNOWN": "dim",
+    "NO GRASP": "dim",
+}  # fmt: skip
 
 
 def live_grasps(
@@ -24,6 +26,7 @@ def live_grasps(
     quiet: bool,
     as_json: bool,
     trust: Trust | None = None,
+    find: bool = False,
 ) -> None:
     """Watch a source with cameras; print each change of state, then a summary."""
     from taxel.bundles.grasp import read_grasp_bundle
@@ -36,7 +39,7 @@ def live_grasps(
     def show(answer: GraspAnswer, changed: bool) -> None:
         first_s[:] = first_s or [answer.time_s]
         if changed and not quiet and not as_json:
-            name = answer.decision.state.name
+            name = answer.decision.state.name.replace("_", " ")
             reason = f"  {answer.decision.reason}" if answer.decision.reason else ""
             slip = answer.decision.slip
             reason += f"  {slip.words}" if slip is not None and slip.seen else ""
@@ -49,13 +52,16 @@ def live_grasps(
             )  # fmt: skip
 
     with open_source(source_url) as source:
-        tally = run_grasp_session(source, opened, seconds, on_answer=show)
+        tally = run_grasp_session(source, opened, seconds, on_answer=show, find=find)
     result = tally.summary()
     if as_json:
         print_json(result)
         return
     states = ", ".join(f"{name} {count}" for name, count in result["states"].items())
     say(f"{result['moments']} moments: {states or 'none'}; {result['alarms']} alarms")
+    if find:
+        starts = ", ".join(f"{start_s:.2f} s" for start_s in result["starts"])
+        say(f"grasps found to begin after: {starts or 'none'}")
     for grasp in result["grasps"]:
         told = grasp["first_alarm_s"]
         warned = "no alarm" if told is None else f"first alarm after {told:.2f} s"

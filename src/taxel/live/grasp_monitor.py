@@ -22,6 +22,7 @@ from taxel.frame_codec import decode_jpeg
 from taxel.gel.slip_features import SlipFeatures
 from taxel.gel.slip_signal import Slip
 from taxel.live.camera_health import CameraHealth
+from taxel.live.grasp_starts import GraspStarts
 from taxel.live.slip_watch import SlipWatch, taken_of
 from taxel.side_by_side import SideBySide
 from taxel.signals import CameraInfo, Frame
@@ -43,6 +44,8 @@ class GraspAnswer:
     """From the frames in hand to the decision, decoding included, seconds."""
     gels: tuple[Slip, ...] = ()
     """The slip over each gel; empty for a bundle that looks at something else."""
+    began: bool = False
+    """True where a grasp was found to begin, at this moment."""
 
 
 class GraspMonitor:
@@ -56,6 +59,8 @@ class GraspMonitor:
         bundle: Features, head and thresholds.
         cameras: The source's.
         config: Thresholds in place of the bundle's.
+        find: Find each grasp's start in the images; the first ones must show untouched gels. Until
+            then, and once the gels are untouched again, the state is NO_GRASP.
 
     Raises:
         BadBundle: The bundle was not made for such cameras.
@@ -66,6 +71,7 @@ class GraspMonitor:
         bundle: GraspBundle,
         cameras: tuple[CameraInfo, ...],
         config: StabilityConfig | None = None,
+        find: bool = False,
     ) -> None:
         bundle.contract.check_cameras(cameras)
         self.bundle = bundle
@@ -77,10 +83,17 @@ class GraspMonitor:
         self._watched = False
         self._begun = self._ended = False
         self._beside = SideBySide(len(cameras))
-        self.reset()
+        self._starts = GraspStarts(len(cameras)) if find else None
+        self._forget()
+        self._over = find
 
     def reset(self) -> None:
         """Forget the grasp: the next frames are another one's settled first moments."""
+        if self._starts is not None:
+            self._starts.hold()
+        self._forget()
+
+    def _forget(self) -> None:
         contract = self.bundle.contract
         self._monitor = StabilityMonitor(self._config)
         self._ring = FeatureRing(contract.frames, *self.bundle.offset.shape)
@@ -103,15 +116,20 @@ class GraspMonitor:
             time_s: When it ended, on the frames' clock, seconds.
             now_s: This moment on the same clock, seconds; `time_s` by default.
         """
-        told = self._monitor
-        self.reset()
-        self._monitor, self._over = told, True
+        if self._starts is not None:
+            self._starts = GraspStarts(len(self._cameras))
+        self._leave()
         self._monitor.over(time_s)
         now_s = time_s if now_s is None else now_s
         # A mark from ahead, as of a damaged recording, must not keep cameras from being missed.
         pause_s = max(camera.pause_s for camera in self._cameras)
         self._health.rest(min(time_s, now_s) + pause_s)
         return self.at(now_s)
+
+    def _leave(self) -> None:
+        told = self._monitor
+        self._forget()
+        self._monitor, self._over = told, True
 
     def end(self) -> None:
         """Hear that the source has ended: no frame comes any more."""
@@ -142,17 +160,17 @@ class GraspMonitor:
                 A camera is missed by this: frames that wait while a model computes have come.
         """
         started = perf_counter()
-        self._begun, self._over = True, False
+        self._begun, self._over = True, self._over and self._starts is not None
         if not self._watched:
             for frame in found.frames:
                 self._health.see(frame)
-        probability, doubt = float("nan"), ""
+        probability, doubt, began = float("nan"), "", False
         try:
             images, fresh = self._look(found)
         except BadSource as error:
             doubt = error.got
         else:
-            window = self._window(images, fresh, found)
+            window, began = self._next_window(images, fresh, found)
             if window is not None:
                 probability = self.bundle.probability(window)
         arrived_s = max(frame.arrival_s for frame in found.frames)
@@ -161,6 +179,8 @@ class GraspMonitor:
         now = found.time_s if now_s is None else now_s
         if doubt:
             decision = self._monitor.doubt(doubt, now)
+        elif self._over:
+            decision = self._monitor.over(now)
         elif self._rest is None or len(self._ring) < self.bundle.contract.frames:
             decision = self._monitor.doubt(self._waiting(), now)
         else:
@@ -169,7 +189,8 @@ class GraspMonitor:
         if self._watch is not None:
             gels = self._watch.gels
             decision = replace(decision, slip=self._watch.slip)
-        return GraspAnswer(decision, probability, found.time_s, perf_counter() - started, gels)
+        latency_s = perf_counter() - started
+        return GraspAnswer(decision, probability, found.time_s, latency_s, gels, began)
 
     def at(self, now_s: float) -> StabilityDecision:
         """Return the state when no frame came: UNKNOWN once a camera is gone."""
@@ -209,6 +230,26 @@ class GraspMonitor:
                 raise BadSource("a frame of each camera", REASONS["no input"].say(), "wait")
             images.append(eye.image)
         return tuple(images), fresh
+
+    def _next_window(
+        self, images: tuple[NDArray[np.uint8], ...], fresh: list[int], found: FrameSet
+    ) -> tuple[NDArray[np.float32] | None, bool]:
+        """Return the window of a grasp that is made, and whether it was found to begin now."""
+        if self._starts is None:
+            return self._window(images, fresh, found), False
+        ready, began = self._starts.take(images, fresh, found)
+        if began:
+            eyes, self._eyes = self._eyes, []
+            self._forget()
+            self._eyes = eyes
+        elif not ready and not self._over:
+            eyes, self._eyes = self._eyes, []
+            self._leave()
+            self._eyes = eyes
+        window = None
+        for earlier in ready:
+            window = self._window(*earlier)
+        return window, began
 
     def _window(
         self, images: tuple[NDArray[np.uint8], ...], fresh: Sequence[int], found: FrameSet

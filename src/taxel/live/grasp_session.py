@@ -38,6 +38,8 @@ class GraspTally:
     """Grasps in which the state went to WARNING or UNSTABLE."""
     grasps: list[dict[str, Any]] = field(default_factory=list)
     """One entry a grasp whose outcome the source told: outcome, first alarm (s)."""
+    starts: list[float] = field(default_factory=list)
+    """When grasps were found to begin, seconds since the first frame, where cameras ask for it."""
     dropped: int = 0
     """Frames that found no partner."""
     slip: Slip | None = None
@@ -63,6 +65,7 @@ class GraspTally:
             "states": dict(self.states.most_common()),
             "alarms": self.alarms,
             "grasps": self.grasps,
+            "starts": self.starts,
             "frames_without_partner": self.dropped,
             "slip": None if self.slip is None else self.slip.as_dict(),
             "largest_slip_mm": self.largest_slip_mm,
@@ -97,6 +100,7 @@ def run_grasp_session(
     pairer = FramePairer(len(source.cameras))
     tally = GraspTally()
     before: tuple[Stability, str | None] | None = None
+    begin_s: float | None = None
     first_alarm_s: float | None = None
     for found in moments_and_marks(source, pairer, monitor.see, seconds):
         if isinstance(found, Mark):
@@ -105,6 +109,9 @@ def run_grasp_session(
             first_alarm_s = None
             continue
         answer = monitor.push(found)
+        begin_s = found.time_s if begin_s is None else begin_s
+        if answer.began:
+            tally.starts.append(round(found.time_s - begin_s, 3))
         shown = answer.decision.state, kind_of(answer.decision.reason)
         tally.add(answer)
         if answer.decision.alarm and first_alarm_s is None:

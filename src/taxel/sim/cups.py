@@ -8,7 +8,7 @@ Knows nothing about forces, gels or pixels.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal
+from typing import Literal, get_args
 
 import numpy as np
 
@@ -204,6 +204,15 @@ def draw_kinds(still: float, negatives: float, random: np.random.Generator) -> t
 def place_of(position: Position, force_n: float, number: int, kind: Kind) -> list[int]:
     """Return a run's place in its set, for its random numbers."""
     return [int(_POSITION[position] * 2 + 3), round(force_n * 10), number, hash_of(kind)]
+
+
+def kind_named(name: str) -> Kind:
+    """Return the kind of this name, words joined by hyphens.
+
+    Raises:
+        KeyError: There is none.
+    """
+    return {kind.replace(" ", "-"): kind for kind in get_args(Kind)}[name]
 
 
 def hash_of(kind: Kind) -> int:

@@ -13,6 +13,11 @@ from taxel.cli.printing import command, console, print_json, progress, say
 from taxel.cli.simulate.need import need_simulators
 from taxel.errors import BadInput
 
+SimulatedKind = Literal[
+    "pour", "still", "no-slip-pour", "bump", "grip-drop", "late-slip",
+    "lift", "tilt", "carry", "hand-over", "collision",
+]  # fmt: skip
+
 
 @dataclass(frozen=True, kw_only=True)
 class CupPour:
@@ -36,6 +41,10 @@ class CupPour:
     negatives: float = 0.0
     """Bumps, grip drops, pours without slip and slips after the pour, as a share of the pours,
     0…1."""
+    kinds: tuple[SimulatedKind, ...] = ()
+    """Trials of these kinds for each cup, position and force, instead of the paper's pours."""
+    approach: bool = False
+    """Begin each recording with open jaws about a cup that stands on a table."""
     forces_n: tuple[float, ...] = (15.0, 25.0, 40.0, 50.0)
     """Commanded grip forces, N."""
     duration_s: float = 6.0
@@ -49,12 +58,16 @@ class CupPour:
     json: bool = False
     """Print the table as JSON."""
 
-    RULES: ClassVar = (Only(("cups", "forces-n"), "no --quick", lambda o: not o.quick),)
+    RULES: ClassVar = (
+        Only(("cups", "forces-n"), "no --quick", lambda o: not o.quick),
+        Only(("negatives",), "no --kinds", lambda o: not o.kinds),
+    )
 
     def run(self) -> None:
         """Simulate and print what was written."""
         need_simulators()
         from taxel.sim.cup_pour import CupPourConfig, list_runs
+        from taxel.sim.cups import kind_named
         from taxel.sources.pour_sets import write_pours
 
         try:
@@ -67,6 +80,8 @@ class CupPour:
                 negatives=self.negatives,
                 duration_s=self.duration_s,
                 gel=self.gel,
+                kinds=tuple(kind_named(kind) for kind in self.kinds),
+                approach=self.approach,
             )
             if not 1.0 <= self.camera_hz <= 60.0:
                 raise ValueError(f"needed --camera-hz within 1 and 60; got {self.camera_hz:g}")

@@ -68,6 +68,8 @@ class Inference:
     """Obey orders to go wrong on purpose, as `taxel bench faults` gives them."""
     trust: Trust | None = None
     """Keys of which one must have signed each bundle; any bundle unless given."""
+    find_grasps: bool = False
+    """Find each grasp's start in the images, which begin with untouched gels."""
 
 
 def infer(job: Inference) -> None:
@@ -114,7 +116,7 @@ class _GraspWatcher:
         threads = min(len(job.cameras), _cores())
         bundle = read_grasp_bundle(path, threads=threads, trust=job.trust)
         self._who = f"{job.place.name}/{number}"
-        self._monitor = GraspMonitor(bundle, job.cameras)
+        self._monitor = GraspMonitor(bundle, job.cameras, find=job.find_grasps)
         self._pairer = FramePairer(len(job.cameras))
         self._writer = writer
         self._state: Stability | None = None
@@ -183,6 +185,8 @@ class _GraspWatcher:
             began_s = monotonic()
             answer = self._monitor.push(found, began_s, came["taken_s"])
             decision = answer.decision
+            if answer.began:
+                self._writer.put(pack({"kind": "new grasp"}))
             self._state, self._why = decision.state, kind_of(decision.reason)
             times: dict[str, Any] = {
                 "time_s": found.time_s,

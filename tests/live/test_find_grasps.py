@@ -1,0 +1,70 @@
+"""Claims about a monitor that finds the start of each grasp by itself."""
+
+from dataclasses import replace
+
+import pytest
+
+from taxel.bundles.grasp import read_grasp_bundle
+from taxel.bundles.shipped import shipped_bundle
+from taxel.clock import ManualClock
+from taxel.live.grasp_monitor import GraspAnswer, GraspMonitor
+from taxel.live.grasp_session import run_grasp_session
+from taxel.sim.cups import draw_cup
+from taxel.sources.opening import open_source
+from taxel.sources.sim_pour import PourChoice, draw_choice
+from taxel.windows.pairs import FramePairer
+
+ADDRESS = "sim://cup-pour?speed=max&runs=1&cup=7&approach=yes&kind=lift&force_n=15&duration_s=3.6"
+
+
+@pytest.fixture(scope="module")
+def answers() -> list[tuple[GraspAnswer, bool]]:
+    found: list[tuple[GraspAnswer, bool]] = []
+    bundle = read_grasp_bundle(shipped_bundle("slip-rule"))
+    with open_source(ADDRESS, ManualClock()) as source:
+        tally = run_grasp_session(
+            source, bundle, on_answer=lambda a, c: found.append((a, c)), find=True
+        )
+    assert tally.starts == [round(a.time_s - found[0][0].time_s, 3) for a, _ in found if a.began]
+    return found
+
+
+def test_nothing_is_held_until_the_grasp_is_found_soon_after_both_gels_press(
+    answers: list[tuple[GraspAnswer, bool]],
+) -> None:
+    choice = PourChoice(cup=7, approach=True, kind="lift", force_n=15.0, duration_s=3.6)
+    approach = draw_choice(choice, 0).approach
+    assert approach is not None
+    (began,) = (number for number, (answer, _) in enumerate(answers) if answer.began)
+    first_s = answers[0][0].time_s
+    delay_s = answers[began][0].time_s - first_s - approach.settled_s
+    assert 0.0 < delay_s < 0.4
+    assert {a.decision.state.name for a, _ in answers[:began]} == {"NO_GRASP"}
+    assert answers[began][0].decision.state.name == "UNKNOWN"
+    later = {a.decision.state.name for a, _ in answers[began + 20 : began + 30]}
+    assert later == {"STABLE"}, "the moments that stood still are the settled grasp's first"
+
+
+def test_a_key_begins_a_grasp_that_is_not_waited_for() -> None:
+    bundle = read_grasp_bundle(shipped_bundle("slip-rule"))
+    address = ADDRESS.replace("approach=yes", "approach=no").replace("3.6", "1")
+    with open_source(address, ManualClock()) as source:
+        monitor = GraspMonitor(bundle, source.cameras, find=True)
+        pairer, states = FramePairer(2), []
+        monitor.reset()
+        while not source.ended:
+            source.read()
+            for frame in source.frames():
+                pair = pairer.push(frame)
+                if pair is not None:
+                    states.append(monitor.push(pair).decision.state.name)
+    assert states[0] == "UNKNOWN"
+    assert "STABLE" in states
+    assert "NO_GRASP" not in states
+
+
+def test_another_cup_is_another_approach() -> None:
+    choice = PourChoice(approach=True)
+    first, second = (draw_choice(choice, number).approach for number in (0, 1))
+    assert first != second
+    assert draw_choice(replace(choice, cup=3), 0).cup == draw_cup(0, 3)
