@@ -150,6 +150,14 @@ def test_jaws_close_on_a_cup_that_stands_and_nothing_slips_before() -> None:
     assert truth[time_s < approach.settled_s, COLUMN["slip"]].max() == 0.0
 
 
+@pytest.mark.parametrize("number", [0, 1, 2, 3])
+def test_a_cup_that_somebody_holds_out_stands_still_until_it_is_grasped(number: int) -> None:
+    run = draw_grasp(0, CUP, "middle", 25.0, "hand-over", number, approach=True)
+    assert run.approach is not None
+    track = simulate_pour(run, duration_s=run.approach.contact_s)
+    assert np.abs(track.motions[0].object_mm).max() < 0.05
+
+
 def test_force_is_the_inverse_of_indentation() -> None:
     for force_n in (0.5, 15.0, 50.0):
         assert force_of(indentation(force_n)[0]) == pytest.approx(force_n)

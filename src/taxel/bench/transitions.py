@@ -53,6 +53,8 @@ def full_steps(data: Path | None) -> list[tuple[str, Measure]]:
         ("the paper's set, tables, warnings", paper_set),
         ("slips", lambda: slips(data)),
         ("slip warning", slip_warning),
+        ("warnings by kind", warnings_by_kind),
+        ("start of a grasp", grasp_starts),
         ("markers' residual", lambda: gel_shear.residual_rows(data)),
     ]
 
@@ -244,6 +246,20 @@ def slip_warning() -> list[Row]:
     from taxel.bench.slip_warning import slip_warning_rows
 
     return slip_warning_rows()
+
+
+def warnings_by_kind() -> list[Row]:
+    """Warn of slip in lifts, tilts, carries, hand-overs and collisions, and in pours beside."""
+    from taxel.bench.moving_grasps import moving_rows
+
+    return moving_rows()
+
+
+def grasp_starts() -> list[Row]:
+    """Find the start of each grasp by the images alone."""
+    from taxel.bench.grasp_start import grasp_start_rows
+
+    return grasp_start_rows()
 
 
 def data_digest(data: Path | None) -> str:

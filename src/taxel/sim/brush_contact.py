@@ -177,7 +177,7 @@ class BrushField:
         line = min(1.0, max(most_n - held_n, 0.0) / max(wanted_n, 1e-12))
         spare = max(most_n * arm_mm - abs(float(held[2])), 0.0)
         turn = min(1.0, spare / max(abs(float(drag[2])), 1e-12))
-        return drag * np.array([line, line, turn])
+        return np.asarray(drag * np.array([line, line, turn]))
 
     def sticking(self) -> float:
         """Return the share of all brushes that do not slide, 0…1."""

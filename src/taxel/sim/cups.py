@@ -212,7 +212,8 @@ def kind_named(name: str) -> Kind:
     Raises:
         KeyError: There is none.
     """
-    return {kind.replace(" ", "-"): kind for kind in get_args(Kind)}[name]
+    kinds: tuple[Kind, ...] = get_args(Kind)
+    return {kind.replace(" ", "-"): kind for kind in kinds}[name]
 
 
 def hash_of(kind: Kind) -> int:

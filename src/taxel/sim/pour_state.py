@@ -122,7 +122,8 @@ def truth_columns(gel: int, scene: bool) -> tuple[tuple[str, ...], tuple[str, ..
         gel: How the gels shear; with 2 there is more to say.
         scene: True where the gripper moves, or a grasp is made.
     """
-    channels, units = TRUTH_CHANNELS, TRUTH_UNITS
+    channels: tuple[str, ...] = TRUTH_CHANNELS
+    units: tuple[str, ...] = TRUTH_UNITS
     if gel == 2:
         channels, units = channels + LAYER_CHANNELS, units + LAYER_UNITS
     return (channels + MOTION_CHANNELS, units + MOTION_UNITS) if scene else (channels, units)

@@ -202,6 +202,9 @@ def _approached(run: PourRun, random: np.random.Generator) -> PourRun:
     rest_s = settled_s + float(random.uniform(0.8, 1.5))
     up_mm, long_s = float(random.uniform(40.0, 100.0)), float(random.uniform(0.5, 0.9))
     scene = Scene() if run.scene is None else run.scene
+    if scene.person is not None and scene.person.bears_from > 0.0:
+        # Hands that hold a cup out while it is grasped stand still and then sink: a table does so.
+        scene = replace(scene, person=None)
     first: tuple[Move, ...] = ()
     later_s = rest_s
     if not scene.on_table:
