@@ -7,18 +7,28 @@ from taxel.errors import BadInput
 from taxel.signals import Frame
 from taxel.sim.cup_pour import CupPourConfig, Gel, list_runs
 from taxel.sim.cups import PourRun
+from taxel.sim.scene_draws import draw_grasp
 from taxel.sources.opening import open_source
 from taxel.sources.pour_sets import simulate_videos, video_frames
 from taxel.sources.sim_pour import SimPour
 from taxel.sources.stepped_pour import SteppedPour
 
 RUNS = list_runs(CupPourConfig(cups=1, first_cup=4001, forces_n=(15.0,), negatives=1.0))
+LIFTED = draw_grasp(0, RUNS[0].cup, "lower", 15.0, "lift", approach=True)
+CARRIED = draw_grasp(0, RUNS[0].cup, "lower", 15.0, "carry")
 GRIP = 5
 """Column of the true grip in the truth."""
 
 
 @pytest.mark.parametrize(
-    ("run", "camera_hz", "gel"), [(RUNS[0], 25.0, 1), (RUNS[1], 60.0, 1), (RUNS[0], 25.0, 2)]
+    ("run", "camera_hz", "gel"),
+    [
+        (RUNS[0], 25.0, 1),
+        (RUNS[1], 60.0, 1),
+        (RUNS[0], 25.0, 2),
+        (LIFTED, 25.0, 1),
+        (CARRIED, 25.0, 2),
+    ],
 )
 def test_without_commands_frames_and_truth_are_the_recorded_ones_to_the_last_byte(
     run: PourRun, camera_hz: float, gel: Gel
