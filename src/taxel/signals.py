@@ -35,6 +35,10 @@ UNUSABLE = Validity.MISSING | Validity.STALE | Validity.RECONNECTING | Validity.
 
 PAUSE = "pause_s"
 """Name of the detail by which a camera says how long it sends nothing after a grasp, seconds."""
+GRASPS = "grasps"
+"""Name of the detail by which a camera says how its grasps begin: `FOUND`, or by key or mark."""
+FOUND = "found"
+"""By the images, which begin with untouched gels."""
 LONGEST_PAUSE_S = 2.0
 """Longer pauses are not believed, seconds. Source: our choice, docs/decisions/0031."""
 
@@ -106,6 +110,11 @@ class CameraInfo:
     """The device's serial number, or the simulator's name and version."""
     details: Mapping[str, str] = field(default_factory=dict)
     """Anything else worth keeping, such as exposure and simulator parameters."""
+
+    @property
+    def finds_grasps(self) -> bool:
+        """True where each grasp's start is to be found in the images."""
+        return self.details.get(GRASPS) == FOUND
 
     @property
     def simulated(self) -> bool:

@@ -44,10 +44,7 @@ LINES: dict[str, tuple[str, ...]] = {
     ),
     "power": ("power sim://teng", "power a.mcap"),
     "simulate teng": ("simulate teng --output s", "simulate teng --output s --preset paper"),
-    "simulate cup-pour": (
-        "simulate cup-pour --output s",
-        "simulate cup-pour --output s --kinds tilt carry",
-    ),
+    "simulate cup-pour": ("simulate cup-pour --output s",),
     "record": (
         "record sim://teng --output r.mcap --seconds 1",
         "record camera:///dev/a --plan p.csv --output r --seconds 1",

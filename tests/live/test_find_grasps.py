@@ -22,9 +22,7 @@ def answers() -> list[tuple[GraspAnswer, bool]]:
     found: list[tuple[GraspAnswer, bool]] = []
     bundle = read_grasp_bundle(shipped_bundle("slip-rule"))
     with open_source(ADDRESS, ManualClock()) as source:
-        tally = run_grasp_session(
-            source, bundle, on_answer=lambda a, c: found.append((a, c)), find=True
-        )
+        tally = run_grasp_session(source, bundle, on_answer=lambda a, c: found.append((a, c)))
     assert tally.starts == [round(a.time_s - found[0][0].time_s, 3) for a, _ in found if a.began]
     return found
 

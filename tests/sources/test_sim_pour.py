@@ -116,3 +116,13 @@ def test_the_end_of_a_grasp_is_told_while_the_next_cup_is_still_made(
     assert waiting == 2 * 60
     assert told_s - max(frame.arrival_s for frame in frames[:waiting]) < 0.05
     assert (len(frames), len(marks)) == (2 * waiting, 2)
+
+
+def test_cameras_whose_gels_are_untouched_at_first_say_so() -> None:
+    with open_source("sim://cup-pour?speed=max&runs=1&duration_s=1&approach=yes") as source:
+        assert all(camera.finds_grasps for camera in source.cameras)
+        assert source.info.channels[-1] == "grasp"
+    with pytest.raises(BadSource, match="yes or no"):
+        open_source("sim://cup-pour?approach=perhaps")
+    with pytest.raises(BadSource, match="1 with an approach"):
+        open_source("sim://cup-pour?approach=yes&gel=2")

@@ -53,9 +53,6 @@ class Live:
     """Arrays and trials: below this probability the answer is UNKNOWN, 0…1; 0.5 unless given."""
     trust: Path | None = None
     """A public key, or a file of several: a bundle that none of them signed is refused."""
-    find_grasps: bool = False
-    """Tactile cameras: find each grasp's start and end in the images instead of by key or mark;
-    they begin with untouched gels."""
     beside: Annotated[tuple[str, ...], tyro.conf.UseAppendAction] = ()
     """One more source to run beside the first, such as a hand beside a pair of cameras; each
     bundle goes to the first source that it fits. May be given several times."""
@@ -130,10 +127,6 @@ class Live:
                 "a bundle of an array beside --least-confidence", "tactile cameras only",
                 "leave it out: a monitor's threshold stands in its bundle",
             )  # fmt: skip
-        if self.find_grasps and not any(map(is_grasp_bundle, files)):
-            raise BadInput(
-                "a bundle of tactile cameras beside --find-grasps", "none", "leave it out"
-            )
         trust = None
         if self.trust is not None:
             from taxel.bundles.signing import read_trust
@@ -160,9 +153,7 @@ class Live:
             )  # fmt: skip
             return
         if is_grasp_bundle(files[0]):
-            live_grasps(
-                files[0], self.source, self.seconds, self.quiet, self.json, trust, self.find_grasps
-            )
+            live_grasps(files[0], self.source, self.seconds, self.quiet, self.json, trust)
             return
         bundles = [read_bundle(file, trust=trust) for file in files]
         config = RecogniseConfig(least_confidence=self._least())
@@ -235,7 +226,6 @@ class Live:
             sources=(self.source, *self.beside),
             seconds=self.seconds,
             least_confidence=self._least(),
-            find_grasps=self.find_grasps,
             trust=trust,
             record=self.record,
             labels=parse_pairs(self.label, "--label"),

@@ -26,7 +26,6 @@ def live_grasps(
     quiet: bool,
     as_json: bool,
     trust: Trust | None = None,
-    find: bool = False,
 ) -> None:
     """Watch a source with cameras; print each change of state, then a summary."""
     from taxel.bundles.grasp import read_grasp_bundle
@@ -52,16 +51,16 @@ def live_grasps(
             )  # fmt: skip
 
     with open_source(source_url) as source:
-        tally = run_grasp_session(source, opened, seconds, on_answer=show, find=find)
+        tally = run_grasp_session(source, opened, seconds, on_answer=show)
     result = tally.summary()
     if as_json:
         print_json(result)
         return
     states = ", ".join(f"{name} {count}" for name, count in result["states"].items())
     say(f"{result['moments']} moments: {states or 'none'}; {result['alarms']} alarms")
-    if find:
+    if result["starts"]:
         starts = ", ".join(f"{start_s:.2f} s" for start_s in result["starts"])
-        say(f"grasps found to begin after: {starts or 'none'}")
+        say(f"grasps found to begin after: {starts}")
     for grasp in result["grasps"]:
         told = grasp["first_alarm_s"]
         warned = "no alarm" if told is None else f"first alarm after {told:.2f} s"

@@ -55,7 +55,6 @@ class StationOptions:
     seconds: float | None
     least_confidence: float
     trust: Trust | None = None
-    find_grasps: bool = False
     record: Path | None = None
     labels: dict[str, str] = field(default_factory=dict)
     groups: dict[str, str] = field(default_factory=dict)
@@ -105,7 +104,6 @@ def live_station(options: StationOptions) -> dict[str, Any]:
             sources=options.sources,
             bundles=options.bundles,
             trust=options.trust,
-            find_grasps=options.find_grasps,
             least_confidence=options.least_confidence,
             recordings=options.recordings,
             labels=options.labels,

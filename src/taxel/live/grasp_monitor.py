@@ -60,7 +60,8 @@ class GraspMonitor:
         cameras: The source's.
         config: Thresholds in place of the bundle's.
         find: Find each grasp's start in the images; the first ones must show untouched gels. Until
-            then, and once the gels are untouched again, the state is NO_GRASP.
+            then, and once the gels are untouched again, the state is NO_GRASP. None: where the
+            cameras ask for it.
 
     Raises:
         BadBundle: The bundle was not made for such cameras.
@@ -71,7 +72,7 @@ class GraspMonitor:
         bundle: GraspBundle,
         cameras: tuple[CameraInfo, ...],
         config: StabilityConfig | None = None,
-        find: bool = False,
+        find: bool | None = None,
     ) -> None:
         bundle.contract.check_cameras(cameras)
         self.bundle = bundle
@@ -83,6 +84,7 @@ class GraspMonitor:
         self._watched = False
         self._begun = self._ended = False
         self._beside = SideBySide(len(cameras))
+        find = any(camera.finds_grasps for camera in cameras) if find is None else find
         self._starts = GraspStarts(len(cameras)) if find else None
         self._forget()
         self._over = find

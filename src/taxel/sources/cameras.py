@@ -21,7 +21,7 @@ from typing import Self
 from taxel.clock import Clock
 from taxel.errors import BadSource
 from taxel.recordings.manifest import NO_ARRAY
-from taxel.signals import CameraInfo, Frame, Mark, Samples, SensorInfo
+from taxel.signals import FOUND, GRASPS, CameraInfo, Frame, Mark, Samples, SensorInfo
 from taxel.sources.camera_capture import CameraGiven, CameraRequest, CaptureFactory
 from taxel.sources.camera_link import CameraLedger, CameraLink
 
@@ -30,7 +30,7 @@ WIDTH_PX, HEIGHT_PX = 640, 480
 _LOOK_S = 0.05
 """Longest wait while a capture process is missing, so that it is started again in time."""
 _LIMITS = {"width": (16, 8192), "height": (16, 8192), "rate_hz": (1, 1000)}
-_OPTIONS = (*_LIMITS, "names", "mm_per_px")
+_OPTIONS = (*_LIMITS, "names", "mm_per_px", GRASPS)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -46,6 +46,8 @@ class CamerasChoice:
     """None takes the rate that the camera has by itself."""
     mm_per_px: tuple[float | None, ...]
     """One a camera."""
+    finds_grasps: bool = False
+    """Find each grasp's start in the images, which begin with untouched gels."""
 
 
 class Cameras:
@@ -176,6 +178,8 @@ def parse_cameras(name: str, options: dict[str, str]) -> CamerasChoice:
             "each camera's device once, joined by commas", repr(name), "run: taxel find"
         )
     count = len(paths)
+    if options.get(GRASPS, FOUND) != FOUND:
+        raise _bad(GRASPS, f"{FOUND!r}, or left out", options[GRASPS])
     return CamerasChoice(
         paths=paths,
         names=_names(options.get("names"), count),
@@ -183,6 +187,7 @@ def parse_cameras(name: str, options: dict[str, str]) -> CamerasChoice:
         height=int(_number("height", options.get("height", str(HEIGHT_PX)), whole=True)),
         rate_hz=_number("rate_hz", options["rate_hz"]) if "rate_hz" in options else None,
         mm_per_px=_sizes(options.get("mm_per_px"), count),
+        finds_grasps=GRASPS in options,
     )
 
 
@@ -252,5 +257,6 @@ def _info(
             "given_hz": said(given.rate_hz),
             "measured_hz": said(rate_hz),
             "measured_images_hz": said(images_hz),
-        },
+        }
+        | ({GRASPS: FOUND} if choice.finds_grasps else {}),
     )

@@ -22,7 +22,7 @@ from taxel.processes import side_by_side
 from taxel.recordings.manifest import Manifest
 from taxel.recordings.whole import fresh_folder
 from taxel.recordings.writer import Recorder
-from taxel.signals import CameraInfo, Frame, Mark, Samples, SensorInfo
+from taxel.signals import FOUND, GRASPS, CameraInfo, Frame, Mark, Samples, SensorInfo
 from taxel.sim.cup_pour import (
     SIM_VERSION,
     CupPourConfig,
@@ -92,7 +92,9 @@ def simulate_videos(
         sensor = draw_sensor(run.seed, side)
         camera = GelCamera(fine.shapes[side], sensor, run.seed * 2 + side)
         motion = motion_at(fine.motions[side], fine.time_s, times.taken_s)
-        info = camera_info(name, sensor, camera_hz, frame_hz, gel)
+        info = camera_info(
+            name, sensor, camera_hz, frame_hz, gel, approach=run.approach is not None
+        )
         shear = LayerView(fine.layer, frame_hz, side) if gel == 2 else None
         videos.append(SimulatedVideo(info, times, _images(camera, motion, times, shear)))
     part = slice(None, None, FINE)
@@ -109,7 +111,12 @@ def simulate_videos(
 
 
 def camera_info(
-    name: str, sensor: SensorNuisance, camera_hz: float, frame_hz: float, gel: Gel = 1
+    name: str,
+    sensor: SensorNuisance,
+    camera_hz: float,
+    frame_hz: float,
+    gel: Gel = 1,
+    approach: bool = False,
 ) -> CameraInfo:
     """Return what one simulated camera is.
 
@@ -119,8 +126,11 @@ def camera_info(
         camera_hz: Images a second that it takes.
         frame_hz: Frames a second that it delivers.
         gel: How its gel shears.
+        approach: True where the gel is untouched at first.
     """
     details = {"camera_hz": f"{camera_hz:g}"}
+    if approach:
+        details[GRASPS] = FOUND
     if gel == 2:
         details["gel"] = GEL_VERSION
     return CameraInfo(

@@ -220,7 +220,9 @@ class _Eye:
         self._seen = _still(len(self._times.taken_s))
         self._number, self._jpeg = -1, b""
         self._shear = LayerView(layer, frame_hz, side) if gel == 2 else None
-        self.info = camera_info(SIDES[side], sensor, camera_hz, frame_hz, gel)
+        self.info = camera_info(
+            SIDES[side], sensor, camera_hz, frame_hz, gel, approach=run.approach is not None
+        )
 
     def prepare(self) -> GelCamera:
         """Make this camera's gel, once."""

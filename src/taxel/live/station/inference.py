@@ -68,8 +68,6 @@ class Inference:
     """Obey orders to go wrong on purpose, as `taxel bench faults` gives them."""
     trust: Trust | None = None
     """Keys of which one must have signed each bundle; any bundle unless given."""
-    find_grasps: bool = False
-    """Find each grasp's start in the images, which begin with untouched gels."""
 
 
 def infer(job: Inference) -> None:
@@ -116,7 +114,7 @@ class _GraspWatcher:
         threads = min(len(job.cameras), _cores())
         bundle = read_grasp_bundle(path, threads=threads, trust=job.trust)
         self._who = f"{job.place.name}/{number}"
-        self._monitor = GraspMonitor(bundle, job.cameras, find=job.find_grasps)
+        self._monitor = GraspMonitor(bundle, job.cameras)
         self._pairer = FramePairer(len(job.cameras))
         self._writer = writer
         self._state: Stability | None = None

@@ -42,8 +42,6 @@ class StationConfig:
     bundles: tuple[Path, ...]
     trust: Trust | None = None
     """Keys of which one must have signed each bundle; any bundle unless given."""
-    find_grasps: bool = False
-    """Find each grasp's start in the images, which begin with untouched gels."""
     least_confidence: float = 0.5
     guard: GuardConfig = field(default_factory=GuardConfig)
     interlock: InterlockConfig = field(
@@ -230,7 +228,6 @@ class Wiring:
                 ring=feed.ring, source_row=feed.worker.row, decisions=decisions,
                 least_confidence=self._config.least_confidence, orders=orders,
                 drill=self._config.drill, trust=self._config.trust,
-                find_grasps=self._config.find_grasps,
             )  # fmt: skip
 
         heard = self._stack.enter_context(RingReader(decisions))
