@@ -334,3 +334,10 @@ def test_a_process_that_cannot_start_is_said(images, monkeypatch):
     with pytest.raises(BadSource, match="capture process of a; got its end"):
         link.open()
     link.close()
+
+
+def test_an_address_may_ask_for_grasps_to_be_found() -> None:
+    assert parse_cameras("/dev/a", {"grasps": "found"}).finds_grasps
+    assert not parse_cameras("/dev/a", {}).finds_grasps
+    with pytest.raises(BadSource, match="found"):
+        parse_cameras("/dev/a", {"grasps": "yes"})
