@@ -7,7 +7,6 @@ from supply.size import Size, measure
 
 SOURCE = Path(__file__).parents[2] / "src"
 WIDE = {
-    "taxel/evaluation/expert.py: _within",
     "taxel/evaluation/expert.py: train_expert",
     "taxel/evaluation/nested.py: check_choosing",
     "taxel/training/choose/search.py: choose",

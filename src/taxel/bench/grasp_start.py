@@ -19,7 +19,7 @@ import numpy as np
 from scipy.stats import binomtest
 
 from taxel.bench.rows import Row, missing, row
-from taxel.evaluation.events import poisson_interval
+from taxel.evaluation.early_warning.events import poisson_interval
 from taxel.frame_codec import decode_jpeg, encode_jpeg
 from taxel.labels.grasp_start import Rgb, find_starts
 from taxel.recordings.whole import write_whole

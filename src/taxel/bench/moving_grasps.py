@@ -21,9 +21,9 @@ from taxel.bench.slip_warning import poses_folder
 from taxel.bundles.grasp import read_grasp_bundle
 from taxel.bundles.shipped import shipped_bundle
 from taxel.decisions.stability import states
-from taxel.evaluation.events import StateTrack, judge, summarise
-from taxel.evaluation.learn_slip_warning import track_of
-from taxel.evaluation.slip_warnings import EVENTS
+from taxel.evaluation.early_warning.events import StateTrack, judge, summarise
+from taxel.evaluation.early_warning.learn_slip_warning import track_of
+from taxel.evaluation.early_warning.slip_warnings import EVENTS
 from taxel.sim.cups import MOVING_KINDS, Kind
 from taxel.training.slip_cups import TEST_CUPS, keep_runs, moving_part
 from taxel.training.slip_heads import PourFeatures, features_of

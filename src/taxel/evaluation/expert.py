@@ -144,7 +144,7 @@ def train_expert(
             base, prepared, folds, budget, bars=bars, most_mb=limits.most_mb,
             most_us=limits.most_us, seed=seed, kept=kept, on_step=on_step,
         )  # fmt: skip
-    expert = _within(base, found, own, nested, limits, reject_novel, seed, on_step)
+    expert = _within(found, own, nested, limits, reject_novel, seed, on_step)
     kept.forget()
     bars_s = 0.0 if nested is None else nested.bars_s
     return replace(expert, tries_kept=kept.used, seconds=perf_counter() - started - bars_s)
@@ -158,7 +158,6 @@ def _held(base: Base, split: Split) -> Held:
 
 
 def _within(
-    base: Base,
     found: Found,
     own: Sequence[int],
     nested: Nested | None,
@@ -170,6 +169,7 @@ def _within(
     """Train on all data; leave out what makes the bundle too large or too slow."""
     on_step("training what was chosen on all data")
     fitted = fit_within(found, own, most_mb=limits.most_mb, most_us=limits.most_us, seed=seed)
+    base = found.base
     unknown = _novelty(base, found.part.prepared, own, reject_novel)
     run, measured = _run_of(
         base, found.part.prepared, fitted.blend, fitted.choice.joining, nested, unknown, seed
