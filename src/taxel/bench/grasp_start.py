@@ -146,10 +146,13 @@ def rows_of(told: list[Told]) -> list[Row]:
     low, high = binomtest(len(delays), len(grasps)).proportion_ci(0.95, "exact")
     least, most = poisson_interval(false, minutes)
     brushes = len(told) - len(grasps)
+    few = ""
+    if len(grasps) < len(TEST_CUPS):
+        few = f" (asked: {len(TEST_CUPS)} cups; go on with --full)"
     return [
         row(f"{name}: share found", len(delays) / len(grasps), "share", ">=", 0.98,
             f"{len(delays)} of {len(grasps)} on test cups, all kinds, told within {LATE_S:g} s; "
-            f"95 % {low:.3f} … {high:.3f}, exact binomial"),
+            f"95 % {low:.3f} … {high:.3f}, exact binomial{few}"),
         row(f"{name}: median delay after both gels bear the force",
             float(np.median(delays)) if delays else float("inf"), "s", "<=", 0.3,
             f"5 to 95 %: {np.percentile(delays or [np.nan], 5):.2f} to "

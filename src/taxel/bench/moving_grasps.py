@@ -88,6 +88,8 @@ def _kind_rows(kind: Kind, tracks: Sequence[StateTrack]) -> list[Row]:
     events = summarise(own)
     missed = sum(one.missed for one in own)
     about = f"{events.events} slips of {len(own)} grasps on {events.clusters} test cups"
+    if events.clusters < len(TEST_CUPS):
+        about += f" (asked: {len(TEST_CUPS)}; go on with --full)"
     rows = []
     if events.events:
         low, high = binomtest(missed, events.events).proportion_ci(0.95, "exact")
