@@ -1,4 +1,6 @@
-"""JPEG to pixels and back: the one place where tactile images are coded; still PNGs are read.
+"""Images to pixels and back: JPEG, depth as PNG of 16 bits; still PNGs are read.
+
+The one place where images are coded.
 
 Knows nothing about cameras, files or models.
 """
@@ -9,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taxel.errors import BadSource, MissingExtra
+from taxel.image_head import read_png16
 from taxel.jpeg_head import check_size, read_head
 from taxel.signals import CameraInfo
 
@@ -20,6 +23,11 @@ except ModuleNotFoundError as error:  # the array path needs no images
 JPEG_QUALITY = 90
 """Of frames that taxel itself encodes, 0…100. Source: our choice, docs/decisions/0012."""
 
+_PNG_EFFORT = 1
+"""Of zlib, 0…9: the quickest. Source: our choice, docs/decisions/0052."""
+_FAR_M = 2.0
+"""What is shown as farthest, metres: a table with a robot on it. Our choice,
+docs/decisions/0052."""
 _PNG = b"\x89PNG\r\n\x1a\n"
 _PNG_SIDES = (16, 20)
 """Where width and height stand, four bytes each. Source: PNG specification, IHDR."""
@@ -77,6 +85,45 @@ def decode_grey_quarter(jpeg: bytes, camera: CameraInfo | None) -> NDArray[np.ui
     if grey is None:
         raise _damaged(jpeg)
     return np.asarray(grey, dtype=np.uint8)
+
+
+def encode_depth(depth: NDArray[np.uint16]) -> bytes:
+    """Return a depth image as PNG of 16 bits, lossless.
+
+    Args:
+        depth: Shape (height, width), in the camera's depth unit; 0 where nothing was measured.
+    """
+    done, coded = cv2.imencode(".png", depth, [cv2.IMWRITE_PNG_COMPRESSION, _PNG_EFFORT])
+    if not done:
+        raise ValueError(f"needed a depth image; got shape {depth.shape}")
+    return coded.tobytes()
+
+
+def decode_depth(png: bytes, camera: CameraInfo) -> NDArray[np.uint16]:
+    """Return a depth image, shape (height, width), in the camera's depth unit; 0: not measured.
+
+    Raises:
+        BadSource: It is no PNG of 16 bits and of the camera's size, or it is damaged.
+    """
+    read_png16(png, (camera.width, camera.height))
+    depth = cv2.imdecode(np.frombuffer(png, np.uint8), cv2.IMREAD_UNCHANGED)
+    if depth is None or depth.dtype != np.uint16:
+        raise BadSource("a whole depth image", "a damaged one", "check the camera's cable")
+    return np.asarray(depth, dtype=np.uint16)
+
+
+def depth_picture(png: bytes, camera: CameraInfo) -> bytes:
+    """Return a depth image as a JPEG in colours, for people: near red, far blue, unknown black.
+
+    Raises:
+        BadSource: As for `decode_depth`.
+    """
+    depth = decode_depth(png, camera)
+    steps = _FAR_M / float(camera.details.get("depth_unit_m", "0.001"))
+    near = np.clip(255.0 * (1.0 - depth / max(steps, 1.0)), 0.0, 255.0).astype(np.uint8)
+    bgr = cv2.applyColorMap(near, cv2.COLORMAP_TURBO)
+    bgr[depth == 0] = 0
+    return encode_jpeg(np.asarray(bgr[..., ::-1], dtype=np.uint8).copy())
 
 
 def still_size(image: bytes) -> tuple[int, int]:

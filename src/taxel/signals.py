@@ -39,6 +39,11 @@ GRASPS = "grasps"
 """Name of the detail by which a camera says how its grasps begin: `FOUND`, or by key or mark."""
 FOUND = "found"
 """By the images, which begin with untouched gels."""
+ROLE, SCENE = "role", "scene"
+"""Name and value of the detail by which a camera says that it looks on instead of feeling."""
+CODING, JPEG, DEPTH_PNG = "coding", "jpeg", "png16"
+"""Name and values of the detail that says how a camera's images are coded: JPEG unless given, or
+depth as PNG of 16 bits."""
 LONGEST_PAUSE_S = 2.0
 """Longer pauses are not believed, seconds. Source: our choice, docs/decisions/0031."""
 
@@ -94,7 +99,7 @@ class SensorInfo:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CameraInfo:
-    """What a tactile camera is, as its driver or its recording's manifest says."""
+    """What a camera is, tactile or beside touch, as its driver or its recording's manifest says."""
 
     name: str
     """Short name, such as "left"; used as the topic in recordings."""
@@ -122,6 +127,16 @@ class CameraInfo:
         return self.serial.startswith("sim://")
 
     @property
+    def scene(self) -> bool:
+        """True for a camera that looks on; models are never shown its images."""
+        return self.details.get(ROLE) == SCENE
+
+    @property
+    def coding(self) -> str:
+        """How its images are coded: `JPEG`, or `DEPTH_PNG`."""
+        return DEPTH_PNG if self.details.get(CODING) == DEPTH_PNG else JPEG
+
+    @property
     def pause_s(self) -> float:
         """How long it sends nothing after a mark that ends a grasp, seconds: by `PAUSE` in its
         details; 0 for one that streams on, as real ones do, and where the detail is no number.
@@ -135,12 +150,13 @@ class CameraInfo:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Frame:
-    """One image of one tactile camera, as it came: JPEG, not yet decoded."""
+    """One image of one camera, as it came, not yet decoded."""
 
     camera: int
     """Which camera of the source or recording, from 0."""
     jpeg: bytes
-    """The image as JPEG; `taxel.frame_codec` decodes it."""
+    """The image as JPEG (of a camera whose `coding` is `DEPTH_PNG`: that); `taxel.frame_codec`
+    decodes it."""
     counter: int
     """The device's own frame counter; -1 where it has none."""
     device_s: float

@@ -39,6 +39,12 @@ ELSEWHERE = {
         "test_reading_ends_with_a_frame_or_after_the_timeout",
         "test_closing_ends_the_processes_and_the_source",
     ),
+    "realsense": (
+        "tests/sources/test_realsense.py",
+        "test_frames_come_whole_once_in_order_and_on_time",
+        "test_reading_ends_with_a_frame_or_after_the_timeout",
+        "test_closing_ends_the_streams_and_the_source",
+    ),
 }
 """Schemes of real devices, which keep to no manual clock: the file that opens them, and the
 claims in it that stand for the ones here."""

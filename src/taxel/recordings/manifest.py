@@ -45,7 +45,7 @@ class Manifest:
     sensor: SensorInfo
     """The array whose scans these are."""
     cameras: tuple[CameraInfo, ...] = ()
-    """The tactile cameras whose frames these are, in the order of `Frame.camera`."""
+    """The cameras whose frames these are, in the order of `Frame.camera`."""
     labels: Mapping[str, str] = field(default_factory=dict)
     """What may be learned, and holds for the whole recording: shape, material, sign …"""
     groups: Mapping[str, str] = field(default_factory=dict)
@@ -58,6 +58,11 @@ class Manifest:
     """Wall time at monotonic zero, nanoseconds since 1970; 0 where time starts at the data."""
     version: str = field(default=FORMAT_VERSION, compare=False)
     """Format of the file that it was read from; what is written has `FORMAT_VERSION`."""
+
+    @property
+    def tactile(self) -> tuple[CameraInfo, ...]:
+        """The cameras that feel; one that looks on is none of them."""
+        return tuple(camera for camera in self.cameras if not camera.scene)
 
     @staticmethod
     def started_now(

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -135,6 +135,19 @@ def iterate_frames(path: Path, camera: int | None = None) -> Iterator[Frame]:
             for frame in sorted(item.frames, key=lambda one: one.fitted_s):
                 if camera is None or frame.camera == camera:
                     yield frame
+
+
+def iterate_tactile(path: Path) -> Iterator[Frame]:
+    """Yield the frames of a recording's tactile cameras, oldest first, numbered among these.
+
+    Raises:
+        BadRecording: It is missing, no recording of taxel's, cut short, or damaged.
+    """
+    cameras = read_manifest(path).cameras
+    feels = [number for number, camera in enumerate(cameras) if not camera.scene]
+    for frame in iterate_frames(path):
+        if frame.camera in feels:
+            yield replace(frame, camera=feels.index(frame.camera))
 
 
 def iterate_slips(path: Path) -> Iterator[SlipNote]:

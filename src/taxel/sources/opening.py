@@ -4,6 +4,7 @@
     sim://cup-pour?force_n=25&runs=3
     serial:///dev/serial/by-id/board-a,/dev/serial/by-id/board-b
     camera:///dev/v4l/by-id/left,/dev/v4l/by-id/right?width=640&height=480&rate_hz=30
+    realsense://any?width=640&height=480&rate_hz=30
     replay://runs/session-1.mcap?speed=2
     runs/session-1.mcap                       (the same as replay://)
     runs, replay://runs?speed=max             (a folder: `recordings_of` gives an address for each)
@@ -66,11 +67,18 @@ def _open_camera(name: str, options: dict[str, str], clock: Clock) -> Source:
     return Cameras(name, options, clock)
 
 
+def _open_realsense(name: str, options: dict[str, str], clock: Clock) -> Source:
+    from taxel.sources.realsense import RealSense
+
+    return RealSense(name, options, clock)
+
+
 SCHEMES: dict[str, Callable[[str, dict[str, str], Clock], Source]] = {
     "sim": _open_sim,
     "replay": _open_replay,
     "serial": _open_serial,
     "camera": _open_camera,
+    "realsense": _open_realsense,
 }
 """Scheme → how to open it: (what follows ://, options, clock) → source."""
 

@@ -15,7 +15,12 @@ from typing import Self
 from taxel.clock import Clock
 from taxel.errors import BadSource
 from taxel.recordings.manifest import Manifest
-from taxel.recordings.reader import iterate_blocks, iterate_frames, read_manifest
+from taxel.recordings.reader import (
+    iterate_blocks,
+    iterate_frames,
+    iterate_tactile,
+    read_manifest,
+)
 from taxel.signals import CameraInfo, Frame, Mark, Samples, SensorInfo
 from taxel.sources.pacing import FrameStream, Pacer, Stretch, read_speed
 
@@ -28,7 +33,8 @@ class Replay:
 
     Args:
         path: The recording.
-        options: `speed`: a factor of real time, or max.
+        options: `speed`: a factor of real time, or max. `scene=yes`: cameras that look on, too;
+            models are not made for them, so they are left out unless asked for.
         clock: The clock to wait on.
 
     Raises:
@@ -40,19 +46,22 @@ class Replay:
     def __init__(self, path: Path, options: dict[str, str], clock: Clock) -> None:
         options = dict(options)
         speed = read_speed(options)
-        if options:
+        scene = options.pop("scene", "no")
+        if options or scene not in ("yes", "no"):
             raise BadSource(
-                "no option of replay:// but speed", ", ".join(sorted(options)), "mend the address"
-            )
+                "no option of replay:// but speed and scene=yes",
+                ", ".join(sorted(options)) or f"scene={scene}", "mend the address",
+            )  # fmt: skip
         if path.is_dir():
             raise BadSource("one recording", f"the folder {path}", "name one of its files")
         manifest = read_manifest(path)
         self._info = manifest.sensor
-        self._cameras = manifest.cameras
+        self._cameras = manifest.cameras if scene == "yes" else manifest.tactile
+        read_frames = iterate_frames if scene == "yes" else iterate_tactile
         stretches = _stretches(path, manifest)
         # Frames are read on their own: a recording's scans and frames lie in different
         # chunks, and neither may wait for the other.
-        frames = iterate_frames(path) if manifest.cameras else iter(())
+        frames = read_frames(path) if self._cameras else iter(())
         channels = len(self._info.channels)
         self._pacer = Pacer(stretches, channels, clock, speed, FrameStream(frames), ahead=True)
 

@@ -15,13 +15,13 @@ from typing import Any
 import numpy as np
 
 from taxel.errors import MissingExtra
-from taxel.jpeg_head import fits
+from taxel.image_head import is_sound
 from taxel.live.station.packets import Packet, unpack
 from taxel.live.station.page_link import ViewConfig
 from taxel.live.station.recording import apart
 from taxel.live.station.ring import RingReader
 from taxel.live.station.worker import Place, Pulse, at_work
-from taxel.signals import Frame, Samples
+from taxel.signals import DEPTH_PNG, Frame, Samples
 
 _PAUSE_S = 0.02
 _MOST = 64
@@ -101,11 +101,12 @@ class _Bridge:
         rerun = self._rerun
         if isinstance(packet, Frame):
             seen = self._view.sources[number].cameras[packet.camera]
-            if not fits(packet.jpeg, (seen.width, seen.height)):
+            if not is_sound(packet.jpeg, seen):
                 return  # the viewer would decode it
             rerun.set_time("time", duration=packet.fitted_s)
             name = self._cameras[first_camera + packet.camera]
-            image = rerun.EncodedImage(contents=packet.jpeg, media_type="image/jpeg")
+            kind = "image/png" if seen.coding == DEPTH_PNG else "image/jpeg"
+            image = rerun.EncodedImage(contents=packet.jpeg, media_type=kind)
             rerun.log(f"cameras/{name}", image)
         elif isinstance(packet, Samples):
             sensor = self._view.sources[number].sensor

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from taxel.errors import BadDataset
 from taxel.labels.trials import trials_of
-from taxel.recordings.reader import iterate_frames, list_recordings, read_recording
+from taxel.recordings.reader import iterate_tactile, list_recordings, read_recording
 from taxel.signals import CameraInfo, SensorInfo
 from taxel.windows.pairs import FrameSet, join_frames
 
@@ -68,7 +68,7 @@ def read_camera_recording(path: Path) -> CameraRecording:
     """
     recording = read_recording(path)
     manifest = recording.manifest
-    if not manifest.cameras:
+    if not manifest.tactile:
         raise BadDataset(
             "a recording with tactile cameras", f"{path}, which has none",
             "make some with: taxel simulate cup-pour, or taxel import",
@@ -77,7 +77,7 @@ def read_camera_recording(path: Path) -> CameraRecording:
     image: list[list[int]] = []
     known: dict[bytes, int] = {}
     whole = hashlib.sha256()
-    for found in frame_sets(path, len(manifest.cameras)):
+    for found in frame_sets(path, len(manifest.tactile)):
         row = []
         for frame in found.frames:
             digest = hashlib.sha256(frame.jpeg).digest()
@@ -98,7 +98,7 @@ def read_camera_recording(path: Path) -> CameraRecording:
         path=path,
         groups=first.groups if first is not None else manifest.groups,
         labels=first.labels if first is not None else manifest.labels,
-        cameras=manifest.cameras,
+        cameras=manifest.tactile,
         sensor=manifest.sensor,
         time_s=time_s,
         image=np.array(image, np.intp),
@@ -126,8 +126,8 @@ def read_camera_recordings(path: Path) -> list[CameraRecording]:
 
 
 def frame_sets(path: Path, cameras: int) -> Iterator[FrameSet]:
-    """Yield a recording's sets of frames, oldest first, in constant memory."""
-    return join_frames(iterate_frames(path), cameras)
+    """Yield sets of a recording's tactile frames, oldest first, in constant memory."""
+    return join_frames(iterate_tactile(path), cameras)
 
 
 def _latest(

@@ -84,7 +84,7 @@ def read_touch(
     with tempfile.TemporaryDirectory(prefix="taxel-audit-") as scratch:
         folder = _imported(path, Path(scratch) / "made", on_progress)
         paths = list_recordings(folder)
-        cameras = read_recording(paths[0]).manifest.cameras
+        cameras = read_recording(paths[0]).manifest.tactile
         if cameras:
             views = tuple(camera.name for camera in cameras for _ in range(_SQUARES))
             reads = [_camera_recording(p, len(cameras)) for p in
@@ -188,7 +188,7 @@ def _array_recording(path: Path) -> _Read:
 
 def _camera_recording(path: Path, cameras: int) -> _Read:
     recording = read_recording(path)
-    if len(recording.manifest.cameras) != cameras:
+    if len(recording.manifest.tactile) != cameras:
         raise BadDataset(f"{cameras} cameras in every recording", f"others in {path.name}",
                          "put them in folders of their own")  # fmt: skip
     rows, times, shown = [], [], [b""] * cameras
@@ -200,7 +200,7 @@ def _camera_recording(path: Path, cameras: int) -> _Read:
         for i, frame in enumerate(found.frames):
             if fresh[i]:
                 shown[i] = frame.jpeg
-                grey[i] = _small_jpeg(frame.jpeg, recording.manifest.cameras[i])
+                grey[i] = _small_jpeg(frame.jpeg, recording.manifest.tactile[i])
         rows.append(np.concatenate(grey))
         times.append(found.time_s)
     files = {"software": recording.manifest.software}

@@ -28,7 +28,7 @@ from taxel.evaluation.transitions.data import truth_moments
 from taxel.labels.rules import RULES
 from taxel.labels.slip import label_truth
 from taxel.processes import side_by_side
-from taxel.recordings.reader import iterate_frames
+from taxel.recordings.reader import iterate_tactile
 from taxel.signals import CameraInfo, Frame
 from taxel.sim.pour_state import TRUTH_CHANNELS
 from taxel.training.frame_labels import truth_of
@@ -107,7 +107,7 @@ def watch(
         BadBundle: The bundle was not made for such cameras.
         BadDataset: The recording has no truth.
     """
-    frames: Iterable[Frame] = iterate_frames(pour.path)
+    frames: Iterable[Frame] = iterate_tactile(pour.path)
     if fault != CLEAN:
         words = [seed, zlib.crc32(fault.encode()), zlib.crc32(pour.name.encode())]
         frames = find_image_fault(fault).make(frames, level, np.random.default_rng(words))

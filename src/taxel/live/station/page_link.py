@@ -22,13 +22,14 @@ import numpy as np
 from taxel.calibration.live import LiveNewtons
 from taxel.calibration.stored import read_calibration
 from taxel.decisions.reasons import REASONS
-from taxel.jpeg_head import fits
+from taxel.errors import TaxelError
+from taxel.image_head import is_sound
 from taxel.live.station.beats import BeatsView
 from taxel.live.station.packets import pack, unpack
 from taxel.live.station.recording import apart
 from taxel.live.station.ring import RingReader, RingWriter
 from taxel.live.station.telling import stalled_snapshot
-from taxel.signals import CameraInfo, Frame, Samples, SensorInfo
+from taxel.signals import DEPTH_PNG, CameraInfo, Frame, Samples, SensorInfo
 
 _KEPT_S = 30.0
 _ROW_S = 0.01
@@ -38,6 +39,8 @@ _POINTS_HZ = 50
 _WISH_S = 3.0
 """How long a wish may take until it is known to be fulfilled, seconds. Our choice."""
 _TINY_S = 1e-6
+_DEPTH_S = 0.2
+"""How often a depth image is drawn in colours: that takes some milliseconds. Our choice."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -105,6 +108,9 @@ class StationView:
         self._board = BeatsView(config.beats)
         self._cameras = apart([camera for one in config.sources for camera in one.cameras])
         self._frames: list[tuple[int, bytes] | None] = [None] * len(self._cameras)
+        self._depth: dict[int, bytes] = {}
+        """Depth images that came and were not drawn yet, the newest of each camera."""
+        self._drawn_s = [-math.inf] * len(self._cameras)
         self._array_at = _choose_array(config.sources)
         self._array = None
         if self._array_at is not None:
@@ -141,7 +147,16 @@ class StationView:
 
     def frame(self, camera: int) -> tuple[int, bytes] | None:
         """Return a camera's newest image."""
+        if camera in self._depth and monotonic() - self._drawn_s[camera] >= _DEPTH_S:
+            self._drawn_s[camera] = monotonic()
+            picture = draw_depth(self._depth.pop(camera), self._cameras[camera])
+            if picture is not None:
+                self._show(camera, picture)
         return self._frames[camera] if 0 <= camera < len(self._frames) else None
+
+    def _show(self, camera: int, jpeg: bytes) -> None:
+        before = self._frames[camera]
+        self._frames[camera] = ((before[0] if before else 0) + 1, jpeg)
 
     def traces(self, since_s: float) -> dict[str, Any]:
         """Return what came after a moment, at most 50 points a second."""
@@ -224,9 +239,12 @@ class StationView:
             packet = unpack(content)
             if isinstance(packet, Frame):
                 camera = first_camera + packet.camera
-                seen, before = self._cameras[camera], self._frames[camera]
-                if fits(packet.jpeg, (seen.width, seen.height)):  # a browser would decode it
-                    self._frames[camera] = ((before[0] if before else 0) + 1, packet.jpeg)
+                if not is_sound(packet.jpeg, self._cameras[camera]):
+                    continue  # a browser would decode it
+                if self._cameras[camera].coding == DEPTH_PNG:
+                    self._depth[camera] = packet.jpeg
+                else:
+                    self._show(camera, packet.jpeg)
             elif isinstance(packet, Samples):
                 if self._array is not None and number == self._array_at:
                     self._array.add(packet)
@@ -249,6 +267,16 @@ def _shown_array(seen: PageSeen) -> _Array:
         return _Array(seen.sensor)
     newtons = LiveNewtons(read_calibration(seen.calibration), seen.sensor)
     return _Array(newtons.info, newtons)
+
+
+def draw_depth(png: bytes, camera: CameraInfo) -> bytes | None:
+    """Return a depth image as a JPEG for people; None where it cannot be drawn."""
+    try:
+        from taxel.frame_codec import depth_picture
+
+        return depth_picture(png, camera)
+    except (TaxelError, ValueError):
+        return None
 
 
 def _choose_array(sources: Sequence[PageSeen]) -> int | None:

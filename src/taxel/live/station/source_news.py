@@ -29,7 +29,9 @@ def short_name(url: str) -> str:
     name = (rest if found else scheme).partition("?")[0]
     if scheme == "sim":
         return name
-    return {"serial": "boards", "camera": "cameras"}.get(scheme if found else "", Path(name).stem)
+    return {"serial": "boards", "camera": "cameras", "realsense": "scene"}.get(
+        scheme if found else "", Path(name).stem
+    )
 
 
 class SourceNews:

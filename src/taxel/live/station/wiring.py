@@ -214,7 +214,7 @@ class Wiring:
         self.unwatched = tuple(
             feed.url
             for index, feed in enumerate(self.feeds)
-            if feed.cameras and index not in chosen
+            if index not in chosen and any(not camera.scene for camera in feed.cameras)
         )
         return chosen
 

@@ -20,10 +20,12 @@ from numpy.typing import NDArray
 
 from taxel.clock import Clock, SystemClock
 from taxel.decisions.reasons import REASONS
-from taxel.jpeg_head import fits
+from taxel.image_head import is_sound
+from taxel.live.station.page_link import draw_depth
 from taxel.recordings.chunk_content import ChunkContent
 from taxel.recordings.manifest import Manifest
 from taxel.recordings.reader import read_manifest
+from taxel.signals import DEPTH_PNG
 from taxel.views.page.replay_index import read_chunk, read_index
 
 _SHOWN_S = 30.0
@@ -58,6 +60,8 @@ class ReplayLink:
         self._lock = threading.Lock()
         self._cursor_s = self._start_s
         self._speed = 1.0
+        self._drawn: tuple[int, int, bytes | None] = (-1, -1, None)
+        """The depth image drawn last: its camera, its number, and how it is shown."""
         self._played_s: float | None = None
         self._opened: OrderedDict[int, ChunkContent] = OrderedDict()
 
@@ -175,7 +179,13 @@ class ReplayLink:
         chunk, which, _ = self._index.frame_at[camera][number].tolist()
         jpeg = self._open(chunk).frames[which].jpeg
         seen = self._manifest.cameras[camera]
-        return (number, jpeg) if fits(jpeg, (seen.width, seen.height)) else None
+        if not is_sound(jpeg, seen):
+            return None
+        if seen.coding == DEPTH_PNG:
+            if self._drawn[:2] != (camera, number):
+                self._drawn = camera, number, draw_depth(jpeg, seen)
+            return None if self._drawn[2] is None else (number, self._drawn[2])
+        return number, jpeg
 
     def traces(self, since_s: float) -> dict[str, Any]:
         """Return the array between `since_s` and the cursor, both of the recording's clock."""
