@@ -161,6 +161,7 @@ LINES: dict[str, tuple[str, ...]] = {
         "live cup-pour sim://cup-pour --gripper sim",
         "live b.taxel sim://teng --record r.mcap",
     ),
+    "fleet": ("fleet mqtt://127.0.0.1", "fleet mqtt://127.0.0.1 --page"),
     "bench": ("bench teng", "bench teng --full", "bench faults", "bench --page p.md"),
 }
 """Door → command lines, one a way of working."""
@@ -179,6 +180,7 @@ VALUES = {
     "label": "shape=sphere",
     "group": "session=2",
     "live page": "127.0.0.1:8080",
+    "fleet page": "127.0.0.1:8080",
     "fatigue": "0.2",
     "calibration": "c.json",
     "levels": "30",
@@ -192,6 +194,7 @@ VALUES = {
     "reject-novel": "0.1",
     "gripper": "sim",
     "tell": "udp://127.0.0.1:5005",
+    "publish": "zenoh://127.0.0.1:7447/bench",
     "beside": "sim://teng",
     "at": "2",
     "frame": "2",

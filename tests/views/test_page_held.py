@@ -13,7 +13,7 @@ from websockets.exceptions import WebSocketException
 from websockets.sync.client import connect
 
 from taxel.views.page import clients, connections
-from taxel.views.page import server as page_server
+from taxel.views.page import serving as page_server
 from taxel.views.page.server import PageServer, serve_page
 
 SHORT_S = 0.3
@@ -166,7 +166,7 @@ def test_answers_that_nobody_reads_end_their_connection(monkeypatch: pytest.Monk
             held.settimeout(0.2)
             with suppress(OSError):  # as meant: the server takes no more
                 held.sendall(request * 4000)
-            wait_for(lambda: not server._server.server_state.connections)
+            wait_for(lambda: not server._server.uvicorn.server_state.connections)
 
 
 def test_eight_pages_that_read_nothing_are_let_go(monkeypatch: pytest.MonkeyPatch):

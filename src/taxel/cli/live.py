@@ -82,8 +82,11 @@ class Live:
     force_n: tuple[float, float] | None = None
     """With --gripper or --tell: the force at which a grasp begins and the largest one, newtons; 15
     to 50, or what the gripper's address says, unless given."""
-    rerun: bool = False
-    """Stream to a Rerun viewer, from a process of its own."""
+    publish: Annotated[tuple[str, ...], tyro.conf.UseAppendAction] = ()
+    """Tell other programs, which cannot tell the station anything. zenoh://127.0.0.1:7447/bench-1:
+    states, slip, scans and frames in batches of 10 ms. mqtt://127.0.0.1:1883/bench-1: a report a
+    second to a fleet's broker. foxglove: a view for Foxglove or Lichtblick on this machine. rerun:
+    a Rerun viewer. May be given several times."""
     quiet: bool = False
     """Print the summary only."""
     json: bool = False
@@ -216,7 +219,7 @@ class Live:
 
     def _needs_station(self) -> bool:
         """True where one process is not enough."""
-        asked = (self.beside, self.record, self.gripper, self.tell, self.rerun)
+        asked = (self.beside, self.record, self.gripper, self.tell, self.publish)
         return self.page is not None or any(asked)
 
     def _station(self, bundles: tuple[Path, ...], trust: Trust | None) -> StationOptions:
@@ -238,7 +241,7 @@ class Live:
             arm=self.arm,
             tell=self.tell,
             force_n=self.force_n,
-            rerun=self.rerun,
+            publish=self.publish,
             calibration=self.calibration,
             quiet=self.quiet,
             json=self.json,

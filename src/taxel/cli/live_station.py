@@ -69,7 +69,7 @@ class StationOptions:
     tell: str | None = None
     force_n: tuple[float, float] | None = None
     """Force at which a grasp begins and largest force, newtons; `FORCE_N` unless given."""
-    rerun: bool = False
+    publish: tuple[str, ...] = ()
     calibration: Path | None = None
     """Of the array that the page shows, which is then in newtons."""
     quiet: bool = False
@@ -78,11 +78,13 @@ class StationOptions:
 
 def live_station(options: StationOptions) -> dict[str, Any]:
     """Run a station until its time is over, its sources have ended, or the user stops it."""
+    from taxel.cli.live_bus import check_bus, open_bus
     from taxel.live.station.guard import GuardConfig
     from taxel.live.station.station import Station
     from taxel.live.station.wiring import StationConfig
     from taxel.views.keys import Keys
 
+    check_bus(options.publish)
     if options.arm and options.gripper is None:
         raise BadInput("--gripper with --arm", "no gripper", "name one, or leave --arm out")
     if options.record is not None and options.record.exists() and not options.overwrite:
@@ -120,7 +122,8 @@ def live_station(options: StationOptions) -> dict[str, Any]:
         if simulated:
             _drive_simulated(options, station)
         _open_page(options, station)
-        _open_rerun(options, station)
+        for line in open_bus(station, options.publish):
+            _note(options, line)
         if options.record is not None:
             if station.wiring.not_recorded:
                 left = station.wiring.not_recorded
@@ -308,15 +311,6 @@ def _free_port(host: str) -> int:
         except OSError:
             return 0  # the page itself says what is wrong with the address
         return int(probe.getsockname()[1])
-
-
-def _open_rerun(options: StationOptions, station: Station) -> None:
-    if not options.rerun:
-        return
-    from taxel.views.rerun_bridge import RerunJob, stream
-
-    view = station.view_config()
-    station.add_process("rerun", stream, lambda place: RerunJob(place=place, view=view))
 
 
 def answers_lines(results: list[dict[str, Any]]) -> list[str]:

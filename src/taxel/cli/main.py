@@ -74,6 +74,7 @@ VERBS = {
     "bundle": "turn a trained run into the one file that runs live",
     "adapt": "bring a model to a new session, pad, class or correction",
     "live": "predict what is in the hand, live",
+    "fleet": "see all stations that report to a broker",
     "bench": "measure taxel's figures beside their goals",
 }
 """Verb → one line of help; its dataclass is that of its name in the module of its name."""

@@ -93,6 +93,7 @@ OLD: tuple[Old, ...] = (
         Old("live", option, "--page 127.0.0.1:8080")
         for option in ("page-host", "page-port", "page-address")
     ),
+    Old("live", "rerun", "--publish rerun"),
     Old("live", "least-n", "--force-n 15 50"),
     Old("live", "most-n", "--force-n 15 50"),
 )  # fmt: skip

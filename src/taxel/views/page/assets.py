@@ -30,8 +30,13 @@ class Asset:
 
 def load_assets() -> dict[str, Asset]:
     """Return the page's files by name, such as "page.html"."""
+    return load_folder(_OWN) | load_folder(VENDORED)
+
+
+def load_folder(folder: Path) -> dict[str, Asset]:
+    """Return a folder's files of a page, by name."""
     return {
         file.name: Asset(file.read_bytes(), _TYPES[file.suffix])
-        for file in (*sorted(_OWN.iterdir()), *sorted(VENDORED.iterdir()))
+        for file in sorted(folder.iterdir())
         if file.suffix in _TYPES
     }

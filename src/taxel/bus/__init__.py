@@ -1,0 +1,1 @@
+"""What a running station tells other programs: batches over Zenoh, a view for Foxglove."""

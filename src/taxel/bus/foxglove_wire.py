@@ -1,0 +1,151 @@
+"""What Foxglove's WebSocket protocol says, as far as one who only shows needs it.
+
+Channels and messages of a station: JSON with named channels, so that plots show names; images as
+`sensor_msgs/CompressedImage` in CDR, which every version decodes. Source: the protocol as the
+package foxglove-sdk 0.30 speaks it (`foxglove.sdk.v1`), and before it `foxglove.websocket.v1`.
+Knows nothing about sockets.
+
+Background of our choices: docs/decisions/0052.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+import struct
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from taxel.bus.batches import json_bytes
+from taxel.bus.following import Item
+from taxel.signals import Frame, Samples
+
+SUBPROTOCOLS = ("foxglove.sdk.v1", "foxglove.websocket.v1")
+ROW_S = 0.01
+"""Time between shown rows of an array: the common grid's, docs/decisions/0003."""
+_MESSAGE = struct.Struct("<BIQ")
+_MESSAGE_DATA = 0x01
+_IMAGE_SCHEMA = """\
+std_msgs/Header header
+string format
+uint8[] data
+================================================================================
+MSG: std_msgs/Header
+builtin_interfaces/Time stamp
+string frame_id
+================================================================================
+MSG: builtin_interfaces/Time
+int32 sec
+uint32 nanosec
+"""
+_PNG = b"\x89PNG"
+_CDR = b"\x00\x01\x00\x00"
+"""The CDR head: little endian."""
+
+
+@dataclass(frozen=True, slots=True)
+class Channel:
+    """One topic as a viewer sees it."""
+
+    number: int
+    topic: str
+    image: bool
+    """True for frames, False for JSON."""
+    name: str
+    """Of its schema."""
+    fields: tuple[str, ...] = ()
+    """Numbers in a message, by name; for plots."""
+
+    def as_json(self) -> dict[str, Any]:
+        """Return the channel as the protocol advertises it."""
+        numbers = {name: {"type": "number"} for name in self.fields}
+        schema = {"type": "object", "properties": numbers}
+        return {
+            "id": self.number, "topic": self.topic,
+            "encoding": "cdr" if self.image else "json",
+            "schemaName": "sensor_msgs/msg/CompressedImage" if self.image else self.name,
+            "schemaEncoding": "ros2msg" if self.image else "jsonschema",
+            "schema": _IMAGE_SCHEMA if self.image else json.dumps(schema),
+        }  # fmt: skip
+
+
+class Rows:
+    """Thins an array's scans to what a screen shows.
+
+    Args:
+        channels: Names of the columns.
+    """
+
+    def __init__(self, channels: tuple[str, ...]) -> None:
+        self.channels = channels
+        self._shown_s = -math.inf
+
+    def of(self, samples: Samples) -> list[tuple[float, bytes]]:
+        """Return (time, JSON) of the scans that are a grid's step apart; unusable is null."""
+        found = []
+        values = np.where(samples.usable, samples.values, np.nan)
+        for time_s, row in zip(samples.fitted_s.tolist(), values.tolist(), strict=True):
+            if time_s - self._shown_s >= ROW_S:
+                self._shown_s = time_s
+                found.append((time_s, json_bytes(dict(zip(self.channels, row, strict=True)))))
+        return found
+
+
+def image_message(frame: Frame, name: str, wall_ns: int) -> bytes:
+    """Return a frame as `sensor_msgs/CompressedImage`, CDR.
+
+    Args:
+        frame: The image as it came.
+        name: The camera's, as the frame's coordinate system.
+        wall_ns: When it was taken, nanoseconds since 1970.
+    """
+    body = struct.pack("<iI", wall_ns // 10**9, wall_ns % 10**9)
+    for text in (name, "png" if frame.jpeg.startswith(_PNG) else "jpeg"):
+        content = text.encode() + b"\0"
+        body = _padded(body) + struct.pack("<I", len(content)) + content
+    return _CDR + _padded(body) + struct.pack("<I", len(frame.jpeg)) + frame.jpeg
+
+
+def message(subscription: int, wall_ns: int, payload: bytes) -> bytes:
+    """Return a payload as a viewer takes it."""
+    return _MESSAGE.pack(_MESSAGE_DATA, subscription, wall_ns) + payload
+
+
+def read_request(text: str) -> tuple[str, dict[int, int] | list[int]]:
+    """Return what a viewer asks: subscribe {its number: channel}, or unsubscribe [its numbers].
+
+    Everything else the protocol knows would change something here, and is no request.
+
+    Raises:
+        ValueError: It is neither.
+    """
+    given = json.loads(text)
+    if not isinstance(given, dict):
+        raise ValueError("needed a JSON object")
+    try:
+        if given.get("op") == "subscribe":
+            return "subscribe", {
+                _number(one["id"]): _number(one["channelId"]) for one in given["subscriptions"]
+            }
+        if given.get("op") == "unsubscribe":
+            return "unsubscribe", [_number(one) for one in given["subscriptionIds"]]
+    except (KeyError, TypeError) as error:
+        raise ValueError(f"needed {error}") from error
+    raise ValueError("needed subscribe or unsubscribe")
+
+
+def item_name(item: Item) -> str:
+    """Return a schema's name for a topic that holds JSON."""
+    return "taxel." + item.topic.strip("/").partition("/")[0].capitalize()
+
+
+def _number(value: object) -> int:
+    if type(value) is not int or not 0 <= value < 2**32:
+        raise ValueError("needed a whole number of 32 bits")
+    return value
+
+
+def _padded(body: bytes) -> bytes:
+    return body + b"\0" * (-len(body) % 4)

@@ -1,0 +1,1 @@
+"""Several stations at a glance: reports by MQTT, a table, a page."""

@@ -1,0 +1,131 @@
+"""The process that reports a station to its fleet. It subscribes to nothing: nobody can tell it.
+
+A broker that is away, slow or stopped changes nothing here: what cannot be sent is left out, and
+the next report holds everything anew. Knows nothing about other stations.
+
+Background of our choices: docs/decisions/0052.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from secrets import token_hex
+from typing import Any
+
+from taxel import __version__
+from taxel.bus.addresses import MqttAddress
+from taxel.bus.following import SOURCES, STATE, Following
+from taxel.fleet.broker import Broker
+from taxel.fleet.reports import (
+    ALIVE,
+    PERIOD_S,
+    REPORT,
+    Identity,
+    alive_bytes,
+    make_report,
+    topic_of,
+)
+from taxel.live.station.page_link import ViewConfig
+from taxel.live.station.worker import Place, at_work, settle_memory
+
+_LOOK_S = 0.05
+"""How often the rings are looked at. Source: our choice."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Reporting:
+    """What is reported, and to whom."""
+
+    place: Place
+    view: ViewConfig
+    address: MqttAddress
+    bundles: tuple[str, ...] = ()
+    """Files of the bundles that run."""
+
+
+def report(job: Reporting) -> None:
+    """Report until asked to end; the entry point of the process."""
+    with at_work(job.place) as pulse:
+        following = Following(job.view)
+        with Reporter(job.address, bundle_names(job.bundles)) as reporter:
+            pulse.report("opened", f"{job.address.host}:{job.address.port} as {reporter.station}")
+            settle_memory()
+            while not pulse.stopping:
+                for item in following.take():
+                    if isinstance(item.value, dict):
+                        reporter.take_in(item.topic, item.value)
+                reporter.tell(time.monotonic())
+                pulse.consumed, pulse.produced = following.taken, reporter.sent
+                pulse.beat()
+                time.sleep(_LOOK_S)
+        following.close()
+
+
+class Reporter:
+    """A station's end of the connection; use it in a `with` block.
+
+    Args:
+        address: The broker, and the station's name.
+        bundles: Names of what runs.
+    """
+
+    def __init__(self, address: MqttAddress, bundles: tuple[str, ...] = ()) -> None:
+        self.station, boot = address.station, token_hex(8)
+        self._identity = Identity(
+            station=address.station, boot=boot, version=__version__, bundles=bundles
+        )
+        self._state: dict[str, Any] = {}
+        self._sources: dict[str, dict[str, Any]] = {}
+        self._told_s = float("-inf")
+        self._alive = topic_of(self.station, ALIVE)
+        self._broker = Broker(
+            address, f"taxel-{self.station}-{boot}",
+            will=(self._alive, alive_bytes(boot, alive=False)),
+            on_connect=lambda broker: self._say_alive(broker),
+        )  # fmt: skip
+        self.sent = 0
+        """Reports that went out."""
+
+    def take_in(self, topic: str, note: dict[str, Any]) -> None:
+        """Take in what the station's rings told."""
+        if topic == STATE:
+            self._state = note
+        elif topic == SOURCES:
+            self._sources[str(note["url"])] = note
+
+    def tell(self, now_s: float) -> None:
+        """Report, once a second at most; never waits.
+
+        Args:
+            now_s: This moment, monotonic seconds.
+        """
+        if now_s - self._told_s < PERIOD_S:
+            return
+        self._told_s = now_s
+        sources = list(self._sources.values())
+        made = make_report(self._identity, self.sent, self._state, sources, time.time())
+        self.sent += self._broker.publish(topic_of(self.station, REPORT), made.as_bytes())
+
+    def _say_alive(self, broker: Broker) -> None:
+        broker.publish(self._alive, alive_bytes(self._identity.boot, alive=True), surely=True)
+
+    def __enter__(self) -> Reporter:
+        self._broker.__enter__()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        ended = alive_bytes(self._identity.boot, alive=False, ended=True)
+        self._broker.finish(self._alive, ended)
+        self._broker.__exit__()
+
+
+def bundle_names(paths: Sequence[str]) -> tuple[str, ...]:
+    """Return each bundle's file name with the beginning of its SHA-256."""
+    return tuple(
+        f"{Path(path).name} {hashlib.sha256(Path(path).read_bytes()).hexdigest()[:12]}"
+        for path in paths
+    )

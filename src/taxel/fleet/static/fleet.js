@@ -1,0 +1,59 @@
+// The fleet's table, asked for once a second. Text of stations is only ever set as text.
+
+const rows = document.getElementById("rows");
+const told = document.getElementById("told");
+
+/** Exchange the key behind the # for a cookie and take it out of the address bar. */
+async function enter() {
+  const key = location.hash.slice(1);
+  if (!key) return;
+  history.replaceState(null, "", location.pathname);
+  await fetch("/enter", { method: "POST", body: key });
+}
+
+function cell(text, kind = "") {
+  const made = document.createElement("td");
+  made.textContent = text;
+  made.className = kind;
+  return made;
+}
+
+function row(station) {
+  const made = document.createElement("tr");
+  made.dataset.presence = station.presence;
+  const alarms = (station.alarms || []).map((alarm) => alarm.text).join("; ");
+  const sources = (station.sources || []).map((one) => `${one.name} ${one.state}`).join(", ");
+  made.append(
+    cell(station.station), cell(station.presence, "presence"),
+    cell([station.state, station.reason].filter(Boolean).join(": ")), cell(alarms), cell(sources),
+    cell(station.lost ?? "", "n"), cell(station.age_s === null ? "not yet" : `${Math.round(station.age_s)} s ago`, "n"),
+    cell(station.version || ""),
+  );
+  made.title = (station.bundles || []).join("\n");
+  return made;
+}
+
+function tell(text, lost) {
+  told.textContent = text;
+  told.className = lost ? "lost" : "";
+}
+
+async function look() {
+  try {
+    const answer = await fetch("/fleet.json");
+    if (!answer.ok) {
+      tell("needed the key: open the address that taxel printed", true);
+      return;
+    }
+    const fleet = await answer.json();
+    rows.replaceChildren(...fleet.stations.map(row));
+    const count = `${fleet.stations.length} stations, broker ${fleet.broker.address}`;
+    tell(fleet.broker.connected ? count : `${count}: ${fleet.broker.why}`, !fleet.broker.connected);
+  } catch {
+    tell("taxel fleet does not answer: what is shown is old", true);
+  }
+}
+
+await enter();
+await look();
+setInterval(look, 1000);
