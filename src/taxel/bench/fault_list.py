@@ -63,6 +63,15 @@ FAULTS: tuple[Fault, ...] = (
         shown="the page stands still; the station runs on",
     ),
     Fault(
+        what="subscriber of the live bus stopped for 8 s",
+        lost=(
+            "bus subscriber stopped for 8 s: frames lost*",
+            "bus subscriber stopped: alarms*",
+            "bus subscriber stopped: median time to the alarm*",
+        ),
+        shown="nothing; the subscriber counts what it missed",
+    ),
+    Fault(
         what="disk full while recording",
         found=("disk full: an alarm that says so",),
         lost=("disk full: recorded time that recover cannot save",),

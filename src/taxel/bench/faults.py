@@ -51,6 +51,7 @@ Measure = Callable[[], list[Row]]
 def quick_steps() -> list[tuple[str, Measure]]:
     """Return the measurements: (what, how)."""
     from taxel.bench.fault_boards import board_rows
+    from taxel.bench.fault_bus import bus_rows
     from taxel.bench.fault_cameras import camera_rows
     from taxel.bench.fault_files import hostile_rows
     from taxel.bench.fault_first_minutes import first_minutes_rows
@@ -68,6 +69,7 @@ def quick_steps() -> list[tuple[str, Measure]]:
         ("a supervisor that stands still", stall_rows),
         ("a stopped process and a killed supervisor", killed_rows),
         ("a slow page", slow_page_rows),
+        ("a stopped subscriber of the live bus", bus_rows),
         ("a full disk", full_disk_rows),
         ("from the shutter to the alarm", latency_rows),
     ]
