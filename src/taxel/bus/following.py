@@ -22,7 +22,8 @@ from taxel.live.station.recording import apart
 from taxel.live.station.ring import RingReader, wait_for_any
 from taxel.live.station.telling import stalled_snapshot
 from taxel.recordings.frame_layout import frame_topic
-from taxel.recordings.scan_layout import MARK_TOPIC, scan_topic
+from taxel.recordings.mark_layout import MARK_TOPIC
+from taxel.recordings.scan_layout import scan_topic
 from taxel.recordings.slip_layout import SLIP_TOPIC
 from taxel.signals import CameraInfo, Frame, Mark, Samples
 
