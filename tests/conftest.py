@@ -28,6 +28,8 @@ def pytest_addoption(parser: pytest.Parser) -> None:
 
 
 def pytest_configure(config: pytest.Config) -> None:
+    # Tests run side by side themselves; those of workers say how many.
+    os.environ.setdefault("TAXEL_WORKERS", "1")
     for name, examples in FUZZ_PROFILES.items():
         settings.register_profile(
             name, max_examples=examples, deadline=_LONGEST_EXAMPLE_MS, print_blob=True,

@@ -1,34 +1,22 @@
-"""Work side by side gives results in order, and its processes end with their parent."""
+"""Processes end with their parent."""
 
 import os
 import subprocess
 import sys
-from operator import mul
 
 import pytest
-
-from taxel.processes import side_by_side
-
-
-@pytest.mark.parametrize("workers", [1, 2])
-def test_results_come_in_the_order_of_the_jobs(workers: int) -> None:
-    done: list[int] = []
-
-    found = side_by_side(mul, [(2, 3), (4, 5), (6, 7)], done.append, workers)
-
-    assert found == done == [6, 20, 42]
 
 
 def test_a_killed_parent_leaves_no_process_behind() -> None:
     """The child prints its workers' numbers; they are gone soon after it was killed."""
     code = (
         "import multiprocessing, os, sys, threading, time\n"
-        "from taxel.processes import side_by_side\n"
+        "from taxel.jobs.running import side_by_side\n"
         "def tell():\n"
         "    while len(multiprocessing.active_children()) < 2: time.sleep(0.01)\n"
         "    print(*[c.pid for c in multiprocessing.active_children()], flush=True)\n"
         "threading.Thread(target=tell, daemon=True).start()\n"
-        "side_by_side(time.sleep, [(600,), (600,)])\n"
+        "side_by_side(time.sleep, [(600,), (600,)], workers=2)\n"
     )
     with subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.PIPE) as child:
         assert child.stdout is not None

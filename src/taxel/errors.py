@@ -10,6 +10,7 @@
     │   ├── BadSource                  a source's address or what it delivers
     │   └── BadBundle                  a bundle that is damaged or does not fit
     ├── RecordingFailed (OSError)      the disk refused; latched by the writer
+    ├── WorkerLost (RuntimeError)      a job ended each worker that it was given to
     └── MissingExtra (ImportError)     an optional package is not installed
 
 Each message is one plain line that says what was needed, what was got and how
@@ -74,6 +75,22 @@ class BadBundle(BadInput):
 
 class RecordingFailed(TaxelError, OSError):
     """The disk refused a write; the recorder keeps raising this until it is closed."""
+
+
+class WorkerLost(TaxelError, RuntimeError):
+    """A job ended its worker each time, as one that takes more memory than there is does."""
+
+    def __init__(self, job: str, fate: str, attempts: int) -> None:
+        self._made_of = (job, fate, attempts)
+        after = f" after {attempts} attempts" if attempts else ""
+        super().__init__(
+            f"needed a worker that lives through {job}; got none{after}: {fate}; "
+            "give it more memory, or fewer --workers."
+        )
+
+    def __reduce__(self) -> tuple[type[WorkerLost], tuple[str, str, int]]:
+        """Cross from a worker process as what it was made of, not as its message."""
+        return type(self), self._made_of
 
 
 class MissingExtra(TaxelError, ImportError):

@@ -97,6 +97,7 @@ LINES: dict[str, tuple[str, ...]] = {
         "train d --output out --split order:trial:3",
         "train d --output out --recipe icub-grasp",
     ),
+    "tune": ("tune d --output out", "tune d --output out --no-check"),
     "train-monitor": (
         "train-monitor d --output m.taxel",
         "train-monitor d --output m.taxel --features edge",
@@ -225,6 +226,11 @@ VALUES = {
     "wait-s": "3",
     "sketch": "teng_daq",
     "session-s": "200",
+    "run-on": "dask",
+    "settings": "batch",
+    "models": "lstm cnn1d",
+    "storage": "sqlite:///given.db",
+    "tune split": "group:object",
 }
 """Option → a value that is not its default and that makes sense."""
 

@@ -14,7 +14,7 @@ from taxel.evaluation.crossval import FoldPredictions
 from taxel.evaluation.kept_folds import KeptFolds, folds_folder, forget_folds
 from taxel.evaluation.metrics import score
 from taxel.evaluation.splits import WindowFold
-from taxel.training import environment
+from taxel.jobs import call
 
 Y = np.array([0, 1, 0])
 SHARES = np.array([[0.9, 0.1], [0.2, 0.8], [0.7, 0.3]])
@@ -43,12 +43,12 @@ def test_a_fold_of_code_that_was_changed_since_is_fitted_again(
     package = tmp_path / "taxel"
     package.mkdir()
     (package / "__init__.py").write_text("changed = True\n")
-    monkeypatch.setattr(environment.taxel, "__file__", str(package / "__init__.py"))
-    environment.code_digest.cache_clear()
+    monkeypatch.setattr(call.taxel, "__file__", str(package / "__init__.py"))
+    call.code_digest.cache_clear()
     try:
         assert kept(tmp_path / "run").find("cnn", 0, FOLD) is None
     finally:
-        environment.code_digest.cache_clear()
+        call.code_digest.cache_clear()
 
 
 @pytest.mark.parametrize("at", range(0, 80, 4))

@@ -1,8 +1,11 @@
 """Claims about training end to end: it learns, keeps normalisation, and shares windows out."""
 
 import json
+import os
+import signal
 import subprocess
 import sys
+from copy import deepcopy
 from pathlib import Path
 
 import numpy as np
@@ -14,15 +17,18 @@ from taxel.evaluation.transitions.data import load_camera_set, tracks_of
 from taxel.frame_codec import decode_jpeg
 from taxel.models.backbones.catalogue import find_backbone
 from taxel.models.weights import find_weights
+from taxel.training import lanes as lanes_module
 from taxel.training.extractors import open_backbone
 from taxel.training.features import extract
-from taxel.training.fine_tuning import EndToEnd, FineTuneConfig, _Own, _windows, fine_tune
+from taxel.training.fine_tuning import EndToEnd, FineTuneConfig, fine_tune
 from taxel.training.heads import HeadConfig, TrainedHead, fit_head
+from taxel.training.lanes import LANES, Lanes
 from taxel.windows.camera_recordings import frame_sets, read_camera_recordings
 from taxel.windows.sequence import window_starts
 
 EDGE = "edge"
 K, STRIDE = 3, 30
+CONFIG = FineTuneConfig(seed=5)
 pytest.importorskip("lightning_fabric")
 
 
@@ -76,35 +82,120 @@ def test_a_window_gives_what_cached_features_give(few_pours: Path, tmp_path: Pat
 
 @pytest.mark.parametrize("ranks", [1, 2, 3])
 def test_processes_share_the_windows_out_evenly_and_none_twice(few_pours: Path, ranks: int) -> None:
-    pours = read_camera_recordings(few_pours)[:2]
+    pours = read_camera_recordings(few_pours)[:3]
     labels = [np.arange(len(pour)).astype(np.int8) % 2 for pour in pours]
-    places = [window_starts(len(pour), K, STRIDE) for pour in pours]
-    share = sum(map(len, places)) // ranks
+    lanes = Lanes(pours, labels, K, STRIDE, max(LANES, ranks))
     each = [
-        [window.tobytes() for window, _, _ in _windows(
-            pours, labels, places, K, np.random.default_rng(5), _Own(rank, ranks, share))]
+        [window.numpy().tobytes()
+         for windows, _, _ in lanes.batches(CONFIG, 0, range(rank, lanes.count, ranks))
+         for window in windows]
         for rank in range(ranks)
     ]  # fmt: skip
-    assert {len(one) for one in each} == {share}
+    assert {len(one) for one in each} == {lanes.share * lanes.count // ranks}
     together = [window for one in each for window in one]
     assert len(set(together)) == len(together)
+    every = sum(len(window_starts(len(pour), K, STRIDE)) for pour in pours)
+    assert every - len(together) < lanes.count
+
+
+def test_a_step_holds_the_same_windows_from_one_process_and_from_two(few_pours: Path) -> None:
+    pours = read_camera_recordings(few_pours)[:3]
+    labels = [np.arange(len(pour)).astype(np.int8) % 2 for pour in pours]
+    lanes = Lanes(pours, labels, K, STRIDE, LANES)
+    alone = [windows.numpy() for windows, _, _ in lanes.batches(CONFIG, 1, range(2))]
+    first, second = ([w.numpy() for w, _, _ in lanes.batches(CONFIG, 1, [r])] for r in (0, 1))
+    for step, one, two in zip(alone, first, second, strict=True):
+        assert np.array_equal(step, np.concatenate([one, two]))
+
+
+def test_a_process_decodes_its_own_part_of_the_recordings(
+    few_pours: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    pours = read_camera_recordings(few_pours)
+    labels = [np.zeros(len(pour), np.int8) for pour in pours]
+    decoded: list[str] = []
+    decode = lanes_module._decode
+    monkeypatch.setattr(
+        lanes_module, "_decode", lambda pour: decoded.append(pour.name) or decode(pour)
+    )
+    for _ in Lanes(pours, labels, K, STRIDE, LANES).batches(CONFIG, 0, [0]):
+        pass
+    assert len(decoded) <= len(pours) // 2 + 1
+
+
+def test_a_training_that_was_broken_off_goes_on_with_the_same_losses(
+    few_pours: Path, tmp_path: Path
+) -> None:
+    pours = load_camera_set(few_pours, "change", tmp_path)
+    head = learnt_head(few_pours, tmp_path)
+    config = FineTuneConfig(epochs=3, learning_rate=1e-3, accelerator="cpu")
+    kept = tmp_path / "edge.checkpoint"
+
+    def train(break_at: int | None = None) -> tuple[float, ...]:
+        def look(step: int, _: int, __: float) -> None:
+            if step == break_at:
+                raise Broken
+
+        done = fine_tune(network(deepcopy(head)), pours.pours, pours.labels, config, frames=K,
+                         stride=STRIDE, checkpoint=kept, on_step=look)  # fmt: skip
+        return done.losses
+
+    whole = train()
+    kept.unlink()
+    with pytest.raises(Broken):
+        train(break_at=len(pours.pours) * 2)
+    assert kept.exists()
+    assert train() == pytest.approx(whole, abs=1e-6)
+
+
+class Broken(Exception):
+    """The training was broken off."""
+
+
+def under_torchrun(folder: Path, output: Path, processes: int, *more: str) -> list[str]:
+    run = [sys.executable, "-m", "torch.distributed.run", "--standalone",
+           "--nproc-per-node", str(processes), "-m", "taxel.cli.main"]  # fmt: skip
+    return [*run, "train-backbone", str(folder), "--backbone", EDGE, "--epochs", "2",
+            "--frames", "2", "--cache", str(output.parent / "cache"), "--output", str(output),
+            "--json", *more]  # fmt: skip
 
 
 @pytest.mark.slow
-def test_two_processes_under_torchrun_end_with_one_file(few_pours: Path, tmp_path: Path) -> None:
-    verb = ["train-backbone", str(few_pours), "--backbone", EDGE, "--epochs", "1", "--frames", "2",
-            "--cache", str(tmp_path / "cache"), "--output", str(tmp_path / "edge.safetensors"),
-            "--json"]  # fmt: skip
-    done = subprocess.run(
-        [sys.executable, "-m", "torch.distributed.run", "--standalone", "--nproc-per-node", "2",
-         "-m", "taxel.cli.main", *verb],
-        capture_output=True, text=True, timeout=300, check=False,
-    )  # fmt: skip
+def test_two_processes_killed_and_started_again_learn_as_one_does(
+    few_pours: Path, tmp_path: Path
+) -> None:
+    """The same loss curve from one process, from two, and from two that were killed."""
+    curves = {}
+    for processes in (1, 2):
+        output = tmp_path / f"{processes}.safetensors"
+        done = subprocess.run(under_torchrun(few_pours, output, processes), capture_output=True,
+                              text=True, timeout=600, check=False)  # fmt: skip
+        assert done.returncode == 0, done.stderr[-2000:]
+        told = json.loads(done.stdout)
+        assert told["processes"] == processes
+        curves[processes] = told["losses"]
+    output = tmp_path / "killed.safetensors"
+    checkpoint = tmp_path / "killed.safetensors.checkpoint"
+    process = subprocess.Popen(under_torchrun(few_pours, output, 2), stdout=subprocess.DEVNULL,
+                               stderr=subprocess.DEVNULL, start_new_session=True)  # fmt: skip
+    while not checkpoint.exists():
+        assert process.poll() is None
+        with pytest.raises(subprocess.TimeoutExpired):
+            process.wait(0.02)
+    os.killpg(process.pid, signal.SIGKILL)
+    process.wait(30)
+    assert not output.exists()
+    done = subprocess.run(under_torchrun(few_pours, output, 2, "--resume"), capture_output=True,
+                          text=True, timeout=600, check=False)  # fmt: skip
     assert done.returncode == 0, done.stderr[-2000:]
-    assert json.loads(done.stdout)["processes"] == 2
-    assert [path.name for path in tmp_path.glob("edge*")] == ["edge.safetensors"]
+
+    assert curves[2] == pytest.approx(curves[1], rel=0.01)
+    assert json.loads(done.stdout)["losses"] == pytest.approx(curves[2], abs=1e-6)
+    assert sorted(path.name for path in tmp_path.glob("*.safe*")) == [
+        "1.safetensors", "2.safetensors", "killed.safetensors",
+    ]  # fmt: skip
     module = find_backbone(EDGE).build("logits")
-    find_weights(EDGE, tmp_path / "edge.safetensors").load_into(module)
+    find_weights(EDGE, output).load_into(module)
 
 
 @pytest.mark.parametrize(

@@ -20,7 +20,7 @@ from taxel.evaluation.audit.reading import read_touch
 from taxel.evaluation.audit.touch_set import TouchSet
 from taxel.sim.cup_pour import CupPourConfig
 from taxel.sources.data_sets import simulate_presets
-from taxel.sources.pour_sets import write_pours
+from taxel.sources.pour_folder import write_pours
 
 
 def planted_leaks() -> list[Row]:

@@ -41,11 +41,11 @@ from taxel.evaluation.robustness.grasp_sweep import sweep_grasps
 from taxel.evaluation.robustness.image_faults import IMAGE_FAULTS
 from taxel.evaluation.robustness.thesis import CLAIMS, LEAST
 from taxel.evaluation.robustness.touches import Model, judge, train_model
+from taxel.jobs.running import side_by_side
 from taxel.live.grasp_monitor import GraspMonitor
-from taxel.processes import side_by_side
 from taxel.sim.cup_pour import CupPourConfig
 from taxel.sources.data_sets import DATA_SET_RATE_HZ, write_sessions
-from taxel.sources.pour_sets import write_pours
+from taxel.sources.pour_folder import write_pours
 from taxel.sources.teng_options import checked_config
 from taxel.training.recipes import find_recipe
 from taxel.windows.camera_recordings import read_camera_recordings

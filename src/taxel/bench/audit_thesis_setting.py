@@ -18,7 +18,7 @@ from taxel.bench.rows import Row
 from taxel.evaluation.robustness.conditions import BASE, LEVELS, settings_at, simulate_at
 from taxel.evaluation.robustness.curve import CLEAN, SessionAnswers, loss_between, point_of
 from taxel.evaluation.robustness.touches import judge, train_model
-from taxel.processes import side_by_side
+from taxel.jobs.running import side_by_side
 from taxel.sources.data_sets import DATA_SET_RATE_HZ, write_sessions
 from taxel.sources.teng_options import checked_config
 from taxel.training.recipes import find_recipe

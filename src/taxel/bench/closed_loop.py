@@ -27,6 +27,7 @@ from taxel.bench.closed_loop_tuning import thin
 from taxel.bench.rows import Row, missing, row
 from taxel.bundles.grasp import GraspBundle, read_grasp_bundle
 from taxel.decisions.stability import StabilityConfig
+from taxel.jobs.running import side_by_side
 from taxel.live.closed_loop import (
     LoopConfig,
     LoopTrack,
@@ -38,7 +39,6 @@ from taxel.live.closed_loop import (
     run_loop,
 )
 from taxel.live.grasp_monitor import GraspMonitor
-from taxel.processes import WORKERS, side_by_side
 from taxel.sim.cup_pour import CupPourConfig, list_runs
 from taxel.sim.cups import PourRun
 
@@ -101,7 +101,7 @@ def stepping_speed() -> list[Row]:
 
 
 def unseen_cups(
-    workers: int = WORKERS, on_step: Callable[[str], None] = lambda _: None
+    workers: int | None = None, on_step: Callable[[str], None] = lambda _: None
 ) -> list[Row]:
     """Learn on training cups, judge on unseen ones."""
     from taxel.bench.closed_loop_training import learn
@@ -112,7 +112,9 @@ def unseen_cups(
         return loop_rows(judge_cups(learnt, list_runs(UNSEEN), workers))
 
 
-def judge_cups(learnt: Learnt, runs: Sequence[PourRun], workers: int = WORKERS) -> list[JudgedPour]:
+def judge_cups(
+    learnt: Learnt, runs: Sequence[PourRun], workers: int | None = None
+) -> list[JudgedPour]:
     """Pour into each cup under every policy."""
     jobs = [(learnt.bundle, run, learnt.stability, learnt.pixels) for run in runs]
     return side_by_side(judge_pour, jobs, workers=workers)

@@ -29,14 +29,14 @@ from taxel.bundles.grasp import GEL, GraspContract, write_grasp_bundle
 from taxel.decisions.stability import StabilityConfig
 from taxel.evaluation.splits import TrialFold
 from taxel.evaluation.transitions.data import CameraSet, judge_fold, load_camera_set, tracks_of
+from taxel.jobs.running import side_by_side
 from taxel.models.counting import keras_parameters
 from taxel.models.export_onnx import export_head
-from taxel.processes import WORKERS, side_by_side
 from taxel.recordings.reader import list_recordings
 from taxel.sim.cup_pour import CupPourConfig, list_runs
 from taxel.sim.cups import Kind, PourRun
 from taxel.sim.pour_state import TRUTH_CHANNELS
-from taxel.sources.pour_sets import write_pours
+from taxel.sources.pour_folder import write_pours
 from taxel.training.extractors import SlipExtractor
 from taxel.training.features import FrameFeatures, extract
 from taxel.training.frame_labels import change_signals, rate_of, truth_of
@@ -79,7 +79,7 @@ def learn(
     cache: Path,
     data: Path | None = None,
     on_step: Callable[[str], None] = lambda _: None,
-    workers: int = WORKERS,
+    workers: int | None = None,
 ) -> Learnt:
     """Simulate training cups unless they are there, train, tune, and write a bundle.
 

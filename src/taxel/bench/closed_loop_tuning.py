@@ -22,8 +22,8 @@ from numpy.typing import NDArray
 from taxel.actions.grip_policy import GripPolicy, GripPolicyConfig, PixelDifferenceConfig
 from taxel.bench.closed_loop_scores import LoopCase, LoopScores, score_loops
 from taxel.decisions.stability import StabilityConfig, StabilityMonitor
+from taxel.jobs.running import side_by_side
 from taxel.live.closed_loop import GripCommand, LoopConfig, LoopTrack, at_full_force, replay_loop
-from taxel.processes import WORKERS, side_by_side
 from taxel.sim.cups import PourRun
 from taxel.sources.pour_sets import ARRIVAL_S
 
@@ -77,7 +77,7 @@ def tune_loop(
     config: LoopConfig | None = None,
     policy: GripPolicyConfig | None = None,
     goal: LoopGoal | None = None,
-    workers: int = WORKERS,
+    workers: int | None = None,
 ) -> tuple[StabilityConfig, list[CurvePoint]]:
     """Return the thresholds that come nearest to the goal, and the whole curve.
 
@@ -105,7 +105,7 @@ def tune_pixels(
     base: PixelDifferenceConfig | None = None,
     config: LoopConfig | None = None,
     goal: LoopGoal | None = None,
-    workers: int = WORKERS,
+    workers: int | None = None,
 ) -> tuple[PixelDifferenceConfig, list[PixelPoint]]:
     """Return the threshold on a difference of pixels that comes nearest to the goal.
 
@@ -128,7 +128,7 @@ def tune_pixels(
 
 
 def _scores(
-    jobs: Sequence[tuple[PourRun, list[tuple[GripCommand, ...]], LoopConfig]], workers: int
+    jobs: Sequence[tuple[PourRun, list[tuple[GripCommand, ...]], LoopConfig]], workers: int | None
 ) -> list[LoopScores]:
     """Return the scores of each alternative over all pours."""
     played = side_by_side(play, jobs, workers=workers)

@@ -22,6 +22,7 @@ TITLES = {
     "boards": "Boards and firmware",
     "faults": "Faults",
     "soak": "Endurance",
+    "scale": "More than one worker, more than one machine",
 }
 """Bench → its heading, in the page's order."""
 _HEAD = ["| figure | value | unit | goal | | note |", "|---|---:|---|---|---|---|"]

@@ -21,7 +21,7 @@ from taxel.bench.kill_recorder import kill_often
 from taxel.bench.rows import Row, missing, quietest, row, row_within
 from taxel.bench.weak import weak_accuracies, weak_paper_accuracies
 from taxel.evaluation.checked import check_recipe
-from taxel.processes import side_by_side
+from taxel.jobs.running import side_by_side
 from taxel.recordings.importing import import_rows
 from taxel.recordings.known import glove_rows, icub_rows
 from taxel.training.recipes import find_recipe

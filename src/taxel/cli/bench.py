@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field
 from importlib import import_module
 from pathlib import Path
 from types import ModuleType
-from typing import Any, ClassVar, Literal
+from typing import Annotated, Any, ClassVar, Literal
 
 import tyro
 
 from taxel.cli.option_rules import Only
 from taxel.cli.printing import console, print_json, progress, say
+from taxel.cli.work_options import WorkOptions
 from taxel.errors import BadInput
 
 
@@ -20,7 +21,17 @@ class Bench:
     """Measure what taxel promises, in this run, on this machine."""
 
     name: tyro.conf.Positional[
-        Literal["teng", "transitions", "faults", "closed-loop", "soak", "boards", "audit", "data"]
+        Literal[
+            "teng",
+            "transitions",
+            "faults",
+            "closed-loop",
+            "soak",
+            "boards",
+            "audit",
+            "data",
+            "scale",
+        ]
         | None
     ] = None
     """Which figures; none with --page, which then writes all that are stored."""
@@ -34,9 +45,14 @@ class Bench:
     """A page of Markdown to write: alone, all stored figures; with `faults`, its rows by fault."""
     json: bool = False
     """Print JSON: a list of {name, value, unit, goal, ok, note, stamp}."""
+    work: Annotated[WorkOptions, tyro.conf.arg(name="")] = field(default_factory=WorkOptions)
 
     RULES: ClassVar = (
-        Only(("full", "only", "data", "json"), "a bench's name", lambda o: o.name is not None),
+        Only(
+            ("full", "only", "data", "json", "workers", "run-on"),
+            "a bench's name",
+            lambda o: o.name is not None,
+        ),
         Only(("data",), "--full", lambda o: o.full),
     )
 
@@ -54,7 +70,7 @@ class Bench:
                 "leave --page out, or measure all faults",
             )
         bench = import_module(f"taxel.bench.{self.name.replace('-', '_')}")
-        with progress() as bar:
+        with self.work.open(), progress() as bar:
             task = bar.add_task("starting", total=None)
 
             def on_step(line: str) -> None:

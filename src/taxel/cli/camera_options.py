@@ -144,7 +144,7 @@ def given_or_simulated(data: Path | None, seed: int, bar: Bar) -> Iterator[Path]
         yield data
         return
     from taxel.sim.cup_pour import CupPourConfig, list_runs
-    from taxel.sources.pour_sets import write_pours
+    from taxel.sources.pour_folder import write_pours
 
     with tempfile.TemporaryDirectory(prefix="taxel-") as scratch:
         config = CupPourConfig(seed=seed)
@@ -202,10 +202,13 @@ def extract_features(
     bar: Bar,
 ) -> list[FrameFeatures]:
     """Return the features of a set's frames, from the cache where it has them."""
+    from taxel.training.feature_jobs import fill_cache
     from taxel.training.features import extract
 
     task = bar.add_task(f"features of {name}", total=len(pours.pours))
-    return extract(pours.pours, extractor, cache, shown(bar, task, f"features, {name}"))
+    show = shown(bar, task, f"features, {name}")
+    fill_cache(pours.pours, [extractor] * len(pours.pours), cache, show)
+    return extract(pours.pours, extractor, cache, show)
 
 
 def shown(bar: Bar, task: Any, what: str) -> Callable[[Progress], None]:

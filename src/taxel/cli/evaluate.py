@@ -14,12 +14,13 @@ from taxel.cli.html_pages import older_page, say_page
 from taxel.cli.option_rules import Only
 from taxel.cli.options import FOLD_COUNT, RecipeOptions, check_run_folder, split_given, usual_recipe
 from taxel.cli.printing import console, print_json, progress, say
+from taxel.cli.work_options import WorkOptions
 from taxel.errors import BadInput
 from taxel.held import only_writer
 
 OF_A_RECIPE = (
     "split", "folds", "test", "fold-count", "model", "members", "comparators", "output", "fresh",
-    "html", "recipe", "target", "window", "epochs", "seed",
+    "html", "recipe", "target", "window", "epochs", "seed", "workers", "run-on",
 )  # fmt: skip
 """Options that mean nothing for a bundle."""
 
@@ -62,6 +63,7 @@ class Evaluate:
     json: bool = False
     """Print JSON."""
     recipe: Annotated[RecipeOptions, tyro.conf.arg(name="")] = field(default_factory=RecipeOptions)
+    work: Annotated[WorkOptions, tyro.conf.arg(name="")] = field(default_factory=WorkOptions)
 
     RULES: ClassVar = (
         Only(
@@ -101,7 +103,7 @@ class Evaluate:
         )
         if self.output is not None:
             check_run_folder(self.output)
-        with progress() as bar:
+        with self.work.open(), progress() as bar:
             task = bar.add_task("starting", total=None)
             checked = check_recipe(
                 path,

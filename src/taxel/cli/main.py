@@ -61,6 +61,7 @@ VERBS = {
     "audit": "find leaks in recordings or in a split, before a reviewer does",
     "models": "list models and recipes, with their parameter counts",
     "train": "train a recogniser on recordings of an array",
+    "tune": "search a recipe's settings, with an outer score that never saw them",
     "train-monitor": "train a grasp monitor on recordings of tactile cameras",
     "train-trials": "train a recogniser on camera trials: a label for a whole video",
     "train-slip": "train a warning of slip on simulated cups",

@@ -5,15 +5,16 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, ClassVar
+from typing import TYPE_CHECKING, Annotated, ClassVar
 
 import tyro
 
 from taxel.cli.figure_files import need_figures
 from taxel.cli.option_rules import Only
 from taxel.cli.printing import console, print_json, progress, say, say_aside
+from taxel.cli.work_options import WorkOptions
 from taxel.errors import BadInput
 from taxel.recordings.whole import write_whole
 
@@ -62,6 +63,7 @@ class Sweep:
     """Write the curves to this file (PNG)."""
     output: Path | None = None
     """Write what --json prints to this file too."""
+    work: Annotated[WorkOptions, tyro.conf.arg(name="")] = field(default_factory=WorkOptions)
     json: bool = False
     """Print JSON: a list of {fault, level, unit, accuracy, low, high, answered, windows, grasps,
     told, outside, draws, base}; shares 0…1, the first without any fault. draws: passes with other
@@ -95,10 +97,11 @@ class Sweep:
         names, levels = _words(self.faults), _numbers(self.levels)
         if levels and len(names) != 1:
             raise BadInput("one fault beside --levels", f"{len(names)}", "name it with --faults")
-        if cameras:
-            points, about, chance = self._cameras(bundle, names, levels), "", 0.5
-        else:
-            points, about, chance = self._array(bundle, names, levels)
+        with self.work.open():
+            if cameras:
+                points, about, chance = self._cameras(bundle, names, levels), "", 0.5
+            else:
+                points, about, chance = self._array(bundle, names, levels)
         self._tell(points, about or f"{bundle.name} on {self.data}", chance, cameras)
 
     def _check(self) -> None:
@@ -133,22 +136,29 @@ class Sweep:
             plan_conditions,
             sweep_conditions,
         )
+        from taxel.evaluation.robustness.sweep_jobs import sweep_recordings, sweep_simulated
         from taxel.evaluation.robustness.touches import bundle_model, read_touches
+        from taxel.jobs.running import shared_out
 
         model = bundle_model(read_bundle(file))
         config = RecogniseConfig(least_confidence=self.least_confidence or 0.0)
         chance = 1.0 / len(model.contract.classes)
         with progress() as bar:
+            task = bar.add_task("reading", total=None)
+
+            def show(point: FaultPoint) -> None:
+                bar.update(task, description=point.fault, advance=1)
+
             if self.data is None:
                 plan = plan_conditions(names, levels)
-                task = bar.add_task("simulating", total=1 + sum(map(len, plan.values())))
+                bar.update(task, description="simulating", total=1 + sum(map(len, plan.values())))
                 which = NewSessions(
                     seed=self.seed, sessions=self.sessions, scans=round(100 * self.session_s)
                 )
-                points = sweep_conditions(
-                    model, plan, which, config,
-                    on_point=lambda one: bar.update(task, description=one.fault, advance=1),
-                )  # fmt: skip
+                if shared_out():
+                    points = sweep_simulated(file, plan, which, config, show)
+                else:
+                    points = sweep_conditions(model, plan, which, config, on_point=show)
                 where = f"{self.sessions} new sessions of sim://teng each"
             else:
                 known = model.contract
@@ -160,11 +170,14 @@ class Sweep:
                 if left := ", ".join(name for name in asked if name not in plan):
                     _note(f"{left} left out: an array of {channels} channels cannot have it.")
                 _warn_if_seen(digest, model.contract.data_digest)
-                task = bar.add_task("without faults", total=1 + sum(map(len, plan.values())))
-                points = sweep_array(
-                    model, touches, plan, config=config, seed=self.seed,
-                    on_point=lambda one: bar.update(task, description=one.fault, advance=1),
-                )  # fmt: skip
+                bar.update(task, total=1 + sum(map(len, plan.values())))
+                if shared_out():
+                    data = (self.data, digest)
+                    points = sweep_recordings(file, data, plan, config, self.seed, show)
+                else:
+                    points = sweep_array(
+                        model, touches, plan, config=config, seed=self.seed, on_point=show
+                    )
                 where = str(self.data)
         return points, f"{model.contract.target} · {file.name} on {where}", chance
 
@@ -174,7 +187,6 @@ class Sweep:
         from taxel.bundles.grasp import read_grasp_bundle
         from taxel.evaluation.robustness.grasp_sweep import plan_images, pours_digest, sweep_grasps
         from taxel.live.grasp_monitor import GraspMonitor
-        from taxel.processes import WORKERS
         from taxel.windows.camera_recordings import read_camera_recordings
 
         assert self.data is not None
@@ -187,7 +199,7 @@ class Sweep:
             for pour in pours:
                 bundle.contract.check_cameras(pour.cameras)
             return sweep_grasps(
-                file, GraspMonitor, pours, plan, seed=self.seed, workers=WORKERS,
+                file, GraspMonitor, pours, plan, seed=self.seed,
                 on_point=lambda one: bar.update(task, description=one.fault, advance=1),
             )  # fmt: skip
 

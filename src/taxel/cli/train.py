@@ -18,6 +18,7 @@ from taxel.cli.options import (
     usual_recipe,
 )
 from taxel.cli.printing import command, console, print_json, progress, say
+from taxel.cli.work_options import WorkOptions
 from taxel.errors import BadInput, RecordingFailed, TaxelError
 from taxel.held import only_writer
 from taxel.plain_text import visible
@@ -133,7 +134,7 @@ class Train:
         check_run_folder(output)
         older = output.exists()
         accuracy = {}
-        with progress() as bar:
+        with WorkOptions().open(), progress() as bar:
             task = bar.add_task("starting", total=None)
 
             def on_step(line: str) -> None:

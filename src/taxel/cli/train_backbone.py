@@ -23,6 +23,7 @@ from taxel.cli.camera_options import (
     open_features,
 )
 from taxel.cli.printing import command, print_json, progress, say
+from taxel.cli.work_options import WorkOptions
 from taxel.errors import BadInput
 
 if TYPE_CHECKING:
@@ -52,12 +53,16 @@ class TrainBackbone:
     """The weights to write, NAME.safetensors."""
     epochs: int = 3
     """Passes over the training windows."""
+    resume: bool = False
+    """Go on from the last whole epoch of the same training, if it was broken off; it is kept
+    beside --output as NAME.safetensors.checkpoint."""
     json: bool = False
     """Print JSON."""
     labels: Annotated[LabelOptions, tyro.conf.arg(name="")] = field(default_factory=LabelOptions)
     head: Annotated[HeadOptions, tyro.conf.arg(name="")] = field(default_factory=HeadOptions)
     fit: Annotated[FitOptions, tyro.conf.arg(name="")] = field(default_factory=FitOptions)
     weights: Annotated[WeightOptions, tyro.conf.arg(name="")] = field(default_factory=WeightOptions)
+    work: Annotated[WorkOptions, tyro.conf.arg(name="")] = field(default_factory=WorkOptions)
 
     RULES: ClassVar = (AHEAD,)
 
@@ -68,14 +73,17 @@ class TrainBackbone:
 
         self._check()
         config = head_config(self.labels.rule, self.fit, self.head)
-        with progress() as bar:
+        checkpoint = self.output.with_name(f"{self.output.name}.checkpoint")
+        if not self.resume:
+            checkpoint.unlink(missing_ok=True)
+        with self.work.open(), progress() as bar:
             pours = load_set(self.labels, self.data, bar)
             module, network = self._network(pours, config, bar)
             task = bar.add_task("end to end", total=None)
             done = fine_tune(
                 network, pours.pours, pours.labels,
                 FineTuneConfig(epochs=self.epochs, seed=self.fit.seed),
-                frames=config.frames, stride=config.stride,
+                frames=config.frames, stride=config.stride, checkpoint=checkpoint,
                 on_step=lambda step, of, loss: bar.update(
                     task, description=f"end to end, loss {loss:.3f}", completed=step, total=of
                 ),
@@ -83,6 +91,7 @@ class TrainBackbone:
         if not done.first:
             return
         save_backbone_weights(module, self.output)
+        checkpoint.unlink(missing_ok=True)
         self._print(done)
 
     def _check(self) -> None:

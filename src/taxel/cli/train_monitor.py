@@ -26,6 +26,7 @@ from taxel.cli.camera_options import (
 )
 from taxel.cli.option_rules import Only
 from taxel.cli.printing import command, print_json, progress, say
+from taxel.cli.work_options import WorkOptions
 from taxel.errors import BadInput
 from taxel.held import only_writer
 
@@ -60,6 +61,7 @@ class TrainMonitor:
     fit: Annotated[FitOptions, tyro.conf.arg(name="")] = field(default_factory=FitOptions)
     weights: Annotated[WeightOptions, tyro.conf.arg(name="")] = field(default_factory=WeightOptions)
     engine: Annotated[EngineOptions, tyro.conf.arg(name="")] = field(default_factory=EngineOptions)
+    work: Annotated[WorkOptions, tyro.conf.arg(name="")] = field(default_factory=WorkOptions)
 
     RULES: ClassVar = (
         AHEAD,
@@ -82,7 +84,7 @@ class TrainMonitor:
         from taxel.models.export_onnx import export_head
         from taxel.training.extractors import BackboneExtractor
 
-        with progress() as bar:
+        with self.work.open(), progress() as bar:
             pours = load_set(self.labels, self.data, bar)
             extractor = open_features(self.features, pours, self.weights, self.engine)
             features = extract_features(extractor, self.features, pours, self.labels.folder(), bar)

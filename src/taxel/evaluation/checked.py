@@ -5,26 +5,28 @@ Knows nothing about screens or pages.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
 from taxel.evaluation.baselines import trivial_accuracies
-from taxel.evaluation.crossval import (
-    FoldPredictions,
-    Pooled,
-    pool,
-    predictions_of,
-    run_fold,
+from taxel.evaluation.crossval import FoldPredictions, Pooled, pool, predictions_of
+from taxel.evaluation.fold_jobs import (
+    FoldJob,
+    Opened,
+    Source,
+    fit_fold,
+    fold_of,
+    open_source,
+    travelling,
 )
-from taxel.evaluation.kept_folds import NOTHING_KEPT, Keeping, KeptFolds
-from taxel.evaluation.splits import Split, TrialFold, WindowFold, parse_split
-from taxel.evaluation.table_split import OWN_SPLIT, Elsewhere, split_elsewhere
-from taxel.training.final import check_gate
-from taxel.training.fitting import Job, training_windows
+from taxel.evaluation.kept_folds import NOTHING_KEPT, Keeping, KeptFolds, content_digest
+from taxel.evaluation.splits import Split, TrialFold
+from taxel.evaluation.table_split import OWN_SPLIT, Elsewhere
+from taxel.jobs.running import as_done, shared_out
 from taxel.training.predictions import Predictions
 from taxel.training.recipes import Recipe
-from taxel.windows.dataset import Dataset, load_dataset
+from taxel.windows.dataset import Dataset
 
 BARS = ("minirocket", "extra-trees")
 """Library models that every result is printed against."""
@@ -77,32 +79,19 @@ def check_recipe(
         BadTable: The table of folds cannot be used.
         RecordingFailed: The disk refused a fold.
     """
-    dataset = load_dataset(path, recipe.window, target=recipe.target)
-    check_gate(dataset)
-    if given:
-        dataset, split = split_elsewhere(path, dataset, recipe.target, given)
-    else:
-        split = parse_split(recipe.split, dataset, recipe.target, folds, recipe.train.seed)
-    overlaps = recipe.train_stride is not None and not isinstance(split.folds[0], WindowFold)
-    training = training_windows(path, dataset, recipe) if overlaps else None
+    source = Source(path=path, recipe=recipe, folds=folds, given=given)
+    opened = open_source(source)
+    dataset, split = opened.dataset, opened.split
     depends_on = {"recipe": asdict(recipe), "folds": folds, "data": dataset.digest,
                   "sides": sides_of(split) if given else None}  # fmt: skip
     kept = KeptFolds(keep.folder, depends_on, dataset, recipe.target, fresh=keep.fresh)
-    job = Job.of(recipe)
-    results = _results(dataset, split, job, training, kept, on_step)
     library = kept
     if keep.cache is not None:
         library = _cached(keep.cache, recipe, folds, dataset, split, fresh=keep.fresh)
-    beside = {
-        name: pool(
-            dataset,
-            split,
-            _results(dataset, split, Job.of(recipe, name), None, library, on_step),
-            recipe.target,
-        )
-        for name in bars
-        if name != recipe.model
-    }
+    models = {recipe.model: kept, **{name: library for name in bars if name != recipe.model}}
+    fitted = _fit_folds(opened, source, models, on_step)
+    results = fitted.pop(recipe.model)
+    beside = {name: pool(dataset, split, own, recipe.target) for name, own in fitted.items()}
     on_step("trivial baselines")
     return Checked(
         dataset=dataset,
@@ -134,20 +123,48 @@ def sides_of(split: Split) -> list[list[list[int]]]:
     ]  # fmt: skip
 
 
-def _results(
-    dataset: Dataset,
-    split: Split,
-    job: Job,
-    training: Dataset | None,
-    kept: KeptFolds,
+def _fit_folds(
+    opened: Opened,
+    source: Source,
+    models: Mapping[str, KeptFolds],
     on_step: Callable[[str], None],
-) -> list[FoldPredictions]:
-    results = []
-    for number, fold in enumerate(split.folds):
-        on_step(f"{job.model} · {split.name} · {fold.name}")
-        result = kept.find(job.model, number, fold)
-        if result is None:
-            result = run_fold(dataset, fold, job, training=training)
-            kept.keep(job.model, number, result)
-        results.append(result)
-    return results
+) -> dict[str, list[FoldPredictions]]:
+    """Return each model's folds: those that are kept, and the rest fitted, side by side if asked.
+
+    Args:
+        opened: The data set with its folds.
+        source: How a worker makes them again.
+        models: Model → where its folds are kept.
+        on_step: Called with a line before each fit; after it where folds are fitted side by side.
+    """
+    folds = opened.split.folds
+    found = {(model, number): kept.find(model, number, fold)
+             for model, kept in models.items() for number, fold in enumerate(folds)}  # fmt: skip
+    left = [place for place, result in found.items() if result is None]
+    names = [f"{model} · {opened.split.name} · {folds[number].name}" for model, number in left]
+    if not shared_out():
+        for (model, number), name in zip(left, names, strict=True):
+            on_step(name)
+            result = fold_of(opened, source.recipe, model, number)
+            models[model].keep(model, number, result)
+            found[model, number] = result
+    else:
+        on_step(f"{len(left)} folds side by side")
+        content, source = content_digest(opened.dataset, source.recipe.target), travelling(source)
+        jobs = [
+            (FoldJob(source=source, content=content, recipe=source.recipe, model=model,
+                     number=number),)
+            for model, number in left
+        ]  # fmt: skip
+        for at, result in as_done(fit_fold, jobs, names=names):
+            model, number = left[at]
+            on_step(names[at])
+            models[model].keep(model, number, result)
+            found[model, number] = result
+    return {model: [_present(found[model, number]) for number in range(len(folds))]
+            for model in models}  # fmt: skip
+
+
+def _present(result: FoldPredictions | None) -> FoldPredictions:
+    assert result is not None
+    return result

@@ -24,8 +24,9 @@ from taxel.evaluation.crossval import FoldPredictions
 from taxel.evaluation.metrics import score
 from taxel.evaluation.splits import Fold
 from taxel.foreign.archives import read_arrays
+from taxel.jobs.call import code_digest
 from taxel.recordings.whole import write_whole
-from taxel.training.environment import code_digest, environment
+from taxel.training.environment import environment
 from taxel.windows.dataset import Dataset
 
 MOST_SHARED = 50
@@ -83,10 +84,7 @@ class KeptFolds:
         self._folder, self._shared = folder, shared
         about = {"for": depends_on, "software": environment(), "code": code_digest()}
         digest = hashlib.sha256(json.dumps(about, sort_keys=True, default=str).encode())
-        windows = dataset.windows
-        for part in (windows.values, windows.mask, dataset.class_numbers(target), dataset.trial):
-            digest.update(np.ascontiguousarray(part).tobytes())
-        digest.update(json.dumps(dataset.classes(target)).encode())
+        digest.update(content_digest(dataset, target).encode())
         self._key = np.frombuffer(digest.digest(), np.uint8)
         if folder is not None and shared:
             _thin_out(folder)
@@ -125,6 +123,16 @@ class KeptFolds:
     def _path(self, model: str, number: int) -> Path:
         assert self._folder is not None
         return self._folder / f"{model}-{number}.npz"
+
+
+def content_digest(dataset: Dataset, target: str) -> str:
+    """Return the SHA-256 over windows, labels and the trials that they belong to."""
+    digest = hashlib.sha256()
+    windows = dataset.windows
+    for part in (windows.values, windows.mask, dataset.class_numbers(target), dataset.trial):
+        digest.update(np.ascontiguousarray(part).tobytes())
+    digest.update(json.dumps(dataset.classes(target)).encode())
+    return digest.hexdigest()
 
 
 def forget_folds(output: Path) -> None:

@@ -1,14 +1,14 @@
-"""Data sets of the simulated cup pour: a folder with one recording a run.
+"""One recording of the simulated cup pour.
 
 Joins dynamics, optics and camera clock, and writes what a lab would have recorded, with the
-physics truth beside the images. Knows nothing about windows, models or the command line.
+physics truth beside the images. Knows nothing about sets, windows or the command line.
 
 Background of our choices: docs/decisions/0012.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -18,9 +18,7 @@ from numpy.typing import NDArray
 
 from taxel.errors import RecordingFailed
 from taxel.frame_codec import encode_jpeg
-from taxel.processes import side_by_side
 from taxel.recordings.manifest import Manifest
-from taxel.recordings.whole import fresh_folder
 from taxel.recordings.writer import Recorder
 from taxel.signals import FOUND, GRASPS, CameraInfo, Frame, Mark, Samples, SensorInfo
 from taxel.sim.cup_pour import (
@@ -28,7 +26,6 @@ from taxel.sim.cup_pour import (
     CupPourConfig,
     Gel,
     PourTrack,
-    list_runs,
     simulate_pour,
 )
 from taxel.sim.cups import PourRun
@@ -144,39 +141,13 @@ def camera_info(
     )
 
 
-def write_pours(
-    output: Path,
-    config: CupPourConfig,
-    on_run: Callable[[dict[str, Any]], None] = lambda _: None,
-    *,
-    camera_hz: float = CAMERA_HZ,
-    workers: int = 2,
-) -> list[dict[str, Any]]:
-    """Write one recording a run into a new folder, whole or not at all.
-
-    Args:
-        output: The folder; it must not exist yet.
-        config: Which runs.
-        on_run: Called with each run's row once it is written.
-        camera_hz: Images a second that the cameras take.
-        workers: Processes side by side.
-
-    Returns:
-        A row a run: name, cup, position, force, kind, slip at the end, times of events.
-
-    Raises:
-        BadInput: The folder exists.
-        RecordingFailed: The disk refused.
-    """
-    with fresh_folder(output) as made:
-        jobs = [(made, run, config, camera_hz) for run in list_runs(config)]
-        return side_by_side(write_run, jobs, on_run, workers)
-
-
 def write_run(
     folder: Path, run: PourRun, config: CupPourConfig, camera_hz: float
 ) -> dict[str, Any]:
-    """Simulate a run and write its recording into a folder that is there; return its row."""
+    """Simulate a run and write its recording into a folder that is there; return its row.
+
+    A recording that a killed worker left there is replaced.
+    """
     track, videos = simulate_videos(run, camera_hz, config.frame_hz, config.duration_s, config.gel)
     row = describe_run(run, track)
     manifest = Manifest.started_now(
@@ -187,7 +158,7 @@ def write_run(
     )
     if not folder.is_dir():  # the folder's owner was killed: nobody would remove it again
         raise RecordingFailed(f"needed the folder {folder}; it is gone; start again.")
-    with Recorder(folder / f"{run.name}.mcap", manifest) as recorder:
+    with Recorder(folder / f"{run.name}.mcap", manifest, overwrite=True) as recorder:
         for frames, samples in video_frames(track, videos):
             recorder.write(samples)
             for frame in frames:

@@ -5,7 +5,6 @@ Names neither the machine nor its user. Knows nothing about results.
 
 from __future__ import annotations
 
-import hashlib
 import os
 import platform
 import shlex
@@ -14,12 +13,11 @@ import sys
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
-from functools import cache
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
-import taxel
 from taxel import __version__
+from taxel.jobs.call import code_digest as code_digest  # part of what a result was made with
 
 _PACKAGES = ("numpy", "torch", "onnxruntime", "scikit-learn", "aeon")
 _CPU_FILE = Path("/proc/cpuinfo")
@@ -100,14 +98,3 @@ def _commit() -> str:
     except (OSError, subprocess.TimeoutExpired):
         return ""
     return done.stdout.strip()
-
-
-@cache
-def code_digest() -> str:
-    """Return the SHA-256 over taxel's own modules: a commit does not say what was changed since."""
-    root = Path(taxel.__file__).parent
-    digest = hashlib.sha256()
-    for path in sorted(root.rglob("*.py")):
-        digest.update(path.relative_to(root).as_posix().encode() + b"\0")
-        digest.update(hashlib.sha256(path.read_bytes()).digest())
-    return digest.hexdigest()

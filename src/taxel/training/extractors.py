@@ -33,6 +33,8 @@ class BackboneExtractor:
     engine: Engine
     key: str
     features: int
+    run_by: tuple[EngineName, Precision, int] = ("onnxruntime", "f32", 1)
+    """Which library runs it, with which numbers and how many threads."""
     in_order: bool = False
 
     def of(self, images: Sequence[NDArray[np.uint8]]) -> NDArray[np.float32]:
@@ -81,6 +83,7 @@ def open_backbone(
         open_engine(model, engine, precision, threads),
         key,
         row.features,
+        (engine, precision, threads),
     )
 
 

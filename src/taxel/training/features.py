@@ -8,6 +8,7 @@ image give another file. Knows nothing about labels, windows or heads.
 from __future__ import annotations
 
 import os
+import socket
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -114,7 +115,7 @@ def extract(
     found = []
     frames, seconds = 0, 0.0
     for number, pour in enumerate(pours, start=1):
-        path = cache / "features" / extractor.key / f"{pour.digest[:32]}.npy"
+        path = kept_path(cache, extractor, pour)
         values = load_kept(path, extractor.features)
         if values is None:
             started = perf_counter()
@@ -128,6 +129,11 @@ def extract(
         found.append(FrameFeatures(values, row))
         on_progress(Progress(number, len(pours), frames, seconds))
     return found
+
+
+def kept_path(cache: Path, extractor: Extractor, pour: CameraRecording) -> Path:
+    """Return where a recording's features are kept."""
+    return cache / "features" / extractor.key / f"{pour.digest[:32]}.npy"
 
 
 BATCH = 16
@@ -190,7 +196,8 @@ def save_kept(path: Path, values: NDArray[np.float32]) -> None:
     Raises:
         RecordingFailed: The disk refused.
     """
-    temporary = path.with_name(f".{path.name}.{os.getpid()}.part")
+    # Workers of several hosts may share the cache, and process numbers repeat.
+    temporary = path.with_name(f".{path.name}.{socket.gethostname()}.{os.getpid()}.part")
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         with temporary.open("wb") as file:

@@ -1,15 +1,17 @@
 """Train a backbone and its head together, from the cameras' images: any device, or several.
 
-Start it under `torchrun` for several processes; Fabric finds them. The head only shapes
-the backbone here: train one on the new backbone's cached features afterwards, as always.
+Start it under `torchrun` for several processes; Fabric finds them, and each decodes its own part of
+the recordings. A checkpoint after each epoch lets a run that was killed go on. The head only
+shapes the backbone here: train one on the new backbone's cached features afterwards, as always.
 Knows nothing about files of weights, splits or tables.
 """
 
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -19,15 +21,11 @@ from torch import Tensor, nn
 from torch.nn import functional
 
 from taxel.errors import MissingExtra
-from taxel.frame_codec import decode_jpeg
 from taxel.models.frame_features import FrameFeatures
+from taxel.training.checkpoints import load_checkpoint, save_checkpoint
 from taxel.training.heads import TrainedHead
-from taxel.windows.camera_recordings import CameraRecording, frame_sets
-from taxel.windows.rest import SETTLE
-from taxel.windows.sequence import label_windows, window_starts
-
-SHUFFLED = 2
-"""Recordings whose windows are mixed at a time: 332 MB for six seconds at 60 Hz, 320×240."""
+from taxel.training.lanes import LANES, Lanes
+from taxel.windows.camera_recordings import CameraRecording
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -37,7 +35,8 @@ class FineTuneConfig:
     epochs: int = 1
     """Passes over the training windows."""
     batch: int = 4
-    """Windows in a step and process. Source: paper, section 5.1."""
+    """Windows in a step, over all processes: the same step from one and from several. Source:
+    paper, section 5.1."""
     learning_rate: float = 1e-4
     """Adam's step size: a tenth of the paper's, since the backbone is trained already."""
     accelerator: str = "auto"
@@ -49,11 +48,19 @@ class FineTuneConfig:
 
 
 @dataclass(frozen=True, slots=True)
+class EpochLoss:
+    """What an epoch gave, as a checkpoint keeps it."""
+
+    loss: float
+    """Mean over all processes' windows, nats."""
+
+
+@dataclass(frozen=True, slots=True)
 class FineTuned:
     """What a training did."""
 
     losses: tuple[float, ...]
-    """Mean of each epoch over this process's windows, nats."""
+    """Mean of each epoch over all processes' windows, nats."""
     first: bool
     """True in the process that writes files."""
     device: str
@@ -113,6 +120,7 @@ def fine_tune(
     *,
     frames: int,
     stride: int,
+    checkpoint: Path | None = None,
     on_step: Callable[[int, int, float], None] = lambda _step, _of, _loss: None,
 ) -> FineTuned:
     """Train a network in place.
@@ -124,12 +132,55 @@ def fine_tune(
         config: How to train.
         frames: k.
         stride: Frames from one training window's start to the next.
+        checkpoint: A file written after each epoch, which all processes see; if it exists,
+            training goes on from it and gives the losses that an unbroken run gives.
         on_step: Called with the step's number, how many there are and its loss.
 
     Raises:
         MissingExtra: Fabric is not installed.
         BadSource: An image cannot be decoded.
+        BadInput: The checkpoint is damaged or belongs to another configuration.
     """
+    fabric = _launched(config)
+    adam = torch.optim.Adam(
+        [one for one in network.parameters() if one.requires_grad],
+        lr=config.learning_rate, eps=1e-3,
+    )  # fmt: skip
+    model, optimiser = fabric.setup(network, adam)
+    lanes = Lanes(pours, labels, frames, stride, max(LANES, fabric.world_size))
+    mine = range(fabric.global_rank, lanes.count, fabric.world_size)
+    job = lanes.digest()
+    history: list[EpochLoss] = []
+    if checkpoint is not None and checkpoint.exists():
+        history = load_checkpoint(checkpoint, network, adam, config, EpochLoss, job)
+    a_lane = max(1, config.batch // lanes.count)
+    steps = -(-lanes.share // a_lane)
+    for epoch in range(len(history), config.epochs):
+        model.train()
+        torch.manual_seed(config.seed * 100_019 + epoch * 101 + fabric.global_rank)
+        total, count = 0.0, 0
+        for step, (windows, rest, wanted) in enumerate(lanes.batches(config, epoch, mine), 1):
+            logits = model(windows.to(fabric.device), rest.to(fabric.device))
+            loss = functional.binary_cross_entropy_with_logits(logits, wanted.to(fabric.device))
+            optimiser.zero_grad(set_to_none=True)
+            fabric.backward(loss)
+            optimiser.step()
+            total, count = total + float(loss.detach()) * len(wanted), count + len(wanted)
+            on_step(epoch * steps + step, config.epochs * steps, float(loss.detach()))
+        both = fabric.all_reduce(torch.tensor([total, float(count)]), reduce_op="sum")
+        history.append(EpochLoss(float(both[0]) / max(1.0, float(both[1]))))
+        if checkpoint is not None and fabric.is_global_zero:
+            save_checkpoint(checkpoint, network, adam, config, history, job)
+        fabric.barrier()
+    network.eval()
+    return FineTuned(
+        tuple(epoch.loss for epoch in history), fabric.is_global_zero, str(fabric.device),
+        fabric.world_size,
+    )  # fmt: skip
+
+
+def _launched(config: FineTuneConfig) -> Any:
+    """Return Fabric, in each of torchrun's processes."""
     try:
         from lightning_fabric import Fabric
     except ModuleNotFoundError as error:
@@ -143,96 +194,4 @@ def fine_tune(
         num_nodes=world // local if local else 1,
     )
     fabric.launch()
-    optimiser = torch.optim.Adam(
-        [one for one in network.parameters() if one.requires_grad],
-        lr=config.learning_rate, eps=1e-3,
-    )  # fmt: skip
-    model, optimiser = fabric.setup(network, optimiser)
-    model.train()
-    places = [window_starts(len(pour), frames, stride) for pour in pours]
-    share = sum(map(len, places)) // fabric.world_size
-    own = _Own(fabric.global_rank, fabric.world_size, share)
-    steps = config.epochs * -(-share // config.batch)
-    number, losses = 0, []
-    for epoch in range(config.epochs):
-        order = np.random.default_rng((config.seed, epoch))
-        total, count = 0.0, 0
-        drawn = _windows(pours, labels, places, frames, order, own)
-        for windows, rest, wanted in _batches(drawn, config.batch):
-            logits = model(windows.to(fabric.device), rest.to(fabric.device))
-            loss = functional.binary_cross_entropy_with_logits(logits, wanted.to(fabric.device))
-            optimiser.zero_grad(set_to_none=True)
-            fabric.backward(loss)
-            optimiser.step()
-            number += 1
-            total, count = total + float(loss.detach()) * len(wanted), count + len(wanted)
-            on_step(number, steps, float(loss.detach()))
-        losses.append(total / max(1, count))
-    network.eval()
-    return FineTuned(tuple(losses), fabric.is_global_zero, str(fabric.device), fabric.world_size)
-
-
-@dataclass(frozen=True, slots=True)
-class _Own:
-    """Which windows one of several processes draws: every `ranks`-th."""
-
-    rank: int
-    ranks: int
-    windows: int
-    """How many of an epoch, the same for all."""
-
-
-_Drawn = tuple[NDArray[np.uint8], NDArray[np.uint8], int]
-
-
-def _windows(
-    pours: Sequence[CameraRecording],
-    labels: Sequence[NDArray[np.int8]],
-    places: Sequence[NDArray[np.intp]],
-    frames: int,
-    order: np.random.Generator,
-    own: _Own,
-) -> Iterator[_Drawn]:
-    """Yield this process's windows, a few recordings mixed at a time."""
-    given, turn = 0, 0
-    shuffled = order.permutation(len(pours))
-    for first in range(0, len(pours), SHUFFLED):
-        group = shuffled[first : first + SHUFFLED]
-        mixed = order.permutation([(i, start) for i in group for start in places[i]])
-        images, rests = {}, {}
-        for i in group:
-            images[i] = _decode(pours[i])
-            rests[i] = np.median(images[i][SETTLE], axis=0).astype(np.uint8)
-        wanted = {i: label_windows(labels[i], frames) for i in group}
-        for i, start in mixed:
-            turn += 1
-            if turn % own.ranks == own.rank and given < own.windows:
-                given += 1
-                yield images[i][start : start + frames], rests[i], int(wanted[i][start])
-
-
-def _decode(pour: CameraRecording) -> NDArray[np.uint8]:
-    """Return all images, shape (n, cameras, h, w, 3)."""
-    found = [[decode_jpeg(frame.jpeg, pour.cameras[frame.camera]) for frame in one.frames]
-             for one in frame_sets(pour.path, len(pour.cameras))]  # fmt: skip
-    return np.asarray(found, np.uint8)
-
-
-def _batches(drawn: Iterator[_Drawn], size: int) -> Iterator[tuple[Tensor, Tensor, Tensor]]:
-    batch: list[_Drawn] = []
-    for one in drawn:
-        batch.append(one)
-        if len(batch) == size:
-            yield _stack(batch)
-            batch = []
-    if batch:
-        yield _stack(batch)
-
-
-def _stack(batch: list[_Drawn]) -> tuple[Tensor, Tensor, Tensor]:
-    windows, rests, wanted = zip(*batch, strict=True)
-    return (
-        torch.from_numpy(np.stack(windows)),
-        torch.from_numpy(np.stack(rests)),
-        torch.tensor(wanted, dtype=torch.float32),
-    )
+    return fabric

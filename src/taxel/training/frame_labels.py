@@ -18,6 +18,7 @@ from taxel.labels.corrections import Correction, apply_correction, read_correcti
 from taxel.labels.rules import rule_named
 from taxel.labels.slip import label_truth
 from taxel.sim.pour_state import TRUTH_CHANNELS, has_truth
+from taxel.training.feature_jobs import fill_cache
 from taxel.training.features import Progress, extract
 from taxel.windows.camera_recordings import CameraRecording
 
@@ -47,9 +48,10 @@ def change_signals(
 ) -> list[NDArray[np.float32]]:
     """Return each pour's change signal, shape (n, cameras)."""
     config = config or ChangeConfig()
+    extractors = [ChangeExtractor(config.settled(rate_of(pour))) for pour in pours]
+    fill_cache(pours, extractors, cache, on_progress)
     found = []
-    for pour in pours:
-        extractor = ChangeExtractor(config.settled(rate_of(pour)))
+    for pour, extractor in zip(pours, extractors, strict=True):
         (signal,) = extract([pour], extractor, cache)
         found.append(signal.all()[:, :, 0])
         on_progress(Progress(len(found), len(pours), 0, 0.0))

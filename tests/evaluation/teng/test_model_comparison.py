@@ -26,8 +26,8 @@ from taxel.evaluation.teng.model_comparison import (
     compare_models,
     split_windows,
 )
+from taxel.jobs.running import side_by_side
 from taxel.models.catalogue import MODELS
-from taxel.processes import side_by_side
 from taxel.sources.data_sets import simulate_presets
 from taxel.training.augment import Augment
 from taxel.training.loop import TrainConfig

@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
-from typing import ClassVar, Literal
+from typing import Annotated, ClassVar, Literal
 
+import tyro
 from rich.table import Table
 
 from taxel.cli.option_rules import Only
 from taxel.cli.printing import command, console, print_json, progress, say
 from taxel.cli.simulate.need import need_simulators
+from taxel.cli.work_options import WorkOptions
 from taxel.errors import BadInput
 
 SimulatedKind = Literal[
@@ -23,7 +25,8 @@ SimulatedKind = Literal[
 class CupPour:
     """Write recordings of two simulated tactile cameras that hold a cup while it is filled.
 
-    One recording a pour.
+    One recording a pour. A set that was broken off goes on where it was when the same command is
+    given again.
     """
 
     output: Path
@@ -57,6 +60,7 @@ class CupPour:
     the cups move alike in both."""
     json: bool = False
     """Print the table as JSON."""
+    work: Annotated[WorkOptions, tyro.conf.arg(name="")] = field(default_factory=WorkOptions)
 
     RULES: ClassVar = (
         Only(("cups", "forces-n"), "no --quick", lambda o: not o.quick),
@@ -68,7 +72,7 @@ class CupPour:
         need_simulators()
         from taxel.sim.cup_pour import CupPourConfig, list_runs
         from taxel.sim.cups import kind_named
-        from taxel.sources.pour_sets import write_pours
+        from taxel.sources.pour_folder import write_pours
 
         try:
             config = CupPourConfig(
@@ -87,7 +91,7 @@ class CupPour:
                 raise ValueError(f"needed --camera-hz within 1 and 60; got {self.camera_hz:g}")
         except ValueError as error:
             raise BadInput("a set that can be simulated", str(error), "mend the option") from error
-        with progress() as bar:
+        with self.work.open(), progress() as bar:
             task = bar.add_task("simulating", total=len(list_runs(config)))
             rows = write_pours(
                 self.output,

@@ -22,8 +22,8 @@ from numpy.typing import NDArray
 from torch import nn
 
 from taxel.errors import BadDataset
+from taxel.jobs.running import side_by_side
 from taxel.models.catalogue import find_network
-from taxel.processes import WORKERS, side_by_side
 from taxel.training.adapt.exemplars import Exemplars, all_exemplars, thin_out
 from taxel.training.adapt.last_layer import (
     FeatureKind,
@@ -72,7 +72,7 @@ class AdaptConfig:
     """Only these are learned anew; each class in turn unless given."""
     sessions: int | None = None
     """How many sessions to hold out, one at a time; all unless given."""
-    workers: int = WORKERS
+    workers: int | None = None
 
 
 @dataclass(frozen=True, slots=True)

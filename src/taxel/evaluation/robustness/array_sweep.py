@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import zlib
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -55,29 +55,55 @@ def sweep_array(
         BadInput: A fault or level is unknown.
         BadBundle, BadDataset: As `judge` says.
     """
-    points: list[FaultPoint] = []
-
-    def add(point: FaultPoint) -> None:
-        points.append(point)
-        on_point(point)
-
-    known = [_touched(one, model.contract.window.gate) for one in touches]
+    judged = Undisturbed.judge(model, touches, config, seed)
     for name, levels in plan.items():
         for level in levels:
-            check_level(name, find_array_fault(name), level, len(known[0].full))
-    clean = judge(model, touches, config)
-    add(point_of(clean, CLEAN, 0.0, ""))
-    for name, levels in plan.items():
-        fault = find_array_fault(name)
-        for level in levels:
-            passes = [
-                judge(model, list(_faulted(touches, known, name, fault, level, seed, draw)), config)
-                for draw in range(fault.draws)
-            ]
-            base = shared_accuracy(clean, passes[0]) if fault.shortens else None
-            told = SessionAnswers.join(passes)
-            add(point_of(told, name, level, fault.unit, fault.draws, base))
+            judged.check(name, level)
+    points = []
+    for name, level in [(CLEAN, 0.0), *((name, at) for name, own in plan.items() for at in own)]:
+        points.append(judged.point(name, level))
+        on_point(points[-1])
     return points
+
+
+@dataclass(frozen=True, slots=True)
+class Undisturbed:
+    """Recordings, and what a model tells of them without faults: where every level starts from."""
+
+    model: Model
+    touches: Sequence[Recorded]
+    known: Sequence[Touched]
+    answers: SessionAnswers
+    config: RecogniseConfig
+    seed: int
+
+    @staticmethod
+    def judge(
+        model: Model, touches: Sequence[Recorded], config: RecogniseConfig, seed: int
+    ) -> Undisturbed:
+        """Judge recordings as they are."""
+        known = [_touched(one, model.contract.window.gate) for one in touches]
+        return Undisturbed(model, touches, known, judge(model, touches, config), config, seed)
+
+    def check(self, name: str, level: float) -> None:
+        """Refuse a level that a fault of these recordings cannot have."""
+        check_level(name, find_array_fault(name), level, len(self.known[0].full))
+
+    def point(self, name: str, level: float) -> FaultPoint:
+        """Return the point of one level of one fault, or without any."""
+        if name == CLEAN:
+            return point_of(self.answers, CLEAN, 0.0, "")
+        fault = find_array_fault(name)
+        passes = [
+            judge(
+                self.model,
+                list(_faulted(self.touches, self.known, name, fault, level, self.seed, draw)),
+                self.config,
+            )
+            for draw in range(fault.draws)
+        ]
+        base = shared_accuracy(self.answers, passes[0]) if fault.shortens else None
+        return point_of(SessionAnswers.join(passes), name, level, fault.unit, fault.draws, base)
 
 
 def plan_array(

@@ -116,22 +116,32 @@ def sweep_conditions(
         BadInput: A level lies outside the simulator's limits.
         BadBundle, BadDataset: As `judge` says; the latter also where sessions are too short.
     """
-    at = [(CLEAN, 0.0, "", dict(BASE))]
-    for name, levels in plan.items():
-        at += [(name, level, LEVELS[name][0], settings_at(name, level)) for level in levels]
     points = []
-    for name, level, unit, settings in at:
-        try:
-            answers = judge(model, simulate_at(settings, which), config)
-        except BadDataset as error:
-            raise BadDataset(
-                error.needed, f"{error.got}, of {which.scans / DATA_SET_RATE_HZ:g} s",
-                "give a longer --session-s, such as 150; recordings with --data for a bundle whose "
-                "objects sim://teng does not have",
-            ) from error  # fmt: skip
-        points.append(point_of(answers, name, level, unit))
+    for name, level in [(CLEAN, 0.0), *((name, at) for name, own in plan.items() for at in own)]:
+        points.append(condition_point(model, name, level, which, config))
         on_point(points[-1])
     return points
+
+
+def condition_point(
+    model: Model, name: str, level: float, which: NewSessions, config: RecogniseConfig
+) -> FaultPoint:
+    """Return the point of one level of one condition, or at the base.
+
+    Raises:
+        BadInput, BadBundle, BadDataset: As `sweep_conditions` says.
+    """
+    settings, unit = (dict(BASE), "") if name == CLEAN else (settings_at(name, level),
+                                                             LEVELS[name][0])  # fmt: skip
+    try:
+        answers = judge(model, simulate_at(settings, which), config)
+    except BadDataset as error:
+        raise BadDataset(
+            error.needed, f"{error.got}, of {which.scans / DATA_SET_RATE_HZ:g} s",
+            "give a longer --session-s, such as 150; recordings with --data for a bundle whose "
+            "objects sim://teng does not have",
+        ) from error  # fmt: skip
+    return point_of(answers, name, level, unit)
 
 
 def settings_at(condition: str, level: float) -> dict[str, Any]:

@@ -11,6 +11,7 @@ import re
 import zlib
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 from pathlib import Path
 from typing import Protocol
 
@@ -25,14 +26,14 @@ from taxel.evaluation.intervals import draw_clusters, percentile_interval
 from taxel.evaluation.robustness.curve import CLEAN, FaultPoint, mildest_first
 from taxel.evaluation.robustness.image_faults import IMAGE_FAULTS, find_image_fault
 from taxel.evaluation.transitions.data import truth_moments
+from taxel.jobs.running import side_by_side
 from taxel.labels.rules import RULES
 from taxel.labels.slip import label_truth
-from taxel.processes import side_by_side
 from taxel.recordings.reader import iterate_tactile
 from taxel.signals import CameraInfo, Frame
 from taxel.sim.pour_state import TRUTH_CHANNELS
 from taxel.training.frame_labels import truth_of
-from taxel.windows.camera_recordings import CameraRecording
+from taxel.windows.camera_recordings import CameraRecording, read_camera_recording
 from taxel.windows.pairs import FramePairer, FrameSet
 
 ALARMS = (Stability.WARNING, Stability.UNSTABLE)
@@ -171,7 +172,7 @@ def sweep_grasps(
     plan: Mapping[str, Sequence[float]],
     *,
     seed: int = 0,
-    workers: int = 1,
+    workers: int | None = None,
     on_point: Callable[[FaultPoint], None] = lambda _: None,
 ) -> list[FaultPoint]:
     """Return the point without faults, then one a fault and level.
@@ -182,7 +183,7 @@ def sweep_grasps(
         pours: Recordings with physics truth of cups that it was not trained on.
         plan: Fault → levels, as `plan_images` gives them.
         seed: Seed of everything that a fault draws.
-        workers: Processes at a time.
+        workers: As for `taxel.jobs.running.as_done`.
         on_point: Called with each point.
 
     Raises:
@@ -207,11 +208,11 @@ def sweep_grasps(
 
     # One pool for all levels: to start its processes takes longer than to watch a pour.
     jobs = [
-        (bundle_file, watcher, pour, name, level, seed)
+        (bundle_file.absolute(), watcher, pour.path.absolute(), pour.digest, name, level, seed)
         for name, level, _ in levels
         for pour in pours
     ]
-    side_by_side(_watch, jobs, add, workers)
+    side_by_side(watch_one, jobs, add, workers)
     return points
 
 
@@ -283,8 +284,26 @@ def _balanced(counts: NDArray[np.float64]) -> NDArray[np.float64]:
         return np.asarray(0.5 * (counts[..., 0] / counts[..., 1] + counts[..., 2] / counts[..., 3]))
 
 
-def _watch(
-    file: Path, watcher: Watcher, pour: CameraRecording, fault: str, level: float, seed: int
+def watch_one(
+    file: Path, watcher: Watcher, path: Path, digest: str, fault: str, level: float, seed: int
 ) -> Watched:
-    """Watch one recording in a process of its own, to which no open bundle can be handed."""
-    return watch(read_grasp_bundle(file), watcher, pour, fault, level, seed)
+    """Watch one recording at one level; a job for any worker."""
+    return watch(
+        _bundle(file, file.stat().st_mtime_ns), watcher, _pour(path, digest), fault, level, seed
+    )
+
+
+@lru_cache(maxsize=1)
+def _bundle(file: Path, _changed_ns: int) -> GraspBundle:
+    return read_grasp_bundle(file)
+
+
+@lru_cache(maxsize=16)
+def _pour(path: Path, digest: str) -> CameraRecording:
+    pour = read_camera_recording(path)
+    if pour.digest != digest:
+        raise BadDataset(
+            f"the same recording {path} for all workers", "another",
+            "let all of them read the same folder, and leave it as it is meanwhile",
+        )  # fmt: skip
+    return pour

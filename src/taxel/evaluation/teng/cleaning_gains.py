@@ -27,8 +27,8 @@ from taxel.evaluation.teng.model_comparison import (
     split_windows,
     trivial_company,
 )
+from taxel.jobs.running import side_by_side
 from taxel.labels.trials import coarsest_group
-from taxel.processes import side_by_side
 from taxel.training.augment import Augment
 from taxel.training.fitting import Job
 from taxel.windows.config import WAVELET, WindowConfig

@@ -18,7 +18,7 @@ import torch
 
 from taxel.evaluation.crossval import pool, run_fold
 from taxel.evaluation.splits import by_group, random_windows
-from taxel.processes import WORKERS, side_by_side
+from taxel.jobs.running import side_by_side
 from taxel.training.augment import Augment
 from taxel.training.fitting import Job
 from taxel.training.loop import TrainConfig
@@ -92,7 +92,7 @@ def honest_gap(
     rungs: Sequence[Rung] = RUNGS,
     targets: Sequence[str] = TARGETS,
     train: TrainConfig | None = None,
-    workers: int = WORKERS,
+    workers: int | None = None,
     on_step: Callable[[str], None] = lambda _: None,
 ) -> list[Step]:
     """Measure each rung on each target over several sets of recordings.

@@ -18,9 +18,9 @@ from taxel.evaluation.baselines import trivial_accuracies
 from taxel.evaluation.crossval import Pooled, pool, run_fold
 from taxel.evaluation.splits import Split, by_group, random_windows
 from taxel.evaluation.teng.inference_time import milliseconds_per_window
+from taxel.jobs.running import side_by_side
 from taxel.labels.trials import coarsest_group
 from taxel.models.catalogue import count_parameters
-from taxel.processes import WORKERS, side_by_side
 from taxel.training.final import check_gate
 from taxel.training.fitting import Job
 from taxel.training.loop import TrainConfig
@@ -65,7 +65,7 @@ class ComparisonConfig:
     """Parts of the held-out split, and of the random one."""
     random_folds: int = 2
     """Folds of the random split that are run: they hardly differ."""
-    workers: int = WORKERS
+    workers: int | None = None
     """Processes that work side by side."""
 
 

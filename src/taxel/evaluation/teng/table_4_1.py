@@ -22,7 +22,7 @@ from taxel.evaluation.crossval import FoldResult, Pooled, pool, run_fold
 from taxel.evaluation.metrics import score
 from taxel.evaluation.splits import Fold, Split, TrialFold, by_group, random_windows
 from taxel.evaluation.teng.inference_time import milliseconds_per_window
-from taxel.processes import WORKERS, side_by_side
+from taxel.jobs.running import side_by_side
 from taxel.training.fitting import Job, Lesson, fit_model
 from taxel.training.loop import TrainConfig
 from taxel.windows.config import FULL_SCALE_V, TENG_WINDOW
@@ -116,7 +116,7 @@ class TengTableConfig:
     train: TrainConfig = TrainConfig()  # noqa: RUF009  # frozen
     seed: int = 0
     """Seed of the splits."""
-    workers: int = WORKERS
+    workers: int | None = None
     """Processes that work side by side, a section each."""
 
 

@@ -28,13 +28,13 @@ from taxel.evaluation.transitions.data import (
     judge_fold,
     trivial_features,
 )
+from taxel.jobs.running import side_by_side
 from taxel.models.transition import (
     FRAMES,
     PUBLISHED_BY_FRAMES,
     TRANSITION_MODELS,
     find_transition,
 )
-from taxel.processes import side_by_side
 from taxel.training.features import FrameFeatures
 from taxel.training.heads import HeadConfig
 from taxel.windows.sequence import label_windows

@@ -1,0 +1,263 @@
+"""One search with Optuna: trials side by side, pruned by fold, kept where they survive a kill.
+
+Every trial is kept in a database by its URL. What a killed search was at is tried again: what it
+had finished stays. With one worker a search that was broken off proposes what an unbroken one
+proposes, since each proposal depends on the finished trials and a seed alone. Knows nothing about
+recordings or settings.
+
+Source: docs/decisions/0050.
+"""
+
+from __future__ import annotations
+
+import math
+import threading
+import warnings
+from collections.abc import Callable, Iterator
+from concurrent.futures import FIRST_COMPLETED, Future, wait
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from taxel.errors import BadInput, BadSplit, MissingExtra
+from taxel.jobs.call import Done
+from taxel.jobs.running import result_of, submit, width
+
+HEARTBEAT_S, GRACE_S = 30, 120
+"""A trial's process says that it lives, and is given up after so long a silence, seconds. Source:
+our choice, docs/decisions/0050."""
+STARTUP = 5
+"""Trials that are never pruned, to have a median to prune by. Source: Optuna's default."""
+_AS_IS = "the recipe as it is"
+
+
+@dataclass(frozen=True, slots=True)
+class Found:
+    """What a search found."""
+
+    values: dict[str, Any]
+    """The best trial's settings; empty where the recipe as it is was best."""
+    accuracy: float
+    """Its mean over the inner folds, 0…1: what was chosen by, so no honest estimate."""
+    as_is: float
+    """The same of the recipe as it is."""
+    trials: int
+    pruned: int
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Search:
+    """What is searched."""
+
+    name: str
+    """The study's name in the database: the same search has the same name on every machine."""
+    trials: int
+    """How many are finished in the end, pruned ones too."""
+    folds: int
+    """Inner folds of a trial."""
+    seed: int
+    propose: Callable[[Any], dict[str, Any]]
+    """An Optuna trial → values."""
+    work: Callable[[Any], float]
+    """A job → the accuracy in one inner fold, 0…1; a function of a module."""
+    job: Callable[[dict[str, Any], int], Any]
+    """Values and an inner fold's number → the job."""
+
+
+@dataclass(slots=True)
+class _Running:
+    trial: Any
+    values: dict[str, Any]
+    scores: list[float] = field(default_factory=list)
+
+
+class Store:
+    """The database of all trials; use it in a `with` block of `open_store`.
+
+    Args:
+        url: Its address.
+        alone: Whether no other process uses it meanwhile; true of a file of SQLite unless given.
+    """
+
+    def __init__(self, url: str, alone: bool | None = None) -> None:
+        try:
+            import optuna
+        except ModuleNotFoundError as error:
+            raise MissingExtra("optuna", "tune", "a search for settings") from error
+        optuna.logging.set_verbosity(optuna.logging.ERROR)
+        self.alone = url.startswith("sqlite") if alone is None else alone
+        self._optuna = optuna
+        kind: dict[str, Any] = {"engine_kwargs": {"connect_args": {"timeout": 60.0}}}
+        if not self.alone:
+            kind = {
+                "heartbeat_interval": HEARTBEAT_S, "grace_period": GRACE_S,
+                "heartbeat_stale_trial_callback": _retry(optuna),
+            }  # fmt: skip
+        try:
+            with _quiet():
+                self.storage = optuna.storages.RDBStorage(url, **kind)
+        except Exception as error:  # SQLAlchemy's and each driver's own errors share no base
+            raise BadInput(
+                "a database for --storage, such as sqlite:///tune.db or postgresql://HOST/NAME",
+                f"{url}, which cannot be opened ({_first_line(error)})",
+                "check the address and that its driver is installed",
+            ) from error
+        self._beating: set[int] = set()
+        self._ended = threading.Event()
+        self._thread = threading.Thread(target=self._beat, name="taxel-heartbeat", daemon=True)
+        self._thread.start()
+
+    def close(self) -> None:
+        """Stop saying that trials live."""
+        self._ended.set()
+        self._thread.join()
+
+    def search(self, what: Search, on_step: Callable[[str], None]) -> Found:
+        """Search until as many trials are finished as are wanted; return the best.
+
+        Args:
+            what: What is searched.
+            on_step: Called with a line after each trial.
+
+        Raises:
+            BadSplit: No trial could be scored.
+        """
+        optuna = self._optuna
+        study = optuna.create_study(
+            storage=self.storage, study_name=what.name, direction="maximize", load_if_exists=True,
+            pruner=optuna.pruners.MedianPruner(n_startup_trials=STARTUP),
+        )  # fmt: skip
+        self._give_up_the_dead(study)
+        running: dict[Future[Done], _Running] = {}
+        try:
+            while True:
+                left = what.trials - len(self._finished(study)) - len(running)
+                for _ in range(min(left, width() - len(running))):
+                    one = self._ask(study, what, len(running))
+                    running[self._next_fold(what, one)] = one
+                if not running:
+                    return self._best(study)
+                done, _ = wait(running, timeout=HEARTBEAT_S, return_when=FIRST_COMPLETED)
+                for future in done:
+                    one = running.pop(future)
+                    one.scores.append(result_of(_name(what, one), future))
+                    if self._goes_on(study, what, one, on_step):
+                        running[self._next_fold(what, one)] = one
+        finally:
+            self._beating.clear()
+
+    def _ask(self, study: Any, what: Search, running: int) -> _Running:
+        """Begin a trial; the first is the recipe as it is."""
+        begun = len(self._finished(study)) + running
+        state = np.random.SeedSequence([what.seed, begun]).generate_state(1)
+        study.sampler = self._optuna.samplers.TPESampler(seed=int(state[0]))
+        with _quiet():
+            trial = study.ask()
+        self._beating.add(trial._trial_id)
+        if begun == 0 or trial.user_attrs.get(_AS_IS):
+            trial.set_user_attr(_AS_IS, True)
+            return _Running(trial, {})
+        return _Running(trial, what.propose(trial))
+
+    def _next_fold(self, what: Search, one: _Running) -> Future[Done]:
+        job = what.job(one.values, len(one.scores))
+        return submit(what.work, job, name=_name(what, one))
+
+    def _goes_on(
+        self, study: Any, what: Search, one: _Running, on_step: Callable[[str], None]
+    ) -> bool:
+        """Report a fold; return whether the trial's next fold is worth its time."""
+        mean = _mean(one.scores)
+        states = self._optuna.trial.TrialState
+        last = len(one.scores) == what.folds
+        if not last:
+            if math.isfinite(mean):
+                one.trial.report(mean, len(one.scores))
+            if not one.trial.should_prune():
+                return True
+        elif not math.isfinite(mean):
+            raise BadSplit(
+                "inner folds whose classes are learned from", "none", "record more of each class"
+            )
+        study.tell(one.trial, mean if last else None, states.COMPLETE if last else states.PRUNED)
+        self._beating.discard(one.trial._trial_id)
+        told = "" if last else f", pruned after {len(one.scores)} folds"
+        on_step(f"{what.name} · trial {one.trial.number + 1} · {mean:.4f}{told}")
+        return False
+
+    def _finished(self, study: Any) -> list[Any]:
+        states = self._optuna.trial.TrialState
+        found: list[Any] = study.get_trials(deepcopy=False, states=(states.COMPLETE, states.PRUNED))
+        return found
+
+    def _best(self, study: Any) -> Found:
+        best, finished = study.best_trial, self._finished(study)
+        as_is = [trial.value for trial in finished if trial.user_attrs.get(_AS_IS)]
+        return Found(
+            values=dict(best.params),
+            accuracy=float(best.value),
+            as_is=float(as_is[0]),
+            trials=len(finished),
+            pruned=sum(trial.state.name == "PRUNED" for trial in finished),
+        )
+
+    def _give_up_the_dead(self, study: Any) -> None:
+        """Mark trials whose process was killed: at once in a file that one process uses at a time,
+        elsewhere those that were silent for too long.
+        """
+        if not self.alone:
+            with _quiet():
+                self._optuna.storages.fail_stale_trials(study)
+            return
+        states = self._optuna.trial.TrialState
+        for trial in study.get_trials(deepcopy=False, states=(states.RUNNING,)):
+            study.tell(trial.number, state=states.FAIL)
+
+    def _beat(self) -> None:
+        while not self._ended.wait(HEARTBEAT_S):
+            for trial_id in () if self.alone else tuple(self._beating):
+                self.storage.record_heartbeat(trial_id)
+
+
+@contextmanager
+def open_store(url: str) -> Iterator[Store]:
+    """Open the database of trials.
+
+    Raises:
+        BadInput: It cannot be opened.
+        MissingExtra: Optuna is not installed.
+    """
+    store = Store(url)
+    try:
+        yield store
+    finally:
+        store.close()
+
+
+def _retry(optuna: Any) -> Any:
+    """Return what tries a trial again whose process fell silent."""
+    with _quiet():
+        return optuna.storages.RetryHeartbeatStaleTrialCallback(max_retry=3)
+
+
+@contextmanager
+def _quiet() -> Iterator[None]:
+    """Let Optuna use its heartbeat, which it calls experimental, without a warning."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        yield
+
+
+def _name(what: Search, one: _Running) -> str:
+    return f"{what.name} · trial {one.trial.number + 1} · inner fold {len(one.scores) + 1}"
+
+
+def _mean(scores: list[float]) -> float:
+    known = [score for score in scores if math.isfinite(score)]
+    return float(np.mean(known)) if known else math.nan
+
+
+def _first_line(error: Exception) -> str:
+    return (str(error).splitlines() or [type(error).__name__])[0]

@@ -1,0 +1,122 @@
+"""Claims about tuning: no inner fold sees an outer test side, and the result is a run as others."""
+
+import json
+import os
+import signal
+import sqlite3
+import subprocess
+import sys
+import time
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+pytest.importorskip("optuna", reason="optuna is not installed: pip install 'taxel[tune]'")
+
+from taxel.cli.main import main
+from taxel.errors import BadSplit
+from taxel.evaluation.fold_jobs import Source, open_source
+from taxel.evaluation.paired import compare_runs
+from taxel.evaluation.splits import TrialFold
+from taxel.evaluation.table_split import OWN_SPLIT
+from taxel.evaluation.tune.inner import folds_inside
+from taxel.sources.data_sets import write_sessions
+from taxel.sources.teng_options import checked_config
+from taxel.training.recipes import find_recipe
+from taxel.training.run import load_run
+
+
+@pytest.fixture(scope="module")
+def sessions(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("sessions") / "s"
+    config = checked_config(seed=1, scans_per_class=6000, rate_hz=100.0, sessions=6)
+    write_sessions(folder, config, lambda _: None)
+    return folder
+
+
+def test_inner_folds_are_parts_of_the_outer_training_side(sessions: Path) -> None:
+    source = Source(path=sessions, recipe=find_recipe("teng"), folds=2, given=OWN_SPLIT)
+    opened = open_source(source)
+    for number, fold in enumerate(opened.split.folds):
+        assert isinstance(fold, TrialFold)
+        inner = folds_inside(opened, "shape", number)
+        tested = [trial for one in inner for trial in one.test]
+        assert set(tested) == fold.train
+        assert len(tested) == len(set(tested))
+        for one in inner:
+            assert one.train | one.test == fold.train
+            assert not (one.train | one.test) & fold.test
+            groups = [opened.dataset.trials[i].groups["session"] for i in one.test]
+            others = [opened.dataset.trials[i].groups["session"] for i in one.train]
+            assert not set(groups) & set(others), "inner folds hold out what the outer ones do"
+
+
+def test_a_split_of_single_windows_is_refused(sessions: Path) -> None:
+    from dataclasses import replace
+
+    recipe = replace(find_recipe("teng"), split="random")
+    opened = open_source(Source(path=sessions, recipe=recipe, folds=2, given=OWN_SPLIT))
+    with pytest.raises(BadSplit, match="a split of whole trials, to search on"):
+        folds_inside(opened, "shape", 0)
+
+
+WORDS = ["--fold-count", "2", "--trials", "3", "--settings", "learning-rate", "--epochs", "2",
+         "--json"]  # fmt: skip
+
+
+def tune(sessions: Path, output: Path) -> list[str]:
+    return ["tune", str(sessions), "--output", str(output), *WORDS]
+
+
+@pytest.mark.slow
+def test_a_tune_killed_and_started_again_ends_as_an_unbroken_one(
+    sessions: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """It loses at most the trial that ran; its result is a run that can be compared."""
+    environment = os.environ | {"OMP_NUM_THREADS": "1", "TAXEL_WORKERS": "1"}
+    program = "import sys; from taxel.cli.main import main; main(sys.argv[1:])"
+    for path in filter(None, sys.path):
+        environment["PYTHONPATH"] = os.pathsep.join([environment.get("PYTHONPATH", ""), path])
+    command = [sys.executable, "-c", program]
+    whole = subprocess.run([*command, *tune(sessions, tmp_path / "whole")], env=environment,
+                           capture_output=True, text=True, check=True)  # fmt: skip
+    process = subprocess.Popen([*command, *tune(sessions, tmp_path / "broken")], env=environment,
+                               stdout=subprocess.DEVNULL)  # fmt: skip
+    database = tmp_path / "broken.tune.db"
+    until_s = time.monotonic() + 120
+    while states(database).count("COMPLETE") < 2:
+        assert process.poll() is None
+        assert time.monotonic() < until_s
+        with pytest.raises(subprocess.TimeoutExpired):
+            process.wait(0.02)
+    process.send_signal(signal.SIGKILL)
+    process.wait(30)
+    finished = states(database).count("COMPLETE")
+    again = subprocess.run([*command, *tune(sessions, tmp_path / "broken")], env=environment,
+                           capture_output=True, text=True, check=True)  # fmt: skip
+
+    assert finished >= 2
+    assert states(database).count("FAIL") <= 1
+    assert states(database).count("COMPLETE") + states(database).count("PRUNED") == 9
+    assert without_places(again.stdout) == without_places(whole.stdout)
+    runs = [load_run(tmp_path / name) for name in ("whole", "broken")]
+    assert compare_runs(*runs, None).difference == 0.0
+    main(["report", str(tmp_path / "broken"), "--output", str(tmp_path / "page.html")])
+    assert (tmp_path / "page.html").stat().st_size > 1000
+
+
+def states(database: Path) -> list[str]:
+    """Return the states of all trials; none where there is no table yet."""
+    if not database.exists():
+        return []
+    with sqlite3.connect(f"file:{database}?mode=ro", uri=True, timeout=10) as connection:
+        try:
+            return [state for (state,) in connection.execute("SELECT state FROM trials")]
+        except sqlite3.OperationalError:
+            return []
+
+
+def without_places(text: str) -> dict[str, Any]:
+    found: dict[str, Any] = json.loads(text)
+    return {key: value for key, value in found.items() if key not in ("run", "storage")}

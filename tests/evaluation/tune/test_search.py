@@ -1,0 +1,180 @@
+"""Claims about a search: it goes on where it was broken off, and proposes what it would have."""
+
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+pytest.importorskip("optuna", reason="optuna is not installed: pip install 'taxel[tune]'")
+
+from taxel.errors import BadInput
+from taxel.evaluation.tune import study as study_module
+from taxel.evaluation.tune.space import SETTINGS, Space
+from taxel.evaluation.tune.study import Found, Search, Store, open_store
+from taxel.training.recipes import find_recipe
+
+RECIPE = find_recipe("teng")
+
+
+class Broken(Exception):
+    """The search was broken off."""
+
+
+def score(job: tuple[dict[str, Any], int]) -> float:
+    """Best at x = 0.7; the recipe as it is gives 0.4; later folds are a little worse."""
+    values, fold = job
+    return (1.0 - abs(values["x"] - 0.7) if values else 0.4) - 0.01 * fold
+
+
+class Work:
+    """Counts jobs, and breaks off at one of them."""
+
+    __name__ = "work"
+
+    def __init__(self, break_at: int | None = None) -> None:
+        self.jobs: list[tuple[dict[str, Any], int]] = []
+        self.break_at = break_at
+
+    def __call__(self, job: tuple[dict[str, Any], int]) -> float:
+        self.jobs.append(job)
+        if len(self.jobs) == self.break_at:
+            raise Broken
+        return score(job)
+
+
+def search(work: Callable[[Any], float], trials: int = 7, folds: int = 2) -> Search:
+    return Search(
+        name="one", trials=trials, folds=folds, seed=3, work=work,
+        propose=lambda trial: {"x": trial.suggest_float("x", 0.0, 1.0)},
+        job=lambda values, fold: (values, fold),
+    )  # fmt: skip
+
+
+def run(url: str, what: Search) -> Found:
+    with open_store(url) as store:
+        return store.search(what, lambda _: None)
+
+
+@pytest.fixture
+def url(tmp_path: Path) -> str:
+    return f"sqlite:///{tmp_path / 'tune.db'}"
+
+
+def test_the_best_trial_is_found_and_the_recipe_as_it_is_comes_first(url: str) -> None:
+    work = Work()
+    found = run(url, search(work))
+    assert work.jobs[:2] == [({}, 0), ({}, 1)]
+    assert found.as_is == pytest.approx(0.395)
+    assert found.accuracy > found.as_is
+    assert found.accuracy == pytest.approx(sum(score((found.values, k)) for k in range(2)) / 2)
+    assert found.trials == 7
+
+
+def test_a_search_that_was_broken_off_gives_what_an_unbroken_one_gives(
+    url: str, tmp_path: Path
+) -> None:
+    """At most the trial that ran is lost; it is proposed again."""
+    whole, first, second = Work(), Work(break_at=9), Work()
+    expected = run(f"sqlite:///{tmp_path / 'whole.db'}", search(whole))
+    with pytest.raises(Broken):
+        run(url, search(first))
+    found = run(url, search(second))
+
+    assert found == expected
+    finished = [job for job in first.jobs if job[0] != first.jobs[-1][0]]
+    assert finished + second.jobs == whole.jobs
+
+
+def test_a_finished_search_runs_nothing_again(url: str) -> None:
+    found = run(url, search(Work(), trials=2))
+    again = Work()
+    assert run(url, search(again, trials=2)) == found
+    assert again.jobs == []
+
+
+def test_trials_that_are_behind_after_a_fold_are_pruned(url: str) -> None:
+    work = Work()
+    found = run(url, search(work, trials=12))
+    assert found.pruned > 0
+    assert len(work.jobs) < 12 * 2
+
+
+def test_in_a_shared_database_a_silent_trial_is_tried_again(
+    url: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """As in PostgreSQL: another machine may live, so only silence tells; here none is allowed."""
+    monkeypatch.setattr(study_module, "HEARTBEAT_S", 1)
+    monkeypatch.setattr(study_module, "GRACE_S", 1)
+    store = Store(url, alone=False)
+    first = Work(break_at=9)
+    try:
+        with pytest.raises(Broken):
+            store.search(search(first), lambda _: None)
+        (trial,) = [t for t in _trials(store) if t.state.name == "RUNNING"]
+        _silent(store, trial._trial_id)
+        found = store.search(search(Work()), lambda _: None)
+    finally:
+        store.close()
+    states = [t.state.name for t in _trials(store)]
+    assert states.count("FAIL") == 1
+    assert "RUNNING" not in states
+    assert found.trials == 7
+    again = [t for t in _trials(store) if t.params == trial.params]
+    assert len(again) == 2
+
+
+def _trials(store: Store) -> list[Any]:
+    study_id = store.storage.get_study_id_from_name("one")
+    return list(store.storage.get_all_trials(study_id))
+
+
+def _silent(store: Store, trial_id: int) -> None:
+    """Let a trial have said an hour ago that it lives."""
+    import sqlalchemy
+
+    store.storage.record_heartbeat(trial_id)
+    with store.storage.engine.begin() as connection:
+        connection.execute(
+            sqlalchemy.text("UPDATE trial_heartbeats SET heartbeat = datetime(0, 'unixepoch')")
+        )
+
+
+def test_a_database_that_cannot_be_opened_is_told_in_one_line(tmp_path: Path) -> None:
+    with (
+        pytest.raises(BadInput, match="a database for --storage") as refused,
+        open_store(f"sqlite:///{tmp_path / 'none' / 'tune.db'}"),
+    ):
+        pass
+    assert len(str(refused.value).splitlines()) == 1
+
+
+@pytest.mark.parametrize(
+    "space",
+    [Space(settings=("speed",)), Space(models=("none",)), Space(settings=()),
+     Space(settings=(), models=("lstm",))],
+)  # fmt: skip
+def test_what_cannot_be_searched_is_refused(space: Space) -> None:
+    with pytest.raises(BadInput):
+        space.check()
+
+
+@pytest.mark.parametrize("name", list(SETTINGS))
+def test_each_setting_changes_the_recipe_within_its_limits(name: str) -> None:
+    class Least:
+        def suggest_float(self, _: str, low: float, high: float, **__: object) -> float:
+            return (low + high) / 2
+
+        def suggest_int(self, _: str, low: int, high: int, **__: object) -> int:
+            return (low + high) // 2
+
+        def suggest_categorical(self, _: str, choices: tuple[Any, ...]) -> Any:
+            return choices[0]
+
+    space = Space(settings=(name,))
+    values = space.propose(Least())
+    changed = space.apply(RECIPE, values)
+    assert changed != RECIPE
+    assert replace(changed, train=RECIPE.train) == RECIPE
+    assert space.apply(RECIPE, {}) == RECIPE
