@@ -20,7 +20,7 @@ from taxel.models.weights import find_weights
 from taxel.training import lanes as lanes_module
 from taxel.training.extractors import open_backbone
 from taxel.training.features import extract
-from taxel.training.fine_tuning import EndToEnd, FineTuneConfig, fine_tune
+from taxel.training.fine_tuning import EndToEnd, FineTuneConfig, KeptEpochs, fine_tune
 from taxel.training.heads import HeadConfig, TrainedHead, fit_head
 from taxel.training.lanes import LANES, Lanes
 from taxel.windows.camera_recordings import frame_sets, read_camera_recordings
@@ -128,8 +128,8 @@ def test_a_training_that_was_broken_off_goes_on_with_the_same_losses(
 ) -> None:
     pours = load_camera_set(few_pours, "change", tmp_path)
     head = learnt_head(few_pours, tmp_path)
-    config = FineTuneConfig(epochs=3, learning_rate=1e-3, accelerator="cpu")
     kept = tmp_path / "edge.checkpoint"
+    config = FineTuneConfig(epochs=3, learning_rate=1e-3, accelerator="cpu", kept=KeptEpochs(kept))
 
     def train(break_at: int | None = None) -> tuple[float, ...]:
         def look(step: int, _: int, __: float) -> None:
@@ -137,7 +137,7 @@ def test_a_training_that_was_broken_off_goes_on_with_the_same_losses(
                 raise Broken
 
         done = fine_tune(network(deepcopy(head)), pours.pours, pours.labels, config, frames=K,
-                         stride=STRIDE, checkpoint=kept, on_step=look)  # fmt: skip
+                         stride=STRIDE, on_step=look)  # fmt: skip
         return done.losses
 
     whole = train()

@@ -69,21 +69,20 @@ class TrainBackbone:
     def run(self) -> None:
         """Train and write."""
         from taxel.models.backbones.weight_files import save_backbone_weights
-        from taxel.training.fine_tuning import FineTuneConfig, fine_tune
+        from taxel.training.fine_tuning import FineTuneConfig, KeptEpochs, fine_tune
 
         self._check()
         config = head_config(self.labels.rule, self.fit, self.head)
         checkpoint = self.output.with_name(f"{self.output.name}.checkpoint")
-        if not self.resume:
-            checkpoint.unlink(missing_ok=True)
         with self.work.open(), progress() as bar:
             pours = load_set(self.labels, self.data, bar)
             module, network = self._network(pours, config, bar)
             task = bar.add_task("end to end", total=None)
             done = fine_tune(
                 network, pours.pours, pours.labels,
-                FineTuneConfig(epochs=self.epochs, seed=self.fit.seed),
-                frames=config.frames, stride=config.stride, checkpoint=checkpoint,
+                FineTuneConfig(epochs=self.epochs, seed=self.fit.seed,
+                               kept=KeptEpochs(checkpoint, self.resume)),
+                frames=config.frames, stride=config.stride,
                 on_step=lambda step, of, loss: bar.update(
                     task, description=f"end to end, loss {loss:.3f}", completed=step, total=of
                 ),

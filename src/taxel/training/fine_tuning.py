@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -26,6 +26,15 @@ from taxel.training.checkpoints import load_checkpoint, save_checkpoint
 from taxel.training.heads import TrainedHead
 from taxel.training.lanes import LANES, Lanes
 from taxel.windows.camera_recordings import CameraRecording
+
+
+@dataclass(frozen=True, slots=True)
+class KeptEpochs:
+    """A file written after each epoch, which all processes see."""
+
+    path: Path
+    resume: bool = True
+    """Go on from what is there, with the losses that an unbroken run gives."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -45,6 +54,8 @@ class FineTuneConfig:
     """Fabric's name of the numbers, such as bf16-mixed."""
     seed: int = 0
     """Seed of the order."""
+    kept: KeptEpochs | None = None
+    """Where a run that is broken off goes on from; None keeps nothing."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -120,7 +131,6 @@ def fine_tune(
     *,
     frames: int,
     stride: int,
-    checkpoint: Path | None = None,
     on_step: Callable[[int, int, float], None] = lambda _step, _of, _loss: None,
 ) -> FineTuned:
     """Train a network in place.
@@ -132,8 +142,6 @@ def fine_tune(
         config: How to train.
         frames: k.
         stride: Frames from one training window's start to the next.
-        checkpoint: A file written after each epoch, which all processes see; if it exists,
-            training goes on from it and gives the losses that an unbroken run gives.
         on_step: Called with the step's number, how many there are and its loss.
 
     Raises:
@@ -151,8 +159,10 @@ def fine_tune(
     mine = range(fabric.global_rank, lanes.count, fabric.world_size)
     job = lanes.digest()
     history: list[EpochLoss] = []
-    if checkpoint is not None and checkpoint.exists():
-        history = load_checkpoint(checkpoint, network, adam, config, EpochLoss, job)
+    kept, config = config.kept, replace(config, kept=None)
+    if kept is not None and kept.resume and kept.path.exists():
+        history = load_checkpoint(kept.path, network, adam, config, EpochLoss, job)
+    fabric.barrier()
     a_lane = max(1, config.batch // lanes.count)
     steps = -(-lanes.share // a_lane)
     for epoch in range(len(history), config.epochs):
@@ -169,8 +179,8 @@ def fine_tune(
             on_step(epoch * steps + step, config.epochs * steps, float(loss.detach()))
         both = fabric.all_reduce(torch.tensor([total, float(count)]), reduce_op="sum")
         history.append(EpochLoss(float(both[0]) / max(1.0, float(both[1]))))
-        if checkpoint is not None and fabric.is_global_zero:
-            save_checkpoint(checkpoint, network, adam, config, history, job)
+        if kept is not None and fabric.is_global_zero:
+            save_checkpoint(kept.path, network, adam, config, history, job)
         fabric.barrier()
     network.eval()
     return FineTuned(
