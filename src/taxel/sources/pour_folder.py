@@ -110,7 +110,8 @@ def _key(run: PourRun, config: CupPourConfig, camera_hz: float) -> str:
     """Return what a run's recording depends on, as a digest."""
     about = {
         "run": asdict(run), "duration_s": config.duration_s, "frame_hz": config.frame_hz,
-        "gel": config.gel, "approach": config.approach, "camera_hz": camera_hz, "code": code_digest(),
+        "gel": config.gel, "approach": config.approach, "camera_hz": camera_hz,
+        "code": code_digest(),
     }  # fmt: skip
     return hashlib.sha256(json.dumps(about, sort_keys=True, default=str).encode()).hexdigest()
 
