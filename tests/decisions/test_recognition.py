@@ -89,3 +89,50 @@ def test_unknown_windows_do_not_vote() -> None:
 
     assert label == UNKNOWN
     assert vote.add(at("a", [0.6, 0.4], 0.1))[0] == "a"
+
+
+def test_the_limits_are_those_of_decision_0010() -> None:
+    config = RecogniseConfig()
+
+    assert (config.least_confidence, config.least_usable, config.most_saturated) == (
+        0.5, 1.0, 0.999,
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize(("p", "saturated"), [([0.5, 0.5], 0.0), ([0.2, 0.8], 0.999)])
+def test_a_limit_itself_is_still_fine(p: list[float], saturated: float) -> None:
+    assert answer(p, saturated=saturated).reason == ""
+
+
+def test_the_share_that_is_missing_is_told() -> None:
+    assert answer([0.2, 0.8], usable=0.75).reason == "25% of the values are missing, stale or NaN"
+
+
+def test_values_that_were_filled_in_count_as_usable_and_are_told() -> None:
+    found = decide(
+        np.array([0.2, 0.8], np.float32), 0.75, 0.0, (3.0, 4.0), CLASSES, RecogniseConfig(),
+        filled=0.25,
+    )  # fmt: skip
+
+    assert (found.label, found.filled, found.start_s, found.end_s) == ("b", 0.25, 3.0, 4.0)
+    assert answer([0.2, 0.8]).filled == 0.0
+    assert at("a", [0.6, 0.4], 0.0).filled == 0.0
+
+
+@pytest.mark.parametrize(("start", "windows"), [(0.5, 2), (0.5001, 1)])
+def test_a_pause_of_just_the_gap_is_within_a_contact(start: float, windows: int) -> None:
+    """The first window ends at 0.1 s; 0.4 s is the longest pause within a contact."""
+    vote = GraspVote(CLASSES, gap_s=0.5 - 0.1)
+    vote.add(at("a", [0.6, 0.4], 0.0))
+    vote.add(at("a", [0.6, 0.4], start))
+
+    assert vote.windows == windows
+
+
+def test_an_emptied_vote_asks_the_same_of_another_contact() -> None:
+    vote = GraspVote(CLASSES, gap_s=0.5)
+    vote.add(at("a", [0.6, 0.4], 0.0))
+    other = vote.emptied()
+
+    assert (other.windows, other.classes, vote.windows) == (0, CLASSES, 1)
+    assert other.add(at("b", [0.4, 0.6], 0.0)) == ("b", pytest.approx(0.6))

@@ -183,3 +183,70 @@ def test_thresholds_out_of_order_are_refused() -> None:
         StabilityConfig(raise_s=-1.0)
     with pytest.raises(BadInput, match="one time"):
         states(np.zeros(3), np.zeros(2), CONFIG)
+
+
+def test_states_have_words_for_a_person() -> None:
+    assert [state.word for state in Stability] == [
+        "STABLE", "WARNING", "UNSTABLE", "UNKNOWN", "NO GRASP",
+    ]  # fmt: skip
+
+
+def test_the_thresholds_and_times_are_those_of_decision_0013() -> None:
+    config = StabilityConfig()
+
+    assert (config.warn, config.clear, config.unstable) == (0.5, 0.3, 0.8)
+    assert (config.raise_s, config.clear_s) == (0.05, 0.3)
+    assert (config.largest_age_s, config.frozen_s) == (0.2, 1.0)
+
+
+def test_thresholds_may_be_equal_and_lie_at_both_ends() -> None:
+    assert StabilityConfig(clear=0.0, warn=0.0, unstable=0.0).unstable == 0.0
+    assert StabilityConfig(clear=1.0, warn=1.0, unstable=1.0).clear == 1.0
+    for bad in ({"unstable": 1.1}, {"clear": -0.1}, {"unstable": 0.4}, {"frozen_s": -0.1}):
+        with pytest.raises(BadInput):
+            StabilityConfig(**bad)
+
+
+@pytest.mark.parametrize(("probability", "state"), [(1.0, UNSTABLE), (0.0, STABLE)])
+def test_certainty_is_a_probability(probability: float, state: Stability) -> None:
+    assert run([probability] * 4)[-1] is state
+
+
+def test_evidence_names_the_time_that_it_still_needs() -> None:
+    """0.2 s must pass, whichever side of the threshold the evidence lies on."""
+    monitor = StabilityMonitor(CONFIG)
+    left = [monitor.push(p, t).reason for p, t in ((0.1, 0.0), (0.11, 0.1), (0.6, 0.15))]
+
+    assert left == [REASONS["evidence"].say(left_s=s) for s in (0.2, 0.1, 0.2)]
+
+
+def test_a_flag_for_each_probability_is_needed() -> None:
+    with pytest.raises(BadInput, match="3 and 2 for 3"):
+        states(np.zeros(3), np.arange(3.0), CONFIG, np.ones(2, bool))
+
+
+def test_a_grasp_that_is_over_is_no_grasp_since_then() -> None:
+    monitor = calm()
+    told = monitor.over(0.25)
+
+    assert (told.state, told.since_s, told.alarm) == (NO_GRASP, 0.25, False)
+    assert monitor.at(9.0) == told
+    assert monitor.over(0.5).since_s == 0.25
+
+
+def test_silence_is_unknown_from_the_moment_that_it_was_noticed() -> None:
+    monitor = calm()
+    lost = monitor.at(0.36)
+
+    assert (lost.state, lost.since_s, lost.reason) == (
+        UNKNOWN, 0.36, REASONS["old"].say(age_s=0.36 - 0.2),
+    )  # fmt: skip
+    assert monitor.at(0.5).since_s == 0.36
+
+
+def test_the_same_moment_again_is_no_evidence() -> None:
+    monitor = StabilityMonitor(CONFIG)
+    for _ in range(9):
+        decision = monitor.push(0.9, 0.0)
+    assert decision.state is UNKNOWN
+    assert monitor.push(0.9, 0.0, now_s=0.151).reason == REASONS["old"].say(age_s=0.151)

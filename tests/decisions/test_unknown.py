@@ -1,6 +1,7 @@
 """Claims about what is called unknown: exact on closed forms, and NumPy alone."""
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -232,3 +233,45 @@ def test_what_is_stored_gives_what_was_stored():
         assert new.p_window(strange) == old.p_window(strange)
         assert new.p_contact(strange, 5) == old.p_contact(strange, 5)
     assert new.rejected == old.rejected
+
+
+def test_a_contact_shorter_than_any_known_one_is_measured_against_the_shortest():
+    stored = level_only()
+    density = replace(stored.densities[0], contacts={3: KNOWN, 5: KNOWN / 10.0})
+    test = Strangeness(replace(stored, densities=(density,)))
+
+    assert test.p_contact([9.55], 1) == pytest.approx(0.91)
+
+
+def test_a_label_for_each_strangeness_is_needed():
+    with pytest.raises(ValueError, match="zip"):
+        Strangeness(level_only()).p_contact([1.0, 2.0], 1)
+
+
+def changed(**fields: object) -> dict[str, object]:
+    return json.loads(json.dumps(unknown_to_json(level_only()))) | fields
+
+
+def with_density(**fields: object) -> dict[str, object]:
+    stored = changed()
+    stored["densities"] = [stored["densities"][0] | fields]
+    return stored
+
+
+@pytest.mark.parametrize("bad", [
+    changed(wander=[0.0]), changed(wander=[-0.5]), changed(least=[[0.0], [1.0]]),
+    changed(least=[[1.0], [-1.0]]), changed(densities=[]), changed(rejected=1.5), changed(lag=-1),
+    changed(lag=10**6 + 1), with_density(contacts={}), with_density(contacts={"0": [1.0]}),
+    with_density(contacts={"1": [1.0], "x": [1.0]}), with_density(contacts={"01": [1.0]}),
+    with_density(centres=[], log_share=[]), with_density(log_share=[0.0]),
+])  # fmt: skip
+def test_a_stored_test_that_makes_no_sense_is_refused(bad: dict[str, object]):
+    with pytest.raises(ValueError, match=r"\w"):
+        unknown_from_json(bad)
+
+
+def test_the_ends_of_the_ranges_are_read():
+    found = unknown_from_json(changed(lag=10**6, rejected=1.0))
+
+    assert (found.lag, found.rejected) == (10**6, 1.0)
+    assert unknown_from_json(changed(lag=0, rejected=0.0)).lag == 0
