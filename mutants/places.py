@@ -54,5 +54,5 @@ PLACES = {
     "splits": Place("src/taxel/evaluation/splits.py", ("tests/evaluation/test_splits.py", "tests/evaluation/test_split_details.py")),
     "decisions": Place("src/taxel/decisions/*.py", ("tests/decisions",)),
     "interlock": Place("src/taxel/actions/interlock.py", ("tests/actions/test_interlock_details.py", "tests/actions/test_interlock.py")),
-    "recovery": Place("src/taxel/recordings/recovery.py", ("tests/recordings/test_recovery.py",)),
+    "recovery": Place("src/taxel/recordings/recovery.py", ("tests/recordings/test_recovery_details.py", "tests/recordings/test_recovery.py")),
 }

@@ -145,7 +145,7 @@ def test_corrected_grasps_are_learned_in_their_order(
     found = run("adapt run --correct held-out.mcap --output corrected", capsys)
 
     assert found["grasps"] > 10
-    assert 0.0 <= found["unlearned"] <= 1.0
+    assert found["unlearned"] > 0.9  # the sessions are alike: the run as it was knows them too
     assert set(found["after"]) == {"all", "cylinder", "rectangle", "sphere"}
     assert found["measured_on"] == "the run's rehearsed grasps"
     assert Path("corrected.versions.json").exists()

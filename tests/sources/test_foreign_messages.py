@@ -389,4 +389,5 @@ def test_any_bytes_and_any_messages_at_any_time_only_give_scans_that_rise(
             last[scans.boot] = int(scans.seq[-1])
         if settled and stream.ready:
             stream.settle()
-    assert all(count >= 0 for count in stream.ledger.bad.values())
+    ends = sum(b"".join([*map(frame_of, frames), noise]).count(0) for _, frames, noise, *_ in steps)
+    assert sum(stream.ledger.bad.values()) <= ends + len(steps)

@@ -145,5 +145,4 @@ def test_any_bytes_at_all_do_no_harm(seed: int):
     for i in range(300):
         stream.feed([Chunk(i / HZ, random.choice(letters, 30).tobytes())])
     kinds = sum(stream.ledger.bad.values())
-    assert stream.ledger.scans >= 0
     assert kinds >= stream.ledger.lost

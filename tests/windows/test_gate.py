@@ -70,3 +70,21 @@ def test_a_channel_that_cannot_be_used_is_left_out_of_the_threshold():
 def test_too_few_values_for_a_threshold_are_refused():
     with pytest.raises(ValueError, match="10 usable values"):
         noise_gate(np.zeros((9, 2), np.float32), np.ones((9, 2), bool))
+
+
+def test_below_0_a_value_that_cannot_be_used_opens_no_gate_either():
+    """What is missing stands as 0 in a row, which lies above a gate of −1."""
+    values = np.array([[-2.0, np.nan], [-2.0, -0.5], [-2.0, -2.0]], np.float32)
+    flags = np.array([[0, Validity.MISSING], [0, 0], [0, 0]], np.uint8)
+    assert kept(values, -1.0, flags) == 1
+
+
+def test_saturation_is_that_of_the_worst_channel():
+    """Of four rows two are saturated in the first of three channels."""
+    values = np.ones((12, 3), np.float32)
+    flags = np.zeros((12, 3), np.uint8)
+    flags[[0, 1, 5], 0] = Validity.SATURATED
+    samples = replace(Samples.from_values(values, np.arange(12) / 100.0), validity=flags)
+    sensor = SensorInfo(name="a", channels=("x", "y", "z"), units=("V",) * 3, rate_hz=100.0)
+    config = WindowConfig(steps=4, stride=4, grid_hz=None)
+    assert cut_windows(samples, config, sensor).saturated.tolist() == [0.5, 0.25, 0.0]

@@ -38,6 +38,7 @@ def test_a_channel_that_never_changes_becomes_zero_and_not_nan():
     scaled = fit_scaling("standard", values, WHOLE, None).apply(values, WHOLE)
     np.testing.assert_array_equal(scaled[:, :, 1], 0.0)
     assert np.isfinite(scaled).all()
+    assert fit_scaling("standard", values, WHOLE, None).factor[1] == 1.0
 
 
 def test_none_changes_nothing():

@@ -11,6 +11,11 @@ from taxel.evaluation.audit.audit import audit
 from taxel.evaluation.audit.sides import named_sides
 from taxel.evaluation.audit.touch_set import TouchSet, usual_steps
 
+KNOWN_OTHERWISE = {
+    "augmented copies", "duplicates", "near-duplicates", "same session", "same object",
+}  # fmt: skip
+"""Leaks that are seen from the recordings themselves: of few copies the label need not follow."""
+
 
 @pytest.mark.parametrize("plant", PLANTS, ids=lambda plant: plant.make.__name__.strip("_"))
 def test_a_planted_leak_is_found_with_its_accuracy(
@@ -28,7 +33,8 @@ def test_a_planted_leak_is_found_with_its_accuracy(
         if one.kind in plant.kinds:
             assert one.alone is not None
             assert one.majority is not None
-            assert 0.0 <= one.alone <= 1.0
+            if one.kind not in KNOWN_OTHERWISE:
+                assert one.alone > one.majority
             assert one.mend
 
 

@@ -329,7 +329,8 @@ def test_a_member_that_does_not_fit_is_replaced_and_the_loss_is_known(base: Base
 
     assert heavy not in [one.candidate for one in less.members]
     assert sum(one.weight for one in less.members) == pytest.approx(1.0)
-    assert 0 <= less.accuracy <= 1
+    assert (whole.accuracy, less.accuracy) == (1.0, 1.0)  # the others know the kinds as well
+    assert less.loss != whole.loss
 
 
 def test_where_time_lacks_all_that_see_the_dearest_features_are_given_up(base: Base):

@@ -1,0 +1,142 @@
+"""Camera recordings and tables as data: what is read, what is refused, images one by one (0049)."""
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from taxel.errors import BadDataset
+from taxel.frame_codec import decode_jpeg, encode_jpeg
+from taxel.recordings.manifest import NO_ARRAY, Manifest
+from taxel.recordings.writer import Recorder
+from taxel.signals import CameraInfo, Frame, Mark, Samples, SensorInfo
+from taxel.windows.camera_trials import are_camera_trials, read_camera_trials
+from taxel.windows.pours import read_pour, read_pours
+
+FORCE = SensorInfo(name="force", channels=("n",), units=("N",), rate_hz=100.0)
+
+
+def picture(level: int) -> bytes:
+    return encode_jpeg(np.full((24, 32, 3), level, np.uint8))
+
+
+def record(
+    path: Path, levels: Sequence[int], names: tuple[str, ...] = ("left", "right"),
+    sensor: SensorInfo = NO_ARRAY, marked: bool = True,
+) -> Path:  # fmt: skip
+    """Write a frame of each camera 20 times a second; an array's scan is its own time."""
+    cameras = tuple(CameraInfo(name=name, width=32, height=24, rate_hz=20.0) for name in names)
+    manifest = Manifest(sensor=sensor, cameras=cameras, groups={"cup": "3"}, labels={"kind": "p"})
+    with Recorder(path, manifest) as recorder:
+        if sensor.channels:
+            time_s = np.arange(2, 60) / 100.0
+            recorder.write(Samples.from_values(time_s[:, None], time_s))
+        for number, level in enumerate(levels):
+            for camera in range(len(names)):
+                recorder.frame(Frame(
+                    camera=camera, jpeg=picture(level + camera), counter=number,
+                    device_s=float("nan"), arrival_s=number / 20, fitted_s=number / 20,
+                ))  # fmt: skip
+        if marked:
+            recorder.mark(Mark(start_s=0.0, end_s=9.0, labels={"kind": "q"}, groups={"cup": "4"}))
+    return path
+
+
+LEVELS = [50, 50, 90, 90, 90, 20, 20, 50, 130, 130, 170, 10]
+
+
+def test_equal_images_are_counted_once_and_the_latest_scan_stands_beside(tmp_path: Path):
+    pour = read_pour(record(tmp_path / "a.mcap", LEVELS, sensor=FORCE))
+
+    assert (len(pour), pour.name, pour.images) == (12, "a", 2 * 6)
+    assert pour.image[:, 0].tolist() == [0, 0, 2, 2, 2, 4, 4, 0, 6, 6, 8, 10]
+    assert pour.image[:, 1].tolist() == [1, 1, 3, 3, 3, 5, 5, 1, 7, 7, 9, 11]
+    np.testing.assert_allclose(pour.time_s, np.arange(12) / 20, atol=1e-9)
+    latest = np.clip(np.arange(12) * 0.05, 0.02, 0.59)
+    np.testing.assert_allclose(pour.beside[:, 0], latest, atol=1e-6)
+    assert (pour.groups["cup"], pour.labels["kind"]) == ("4", "q")
+
+
+def test_without_an_array_nothing_stands_beside_and_without_a_mark_the_whole_is_the_trial(
+    tmp_path: Path,
+):
+    pour = read_pour(record(tmp_path / "a.mcap", LEVELS, marked=False))
+
+    assert pour.beside.shape == (12, 0)
+    assert (pour.groups["cup"], pour.labels["kind"]) == ("3", "p")
+
+
+def test_too_short_a_recording_and_unlike_ones_are_refused(tmp_path: Path):
+    record(tmp_path / "short.mcap", LEVELS[:11])
+    with pytest.raises(BadDataset, match="at least 12 moments.*11 in"):
+        read_pours(tmp_path)
+    (tmp_path / "short.mcap").unlink()
+    record(tmp_path / "one.mcap", LEVELS, names=("left",))
+    record(tmp_path / "whole.mcap", LEVELS)
+    for read in (read_pours, read_camera_trials):
+        with pytest.raises(BadDataset, match="some with 1 and some with 2"):
+            read(tmp_path)
+
+
+def test_a_trial_s_images_are_those_of_its_recording(tmp_path: Path):
+    record(tmp_path / "a.mcap", LEVELS)
+    (trial,) = read_camera_trials(tmp_path)
+    cameras = read_pour(tmp_path / "a.mcap").cameras
+
+    assert (trial.frames, trial.width, trial.height, trial.rate_hz) == (12, 32, 24, 20.0)
+    for camera in (0, 1):
+        found = list(trial.read(camera))
+        assert len(found) == 12
+        for level, image in zip(LEVELS, found, strict=True):
+            expected = decode_jpeg(picture(level + camera), cameras[camera])
+            np.testing.assert_array_equal(image, expected)
+    some = trial.images(1, [2, 7])
+    assert sorted(some) == [2, 7]
+    assert abs(int(some[7].mean()) - 51) <= 1
+
+
+def table(folder: Path, *lines: str) -> Path:
+    path = folder / "trials.csv"
+    path.write_text("\n".join(lines) + "\n")
+    return path
+
+
+def test_what_holds_camera_trials_is_told_by_its_first_file(tmp_path: Path):
+    (tmp_path / "cups").mkdir()
+    (tmp_path / "arrays").mkdir()
+    (tmp_path / "empty").mkdir()
+    record(tmp_path / "cups" / "a.mcap", LEVELS)
+    with Recorder(tmp_path / "arrays" / "a.mcap", Manifest(sensor=FORCE)) as recorder:
+        recorder.write(Samples.from_values(np.zeros((5, 1)), np.arange(5) / 100.0))
+
+    assert are_camera_trials(tmp_path / "cups")
+    assert are_camera_trials(table(tmp_path, "left,right,label:kind"))
+    assert not are_camera_trials(table(tmp_path, "file,label:kind"))
+    assert not are_camera_trials(tmp_path / "arrays")
+    assert not are_camera_trials(tmp_path / "empty")
+    assert not are_camera_trials(tmp_path / "gone.csv")
+    assert not are_camera_trials(tmp_path / "gone")
+
+
+def frames_of(folder: Path, name: str, levels: Sequence[int]) -> str:
+    (folder / name).mkdir()
+    for number, level in enumerate(levels):
+        (folder / name / f"{number:03d}.jpg").write_bytes(picture(level))
+    return name
+
+
+def test_a_table_names_folders_of_images(tmp_path: Path):
+    left, right = frames_of(tmp_path, "l", LEVELS), frames_of(tmp_path, "r", LEVELS[::-1])
+    path = table(tmp_path, "left,right,label:kind,rate", f"{left},{right},ball,25")
+    (trial,) = read_camera_trials(path)
+
+    assert (trial.cameras, trial.frames, trial.rate_hz) == (("left", "right"), 12, 25.0)
+    assert trial.labels == {"kind": "ball"}
+    means = [round(float(image.mean())) for image in trial.read(1)]
+    np.testing.assert_allclose(means, LEVELS[::-1], atol=1)
+    other = frames_of(tmp_path, "other", LEVELS)
+    mixed = table(tmp_path, "camera:a,camera:b,label:kind,rate", f"{left},{right},ball,25",
+                  f"{other},,ball,25")  # fmt: skip
+    with pytest.raises(ValueError, match="camera"):
+        read_camera_trials(mixed)
