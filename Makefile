@@ -4,7 +4,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 INSTALLED := $(VENV)/.installed-dev
 
-.PHONY: demo test check lint types imports size examples bench docs dist try-wheel licences sbom clean
+.PHONY: demo test check lint types imports size examples bench docs dist try-wheel licences sbom mutants coverage clean
 
 $(INSTALLED): pyproject.toml constraints-cpu.txt
 	test -x $(BIN)/python || $(PYTHON) -m venv $(VENV)
@@ -20,8 +20,8 @@ test: $(INSTALLED)
 check: lint types imports test examples
 
 lint: $(INSTALLED)
-	$(BIN)/ruff check src tests examples supply website
-	$(BIN)/ruff format --check src tests examples supply website
+	$(BIN)/ruff check src tests examples supply website mutants
+	$(BIN)/ruff format --check src tests examples supply website mutants
 
 types: $(INSTALLED)
 	$(BIN)/mypy
@@ -72,5 +72,16 @@ try-wheel: dist
 bench: $(INSTALLED)
 	$(BIN)/taxel bench teng
 
+# Mutation testing of six places, an hour at most, not in CI. The tool that draws the mutants stands
+# in an environment of its own: it brings 25 distributions that nothing else needs.
+mutants: $(INSTALLED)
+	test -x $(VENV)-mutants/bin/cosmic-ray || $(PYTHON) -m venv $(VENV)-mutants
+	$(VENV)-mutants/bin/pip install --quiet --disable-pip-version-check 'cosmic-ray>=8.4,<9'
+	OMP_NUM_THREADS=1 $(BIN)/python -m mutants --store
+
+# Branches taken in the same places, the camera's path and the station.
+coverage: $(INSTALLED)
+	OMP_NUM_THREADS=1 $(BIN)/python -m mutants.branches --store
+
 clean:
-	rm -rf $(VENV) $(VENV)-sbom $(VENV)-dist $(VENV)-wheel dist build demo runs
+	rm -rf $(VENV) $(VENV)-mutants $(VENV)-sbom $(VENV)-dist $(VENV)-wheel dist build demo runs

@@ -1,8 +1,7 @@
 """Try the mutants of some places, or of all: `python -m mutants [PLACE …]`.
 
 A mutant that was tried is not tried again, unless it survived and its tests have changed since;
-`rm -r build/mutants` begins anew. `--store` writes the figures to `mutants/stored.json` and the
-page. Programs started by tests and the driver's rules: docs/decisions/0049.
+`rm -r build/mutants` begins anew. The driver's rules: docs/decisions/0049.
 """
 
 from __future__ import annotations
@@ -18,9 +17,9 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-from mutants.places import PLACES, ROOT, WORK, Place
+from mutants.places import PLACES, ROOT, WORK, Place, key_of
+from mutants.stored import store_mutants
 from mutants.trial import Limits, Running, baseline, start, verdict
-from mutants.stored import store
 
 _TOOL = ROOT / ".venv-mutants" / "bin" / "python"
 _SLACK_CPU, _SLACK_WALL = 4.0, 20.0
@@ -33,13 +32,15 @@ def main() -> None:
     parser.add_argument("places", nargs="*", choices=[*PLACES, []], help="default: all")
     parser.add_argument("--jobs", type=int, default=2, help="mutants at a time, default 2")
     parser.add_argument("--store", action="store_true", help="store the figures and the page")
-    parser.add_argument("--draw", action="store_true", help="draw anew; needed after a change of src")
+    parser.add_argument(
+        "--draw", action="store_true", help="draw anew; needed after a change of src"
+    )
     options = parser.parse_args()
     for name in options.places or PLACES:
         _draw(name)
         _in_own_process(name, options.jobs)
     if options.store:
-        store()
+        store_mutants()
 
 
 def _draw(name: str) -> None:
@@ -120,11 +121,6 @@ def _report(name: str, drawn: list[dict[str, Any]], known: dict[str, dict[str, A
 def _open(found: dict[str, Any] | None, tests: str) -> bool:
     """True for a mutant that must be tried: new, or a survivor of other tests."""
     return found is None or (found["verdict"] == "survived" and found["tests"] != tests)
-
-
-def key_of(mutant: dict[str, Any]) -> str:
-    """Return what names a mutant: its file and its whole mutated source."""
-    return hashlib.sha256(f"{mutant['file']}\n{mutant['source']}".encode()).hexdigest()
 
 
 def tests_digest(place: Place) -> str:

@@ -1,4 +1,4 @@
-"""Draw mutants with cosmic-ray's operators: `python -m mutants.draw PLACE`, in the tool's environment.
+"""Draw mutants with cosmic-ray's operators: `python -m mutants.draw PLACE`, in its environment.
 
 Left out are changes that leave the program as it is: within annotations, which are never
 evaluated, within `frozen`, `slots` and `kw_only` of a dataclass, which mypy watches, and those that
@@ -69,11 +69,12 @@ def _spots(source: str) -> Iterator[tuple[str, int, object]]:
 
 def _swaps_identity(operator: str) -> bool:
     """True where `==` and `is` change places: the same for None, members and small numbers."""
-    _, _, words = operator.partition("Comparison")
-    _, before, after = (words.split("_") + ["", ""])[:3]
-    return after in {"Is", "IsNot"} - ({"IsNot"} if before == "Is" else set()) - (
-        {"Is"} if before == "IsNot" else set()
-    ) or (before, after) in {("Is", "Eq"), ("IsNot", "NotEq")}
+    _, _, words = operator.partition("Operator_")
+    before, _, after = words.partition("_")
+    identity = {"Is": "IsNot", "IsNot": "Is"}
+    if before in identity:
+        return after == {"Is": "Eq", "IsNot": "NotEq"}[before]
+    return after in identity
 
 
 def _mutant(path: Path, operator: str, nth: int) -> dict[str, object] | None:

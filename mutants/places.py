@@ -5,6 +5,8 @@ Why these places, these operators and this driver: docs/decisions/0049.
 
 from __future__ import annotations
 
+import hashlib
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -38,8 +40,8 @@ class Place:
     def test_files(self) -> list[Path]:
         """Return the test files, folders opened."""
         paths = [ROOT / name for name in self.tests]
-        return [file for path in paths
-                for file in (sorted(path.glob("test_*.py")) if path.is_dir() else [path])]  # fmt: skip
+        opened = (sorted(path.glob("test_*.py")) if path.is_dir() else [path] for path in paths)
+        return [file for files in opened for file in files]
 
     def tests_for(self, source: Path) -> list[str]:
         """Return the test files, those named after a source first: most mutants end there."""
@@ -51,8 +53,22 @@ class Place:
 PLACES = {
     "wire": Place("src/taxel/wire/*.py", ("tests/wire",)),
     "windows": Place("src/taxel/windows/*.py", ("tests/windows",)),
-    "splits": Place("src/taxel/evaluation/splits.py", ("tests/evaluation/test_splits.py", "tests/evaluation/test_split_details.py")),
+    "splits": Place(
+        "src/taxel/evaluation/splits.py",
+        ("tests/evaluation/test_splits.py", "tests/evaluation/test_split_details.py"),
+    ),
     "decisions": Place("src/taxel/decisions/*.py", ("tests/decisions",)),
-    "interlock": Place("src/taxel/actions/interlock.py", ("tests/actions/test_interlock_details.py", "tests/actions/test_interlock.py")),
-    "recovery": Place("src/taxel/recordings/recovery.py", ("tests/recordings/test_recovery_details.py", "tests/recordings/test_recovery.py")),
+    "interlock": Place(
+        "src/taxel/actions/interlock.py",
+        ("tests/actions/test_interlock_details.py", "tests/actions/test_interlock.py"),
+    ),
+    "recovery": Place(
+        "src/taxel/recordings/recovery.py",
+        ("tests/recordings/test_recovery_details.py", "tests/recordings/test_recovery.py"),
+    ),
 }
+
+
+def key_of(mutant: Mapping[str, str]) -> str:
+    """Return what names a mutant: its file and its whole mutated source."""
+    return hashlib.sha256(f"{mutant['file']}\n{mutant['source']}".encode()).hexdigest()

@@ -29,6 +29,7 @@ from mutants.places import ROOT
 
 _OPTIONS = ("-x", "-q", "--no-header", "-p", "no:cacheprovider", "-p", "no:xdist", "--assert=plain",
             "--hypothesis-seed=0")  # fmt: skip
+_OUT_OF_TIME = (signal.SIGXCPU, signal.SIGKILL)
 _BROKEN = 99
 """Exit status of a child that could not run pytest at all."""
 _MEMORY = 12 * 1024**3
@@ -66,7 +67,7 @@ class _Finder(importlib.abc.MetaPathFinder):
     def __init__(self, module: str, path: Path, source: str) -> None:
         self._module, self._path, self._source = module, path, source
 
-    def find_spec(self, fullname: str, path: object = None, target: object = None):  # type: ignore[no-untyped-def]  # noqa: ANN201
+    def find_spec(self, fullname: str, path: object = None, target: object = None):  # type: ignore[no-untyped-def]
         if fullname != self._module:
             return None
         loader = _Loader(fullname, str(self._path), self._source)
@@ -116,7 +117,7 @@ def verdict(running: Running, limits: Limits) -> str | None:
     pid, status = os.waitpid(running.pid, os.WNOHANG)
     if pid == 0 and time.monotonic() - running.started_s < limits.wall_s:
         return None
-    if pid == 0 or os.WIFSIGNALED(status) and os.WTERMSIG(status) in (signal.SIGXCPU, signal.SIGKILL):
+    if pid == 0 or (os.WIFSIGNALED(status) and os.WTERMSIG(status) in _OUT_OF_TIME):
         _end(running.pid, waited=pid != 0)
         return "endless"
     if os.WIFEXITED(status) and os.WEXITSTATUS(status) == _BROKEN:
@@ -129,10 +130,8 @@ def _module(path: Path) -> str:
 
 
 def _end(pid: int, *, waited: bool) -> None:
-    try:
+    with contextlib.suppress(ProcessLookupError):
         os.killpg(pid, signal.SIGKILL)
-    except ProcessLookupError:
-        pass
     if not waited:
         os.waitpid(pid, 0)
 
@@ -161,7 +160,9 @@ def _run(
 
 def _libraries() -> list[str]:
     """Return the loaded modules that belong neither to taxel nor to its tests."""
+
     def foreign(name: str) -> bool:
         file = getattr(sys.modules[name], "__file__", None) or ""
         return "site-packages" in file and "taxel" not in name
+
     return [name for name in sorted(sys.modules) if foreign(name)]

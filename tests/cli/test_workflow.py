@@ -3,6 +3,7 @@
 import json
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from taxel.cli.main import main
@@ -27,7 +28,10 @@ def test_from_nothing_to_a_replayed_decision(
 
     assert [row["session"] for row in simulated] == ["session-1", "session-2", "session-3"]
     assert trained["parameters"] == 5987
-    assert trained["accuracy"]["session held out"] == trained["accuracy"]["session held out"]
+    confusion = np.array(trained["result"]["scores"]["confusion"])
+    accuracy = trained["accuracy"]["session held out"]
+    assert accuracy == pytest.approx(np.trace(confusion) / confusion.sum())
+    assert trained["result"]["windows"] == confusion.sum() > 100
     assert bundled["parity"] < 1e-5
     assert live["windows"] > 3
     assert replayed["windows"] > 3

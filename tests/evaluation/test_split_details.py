@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator
 from dataclasses import replace
+from typing import ClassVar
 
 import numpy as np
 import pytest
@@ -43,7 +44,7 @@ def test_more_groups_than_folds_are_dealt_out_by_the_seed() -> None:
 class Dealer:
     """In place of scikit-learn's splitter: deals hands that are no good, and keeps the seeds."""
 
-    seeds: list[int] = []
+    seeds: ClassVar[list[int]] = []
 
     def __init__(self, folds: int, *, shuffle: bool, random_state: int) -> None:
         assert shuffle
@@ -125,7 +126,7 @@ def test_a_class_needs_as_many_windows_as_folds(windows: int, fine: bool) -> Non
     if fine:
         assert len(random_windows(dataset, "shape", 4, seed=0, test=0.0).folds) == 4
         return
-    with pytest.raises(BadSplit, match="at least 4 windows of each class.*3 of 'c1'"):
+    with pytest.raises(BadSplit, match=r"at least 4 windows of each class.*3 of 'c1'"):
         random_windows(dataset, "shape", 4, seed=0, test=0.0)
 
 

@@ -69,7 +69,7 @@ def test_without_an_array_nothing_stands_beside_and_without_a_mark_the_whole_is_
 
 def test_too_short_a_recording_and_unlike_ones_are_refused(tmp_path: Path):
     record(tmp_path / "short.mcap", LEVELS[:11])
-    with pytest.raises(BadDataset, match="at least 12 moments.*11 in"):
+    with pytest.raises(BadDataset, match=r"at least 12 moments.*11 in"):
         read_pours(tmp_path)
     (tmp_path / "short.mcap").unlink()
     record(tmp_path / "one.mcap", LEVELS, names=("left",))
@@ -81,7 +81,8 @@ def test_too_short_a_recording_and_unlike_ones_are_refused(tmp_path: Path):
 
 def test_a_trial_s_images_are_those_of_its_recording(tmp_path: Path):
     record(tmp_path / "a.mcap", LEVELS)
-    (trial,) = read_camera_trials(tmp_path)
+    (trial,) = read_camera_trials(tmp_path / "a.mcap")
+    assert [own.digest for own in read_camera_trials(tmp_path)] == [trial.digest]
     cameras = read_pour(tmp_path / "a.mcap").cameras
 
     assert (trial.frames, trial.width, trial.height, trial.rate_hz) == (12, 32, 24, 20.0)

@@ -87,6 +87,16 @@ def test_an_edge_is_told_by_its_direction_and_its_place(upright: bool, sector: i
     assert edges[0, 3].sum() == pytest.approx(edges.sum())
 
 
+@pytest.mark.parametrize("place", range(12))
+def test_edges_are_counted_in_their_own_place(place: int):
+    row, column = divmod(place, 4)
+    grey = np.zeros((120, 160), np.uint8)
+    grey[40 * row + 10 : 40 * row + 30, 40 * column + 10 : 40 * column + 30] = 255
+    strength = trial_crops._edges(grey).reshape(12, 8).sum(axis=1)
+
+    assert np.flatnonzero(strength).tolist() == [place]
+
+
 def test_stills_are_the_first_the_middle_and_the_last_frame_and_how_they_differ():
     scene = Scene([plain(10 * n) for n in range(10)], 25.0, 0.065)
     looks = FAMILIES["stills"].look(scene)

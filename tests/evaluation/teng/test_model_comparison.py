@@ -191,7 +191,7 @@ def test_rows_name_their_split_and_have_no_goal(compared, cleaned, monkeypatch) 
     rows = audit_models.model_rows() + audit_models.cleaning_rows()
     results, trivial, _ = compared
 
-    assert [row.value for row in rows[:4]] == [own.pooled.accuracy for own in results]
+    assert [row.value for row in rows[:4]] == [own.pooled.scores.accuracy for own in results]
     assert [row.value for row in rows[4:6]] == [max(own.accuracies.values()) for own in trivial]
     assert [row.value for row in rows[6:9]] == [own.accuracy for own in cleaned[0]]
     assert len(rows) == 4 + 2 + 3 + 1

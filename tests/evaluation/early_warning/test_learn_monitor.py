@@ -13,17 +13,17 @@ import pytest
 
 from taxel.decisions.stability import StabilityConfig
 from taxel.errors import BadDataset
-from taxel.evaluation import transition_tables
-from taxel.evaluation.grasp_warnings import (
+from taxel.evaluation.early_warning.grasp_warnings import (
     INNER_FOLDS,
     folds_within,
     split_by_folder,
     warn_on_unseen_cups,
     warn_trivially,
 )
-from taxel.evaluation.learn_monitor import learn_monitor
-from taxel.evaluation.transition_data import PourSet
-from taxel.evaluation.transition_tables import measure_rows, plan_rows, trivial_rows
+from taxel.evaluation.early_warning.learn_monitor import learn_monitor
+from taxel.evaluation.transitions import tables
+from taxel.evaluation.transitions.data import PourSet
+from taxel.evaluation.transitions.tables import measure_rows, plan_rows, trivial_rows
 from taxel.labels.slip import label_truth
 from taxel.signals import CameraInfo, SensorInfo
 from taxel.sim.pour_state import TRUTH_CHANNELS, TRUTH_UNITS
@@ -35,9 +35,7 @@ FRAMES, SEEN, GROSS = 100, 50, 60
 """At 60 Hz; the frames from which a slip can be seen, and is gross."""
 CUPS = 3
 CAMERA = CameraInfo(name="left", width=320, height=240, rate_hz=60.0)
-CONFIG = HeadConfig(
-    frames=8, epochs=6, stride=2, batch=8, learning_rate=0.02, ahead=GROSS - SEEN
-)
+CONFIG = HeadConfig(frames=8, epochs=6, stride=2, batch=8, learning_rate=0.02, ahead=GROSS - SEEN)
 """Labels run ahead by as much as a slip can be seen before it is gross."""
 
 
@@ -184,9 +182,7 @@ def test_a_test_folder_shares_no_cup_with_what_is_learned_from() -> None:
 
 def test_a_table_s_row_holds_out_the_last_cup_and_then_each(monkeypatch) -> None:
     """Every cup shows its slip alike but the last, whose row is the paper's single split."""
-    monkeypatch.setattr(
-        transition_tables, "side_by_side", partial(transition_tables.side_by_side, workers=1)
-    )
+    monkeypatch.setattr(tables, "side_by_side", partial(tables.side_by_side, workers=1))
     data = pours_of(3)
     features = features_of(data, shared=True)
     features[4] = features[5]  # nothing to be seen of its slip
@@ -211,7 +207,7 @@ def test_a_table_s_row_holds_out_the_last_cup_and_then_each(monkeypatch) -> None
 
 
 def test_trivial_answers_stand_beside_a_table() -> None:
-    """The number of the frame tells a slip that always comes at the same frame; a class does not."""
+    """The frame's number predicts a slip that always comes at the same frame; a class does not."""
     data = pours_of(3)
     slipping = replace(data, pours=data.pours[::2], labels=data.labels[::2],
                        signals=data.signals[::2])  # fmt: skip
