@@ -1,0 +1,70 @@
+"""The demo's main path, on a tenth of its scans and one epoch of its table."""
+
+import io
+import json
+from contextlib import redirect_stdout
+from functools import partial
+from pathlib import Path
+
+import pytest
+
+from taxel.cli.demo import Demo
+from taxel.cli.main import main
+from taxel.errors import BadInput
+from taxel.evaluation.teng import table_4_1
+from taxel.training.loop import TrainConfig
+
+
+@pytest.mark.slow
+def test_the_demo_leaves_a_report_recordings_and_recognisers_that_run(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(
+        table_4_1, "TengTableConfig",
+        partial(table_4_1.TengTableConfig, train=TrainConfig(epochs=1), workers=1),
+    )  # fmt: skip
+    monkeypatch.chdir(tmp_path)
+    main("demo --output out --scans-per-class 16000 --live-seconds 12 --seconds 0".split())
+    text = capsys.readouterr().out
+
+    steps = [line[0] for line in text.splitlines() if line[1:3] == ". " and " · " in line]
+    assert steps == ["1", "2", "3", "4", "5"]
+    for split in ("random windows (leaks)", "session held out"):
+        for task in ("shape", "material"):
+            assert f"Table 4.1 · {task} · preset honest · split: {split}" in text
+    assert "today's channel gain is" in text
+    assert "Table 4.1" in Path("out/report.html").read_text()
+    names = sorted(path.name for path in Path("out/honest").glob("*.mcap"))
+    assert names == [f"session-{number}.mcap" for number in range(1, 7)]
+    for task, answers in (("shape", {"sphere", "cylinder", "rectangle"}),
+                          ("material", {"glass", "silicone", "wood"})):  # fmt: skip
+        with redirect_stdout(io.StringIO()) as out:
+            main(["live", f"out/{task}.taxel", "sim://teng?seed=1&rate_hz=500&speed=max",
+                  "--seconds", "6", "--json"])  # fmt: skip
+        (found,) = json.loads(out.getvalue())
+        assert found["windows"] > 3
+        assert set(found["answers"]) <= answers | {"UNKNOWN"}
+
+
+def test_a_folder_that_holds_something_else_is_left_as_it_is(tmp_path: Path) -> None:
+    (tmp_path / "precious").write_text("mine")
+    with pytest.raises(BadInput, match="an earlier demo's"):
+        Demo(output=tmp_path).run()
+    assert (tmp_path / "precious").read_text() == "mine"
+
+
+def test_an_earlier_demo_s_folder_is_replaced(tmp_path: Path) -> None:
+    old = Demo(output=tmp_path / "demo")
+    old._clear()
+    (tmp_path / "demo" / "report.html").write_text("old")
+    old._clear()
+    assert [path.name for path in (tmp_path / "demo").iterdir()] == ["made-by-taxel-demo"]
+
+
+@pytest.mark.parametrize("seconds", [-1.0, float("nan")])
+def test_a_page_for_less_than_no_time_is_refused_before_anything_is_written(
+    seconds: float, tmp_path: Path
+) -> None:
+    with pytest.raises(BadInput, match="--seconds of at least 0"):
+        Demo(output=tmp_path / "demo", seconds=seconds).run()
+    assert not (tmp_path / "demo").exists()
