@@ -153,3 +153,29 @@ def test_the_alarm_is_raised_for_the_cup_that_falls_and_for_no_still_one(
             continue
         assert found["alarms"] == 1
         assert truth["start_s"] < grasp["first_alarm_s"] < truth["gross_slip_s"] + 0.3
+
+
+def test_a_person_reads_each_change_of_state_and_what_came_of_the_grasp(
+    world: World, learnt: Learnt
+) -> None:
+    with redirect_stdout(io.StringIO()) as out:
+        main(["live", str(learnt.path), f"replay://{world.recording(FALLS)}?speed=max"])
+    text = out.getvalue()
+    words = [line.split()[2] for line in text.splitlines() if " s  " in line and "P(" in line]
+
+    assert words[0] == "UNKNOWN"
+    assert "STABLE" in words
+    assert words[-1] in ("WARNING", "UNSTABLE")
+    assert "180 moments: " in text
+    assert "; 1 alarms" in text
+    assert f"  {FALLS}: drop, first alarm after " in text
+    assert "frames to decision: median " in text
+
+
+def test_a_person_reads_that_nothing_was_warned_of(world: World, learnt: Learnt) -> None:
+    with redirect_stdout(io.StringIO()) as out:
+        main(["live", str(learnt.path), f"replay://{world.recording(STILL)}?speed=max", "--quiet"])
+    text = out.getvalue()
+
+    assert "P(" not in text
+    assert f"  {STILL}: hold, no alarm" in text

@@ -24,7 +24,19 @@ def test_the_demo_leaves_a_report_recordings_and_recognisers_that_run(
         partial(table_4_1.TengTableConfig, train=TrainConfig(epochs=1), workers=1),
     )  # fmt: skip
     monkeypatch.chdir(tmp_path)
-    main("demo --output out --scans-per-class 16000 --live-seconds 12 --seconds 0".split())
+    main(
+        [
+            "demo",
+            "--output",
+            "out",
+            "--scans-per-class",
+            "30000",
+            "--live-seconds",
+            "12",
+            "--seconds",
+            "0",
+        ]
+    )
     text = capsys.readouterr().out
 
     steps = [line[0] for line in text.splitlines() if line[1:3] == ". " and " · " in line]

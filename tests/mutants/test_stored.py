@@ -6,7 +6,6 @@ from importlib.util import find_spec
 from typing import Any
 
 import pytest
-
 from mutants.places import GOAL, PLACES, ROOT, STORED, key_of
 from mutants.stored import explained, page
 
