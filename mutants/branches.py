@@ -35,6 +35,7 @@ PARTS = {name: (place.sources,) for name, place in PLACES.items()} | {
 """Part → globs of its files, from the repository's root."""
 TESTS = (
     "tests/cli/test_camera_path.py", "tests/evaluation/early_warning", "tests/live",
+    "tests/cli/test_live_station.py",
     "tests/evaluation/transitions", "tests/training/test_features_and_heads.py",
 )  # fmt: skip
 """What guards the camera's path and the station, beside the places' own tests."""
