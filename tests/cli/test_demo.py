@@ -12,6 +12,7 @@ from taxel.cli.demo import Demo
 from taxel.cli.main import main
 from taxel.errors import BadInput
 from taxel.evaluation.teng import table_4_1
+from taxel.sim.teng_constants import MATERIALS, SHAPES
 from taxel.training.loop import TrainConfig
 
 
@@ -24,19 +25,8 @@ def test_the_demo_leaves_a_report_recordings_and_recognisers_that_run(
         partial(table_4_1.TengTableConfig, train=TrainConfig(epochs=1), workers=1),
     )  # fmt: skip
     monkeypatch.chdir(tmp_path)
-    main(
-        [
-            "demo",
-            "--output",
-            "out",
-            "--scans-per-class",
-            "30000",
-            "--live-seconds",
-            "12",
-            "--seconds",
-            "0",
-        ]
-    )
+    words = "demo --output out --scans-per-class 30000 --live-seconds 12 --seconds 0"
+    main(words.split())
     text = capsys.readouterr().out
     flat = " ".join(text.split())
 
@@ -49,8 +39,8 @@ def test_the_demo_leaves_a_report_recordings_and_recognisers_that_run(
     assert "Table 4.1" in Path("out/report.html").read_text()
     names = sorted(path.name for path in Path("out/honest").glob("*.mcap"))
     assert names == [f"session-{number}.mcap" for number in range(1, 7)]
-    for task, answers in (("shape", {"sphere", "cylinder", "rectangle"}),
-                          ("material", {"glass", "silicone", "wood"})):  # fmt: skip
+    for task, answers in (("shape", set(SHAPES)),
+                          ("material", set(MATERIALS))):  # fmt: skip
         with redirect_stdout(io.StringIO()) as out:
             main(["live", f"out/{task}.taxel", "sim://teng?seed=1&rate_hz=500&speed=max",
                   "--seconds", "6", "--json"])  # fmt: skip
