@@ -22,7 +22,7 @@ from taxel.live.grasp_session import run_grasp_session
 from taxel.sources.opening import open_source
 from taxel.training.extractors import SlipExtractor, open_backbone
 from taxel.training.features import extract
-from taxel.windows.pours import Pour, read_pour
+from taxel.windows.camera_recordings import CameraRecording, read_camera_recording
 from taxel.windows.rest import SETTLE, seen, settled
 from taxel.windows.sequence import sequence_windows
 
@@ -105,7 +105,7 @@ def test_the_bundle_says_what_it_was_trained_on_and_what_it_is_worth(learnt: Lea
         assert contract.measured["AUC"] > 0.6  # what the surface does is seen from two cups alone
 
 
-def offline(learnt: Learnt, pour: Pour, cache: Path) -> np.ndarray:
+def offline(learnt: Learnt, pour: CameraRecording, cache: Path) -> np.ndarray:
     """Return the probability at each window's end, from features of the whole recording."""
     extractor = SlipExtractor(SETTLE) if learnt.features == "gel" else open_backbone("edge")
     (found,) = extract([pour], extractor, cache)
@@ -122,7 +122,7 @@ def test_a_replay_gives_what_was_computed_offline(
     world: World, learnt: Learnt, name: str, tmp_path: Path
 ) -> None:
     """Probabilities frame by frame and the states that follow, decoded and paired anew."""
-    pour = read_pour(world.recording(name))
+    pour = read_camera_recording(world.recording(name))
     answers: list[GraspAnswer] = []
     with open_source(f"replay://{pour.path}?speed=max") as source:
         run_grasp_session(source, learnt.bundle, on_answer=lambda a, _: answers.append(a))

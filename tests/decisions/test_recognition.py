@@ -109,10 +109,8 @@ def test_the_share_that_is_missing_is_told() -> None:
 
 
 def test_values_that_were_filled_in_count_as_usable_and_are_told() -> None:
-    found = decide(
-        np.array([0.2, 0.8], np.float32), 0.75, 0.0, (3.0, 4.0), CLASSES, RecogniseConfig(),
-        filled=0.25,
-    )  # fmt: skip
+    quality = Quality(usable=0.75, span_s=(3.0, 4.0), filled=0.25)
+    found = decide(np.array([0.2, 0.8], np.float32), quality, CLASSES, RecogniseConfig())
 
     assert (found.label, found.filled, found.start_s, found.end_s) == ("b", 0.25, 3.0, 4.0)
     assert answer([0.2, 0.8]).filled == 0.0

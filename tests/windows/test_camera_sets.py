@@ -11,8 +11,8 @@ from taxel.frame_codec import decode_jpeg, encode_jpeg
 from taxel.recordings.manifest import NO_ARRAY, Manifest
 from taxel.recordings.writer import Recorder
 from taxel.signals import CameraInfo, Frame, Mark, Samples, SensorInfo
+from taxel.windows.camera_recordings import read_camera_recording, read_camera_recordings
 from taxel.windows.camera_trials import are_camera_trials, read_camera_trials
-from taxel.windows.pours import read_pour, read_pours
 
 FORCE = SensorInfo(name="force", channels=("n",), units=("N",), rate_hz=100.0)
 
@@ -47,7 +47,7 @@ LEVELS = [50, 50, 90, 90, 90, 20, 20, 50, 130, 130, 170, 10]
 
 
 def test_equal_images_are_counted_once_and_the_latest_scan_stands_beside(tmp_path: Path):
-    pour = read_pour(record(tmp_path / "a.mcap", LEVELS, sensor=FORCE))
+    pour = read_camera_recording(record(tmp_path / "a.mcap", LEVELS, sensor=FORCE))
 
     assert (len(pour), pour.name, pour.images) == (12, "a", 2 * 6)
     assert pour.image[:, 0].tolist() == [0, 0, 2, 2, 2, 4, 4, 0, 6, 6, 8, 10]
@@ -61,7 +61,7 @@ def test_equal_images_are_counted_once_and_the_latest_scan_stands_beside(tmp_pat
 def test_without_an_array_nothing_stands_beside_and_without_a_mark_the_whole_is_the_trial(
     tmp_path: Path,
 ):
-    pour = read_pour(record(tmp_path / "a.mcap", LEVELS, marked=False))
+    pour = read_camera_recording(record(tmp_path / "a.mcap", LEVELS, marked=False))
 
     assert pour.beside.shape == (12, 0)
     assert (pour.groups["cup"], pour.labels["kind"]) == ("3", "p")
@@ -70,11 +70,11 @@ def test_without_an_array_nothing_stands_beside_and_without_a_mark_the_whole_is_
 def test_too_short_a_recording_and_unlike_ones_are_refused(tmp_path: Path):
     record(tmp_path / "short.mcap", LEVELS[:11])
     with pytest.raises(BadDataset, match=r"at least 12 moments.*11 in"):
-        read_pours(tmp_path)
+        read_camera_recordings(tmp_path)
     (tmp_path / "short.mcap").unlink()
     record(tmp_path / "one.mcap", LEVELS, names=("left",))
     record(tmp_path / "whole.mcap", LEVELS)
-    for read in (read_pours, read_camera_trials):
+    for read in (read_camera_recordings, read_camera_trials):
         with pytest.raises(BadDataset, match="some with 1 and some with 2"):
             read(tmp_path)
 
@@ -83,7 +83,7 @@ def test_a_trial_s_images_are_those_of_its_recording(tmp_path: Path):
     record(tmp_path / "a.mcap", LEVELS)
     (trial,) = read_camera_trials(tmp_path / "a.mcap")
     assert [own.digest for own in read_camera_trials(tmp_path)] == [trial.digest]
-    cameras = read_pour(tmp_path / "a.mcap").cameras
+    cameras = read_camera_recording(tmp_path / "a.mcap").cameras
 
     assert (trial.frames, trial.width, trial.height, trial.rate_hz) == (12, 32, 24, 20.0)
     for camera in (0, 1):

@@ -22,14 +22,14 @@ from taxel.evaluation.early_warning.grasp_warnings import (
 )
 from taxel.evaluation.early_warning.learn_monitor import learn_monitor
 from taxel.evaluation.transitions import tables
-from taxel.evaluation.transitions.data import PourSet
+from taxel.evaluation.transitions.data import CameraSet
 from taxel.evaluation.transitions.tables import measure_rows, plan_rows, trivial_rows
 from taxel.labels.slip import label_truth
 from taxel.signals import CameraInfo, SensorInfo
 from taxel.sim.pour_state import TRUTH_CHANNELS, TRUTH_UNITS
 from taxel.training.features import FrameFeatures
 from taxel.training.heads import HeadConfig
-from taxel.windows.pours import Pour
+from taxel.windows.camera_recordings import CameraRecording
 
 FRAMES, SEEN, GROSS = 100, 50, 60
 """At 60 Hz; the frames from which a slip can be seen, and is gross."""
@@ -39,13 +39,13 @@ CONFIG = HeadConfig(frames=8, epochs=6, stride=2, batch=8, learning_rate=0.02, a
 """Labels run ahead by as much as a slip can be seen before it is gross."""
 
 
-def pour(cup: int, slips: bool) -> Pour:
+def pour(cup: int, slips: bool) -> CameraRecording:
     """Return a pour of a cup: its slip passes 20 µm at `SEEN` and 300 µm at `GROSS`."""
     frame = np.arange(FRAMES)
     truth = np.zeros((FRAMES, len(TRUTH_CHANNELS)), np.float32)
     if slips:
         truth[:, TRUTH_CHANNELS.index("slip")] = 30.0 * np.clip(frame - SEEN + 1, 0, None)
-    return Pour(
+    return CameraRecording(
         path=Path(f"cup-{cup}-{slips}.mcap"), groups={"cup": f"{cup}"}, labels={},
         cameras=(CAMERA, CAMERA),
         sensor=SensorInfo(name="truth", channels=TRUTH_CHANNELS, units=TRUTH_UNITS, rate_hz=60.0),
@@ -54,15 +54,15 @@ def pour(cup: int, slips: bool) -> Pour:
     )  # fmt: skip
 
 
-def pours_of(cups: int, rule: str = "gross-slip") -> PourSet:
+def pours_of(cups: int, rule: str = "gross-slip") -> CameraSet:
     """Return a pour that slips and one that holds of each cup."""
     pours = tuple(pour(cup, slips) for cup in range(cups) for slips in (True, False))
     labels = tuple(label_truth(own.beside, "gross-slip") for own in pours)
     signals = tuple(np.zeros((FRAMES, 2), np.float32) for _ in pours)
-    return PourSet(pours=pours, rule=rule, labels=labels, signals=signals)
+    return CameraSet(pours=pours, rule=rule, labels=labels, signals=signals)
 
 
-def features_of(data: PourSet, *, shared: bool) -> list[FrameFeatures]:
+def features_of(data: CameraSet, *, shared: bool) -> list[FrameFeatures]:
     """Return noise in which a slip shows in the first channel, or else in each cup's own."""
     rng = np.random.default_rng(0)
     found = []
