@@ -23,7 +23,7 @@ from taxel.evaluation.early_warning.grasp_warnings import (
 from taxel.evaluation.early_warning.learn_monitor import learn_monitor
 from taxel.evaluation.transitions import tables
 from taxel.evaluation.transitions.data import CameraSet
-from taxel.evaluation.transitions.tables import measure_rows, plan_rows, trivial_rows
+from taxel.evaluation.transitions.tables import BackboneSeen, measure_rows, plan_rows, trivial_rows
 from taxel.labels.slip import label_truth
 from taxel.signals import CameraInfo, SensorInfo
 from taxel.sim.pour_state import TRUTH_CHANNELS, TRUTH_UNITS
@@ -177,7 +177,7 @@ def test_a_test_folder_shares_no_cup_with_what_is_learned_from() -> None:
     both, (fold,) = split_by_folder(data, third)
 
     assert both.groups("cup").tolist() == ["0", "0", "1", "1", "2", "2"]
-    assert (fold.train.tolist(), fold.test.tolist()) == ([0, 1, 2, 3], [4, 5])
+    assert (fold.train, fold.test) == ({0, 1, 2, 3}, {4, 5})
 
 
 def test_a_table_s_row_holds_out_the_last_cup_and_then_each(monkeypatch) -> None:
@@ -190,7 +190,7 @@ def test_a_table_s_row_holds_out_the_last_cup_and_then_each(monkeypatch) -> None
              if plan.model == "efficientnet-lite0+lstm" and plan.frames in (8, 9)]  # fmt: skip
     done: list[str] = []
     rows = measure_rows(
-        data, {"efficientnet-lite0": features}, {"efficientnet-lite0": "made up"}, plans,
+        data, {"efficientnet-lite0": BackboneSeen("made up", features)}, plans,
         replace(CONFIG, ahead=0), on_row=done.append,
     )  # fmt: skip
 
