@@ -16,7 +16,7 @@ from importlib.util import find_spec
 from pathlib import Path
 from time import perf_counter
 
-from taxel.bench import scale_folders, scale_formats, scale_speed, scale_tune
+from taxel.bench import scale_bus, scale_folders, scale_formats, scale_speed, scale_tune
 from taxel.bench.rows import Row, missing, row
 from taxel.bench.scale_jobs import nothing, pour_digest
 from taxel.jobs.places import open_engine
@@ -52,6 +52,7 @@ def full_steps(data: Path | None) -> list[tuple[str, Measure]]:
         ("memory of many pours", scale_folders.memory_rows),
         ("a search killed", scale_tune.search_rows),
         ("two cores against one", scale_speed.speed_rows),
+        *scale_bus.quick_steps(),
         *scale_formats.full_steps(data),
     ]
 
