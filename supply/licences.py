@@ -21,6 +21,11 @@ ALLOWED = {
 """Licences that ask for no more than a notice."""
 EXCEPTIONS = {
     "certifi": ("MPL-2.0", "unchanged files of certificates; MPL asks for their source only"),
+    "eclipse-zenoh": (
+        "Apache-2.0 AND Eclipse Public License 2.0 (EPL-2.0)",
+        "offered under either, says its project; Apache-2.0 is taken",
+    ),
+    "tqdm": ("MPL-2.0 AND MIT", "of Optuna; unchanged files, whose source MPL asks for only"),
     "hypothesis": ("MPL-2.0", "tests only; not shipped"),
     "pathspec": ("MPL-2.0", "of mypy and MkDocs: development only; not shipped"),
 }
