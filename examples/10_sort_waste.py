@@ -1,4 +1,4 @@
-"""Sort waste by material (TENG thesis, chapter 5): each grasp's class to a bin, by a table."""
+"""Sort waste by material (TENG thesis, chapter 5): each grasp's class to a bin, by a rule table."""
 
 import tempfile
 from collections import Counter
@@ -7,12 +7,12 @@ from pathlib import Path
 
 import numpy as np
 
+from taxel.actions.rule_table import read_rules
 from taxel.evaluation.checked import check_recipe
 from taxel.sources.data_sets import simulate_presets
 from taxel.training.recipes import find_recipe
 
-BINS = {"aluminium": "metal bin", "glass": "glass bin", "plastic": "plastic bin"}
-LEAST = 0.5  # a grasp told with less goes to a person's hands
+RULES = Path(__file__).with_name("bins.csv")  # the same file runs live: taxel live … --rules
 
 
 def main() -> None:
@@ -20,16 +20,16 @@ def main() -> None:
         simulate_presets(Path(name), ("honest",), 48_000, 0)
         recipe = replace(find_recipe("teng-referenced"), target="material")
         told = check_recipe(Path(name) / "honest", recipe, bars=()).predictions
+    rules = read_rules(RULES, {"material": told.classes})
     binned, sorted_right, of_session = Counter[str](), Counter[str](), Counter[str]()
     for trial in np.unique(told.trial):
         own = told.trial == trial
         mean = told.probabilities[own].mean(axis=0)
-        where = BINS[told.classes[mean.argmax()]] if mean.max() >= LEAST else "sorted by hand"
+        where = rules.action("material", told.classes[mean.argmax()], mean.max())
         session = told.trials[trial].groups["session"]
-        binned[where] += 1
-        if where != "sorted by hand":
-            of_session[session] += 1
-            sorted_right[session] += bool(mean.argmax() == told.y[own][0])
+        binned[where or "sorted by hand"] += 1
+        of_session[session] += bool(where)
+        sorted_right[session] += bool(where) and bool(mean.argmax() == told.y[own][0])
     print(", ".join(f"{where}: {count} objects" for where, count in sorted(binned.items())))
     for session, count in sorted(of_session.items()):
         print(f"{session}, held out: {sorted_right[session]} of {count} in the right bin")

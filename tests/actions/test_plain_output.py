@@ -57,6 +57,46 @@ def test_a_datagram_says_all_that_is_documented() -> None:
     assert second["sequence"] == 2
 
 
+ANSWER = {"target": "material", "grasp": "glass", "grasp_confidence": 0.93, "action": "glass bin",
+          "label": "UNKNOWN", "confidence": math.nan, "reason": "the model gave NaN",
+          "time_s": 9.9, "who": "monitor/0"}  # fmt: skip
+
+
+def test_what_is_recognised_goes_out_with_its_confidence_and_its_action() -> None:
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as robot:
+        robot.bind(("127.0.0.1", 0))
+        robot.settimeout(5)
+        with UdpOutput("127.0.0.1", robot.getsockname()[1], clock=ManualClock(10.0)) as output:
+            OutputActuator("udp", output).recognised(ANSWER)
+            output.tell(WARNING, GRIP, 10.0)
+            first, second = (json.loads(robot.recv(4096)) for _ in range(2))
+
+    assert first == {
+        "schema": "taxel-answer-1",
+        "sequence": 1,
+        "time_s": 10.0,
+        "taken_s": 9.9,
+        "target": "material",
+        "label": "glass",
+        "confidence": 0.93,
+        "action": "glass bin",
+        "window_label": "UNKNOWN",
+        "window_confidence": None,
+        "reason": "the model gave NaN",
+    }
+    assert (second["schema"], second["sequence"]) == ("taxel-action-1", 2)
+
+
+def test_a_function_that_fails_on_an_answer_is_counted_and_stops_nothing() -> None:
+    def fail(_: object) -> None:
+        raise RuntimeError("no arm")
+
+    output = CallbackOutput(fail, ManualClock(1.0))
+    output.recognised(ANSWER)
+
+    assert (output.sent, output.failed, output.last_error) == (0, 1, "RuntimeError: no arm")
+
+
 def test_a_datagram_tells_the_slip_where_a_monitor_follows_it() -> None:
     slip = Slip(0.12, 0.3, 0.5, 0.01, math.inf, 0.1, True)
     action = action_of(replace(WARNING, slip=slip), GRIP, 1, 10.0)

@@ -103,7 +103,7 @@ class _Any(str):
 _SUMMARY = {
     "windows": 3, "filled": 1, "answers": {"cup": 3}, "marked": 2, "right": 1, "grasps": 1,
     "grasps_right": 1, "latency_us_median": 1.0, "latency_us_p99": 1.0, "target": "object",
-    "gate_moves": [],
+    "gate_moves": [], "actions": {},
 }  # fmt: skip
 ATTRIBUTES: dict[str, Any] = {
     "measured": {},

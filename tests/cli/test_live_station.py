@@ -16,6 +16,7 @@ from taxel.cli.main import main
 from taxel.errors import BadBundle
 from taxel.live.station.wiring import StationConfig
 from taxel.recordings.reader import iterate_frames
+from taxel.recordings.trial_log import log_of, read_trial_log
 from taxel.sim.cup_pour import CupPourConfig, list_runs
 from taxel.sources.pour_sets import CAMERA_HZ, write_run
 
@@ -50,6 +51,9 @@ def test_a_pour_is_watched_recorded_and_told_to_another_program(
     stages = {"capture", "source", "hand over", "wait", "model", "alarm"}
     assert set(result["latency_ms"]) == stages
     assert len(list(iterate_frames(path))) == len(list(iterate_frames(pour)))
+    (trial,) = read_trial_log(log_of(path))
+    assert (trial.outcome, trial.outcome_by, trial.reaction) == ("held", "source", "")
+    assert result["trials"][0]["outcome"] == "held"
 
 
 def test_the_key_d_disarms():
@@ -57,6 +61,13 @@ def test_the_key_d_disarms():
     station = SimpleNamespace(disarm=lambda: pressed.append("disarm"))
     _press("d", station)  # type: ignore[arg-type]
     assert pressed == ["disarm"]
+
+
+@pytest.mark.parametrize(("key", "said"), [("s", "pour stopped"), ("x", "dropped")])
+def test_keys_say_what_the_person_did_and_what_came_of_it(key: str, said: str):
+    heard: list[str] = []
+    _press(key, SimpleNamespace(react=heard.append))  # type: ignore[arg-type]
+    assert heard == [said]
 
 
 def test_who_disarms_before_it_could_be_armed_is_not_overruled_by_arm():
@@ -97,6 +108,8 @@ def test_what_a_person_must_know_stands_beside_the_json_not_in_it(
             ["--label", "object=cup", "--group", "session=3"],
             "needed --record or --page beside --label",
         ),
+        (["--rules", "x.csv"], "a bundle that names classes beside --rules"),
+        (["--page", "127.0.0.1:99999"], "HOST:PORT for --page"),
         (["--overwrite", "--gripper", "sim"], "needed --record beside --overwrite"),
         (["--beside", "sim://nothing"], "a simulator that exists"),
         (["--gripper", "sim", "--force-n", "60", "50"], "N"),

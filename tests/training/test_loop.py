@@ -10,7 +10,8 @@ import torch
 from taxel.errors import BadInput
 from taxel.models.cnn2d import Cnn2d
 from taxel.training.augment import Augment
-from taxel.training.loop import Checkpoint, Epoch, Labelled, TrainConfig, evaluate, fit, new_network
+from taxel.training.curves import Epoch
+from taxel.training.loop import Checkpoint, Labelled, TrainConfig, evaluate, fit, new_network
 
 CONFIG = TrainConfig(epochs=4, batch=16, augment=Augment(noise=0.05, gain=0.1), weight_decay=0.01)
 

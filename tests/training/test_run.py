@@ -10,7 +10,8 @@ import pytest
 
 from taxel.bundles.contract import Contract
 from taxel.errors import BadInput
-from taxel.training.loop import Epoch, TrainConfig
+from taxel.training.curves import Epoch
+from taxel.training.loop import TrainConfig
 from taxel.training.run import Run, load_run, save_run
 from taxel.windows.config import WindowConfig
 from taxel.windows.scaling import fit_scaling

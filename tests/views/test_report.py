@@ -16,8 +16,9 @@ from taxel.evaluation.cards.data import DataCard, Nuisance
 from taxel.evaluation.cards.latency import NetworkLatency
 from taxel.evaluation.run_scores import judge, reliability, split_groups
 from taxel.labels.trials import Trial
+from taxel.training.curves import Epoch
 from taxel.training.environment import Made
-from taxel.training.loop import Epoch, TrainConfig
+from taxel.training.loop import TrainConfig
 from taxel.training.predictions import Predictions
 from taxel.training.run import Run
 from taxel.views.report import RunPage, write_run_report

@@ -14,7 +14,7 @@ Nothing here waits or decides. Knows nothing about addresses, pages or models.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Protocol, runtime_checkable
 
@@ -76,6 +76,15 @@ class FollowsGrasps(Protocol):
 
     def new_grasp(self) -> None:
         """Hear that another grasp begins; nothing is lowered by it."""
+        ...
+
+
+@runtime_checkable
+class TakesAnswers(Protocol):
+    """An actuator that wants to know what is in the hand, such as another robot's program."""
+
+    def recognised(self, answer: Mapping[str, Any]) -> None:
+        """Hear what a recogniser has just answered, fields as in `answer_output`."""
         ...
 
 
@@ -274,6 +283,9 @@ class OutputActuator:
     def new_grasp(self) -> None:
         """Say from now on that another grasp has begun."""
         self.output.new_grasp()
+
+    def recognised(self, answer: Mapping[str, Any]) -> None:
+        self.output.recognised(answer)
 
     def tell(self, decision: StabilityDecision, order: Order, now_s: float) -> None:
         self.output.tell(decision, order, now_s)

@@ -1,6 +1,7 @@
 """A plain output for any other robot: JSON over UDP, or a Python function.
 
-One datagram a tick, UTF-8, one JSON object:
+What is recognised goes out as datagrams of a schema of their own (`answer_output.py`). Of a
+grasp that is watched: one datagram a tick, UTF-8, one JSON object:
 
     schema       "taxel-action-1"
     sequence     counts datagrams from 1; a hole is a lost one
@@ -43,10 +44,11 @@ import ipaddress
 import json
 import math
 import socket
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass
 from typing import Any
 
+from taxel.actions.answer_output import Recognised, recognised_of
 from taxel.actions.interlock import Order, OrderKind
 from taxel.clock import Clock, SystemClock
 from taxel.decisions.stability import Stability, StabilityDecision
@@ -254,8 +256,16 @@ class UdpOutput(_Teller):
         if action is None:
             self.dropped += 1
             return
+        self._send(action.as_json())
+
+    def recognised(self, answer: Mapping[str, Any]) -> None:
+        """Send what a recogniser has answered; never waits, never raises for the network."""
+        number, now_s = self.sent + self.dropped + 1, self._clock.now_s()
+        self._send(recognised_of(answer, number, now_s).as_json())
+
+    def _send(self, content: bytes) -> None:
         try:
-            self._socket.sendto(action.as_json(), self._to)
+            self._socket.sendto(content, self._to)
             self.sent += 1
         except OSError:
             self.dropped += 1
@@ -292,7 +302,7 @@ class UdpOutput(_Teller):
 
 
 class CallbackOutput(_Teller):
-    """Call a function with each action, in the tick's own thread: it must be quick.
+    """Call a function with each action and each answer, in the tick's own thread: it must be quick.
 
     What it returns may be an answer as above, or just "disarm". An exception of it is counted
     and kept in `last_error`; it never stops the tick.
@@ -302,7 +312,9 @@ class CallbackOutput(_Teller):
         clock: Looked at when it is called; the host's unless given.
     """
 
-    def __init__(self, call: Callable[[Action], Any], clock: Clock | None = None) -> None:
+    def __init__(
+        self, call: Callable[[Action | Recognised], Any], clock: Clock | None = None
+    ) -> None:
         super().__init__(clock)
         self._call = call
         self._words: list[Word] = []
@@ -323,6 +335,16 @@ class CallbackOutput(_Teller):
             self._words += [] if word is None else [word]
             self.sent += 1
         except Exception as error:  # whatever a user's function raises, the tick goes on
+            self.failed += 1
+            self.last_error = f"{type(error).__name__}: {error}"
+
+    def recognised(self, answer: Mapping[str, Any]) -> None:
+        """Call the function with what a recogniser has answered."""
+        try:
+            number, now_s = self.sent + self.failed + 1, self._clock.now_s()
+            self._call(recognised_of(answer, number, now_s))
+            self.sent += 1
+        except Exception as error:  # as above
             self.failed += 1
             self.last_error = f"{type(error).__name__}: {error}"
 

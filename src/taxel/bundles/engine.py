@@ -12,6 +12,7 @@ import onnxruntime
 from numpy.typing import NDArray
 
 from taxel.errors import BadBundle, MissingExtra
+from taxel.models.devices import CPU
 from taxel.models.onnx_session import open_session
 from taxel.side_by_side import SideBySide
 
@@ -42,9 +43,10 @@ class _OnnxRuntime:
     backbone take 2 to 8 % longer in two threads together. The row's numbers are the same.
     """
 
-    def __init__(self, model: bytes, threads: int) -> None:
+    def __init__(self, model: bytes, threads: int, device: str) -> None:
+        threads = threads if device == CPU else 1  # a card takes all rows at once
         self._threads = threads
-        self._together = open_session(model, threads)
+        self._together = open_session(model, threads, device)
         self._alone = open_session(model, 1) if threads > 1 else self._together
         self._beside = SideBySide(threads)
 
@@ -91,6 +93,7 @@ def open_engine(
     engine: EngineName = "onnxruntime",
     precision: Precision = "f32",
     threads: int = 1,
+    device: str = CPU,
 ) -> Engine:
     """Return an engine that has loaded a model.
 
@@ -99,8 +102,10 @@ def open_engine(
         engine: Which library runs it.
         precision: bf16 needs OpenVINO; int8 needs a model in 8-bit numbers.
         threads: Threads of the engine.
+        device: Of ONNX Runtime, a name in `PROVIDERS`.
 
     Raises:
+        BadInput: The device is not there.
         BadBundle: The model cannot be run.
         MissingExtra: The library is not installed.
     """
@@ -108,4 +113,4 @@ def open_engine(
         return _OpenVino(model, threads, precision)
     if precision == "bf16":
         raise BadBundle(f"the engine openvino for {precision}", engine, "say --engine openvino")
-    return _OnnxRuntime(model, threads)
+    return _OnnxRuntime(model, threads, device)

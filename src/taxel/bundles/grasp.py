@@ -43,6 +43,7 @@ from taxel.decisions.stability import StabilityConfig
 from taxel.errors import BadBundle, BadFile
 from taxel.foreign.json_text import Fields, parse_json
 from taxel.foreign.records import record_of
+from taxel.models.devices import CPU
 from taxel.recordings.whole import write_whole
 from taxel.signals import CameraInfo
 from taxel.windows.rest import Tare
@@ -185,6 +186,7 @@ def read_grasp_bundle(
     precision: Precision = "f32",
     threads: int = 1,
     trust: Trust | None = None,
+    device: str = CPU,
 ) -> GraspBundle:
     """Open a bundle, after checking that it is whole and gives what it gave when written.
 
@@ -208,7 +210,7 @@ def read_grasp_bundle(
     for trial in trials:
         check_model(trial.model)
     try_models(trials)
-    head = open_engine(members["head.onnx"], threads=1)
+    head = open_engine(members["head.onnx"], threads=1, device=device)
     difference = _difference(head, features, expected)
     if not difference <= LARGEST_DIFFERENCE:
         raise BadBundle(
@@ -218,7 +220,7 @@ def read_grasp_bundle(
         )
     backbone = None
     if contract.features not in OWN_FEATURES:
-        backbone = open_engine(members["backbone.onnx"], engine, precision, threads)
+        backbone = open_engine(members["backbone.onnx"], engine, precision, threads, device)
     return GraspBundle(
         contract,
         head,

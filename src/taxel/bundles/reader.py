@@ -20,6 +20,7 @@ from taxel.bundles.model_trial import Trial, try_models
 from taxel.bundles.signing import Trust
 from taxel.decisions.unknown import Strangeness
 from taxel.errors import BadBundle
+from taxel.models.devices import CPU
 from taxel.models.onnx_session import open_session
 
 _MEMBERS = (
@@ -39,11 +40,14 @@ class Bundle:
         model: The ONNX model's bytes.
         threads: Threads of ONNX Runtime; one is fastest for small networks and
             leaves the machine to others.
+        device: Where ONNX Runtime runs it, a name in `PROVIDERS`.
     """
 
-    def __init__(self, contract: Contract, model: bytes, threads: int = 1) -> None:
+    def __init__(
+        self, contract: Contract, model: bytes, threads: int = 1, device: str = CPU
+    ) -> None:
         self.contract = contract
-        self._session = open_session(model, threads)
+        self._session = open_session(model, threads, device)
         self._inputs = {entry.name for entry in self._session.get_inputs()}
         self.strangeness = Strangeness(contract.unknown) if contract.unknown is not None else None
         """The test for touch that is unlike all that was learned; None where there is none."""
@@ -88,10 +92,13 @@ class Bundle:
         return found
 
 
-def read_bundle(path: Path, threads: int = 1, trust: Trust | None = None) -> Bundle:
+def read_bundle(
+    path: Path, threads: int = 1, trust: Trust | None = None, device: str = CPU
+) -> Bundle:
     """Open a bundle, after checking that it is whole and gives what it gave when written.
 
     Raises:
+        BadInput: The device is not there.
         BadBundle: It is missing, damaged, of another format, its check windows give other
             probabilities, or none of the keys of `trust` signed it.
     """
@@ -104,7 +111,7 @@ def read_bundle(path: Path, threads: int = 1, trust: Trust | None = None) -> Bun
     check_model(members["model.onnx"])
     scaled = contract.scaling.apply(values, mask)
     try_models([Trial(members["model.onnx"], {"values": scaled, "mask": mask})])
-    bundle = Bundle(contract, members["model.onnx"], threads)
+    bundle = Bundle(contract, members["model.onnx"], threads, device)
     found = bundle.probabilities(values, mask)
     alone = bundle.probabilities(values[:1], mask[:1])  # as it will be asked live
     if found.shape != expected.shape or alone.shape != expected[:1].shape:

@@ -26,6 +26,7 @@ from taxel.bundles.model_trial import Trial, try_models
 from taxel.bundles.signing import Trust
 from taxel.errors import BadBundle
 from taxel.foreign.json_text import Fields, parse_json
+from taxel.models.devices import CPU
 from taxel.windows.trial_crops import FAMILIES, LEAST_CROP, PLACES, Layout
 
 FORMAT = 1
@@ -149,7 +150,7 @@ def trial_bundle_bytes(
     return pack(members), difference
 
 
-def read_trial_bundle(path: Path, trust: Trust | None = None) -> TrialBundle:
+def read_trial_bundle(path: Path, trust: Trust | None = None, device: str = CPU) -> TrialBundle:
     """Open a bundle, after checking that it is whole and gives what it gave when written.
 
     Raises:
@@ -162,13 +163,22 @@ def read_trial_bundle(path: Path, trust: Trust | None = None) -> TrialBundle:
     _check_shapes(contract, rows, expected)
     check_model(members["model.onnx"])
     try_models([Trial(members["model.onnx"], {"rows": rows})])
-    model = open_engine(members["model.onnx"], threads=1)
+    model = open_engine(members["model.onnx"], threads=1, device=device)
     found = model.run(rows=rows)
     if found.shape != expected.shape:
         raise BadBundle(f"what {len(rows)} crops give", f"an array of shape {found.shape}",
                         "write the bundle again")  # fmt: skip
     _refuse_differing(largest_difference(found, expected))
     return TrialBundle(contract, model)
+
+
+def read_trial_contract(path: Path, trust: Trust | None = None) -> TrialContract:
+    """Return what a bundle needs and gives, without opening its model.
+
+    Raises:
+        BadBundle: It is missing, damaged, of another format, or not signed by a key of `trust`.
+    """
+    return contract_from_json(unpack(path, (_CONTRACT,), trust)[_CONTRACT])
 
 
 def contract_to_json(contract: TrialContract) -> str:

@@ -23,20 +23,22 @@ def evaluate_bundle(bundle: Path, folder: Path | None, *, as_json: bool) -> None
         as_json: Print JSON instead of tables.
 
     Raises:
-        BadInput: No folder is named.
+        BadInput: No folder is named, or $TAXEL_DEVICE is not there.
         BadBundle: The bundle cannot be used, or is of another array.
         BadDataset: The recordings hold no window with the bundle's label.
     """
     from taxel.bundles.reader import read_bundle
     from taxel.evaluation.bundle_scores import score_bundle
+    from taxel.models.devices import asked_device
 
     if folder is None:
         raise BadInput(
             f"recordings to score {bundle} on", "none", f"taxel evaluate {bundle} RECORDINGS"
         )
+    device = asked_device()
     with progress() as bar:
         bar.add_task(f"scoring {bundle.name}", total=None)
-        found = score_bundle(read_bundle(bundle), folder)
+        found = score_bundle(read_bundle(bundle, device=device), folder)
     from taxel.views.part_results import bundle_score_table, seen_line
 
     seen = seen_line(found)

@@ -7,8 +7,7 @@ from dataclasses import dataclass
 
 import tyro
 
-from taxel.cli.live import PAGE_ADDRESS
-from taxel.cli.live_station import parse_address
+from taxel.cli.page_address import page_address
 from taxel.cli.printing import console, print_json, say, say_aside
 from taxel.cli.record import stop_signals
 from taxel.errors import BadInput
@@ -40,7 +39,7 @@ class Fleet:
 
         if self.seconds is not None and not self.seconds > 0:
             raise BadInput("--seconds above 0", f"{self.seconds:g}", "give a longer time")
-        host, port = parse_address(*(self.page or (PAGE_ADDRESS,)))
+        host, port = page_address(self.page)
         with ExitStack() as stack:
             stopped = stack.enter_context(stop_signals())
             watch = stack.enter_context(FleetWatch(parse_mqtt(self.broker)))

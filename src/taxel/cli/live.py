@@ -9,13 +9,15 @@ from typing import TYPE_CHECKING, Annotated, ClassVar
 import tyro
 
 from taxel.bundles.shipped import find_bundle
-from taxel.cli.live_station import StationOptions, answers_lines, parse_address
+from taxel.cli.live_station import StationOptions, answers_lines
 from taxel.cli.option_rules import Only
+from taxel.cli.page_address import page_address
 from taxel.cli.pairs import Pairs, parse_pairs
 from taxel.cli.printing import console, print_json, say
 from taxel.errors import BadInput
 
 if TYPE_CHECKING:
+    from taxel.actions.rule_table import RuleTable
     from taxel.bundles.signing import Trust
     from taxel.calibration.live import LiveNewtons
     from taxel.live.recogniser import Recogniser
@@ -23,8 +25,6 @@ if TYPE_CHECKING:
     from taxel.sources.contract import Source
 
 
-PAGE_ADDRESS = "127.0.0.1:0"
-"""Where the page listens unless told: this machine alone, at a free port."""
 LEAST_CONFIDENCE = 0.5
 """Probability below which an answer is UNKNOWN unless another is asked for. Our choice,
 docs/decisions/0010."""
@@ -39,7 +39,9 @@ class Live:
     """
 
     bundle: tyro.conf.Positional[Path]
-    """A bundle, NAME.taxel; or cup-pour, which comes with taxel."""
+    """A bundle, NAME.taxel; or cup-pour, which comes with taxel. It runs on the processor, or where
+    $TAXEL_DEVICE says: cuda, tensorrt, rocm, migraphx, directml, coreml or openvino, of those that
+    are installed."""
     source: tyro.conf.Positional[str]
     """A source: sim://teng, replay://FILE, a recording's file, or a folder of recordings, which are
     replayed one after another (replay://FOLDER?speed=max: without waiting)."""
@@ -56,6 +58,9 @@ class Live:
     beside: Annotated[tuple[str, ...], tyro.conf.UseAppendAction] = ()
     """One more source to run beside the first, such as a hand beside a pair of cameras; each
     bundle goes to the first source that it fits. May be given several times."""
+    rules: Path | None = None
+    """A table (CSV) class,least_confidence,action: what to do about what is recognised. The action
+    is shown, and told to another program with the class and its confidence."""
     page: tuple[str, ...] | None = None
     """Open the operator's page; its address is printed. It listens on 127.0.0.1 at a free port, or
     where HOST:PORT says; any host but this machine's own address is open to the network."""
@@ -63,7 +68,8 @@ class Live:
     """A calibration (.json) of the array: the map and the page show newtons; what the bundle is
     given stays in volts."""
     record: Path | None = None
-    """Record everything to this file, ending in .mcap."""
+    """Record everything to this file, ending in .mcap. A log of alarms, reactions and outcomes is
+    written beside it, ending in .trials.csv."""
     label: Pairs = ()
     """With --record or --page: what may be learned of every recording, as in shape=sphere
     material=glass."""
@@ -87,8 +93,6 @@ class Live:
     states, slip, scans and frames in batches of 10 ms. mqtt://127.0.0.1:1883/bench-1: a report a
     second to a fleet's broker. foxglove: a view for Foxglove or Lichtblick on this machine. rerun:
     a Rerun viewer. May be given several times."""
-    quiet: bool = False
-    """Print the summary only."""
     json: bool = False
     """Print JSON: one summary a bundle at the end. marked: windows inside a finished, labelled
     grasp, of which right were correct; grasps: such grasps that gave a window, of which
@@ -99,20 +103,22 @@ class Live:
         Only(("force-n",), "--gripper or --tell", lambda o: o.gripper or o.tell),
         Only(("overwrite",), "--record", lambda o: o.record),
         Only(("label", "group"), "--record or --page", lambda o: o.record or o.page is not None),
-        Only(("quiet",), "no --json", lambda o: not o.json),
     )
 
     def run(self) -> None:
         """Run until the time is over, the source ends or the user stops it."""
+        from taxel.actions.rule_table import RuleTable, read_rules
         from taxel.bundles.envelope import need_bundle
         from taxel.bundles.grasp import is_grasp_bundle
         from taxel.bundles.reader import read_bundle
         from taxel.bundles.trials import is_trial_bundle
         from taxel.cli.live_grasps import live_grasps
+        from taxel.cli.live_rules import known_classes
         from taxel.cli.live_station import live_station
         from taxel.cli.live_trials import live_trials
         from taxel.decisions.recognition import RecogniseConfig
         from taxel.live.recogniser import Recogniser
+        from taxel.models.devices import asked_device
         from taxel.sources.opening import open_source, recordings_of
         from taxel.windows.following import GateMove
 
@@ -141,30 +147,34 @@ class Live:
             raise BadInput(
                 "a bundle of an array beside --calibration", "tactile cameras only", "leave it out"
             )
+        device = asked_device()
+        rules = RuleTable(())
+        if self.rules is not None:
+            rules = read_rules(self.rules, known_classes(files, trust))
         if any(map(is_trial_bundle, files)) and (self._needs_station() or len(files) > 1):
             raise BadInput(
                 "a bundle of camera trials alone, in the terminal", "more beside it",
                 "leave the other bundles and options out",
             )  # fmt: skip
         if self._needs_station() or (len(files) > 1 and any(map(is_grasp_bundle, files))):
-            live_station(self._station(files, trust))
+            live_station(self._station(files, trust, rules, device))
             return
         if is_trial_bundle(files[0]):
             live_trials(
-                files[0], self.source, self.seconds, self._least(), quiet=self.quiet,
-                as_json=self.json, trust=trust,
+                files[0], self.source, self.seconds, self._least(), as_json=self.json,
+                trust=trust, rules=rules, device=device,
             )  # fmt: skip
             return
         if is_grasp_bundle(files[0]):
-            live_grasps(files[0], self.source, self.seconds, self.quiet, self.json, trust)
+            live_grasps(files[0], self.source, self.seconds, self.json, trust, device)
             return
-        bundles = [read_bundle(file, trust=trust) for file in files]
+        bundles = [read_bundle(file, trust=trust, device=device) for file in files]
         config = RecogniseConfig(least_confidence=self._least())
         shown: list[Tally] = []
         for address in recordings_of(self.source):
             with open_source(address) as source:
                 recognisers = [Recogniser(bundle, source.info, config) for bundle in bundles]
-                own = self._session(source, recognisers)
+                own = self._session(source, recognisers, rules)
             for tally, more in zip(shown, own, strict=bool(shown)):
                 tally.take_in(more)
             shown = shown or own
@@ -193,17 +203,19 @@ class Live:
                     f"µs, p99 {result['latency_us_p99']:.0f} µs"
                 )
 
-    def _session(self, source: Source, recognisers: list[Recogniser]) -> list[Tally]:
+    def _session(
+        self, source: Source, recognisers: list[Recogniser], rules: RuleTable
+    ) -> list[Tally]:
         """Run one source to its end, on the screen where there is one."""
         from taxel.live.session import run_session
 
         newtons = self._newtons(source)
-        if self.quiet or self.json or not console.is_terminal:
-            return run_session(source, recognisers, self.seconds)
+        if self.json or not console.is_terminal:
+            return run_session(source, recognisers, self.seconds, rules=rules)
         from taxel.views.live import LiveView
 
         with LiveView(console, source.info, recognisers, newtons) as view:
-            return run_session(source, recognisers, self.seconds, view.show)
+            return run_session(source, recognisers, self.seconds, view.show, rules=rules)
 
     def _newtons(self, source: Source) -> LiveNewtons | None:
         """Return what shows the array in newtons, where a calibration was named."""
@@ -222,14 +234,18 @@ class Live:
         asked = (self.beside, self.record, self.gripper, self.tell, self.publish)
         return self.page is not None or any(asked)
 
-    def _station(self, bundles: tuple[Path, ...], trust: Trust | None) -> StationOptions:
-        host, port = parse_address(*(self.page or (PAGE_ADDRESS,)))
+    def _station(
+        self, bundles: tuple[Path, ...], trust: Trust | None, rules: RuleTable, device: str
+    ) -> StationOptions:
+        host, port = page_address(self.page)
         return StationOptions(
             bundles=bundles,
             sources=(self.source, *self.beside),
             seconds=self.seconds,
             least_confidence=self._least(),
             trust=trust,
+            rules=rules,
+            device=device,
             record=self.record,
             labels=parse_pairs(self.label, "--label"),
             groups=parse_pairs(self.group, "--group"),
@@ -243,6 +259,5 @@ class Live:
             force_n=self.force_n,
             publish=self.publish,
             calibration=self.calibration,
-            quiet=self.quiet,
             json=self.json,
         )

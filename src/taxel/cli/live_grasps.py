@@ -23,21 +23,21 @@ def live_grasps(
     bundle: Path,
     source_url: str,
     seconds: float | None,
-    quiet: bool,
     as_json: bool,
-    trust: Trust | None = None,
+    trust: Trust | None,
+    device: str,
 ) -> None:
     """Watch a source with cameras; print each change of state, then a summary."""
     from taxel.bundles.grasp import read_grasp_bundle
     from taxel.live.grasp_session import run_grasp_session
     from taxel.sources.opening import open_source
 
-    opened = read_grasp_bundle(bundle, trust=trust)
+    opened = read_grasp_bundle(bundle, trust=trust, device=device)
     first_s: list[float] = []
 
     def show(answer: GraspAnswer, changed: bool) -> None:
         first_s[:] = first_s or [answer.time_s]
-        if changed and not quiet and not as_json:
+        if changed and not as_json:
             name = answer.decision.state.name.replace("_", " ")
             reason = f"  {answer.decision.reason}" if answer.decision.reason else ""
             slip = answer.decision.slip

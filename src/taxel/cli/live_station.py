@@ -6,11 +6,11 @@ Background of our choices: docs/decisions/0019.
 from __future__ import annotations
 
 import queue
-import re
 import socket
 import threading
+from collections import Counter
 from contextlib import ExitStack, suppress
-from dataclasses import dataclass, field, replace
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from secrets import token_urlsafe
 from typing import TYPE_CHECKING, Any
@@ -26,6 +26,7 @@ if TYPE_CHECKING:
     from taxel.actions.actuators import Actuator
     from taxel.actions.gripper import ForceRange
     from taxel.actions.interlock import InterlockConfig
+    from taxel.actions.rule_table import RuleTable
     from taxel.bundles.signing import Trust
     from taxel.live.station.station import Station
 
@@ -34,6 +35,13 @@ COLOURS = {
     "NO GRASP": "dim", "STOP": "bold white on red", "NONE": "dim",
 }  # fmt: skip
 _KEYS = "keys: q end · a acknowledge · n new grasp"
+_PERSON_KEYS = (
+    "what you did: s stopped pouring · p put down · g grip changed; "
+    "what came of it: h held · l slipped · x dropped"
+)
+_SAID = {"s": "pour stopped", "p": "put down", "g": "grip changed", "h": "held", "l": "slipped",
+         "x": "dropped"}  # fmt: skip
+"""Key → what a person says of the grasp."""
 _GRIP_KEYS = " · m arm · d disarm"
 _PATIENT_S = 0.3
 """Silence that a monitor is allowed where only a simulated cup can drop: the simulator itself
@@ -55,6 +63,8 @@ class StationOptions:
     seconds: float | None
     least_confidence: float
     trust: Trust | None = None
+    rules: RuleTable | None = None
+    device: str = "cpu"
     record: Path | None = None
     labels: dict[str, str] = field(default_factory=dict)
     groups: dict[str, str] = field(default_factory=dict)
@@ -72,12 +82,12 @@ class StationOptions:
     publish: tuple[str, ...] = ()
     calibration: Path | None = None
     """Of the array that the page shows, which is then in newtons."""
-    quiet: bool = False
     json: bool = False
 
 
 def live_station(options: StationOptions) -> dict[str, Any]:
     """Run a station until its time is over, its sources have ended, or the user stops it."""
+    from taxel.actions.rule_table import RuleTable
     from taxel.cli.live_bus import check_bus, open_bus
     from taxel.live.station.guard import GuardConfig
     from taxel.live.station.station import Station
@@ -106,6 +116,8 @@ def live_station(options: StationOptions) -> dict[str, Any]:
             sources=options.sources,
             bundles=options.bundles,
             trust=options.trust,
+            rules=options.rules or RuleTable(()),
+            device=options.device,
             least_confidence=options.least_confidence,
             recordings=options.recordings,
             labels=options.labels,
@@ -142,9 +154,11 @@ def live_station(options: StationOptions) -> dict[str, Any]:
                 _press(key, station)
             said.tell(station)
 
-        if console.is_terminal and not (options.quiet or options.json):
+        if console.is_terminal and not options.json:
             acts = options.gripper or options.tell
             say(_KEYS + (_GRIP_KEYS if acts else ""), style="dim")
+            if station.wiring.watches:
+                say(_PERSON_KEYS, style="dim")
         station.run(options.seconds, stopped, on_tick)
     result = _summary(station)
     if options.json:
@@ -172,18 +186,6 @@ def _interlock(options: StationOptions, force: ForceRange) -> InterlockConfig:
     least_n = force.least_n if options.force_n is None else max(force.least_n, asked.least_n)
     least_n = min(least_n, force.max_n)
     return InterlockConfig(min_n=least_n, max_n=max(least_n, min(force.max_n, asked.max_n)))
-
-
-def parse_address(text: str) -> tuple[str, int]:
-    """Return host and port of a page's address, HOST:PORT.
-
-    Raises:
-        BadInput: It is none.
-    """
-    host, colon, port = text.rpartition(":")
-    if not (host and colon and re.fullmatch(r"[0-9]{1,5}", port) and int(port) < 1 << 16):
-        raise BadInput("HOST:PORT for --page", repr(text), "for example 127.0.0.1:8080")
-    return host.removeprefix("[").removesuffix("]"), int(port)
 
 
 def _open_actuators(options: StationOptions) -> list[Actuator]:
@@ -242,7 +244,7 @@ class _Said:
     """Prints what has changed, once."""
 
     def __init__(self, options: StationOptions, printer: _Printer) -> None:
-        self._silent = options.quiet or options.json
+        self._silent = options.json
         self._told = 0
         self._began_s: float | None = None
         self._printer = printer
@@ -278,6 +280,8 @@ def _press(key: str, station: Station) -> None:
         station.acknowledge()
     elif key == "n":
         station.new_grasp()
+    elif key in _SAID:
+        station.react(_SAID[key])
     elif key == "d":
         station.disarm()
     elif key == "m":
@@ -320,8 +324,19 @@ def answers_lines(results: list[dict[str, Any]]) -> list[str]:
     lines = []
     for title, told in zip(titles(results), results, strict=True):
         each = ", ".join(f"{visible(name)} {count}" for name, count in told["answers"].items())
-        lines.append(f"{title}: {told['windows']} windows: {each or 'none'}")
+        done = ", ".join(f"{visible(name)} {n}" for name, n in told["actions"].items())
+        to_do = f"; to do: {done}" if done else ""
+        lines.append(f"{title}: {told['windows']} windows: {each or 'none'}{to_do}")
     return lines
+
+
+def trials_line(trials: list[dict[str, Any]]) -> str:
+    """Return in how many grasps an alarm came, the person did something, and what came of them."""
+    warned = sum(trial["alarm_s"] is not None for trial in trials)
+    done = sum(bool(trial["reaction"]) for trial in trials)
+    came = Counter(trial["outcome"] or "unknown" for trial in trials)
+    each = ", ".join(f"{count} {name}" for name, count in came.most_common())
+    return f"{len(trials)} grasps: {warned} with an alarm, {done} with a reaction; {each}"
 
 
 def _summary(station: Station) -> dict[str, Any]:
@@ -332,6 +347,7 @@ def _summary(station: Station) -> dict[str, Any]:
         "given_up": station.failed,
         "answers": station.answers.summary(),
         "alarms": alarms.as_json(),
+        "trials": [asdict(trial) for trial in station.person.trials],
         "latency_ms": {
             stage: dict(zip(("p50", "p95", "p99"), values, strict=True))
             for stage, values in station.latencies.percentiles_ms().items()
@@ -349,6 +365,8 @@ def _print_summary(result: dict[str, Any]) -> None:
     counts = result["alarms"]["counts"]
     if result["state"] != NO_GRASP or counts["raised"]:
         say(f"alarms: {counts['raised']} raised, {counts['acknowledged']} acknowledged")
+    if result["trials"]:
+        say(trials_line(result["trials"]))
     for name, one in result["processes"].items():
         again = f", started {one['starts']} times" if one["starts"] > 1 else ""
         say(

@@ -15,6 +15,7 @@ from taxel.decisions.recognition import UNKNOWN
 from taxel.plain_text import visible, visible_line
 
 if TYPE_CHECKING:
+    from taxel.actions.rule_table import RuleTable
     from taxel.bundles.signing import Trust
     from taxel.bundles.trials import TrialBundle
     from taxel.live.trial_session import TrialTally
@@ -27,25 +28,26 @@ def live_trials(
     seconds: float | None,
     least_confidence: float,
     *,
-    quiet: bool,
     as_json: bool,
     trust: Trust | None = None,
+    rules: RuleTable,
+    device: str,
 ) -> None:
     """Watch a source, or replay a folder or a table of trials; print verdicts, then a summary."""
     from taxel.bundles.trials import read_trial_bundle
     from taxel.live.trial_session import run_trial_session
     from taxel.sources.opening import open_source
 
-    opened = read_trial_bundle(bundle, trust)
+    opened = read_trial_bundle(bundle, trust, device)
     told: TrialTally | None = None
     with _addresses(source) as addresses:
         for name, address in addresses:
-            if name and not quiet and not as_json:
+            if name and not as_json:
                 say(f"{visible(name)}:")
             with open_source(address) as found:
                 tally = run_trial_session(
                     found, opened, seconds, least_confidence,
-                    _nothing if quiet or as_json else _shown(opened),
+                    _nothing if as_json else _shown(opened, rules), rules,
                 )  # fmt: skip
             for trial in tally.trials:
                 trial["trial"] = name or None
@@ -70,7 +72,7 @@ def live_trials(
         )
 
 
-def _shown(bundle: TrialBundle) -> Callable[[TrialAnswer, bool], None]:
+def _shown(bundle: TrialBundle, rules: RuleTable) -> Callable[[TrialAnswer, bool], None]:
     first_s: list[float] = []
 
     def show(answer: TrialAnswer, changed: bool) -> None:
@@ -80,6 +82,8 @@ def _shown(bundle: TrialBundle) -> Callable[[TrialAnswer, bool], None]:
         verdict = answer.verdict
         words = f"  {visible_line(verdict.reason)}" if verdict.reason else ""
         sure = "" if verdict.label == UNKNOWN else f" {verdict.confidence:.2f}"
+        action = rules.action(bundle.contract.target, verdict.label, verdict.confidence)
+        words += f"  → {visible_line(action)}" if action else ""
         when = "whole trial" if answer.last else f"{answer.time_s - first_s[0]:8.2f} s"
         console.print(
             Text.assemble(

@@ -67,6 +67,7 @@ VERBS = {
     "train-slip": "train a warning of slip on simulated cups",
     "train-backbone": "train a network of images end to end on tactile cameras",
     "evaluate": "cross-validate a recipe on recordings",
+    "learning-curve": "accuracy against the amount of data",
     "evaluate-trials": "measure a recogniser of camera trials, or score its bundle",
     "reproduce": "print a published table or study, with our figures beside it",
     "compare": "test whether one run is better than another",

@@ -59,13 +59,17 @@ class Record:
     """With --plan: address of a gripper that closes with each trial's group:force_n."""
     ask: bool = True
     """With --plan: wait for a key before each trial; a simulated pair never waits."""
+    page: tuple[str, ...] | None = None
+    """With --plan: show the next trial and what to do on a page; its address is printed. It listens
+    on 127.0.0.1 at a free port, or where HOST:PORT says; any host but this machine's own address is
+    open to the network."""
     overwrite: bool = False
     """Replace an existing recording."""
     json: bool = False
     """Print the ledger as JSON."""
 
     RULES: ClassVar = (
-        Only(("tare", "gripper", "ask"), "--plan", lambda o: o.plan is not None),
+        Only(("tare", "gripper", "ask", "page"), "--plan", lambda o: o.plan is not None),
         Only(("tare", "ask"), "real cameras", lambda o: not o.source.startswith("sim://")),
         Only(("label", "group", "overwrite"), "no --plan", lambda o: o.plan is None),
     )
@@ -102,7 +106,7 @@ class Record:
 
         options = PlanRecording(
             source=self.source, plan=plan, output=self.output, seconds=self.seconds,
-            tare=self.tare, gripper=self.gripper, ask=self.ask, json=self.json,
+            tare=self.tare, gripper=self.gripper, ask=self.ask, page=self.page, json=self.json,
         )  # fmt: skip
         with stop_signals() as stopped:
             record_plan(options, stopped)

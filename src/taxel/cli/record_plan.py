@@ -11,11 +11,13 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from taxel.cli.plan_page import Shower, open_shower
 from taxel.cli.printing import console, print_json, say, say_aside
 from taxel.errors import BadInput
 from taxel.recordings.trial_plan import PlannedTrial, balance_line, done_of, read_plan
 from taxel.sources.contract import Source
 from taxel.sources.opening import open_source
+from taxel.sources.shown import Shown
 from taxel.views.keys import Keys
 
 if TYPE_CHECKING:
@@ -40,6 +42,8 @@ class PlanRecording:
     tare: bool
     gripper: str | None
     ask: bool
+    page: tuple[str, ...] | None
+    """Where the page listens, HOST:PORT, or nothing; None has none."""
     json: bool
 
 
@@ -55,15 +59,17 @@ def record_plan(options: PlanRecording, stopped: Callable[[], bool]) -> None:
         if options.tare and simulated:
             raise BadInput("--tare with real cameras", SIMULATED, "leave --tare out")
         asks = options.ask and not simulated
-        if asks and not console.is_terminal:
+        if asks and not console.is_terminal and options.page is None:
             raise BadInput(
-                "a terminal, where a key says that the cup is held",
+                "a terminal or a page, where a key says that the cup is held",
                 "none",
-                "add --no-ask where grasps are made by themselves",
+                "add --page, or --no-ask where grasps are made by themselves",
             )
         with ExitStack() as stack:
             keys = stack.enter_context(Keys())
-            made = _Session(options, stack, keys if asks else None, stopped, tell).run(trials)
+            shower = open_shower(options.page, stack, len(trials), tell, asks=asks)
+            shower.board.tell("WAIT", done=len(done), balance=balance_line(trials, done))
+            made = _Session(options, stack, keys if asks else None, stopped, shower).run(trials)
     ready = done_of(trials, options.output)
     if options.json:
         print_json(
@@ -89,7 +95,7 @@ class _Session:
         stack: Closes what is opened.
         keys: The person's; None where nobody is asked.
         stopped: True once the run shall end.
-        tell: Shows a line.
+        shower: Shows lines in the terminal, and what to do on the page.
     """
 
     def __init__(
@@ -98,10 +104,11 @@ class _Session:
         stack: ExitStack,
         keys: Keys | None,
         stopped: Callable[[], bool],
-        tell: Callable[..., None],
+        shower: Shower,
     ) -> None:
         self._options, self._stack, self._keys = options, stack, keys
-        self._stopped, self._tell = stopped, tell
+        self._stopped, self._shower = stopped, shower
+        self._tell, self._board = shower.line, shower.board
         self._gripper = self._open_gripper()
         self._source: Source | None = None
         if options.tare:
@@ -115,7 +122,7 @@ class _Session:
         while queue and not self._stopped():
             trial = queue[0]
             self._tell(f"trial {trial.number} of {len(trials)}: {trial.words}")
-            key = self._ask()
+            key = self._ask("GET READY", number=trial.number, words=trial.words)
             if key == "q":
                 break
             if key in ("r", "d") and last is not None:
@@ -132,7 +139,9 @@ class _Session:
             made.append(recorded)
             last = queue.pop(0)
             done = done_of(trials, self._options.output)
-            self._tell(balance_line(trials, done))
+            line = balance_line(trials, done)
+            self._tell(line)
+            self._board.tell("DONE", f"trial {trial.number}", done=len(done), balance=line)
         return made
 
     def _one(self, trial: PlannedTrial) -> RecordedTrial | None:
@@ -146,16 +155,21 @@ class _Session:
                 self._tell(f"gripper holds with {force_n:g} N")
             try:
                 with ExitStack() as own:
-                    source = self._cameras_for(trial, own)
+                    source: Source = Shown(self._cameras_for(trial, own), self._board.see)
                     path = self._options.output / trial.file_name
                     return record_trial(
-                        source, trial, path, self._options.seconds, self._tell, self._stopped
+                        source,
+                        trial,
+                        path,
+                        self._options.seconds,
+                        self._shower.phase,
+                        self._stopped,
                     )
             except NotSettled as error:
                 if self._keys is None:
                     raise
                 self._tell(str(error))
-                if self._ask() == "q":
+                if self._ask("GRASP AGAIN", str(error)) == "q":
                     return None
         return None
 
@@ -195,14 +209,21 @@ class _Session:
         if path.exists():
             return
         self._tell("leave both gels untouched")
-        if self._ask() == "q":
+        if self._ask("HANDS OFF", "leave both gels untouched") == "q":
             return
         self._source = self._stack.enter_context(open_source(self._options.source))
         record_source(self._source, path, TARE_S, labels={}, groups={"touch": "none"},
                       stopped=self._stopped)  # fmt: skip
 
-    def _ask(self) -> str:
-        """Return the key that a person typed: "" for Enter, r, d or q; "" where nobody is asked."""
+    def _ask(self, word: str, why: str = "", **shown: Any) -> str:
+        """Return the key that a person typed: "" for Enter, r, d or q; "" where nobody is asked.
+
+        Args:
+            word: What the page says is to be done.
+            why: In words.
+            shown: More for the page.
+        """
+        self._board.tell(word, why, waits=True, **shown)
         if self._keys is None:
             return ""
         from taxel.clock import SystemClock
@@ -212,8 +233,10 @@ class _Session:
         while not self._stopped():
             typed = self._keys.typed()
             found = next((key for key in typed if key in "\r\nrdq"), None)
-            if found is not None:
-                return found.strip()
+            step = self._shower.step()
+            if found is not None or step is not None:
+                self._board.tell("HOLD STILL", "until the grasp has settled")
+                return step if step is not None else str(found).strip()
             clock.sleep(0.05)
         return "q"
 

@@ -41,6 +41,8 @@ class Report:
     """Published tables and warnings, saved as JSON when they were measured."""
     sweep: tuple[Path, ...] = ()
     """Robustness curves, saved as JSON."""
+    reactions: tuple[Path, ...] = ()
+    """Logs of alarms, reactions and outcomes, NAME.trials.csv."""
     audit: bool = False
     """Look for leaks in the recordings under the runs' own splits, now; takes minutes."""
     audited: tuple[Path, ...] = ()
@@ -58,7 +60,7 @@ class Report:
 
     RULES: ClassVar = (
         Only(
-            ("data", "tables", "sweep", "audit", "audited", "latency"),
+            ("data", "tables", "sweep", "reactions", "audit", "audited", "latency"),
             "--output", lambda o: o.output is not None,
         ),
         Only(("data", "audit", "latency"), "a run", lambda o: o.runs),
@@ -68,9 +70,11 @@ class Report:
         """Gather and write."""
         if self.claims is None and self.output is None:
             raise BadInput("a file to write", "none", "name one with --output report.html")
-        if self.output is not None and not (self.runs or self.tables or self.sweep):
+        if self.output is not None and not (
+            self.runs or self.tables or self.sweep or self.reactions
+        ):
             raise BadInput(
-                "at least one run, or a file with --tables or --sweep", "none",
+                "at least one run, or a file with --tables, --sweep or --reactions", "none",
                 "train a run with: taxel train DATA --output RUN",
             )  # fmt: skip
         if self.keep and self.claims is None:
@@ -103,6 +107,7 @@ class Report:
     def _page(self, output: Path) -> None:
         from taxel.bundles.versions import read_history
         from taxel.evaluation.cards.latency import time_run
+        from taxel.recordings.trial_log import read_trial_log
         from taxel.training.environment import Made
         from taxel.training.run import load_run
         from taxel.views.report import RunPage, write_run_report
@@ -113,6 +118,8 @@ class Report:
         tables = {path.name: _read(path) for path in self.tables}
         audits = [read_audit(_read(path), path.name) for path in self.audited]
         sweeps = {path.name: read_sweep(_read(path), path.name) for path in self.sweep}
+        logs = zip(_names(self.reactions, "log"), self.reactions, strict=True)
+        reactions = {name.removesuffix(".trials.csv"): read_trial_log(path) for name, path in logs}
         paths = dict(zip(_names(self.runs), self.runs, strict=True))
         with progress() as bar:
             task = bar.add_task("starting", total=None)
@@ -143,6 +150,7 @@ class Report:
                     audits=audits,
                     latencies=latencies,
                     sweeps=sweeps,
+                    reactions=reactions,
                     tables=tables,
                     made=Made.now(),
                 ),
@@ -178,12 +186,12 @@ class Report:
         return list(found.values())
 
 
-def _names(paths: tuple[Path, ...]) -> list[str]:
-    """Return a short name for each run: its folder's, or its path where two are called alike."""
+def _names(paths: tuple[Path, ...], what: str = "run") -> list[str]:
+    """Return a short name for each path: its own, or the whole where two are called alike."""
     names = [path.resolve().name for path in paths]
     chosen = [n if names.count(n) == 1 else str(p) for n, p in zip(names, paths, strict=True)]
     if len(set(chosen)) < len(chosen):
-        raise BadInput("each run once", f"{', '.join(chosen)}", "leave the second out")
+        raise BadInput(f"each {what} once", f"{', '.join(chosen)}", "leave the second out")
     return chosen
 
 

@@ -176,7 +176,10 @@ class Train:
                 contract = replace(run.contract, accuracy=accuracy)
                 run = replace(run, contract=contract, made=Made.now())
                 if self.check:
-                    run = replace(run, predictions=checked.predictions, trivial=checked.trivial)
+                    run = replace(
+                        run, predictions=checked.predictions, trivial=checked.trivial,
+                        curves=checked.curves,
+                    )  # fmt: skip
                 save_run(output, run)
                 forget_folds(output)
             except TaxelError:

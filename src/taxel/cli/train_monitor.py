@@ -101,13 +101,16 @@ class TrainMonitor:
         parity = write_grasp_bundle(
             self.output, contract, head, backbone.model if backbone else None, windows, expected
         )
-        self._print(contract, parity)
+        self._print(contract, parity, learnt)
 
-    def _print(self, contract: GraspContract, parity: float) -> None:
+    def _print(self, contract: GraspContract, parity: float, learnt: LearntMonitor) -> None:
         measured = dict(contract.measured)
         if self.json:
+            from taxel.training.curves import curves_to_json
+
             print_json({"bundle": str(self.output), "parity": parity, "measured": measured,
-                        "parameters": contract.parameters})  # fmt: skip
+                        "parameters": contract.parameters,
+                        "curves": curves_to_json(learnt.curves)})  # fmt: skip
             return
         say(
             f"{self.output}: {self.features} + {contract.head}, {contract.parameters:,} "

@@ -10,7 +10,7 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 
 from taxel.evaluation.baselines import trivial_accuracies
-from taxel.evaluation.crossval import FoldPredictions, Pooled, pool, predictions_of
+from taxel.evaluation.crossval import FoldPredictions, Pooled, curves_of, pool, predictions_of
 from taxel.evaluation.fold_jobs import (
     FoldJob,
     Opened,
@@ -24,6 +24,7 @@ from taxel.evaluation.kept_folds import NOTHING_KEPT, Keeping, KeptFolds, conten
 from taxel.evaluation.splits import Split, TrialFold
 from taxel.evaluation.table_split import OWN_SPLIT, Elsewhere
 from taxel.jobs.running import as_done, shared_out
+from taxel.training.curves import Curve
 from taxel.training.predictions import Predictions
 from taxel.training.recipes import Recipe
 from taxel.windows.dataset import Dataset
@@ -45,6 +46,8 @@ class Checked:
     """Trivial baseline → accuracy, 0…1."""
     predictions: Predictions
     """What the recipe's own model said of each test window."""
+    curves: tuple[Curve, ...] = ()
+    """How its network learned in each fold; none of a model without epochs."""
     kept: int = 0
     """Folds that were finished by a run that was broken off."""
     cached: int = 0
@@ -100,6 +103,7 @@ def check_recipe(
         bars=beside,
         trivial=trivial_accuracies(dataset, recipe.target, split.folds),
         predictions=predictions_of(dataset, split, results, recipe.target),
+        curves=curves_of(results),
         kept=kept.used,
         cached=0 if library is kept else library.used,
     )
@@ -145,7 +149,7 @@ def _fit_folds(
     if not shared_out():
         for (model, number), name in zip(left, names, strict=True):
             on_step(name)
-            result = fold_of(opened, source.recipe, model, number)
+            result = fold_of(opened, source.recipe, model, number, watch=True)
             models[model].keep(model, number, result)
             found[model, number] = result
     else:
@@ -153,7 +157,7 @@ def _fit_folds(
         content, source = content_digest(opened.dataset, source.recipe.target), travelling(source)
         jobs = [
             (FoldJob(source=source, content=content, recipe=source.recipe, model=model,
-                     number=number),)
+                     number=number, watch=True),)
             for model, number in left
         ]  # fmt: skip
         for at, result in as_done(fit_fold, jobs, names=names):

@@ -37,5 +37,6 @@ def run_of_check(data: Path, checked: Checked) -> Run:
         data=str(data),
         predictions=checked.predictions,
         trivial=checked.trivial,
+        curves=checked.curves,
         made=Made.now(),
     )

@@ -7,7 +7,7 @@ tables or pages.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,8 +16,8 @@ from taxel.evaluation.metrics import Scores, accuracy_interval, by_trial, score
 from taxel.evaluation.part_scores import Parts, score_parts
 from taxel.evaluation.splits import Fold, Split, TrialFold
 from taxel.labels.trials import coarsest_group
+from taxel.training.curves import Curve, Epoch, thinned
 from taxel.training.fitting import Fitted, Job, Lesson, fit_model
-from taxel.training.loop import Epoch
 from taxel.training.predictions import Predictions
 from taxel.windows.dataset import Dataset
 from taxel.windows.windower import Windows
@@ -35,6 +35,8 @@ class FoldPredictions:
     probabilities: NDArray[np.float64]
     """Shape (m, classes)."""
     scores: Scores
+    history: tuple[Epoch, ...] = field(default=(), kw_only=True)
+    """How the last network learned, some test windows watched; none of a library's model."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,6 +52,7 @@ def run_fold(
     job: Job,
     *,
     training: Dataset | None = None,
+    watch: bool = False,
     on_epoch: Callable[[Epoch], None] | None = None,
 ) -> FoldResult:
     """Fit on a fold's training part and predict its test part.
@@ -59,6 +62,8 @@ def run_fold(
         fold: Which trials or windows are on which side.
         job: What to fit.
         training: The same trials cut with a shorter stride; needs a `TrialFold`.
+        watch: Look at some test windows after each epoch, for a curve: nothing is chosen by them,
+            and the last epoch's network is kept, whatever they say.
         on_epoch: Called after each epoch.
     """
     y = dataset.class_numbers(job.target)
@@ -73,22 +78,25 @@ def run_fold(
         replace(Lesson.of(source, job.target, train), classes=len(dataset.classes(job.target))),
         job,
         steps=dataset.config.steps,
-        validation=_watched(dataset, fold, y),
+        validation=_watched(dataset, fold, y, test if watch else None),
         on_epoch=on_epoch,
     )
     probabilities = fitted.probabilities(dataset.windows.values[test], dataset.windows.mask[test])
     return FoldResult(
-        fold.name, test, y[test], probabilities, score(y[test], probabilities), fitted
-    )
+        fold.name, test, y[test], probabilities, score(y[test], probabilities), fitted,
+        history=tuple(fitted.history),
+    )  # fmt: skip
 
 
 def _watched(
-    dataset: Dataset, fold: Fold, y: NDArray[np.intp]
+    dataset: Dataset, fold: Fold, y: NDArray[np.intp], test: NDArray[np.intp] | None
 ) -> tuple[Windows, NDArray[np.intp]] | None:
-    """Return the windows that a fold sets aside to choose by; None where it has none."""
-    if not isinstance(fold, TrialFold) or not fold.validation:
-        return None
-    index = fold.validation_windows(dataset)
+    """Return the windows that a fold sets aside to choose by, else some of those to be tested on;
+    None where it has none, or none are to be watched.
+    """
+    index = np.zeros(0, np.intp) if test is None else test[thinned(len(test))]
+    if isinstance(fold, TrialFold) and fold.validation:
+        index = fold.validation_windows(dataset)
     return (dataset.windows[index], y[index]) if len(index) else None
 
 
@@ -144,6 +152,13 @@ def pool(
         parts=None if target is None else
         score_parts(dataset.trials, target, trial, correct, numbers, trial_right),
     )  # fmt: skip
+
+
+def curves_of(results: Sequence[FoldPredictions]) -> tuple[Curve, ...]:
+    """Return how each fold's network learned; none of models without epochs."""
+    return tuple(
+        Curve(result.name, result.history) for result in results if len(result.history) > 1
+    )
 
 
 def predictions_of(

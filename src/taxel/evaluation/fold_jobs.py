@@ -58,6 +58,8 @@ class FoldJob:
     """The recipe's own, or a library model's name."""
     number: int
     """Which fold, 0 for the first."""
+    watch: bool = False
+    """Whether some test windows are looked at after each epoch, for a curve."""
 
 
 def open_source(source: Source) -> Opened:
@@ -96,15 +98,20 @@ def fit_fold(job: FoldJob) -> FoldPredictions:
         BadDataset: The recordings are not those that were parted.
     """
     opened = opened_once(job.source, job.content)
-    result = fold_of(opened, job.recipe, job.model, job.number)
-    return FoldPredictions(result.name, result.test, result.y, result.probabilities, result.scores)
+    result = fold_of(opened, job.recipe, job.model, job.number, watch=job.watch)
+    return FoldPredictions(
+        result.name, result.test, result.y, result.probabilities, result.scores,
+        history=result.history,
+    )  # fmt: skip
 
 
-def fold_of(opened: Opened, recipe: Recipe, model: str, number: int) -> FoldPredictions:
-    """Fit a model on one fold of an open data set and predict its test part."""
+def fold_of(
+    opened: Opened, recipe: Recipe, model: str, number: int, *, watch: bool = False
+) -> FoldPredictions:
+    """Fit a model on one fold of an open data set and predict its test part; watch it there."""
     job = Job.of(recipe, model)
     training = opened.training if model == recipe.model else None
-    return run_fold(opened.dataset, opened.split.folds[number], job, training=training)
+    return run_fold(opened.dataset, opened.split.folds[number], job, training=training, watch=watch)
 
 
 @lru_cache(maxsize=2)

@@ -12,8 +12,9 @@ from __future__ import annotations
 import hashlib
 import io
 import json
+import math
 from contextlib import nullcontext, suppress
-from dataclasses import dataclass
+from dataclasses import astuple, dataclass, fields
 from pathlib import Path
 from typing import Any
 
@@ -26,6 +27,7 @@ from taxel.evaluation.splits import Fold
 from taxel.foreign.archives import read_arrays
 from taxel.jobs.call import code_digest
 from taxel.recordings.whole import write_whole
+from taxel.training.curves import Epoch
 from taxel.training.environment import environment
 from taxel.windows.dataset import Dataset
 
@@ -33,6 +35,7 @@ MOST_SHARED = 50
 """Data sets and splits whose folds are kept in a shared folder. Source: our choice,
 docs/decisions/0040."""
 _ARRAYS = ("test", "y", "probabilities")
+_HISTORY = "history"
 
 
 def folds_folder(output: Path) -> Path:
@@ -97,14 +100,16 @@ class KeptFolds:
         if self._folder is None:
             return None
         try:
-            kept = read_arrays(self._path(model, number), ("key", *_ARRAYS))
+            kept = read_arrays(self._path(model, number), ("key", *_ARRAYS, _HISTORY))
             if not np.array_equal(kept["key"], self._key):
                 return None
             test, y, probabilities = (kept[name] for name in _ARRAYS)
-        except (OSError, BadFile, KeyError):
+            history = tuple(map(_epoch, kept[_HISTORY].tolist()))
+        except (OSError, BadFile, KeyError, TypeError, ValueError):
             return None
         self.used += 1
-        return FoldPredictions(fold.name, test, y, probabilities, score(y, probabilities))
+        found = score(y, probabilities)
+        return FoldPredictions(fold.name, test, y, probabilities, found, history=history)
 
     def keep(self, model: str, number: int, result: FoldPredictions) -> None:
         """Store a fold that is done, whole or not at all; a shared folder may refuse it.
@@ -116,7 +121,9 @@ class KeptFolds:
             return
         content = io.BytesIO()
         arrays = {name: getattr(result, name) for name in _ARRAYS}
-        np.savez(content, key=self._key, **arrays)
+        rows = [[math.nan if v is None else v for v in astuple(one)] for one in result.history]
+        history = np.array(rows, np.float64).reshape(len(rows), len(fields(Epoch)))
+        np.savez(content, key=self._key, history=history, **arrays)
         with suppress(RecordingFailed) if self._shared else nullcontext():
             write_whole(self._path(model, number), content.getvalue())
 
@@ -138,6 +145,12 @@ def content_digest(dataset: Dataset, target: str) -> str:
 def forget_folds(output: Path) -> None:
     """Remove the kept folds of a run that is complete."""
     _remove(folds_folder(output))
+
+
+def _epoch(values: list[float]) -> Epoch:
+    """Return an epoch from its row; NaN is None where that is allowed."""
+    number, loss, *rest = values
+    return Epoch(int(number), loss, *(None if math.isnan(one) else one for one in rest))
 
 
 def _thin_out(folder: Path) -> None:

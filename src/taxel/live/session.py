@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 
+from taxel.actions.rule_table import RuleTable
 from taxel.decisions.recognition import UNKNOWN, Decision, GraspVote
 from taxel.live.recogniser import Answer, Recogniser
 from taxel.signals import Mark, Samples
@@ -23,6 +24,7 @@ _KEPT_LATENCIES = 10_000
 """Latest latencies kept, so that memory stays constant."""
 _KEPT_ANSWERS = 2_000
 """Answers kept until their mark comes, so that memory stays constant."""
+_NO_RULES = RuleTable(())
 
 
 @dataclass(slots=True)
@@ -31,6 +33,12 @@ class Tally:
 
     target: str
     vote: GraspVote
+    rules: RuleTable = _NO_RULES
+    """What is to be done about what is recognised."""
+    actions: Counter[str] = field(default_factory=Counter)
+    """Action → windows after which it was what to do, by all windows of their contact so far."""
+    action: str = ""
+    """What is to be done now."""
     answers: Counter[str] = field(default_factory=Counter)
     windows: int = 0
     filled: int = 0
@@ -57,6 +65,8 @@ class Tally:
         self.filled += decision.filled > 0
         self.answers[decision.label] += 1
         self.grasp_answer = self.vote.add(decision)
+        self.action = self.rules.action(self.target, *self.grasp_answer)
+        self.actions.update([self.action] if self.action else [])
         self.latencies_s.append(answer.latency_s)
         del self.latencies_s[:-_KEPT_LATENCIES]
         self._waiting.append(decision)
@@ -110,6 +120,7 @@ class Tally:
     def take_in(self, other: Tally) -> None:
         """Add what was told of another recording, which is over."""
         self.answers.update(other.answers)
+        self.actions.update(other.actions)
         for name in ("windows", "filled", "marked", "right", "grasps", "grasps_right"):
             setattr(self, name, getattr(self, name) + getattr(other, name))
         self.latencies_s += other.latencies_s
@@ -125,6 +136,7 @@ class Tally:
             "windows": self.windows,
             "filled": self.filled,
             "answers": dict(self.answers.most_common()),
+            "actions": dict(self.actions.most_common()),
             "marked": self.marked,
             "right": self.right,
             "grasps": self.grasps,
@@ -144,6 +156,7 @@ def run_session(
     recognisers: list[Recogniser],
     seconds: float | None = None,
     show: Show | None = None,
+    rules: RuleTable = _NO_RULES,
 ) -> list[Tally]:
     """Read a source until it ends, or for some of its seconds; return what was told.
 
@@ -153,6 +166,7 @@ def run_session(
         seconds: Length on the samples' fitted clock, seconds; None has no end. Scans and marks
             beyond it are left out, however many a read gives at once.
         show: Draws the screen.
+        rules: What is to be done about what is recognised.
     """
     tallies = [
         Tally(
@@ -163,6 +177,7 @@ def run_session(
                 recogniser.bundle.strangeness,
                 recogniser.bundle.contract.joining,
             ),
+            rules,
             late=recogniser.bundle.contract.window.pad,
         )
         for recogniser in recognisers

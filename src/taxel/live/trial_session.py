@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from taxel.actions.rule_table import RuleTable
 from taxel.bundles.trials import TrialBundle
 from taxel.decisions.recognition import UNKNOWN
 from taxel.live.frame_loop import moments_and_marks
@@ -19,14 +20,17 @@ from taxel.signals import Mark
 from taxel.sources.contract import Source
 from taxel.windows.pairs import FramePairer
 
+_NO_RULES = RuleTable(())
+
 
 @dataclass
 class TrialTally:
     """What a session has told so far."""
 
     target: str
+    rules: RuleTable = _NO_RULES
     trials: list[dict[str, Any]] = field(default_factory=list)
-    """One entry a trial: verdict, confidence, novelty, reason, frames, and the truth if told."""
+    """One a trial: verdict, confidence, novelty, reason, action, frames, and the truth if told."""
     looks_s: list[float] = field(default_factory=list)
     """Time that each look at a crop took, seconds."""
 
@@ -39,6 +43,7 @@ class TrialTally:
                 "confidence": verdict.confidence,
                 "novelty": verdict.novelty,
                 "reason": verdict.reason,
+                "action": self.rules.action(self.target, verdict.label, verdict.confidence),
                 "frames": answer.frames,
                 "truth": truth,
             }
@@ -65,6 +70,7 @@ def run_trial_session(
     seconds: float | None = None,
     least_confidence: float = 0.5,
     on_answer: Callable[[TrialAnswer, bool], None] = lambda answer, changed: None,
+    rules: RuleTable = _NO_RULES,
 ) -> TrialTally:
     """Watch a source until it ends, or for some of its seconds; return what was told.
 
@@ -76,13 +82,14 @@ def run_trial_session(
         seconds: Length on the frames' fitted clock, seconds; None has no end.
         least_confidence: Below this probability the verdict is UNKNOWN, 0…1.
         on_answer: Called with each answer, and True where the verdict or its crops have changed.
+        rules: What is to be done about a verdict.
 
     Raises:
         BadBundle: The bundle was not made for such cameras.
     """
     watch = TrialWatch(bundle, source.cameras, least_confidence)
     pairer = FramePairer(len(source.cameras))
-    tally = TrialTally(bundle.contract.target)
+    tally = TrialTally(bundle.contract.target, rules)
     before: tuple[str, int, bool] | None = None
 
     def finish(mark: Mark | None) -> None:

@@ -5,9 +5,12 @@ Knows nothing about bundles, windows or what the numbers mean.
 
 from __future__ import annotations
 
+from typing import Any
+
 import onnxruntime
 
 from taxel.errors import BadBundle
+from taxel.models.devices import CPU, OPTIONS, PROVIDERS, VARIABLE, check_device
 
 
 def one_line(error: Exception) -> str:
@@ -15,17 +18,20 @@ def one_line(error: Exception) -> str:
     return " ".join(str(error).split())[:300]
 
 
-def open_session(model: bytes, threads: int = 1) -> onnxruntime.InferenceSession:
-    """Return a model that is ready to run on the processor.
+def open_session(model: bytes, threads: int = 1, device: str = CPU) -> onnxruntime.InferenceSession:
+    """Return a model that is ready to run.
 
     Args:
         model: The ONNX file's bytes.
-        threads: Threads that share one run; one is fastest for small networks and leaves the
-            machine to others.
+        threads: Threads of the processor that share one run; one is fastest for small networks and
+            leaves the machine to others.
+        device: A name in `PROVIDERS`; what it cannot run, the processor runs.
 
     Raises:
-        BadBundle: ONNX Runtime refuses it.
+        BadInput: The device is not there.
+        BadBundle: ONNX Runtime refuses the model, or cannot open the device.
     """
+    check_device(device)
     options = onnxruntime.SessionOptions()
     options.intra_op_num_threads = threads
     options.inter_op_num_threads = 1
@@ -33,10 +39,20 @@ def open_session(model: bytes, threads: int = 1) -> onnxruntime.InferenceSession
     # Threads wait for each other's next layer busily, but not for the next run: a core that
     # spins on is taken from whoever has work.
     options.add_session_config_entry("session.force_spinning_stop", "1")
+    wanted: list[Any] = [(PROVIDERS[device], OPTIONS.get(device, {}))]
     try:
-        return onnxruntime.InferenceSession(model, options, providers=["CPUExecutionProvider"])
+        session = onnxruntime.InferenceSession(
+            model, options, providers=wanted if device == CPU else [*wanted, PROVIDERS[CPU]]
+        )
     except Exception as error:  # onnxruntime's own errors share no public base
         raise BadBundle(
             "a model that ONNX Runtime can run", f"one that it refuses ({one_line(error)})",
             "write it again with this version of taxel",
         ) from error  # fmt: skip
+    if session.get_providers()[0] != PROVIDERS[device]:  # it falls back without a word
+        raise BadBundle(
+            f"a {device} device that ONNX Runtime can open",
+            f"only {', '.join(session.get_providers())}",
+            f"check its driver, or say {VARIABLE}=cpu",
+        )  # fmt: skip
+    return session

@@ -16,8 +16,9 @@ from taxel.bundles.writer import write_bundle
 from taxel.errors import BadDataset
 from taxel.models.catalogue import find_network
 from taxel.training.adapt.exemplars import all_exemplars, thin_out
+from taxel.training.curves import Epoch
 from taxel.training.fitting import Job, Lesson, fit_model, training_windows
-from taxel.training.loop import Checkpoint, Epoch
+from taxel.training.loop import Checkpoint
 from taxel.training.recipes import Recipe
 from taxel.training.run import Run, contract_of, save_run
 from taxel.training.unknown import fit_unknown

@@ -16,7 +16,8 @@ from torch import nn
 
 from taxel.models.catalogue import Baseline, find_model
 from taxel.models.library import Estimator
-from taxel.training.loop import Checkpoint, Epoch, Labelled, TrainConfig, fit, new_network, predict
+from taxel.training.curves import Epoch
+from taxel.training.loop import Checkpoint, Labelled, TrainConfig, fit, new_network, predict
 from taxel.training.recipes import Recipe
 from taxel.windows.dataset import Dataset, recut
 from taxel.windows.scaling import Scaling, ScalingKind, fit_scaling

@@ -15,6 +15,7 @@ from torch import Tensor, nn
 from torch.nn import functional
 
 from taxel.models.sequence import find_head
+from taxel.training.curves import Epoch, thinned
 from taxel.windows.rest import SETTLE, Tare, seen, settled
 from taxel.windows.sequence import label_windows, sequence_windows, window_starts
 
@@ -90,8 +91,8 @@ class TrainedHead:
     factor: NDArray[np.float32]
     """Shape (cameras, features)."""
     config: HeadConfig
-    losses: tuple[float, ...]
-    """Mean loss of each epoch, nats."""
+    history: tuple[Epoch, ...]
+    """Of each epoch: its loss, and where recordings were watched, both sides after it."""
 
     def probabilities(self, features: NDArray[np.float32]) -> NDArray[np.float32]:
         """Return the probability of "unstable" at each window's end, shape (n − k + 1,).
@@ -118,6 +119,7 @@ def fit_head(
     tracks: Sequence[Track],
     config: HeadConfig,
     on_epoch: Callable[[int, float], None] = lambda _number, _loss: None,
+    watched: Sequence[Track] = (),
 ) -> TrainedHead:
     """Train a head on whole recordings.
 
@@ -128,6 +130,8 @@ def fit_head(
         tracks: Recordings to learn from.
         config: How to train.
         on_epoch: Called with the epoch's number and loss.
+        watched: Recordings that are held out and looked at after each epoch, for a curve; nothing
+            is chosen by them.
 
     Raises:
         ValueError: There is no window.
@@ -140,8 +144,23 @@ def fit_head(
         torch.manual_seed(config.seed)
         module = find_head(config.head).build(offset.shape[-1], config.frames)
     batches = _Batches(tracks, where, labels, offset, factor, config)
-    losses = _train(module, batches, config, on_epoch)
-    return TrainedHead(module, offset, factor, config, tuple(losses))
+    held = None
+    if watched:
+        held = _Batches(watched, *_places(watched, config), offset, factor, config)
+    history = _train(module, batches, config, on_epoch, held)
+    return TrainedHead(module, offset, factor, config, tuple(history))
+
+
+def _seen_now(module: nn.Module, batches: _Batches) -> tuple[float, float]:
+    """Return loss in nats and accuracy of some windows as the head stands, without learning."""
+    windows, labels = batches.take(thinned(len(batches)))
+    module.eval()
+    with torch.inference_mode():
+        logits = module(windows)
+        loss = float(functional.binary_cross_entropy_with_logits(logits, labels))
+        right = float(((logits > 0) == (labels > 0.5)).float().mean())
+    module.train()
+    return loss, right
 
 
 def _scaling(
@@ -220,7 +239,8 @@ def _train(
     batches: _Batches,
     config: HeadConfig,
     on_epoch: Callable[[int, float], None],
-) -> list[float]:
+    held: _Batches | None,
+) -> list[Epoch]:
     optimiser = torch.optim.Adam(
         [one for one in module.parameters() if one.requires_grad],
         lr=config.learning_rate,
@@ -229,7 +249,7 @@ def _train(
     generator = torch.Generator().manual_seed(config.seed)
     steps = -(-len(batches) // config.batch)
     schedule = torch.optim.lr_scheduler.CosineAnnealingLR(optimiser, config.epochs * steps)
-    losses = []
+    history: list[Epoch] = []
     module.train()
     for number in range(1, config.epochs + 1):
         total = 0.0
@@ -242,7 +262,10 @@ def _train(
             if config.decay:
                 schedule.step()
             total += float(loss.detach()) * len(part)
-        losses.append(total / len(batches))
-        on_epoch(number, losses[-1])
+        epoch = Epoch(number, total / len(batches))
+        if held is not None and len(held):
+            epoch = Epoch(number, epoch.loss, *_seen_now(module, held), *_seen_now(module, batches))
+        history.append(epoch)
+        on_epoch(number, epoch.loss)
     module.eval()
-    return losses
+    return history

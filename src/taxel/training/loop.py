@@ -20,6 +20,7 @@ from taxel.models.forest import CourseForest
 from taxel.models.touchnet import TouchNet
 from taxel.training.augment import Augment
 from taxel.training.checkpoints import load_checkpoint, save_checkpoint
+from taxel.training.curves import Epoch, thinned
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -62,6 +63,15 @@ class Labelled:
     def __len__(self) -> int:
         return len(self.y)
 
+    def thinned(self) -> Labelled:
+        """Return at most `WATCHED` of the windows, evenly drawn."""
+        part = thinned(len(self))
+        return Labelled(self.values[part], self.mask[part], self.y[part])
+
+    def first(self, steps: int) -> Labelled:
+        """Return the windows' first rows: training windows may be longer than a network takes."""
+        return Labelled(self.values[:, :steps], self.mask[:, :steps], self.y)
+
     def tensors(self) -> tuple[Tensor, Tensor, Tensor]:
         """Return values, mask and classes as tensors that share memory."""
         return (
@@ -69,20 +79,6 @@ class Labelled:
             torch.from_numpy(self.mask),
             torch.from_numpy(self.y.astype(np.int64)),
         )
-
-
-@dataclass(frozen=True, slots=True)
-class Epoch:
-    """What one epoch gave."""
-
-    number: int
-    """1 for the first."""
-    loss: float
-    """Mean cross-entropy over the training windows, nats."""
-    validation_loss: float | None
-    """The same over the validation windows; None where there are none."""
-    validation_accuracy: float | None
-    """0…1."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -122,7 +118,8 @@ def fit(
         config: How to train.
         steps: Rows that the network takes, where training windows are longer and
             `Augment.warp` draws a stretch from each; their own length unless given.
-        validation: Windows to watch.
+        validation: Windows to watch: some of them, and as many of the training windows, are
+            looked at after each epoch.
         checkpoint: A file written after each epoch; if it exists, training
             goes on from it and gives the weights that an unbroken run gives.
         on_epoch: Called after each epoch, as by a progress bar.
@@ -136,20 +133,34 @@ def fit(
     optimiser = torch.optim.AdamW(
         network.parameters(), lr=config.learning_rate, weight_decay=config.weight_decay
     )
+    learnt = train.thinned().first(shape.steps)
+    validation = None if validation is None else validation.thinned()
     history: list[Epoch] = []
     if checkpoint is not None and checkpoint.path.exists():
         path, job = checkpoint.path, checkpoint.job
         history = load_checkpoint(path, network, optimiser, config, Epoch, job)
     for number in range(len(history) + 1, config.epochs + 1):
         loss = _one_epoch(network, optimiser, train, config, shape, number)
-        watched = evaluate(network, validation) if validation is not None else (None, None)
-        history.append(Epoch(number, loss, *watched))
+        history.append(Epoch(number, loss, *_watch(network, validation, learnt)))
         if checkpoint is not None:
             save_checkpoint(checkpoint.path, network, optimiser, config, history, checkpoint.job)
         if on_epoch is not None:
             on_epoch(history[-1])
     network.eval()
     return history
+
+
+_Watched = tuple[float | None, float | None]
+
+
+def _watch(
+    network: nn.Module, validation: Labelled | None, learnt: Labelled | None
+) -> tuple[float | None, float | None, float | None, float | None]:
+    """Return loss and accuracy of held-out windows, then of some that were learned from."""
+    nothing: _Watched = (None, None)
+    held = nothing if validation is None else evaluate(network, validation)
+    own = nothing if validation is None or learnt is None else evaluate(network, learnt)
+    return (*held, *own)
 
 
 @dataclass(frozen=True, slots=True)
@@ -182,8 +193,7 @@ def _grow(
     network.grow(train.values, train.mask, train.y, config.seed)
     network.eval()
     loss, _ = evaluate(network, train)
-    watched = evaluate(network, validation) if validation is not None else (None, None)
-    history = [Epoch(1, loss, *watched)]
+    history = [Epoch(1, loss, *_watch(network, validation, None))]
     if on_epoch is not None:
         on_epoch(history[0])
     return history

@@ -38,8 +38,9 @@ from taxel.models.blend import EXPERT, Blend
 from taxel.models.catalogue import count_parameters, find_network
 from taxel.training.adapt.exemplars import Exemplars, load_exemplars, save_exemplars
 from taxel.training.checkpoints import load_weights, save_weights
+from taxel.training.curves import Curve, Epoch, curves_from_json, curves_to_json
 from taxel.training.environment import Made
-from taxel.training.loop import Epoch, TrainConfig
+from taxel.training.loop import TrainConfig
 from taxel.training.predictions import Predictions, load_predictions, save_predictions
 from taxel.windows.dataset import Dataset
 from taxel.windows.scaling import Scaling
@@ -66,6 +67,8 @@ class Run:
     """What the cross-validation said of each test window; None where there was none."""
     trivial: Mapping[str, float] = field(default_factory=dict)
     """Trivial baseline → accuracy on the same folds, 0…1."""
+    curves: tuple[Curve, ...] = ()
+    """How each fold's network learned, its test windows held out; none of library models."""
     made: Made = Made()  # noqa: RUF009  # frozen
     """With which command, versions and processor."""
     exemplars: Exemplars | None = None
@@ -157,6 +160,7 @@ def _write_run(temporary: Path, run: Run) -> None:
         "data": run.data,
         "members": len(run.networks),
         "trivial": dict(run.trivial),
+        "curves": curves_to_json(run.curves),
         "made": asdict(run.made),
     }
     if run.predictions is not None:
@@ -189,6 +193,7 @@ def load_run(folder: Path, *, weights: bool = True) -> Run:
         history = tuple(record_of(Epoch, one, finite=False) for one in about.items("history"))
         data = about.text("data")
         trivial = about.numbers("trivial") if "trivial" in about else {}
+        curves = curves_from_json(about.any("curves")) if "curves" in about else ()
         made = record_of(Made, about.any("made")) if "made" in about else Made()
     except (OSError, ValueError) as error:  # BadBundle and BadFile are ValueErrors
         got = "none there"
@@ -210,6 +215,7 @@ def load_run(folder: Path, *, weights: bool = True) -> Run:
         data=data,
         predictions=load_predictions(folder),
         trivial=trivial,
+        curves=curves,
         made=made,
         exemplars=load_exemplars(folder) if weights else None,
     )

@@ -106,6 +106,8 @@ class LiveView:
         lines.append(f"{visible(contract.target)}: ")
         lines.append(f"{visible(label):<12}", style=style)
         lines.append(f"{confidence:4.0%} over {tally.vote.windows} windows of this contact\n")
+        if tally.action:
+            lines.append(f"  → {visible_line(tally.action)}\n", style="bold")
         for name, p in zip(contract.classes, latest.decision.probabilities, strict=True):
             full = round(float(p) * 20) if np.isfinite(p) else 0
             lines.append(f"  {visible(name):<12}{'█' * full}{'·' * (20 - full)} {p:4.0%}\n")

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from trial_makers import as_avi, as_folder, as_mp4, trial_images, write_trials
 
 import taxel.training.trial_blend as blending
+from taxel.actions.rule_table import RuleTable
 from taxel.bundles.engine import open_engine
 from taxel.bundles.trials import IN_RUN
 from taxel.cli.evaluate_trials import EvaluateTrials
@@ -106,7 +107,15 @@ def test_a_set_goes_from_a_table_to_a_live_verdict_without_glue(
     bundle = tmp_path / "run" / IN_RUN
     EvaluateTrials(trials=bundle, data=tmp_path / "imported", json=True).run()
     offline = json.loads(capsys.readouterr().out)
-    live_trials(bundle, str(tmp_path / "imported"), None, 0.5, quiet=True, as_json=True)
+    live_trials(
+        bundle,
+        str(tmp_path / "imported"),
+        None,
+        0.5,
+        as_json=True,
+        rules=RuleTable(()),
+        device="cpu",
+    )
     live = json.loads(capsys.readouterr().out)
     assert [t["verdict"] for t in live["trials"]] == [v["verdict"] for v in offline["verdicts"]]
     assert [t["confidence"] for t in live["trials"]] == pytest.approx(
@@ -123,7 +132,15 @@ def test_a_verdict_is_unknown_before_a_crop_and_builds_up(
     options = TrialOptions(fold_count=2, cache=tmp_path / "cache")
     TrainTrials(trials=table, output=tmp_path / "run", options=options, check=False).run()
     capsys.readouterr()
-    live_trials(tmp_path / "run" / IN_RUN, str(table), None, 0.0, quiet=False, as_json=False)
+    live_trials(
+        tmp_path / "run" / IN_RUN,
+        str(table),
+        None,
+        0.0,
+        as_json=False,
+        rules=RuleTable(()),
+        device="cpu",
+    )
     first = capsys.readouterr().out.splitlines()
     assert "UNKNOWN" in first[1]
     assert "1 of the 12 frames" in first[1]

@@ -9,7 +9,7 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from taxel.live.station.packets import pack, unpack
-from taxel.live.station.station import Station
+from taxel.live.station.wishes import grant
 from taxel.signals import Frame, Mark, Samples
 
 pytestmark = pytest.mark.data
@@ -71,7 +71,7 @@ def test_any_wish_of_a_page_is_one_of_three_or_is_refused(wish: object):
         config=SimpleNamespace(groups={"session": "1"}, labels={}, recordings=Path("recordings")),
     )
     try:
-        Station._grant(station, unpack(pack(wish)))  # type: ignore[arg-type]
+        grant(station, unpack(pack(wish)))  # type: ignore[arg-type]
     except (ValueError, KeyError, TypeError):  # as the station expects, and counts
         assert done == []
     assert len(done) <= 1

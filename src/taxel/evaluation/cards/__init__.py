@@ -1,1 +1,1 @@
-"""What a report says beside a result: its data, its latency, and the published claims."""
+"""What a report says beside a result: data, latency, people's reactions, the published claims."""

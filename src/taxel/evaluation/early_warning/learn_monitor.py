@@ -17,6 +17,7 @@ from taxel.evaluation.splits import TrialFold
 from taxel.evaluation.transitions.data import CameraSet, Judged, judge_fold, tracks_of
 from taxel.evaluation.transitions.tables import WindowScores, score_windows
 from taxel.labels.rules import rule_named
+from taxel.training.curves import Curve
 from taxel.training.features import FrameFeatures
 from taxel.training.heads import HeadConfig, TrainedHead, fit_head
 
@@ -32,6 +33,8 @@ class LearntMonitor:
     """None where the recordings hold no truth to tune on: the thresholds are the defaults."""
     windows: WindowScores | None
     """Windows of cups held out; None where there are fewer than two cups."""
+    curves: tuple[Curve, ...] = ()
+    """How each head learned that left out some cups, and the last one on all."""
 
 
 def learn_monitor(
@@ -54,12 +57,15 @@ def learn_monitor(
     cups = data.groups(key)
     names = sorted(set(cups.tolist()))
     judged: list[Judged] = []
+    curves: list[Curve] = []
     if len(names) > 1:
         for part in np.array_split(np.array(names), min(INNER_FOLDS, len(names))):
             on_step(f"without {key} {', '.join(part)}")
             held = np.isin(cups, part)
             fold = TrialFold.of("+".join(part), np.flatnonzero(~held), np.flatnonzero(held))
-            judged.append(judge_fold(features, data.labels, fold, config)[0])
+            found, trained = judge_fold(features, data.labels, fold, config, watch=True)
+            judged.append(found)
+            curves.append(Curve(f"without {key} {', '.join(part)}", trained.history))
     tuned = None
     if judged and rule_named(data.rule).needs == "truth":
         tuned = tune(monitor_tracks(data, judged, config.frames))
@@ -71,4 +77,5 @@ def learn_monitor(
         stability=tuned.config if tuned else StabilityConfig(),
         tuned=tuned,
         windows=score_windows(judged) if judged else None,
+        curves=(*curves, Curve(f"all {key}s", head.history)),
     )

@@ -126,9 +126,21 @@ def judge_fold(
     labels: Sequence[NDArray[np.int8]],
     fold: TrialFold,
     config: HeadConfig,
+    *,
+    watch: bool = False,
 ) -> tuple[Judged, TrainedHead]:
-    """Train a head on a fold's training pours and judge its test pours."""
-    trained = fit_head(tracks_of(features, labels, fold.train_rows), config)
+    """Train a head on a fold's training pours and judge its test pours.
+
+    Args:
+        features: Of all pours.
+        labels: One a frame of each.
+        fold: Which pours are on which side.
+        config: How to train.
+        watch: Look at some windows of the test pours after each epoch, for a curve; nothing is
+            chosen by them.
+    """
+    watched = tracks_of(features, labels, fold.test_rows) if watch else ()
+    trained = fit_head(tracks_of(features, labels, fold.train_rows), config, watched=watched)
     probabilities = tuple(trained.probabilities(features[i].all()) for i in fold.test_rows)
     windows = tuple(label_windows(labels[i], config.frames) for i in fold.test_rows)
     return Judged(fold, probabilities, windows), trained

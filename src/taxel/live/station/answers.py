@@ -6,6 +6,10 @@ from collections import Counter
 from collections.abc import Sequence
 from typing import Any
 
+from taxel.actions.rule_table import RuleTable
+
+_NO_RULES = RuleTable(())
+
 
 def titles(told: Sequence[dict[str, Any]]) -> list[str]:
     """Return what each recogniser is called: its target, where two share one also its bundle.
@@ -26,23 +30,37 @@ class Answers:
 
     Args:
         recognisers: For each its target, bundle and who it is.
+        rules: What is to be done about an answer.
     """
 
-    def __init__(self, recognisers: Sequence[dict[str, Any]]) -> None:
-        self._recognisers = recognisers
+    def __init__(self, recognisers: Sequence[dict[str, Any]], rules: RuleTable = _NO_RULES) -> None:
+        self._recognisers, self._rules = recognisers, rules
+        self._actions: dict[str, Counter[str]] = {one["who"]: Counter() for one in recognisers}
         self._counts: dict[str, Counter[str]] = {one["who"]: Counter() for one in recognisers}
         self._newest: dict[str, dict[str, Any]] = {}
 
-    def add(self, note: dict[str, Any]) -> None:
-        """Take in one window's answer."""
+    def add(self, note: dict[str, Any]) -> tuple[dict[str, Any], str]:
+        """Take in one window's answer.
+
+        Returns:
+            The answer with its action, and where that is a new one, words for a person.
+        """
+        sure = note["grasp_confidence"]
+        note = note | {"action": self._rules.action(note["target"], note["grasp"], sure)}
+        before = self._newest.get(note["who"], {}).get("action", "")
         self._newest[note["who"]] = note
         self._counts[note["who"]][note["label"]] += 1
+        if note["action"]:
+            self._actions[note["who"]][note["action"]] += 1
+        told = note["grasp"] if sure is None else f"{note['grasp']} {sure:.2f}"
+        news = f"{note['target']} {told}: {note['action']}"
+        return note, news if note["action"] not in ("", before) else ""
 
     def newest(self) -> list[dict[str, Any]]:
         """Return the newest answers as the page's link gives them."""
         return [
             {"target": title, "label": note["grasp"], "confidence": note["grasp_confidence"],
-             "reason": note["reason"]}
+             "reason": note["reason"], "action": note["action"]}
             for one, title in zip(self._recognisers, titles(self._recognisers), strict=True)
             if (note := self._newest.get(one["who"])) is not None
         ]  # fmt: skip
@@ -51,6 +69,7 @@ class Answers:
         """Return how many windows of each recogniser had which answer."""
         return [
             {"target": one["target"], "bundle": one["bundle"], "who": one["who"],
-             "windows": told.total(), "answers": dict(told.most_common())}
+             "windows": told.total(), "answers": dict(told.most_common()),
+             "actions": dict(self._actions[one["who"]].most_common())}
             for one, told in zip(self._recognisers, self._counts.values(), strict=True)
         ]  # fmt: skip

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from taxel.actions.actuators import Actuator, FollowsGrasps, hear_all
+from taxel.actions.actuators import Actuator, FollowsGrasps, TakesAnswers, hear_all
 from taxel.actions.interlock import Order, OrderKind
 from taxel.live.station.acting import SimulatedGrip
 from taxel.live.station.guard import Guard
@@ -55,6 +55,12 @@ class Driving:
         for actuator in self._actuators:
             actuator.tell(self._guard.decision, order, now_s)
         self._weigh(faults, now_s)
+
+    def recognised(self, answer: dict[str, Any]) -> None:
+        """Hand on what a recogniser has just answered, to those that take it."""
+        for actuator in self._actuators:
+            if isinstance(actuator, TakesAnswers):
+                actuator.recognised(answer)
 
     def told(self) -> dict[str, Any] | None:
         """Return how the gripper does, as the page's link gives it; None without any."""

@@ -31,6 +31,7 @@ from taxel.live.station.beats import Work
 from taxel.live.station.packets import Packet, pack, unpack
 from taxel.live.station.ring import RingReader, RingWriter
 from taxel.live.station.worker import Place, Pulse, Rank, at_work, settle_memory
+from taxel.models.devices import CPU
 from taxel.signals import CameraInfo, Frame, Mark, Samples, SensorInfo
 from taxel.windows.pairs import FramePairer, FrameSet
 
@@ -68,6 +69,8 @@ class Inference:
     """Obey orders to go wrong on purpose, as `taxel bench faults` gives them."""
     trust: Trust | None = None
     """Keys of which one must have signed each bundle; any bundle unless given."""
+    device: str = CPU
+    """On which ONNX Runtime runs the bundles."""
 
 
 def infer(job: Inference) -> None:
@@ -112,7 +115,7 @@ class _GraspWatcher:
 
     def __init__(self, path: Path, job: Inference, writer: RingWriter, number: int) -> None:
         threads = min(len(job.cameras), _cores())
-        bundle = read_grasp_bundle(path, threads=threads, trust=job.trust)
+        bundle = read_grasp_bundle(path, threads=threads, trust=job.trust, device=job.device)
         self._who = f"{job.place.name}/{number}"
         self._monitor = GraspMonitor(bundle, job.cameras)
         self._pairer = FramePairer(len(job.cameras))
@@ -140,11 +143,15 @@ class _GraspWatcher:
             elif _ends_grasp(packet) or _asks(packet, "new grasp"):
                 self._watch(sets, came, pulse)
                 sets = []
-                self._writer.put(pack({"kind": "new grasp"}))
+                outcome = packet.labels.get("outcome", "") if isinstance(packet, Mark) else ""
+                self._writer.put(pack({"kind": "new grasp", "outcome": outcome}))
                 if isinstance(packet, Mark):
                     self._say(self._monitor.over(packet.end_s, came["taken_s"]), monotonic())
                 else:
                     self._monitor.reset()
+            elif isinstance(packet, Mark) and "reaction" in packet.labels:
+                said = {"what": packet.labels["reaction"], "time_s": packet.start_s}
+                self._writer.put(pack({"kind": "reaction", **said}))
             elif isinstance(packet, dict) and "ended" in packet:
                 self._monitor.end()
         self._watch(sets, came, pulse)
@@ -215,7 +222,7 @@ class _RecogniseWatcher:
     """A recogniser on the ring's scans."""
 
     def __init__(self, path: Path, job: Inference, writer: RingWriter, number: int) -> None:
-        bundle = read_bundle(path, trust=job.trust)
+        bundle = read_bundle(path, trust=job.trust, device=job.device)
         self._who = f"{job.place.name}/{number}"
         config = RecogniseConfig(least_confidence=job.least_confidence)
         self._recogniser = Recogniser(bundle, job.sensor, config)

@@ -127,7 +127,7 @@ class StationView:
             "time_s": 0.0, "state": "UNKNOWN", "reason": REASONS["no station"].say(),
             "since_s": 0.0, "probability": None, "slip": None, "alarms": [], "answers": [],
             "consumers": [],
-            "latency_ms": {}, "gripper": None, "recording": {},
+            "latency_ms": {}, "gripper": None, "recording": {}, "do": None, "trial": None,
         }  # fmt: skip
         told = {key: value for key, value in self._newest.items() if key != "events"}
         still_s = self._board.still_s(monotonic())
@@ -201,6 +201,11 @@ class StationView:
                     return str(found["error"])
                 sleep(0.02)
         return "the recorder does not answer"
+
+    def react(self, what: str) -> str:
+        """Tell the supervisor what a person did, or what came of the grasp."""
+        self._ask({"do": "react", "what": what})
+        return ""
 
     def disarm(self) -> None:
         """Tell the supervisor that a person wants no more orders."""

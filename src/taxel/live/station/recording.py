@@ -22,6 +22,7 @@ from taxel.live.station.packets import Packet, pack, unpack
 from taxel.live.station.ring import RingReader, RingWriter
 from taxel.live.station.worker import Place, Pulse, at_work, settle_memory
 from taxel.recordings.manifest import NO_ARRAY, Manifest
+from taxel.recordings.trial_log import append_trial, log_of, trial_of
 from taxel.recordings.writer import Recorder
 from taxel.signals import CameraInfo, Frame, Mark, Samples, SensorInfo, SlipNote
 
@@ -154,6 +155,8 @@ class _Desk:
         elif order.get("do") == "slip":
             self._slip(order)
             return
+        elif order.get("do") == "trial":
+            self._trial(order)
         elif order.get("do") == "end":
             self.finish("cleanly")
         self._tell(monotonic())
@@ -166,6 +169,15 @@ class _Desk:
                 self._recorder.slip(note)
             except TaxelError as error:  # the next frame ends the recording by the same error
                 self._error = str(error)
+
+    def _trial(self, order: dict[str, Any]) -> None:
+        """Log what a person did in a grasp that is over, beside the recording."""
+        if self._recorder is None or self._path is None:
+            return
+        try:
+            append_trial(log_of(self._path), trial_of(order["trial"]))
+        except OSError as error:
+            self._error = f"needed to write {log_of(self._path)}; got {error.strerror or error}."
 
     def follow(self, pulse: Pulse) -> bool:
         """Take what came; return whether there was anything."""
@@ -210,6 +222,8 @@ class _Desk:
             self._error = str(error)
             return
         self._path, self._began_s, self._error = path, monotonic(), ""
+        with contextlib.suppress(OSError):  # of the recording that is replaced
+            log_of(path).unlink(missing_ok=True)
         self._lost_before, self._kept = self._lost(), 0
 
     def _write(self, recorder: Recorder, one: Recorded, packet: Packet) -> None:

@@ -12,7 +12,7 @@ from __future__ import annotations
 import contextlib
 from collections import deque
 from collections.abc import Callable
-from datetime import datetime
+from dataclasses import asdict
 from multiprocessing.process import BaseProcess
 from pathlib import Path
 from time import monotonic
@@ -27,15 +27,19 @@ from taxel.live.station.alarm_watch import AlarmWatch, watch
 from taxel.live.station.answers import Answers
 from taxel.live.station.beats import Beats, Work
 from taxel.live.station.crew import Crew, Worker
+from taxel.live.station.crew_watch import CrewWatch
 from taxel.live.station.driving import Driving
 from taxel.live.station.guard import NO_GRASP, Guard
-from taxel.live.station.packets import Packet, pack, unpack
+from taxel.live.station.packets import pack, unpack
 from taxel.live.station.page_link import ViewConfig
+from taxel.live.station.person import Person
 from taxel.live.station.ring import RingReader, RingWriter, wait_for_any
 from taxel.live.station.shared import sweep
 from taxel.live.station.telling import Latencies, consumer_snapshot, guard_snapshot
 from taxel.live.station.wiring import StationConfig, Wiring
+from taxel.live.station.wishes import grant
 from taxel.live.station.worker import Place, hurry, settle_memory
+from taxel.recordings.trial_log import GraspTrial, append_trial, log_of
 
 TICK_S = 0.001
 """How often the supervisor looks where no decision wakes it. Source: our choice: it notices what
@@ -47,11 +51,6 @@ _TELL_S = 0.05
 """How often the page is told. Source: our choice."""
 _EVENTS = 200
 UNKNOWN = Stability.UNKNOWN.word
-_SILENT_S = 2.5
-"""Silence of any process that is told, seconds: a simulator may take one second for a grasp. Our
-choice; of a monitor it is told much earlier (`GuardConfig`)."""
-_HUNG_S = 5.0
-"""Silence after which a monitor's process is ended and started again, seconds. Our choice."""
 _NO_RECORDING: dict[str, Any] = {"on": False, "path": "", "seconds": 0.0, "bytes": 0, "error": ""}
 Listener = Callable[[dict[str, Any]], None]
 """Called with each note of a monitor, a recogniser or the recorder."""
@@ -80,6 +79,7 @@ class Station:
         policy = GripPolicy(max(limits.min_n, 0.1), GripPolicyConfig(most_n=limits.max_n))
         self.guard = Guard(Interlock(limits), config.guard, policy)
         self._driving = Driving(self.guard, limits.min_n)
+        self.person = Person(self.guard, monotonic(), self._keep_trial)
         self.latencies = Latencies()
         self.answers = Answers(())
         self.recording = dict(_NO_RECORDING)
@@ -95,9 +95,10 @@ class Station:
         self._said: tuple[str, str | None] = (NO_GRASP, None)
         self._since_s = 0.0
         self._disarms = 0
-        self._mute: set[str] = set()
         self._stopped = False
-        self._coming: list[Worker] = []
+        self._closing = False
+        """True once no process is left that could log a grasp."""
+        self._late_trials: list[GraspTrial] = []
         self._final: dict[str, dict[str, int]] | None = None
 
     def __enter__(self) -> Self:
@@ -141,6 +142,16 @@ class Station:
         """Complete the recording under way."""
         self.wiring.to_recorder.put(pack({"do": "end"}))
 
+    def react(self, what: str) -> None:
+        """Log what a person did about the grasp, or what came of it.
+
+        Raises:
+            ValueError: It is neither.
+        """
+        now_s = monotonic()
+        self.person.say(what, now_s)
+        self._happened(now_s, f"the person: {what}")
+
     def new_grasp(self) -> None:
         """Tell every monitor that the next moments are a new grasp's settled first ones."""
         for mind in self.wiring.minds:
@@ -162,6 +173,7 @@ class Station:
         """Acknowledge every alarm, on behalf of a person."""
         for alarm in self.guard.alarms.alarms:
             self.guard.alarms.acknowledge(alarm.number, monotonic())
+        self.person.acknowledged(monotonic())
 
     def say(self, text: str) -> None:
         """Add words to the events, such as what a person did."""
@@ -213,6 +225,7 @@ class Station:
         """Supervise until the time is over, every source has ended or `stopped` says so."""
         self._beats.go()
         began_s = monotonic()
+        self.person.begin(began_s)
         while not (self._stopped or stopped()):
             now_s = monotonic()
             if seconds is not None and now_s - began_s >= seconds:
@@ -245,8 +258,9 @@ class Station:
         if stall:
             self._happened(now_s, stall)
         notes = self._hear(now_s)
-        self._look(now_s)
+        self._watch.look(now_s)
         self._driving.tick(now_s)
+        self.person.tick(now_s)
         acted_s = monotonic()
         for note in notes:
             self.latencies.add(note, acted_s)
@@ -274,9 +288,10 @@ class Station:
     def snapshot(self, now_s: float) -> dict[str, Any]:
         """Return the state of everything, as the page's link gives it."""
         limits = next((one for mind in self.wiring.minds for one in mind.told if "warn" in one), {})
+        answers = self.answers.newest()
         return guard_snapshot(self.guard, now_s) | {
             "thresholds": {key: limits[key] for key in ("warn", "unstable") if key in limits},
-            "answers": self.answers.newest(),
+            "answers": answers, "do": self.person.told(answers), "trial": self.person.trial(),
             "consumers": [
                 consumer_snapshot(worker.name, self._beats.read(worker.row), now_s)
                 for worker in self._crew.workers
@@ -300,6 +315,9 @@ class Station:
                 heard.append(note)
                 if note["kind"] == "new grasp":
                     self._driving.new_grasp()
+                    self.person.new_grasp(now_s, str(note.get("outcome", "")))
+                elif note["kind"] == "reaction":
+                    self.person.marked(str(note["what"]), float(note["time_s"]))
                 elif note["kind"] == "grasp":
                     self.guard.decide(note["who"], note)
                     self._keep_slip(note)
@@ -308,14 +326,17 @@ class Station:
                 elif note["kind"] == "gate":
                     self.say(note["text"])
                 else:
-                    self.answers.add(note)
+                    answer, news = self.answers.add(note)
+                    self._driving.recognised(answer)
+                    if news:
+                        self._happened(now_s, news)
         for note in _notes(self.wiring.news):
             self.recording = note
             self._weigh_recording(note, now_s)
             self._on_note(note)
         for content in self._requests.take():
             try:
-                self._grant(unpack(content))
+                grant(self, unpack(content))
             except (ValueError, KeyError, TypeError):
                 self.refused_wishes += 1
         return heard
@@ -326,6 +347,13 @@ class Station:
             order = {"do": "slip", "time_s": note["time_s"], "who": note["who"],
                      "slip": note["slip"]}  # fmt: skip
             self.wiring.to_recorder.put(pack(order))
+
+    def _keep_trial(self, trial: GraspTrial) -> None:
+        """Have a grasp's alarm, reaction and outcome logged beside the recording that is on."""
+        if self._closing:  # nothing has to be in time any more
+            self._late_trials.append(trial)
+        elif self.recording.get("on"):
+            self.wiring.to_recorder.put(pack({"do": "trial", "trial": asdict(trial)}))
 
     def _weigh_late(self, note: dict[str, Any], now_s: float) -> None:
         late = note.get("late") or {}
@@ -341,62 +369,6 @@ class Station:
         elif note.get("lost"):
             self.guard.trouble("recording", f"the recorder lost {note['lost']} messages", now_s)
 
-    def _grant(self, wish: Packet) -> None:
-        """Do what the page may ask: it can disarm, not arm or move, nor say where to record.
-
-        Raises:
-            KeyError, TypeError, ValueError: It is no wish.
-        """
-        if not isinstance(wish, dict):
-            raise TypeError("a wish is a note")
-        if wish["do"] == "acknowledge":
-            self.acknowledge()
-        elif wish["do"] == "disarm":
-            self.disarm("a person at the page")
-        elif wish["do"] == "record":
-            typed = {str(key): str(value) for key, value in dict(wish["labels"]).items()}
-            given = self.config.groups
-            groups = {name: typed.pop(name, value) for name, value in given.items()}
-            stamp = datetime.now().strftime("%Y-%m-%d_%H-%M-%S")
-            path = self.config.recordings / f"{stamp}.mcap"
-            self.record(path, {**self.config.labels, **typed}, groups)
-        elif wish["do"] == "end":
-            self.end_recording()
-
-    def _look(self, now_s: float) -> None:
-        """See which processes have died; start them again."""
-        for worker, how in self._crew.dead():
-            for who in self.wiring.watchers_of(worker):
-                self.guard.died(who)
-            text = f"{worker.name} ended by {how}"
-            again = self._crew.again(worker)
-            if again:
-                self._coming.append(worker)
-            else:
-                text += ", too often: given up"
-            self.guard.trouble(worker.name, text, now_s)
-            self._happened(now_s, text)
-        self._look_for_silence(now_s)
-        for worker in list(self._coming):
-            if self._beats.read(worker.row).work is Work.RUNNING:
-                self._coming.remove(worker)
-                self.guard.over(worker.name, now_s)
-                for who in self.wiring.watchers_of(worker):
-                    self.guard.expect(who, now_s)
-
-    def _look_for_silence(self, now_s: float) -> None:
-        """Tell which processes are alive and say nothing; end a monitor that stays so."""
-        silent = {worker.name: worker for worker in self._crew.silent(now_s, _SILENT_S)}
-        for name in silent.keys() - self._mute:
-            self.guard.trouble(name, f"{name} gives no sign of life", now_s)
-            self._happened(now_s, f"{name} gives no sign of life")
-        for name in self._mute - silent.keys():
-            self.guard.over(name, now_s)
-        self._mute = set(silent)
-        for worker in self._crew.silent(now_s, _HUNG_S):
-            if self.wiring.watchers_of(worker) and worker.process is not None:
-                worker.process.kill()
-
     def _happened(self, now_s: float, text: str) -> None:
         self._event_number += 1
         self.events.append((self._event_number, now_s, text))
@@ -408,12 +380,14 @@ class Station:
         self.wiring = wiring = Wiring(self.config, self._stack, self._crew)
         self._status_to = self._stack.enter_context(RingWriter(wiring.status))
         self._requests = self._stack.enter_context(RingReader(wiring.requests))
+        self._watch = CrewWatch(self._crew, wiring, self._beats, self.guard, self._happened)
         now_s = monotonic()
         for mind in wiring.minds:
             for who in mind.watchers:
                 self.guard.expect(who, now_s)
         every = [one for mind in wiring.minds for one in mind.told]
-        self.answers = Answers([one for one in every if one["kind"] == "answer"])
+        own = [one for one in every if one["kind"] == "answer"]
+        self.answers = Answers(own, self.config.rules)
         stall_s = self.config.interlock.stall_s
         self.add_process(
             "alarm watch", watch, lambda place: AlarmWatch(place=place, stall_s=stall_s),
@@ -426,9 +400,16 @@ class Station:
         if self._final is not None:
             return
         self._beats.rest()
+        recorded = Path(self.recording["path"]) if self.recording.get("on") else None
         self._crew.close()
+        self._closing = True
         with contextlib.suppress(AttributeError):  # where it never came to a start
             self._hear(monotonic())
+        self.person.new_grasp(monotonic())
+        if recorded is not None:
+            for trial in self._late_trials:
+                with contextlib.suppress(OSError):
+                    append_trial(log_of(recorded), trial)
         if self.recording.get("on"):
             part = f"{self.recording['path']}.part"
             self.recording["error"] = (

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taxel.actions.alarm import Level
+from taxel.decisions.advice import Advice
 from taxel.live.station.alarm_watch import stall_words
 from taxel.live.station.beats import Beat
 from taxel.live.station.guard import STALL, STOP, Guard
@@ -105,7 +106,8 @@ def stalled_snapshot(told: dict[str, Any], still_s: float, now_s: float) -> dict
              "acknowledged": False}  # fmt: skip
     others = [one for one in told.get("alarms", []) if one["kind"] != STALL]
     return {"time_s": now_s, "state": STOP, "reason": text, "since_s": since_s,
-            "alarms": [alarm, *others]}  # fmt: skip
+            "alarms": [alarm, *others],
+            "do": {"word": Advice.HOLD_STILL.value, "why": text, "since_s": since_s}}  # fmt: skip
 
 
 def consumer_snapshot(name: str, beat: Beat, now_s: float) -> dict[str, Any]:

@@ -15,6 +15,7 @@ from typing import Any
 from urllib.parse import parse_qsl
 
 from taxel.actions.interlock import InterlockConfig
+from taxel.actions.rule_table import RuleTable
 from taxel.bundles.signing import Trust
 from taxel.calibration.stored import read_calibration
 from taxel.errors import BadInput, BadSource
@@ -27,6 +28,7 @@ from taxel.live.station.page_link import PageSeen, ViewConfig
 from taxel.live.station.recording import Recording, choose_recorded, record
 from taxel.live.station.ring import Ring, RingReader, RingWriter
 from taxel.live.station.worker import Place
+from taxel.models.devices import CPU
 from taxel.signals import CameraInfo, SensorInfo
 
 _RING_BYTES = 16 * 2**20
@@ -43,6 +45,10 @@ class StationConfig:
     trust: Trust | None = None
     """Keys of which one must have signed each bundle; any bundle unless given."""
     least_confidence: float = 0.5
+    device: str = CPU
+    """On which ONNX Runtime runs the bundles."""
+    rules: RuleTable = RuleTable(())  # noqa: RUF009  # frozen
+    """From what is recognised to an action."""
     guard: GuardConfig = field(default_factory=GuardConfig)
     interlock: InterlockConfig = field(
         default_factory=lambda: InterlockConfig(min_n=15.0, max_n=50.0)
@@ -134,6 +140,11 @@ class Wiring:
         for mind in self.minds:
             mind.told = crew.opened(mind.worker)[0]
         crew.opened(recorder)
+
+    @property
+    def watches(self) -> bool:
+        """True where a grasp is watched."""
+        return any(mind.watches for mind in self.minds)
 
     def view_config(self) -> ViewConfig:
         """Return what a page needs to see this station."""
@@ -228,6 +239,7 @@ class Wiring:
                 ring=feed.ring, source_row=feed.worker.row, decisions=decisions,
                 least_confidence=self._config.least_confidence, orders=orders,
                 drill=self._config.drill, trust=self._config.trust,
+                device=self._config.device,
             )  # fmt: skip
 
         heard = self._stack.enter_context(RingReader(decisions))

@@ -21,17 +21,19 @@ from typing import Any
 from starlette.websockets import WebSocket, WebSocketDisconnect
 
 from taxel.plain_text import MOST_NAME, visible, visible_line
-from taxel.views.page.link import ReplayControls, StationLink
+from taxel.views.page.link import PersonLog, PlanSteps, ReplayControls, StationLink
 from taxel.views.page.messages import (
     Acknowledge,
     Command,
     Disarm,
     Pause,
     Play,
+    React,
     Record,
     RefusedMessage,
     Seek,
     Seen,
+    Step,
     read_command,
 )
 
@@ -243,6 +245,12 @@ class Clients:
                     await asyncio.to_thread(self._link.acknowledge)
                 case Record(on, labels):
                     return await asyncio.to_thread(self._link.record, on, labels)
+                case React(what) if isinstance(self._link, PersonLog):
+                    return await asyncio.to_thread(self._link.react, what)
+                case Step(what) if isinstance(self._link, PlanSteps):
+                    return await asyncio.to_thread(self._link.step, what)
+                case React() | Step():
+                    return "nothing here takes that"
                 case Seek(time_s) if replay is not None:
                     await asyncio.to_thread(replay.seek, time_s)
                 case Play(speed) if replay is not None:

@@ -36,7 +36,7 @@ class StationLink(Protocol):
             slip: {slip_mm, slip_rate_mm_s, …, slip_seen}, or None where nothing follows it;
             thresholds (may be left out): {warn, clear, unstable}, 0…1;
             alarms: list of {kind, text, level ("warning" or "danger"), since_s, acknowledged};
-            answers: list of {target, label, confidence 0…1, reason};
+            answers: list of {target, label, confidence 0…1, reason, action (may be left out)};
             sources: list of {name, url, kind ("array" or "cameras"), state ("live",
                 "reconnecting", "stale", "frozen", "late", "gone", "ended"), rate_hz, nominal_hz,
                 produced, lost, note};
@@ -46,6 +46,11 @@ class StationLink(Protocol):
             recording: {on, path, seconds, bytes, error};
             cameras: list of {name, width, height};
             array: {name, channels, unit, rows}, or None;
+            do (may be left out): {word, why, since_s}: what the person is to do, or None;
+            trial (may be left out): {number, alarm_s, reaction, reaction_time_s, outcome} of the
+                grasp that is watched, or None;
+            plan (may be left out): {word, why, number, of, words, balance, asks}: a plan of
+                trials that is recorded, see `PlanLink`;
             replay: only of recordings, see `ReplayLink.snapshot`.
         """
         ...
@@ -89,6 +94,32 @@ class StationLink(Protocol):
         Args:
             on: True starts.
             labels: What the person says is recorded, checked by `messages.read_command`.
+        """
+        ...
+
+
+@runtime_checkable
+class PersonLog(Protocol):
+    """What a link can do besides that logs what a person does."""
+
+    def react(self, what: str) -> str:
+        """Log what a person did about the grasp, or what came of it; return "" or why not.
+
+        Args:
+            what: A word of `trial_log.REACTIONS` or `OUTCOMES`.
+        """
+        ...
+
+
+@runtime_checkable
+class PlanSteps(Protocol):
+    """What a link of a plan of trials can do besides: go on with it."""
+
+    def step(self, what: str) -> str:
+        """Take a person's word how the plan goes on; return "" or why not.
+
+        Args:
+            what: A word of `messages.STEPS`.
         """
         ...
 

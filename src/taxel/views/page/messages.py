@@ -1,4 +1,4 @@
-"""What a page may say to the server: seven short commands, each checked to the letter.
+"""What a page may say to the server: nine short commands, each checked to the letter.
 
 One is about the gripper: to disarm, the safe direction. None arms or moves it. Knows nothing
 about sockets.
@@ -13,6 +13,10 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, NoReturn
 
+from taxel.recordings.trial_log import OUTCOMES, REACTIONS
+
+STEPS = ("ready", "again", "discard")
+"""How a plan of trials may go on."""
 LARGEST_BYTES = 4096
 """Of one message. Source: our choice, docs/decisions/0018; 16 labels fit."""
 MOST_LABELS = 16
@@ -53,6 +57,20 @@ class Record:
 
 
 @dataclass(frozen=True, slots=True)
+class React:
+    """A person says what they did about the grasp, or what came of it."""
+
+    what: str
+
+
+@dataclass(frozen=True, slots=True)
+class Step:
+    """A person says how a plan of trials goes on: ready, again or discard."""
+
+    what: str
+
+
+@dataclass(frozen=True, slots=True)
 class Seek:
     """Put the replay's cursor at a moment, seconds of the recording's clock."""
 
@@ -71,7 +89,7 @@ class Pause:
     """Hold the replay's cursor."""
 
 
-Command = Seen | Acknowledge | Disarm | Record | Seek | Play | Pause
+Command = Seen | Acknowledge | Disarm | Record | React | Step | Seek | Play | Pause
 
 
 def read_command(message: str | bytes) -> Command:
@@ -140,6 +158,13 @@ def _record(given: dict[str, Any]) -> Command:
     return Record(given["on"], check_labels(given["labels"]))
 
 
+def _one_of(given: dict[str, Any], words: tuple[str, ...]) -> str:
+    what = given["what"]
+    if not isinstance(what, str) or what not in words:
+        raise RefusedMessage(f"needed what as one of {', '.join(words)}")
+    return what
+
+
 def _seek(given: dict[str, Any]) -> Command:
     return Seek(_number(given["time_s"], "time_s", -1e12, 1e12))
 
@@ -171,6 +196,8 @@ _COMMANDS: dict[str, tuple[tuple[str, ...], Callable[[dict[str, Any]], Command]]
     "acknowledge": ((), lambda _: Acknowledge()),
     "disarm": ((), lambda _: Disarm()),
     "record": (("on", "labels"), _record),
+    "react": (("what",), lambda given: React(_one_of(given, (*REACTIONS, *OUTCOMES)))),
+    "step": (("what",), lambda given: Step(_one_of(given, STEPS))),
     "seek": (("time_s",), _seek),
     "play": (("speed",), _play),
     "pause": ((), lambda _: Pause()),

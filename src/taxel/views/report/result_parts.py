@@ -5,14 +5,16 @@ Knows nothing about recordings or how runs were trained.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 
 from taxel.evaluation.paired import Paired
 from taxel.evaluation.run_scores import RunScores, beside_baselines
 from taxel.evaluation.teng.table_4_1 import PUBLISHED, TASKS
+from taxel.training.curves import Curve
 from taxel.training.run import Run
 from taxel.views.compare_table import interval_text
 from taxel.views.report.charts import Axis, Dot, Line, dot_chart, line_chart, matrix
+from taxel.views.report.curves_part import curves_part
 from taxel.views.report.page import (
     Html,
     band,
@@ -168,8 +170,6 @@ def each_run(name: str, run: Run, own: RunScores, ink: str) -> Html:
         figure(matrix(run.predictions.classes, own.scores.confusion), "All test windows.", "free"),
         figure(_reliability(own, ink), _trust(own)),
     ]
-    if len(run.history) > 1:
-        parts.append(figure(_learning(run, ink), "Training on all recordings, for use."))
     few = [Dot(f"{g.name} · {g.windows}", g.accuracy, colour=ink) for g in own.by_group[:40]]
     return join(
         [
@@ -183,6 +183,7 @@ def each_run(name: str, run: Run, own: RunScores, ink: str) -> Html:
                 + "."
                 + (f" {len(own.by_group) - 40} more not shown." if len(own.by_group) > 40 else ""),
             ),
+            *_training(run, ink),
             tag("p", "How sure the accuracy is depends on what is taken as one independent thing:"),
             table(["resampled whole", "how many", "95 % of the accuracy"], intervals),
         ]
@@ -255,22 +256,9 @@ def _trust(own: RunScores) -> str:
     )
 
 
-def _learning(run: Run, ink: str) -> Html:
-    history = run.history
-    lines = [
-        Line(
-            name="training", x=[e.number for e in history], y=[e.loss for e in history], colour=ink
-        )
-    ]
-    most = max(1e-3, *(epoch.loss for epoch in history))
-    return line_chart(
-        lines,
-        Axis(label="epoch", low=1, high=max(2, len(history)), ticks=_epochs(len(history))),
-        Axis(label="loss, nats", low=0, high=most * 1.05),
-        size=(300, 240),
-    )
-
-
-def _epochs(count: int) -> Sequence[float]:
-    step = max(1, round(count / 6))
-    return range(1, count + 1, step)
+def _training(run: Run, ink: str) -> list[Html]:
+    """Return how each fold's network learned; the last one, on all recordings, where none did."""
+    curves = run.curves
+    if not curves and len(run.history) > 1:
+        curves = (Curve("all recordings, for use", run.history),)
+    return [tag("h4", "Training"), curves_part(curves, ink)] if curves else []

@@ -17,6 +17,7 @@ from taxel.evaluation.cards.data import DataCard
 from taxel.evaluation.cards.latency import NetworkLatency
 from taxel.evaluation.paired import compare_runs
 from taxel.evaluation.run_scores import RunScores, judge
+from taxel.recordings.trial_log import GraspTrial
 from taxel.training.environment import Made
 from taxel.training.run import Run
 from taxel.views.report.audit_part import audit_part
@@ -39,6 +40,7 @@ from taxel.views.report.page import (
     tiles,
     write_page,
 )
+from taxel.views.report.person_part import person_part
 from taxel.views.report.result_parts import accuracies, comparison, each_run, published_beside
 from taxel.views.report.saved_parts import saved_part
 from taxel.views.report.versions_part import Adapted, versions_part
@@ -59,6 +61,8 @@ class RunPage:
     latencies: Mapping[str, NetworkLatency] = field(default_factory=dict)
     sweeps: Mapping[str, Sequence[SweepPoint]] = field(default_factory=dict)
     """File → robustness curves."""
+    reactions: Mapping[str, Sequence[GraspTrial]] = field(default_factory=dict)
+    """Log → its grasps."""
     tables: Mapping[str, Any] = field(default_factory=dict)
     """File → parsed JSON of `taxel reproduce`."""
     made: Made = Made()  # noqa: RUF009  # frozen
@@ -175,6 +179,8 @@ def _sections(page: RunPage, judged: Mapping[str, RunScores]) -> list[tuple[str,
             for name, points in page.sweeps.items()
         ]
         parts.append(("robustness", "Robustness", join(curves)))
+    if page.reactions:
+        parts.append(("person", "The person in the loop", person_part(page.reactions)))
     if page.latencies:
         hand = any(run.contract.window == TENG_WINDOW for run in page.runs.values())
         parts.append(("latency", "Latency", latency_part(page.latencies, hand)))

@@ -6,13 +6,18 @@ objects by their own fields; knows nothing about how they were measured.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
+from pathlib import Path
 from typing import Any
 
 from taxel.errors import BadInput
 from taxel.evaluation.teng.table_4_1 import PUBLISHED, ROWS
+from taxel.training.curves import curves_from_json
 from taxel.views.grasp_results import TITLES
+from taxel.views.report.amounts_part import amounts_part
 from taxel.views.report.charts import Axis, Dot, Line, dot_chart, line_chart
+from taxel.views.report.curves_part import curves_part
 from taxel.views.report.page import (
     Html,
     band,
@@ -45,6 +50,12 @@ def saved_part(data: Any, name: str) -> tuple[str, Html]:
             return "Grasp transitions: Tables 1 to 3", _transitions(data)
         if isinstance(data, dict) and {"rows", "crops_a_trial", "crop"} <= set(data):
             return f"Camera trials: {data['target']}", _trials(data)
+        if isinstance(data, dict) and {"amounts", "split", "model"} <= set(data):
+            return f"Accuracy against amount of data: {data['target']}", amounts_part(data)
+        if isinstance(data, dict) and "curves" in data:
+            curves = curves_from_json(data["curves"])
+            held = [one for one in curves if math.isfinite(one.gap[0])]
+            return f"Training: {Path(str(data['bundle'])).name}", curves_part(held or curves)
         if isinstance(data, list) and data and {"events", "windows", "by"} <= set(data[0]):
             return "Warnings on unseen cups", _warnings(data)
         if isinstance(data, list) and data and {"columns", "preset"} <= set(data[0]):
@@ -54,8 +65,8 @@ def saved_part(data: Any, name: str) -> tuple[str, Html]:
             f"a whole result in {name}", "one that lacks parts", "write it again with --json"
         ) from error
     raise BadInput(
-        f"what taxel evaluate-trials or taxel reproduce table-4-1, transition-tables or "
-        f"grasp-warnings prints with --json in {name}",
+        f"what taxel evaluate-trials, learning-curve, train-monitor or taxel reproduce table-4-1, "
+        f"transition-tables or grasp-warnings prints with --json in {name}",
         "something else",
         "write it again with: taxel reproduce … --json > FILE.json",
     )

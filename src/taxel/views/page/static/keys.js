@@ -1,6 +1,6 @@
 // The keyboard: every action has a key, none works while a person types a label.
 
-export function wireKeys({ acknowledge, disarm, record, mute, help, replay }) {
+export function wireKeys({ acknowledge, disarm, record, mute, speak, onlyDoing, letter, say, help, replay }) {
   addEventListener("keydown", (event) => {
     if (event.ctrlKey || event.altKey || event.metaKey || event.repeat && !event.key.startsWith("Arrow")) return;
     if (document.querySelector("dialog[open]")) return;
@@ -34,11 +34,24 @@ export function wireKeys({ acknowledge, disarm, record, mute, help, replay }) {
       case "m":
       case "M":
         return mute;
+      case "w":
+      case "W":
+        return onlyDoing;
+      case "v":
+      case "V":
+        return speak;
       case "?":
         return help;
       default:
-        return winding ? wind(event) : null;
+        return winding ? wind(event) : spoken(event, at);
     }
+  }
+
+  /** What a person did, or that they are ready: a key of its own each. */
+  function spoken(event, at) {
+    if (event.key === "Enter" && at && at.tagName === "BUTTON") return null; // it presses the button
+    const command = letter(event.key);
+    return command && (() => say(command));
   }
 
   function wind(event) {

@@ -1,6 +1,7 @@
 // The operator's page: joins the wire, the drawing and the keys. It holds no state of the gripper.
 
 import { Cameras, drawHand, drawMap, fingers } from "./images.js";
+import { OUTCOMES, REACTIONS, Voice, doing, drawDoing, drawPerson, drawPlan, wirePerson } from "./doing.js";
 import { wireKeys } from "./keys.js";
 import { Link } from "./link.js";
 import { $, drawAlarms, drawAnswers, drawGripper, drawLatency, drawPills, drawRecording, drawState, drawStreams, make, show, toast } from "./panels.js";
@@ -12,6 +13,7 @@ import { Freshness, duration, number, slipWords, shown, sounding } from "./state
 const TABLES_MS = 250; // Tables of figures change at most so often: faster cannot be read.
 const fresh = new Freshness();
 const sound = new Sound($("sound"));
+const voice = new Voice($("voice"));
 const cameras = new Cameras($("cameras"));
 let snapshot = null;
 let traces = null; // the newest map and time
@@ -53,6 +55,7 @@ const link = new Link({
   },
 });
 const replay = new Replay(say);
+wirePerson(say);
 
 function say(command) {
   if (!link.say(command)) toast("Not sent: there is no connection.");
@@ -82,8 +85,8 @@ function layOut() {
   cameras.arrange(eyes);
   show($("touch"), Boolean(array));
   show($("sensors"), Boolean(array));
-  show($("probability"), !snapshot.replay);
-  show($("alarms"), !snapshot.replay);
+  show($("probability"), !snapshot.replay && !snapshot.plan);
+  show($("alarms"), !snapshot.replay && !snapshot.plan);
   const verdicts = (snapshot.answers || []).length > 0 || snapshot.gripper;
   show($("verdicts"), Boolean(verdicts));
   show($("right"), Boolean(eyes.length || array || verdicts));
@@ -117,11 +120,14 @@ function watch() {
   const now = performance.now();
   const view = shown(fresh, snapshot, now);
   let since = "";
-  if (view.kind !== "LOST" && view.kind !== "REPLAY" && Number.isFinite(snapshot.since_s)) {
+  if (!["LOST", "REPLAY", "PLAN"].includes(view.kind) && Number.isFinite(snapshot.since_s)) {
     since = `for ${duration(snapshot.time_s - snapshot.since_s)}`;
   }
   drawState(view, since);
   sound.want(sounding(view, snapshot), now);
+  const told = doing(view, snapshot);
+  drawDoing(told, snapshot);
+  voice.want(told, now);
   cameras.tell(now, view.kind === "REPLAY" || view.kind === "LOST");
 }
 
@@ -131,6 +137,8 @@ function draw() {
   dirty = false;
   const now = performance.now();
   drawAlarms(snapshot.alarms || [], snapshot.time_s);
+  drawPerson(snapshot.trial);
+  drawPlan(snapshot.plan);
   $("pnow").textContent = number(snapshot.probability, 2);
   $("slipnow").textContent = slipWords(snapshot.slip);
   probability?.draw();
@@ -188,6 +196,20 @@ function disarm() {
   if (snapshot?.gripper) say({ do: "disarm" });
 }
 
+/** Show only what to do, to be read from two metres; or all again. */
+function onlyDoing() {
+  const on = document.body.classList.toggle("doing");
+  $("watch").setAttribute("aria-pressed", String(on));
+  $("watch").replaceChildren(on ? "Show all " : "What to do ", make("kbd", "", "W"));
+}
+
+function letter(key) {
+  if (snapshot?.plan?.asks && key === "Enter") return { do: "step", what: "ready" };
+  const named = [...REACTIONS, ...OUTCOMES].find(([, , own]) => own === key.toUpperCase());
+  return snapshot?.trial && named ? { do: "react", what: named[0] } : null;
+}
+
+$("watch").addEventListener("click", onlyDoing);
 $("acknowledge").addEventListener("click", acknowledge);
 $("disarm").addEventListener("click", disarm);
 $("recordform").addEventListener("submit", (event) => {
@@ -195,7 +217,7 @@ $("recordform").addEventListener("submit", (event) => {
   record();
 });
 $("help").addEventListener("click", () => $("helpbox").showModal());
-wireKeys({ acknowledge, disarm, record: () => snapshot?.recording && record(), mute: () => sound.toggle(), help: () => $("helpbox").showModal(), replay });
+wireKeys({ acknowledge, disarm, record: () => snapshot?.recording && record(), mute: () => sound.toggle(), speak: () => voice.toggle(), onlyDoing, letter, say, help: () => $("helpbox").showModal(), replay });
 setInterval(watch, 100);
 watch();
 draw();

@@ -114,7 +114,7 @@ export function drawAnswers(answers) {
         const fill = make("span");
         fill.style.width = `${known ? one.confidence * 100 : 0}%`;
         bar.append(fill);
-        made.append(bar, make("span", "n", known ? `${Math.round(one.confidence * 100)} %` : "–"), make("span", "note why", one.reason || ""));
+        made.append(bar, make("span", "n", known ? `${Math.round(one.confidence * 100)} %` : "–"), make("span", "note why", one.action ? `→ ${one.action}` : one.reason || ""));
         return made;
       }),
     );

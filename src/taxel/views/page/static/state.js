@@ -39,10 +39,17 @@ export function shown(fresh, snapshot, nowMs) {
     return { kind: "LOST", word: "STALE", reason: `nothing new for ${duration(age / 1000)}: the grasp is not watched` };
   }
   if (snapshot.replay) return { kind: "REPLAY", word: "REPLAY", reason: "a recording: this is not now" };
+  if (snapshot.plan) return trial(snapshot.plan);
   if (snapshot.state === "NONE") return hand(snapshot);
   if (snapshot.state === "NO GRASP") return { kind: "IDLE", word: "NO GRASP", reason: snapshot.reason || "" };
   if (!WORDS.includes(snapshot.state)) return { kind: "UNKNOWN", word: "UNKNOWN", reason: "the station gave no state" };
   return { kind: snapshot.state, word: snapshot.state, reason: snapshot.reason || "" };
+}
+
+/** Where a plan is recorded, the large field names the next trial. */
+function trial(plan) {
+  const word = plan.number ? `TRIAL ${plan.number} OF ${plan.of}` : `${plan.done} OF ${plan.of}`;
+  return { kind: "PLAN", word, reason: plan.words || "recorded" };
 }
 
 /** Where nothing watches a grasp, the large field names what is in the hand. */

@@ -1,0 +1,77 @@
+"""What is recognised, for another program: the class, its confidence, and the action for it.
+
+One datagram a window, UTF-8, one JSON object:
+
+    schema             "taxel-answer-1"
+    sequence           counts datagrams from 1, those of other schemas too; a hole is a lost one
+    time_s             sender's monotonic clock, seconds
+    taken_s            the window's last row, on the same clock
+    target             what is recognised, such as "material"
+    label              the class by all windows of this contact so far, or UNKNOWN
+    confidence         its probability, 0…1; null with UNKNOWN
+    action             what the rule table says is to be done; empty where it says nothing
+    window_label       the class by this window alone, or UNKNOWN
+    window_confidence  its probability, 0…1; null where the window cannot be used
+    reason             why the window is UNKNOWN; empty otherwise
+
+Knows nothing about sockets, models or rules.
+
+Background of our choices: docs/decisions/0046.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
+from typing import Any
+
+SCHEMA = "taxel-answer-1"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Recognised:
+    """What is told of a window; fields as above."""
+
+    sequence: int
+    time_s: float
+    taken_s: float | None
+    target: str
+    label: str
+    confidence: float | None
+    action: str
+    window_label: str
+    window_confidence: float | None
+    reason: str
+    schema: str = SCHEMA
+
+    def as_json(self) -> bytes:
+        """Return it as the bytes of a datagram."""
+        return json.dumps(asdict(self), allow_nan=False).encode()
+
+
+def recognised_of(answer: Mapping[str, Any], sequence: int, now_s: float) -> Recognised:
+    """Return what to tell; a number that is not finite becomes None.
+
+    Args:
+        answer: A recogniser's note, with its action.
+        sequence: Number of the datagram.
+        now_s: The moment of sending, monotonic seconds.
+    """
+    return Recognised(
+        sequence=sequence,
+        time_s=now_s,
+        taken_s=_finite(answer.get("time_s")),
+        target=str(answer["target"]),
+        label=str(answer["grasp"]),
+        confidence=_finite(answer.get("grasp_confidence")),
+        action=str(answer.get("action", "")),
+        window_label=str(answer["label"]),
+        window_confidence=_finite(answer.get("confidence")),
+        reason=str(answer.get("reason", "")),
+    )
+
+
+def _finite(value: object) -> float | None:
+    return float(value) if isinstance(value, int | float) and math.isfinite(value) else None

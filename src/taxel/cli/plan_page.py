@@ -1,0 +1,67 @@
+"""Where `taxel record --plan` shows the next trial: the terminal, and a page where asked for."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from contextlib import ExitStack
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from taxel.cli.page_address import page_address
+
+if TYPE_CHECKING:
+    from taxel.views.page.plan_link import PlanLink
+
+KEY_OF_STEP = {"ready": "", "again": "r", "discard": "d"}
+"""Step of the page → the key that means the same."""
+
+
+@dataclass(frozen=True, slots=True)
+class Shower:
+    """Where a session shows what it does."""
+
+    line: Callable[..., None]
+    """Shows a line in the terminal."""
+    board: PlanLink
+    """The page, whether anybody looks or not."""
+
+    def phase(self, line: str) -> None:
+        """Show how a trial goes: it has settled, or why it waits."""
+        self.line(line)
+        self.board.tell("POUR NOW" if line.startswith("settled") else "HOLD STILL", line)
+
+    def step(self) -> str | None:
+        """Return the key of a step that was taken on the page; None without any."""
+        return KEY_OF_STEP.get(self.board.next_step())
+
+
+def open_shower(
+    page: tuple[str, ...] | None,
+    stack: ExitStack,
+    trials: int,
+    tell: Callable[..., None],
+    *,
+    asks: bool,
+) -> Shower:
+    """Return where a session is shown; serve the page where that was asked for.
+
+    Args:
+        page: Where it listens, HOST:PORT, or nothing; None serves none.
+        stack: Ends the server.
+        trials: How many the plan has.
+        tell: Shows a line in the terminal.
+        asks: True where a person says that they are ready.
+
+    Raises:
+        BadInput: The address cannot be listened on.
+        MissingExtra: The page's packages are not installed.
+    """
+    from taxel.views.page.plan_link import PlanLink
+
+    board = PlanLink(trials, asks=asks)
+    if page is not None:
+        from taxel.views.page.server import PageServer
+
+        server = stack.enter_context(PageServer(board, *page_address(page)))
+        tell(f"the page: {server.url}")
+    return Shower(tell, board)

@@ -1,0 +1,166 @@
+"""Accuracy against the amount of data: the same test parts, more and more groups to learn from.
+
+Each fold's training part is given group by group, whole groups only, each amount holding the one
+before (nested), in an order drawn by a seed. Beside each amount stand baselines that learned from
+the same groups. Knows nothing about screens or pages.
+
+Background of our choices: docs/decisions/0046.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from taxel.errors import BadSplit
+from taxel.evaluation.baselines import trivial_accuracies
+from taxel.evaluation.crossval import FoldPredictions, pool, run_fold
+from taxel.evaluation.splits import Split, TrialFold, parse_split
+from taxel.labels.trials import coarsest_group
+from taxel.training.final import check_gate
+from taxel.training.fitting import Job
+from taxel.training.recipes import Recipe
+from taxel.windows.dataset import Dataset, load_dataset
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Amount:
+    """What so much data gives."""
+
+    groups: int
+    """Whole groups in each training part: the median over folds where they differ."""
+    windows: int
+    """Training windows, mean over folds."""
+    accuracy: float
+    """Over all test windows, 0…1."""
+    low: float
+    """95 % of the accuracy, whole test groups drawn again, 0…1; NaN with one group."""
+    high: float
+    fold_accuracies: tuple[float, ...]
+    trivial: dict[str, float]
+    """Baseline that learned from the same groups → accuracy, 0…1."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LearningCurve:
+    """Accuracy against amount of data."""
+
+    target: str
+    model: str
+    split: str
+    group: str
+    """What was given whole."""
+    seed: int
+    """Of the order in which groups were given."""
+    amounts: tuple[Amount, ...]
+
+
+def learning_curve(
+    path: Path,
+    recipe: Recipe,
+    *,
+    folds: int = 5,
+    steps: int = 6,
+    on_step: Callable[[str], None] = lambda _: None,
+) -> LearningCurve:
+    """Measure a recipe on more and more groups.
+
+    Args:
+        path: A folder of recordings.
+        recipe: Window, model, target, split and training; its seed also draws the order.
+        folds: How many folds.
+        steps: How many amounts, the whole training part being the last.
+        on_step: Called with a line before each fit.
+
+    Raises:
+        BadDataset: The recordings do not make such a data set.
+        BadSplit: They cannot be split so, or a training part has fewer than two groups.
+    """
+    dataset = load_dataset(path, recipe.window, target=recipe.target)
+    check_gate(dataset)
+    split = parse_split(recipe.split, dataset, recipe.target, folds, recipe.train.seed)
+    key = coarsest_group(dataset.trials, split.name)
+    orders = [_order(dataset, fold, key, recipe) for fold in split.folds]
+    most = max(map(len, orders))
+    if most < 2:
+        raise BadSplit(
+            f"at least two {key}s to learn from in a fold", f"{most}",
+            f"record more {key}s, or choose another split",
+        )  # fmt: skip
+    job = Job.of(recipe)
+    amounts = []
+    for share in shares(most, steps):
+        part = given(dataset, split, orders, share / most, key)
+        on_step(f"{recipe.model} · {share} of {most} {key}s")
+        results = [run_fold(dataset, fold, job) for fold in part.folds]
+        amounts.append(_amount(dataset, part, results, recipe.target, key))
+    return LearningCurve(
+        target=recipe.target, model=recipe.model, split=split.name, group=key,
+        seed=recipe.train.seed, amounts=tuple(amounts),
+    )  # fmt: skip
+
+
+def shares(most: int, steps: int) -> list[int]:
+    """Return how many groups are given at each amount: from 1 to all, in even ratios."""
+    found = np.geomspace(1, most, min(steps, most))
+    return sorted({round(float(value)) for value in found})
+
+
+def given(
+    dataset: Dataset, split: Split, orders: Sequence[Sequence[str]], share: float, key: str
+) -> Split:
+    """Return the split with a share of each fold's training groups, its test parts as they are.
+
+    Args:
+        dataset: The windows and their trials.
+        split: Folds of whole trials.
+        orders: For each fold the training groups, in the order in which they are given.
+        share: Of the groups, above 0 to 1; at least one is given.
+        key: What is given whole.
+    """
+    names = dataset.group(key)
+    folds = []
+    for fold, order in zip(split.folds, orders, strict=True):
+        assert isinstance(fold, TrialFold)
+        count = max(1, round(share * len(order)))
+        kept = frozenset(t for t in fold.train if names[t] in order[:count])
+        folds.append(TrialFold(fold.name, kept, fold.test, fold.validation))
+    return replace(split, folds=tuple(folds))
+
+
+def _order(dataset: Dataset, fold: object, key: str, recipe: Recipe) -> list[str]:
+    """Return a fold's training groups in an order of its own, drawn by the recipe's seed.
+
+    Raises:
+        BadSplit: The fold moves single windows.
+    """
+    if not isinstance(fold, TrialFold):
+        raise BadSplit(
+            "a split that holds out whole trials", "one of single windows, which leaks",
+            "choose another with --split group:KEY",
+        )  # fmt: skip
+    names = sorted({str(dataset.group(key)[trial]) for trial in fold.train})
+    random = np.random.default_rng([recipe.train.seed, *fold.name.encode()])
+    return [names[i] for i in random.permutation(len(names))]
+
+
+def _amount(
+    dataset: Dataset, part: Split, results: Sequence[FoldPredictions], target: str, key: str
+) -> Amount:
+    names = dataset.group(key)
+    groups = [len({names[t] for t in fold.train}) for fold in part.folds
+              if isinstance(fold, TrialFold)]  # fmt: skip
+    pooled = pool(dataset, part, results)
+    windows = [len(fold.windows(dataset)[0]) for fold in part.folds]
+    return Amount(
+        groups=round(float(np.median(groups))),
+        windows=round(float(np.mean(windows))),
+        accuracy=pooled.scores.accuracy,
+        low=pooled.interval[0],
+        high=pooled.interval[1],
+        fold_accuracies=pooled.fold_accuracies,
+        trivial=trivial_accuracies(dataset, target, part.folds),
+    )

@@ -1,0 +1,104 @@
+"""The person beside a station: what they are told to do, what they do, what came of each grasp.
+
+Runs on times passed in. Knows nothing about processes, pages or files.
+
+Background of our choices: docs/decisions/0046.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Callable, Sequence
+from contextlib import suppress
+from typing import Any
+
+from taxel.decisions.advice import Advice, Adviser, advise
+from taxel.live.reactions import Reactions
+from taxel.live.station.guard import NO_GRASP, STOP, Guard
+from taxel.recordings.trial_log import GraspTrial
+
+_KEPT = 10_000
+"""Grasps kept for the summary. Source: our choice; a day of one each eight seconds."""
+
+
+class Person:
+    """Advice and log of one session.
+
+    Args:
+        guard: What is decided and ordered.
+        now_s: When the session began, monotonic seconds.
+        on_trial: Called with each grasp in which anything happened, when it is over.
+    """
+
+    def __init__(
+        self, guard: Guard, now_s: float, on_trial: Callable[[GraspTrial], None] = lambda _: None
+    ) -> None:
+        self._guard = guard
+        self._on_trial = on_trial
+        self._adviser = Adviser()
+        self._reactions = Reactions(now_s)
+        self.trials: deque[GraspTrial] = deque(maxlen=_KEPT)
+        """Grasps that are over and in which anything happened, oldest first."""
+
+    def begin(self, now_s: float) -> None:
+        """Begin the first grasp now, once everything runs."""
+        self._reactions = Reactions(now_s)
+
+    def tick(self, now_s: float) -> None:
+        """Weigh what to say, after the guard has weighed what to order."""
+        word, reason, _ = self._guard.shown
+        if word == NO_GRASP:
+            return
+        interlock, decision = self._guard.interlock, self._guard.decision
+        if word == STOP:
+            told = self._adviser.push(Advice.HOLD_STILL, now_s, reason)
+        else:
+            at_limit = interlock.force_n >= interlock.config.max_n
+            state = self._guard.alarms.shown(decision.state)
+            advice = advise(state, raises=interlock.armed, at_limit=at_limit)
+            told = self._adviser.push(advice, now_s)
+        self._reactions.watch(decision.state, told.advice.value, now_s)
+
+    def say(self, what: str, now_s: float) -> None:
+        """Hear what the person did, or what came of the grasp.
+
+        Raises:
+            ValueError: It is neither.
+        """
+        self._reactions.say(what, now_s)
+
+    def marked(self, what: str, time_s: float) -> None:
+        """Hear a word that the source has marked; any other is none."""
+        with suppress(ValueError):
+            self._reactions.say(what, time_s)
+
+    def acknowledged(self, now_s: float) -> None:
+        """Hear that the person has acknowledged the alarms."""
+        self._reactions.acknowledged(now_s)
+
+    def new_grasp(self, now_s: float, outcome: str = "") -> None:
+        """End this grasp's trial; the next begins."""
+        trial = self._reactions.end(now_s, outcome)
+        self._adviser.reset(now_s)
+        if trial is not None:
+            self.trials.append(trial)
+            self._on_trial(trial)
+
+    def told(self, answers: Sequence[dict[str, Any]]) -> dict[str, Any] | None:
+        """Return what the page says is to be done; None where there is nothing to say.
+
+        Args:
+            answers: The newest of each recogniser: where no grasp is watched, their actions.
+        """
+        if self._guard.shown[0] != NO_GRASP:
+            told = self._adviser.told
+            return {"word": told.advice.value, "why": told.why, "since_s": told.since_s}
+        own = [one for one in answers if one["action"]]
+        if not own:
+            return None
+        why = ", ".join(f"{one['target']} {one['label']}" for one in own)
+        return {"word": ", ".join(one["action"] for one in own), "why": why, "since_s": None}
+
+    def trial(self) -> dict[str, Any] | None:
+        """Return the grasp that is watched as the page shows it; None where none is."""
+        return self._reactions.told() if self._guard.shown[0] != NO_GRASP else None

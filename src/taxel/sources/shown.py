@@ -1,0 +1,59 @@
+"""A source whose frames somebody else sees as they are read, such as a page. Changes nothing."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from types import TracebackType
+from typing import Self
+
+from taxel.signals import CameraInfo, Frame, Mark, Samples, SensorInfo
+from taxel.sources.contract import Source
+
+
+class Shown:
+    """Hands on another source; closes nothing.
+
+    Args:
+        source: What is read.
+        see: Called with the cameras and the frames of each read; must not wait.
+    """
+
+    def __init__(
+        self, source: Source, see: Callable[[Sequence[CameraInfo], Sequence[Frame]], None]
+    ) -> None:
+        self._source, self._see = source, see
+
+    @property
+    def info(self) -> SensorInfo:
+        return self._source.info
+
+    @property
+    def cameras(self) -> tuple[CameraInfo, ...]:
+        return self._source.cameras
+
+    @property
+    def ended(self) -> bool:
+        return self._source.ended
+
+    def read(self, timeout_s: float = 0.1) -> Samples:
+        return self._source.read(timeout_s)
+
+    def frames(self) -> list[Frame]:
+        found = self._source.frames()
+        if found:
+            self._see(self._source.cameras, found)
+        return found
+
+    def marks(self) -> list[Mark]:
+        return self._source.marks()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        """Whoever opened the source closes it."""

@@ -1,0 +1,64 @@
+"""Accuracy against the amount of data, as `taxel learning-curve --json` wrote it.
+
+Knows nothing about how it was measured.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import Any
+
+from taxel.views.report.charts import Axis, Line, line_chart
+from taxel.views.report.page import (
+    Html,
+    band,
+    figure,
+    join,
+    key,
+    percent,
+    split_name,
+    table,
+    tag,
+)
+
+
+def amounts_part(data: Mapping[str, Any]) -> Html:
+    """Return the curve with its interval and the best trivial baseline, and a row an amount.
+
+    Raises:
+        KeyError, TypeError, ValueError: It is something else.
+    """
+    amounts, group = data["amounts"], data["group"]
+    groups = [int(one["groups"]) for one in amounts]
+    best = [max(one["trivial"].values()) for one in amounts]
+    lines = [
+        Line(name="best trivial baseline", x=groups, y=best, colour="var(--grey)"),
+        Line(
+            name=data["model"], x=groups, y=[float(one["accuracy"]) for one in amounts],
+            low=[_number(one["low"]) for one in amounts],
+            high=[_number(one["high"]) for one in amounts], colour="var(--c0)",
+        ),
+    ]  # fmt: skip
+    chart = line_chart(
+        lines,
+        Axis(label=f"{group}s to learn from", low=0, high=max(groups), ticks=groups),
+        Axis(label="accuracy", low=0, high=1),
+    )
+    legend = key([("var(--c0)", f"{data['model']}, 95 %"), ("var(--grey)", lines[0].name)])
+    said = ["Split: ", split_name(data["split"]), f". Each amount holds the one before; {group}s "
+            f"are added whole, in an order drawn by seed {data['seed']}; the test parts stay. "
+            f"Interval: whole {group}s of the test parts drawn again."]  # fmt: skip
+    rows: list[list[object]] = []
+    for one, value in zip(amounts, best, strict=True):
+        name = max(one["trivial"], key=one["trivial"].get)
+        rows.append([
+            str(one["groups"]), f"{one['windows']:,}", percent(float(one["accuracy"])),
+            band(_number(one["low"]), _number(one["high"])), percent(float(value)), name,
+        ])  # fmt: skip
+    head = [f"{group}s", "windows", "accuracy", "95 %", "best trivial baseline", "which"]
+    return join([tag("p", join(said)), figure(chart, legend), table(head, rows)])
+
+
+def _number(value: Any) -> float:
+    return math.nan if value is None else float(value)
