@@ -63,7 +63,7 @@ class Tune:
 
     def run(self) -> None:
         """Search, train and save."""
-        from taxel.evaluation.tune.nested import tune
+        from taxel.evaluation.tune.nested import Extent, tune
         from taxel.evaluation.tune.space import USUAL, Space
         from taxel.evaluation.tune.study import open_store
 
@@ -83,8 +83,9 @@ class Tune:
                 bar.update(task, description=line, advance=1)
 
             found = tune(
-                store, self.data, recipe, space, trials=self.trials, folds=self.fold_count,
-                nested=self.check, on_step=on_step,
+                store, self.data, recipe, space,
+                Extent(trials=self.trials, folds=self.fold_count, nested=self.check),
+                on_step=on_step,
             )  # fmt: skip
             run = _trained(self.data, found, output, on_step)
         about = _about(found, output, url)

@@ -13,14 +13,18 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
+from taxel.errors import BadInput
 from taxel.recordings.field_names import field_names
 from taxel.recordings.frame_layout import frame_topic
 from taxel.recordings.manifest import Manifest
 from taxel.recordings.mark_layout import MARK_TOPIC
 from taxel.recordings.scan_layout import MOST_NAMED, scan_topic
 from taxel.recordings.slip_layout import SLIP_TOPIC
+from taxel.recordings.whole import write_whole
 from taxel.signals import UNUSABLE
 
 A_PLOT = 12
@@ -93,6 +97,29 @@ def map_script(manifest: Manifest) -> str:
         height=math.ceil(len(sensor.channels) / width), full=json.dumps(sensor.full_scale or 1.0),
         unusable=int(UNUSABLE),
     )  # fmt: skip
+
+
+@dataclass(frozen=True, slots=True)
+class Written:
+    """What a layout holds."""
+
+    panels: int
+    shows: list[str]
+    """Message paths and topics, see `paths_of`."""
+
+
+def write_layout(path: Path, manifest: Manifest, *, overwrite: bool = False) -> Written:
+    """Write the layout for recordings of one array and its cameras, whole or not at all.
+
+    Raises:
+        BadInput: There is such a file, and `overwrite` is not said.
+        RecordingFailed: The disk refused.
+    """
+    if path.exists() and not overwrite:
+        raise BadInput("a new file for the layout", f"{path}, which exists", "add --overwrite")
+    layout = layout_of(manifest)
+    write_whole(path, json.dumps(layout, indent=1, ensure_ascii=False).encode())
+    return Written(len(layout["configById"]), paths_of(layout))
 
 
 def paths_of(layout: dict[str, Any]) -> list[str]:

@@ -35,9 +35,14 @@ class HasBatch(Protocol):
     """What a batch depends on."""
 
     @property
-    def batch(self) -> int: ...
+    def batch(self) -> int:
+        """Return the windows in a batch."""
+        ...
+
     @property
-    def seed(self) -> int: ...
+    def seed(self) -> int:
+        """Return the seed of the windows' order."""
+        ...
 
 
 class Lanes:

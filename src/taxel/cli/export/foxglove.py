@@ -2,16 +2,13 @@
 
 from __future__ import annotations
 
-import json
 from dataclasses import dataclass
 from pathlib import Path
 
 import tyro
 
 from taxel.cli.printing import print_json, say
-from taxel.errors import BadInput
 from taxel.recordings.reader import list_recordings, read_manifest
-from taxel.recordings.whole import write_whole
 
 
 @dataclass(frozen=True)
@@ -33,15 +30,11 @@ class Foxglove:
 
     def run(self) -> None:
         """Write the layout, whole or not at all."""
-        from taxel.exchange.foxglove_layout import layout_of, paths_of
+        from taxel.exchange.foxglove_layout import write_layout
 
-        if self.output.exists() and not self.overwrite:
-            raise BadInput("a new file for the layout", f"{self.output}, which exists",
-                           "add --overwrite")  # fmt: skip
         path = list_recordings(self.recordings)[0]
-        layout = layout_of(read_manifest(path))
-        write_whole(self.output, json.dumps(layout, indent=1, ensure_ascii=False).encode())
+        found = write_layout(self.output, read_manifest(path), overwrite=self.overwrite)
         if self.json:
-            print_json({"layout": str(self.output), "shows": paths_of(layout)})
+            print_json({"layout": str(self.output), "shows": found.shows})
             return
-        say(f"{self.output}: {len(layout['configById'])} panels; in the viewer: Layout > Import")
+        say(f"{self.output}: {found.panels} panels; in the viewer: Layout > Import")

@@ -56,15 +56,25 @@ class Tuned:
     """None where no outer score was asked for."""
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Extent:
+    """How much is searched and judged."""
+
+    trials: int
+    """Finished trials of each search."""
+    folds: int = 5
+    """Outer folds."""
+    nested: bool = True
+    """False leaves the outer score out."""
+
+
 def tune(
     store: Store,
     path: Path,
     recipe: Recipe,
     space: Space,
+    extent: Extent,
     *,
-    trials: int,
-    folds: int = 5,
-    nested: bool = True,
     on_step: Callable[[str], None] = lambda _: None,
 ) -> Tuned:
     """Search a recipe's settings.
@@ -74,9 +84,7 @@ def tune(
         path: A folder of recordings.
         recipe: Where the search starts; window, target and split stay.
         space: What is searched.
-        trials: Finished trials of each search.
-        folds: Outer folds.
-        nested: False leaves the outer score out.
+        extent: How much is searched and judged.
         on_step: Called with a line after each trial and outer fold.
 
     Raises:
@@ -85,11 +93,11 @@ def tune(
         BadInput: A setting or network does not exist.
     """
     space.check()
-    source = travelling(Source(path=path, recipe=recipe, folds=folds, given=OWN_SPLIT))
+    source = travelling(Source(path=path, recipe=recipe, folds=extent.folds, given=OWN_SPLIT))
     opened = open_source(source)
     content = content_digest(opened.dataset, recipe.target)
-    work = _Work(store, source, content, opened, space, trials)
-    outer = _outer(work, on_step) if nested else None
+    work = _Work(store, source, content, opened, space, extent.trials)
+    outer = _outer(work, on_step) if extent.nested else None
     found = work.search(None, on_step)
     return Tuned(
         dataset=opened.dataset,

@@ -22,11 +22,19 @@ class Ask(Protocol):
 
     def suggest_float(
         self, name: str, low: float, high: float, *, step: float | None = None, log: bool = False
-    ) -> float: ...
+    ) -> float:
+        """Return a number within limits."""
+        ...
+
     def suggest_int(
         self, name: str, low: int, high: int, *, step: int = 1, log: bool = False
-    ) -> int: ...
-    def suggest_categorical(self, name: str, choices: Any) -> Any: ...
+    ) -> int:
+        """Return a whole number within limits."""
+        ...
+
+    def suggest_categorical(self, name: str, choices: Any) -> Any:
+        """Return one of some choices."""
+        ...
 
 
 @dataclass(frozen=True, slots=True)
