@@ -23,8 +23,7 @@ class Means(nn.Module):
         self.last = nn.Linear(channels, classes)
 
     def forward(self, values: Tensor, mask: Tensor) -> Tensor:
-        rows = mask.unsqueeze(2)
-        logits: Tensor = self.last((values * rows).sum(1) / rows.sum(1).clamp(min=1))
+        logits: Tensor = self.last((values * mask.unsqueeze(2)).sum(1) / mask.sum(1, keepdim=True))
         return logits
 
 
