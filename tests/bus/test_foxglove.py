@@ -12,7 +12,8 @@ from websockets.sync.client import connect
 
 from taxel.bus.following import STATE, Item
 from taxel.bus.foxglove_server import MOST_WAITING, FoxgloveServer
-from taxel.bus.foxglove_wire import SUBPROTOCOLS, image_message, read_request
+from taxel.bus.foxglove_wire import SUBPROTOCOLS, Channel, read_request
+from taxel.recordings.frame_layout import image_message
 from taxel.signals import Frame, Samples
 
 JPEG = b"\xff\xd8 image \xff\xd9"
@@ -93,11 +94,12 @@ def test_a_viewer_sees_named_channels_images_and_states(server) -> None:
 def test_an_image_is_what_ros_2_says(server) -> None:
     """Decoded with the package that ROS 2 users have for it."""
     decoder = pytest.importorskip("mcap_ros2._dynamic", reason="needs mcap-ros2-support")
-    from taxel.bus.foxglove_wire import _IMAGE_SCHEMA
 
-    frame = Frame(camera=0, jpeg=JPEG, counter=0, device_s=0.0, arrival_s=0.0, fitted_s=0.0)
-    read = decoder.generate_dynamic("sensor_msgs/msg/CompressedImage", _IMAGE_SCHEMA)
-    found = read["sensor_msgs/msg/CompressedImage"](image_message(frame, "left", 1_500_000_002))
+    frame = Frame(camera=0, jpeg=JPEG, counter=0, device_s=0.0, arrival_s=0.0, fitted_s=1.0)
+    told = Channel(1, "/camera/left", True, "").as_json()
+    read = decoder.generate_dynamic(told["schemaName"], told["schema"])
+    _, pieces = image_message(frame, "left", 500_000_002)
+    found = read[told["schemaName"]](b"".join(pieces))
     assert (found.header.stamp.sec, found.header.stamp.nanosec) == (1, 500_000_002)
     assert (found.header.frame_id, found.format, bytes(found.data)) == ("left", "jpeg", JPEG)
 

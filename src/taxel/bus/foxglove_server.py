@@ -24,13 +24,13 @@ from taxel.bus.foxglove_wire import (
     SUBPROTOCOLS,
     Channel,
     Rows,
-    image_message,
     item_name,
     message,
     read_request,
 )
 from taxel.live.station.page_link import ViewConfig
 from taxel.live.station.worker import Place, at_work
+from taxel.recordings.frame_layout import image_message
 from taxel.signals import Frame, Samples
 from taxel.views.page.guard import Pass
 from taxel.views.page.serving import LOOPBACK, Server, host_names
@@ -141,7 +141,7 @@ class FoxgloveServer:
             return self._rows[item.topic].of(value)
         if isinstance(value, Frame):
             name = item.topic.rpartition("/")[2]
-            return [(item.time_s, image_message(value, name, self._wall_ns(item.time_s)))]
+            return [(item.time_s, b"".join(image_message(value, name, self._anchor_ns)[1]))]
         return [(item.time_s, json_bytes(value))]
 
     def _wall_ns(self, time_s: float) -> int:

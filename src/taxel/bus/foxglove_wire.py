@@ -1,7 +1,7 @@
 """What Foxglove's WebSocket protocol says, as far as one who only shows needs it.
 
 Channels and messages of a station: JSON with named channels, so that plots show names; images as
-`sensor_msgs/CompressedImage` in CDR, which every version decodes. Source: the protocol as the
+`sensor_msgs/CompressedImage` in CDR, as in a recording. Source: the protocol as the
 package foxglove-sdk 0.30 speaks it (`foxglove.sdk.v1`), and before it `foxglove.websocket.v1`.
 Knows nothing about sockets.
 
@@ -20,29 +20,14 @@ import numpy as np
 
 from taxel.bus.batches import json_bytes
 from taxel.bus.following import Item
-from taxel.signals import Frame, Samples
+from taxel.recordings.frame_layout import FRAME_SCHEMA, FRAME_SCHEMA_NAME
+from taxel.signals import Samples
 
 SUBPROTOCOLS = ("foxglove.sdk.v1", "foxglove.websocket.v1")
 ROW_S = 0.01
 """Time between shown rows of an array: the common grid's, docs/decisions/0003."""
 _MESSAGE = struct.Struct("<BIQ")
 _MESSAGE_DATA = 0x01
-_IMAGE_SCHEMA = """\
-std_msgs/Header header
-string format
-uint8[] data
-================================================================================
-MSG: std_msgs/Header
-builtin_interfaces/Time stamp
-string frame_id
-================================================================================
-MSG: builtin_interfaces/Time
-int32 sec
-uint32 nanosec
-"""
-_PNG = b"\x89PNG"
-_CDR = b"\x00\x01\x00\x00"
-"""The CDR head: little endian."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -65,9 +50,9 @@ class Channel:
         return {
             "id": self.number, "topic": self.topic,
             "encoding": "cdr" if self.image else "json",
-            "schemaName": "sensor_msgs/msg/CompressedImage" if self.image else self.name,
+            "schemaName": FRAME_SCHEMA_NAME if self.image else self.name,
             "schemaEncoding": "ros2msg" if self.image else "jsonschema",
-            "schema": _IMAGE_SCHEMA if self.image else json.dumps(schema),
+            "schema": FRAME_SCHEMA.decode() if self.image else json.dumps(schema),
         }  # fmt: skip
 
 
@@ -91,21 +76,6 @@ class Rows:
                 self._shown_s = time_s
                 found.append((time_s, json_bytes(dict(zip(self.channels, row, strict=True)))))
         return found
-
-
-def image_message(frame: Frame, name: str, wall_ns: int) -> bytes:
-    """Return a frame as `sensor_msgs/CompressedImage`, CDR.
-
-    Args:
-        frame: The image as it came.
-        name: The camera's, as the frame's coordinate system.
-        wall_ns: When it was taken, nanoseconds since 1970.
-    """
-    body = struct.pack("<iI", wall_ns // 10**9, wall_ns % 10**9)
-    for text in (name, "png" if frame.jpeg.startswith(_PNG) else "jpeg"):
-        content = text.encode() + b"\0"
-        body = _padded(body) + struct.pack("<I", len(content)) + content
-    return _CDR + _padded(body) + struct.pack("<I", len(frame.jpeg)) + frame.jpeg
 
 
 def message(subscription: int, wall_ns: int, payload: bytes) -> bytes:
@@ -145,7 +115,3 @@ def _number(value: object) -> int:
     if type(value) is not int or not 0 <= value < 2**32:
         raise ValueError("needed a whole number of 32 bits")
     return value
-
-
-def _padded(body: bytes) -> bytes:
-    return body + b"\0" * (-len(body) % 4)
