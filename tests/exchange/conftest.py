@@ -1,4 +1,7 @@
-"""Small recordings of an array and two cameras, with marks, gaps and missing values."""
+"""Small recordings of an array and two cameras, with marks, gaps and missing values.
+
+On request with a camera that looks on: colour and depth.
+"""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -6,14 +9,29 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from taxel.frame_codec import encode_jpeg
+from taxel.frame_codec import encode_depth, encode_jpeg
 from taxel.recordings.manifest import NO_ARRAY, Manifest
 from taxel.recordings.writer import Recorder
-from taxel.signals import CameraInfo, Frame, Mark, Samples, SensorInfo
+from taxel.signals import (
+    CODING,
+    DEPTH_PNG,
+    ROLE,
+    SCENE,
+    CameraInfo,
+    Frame,
+    Mark,
+    Samples,
+    SensorInfo,
+)
 
 CAMERAS = tuple(
     CameraInfo(name=name, width=32, height=24, rate_hz=25.0) for name in ("left", "right")
 )
+LOOKS_ON = (
+    CameraInfo(name="scene", width=32, height=24, rate_hz=30.0, details={ROLE: SCENE}),
+    CameraInfo(name="scene-depth", width=32, height=24, rate_hz=30.0,
+               details={ROLE: SCENE, CODING: DEPTH_PNG, "depth_unit_m": "0.001"}),
+)  # fmt: skip
 ARRAY = SensorInfo(name="teng", channels=("thumb", "index", "palm"), units=("V",) * 3,
                    rate_hz=1000.0, full_scale=3.3)  # fmt: skip
 MARKS = (
@@ -41,13 +59,23 @@ def frame(camera: int, number: int, seed: int) -> Frame:
                  device_s=float("nan"), arrival_s=at_s + 0.01, fitted_s=at_s)  # fmt: skip
 
 
+def depth_frame(camera: int, number: int) -> Frame:
+    """Every pixel of depth is 60,000 and the frame's number."""
+    at_s = 100.02 + (number + 1) / 30
+    depth = np.full((24, 32), 60_000 + number, np.uint16)
+    return Frame(camera=camera, jpeg=encode_depth(depth), counter=number,
+                 device_s=at_s - 99, arrival_s=at_s + 0.01, fitted_s=at_s)  # fmt: skip
+
+
 @pytest.fixture(scope="session")
 def make() -> Callable[..., Path]:
     def write(
-        path: Path, *, array: bool = True, cameras: bool = True, seconds: float = 1.6, seed: int = 0
-    ) -> Path:
+        path: Path, *, array: bool = True, cameras: bool = True, seconds: float = 1.6,
+        seed: int = 0, scene: tuple[str, ...] = ()
+    ) -> Path:  # fmt: skip
+        seen = (*(CAMERAS if cameras else ()), *(one for one in LOOKS_ON if one.name in scene))
         manifest = Manifest(
-            sensor=ARRAY if array else NO_ARRAY, cameras=CAMERAS if cameras else (),
+            sensor=ARRAY if array else NO_ARRAY, cameras=seen,
             labels={"shape": "sphere"}, groups={"session": str(seed)},
             wall_anchor_ns=1_700_000_000_000_000_000,
         )  # fmt: skip
@@ -57,6 +85,12 @@ def make() -> Callable[..., Path]:
             for number in range(round(25 * seconds) if cameras else 0):
                 recorder.frame(frame(0, number, seed))
                 recorder.frame(frame(1, number, seed))
+            for number in range(round(30 * seconds) if scene else 0):
+                for camera, info in enumerate(seen):
+                    if info.coding == DEPTH_PNG:
+                        recorder.frame(depth_frame(camera, number))
+                    elif info.scene:
+                        recorder.frame(frame(camera, number, seed))
             for mark in MARKS:
                 recorder.mark(mark)
         return path

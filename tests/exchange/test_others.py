@@ -55,7 +55,7 @@ def test_parquet_holds_what_was_recorded(make, tmp_path):
     assert scans.schema.field("palm").metadata == {b"unit": b"V"}
     assert json.loads(json.loads(scans.schema.metadata[b"taxel"])["labels"]) == {"shape": "sphere"}
     frames = pq.read_table(tmp_path / "tables/a.frames.parquet").to_pylist()
-    left = [row["jpeg"] for row in frames if row["camera"] == "left"]
+    left = [row["image"] for row in frames if row["camera"] == "left"]
     assert left == [frame.jpeg for frame in iterate_frames(path, 0)]
     marks = pq.read_table(tmp_path / "tables/a.marks.parquet").to_pylist()
     assert marks[0]["groups"] == [("cup", "ä")]

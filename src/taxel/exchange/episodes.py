@@ -1,9 +1,9 @@
 """A recording as episodes of evenly numbered frames, as tools for learning robots want it.
 
 An episode is a whole recording, or each of its marks. With cameras its frames are those of the
-first camera; the others give the nearest in time. Without, each frame is the next so many scans.
-Each frame has a window of the scans up to it, so that touch keeps its own rate. Knows nothing
-about files of any format but the recording's own.
+first camera; the others give the nearest in time, depth is left out. Without, each frame is the
+next so many scans. Each frame has a window of the scans up to it, so that touch keeps its own rate.
+Knows nothing about files of any format but the recording's own.
 
 Background of our choices: docs/decisions/0051.
 """
@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 from taxel.errors import BadDataset, BadInput
 from taxel.recordings.manifest import Manifest
-from taxel.recordings.reader import iterate_frames, read_recording
+from taxel.recordings.reader import iterate_jpeg, read_recording
 from taxel.signals import UNUSABLE, Frame, Mark, Samples, Validity
 
 MARGIN = 1.1
@@ -50,7 +50,7 @@ class Episode:
     name: str
     """The recording's, with the mark's number where it is cut."""
     manifest: Manifest
-    """Labels and groups are the mark's as well, where it is cut."""
+    """Its cameras are those of JPEG; labels and groups are the mark's as well, where it is cut."""
     samples: Samples
     """The whole recording's."""
     marks: tuple[Mark, ...]
@@ -114,7 +114,7 @@ class Episode:
         held: list[dict[int, Frame]] = [{} for _ in range(cameras)]
         seen = [0] * cameras
         due = 0
-        for frame in iterate_frames(self.path):
+        for frame in iterate_jpeg(self.path):
             held[frame.camera][seen[frame.camera]] = frame
             seen[frame.camera] += 1
             while due < len(self) and all(self.images[c, due] in held[c] for c in range(cameras)):
@@ -148,7 +148,7 @@ def rhythm_of(manifest: Manifest, path: Path, fps: int | None, rows: int | None)
         BadDataset: Its rates are not known.
         BadInput: Both are given where one follows from the other.
     """
-    sensor, cameras = manifest.sensor, manifest.cameras
+    sensor, cameras = manifest.sensor, manifest.of_jpeg
     if (sensor.channels and sensor.rate_hz <= 0) or (
         cameras and cameras[0].rate_hz <= 0 and not fps
     ):
@@ -171,7 +171,7 @@ def episodes_of(path: Path, rhythm: Rhythm, cut: Cut = "recording") -> Iterator[
         BadRecording: It is damaged or cut short.
     """
     recording = read_recording(path)
-    manifest = recording.manifest
+    manifest = replace(recording.manifest, cameras=recording.manifest.of_jpeg)
     camera_s = _camera_times(path, len(manifest.cameras))
     whole = Mark(start_s=-np.inf, end_s=np.inf, labels={})
     marks = recording.marks if cut == "mark" else [whole]
@@ -232,7 +232,7 @@ def _camera_times(path: Path, cameras: int) -> list[NDArray[np.float64]]:
     """Return when each camera's frames were taken, fitted clock, in the order of the file."""
     times: list[list[float]] = [[] for _ in range(cameras)]
     if cameras:
-        for frame in iterate_frames(path):
+        for frame in iterate_jpeg(path):
             times[frame.camera].append(frame.fitted_s)
     return [np.array(own, np.float64) for own in times]
 

@@ -2,6 +2,7 @@
 
 The folder appears as a whole or not at all. Images stay the camera's own JPEG: LeRobot's video
 codecs move the gel quantities by 0.2 to 0.4 of their standard deviation (docs/decisions/0051).
+Depth is left out: their images have 8 bits a colour.
 Knows nothing about learning.
 """
 
@@ -105,7 +106,7 @@ class _Writer:
 
     def __init__(self, folder: Path, manifest: Manifest, rhythm: Rhythm) -> None:
         self._folder, self._manifest, self._rhythm = folder, manifest, rhythm
-        cameras = {camera.name: (camera.width, camera.height) for camera in manifest.cameras}
+        cameras = {camera.name: (camera.width, camera.height) for camera in manifest.of_jpeg}
         self._features = layout.features_of(manifest.sensor.channels, rhythm.rows, cameras)
         self._schema = layout.schema_of(self._features)
         self._data: pq.ParquetWriter | None = None
@@ -124,7 +125,7 @@ class _Writer:
         own, first = read_manifest(path), self._manifest
         kinds = [
             (m.sensor.channels, m.sensor.units, round(m.sensor.rate_hz, 3),
-             [(c.name, c.width, c.height) for c in m.cameras]) for m in (own, first)
+             [(c.name, c.width, c.height) for c in m.of_jpeg]) for m in (own, first)
         ]  # fmt: skip
         if kinds[0] != kinds[1]:
             raise BadDataset(
@@ -235,7 +236,7 @@ class _Writer:
         columns = []
         for key, feature in self._features.items():
             if feature.dtype == "image":
-                camera = [c.name for c in self._manifest.cameras].index(key.split(".", 2)[2])
+                camera = [c.name for c in self._manifest.of_jpeg].index(key.split(".", 2)[2])
                 jpegs = pa.array([row[camera].jpeg for row in pictures], pa.binary())
                 paths = pa.nulls(len(pictures), pa.string())
                 columns.append(pa.StructArray.from_arrays([jpegs, paths], ["bytes", "path"]))
@@ -253,7 +254,7 @@ class _Writer:
         """Decode some images, evenly over the episode, for its statistics."""
         step = -(-len(episode) // _LOOKED_AT)
         for place, row in enumerate(pictures, at):
-            for camera, frame in zip(self._manifest.cameras, row, strict=True):
+            for camera, frame in zip(self._manifest.of_jpeg, row, strict=True):
                 if place % step == 0:
                     image = decode_jpeg(frame.jpeg, camera)[::_EVERY, ::_EVERY]
                     seen.setdefault(layout.image_key(camera.name), []).append(image)

@@ -27,8 +27,10 @@ MARKS = pa.schema(
     [("start_s", pa.float64()), ("end_s", pa.float64()), ("labels", _PAIRS), ("groups", _PAIRS)]
 )
 FRAMES = pa.schema(
-    [("camera", pa.string()), *_TIMES, ("counter", pa.int64()), ("jpeg", pa.binary())]
-)
+    [("camera", pa.string()), ("coding", pa.string()), *_TIMES, ("counter", pa.int64()),
+     ("image", pa.binary())]
+)  # fmt: skip
+"""`image` is as it came, of the kind that `coding` says: JPEG, or depth as PNG of 16 bits."""
 
 
 def scans_schema(manifest: Manifest) -> pa.Schema:
@@ -97,11 +99,12 @@ def _write(path: Path, manifest: Manifest, folder: Path) -> dict[str, int]:
 
 
 def _columns(block: Block, manifest: Manifest) -> dict[str, list[pa.Array]]:
-    samples, names = block.samples, [camera.name for camera in manifest.cameras]
+    samples, cameras = block.samples, manifest.cameras
     scans = [samples.fitted_s, samples.device_s, samples.arrival_s, samples.counter]
     scans += [*samples.values.T, *samples.validity.T]
     frames = [
-        [names[frame.camera] for frame in block.frames],
+        [cameras[frame.camera].name for frame in block.frames],
+        [cameras[frame.camera].coding for frame in block.frames],
         *([getattr(frame, name) for frame in block.frames]
           for name in ("fitted_s", "device_s", "arrival_s", "counter", "jpeg")),
     ]  # fmt: skip

@@ -2,7 +2,7 @@
 
 Motion JPEG in Matroska holds the camera's own JPEG, byte by byte. H.264 in MP4 plays in every
 browser and is for looking at only: it moves the gel quantities by 0.4 of their standard deviation
-(docs/decisions/0051). Knows nothing about touch.
+(docs/decisions/0051). Depth is left out: a video has 8 bits a colour. Knows nothing about touch.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ import av
 from taxel.errors import BadDataset
 from taxel.exchange.output import new_tree
 from taxel.frame_codec import decode_jpeg
-from taxel.recordings.reader import iterate_frames, read_manifest
+from taxel.recordings.reader import iterate_jpeg, read_manifest
 from taxel.signals import CameraInfo, Frame
 
 Codec = Literal["mjpeg", "h264"]
@@ -53,7 +53,7 @@ def write_videos(
         File → frames.
 
     Raises:
-        BadDataset: A recording has no cameras.
+        BadDataset: A recording has no cameras of JPEG.
         BadRecording: One is damaged or cut short.
         RecordingFailed: The disk refused.
     """
@@ -61,7 +61,7 @@ def write_videos(
     with new_tree(output, SIGN, overwrite=overwrite) as made:
         (made / SIGN).touch()
         for done, path in enumerate(paths, 1):
-            cameras = read_manifest(path).cameras
+            cameras = read_manifest(path).of_jpeg
             if not cameras:
                 raise BadDataset("a recording of cameras", f"{path} without",
                                  "name recordings with cameras")  # fmt: skip
@@ -78,7 +78,7 @@ def _write(path: Path, cameras: Sequence[CameraInfo], folder: Path, codec: Codec
             stack.enter_context(_Video(folder / name, camera, codec))
             for name, camera in zip(names, cameras, strict=True)
         ]
-        for frame in iterate_frames(path):
+        for frame in iterate_jpeg(path):
             videos[frame.camera].add(frame)
             counts[names[frame.camera]] += 1
     return counts

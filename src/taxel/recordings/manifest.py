@@ -21,7 +21,7 @@ from taxel import __version__
 from taxel.errors import BadFile, BadInput, BadRecording
 from taxel.foreign.json_text import Fields, parse_json
 from taxel.foreign.records import record_of
-from taxel.signals import CameraInfo, SensorInfo
+from taxel.signals import JPEG, CameraInfo, SensorInfo
 
 NO_ARRAY = SensorInfo(name="none", channels=(), units=(), rate_hz=0.0)
 """The sensor of a recording that holds cameras only."""
@@ -63,6 +63,11 @@ class Manifest:
     def tactile(self) -> tuple[CameraInfo, ...]:
         """The cameras that feel; one that looks on is none of them."""
         return tuple(camera for camera in self.cameras if not camera.scene)
+
+    @property
+    def of_jpeg(self) -> tuple[CameraInfo, ...]:
+        """The cameras whose images are JPEG, tactile or not; depth is none of them."""
+        return tuple(camera for camera in self.cameras if camera.coding == JPEG)
 
     @staticmethod
     def started_now(

@@ -7,7 +7,7 @@ with the command that saves it. Knows nothing about labels, windows or models.
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -24,7 +24,7 @@ from taxel.recordings.chunk_content import ChunkContent, decode_chunk
 from taxel.recordings.manifest import Manifest, from_record
 from taxel.recordings.walk import damaged, open_chunk, parse_metadata, walk
 from taxel.recordings.writer import PART_SUFFIX, part_path
-from taxel.signals import Frame, Mark, Samples, SlipNote
+from taxel.signals import CameraInfo, Frame, Mark, Samples, SlipNote
 
 _MARK_BYTES = 1000
 """What a mark takes in memory, about."""
@@ -143,11 +143,26 @@ def iterate_tactile(path: Path) -> Iterator[Frame]:
     Raises:
         BadRecording: It is missing, no recording of taxel's, cut short, or damaged.
     """
-    cameras = read_manifest(path).cameras
-    feels = [number for number, camera in enumerate(cameras) if not camera.scene]
+    manifest = read_manifest(path)
+    yield from _frames_of(path, manifest, manifest.tactile)
+
+
+def iterate_jpeg(path: Path) -> Iterator[Frame]:
+    """Yield the frames of a recording's cameras of JPEG, oldest first, numbered among these.
+
+    Raises:
+        BadRecording: It is missing, no recording of taxel's, cut short, or damaged.
+    """
+    manifest = read_manifest(path)
+    yield from _frames_of(path, manifest, manifest.of_jpeg)
+
+
+def _frames_of(path: Path, manifest: Manifest, cameras: Sequence[CameraInfo]) -> Iterator[Frame]:
+    """Yield the frames of some of a recording's cameras, numbered among these."""
+    numbers = {manifest.cameras.index(camera): place for place, camera in enumerate(cameras)}
     for frame in iterate_frames(path):
-        if frame.camera in feels:
-            yield replace(frame, camera=feels.index(frame.camera))
+        if frame.camera in numbers:
+            yield replace(frame, camera=numbers[frame.camera])
 
 
 def iterate_slips(path: Path) -> Iterator[SlipNote]:

@@ -8,7 +8,7 @@ from typing import Literal
 
 import tyro
 
-from taxel.cli.export.need import need_packages
+from taxel.cli.export.need import depth_cameras, depth_line, need_packages
 from taxel.cli.printing import print_json, progress, say
 from taxel.errors import BadInput
 from taxel.recordings.reader import list_recordings
@@ -21,7 +21,8 @@ class Lerobot:
     observation.state and observation.tactile: touch at each frame, and the window of scans up to
     it with validity. Images stay JPEG: LeRobot's video codecs move the gel quantities by 0.2 to
     0.4 of their standard deviation. Labels become tasks; labels and groups are columns of the
-    episodes too. LeRobot's time is frame / fps; the exact times are columns of their own.
+    episodes too. LeRobot's time is frame / fps; the exact times are columns of their own. Depth is
+    left out.
     """
 
     recordings: tyro.conf.Positional[Path]
@@ -52,6 +53,7 @@ class Lerobot:
         from taxel.exchange.lerobot_write import write_lerobot
 
         paths = list_recordings(self.recordings)
+        left_out = depth_cameras(paths)
         with progress() as bars:
             bar = bars.add_task("exporting", total=len(paths))
             found = write_lerobot(
@@ -60,12 +62,14 @@ class Lerobot:
                 progress=lambda done, of: bars.update(bar, completed=done, total=of),
             )  # fmt: skip
         if self.json:
-            print_json({"output": str(self.output), **found.as_dict()})
+            print_json({"output": str(self.output), **found.as_dict(), "left_out": left_out})
             return
         each = f"{found.frames} frames" + (f" of {found.rows} scans" if found.rows else "")
         say(f"{self.output}: {found.episodes} episodes, {each}, {found.fps} frames/s")
         say(f"tasks: {', '.join(map(repr, found.tasks[:6]))}{' …' if found.tasks[6:] else ''}")
         say(f"frame / fps differs from the time of a frame by up to {1000 * found.drift_s:.3g} ms")
+        if left_out:
+            say(depth_line(left_out))
         if found.scans_left_out:
             say(f"{found.scans_left_out} scans are in no window; give more with --rows")
         if found.images_left_out:

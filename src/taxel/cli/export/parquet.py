@@ -17,7 +17,8 @@ class Parquet:
     """Write Parquet tables of each recording: scans, frames and marks, nothing resampled.
 
     NAME.scans.parquet has the times, the counter, a column a channel and one of its flags;
-    NAME.frames.parquet the cameras' JPEG and times; NAME.marks.parquet labels and groups.
+    NAME.frames.parquet the cameras' images (JPEG, depth as PNG) and times; NAME.marks.parquet
+    labels and groups.
     """
 
     recordings: tyro.conf.Positional[Path]

@@ -8,7 +8,7 @@ from typing import Literal
 
 import tyro
 
-from taxel.cli.export.need import need_packages
+from taxel.cli.export.need import depth_cameras, depth_line, need_packages
 from taxel.cli.printing import print_json, progress, say
 from taxel.recordings.reader import list_recordings
 
@@ -18,7 +18,8 @@ class Video:
     """Write a video for each camera of each recording, with the times of its frames.
 
     mjpeg (.mkv) keeps the camera's own JPEG byte by byte. h264 (.mp4) plays in every browser, and
-    is for looking at only: it moves the gel quantities by 0.4 of their standard deviation.
+    is for looking at only: it moves the gel quantities by 0.4 of their standard deviation. Depth
+    is left out.
     """
 
     recordings: tyro.conf.Positional[Path]
@@ -38,6 +39,7 @@ class Video:
         from taxel.exchange.video_files import write_videos
 
         paths = list_recordings(self.recordings)
+        left_out = depth_cameras(paths)
         with progress() as bars:
             bar = bars.add_task("exporting", total=len(paths))
             found = write_videos(
@@ -45,7 +47,9 @@ class Video:
                 progress=lambda done, of: bars.update(bar, completed=done, total=of),
             )  # fmt: skip
         if self.json:
-            print_json({"output": str(self.output), "videos": found})
+            print_json({"output": str(self.output), "videos": found, "left_out": left_out})
             return
         for name, count in found.items():
             say(f"{self.output / name}: {count} frames")
+        if left_out:
+            say(depth_line(left_out))
