@@ -81,6 +81,7 @@ FAKED_VERB_PARTS = {
     "taxel.cli.live_station.token_urlsafe",
     "taxel.cli.find.find_boards",
     "taxel.cli.find.find_cameras",
+    "taxel.cli.find.find_scene_cameras",
 }
 """Parts of verbs that compute with what stand-ins cannot give, or that touch devices."""
 
@@ -152,6 +153,7 @@ ANSWERS: dict[str, Any] = {
     "plan_array": lambda *_: {"noise": (1.0,)},
     "find_boards": lambda: ([], []),
     "find_cameras": list,
+    "find_scene_cameras": lambda: ([], []),
 }
 """Function → what it answers, where a verb's way goes by it."""
 TEXTS = {"digest", "url", "words", "plain"}

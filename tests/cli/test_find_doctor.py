@@ -8,7 +8,10 @@ import pytest
 
 from taxel.cli import doctor, find
 from taxel.cli.main import main
+from taxel.errors import BadSource, MissingExtra
+from taxel.sources import realsense_device
 from taxel.sources.cameras import parse_cameras
+from taxel.sources.realsense_device import FoundRealSense
 from taxel.sources.v4l2_nodes import FoundCamera, Offer
 
 LEFT = FoundCamera(
@@ -110,11 +113,43 @@ def test_a_missing_package_does_not_hide_the_cameras(monkeypatch, capsys):
     assert f"'{LEFT.address}'" in said
 
 
+def test_a_scene_camera_is_a_line_and_an_address(monkeypatch, capsys):
+    """One line each, and none where there are none or the extra is not installed."""
+    monkeypatch.setattr(find, "find_boards", lambda: ([], []))
+    monkeypatch.setattr(find, "find_cameras", list)
+    found = [FoundRealSense("Intel RealSense D435I", "123622270224", "3.2")]
+    monkeypatch.setattr(realsense_device, "list_realsense", lambda: found)
+    main(["find"])
+    said = capsys.readouterr().out
+    line = "scene camera: Intel RealSense D435I, serial number 123622270224, USB 3.2"
+    assert said.splitlines().count(line) == 1
+    assert "  realsense://123622270224" in said.splitlines()
+
+    monkeypatch.setattr(realsense_device, "list_realsense", _not_installed)
+    main(["find"])
+    assert "scene camera" not in capsys.readouterr().out
+
+
+def test_a_library_that_cannot_look_is_said_in_a_line(monkeypatch):
+    def fail() -> None:
+        raise BadSource("a machine where RealSense cameras can be looked for", "no USB", "x")
+
+    monkeypatch.setattr(realsense_device, "list_realsense", fail)
+    cameras, problems = find.find_scene_cameras()
+    assert cameras == []
+    (line,) = find.scene_lines(cameras, problems)
+    assert line.startswith("scene cameras: not looked for: needed a machine where")
+
+
+def _not_installed() -> None:
+    raise MissingExtra("pyrealsense2", "realsense", "RealSense cameras")
+
+
 def test_find_prints_json_of_the_machine_as_it_is(capsys):
     main(["find", "--json"])
 
     found = json.loads(capsys.readouterr().out)
-    assert set(found) == {"boards", "cameras", "addresses", "problems"}
+    assert set(found) == {"boards", "cameras", "scene_cameras", "addresses", "problems"}
     assert len(found["addresses"]) >= len([one for one in found["cameras"] if one["address"]])
 
 

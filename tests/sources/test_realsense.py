@@ -18,7 +18,14 @@ from taxel.recordings.writer import Recorder
 from taxel.signals import CameraInfo, Frame
 from taxel.sources.opening import open_source
 from taxel.sources.realsense import NAMES, SILENT_S, RealSense, parse_choice
-from taxel.sources.realsense_device import COLOUR, DEPTH, KEPT, realsense_module
+from taxel.sources.realsense_device import (
+    COLOUR,
+    DEPTH,
+    KEPT,
+    FoundRealSense,
+    list_realsense,
+    realsense_module,
+)
 
 try:
     rs = realsense_module()
@@ -267,3 +274,20 @@ def test_depth_is_drawn_for_people_and_what_is_no_depth_is_not(camera: SoftCamer
     for hostile in (head, text, png[:-12], png + b"x", b"\x89PNG\r\n\x1a\n", b"", png[:40]):
         assert not is_sound(hostile, depth)
         assert draw_depth(hostile, depth) is None
+
+
+def test_cameras_that_are_plugged_in_are_listed_without_starting_them(camera) -> None:
+    """By what the library's device says; a fact that it does not know is empty."""
+    found = list_realsense(lambda: [camera.device])
+
+    assert found == [FoundRealSense("Intel RealSense D435I", "123", "")]
+    assert found[0].address == "realsense://123"
+    assert not camera._thread.is_alive()
+
+
+def test_a_library_that_cannot_look_is_one_line() -> None:
+    def fail():
+        raise RuntimeError("no access to USB")
+
+    with pytest.raises(BadSource, match="no access to USB"):
+        list_realsense(fail)

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from typing import TYPE_CHECKING, Any
 
 from taxel.cli.printing import command, print_json, say
-from taxel.errors import MissingExtra
+from taxel.errors import BadSource, MissingExtra
 
 if TYPE_CHECKING:
+    from taxel.sources.realsense_device import FoundRealSense
     from taxel.sources.v4l2_nodes import FoundCamera
 
 _NEAR_PX = 640 * 480
@@ -25,24 +26,28 @@ class Find:
     """
 
     json: bool = False
-    """Print JSON: {boards, cameras, addresses, problems}."""
+    """Print JSON: {boards, cameras, scene_cameras, addresses, problems}."""
 
     def run(self) -> None:
         """Look, and print what there is."""
         boards, problems = find_boards()
         cameras = find_cameras()
-        addresses = ready_addresses(boards, cameras)
+        scene, why_not = find_scene_cameras()
+        addresses = [*ready_addresses(boards, cameras), *(one.address for one in scene)]
         if self.json:
             print_json(
                 {
                     "boards": boards,
                     "cameras": [one.as_dict() for one in cameras],
+                    "scene_cameras": [asdict(one) for one in scene],
                     "addresses": addresses,
-                    "problems": problems,
+                    "problems": [*problems, *why_not],
                 }
             )
             return
         for line in [*board_lines(boards, problems), "", *camera_lines(cameras)]:
+            say(line)
+        for line in scene_lines(scene, why_not):
             say(line)
         if addresses:
             say("")
@@ -68,6 +73,18 @@ def find_cameras() -> list[FoundCamera]:
     from taxel.sources.v4l2_nodes import list_cameras
 
     return list_cameras()
+
+
+def find_scene_cameras() -> tuple[list[FoundRealSense], list[str]]:
+    """Return RealSense cameras, and why they could not be looked for; nothing without the extra."""
+    from taxel.sources.realsense_device import list_realsense
+
+    try:
+        return list_realsense(), []
+    except MissingExtra:
+        return [], []
+    except BadSource as error:
+        return [], [str(error)]
 
 
 def ready_addresses(
@@ -120,6 +137,15 @@ def camera_lines(cameras: Sequence[FoundCamera]) -> list[str]:
         lines.append(f"    {one.path}{_also(one.by_id)}")
         offers = [str(offer) for offer in one.offers if offer.is_jpeg]
         lines.append(f"    MJPG {'; '.join(offers)}" if offers else "    no MJPG: cannot be used")
+    return lines
+
+
+def scene_lines(cameras: Sequence[FoundRealSense], problems: Sequence[str]) -> list[str]:
+    """Return what is said about cameras that look on: a line each, none where there are none."""
+    lines = [f"scene cameras: not looked for: {problem}" for problem in problems]
+    for one in cameras:
+        port = f", USB {one.usb}" if one.usb else ""
+        lines.append(f"scene camera: {one.name}, serial number {one.serial}{port}")
     return lines
 
 

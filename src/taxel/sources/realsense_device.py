@@ -12,7 +12,7 @@ import math
 import threading
 import time
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from types import ModuleType
 from typing import Any
@@ -54,6 +54,22 @@ class StreamChoice:
     rate_hz: int
 
 
+@dataclass(frozen=True, slots=True)
+class FoundRealSense:
+    """A camera that is plugged in."""
+
+    name: str
+    """The library's, such as "Intel RealSense D435I"."""
+    serial: str
+    usb: str
+    """Version of the port that it is on, such as "3.2"; empty where the library cannot tell."""
+
+    @property
+    def address(self) -> str:
+        """What opens it."""
+        return f"realsense://{self.serial}"
+
+
 Finder = Callable[[str], Any]
 """Gives the library's device of a serial number, or of any; None where there is none."""
 
@@ -84,6 +100,34 @@ def find_device(serial: str) -> Any:
         if serial in ("any", device.get_info(rs.camera_info.serial_number)):
             return device
     return None
+
+
+def list_realsense(look: Callable[[], Iterable[Any]] | None = None) -> list[FoundRealSense]:
+    """Return the cameras that are plugged in; none is started.
+
+    Args:
+        look: Gives the library's devices; those of this machine unless given.
+
+    Raises:
+        BadSource: The library cannot look.
+        MissingExtra: pyrealsense2 is not installed.
+    """
+    rs = realsense_module()
+    told = rs.camera_info
+    try:
+        return [
+            FoundRealSense(*(told_by(device, kind) for kind in (
+                told.name, told.serial_number, told.usb_type_descriptor)))
+            for device in (look or rs.context().query_devices)()
+        ]  # fmt: skip
+    except RuntimeError as error:
+        raise BadSource("a machine where RealSense cameras can be looked for", str(error),
+                        "run: rs-enumerate-devices") from error  # fmt: skip
+
+
+def told_by(device: Any, kind: Any) -> str:
+    """Return what a device says of itself; empty where it does not say."""
+    return str(device.get_info(kind)) if device.supports(kind) else ""
 
 
 class OpenDevice:
@@ -201,8 +245,7 @@ class OpenDevice:
         return self._told("serial_number")
 
     def _told(self, name: str) -> str:
-        kind = getattr(self._rs.camera_info, name)
-        return str(self._device.get_info(kind)) if self._device.supports(kind) else ""
+        return told_by(self._device, getattr(self._rs.camera_info, name))
 
     def close(self) -> None:
         """End both streams; of a camera that is gone nothing else can be expected."""
