@@ -10,6 +10,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from taxel.bench.rows import Row, stored
+from taxel.bench.scale_plan import plan_lines
 from taxel.recordings.whole import write_whole
 
 COMMAND = "taxel bench --page docs/reference/figures.md"
@@ -57,6 +58,8 @@ def figure_page(rows: Mapping[str, Sequence[Row]]) -> str:
         if rows.get(bench):
             lines += ["", f"## {title}: `taxel bench {bench}`", "", *_table(rows[bench])]
             lines += ["", *_stamps(rows[bench])]
+        if bench == "scale" and rows.get(bench):
+            lines += ["", *plan_lines(rows[bench])]
     return "\n".join(lines) + "\n"
 
 
