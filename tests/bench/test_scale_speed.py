@@ -24,6 +24,15 @@ def test_an_epochs_time_is_free_of_start_and_features(monkeypatch, tmp_path):
     assert asked[1:] == [(1, 1), (1, 3), (2, 1), (2, 3)]
 
 
+def test_a_start_that_drowns_the_epochs_gives_no_figure(monkeypatch, tmp_path):
+    """As on a busy machine: the longer training was over sooner."""
+    pytest.importorskip("lightning_fabric")
+    monkeypatch.setattr(scale_speed, "_train", lambda _, __, ___, epochs: 30.0 - epochs)
+    row = scale_speed.training_row(tmp_path, tmp_path)
+    assert row.value is None
+    assert "measure again" in row.note
+
+
 def test_a_busy_machine_gives_no_figure(monkeypatch):
     monkeypatch.setattr(os, "getloadavg", lambda: (9.0, 9.0, 9.0))
     rows = scale_speed.speed_rows()
