@@ -108,7 +108,7 @@ def test_forces_the_sensor_tells_are_told_better_than_by_a_straight_line(
 ) -> None:
     told = three_boards.found.errors[-1]
 
-    assert told.split == "whole rounds, forces it tells"
+    assert told.split == "whole rounds, forces in its range"
     assert told.curve_n[2] < told.line_n[1]  # the intervals do not meet
     assert told.curve_n[0] < 0.12
     for one in three_boards.found.sensors:

@@ -330,7 +330,7 @@ class CallbackOutput(_Teller):
         action = self._action(decision, order, self.sent + self.failed + 1, now_s)
         try:
             if action is None:
-                raise TimeoutError("the order had expired before it could be told")
+                raise TimeoutError("the order had expired before it could be sent")
             word = read_word(self._call(action))
             self._words += [] if word is None else [word]
             self.sent += 1

@@ -57,7 +57,7 @@ def _lost_row(lost: Lost, split: str, windows: int) -> Row:
     points = 100.0 * (lost.float_accuracy - lost.integer_accuracy)
     note = (
         f"float {lost.float_accuracy:.4f}, in C {lost.integer_accuracy:.4f} over the same "
-        f"{windows} windows; {lost.same_answer:.1%} told alike"
+        f"{windows} windows; {lost.same_answer:.1%} the same class"
     )
     name = f"on-board CNN, shape, test part of {split}: accuracy lost"
     return row(name, points, "points", "<=", 1.0, note)

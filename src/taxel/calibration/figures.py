@@ -47,7 +47,7 @@ def curves(document: Document) -> bytes:
         Line2D([], [], marker="^", ls="", color=_UP, ms=4, label="rising forces"),
         Line2D([], [], marker="v", ls="", color=_DOWN, ms=4, label="falling forces"),
         Line2D([], [], color="black", lw=1.2, label="curve, 95 % band"),
-        Rectangle((0, 0), 1, 1, color="#e3ecd9", label="forces it tells"),
+        Rectangle((0, 0), 1, 1, color="#e3ecd9", label="forces in its range"),
     ]
     figure.legend(handles=handles, loc="outside upper center", ncols=4, fontsize=8, frameon=False)
     return _png(figure)

@@ -16,7 +16,7 @@ from taxel.calibration.fitting import HeldOut, bands_of, hold_out, mean_error
 from taxel.calibration.press_table import PressTable
 from taxel.calibration.results import Errors, SensorResult
 
-TOLD_ONLY = "forces it tells"
+TOLD_ONLY = "forces in its range"
 """Name of the presses whose force lies in the range that their sensor tells."""
 
 Array = NDArray[np.float64]

@@ -16,18 +16,18 @@ from taxel.recordings.whole import write_whole
 Document = Mapping[str, Any]
 
 COLUMNS = (
-    "sensor", "curve", "R²", "tells N", "V/N", "hysteresis %", "repeat %", "noise mV",
+    "sensor", "curve", "R²", "range N", "V/N", "hysteresis %", "repeat %", "noise mV",
     "hum mV", "drift mV/h", "rise ms", "error N", "line N",
 )  # fmt: skip
 """Of the table of sensors."""
 NARROW = tuple(name for name in COLUMNS if name not in ("curve", "hum mV"))
 """Those of them that fit a terminal."""
 NOTES = (
-    "tells N: from where the curve stands three noises above rest (below the smallest press that "
+    "range N: from where the curve stands three noises above rest (below the smallest press that "
     "is the curve's word alone) to where 95 % of presses lie within half of the force",
     "V/N: slope at the middle force; hysteresis: falling less rising forces, share of the span",
     "rise: 10 to 90 %, gauge and sensor together; noise: rms at the full rate; hum: 50 and 60 Hz",
-    "error N: mean error of presses held out, forces the sensor tells; line N: the same of a "
+    "error N: mean error of presses held out, forces in the sensor's range; line N: the same of a "
     "straight line, the trivial baseline",
 )
 """What the columns mean."""
@@ -82,7 +82,7 @@ def narrow_row(one: Mapping[str, Any]) -> list[str]:
     """Return one sensor's cells, in the order of `NARROW`; intervals are left out."""
     cells = dict(zip(COLUMNS, sensor_row(one), strict=True))
     if one["why_none"]:
-        cells["tells N"] = "no curve"
+        cells["range N"] = "no curve"
     cells["hysteresis %"] = cells["hysteresis %"].partition(" ")[0]
     return [cells[name] for name in NARROW]
 
@@ -184,7 +184,7 @@ def write_page(path: Path, document: Document, command: str) -> None:
         "<h2>Error on presses that were not fitted on</h2>",
         _figure(
             figures.errors_by_force(document),
-            "Where the blue line meets the dotted one, the sensor tells no force.",
+            "Where the blue line meets the dotted one, the sensor gives no force.",
         ),
         "<h2>Uniformity</h2>",
         _figure(

@@ -277,7 +277,7 @@ class Adapt:
                        for one, time in zip(found.drifts, times, strict=True)],
         }  # fmt: skip
         said = (
-            f"{found.grasps} grasps that gave a window: {found.prequential:.1%} told right while "
+            f"{found.grasps} grasps that gave a window: {found.prequential:.1%} correct while "
             "learning, "
             f"{found.unlearned:.1%} by the run as it was"
         )

@@ -333,7 +333,7 @@ class Calibrate:
         table = Table(title=f"{self.output}", title_justify="left", padding=(0, 1), box=None)
         for number, name in enumerate(NARROW):
             table.add_column(
-                name, justify="right" if number else "left", no_wrap=name in ("sensor", "tells N")
+                name, justify="right" if number else "left", no_wrap=name in ("sensor", "range N")
             )
         for one in document["channels"]:
             table.add_row(*narrow_row(one))

@@ -38,25 +38,25 @@ class Collect:
     plan: tyro.conf.Positional[Path]
     """The plan (.csv), such as plans/teng-nine-objects.csv."""
     source: str
-    """Address of the pads, such as sim://teng or serial:///dev/teng-a,/dev/teng-b."""
+    """Address of the touch sensors, such as sim://teng or serial:///dev/teng-a,/dev/teng-b."""
     hand: str
-    """Address of the motors, such as sim://hand or hand:///dev/serial/by-id/hand."""
+    """Address of the hand's motors, such as sim://hand or hand:///dev/serial/by-id/hand."""
     output: Path
-    """Folder of the recordings."""
+    """Folder for the recordings, a file a grasp."""
     arm: bool = False
-    """Allow motion; without it the first object waits for a key."""
+    """Allow motion at once; otherwise the hand first moves after a key is pressed."""
     ask: bool = True
-    """Wait for a key wherever the object changes; a simulated hand never waits."""
+    """Wait for a key whenever the object changes; a simulated hand never waits."""
     contact_ma: int = 700
-    """The current at which a motor stops, mA."""
+    """Motor current that counts as contact and stops the motor, mA."""
     presses: int = 5
-    """Presses of one grasp, the first included."""
+    """Presses in each grasp, the closing one included."""
     hold_s: float = 0.4
     """How long the fingers rest on the object after each press, seconds."""
     stroke_s: float = 5.0
-    """The fingers' time from open to closed, seconds: HAND_STROKE_MS of the firmware."""
+    """Time of the fingers from open to closed, seconds; as HAND_STROKE_MS of the firmware."""
     pause_s: float = 0.5
-    """Open hand after each grasp, seconds."""
+    """How long the hand stays open after each grasp, seconds."""
     json: bool = False
     """Print what was recorded as JSON."""
 

@@ -253,7 +253,7 @@ def clock_source(file: Path) -> Check:
     return Check(
         name="clock of the stamps",
         ok=fine and (not found or found.startswith(_STEADY_CLOCKS)),
-        found=found or "not told here",
+        found=found or "not known here",
         mend="it is slow to read; see the kernel's log for why tsc was given up",
     )
 

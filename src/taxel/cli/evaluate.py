@@ -29,7 +29,7 @@ OF_A_RECIPE = (
 class Evaluate:
     """Cross-validate a recipe on recordings of an array, or score a bundle on them.
 
-    With trivial baselines beside it, by window and by trial, by class and by group.
+    Prints accuracy by window, trial, class and group, with trivial baselines beside it.
     """
 
     data: tyro.conf.Positional[Path]
@@ -38,27 +38,30 @@ class Evaluate:
     recordings: tyro.conf.Positional[Path | None] = None
     """With a bundle: the recordings to score it on."""
     split: str | None = None
-    """Which windows are tested: random (leaks), group:KEY or
-    order:KEY:LAST[:END] (train up to LAST, test above it, up to END)."""
+    """Which windows are tested: random (leaks), group:KEY (whole groups held out, such as
+    group:session) or order:KEY:LAST[:END] (train up to LAST, test above it, up to END); the
+    recipe's unless given."""
     folds: Path | None = None
-    """Somebody else's split instead: a table (CSV) with the columns recording (or group:KEY), side
-    (train, validation, test) or fold, and where wanted start_s."""
+    """Measure on a published split instead: a table (CSV) with the columns recording (or
+    group:KEY), side (train, validation, test) or fold, and optionally start_s, seconds."""
     test: Path | None = None
-    """Another folder instead, to test on; all of the first is learned from."""
+    """Measure on this folder instead; the whole of the first folder is the training part."""
     fold_count: int = 5
-    """How many folds, 2 or more."""
+    """Folds of the cross-validation, 2 or more."""
     model: str | None = None
-    """Model's name."""
+    """Name of the model, such as cnn2d; the recipe's unless given."""
     members: int | None = None
-    """Networks whose probabilities are averaged, 1 or more."""
+    """Networks whose probabilities are averaged, 1 or more; the recipe's number unless given."""
     comparators: bool = True
-    """Also fit library models on the same folds; they are kept for the same data and split."""
+    """Also fit library models (MiniRocket, extra-trees) on the same folds, to compare with; their
+    results are kept for the same data and split."""
     output: Path | None = None
-    """Keep the result here as a run without weights, to be compared and reported."""
+    """Folder for the result, as a run without weights that can be compared and reported; none is
+    written unless given."""
     fresh: bool = False
-    """Fit every fold, also those of library models that are kept, and with --output those that a
-    run that was broken off had finished: they are kept beside it as OUTPUT.folds, and used where
-    recipe, data and software are the same."""
+    """Fit every fold anew. Otherwise the kept results of comparators are used, and with --output
+    the folds that an interrupted run left in OUTPUT.folds, where recipe, data and software are
+    the same."""
     html: Path | None = None
     """Write a self-contained page with figures to this file."""
     json: bool = False

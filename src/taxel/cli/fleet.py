@@ -17,17 +17,17 @@ from taxel.errors import BadInput
 class Fleet:
     """Show the stations that report to a broker: state, alarms, losses, versions.
 
-    It never sends anything to a station. A station that is killed is shown as GONE by its last
-    will; one that reports no more as SILENT.
+    Nothing is ever sent to a station. A station that was killed is shown as GONE, a station without
+    a report for 3.5 s as SILENT.
     """
 
     broker: tyro.conf.Positional[str]
     """The broker: mqtt://127.0.0.1:1883, or mqtts://HOST:8883?ca=FILE&user=NAME&password_file=FILE."""
     seconds: float | None = None
-    """Stop after this many seconds; else at Ctrl-C."""
+    """Stop after this many seconds; at Ctrl-C unless given."""
     page: tuple[str, ...] | None = None
-    """Serve the table as a page; its address is printed. It listens on 127.0.0.1 at a free port, or
-    where HOST:PORT says; any host but this machine's own address is open to the network."""
+    """Serve the table as a page, at HOST:PORT or else at 127.0.0.1 and a free port; the address is
+    printed. Any other host than 127.0.0.1 opens the page to the network."""
     json: bool = False
     """Print all stations as JSON at the end."""
 

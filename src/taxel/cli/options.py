@@ -26,22 +26,24 @@ class RecipeOptions:
     """A recipe by name, and changes to it; what is not given stays as the recipe has it."""
 
     recipe: str | None = None
-    """A named set of window, model and training. Without one, and without other changes, what
-    recognises best is found by validation inside the training part."""
+    """Name of a set of settings (window, model, training), such as teng or array. Unless given,
+    training chooses them by validation inside the training part; else teng for the TENG hand and
+    array for other arrays."""
     target: str | None = None
     """The label to predict, such as shape, material, sign or object, or two joined:
-    shape+material."""
+    shape+material; the recipe's, or the recordings' only label, unless given."""
     window: Pairs = ()
     """Changes to the recipe's window, as in steps=50 stride=25 grid=own gate=none. steps, stride:
     rows. grid: rows a second, Hz, or own (the sensor's scans). gate: contact threshold in the
     channels' unit, none, or a recording at rest (.mcap). layout: A (values above the gate) or B
     (whole scans). channels: names with commas. pad, tare: yes or no. wavelet: such as db2, or none.
-    segment: values up to this are background, or none. fill: share of a
-    window, 0…1, whose short gaps are filled in. reference: KEY=VALUE:COUNT, first touches
-    that set a session's level, or none. follow: seconds of rest and noise that each channel's gate
-    follows, or none. subtract: an untouched channel's name, taken from all, or none."""
+    segment: values up to this, in the channels' unit, are background, or none. fill: fill short
+    gaps in up to this share of a window, 0…1. reference: KEY=VALUE:COUNT, the first COUNT touches
+    of a known object, which set each channel's gain in a session, or none. follow: let each
+    channel's gate follow its rest and noise over so many seconds, or none. subtract: name of an
+    untouched channel to subtract from all others, or none. Not named: as in the recipe."""
     epochs: int | None = None
-    """Passes over the training windows, 1 or more."""
+    """Passes over the training windows, 1 or more; the recipe's number unless given."""
     seed: int = 0
     """Seed of weights, order and folds, 0 to 1000000000."""
 

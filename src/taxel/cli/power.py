@@ -31,25 +31,25 @@ THESIS = (
 
 @dataclass(frozen=True, kw_only=True)
 class Power:
-    """Estimate the charge and energy of each grasp, and how a capacitor would be charged by them.
+    """Estimate the charge and energy of each grasp, and how they would charge a capacitor.
 
-    From the volts that the converter read; all that is assumed is printed.
+    Computed from the voltages that the converter read; every assumption is printed.
     """
 
     source: tyro.conf.Positional[str]
     """A source in volts, such as sim://teng, or a recording's file."""
     seconds: float = 60.0
-    """Look at so many seconds of the source's time."""
+    """How much of the source is used, seconds of its own time."""
     capacitance_pf: float = 250.0
     """Assumed capacitance of a pad with its cable, pF."""
     time_constant_s: float = 0.16
-    """Assumed resistance times capacitance at the converter's input, s."""
+    """Assumed resistance times capacitance at the converter's input, seconds."""
     storage_uf: float = 1.0
-    """Capacitor to be charged, µF."""
+    """Capacitance of the capacitor that is charged, µF."""
     diode_v: float = 0.3
-    """Voltage that each of the bridge's two diodes takes, V."""
+    """Voltage drop of each of the rectifier bridge's two conducting diodes, V."""
     json: bool = False
-    """Print JSON."""
+    """Print the result as JSON."""
 
     def run(self) -> None:
         """Read, estimate and print."""

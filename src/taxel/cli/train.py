@@ -31,41 +31,47 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, kw_only=True)
 class Train:
-    """Find and train the recogniser of a folder of recordings of an array, and judge it."""
+    """Train a recogniser on recordings of an array, and measure its accuracy.
+
+    Without a recipe, window, features and model are searched for by validation inside the training
+    part.
+    """
 
     data: tyro.conf.Positional[Path]
     """A folder of recordings."""
     output: Path | None = None
-    """Folder to write the run to: weights, configuration, accuracy; runs/DATA-TARGET unless given.
-    An older run there is replaced."""
+    """Folder for the run: weights, configuration, accuracy; runs/DATA-TARGET unless given. An older
+    run there is replaced."""
     check: bool = True
-    """Cross-validate first, so that the run knows its accuracy."""
+    """Cross-validate first, so that the run states its accuracy."""
     split: str | None = None
-    """How accuracy is measured: random (leaks), group:KEY or
-    order:KEY:LAST[:END] (train up to LAST, test above it, up to END)."""
+    """How accuracy is measured: random (leaks), group:KEY (whole groups held out, such as
+    group:session) or order:KEY:LAST[:END] (train up to LAST, test above it, up to END); the
+    recipe's unless given, without a recipe the coarsest groups held out."""
     folds: Path | None = None
-    """Somebody else's split instead: a table (CSV) with the columns recording (or group:KEY), side
-    (train, validation, test) or fold, and where wanted start_s."""
+    """Measure on a published split instead: a table (CSV) with the columns recording (or
+    group:KEY), side (train, validation, test) or fold, and optionally start_s, seconds."""
     test: Path | None = None
-    """Another folder instead, to test on; all of the first is learned from."""
+    """Measure on this folder instead; the whole of the first folder is the training part."""
     fold_count: int = 5
     """Folds of the cross-validation, 2 or more."""
     model: str | None = None
-    """Model's name."""
+    """Name of the model, such as cnn2d; the recipe's unless given."""
     minutes: float = 5.0
-    """Without a recipe: how long may be looked for the best, minutes."""
+    """Without a recipe: most time for the search, minutes."""
     max_mb: float = 20.0
-    """Without a recipe: what the bundle may weigh, megabytes."""
+    """Without a recipe: largest size of the bundle, megabytes."""
     max_us: float = 2000.0
-    """Without a recipe: what a window may take live, on one core, microseconds."""
+    """Without a recipe: longest time a window may take live, on one core, microseconds."""
     like: Path | None = None
-    """Repeat a training: its run's expert.json."""
+    """Without a recipe: use the window, features and models that an earlier run chose, from its
+    expert.json; nothing is searched for."""
     reject_novel: float | None = None
-    """Reject novel touch: the share of known touch that may be rejected, 0…1, such as 0.05."""
+    """Also learn to answer UNKNOWN to novel touch, at this false rejection rate, 0…1, such as 0.05;
+    off unless given."""
     fresh: bool = False
-    """With a recipe: fit everything, also what a run that was broken off had finished: its folds
-    and checkpoints are kept beside --output, and used where recipe, data and software are the
-    same."""
+    """With a recipe: start from nothing. Otherwise the folds and checkpoints that an interrupted
+    run left beside --output are used, where recipe, data and software are the same."""
     json: bool = False
     """Print JSON."""
     recipe: Annotated[RecipeOptions, tyro.conf.arg(name="")] = field(default_factory=RecipeOptions)

@@ -29,31 +29,33 @@ _MOST_TRIALS = 100_000
 class Tune:
     """Search a recipe's settings on recordings of an array, and train with the best.
 
-    Accuracy is measured on outer folds, each with settings found without it. Trials are kept in a
-    database as they finish: the same command goes on with a search that was broken off.
+    Accuracy is measured on outer folds, each with settings found without it (nested
+    cross-validation). Finished trials are kept in a database; the same command continues an
+    interrupted search.
     """
 
     data: tyro.conf.Positional[Path]
     """A folder of recordings."""
     output: Path | None = None
-    """Folder to write the run to; runs/DATA-TARGET-tuned unless given. An older run there is
-    replaced."""
+    """Folder for the run; runs/DATA-TARGET-tuned unless given. An older run there is replaced."""
     trials: int = 30
-    """Finished trials of each search, pruned ones too."""
+    """Trials (settings tried) in each search, pruned ones included."""
     settings: tuple[str, ...] | None = None
-    """What is searched: learning-rate, epochs, batch, weight-decay, label-smoothing, noise, gain,
-    offset; all but batch and offset unless given, and not what another option sets."""
+    """Settings to search, of learning-rate, epochs, batch, weight-decay, label-smoothing, noise,
+    gain and offset; all but batch and offset unless given. A setting that another option fixes is
+    not searched."""
     models: tuple[str, ...] = ()
-    """Networks to choose among too; the recipe's own unless given."""
+    """Names of the networks to choose among; the recipe's own unless given."""
     split: str | None = None
-    """How accuracy is measured: group:KEY or order:KEY:LAST[:END]."""
+    """How accuracy is measured: group:KEY (whole groups held out) or order:KEY:LAST[:END] (train
+    up to LAST, test above it, up to END); the recipe's unless given."""
     fold_count: int = 5
     """Outer folds, 2 or more."""
     check: bool = True
-    """Search in each outer fold too, so that the run knows its accuracy."""
+    """Search in each outer fold too, so that the run states its accuracy."""
     storage: str | None = None
-    """Database of the trials, by URL; a file of SQLite beside --output unless given. Several
-    machines share a search in postgresql://USER@HOST/NAME."""
+    """URL of the database for the trials; the SQLite file OUTPUT.tune.db unless given. With
+    postgresql+pg8000://USER@HOST/NAME several machines share a search."""
     json: bool = False
     """Print JSON."""
     recipe: Annotated[RecipeOptions, tyro.conf.arg(name="")] = field(default_factory=RecipeOptions)

@@ -17,12 +17,12 @@ class WorkOptions:
     """Who does the work."""
 
     workers: int | None = None
-    """Processes at a time; as many as this process may use cores unless given, or
-    $TAXEL_WORKERS."""
+    """Number of worker processes; unless given $TAXEL_WORKERS, or else one for each core that taxel
+    may use."""
     run_on: str | None = None
-    """Where they run: local, dask, ray or slurm; or an engine that runs already, such as
-    dask://127.0.0.1:8786, ray://127.0.0.1:6379 or slurm://PARTITION; local unless given, or
-    $TAXEL_RUN_ON."""
+    """Where the workers run: local, dask, ray or slurm; or a cluster that is running, such as
+    dask://127.0.0.1:8786, ray://127.0.0.1:6379 or slurm://PARTITION; unless given $TAXEL_RUN_ON, or
+    else local."""
 
     @contextmanager
     def open(self, tell: Callable[[str], None] | None = None) -> Iterator[None]:

@@ -60,7 +60,7 @@ REASONS: dict[str, Reason] = {
     ),
     "evidence": Reason(
         "weighing the first answers, {left_s:.1f} s left",
-        "The model answers; a state is told once its answers have agreed for long enough, "
+        "The model answers; a state is given once its answers have agreed for long enough, "
         "also after lost input.",
         "Wait. If it stays, the answers contradict each other: look at the probability.",
     ),
@@ -100,7 +100,7 @@ REASONS: dict[str, Reason] = {
     "unusable": Reason(
         "the images cannot be used",
         "The frames of this window were marked as not to be trusted.",
-        "Look at what else is told about the cameras.",
+        "See what else is reported about the cameras.",
     ),
     "old": Reason(
         "the newest input is {age_s:.2f} s old",
@@ -165,7 +165,7 @@ REASONS: dict[str, Reason] = {
     ),
     "no station": Reason(
         "the station says nothing",
-        "The page runs; the station has told it nothing yet.",
+        "The page runs; the station has sent it nothing yet.",
         "Wait a second. If it stays, start the station again.",
     ),
     "no state": Reason(

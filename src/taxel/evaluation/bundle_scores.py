@@ -109,7 +109,7 @@ def _labelled(dataset: Dataset, target: str) -> Dataset:
     kept = [i for i, trial in enumerate(trials) if target in trial.labels]
     if not kept:
         known = ", ".join(sorted({name for trial in trials for name in trial.labels})) or "none"
-        raise BadDataset(f"trials with the label {target!r}, which the bundle tells",
+        raise BadDataset(f"trials with the label {target!r}, which the bundle predicts",
                          f"trials with the labels {known}", "label them, or name other recordings",
                          )  # fmt: skip
     left = len(trials) - len(kept)

@@ -225,7 +225,7 @@ def _alike(one: Predictions, two: Predictions) -> tuple[Predictions, Predictions
     folds = [[p.folds[f] for f in p.fold] for p in (one, two)]
     if folds[0] != folds[1]:
         raise BadInput(
-            "two runs with the same folds", "windows that were told in different folds",
+            "two runs with the same folds", "windows that were predicted in different folds",
             "train both with the same --seed and --fold-count",
         )  # fmt: skip
     return one, two

@@ -246,7 +246,7 @@ class SerialBoards:
             if said is not None and said.protocol == PROTOCOL and said.channels:
                 return BadSource(
                     f"{options.rate_hz:g} Hz from the board at {port.path}",
-                    f"{said.rate_hz} Hz after it was told to change",
+                    f"{said.rate_hz} Hz after it was asked to change",
                     "leave rate_hz out, or choose a rate that its firmware can do",
                 )
             if said is not None:

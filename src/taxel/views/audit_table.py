@@ -126,7 +126,7 @@ def _rest(found: Audit, everything: bool) -> str:
     few = [one.kind for one in found.findings if one.verdict == "too few"]
     lines = [] if everything else [f"looked for and not found: {', '.join(clear) or 'nothing'}"]
     if few and not everything:
-        lines.append(f"could not be told with so few trials: {', '.join(few)}")
+        lines.append(f"could not be decided with so few trials: {', '.join(few)}")
     if unknown and not everything:
         lines.append(f"not checked: {', '.join(unknown)}")
     return "\n".join(lines)

@@ -83,7 +83,7 @@ def intensity_maps(images: dict[str, NDArray[np.float32]], unit: str) -> bytes:
 
 
 def confusion(classes: Sequence[str], counts: list[list[int]], title: str) -> bytes:
-    """Return a confusion matrix: rows true, columns told, shares of the true class."""
+    """Return a confusion matrix: rows true, columns predicted, shares of the true class."""
     matrix = np.array(counts, float)
     shares = matrix / np.maximum(matrix.sum(axis=1, keepdims=True), 1)
     size = 1.4 + 0.55 * len(classes)
@@ -104,7 +104,7 @@ def confusion(classes: Sequence[str], counts: list[list[int]], title: str) -> by
     names = short_names(classes, _NAME)
     axes.set_xticks(ticks, names, rotation=40, ha="right", fontsize=8)
     axes.set_yticks(ticks, names, fontsize=8)
-    axes.set_xlabel("told", fontsize=8)
+    axes.set_xlabel("predicted", fontsize=8)
     axes.set_ylabel("true", fontsize=8)
     axes.set_title(drawn_name(title), fontsize=9)
     return _png(figure)

@@ -85,7 +85,7 @@ def test_few_trials_are_not_called_clean(make_set: Make) -> None:
 
     kinds, others = ({one.kind: one.verdict for one in found.findings} for found in (result, many))
     assert kinds["length"] == "too few"
-    assert "could not be told with so few trials: " in result.verdict
+    assert "could not be decided with so few trials: " in result.verdict
     assert others["length"] == "clear"
 
 

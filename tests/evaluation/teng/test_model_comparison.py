@@ -122,7 +122,7 @@ def gain(p: float, difference: float, ways: int = 8) -> Gain:
 def test_a_claim_pays_for_the_ways_that_were_tried() -> None:
     assert gain(0.004, 0.05).verdict == "gives 5.0 points"
     assert gain(0.004, -0.05).verdict == "costs 5.0 points"
-    assert gain(0.02, 0.05).verdict == "nothing that 18 groups could tell"
+    assert gain(0.02, 0.05).verdict == "nothing that 18 groups could show"
     assert gain(0.02, 0.05, ways=1).verdict == "gives 5.0 points"
 
 

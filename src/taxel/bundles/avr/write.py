@@ -91,7 +91,7 @@ class AvrReport:
             f"within ±{most:,} of ±8,388,607; reference {self.reference_mv} mV",
             f"accuracy on {self.accuracy_on}, {self.windows:,} windows: float "
             f"{self.float_accuracy:.4f}, on the board {self.integer_accuracy:.4f} "
-            f"({self.points_lost:+.2f} points lost); {self.same_answer:.2%} told alike",
+            f"({self.points_lost:+.2f} points lost); {self.same_answer:.2%} the same class",
         ]
         if self.left_out:
             found.append(f"left out: {self.left_out}")

@@ -12,7 +12,7 @@ from typing import Literal
 Verdict = Literal["leak", "hazard", "note", "clear", "too few", "not checked"]
 """leak: must be mended, whatever is claimed; hazard: becomes a leak under a split that allows it;
 note: worth a sentence beside the result; clear: looked for and not found, though it would have been
-seen; too few: could not be told with so few trials, which is not the same."""
+seen; too few: could not be decided with so few trials, which is not the same."""
 
 ALARMS: tuple[Verdict, ...] = ("leak", "hazard")
 MEANING: dict[Verdict, str] = {
@@ -20,7 +20,7 @@ MEANING: dict[Verdict, str] = {
     "hazard": "becomes a leak under a split that allows it",
     "note": "say it beside the result",
     "clear": "looked for, not found",
-    "too few": "could not be told: with so few trials even a large leak would not have counted",
+    "too few": "could not be decided: with so few trials even a large leak would not have counted",
     "not checked": "the recordings do not say what this needs, or are too many",
 }
 
@@ -101,7 +101,7 @@ class Audit:
     def _few(self) -> str:
         """What could not be told, as the end of a sentence; empty where there is none."""
         kinds = [one.kind for one in self.findings if one.verdict == "too few"]
-        return f"; could not be told with so few trials: {', '.join(kinds)}" if kinds else ""
+        return f"; could not be decided with so few trials: {', '.join(kinds)}" if kinds else ""
 
 
 ORDER: tuple[Verdict, ...] = ("leak", "hazard", "note", "too few", "clear", "not checked")

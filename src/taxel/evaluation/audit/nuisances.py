@@ -31,7 +31,7 @@ it must go half of that at most. Our choice, decision 23."""
 
 
 def read_length(case: Case) -> Reading:
-    """Return how well a trial's length tells the label."""
+    """Return how well a trial's length predicts the label."""
     touch = case.touch
     lengths = np.array([touch.every.get(trial.recording, 1) * len(rows)
                         for trial, rows in zip(touch.trials, touch.rows, strict=True)])  # fmt: skip
@@ -43,10 +43,10 @@ def read_length(case: Case) -> Reading:
 
     def decide(counts: bool) -> tuple[Verdict, str, str]:
         if not counts:
-            return "clear", "A trial's length does not tell the label.", ""
+            return "clear", "A trial's length does not predict the label.", ""
         return (
             "leak",
-            "The label can be told from how long a trial is, without any touch.",
+            "The label can be predicted from how long a trial is, without any touch.",
             "cut crops of one length at the same places of every trial, and print a control "
             "that sees the length only",
         )
@@ -56,7 +56,7 @@ def read_length(case: Case) -> Reading:
 
 
 def read_place(case: Case) -> Reading:
-    """Return how well a window's place within its trial tells the label."""
+    """Return how well a window's place within its trial predicts the label."""
     touch, pieces = case.touch, case.pieces
     start = np.array([t[0] for t in touch.time_s])[pieces.trial]
     place = np.stack([pieces.first, pieces.start_s(touch) - start], axis=1)
@@ -66,10 +66,10 @@ def read_place(case: Case) -> Reading:
 
     def decide(counts: bool) -> tuple[Verdict, str, str]:
         if not counts:
-            return "clear", "A window's place in its trial does not tell the label.", ""
+            return "clear", "A window's place in its trial does not predict the label.", ""
         return (
             "leak",
-            "The label can be told from when within its trial a window was taken.",
+            "The label can be predicted from when within its trial a window was taken.",
             "take windows at the same places of every trial, whatever its label and length",
         )
 
@@ -77,7 +77,7 @@ def read_place(case: Case) -> Reading:
 
 
 def read_first(case: Case) -> Reading:
-    """Return how well a trial's first row or frame tells the label."""
+    """Return how well a trial's first row or frame predicts the label."""
     touch = case.touch
     what = "frame" if touch.kind == "camera" else "row"
     first = tell_trials(case, np.stack([rows[0] for rows in touch.rows]))
@@ -86,22 +86,22 @@ def read_first(case: Case) -> Reading:
 
     def decide(counts: bool) -> tuple[Verdict, str, str]:
         if not counts:
-            return "clear", f"A trial's first {what} does not tell the label.", ""
+            return "clear", f"A trial's first {what} does not predict the label.", ""
         mend = f"take each trial's first {what} from it (tare), hold out sessions, and print a " \
                f"control that sees the first {what} only"  # fmt: skip
         if before:
-            return ("leak", f"The first {what} tells the label before contact: drift or setting, "
-                    "not touch.", mend)  # fmt: skip
+            return ("leak", f"The first {what} predicts the label before contact: drift or "
+                    "setting, not touch.", mend)  # fmt: skip
         if first.accuracy >= middle.accuracy + AHEAD:
             return (
                 "leak",
-                f"The first {what} tells the label better than the middle one "
+                f"The first {what} predicts the label better than the middle one "
                 f"({middle.accuracy:.3f}): something at the start gives it away.",
                 mend,
             )
         return (
             "note",
-            f"The first {what} tells the label; trials begin in touch, so this may be touch "
+            f"The first {what} predicts the label; trials begin in touch, so this may be touch "
             f"itself (the middle one: {middle.accuracy:.3f}).",
             f"print a control that sees the first {what} only",
         )
@@ -110,11 +110,11 @@ def read_first(case: Case) -> Reading:
 
 
 def read_level(case: Case) -> Reading:
-    """Return how well the channels' means, or the mean image, tell the label."""
+    """Return how well the channels' means, or the mean image, predict the label."""
     touch = case.touch
     one = touch.kind == "camera"
-    what, tell, no = ("mean image", "tells", "does not") if one else (
-        "channels' means", "tell", "do not")  # fmt: skip
+    what, tell, no = ("mean image", "predicts", "does not") if one else (
+        "channels' means", "predict", "do not")  # fmt: skip
     means = [rows.mean(axis=0, dtype=np.float64) for rows in touch.rows]
     level = tell_trials(case, np.stack(means))
     spread = np.concatenate(touch.rows).std(axis=0)
@@ -128,7 +128,7 @@ def read_level(case: Case) -> Reading:
 
     def decide(counts: bool) -> tuple[Verdict, str, str]:
         if not counts:
-            return "clear", f"The {what} {no} tell the label.", ""
+            return "clear", f"The {what} {no} predict the label.", ""
         way, rest, start = _way(level), _way(without), _way(first)
         alone = way >= MOSTLY and rest <= way / 2 and (start >= way / 2 or not before)
         ahead = level.accuracy >= without.accuracy + AHEAD
@@ -151,7 +151,7 @@ def read_level(case: Case) -> Reading:
 
 
 def tell_trials(case: Case, features: NDArray[np.floating]) -> LabelEvidence:
-    """Return how well one row of features a trial tells the label, under the case's folds."""
+    """Return how well one row of features a trial predicts the label, under the case's folds."""
     y = case.touch.y
     found = predict(features, y, case.folds, case.seed)
     return told(found, y, np.arange(len(y)), case.groups, case.folds)
@@ -178,7 +178,7 @@ def tared(case: Case) -> tuple[float, str]:
     early = np.stack([own[max(1, len(own) // _TENTH)] - own[0] for own in rows])
     still = tell_trials(case, early)
     return left, (f"Tared by its first row, cheap trees reach {left:.3f}; the row after a tenth "
-                  f"of a trial, tared, still tells {still.accuracy:.3f} "
+                  f"of a trial, tared, still predicts {still.accuracy:.3f} "
                   f"(majority {still.majority:.3f}).")  # fmt: skip
 
 

@@ -1,7 +1,7 @@
 """Order: what changed from the earlier trials of a class to its later ones.
 
 Trained on earlier trials and tested on later ones, the same trees are compared with trees that were
-trained on as many trials of any time; and later trials are told from earlier ones. Where sessions
+trained on as many trials of any time; and later trials differ from earlier ones. Where sessions
 are named, both halves are those of a class within one session, so that a session's own level does
 not count. Knows nothing about files.
 
@@ -123,7 +123,7 @@ def _drift(
     case: Case, values: NDArray[np.float32], late: NDArray[np.bool_], kept: NDArray[np.bool_],
     cells: NDArray[np.intp], how: str,
 ) -> Reading:  # fmt: skip
-    """Return how well later trials are told from earlier ones of their class."""
+    """Return how well later trials differ from earlier ones of their class."""
     own = np.flatnonzero(kept)
     centred = values[own].astype(np.float64)
     for cell in np.unique(cells[own]):
@@ -135,10 +135,10 @@ def _drift(
 
     def decide(counts: bool) -> tuple[Verdict, str, str]:
         if not counts:
-            return "clear", "Later trials of a class cannot be told from earlier ones.", ""
+            return "clear", "Later trials of a class cannot be told apart from earlier ones.", ""
         return (
             "note",
-            f"Later trials of a class are told from earlier ones (by {how}): something drifts "
+            f"Later trials of a class differ from earlier ones (by {how}): something drifts "
             "while they are recorded.",
             "test on what was recorded later, and tare if it is a level that drifts",
         )

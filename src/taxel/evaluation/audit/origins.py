@@ -24,7 +24,7 @@ _UNITS = ("_n", "_mm", "_s", "_c", "_pct", "_hz", "_v", "_g", "_kg", "_deg", "_p
 
 
 def read_origins(case: Case) -> list[Reading]:
-    """Return how well sessions, order and other names tell the label, one reading each."""
+    """Return how well sessions, order and other names predict the label, one reading each."""
     touch = case.touch
     readings = [_read_key(case, key, values) for key, values in _named(case)]
     order = recorded_order(touch)
@@ -61,7 +61,7 @@ def _read_key(case: Case, key: str, values: NDArray[np.str_]) -> Reading:
 
     def decide(counts: bool) -> tuple[Verdict, str, str]:
         if not counts:
-            return "clear", f"{key!r} alone does not tell the label.", ""
+            return "clear", f"{key!r} alone does not predict the label.", ""
         several = f"several {key}s each" if session else "every setting"
         if case.sides is not None:
             verdict: Verdict = "leak" if session or found.accuracy >= FINGERPRINT else "note"
@@ -72,10 +72,12 @@ def _read_key(case: Case, key: str, values: NDArray[np.str_]) -> Reading:
         else:
             verdict = "note"
         if nested:
-            said = f"Each {key!r} holds one class only: its name tells the label, and so may " \
+            said = f"Each {key!r} holds one class only: its name predicts the label, and so may " \
                    "anything that differs between them."  # fmt: skip
         else:
-            said = f"Classes are shared out unevenly over {key!r}: its name alone tells the label."
+            said = (
+                f"Classes are shared out unevenly over {key!r}: its name alone predicts the label."
+            )
         return verdict, said, f"record every class in {several}, and hold out whole {key}s"
 
     examples = [f"{name}: {', '.join(touch.classes[c] for c in sorted(set(y[values == name])))}"
@@ -120,11 +122,11 @@ def _read_order(case: Case, order: NDArray[np.float64]) -> Reading:
 
     def decide(counts: bool) -> tuple[Verdict, str, str]:
         if not counts:
-            return "clear", "The order of recording does not tell the label.", ""
+            return "clear", "The order of recording does not predict the label.", ""
         return (
             "leak" if case.sides is not None else "hazard",
-            "Classes were recorded in blocks or in one order: when a trial was recorded tells its "
-            "label, and so does anything that drifts.",
+            "Classes were recorded in blocks or in one order: when a trial was recorded predicts "
+            "its label, and so does anything that drifts.",
             "record classes in mixed order, and test on what was recorded later",
         )
 

@@ -30,7 +30,7 @@ SESSIONS_UNKNOWN = Finding(
 
 COPIES_UNKNOWN = Finding(
     kind="duplicates", verdict="not checked",
-    said="Values change in so few steps that copies cannot be told from chance.",
+    said="Values change in so few steps that copies cannot be distinguished from chance.",
     mend="record finer steps, longer trials or more channels",
 )  # fmt: skip
 
@@ -245,7 +245,7 @@ def future_labels(case: Case) -> Finding:
         majority=majority(y, case.sides.folds),
         said=f"{int(late.sum())} of {len(late)} windows hold moments after the one whose label "
              f"they carry, up to {np.nanmax(over):.2f} s: they have seen the answer.",
-        mend="end each window at or before the moment that it is to tell",
+        mend="end each window at or before the moment whose label it is to predict",
     )  # fmt: skip
 
 

@@ -1,4 +1,4 @@
-"""How well something tells the label: cross-validated, and against labels dealt out anew.
+"""How well something predicts the label: cross-validated, and against labels dealt out anew.
 
 Predictions are made once, by a model that never saw the test trials. Then the trials' labels are
 dealt out anew, within the groups that were held out where a group has several classes and
@@ -45,7 +45,7 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LabelEvidence:
-    """How well something alone tells the label."""
+    """How well something alone predicts the label."""
 
     accuracy: float
     majority: float
@@ -135,7 +135,7 @@ def told(
     folds: Sequence[Fold],
     seed: int = 0,
 ) -> LabelEvidence:
-    """Return how well probabilities tell the label, and by what chance.
+    """Return how well probabilities predict the label, and by what chance.
 
     Args:
         probability: Shape (n, classes), from `predict` or `look_up`.

@@ -84,6 +84,6 @@ def _only_label(trials: Sequence[CameraTrial]) -> str:
     if len(known) == 1:
         return known[0]
     raise BadDataset(
-        "one label to tell", f"{len(known)} on every trial: {', '.join(known) or 'none'}",
+        "one label to predict", f"{len(known)} on every trial: {', '.join(known) or 'none'}",
         "name one with --target",
     )  # fmt: skip

@@ -76,7 +76,7 @@ def _thesis_text() -> ClaimsOfPart:
             "Their split: windows at random, which is inferred, since the thesis names no split; "
             "on simulated recordings with one session a class (paper: our reading of “each shape's "
             "dataset”) and on harder ones (honest: six sessions, each object in "
-            "each). Honest split: whole sessions held out, all six told once. "
+            "each). Honest split: whole sessions held out, each of the six tested once. "
             "A network that does not clear the best trivial baseline has learned little."
         ),
         command="taxel reproduce table-4-1",
@@ -144,7 +144,7 @@ def _thesis_field() -> ClaimsOfPart:
                     Link(f"sim honest, rubber told right after 5 grasps, {SESSION}", "rubber"),
                 ),
                 why="a class that was never trained cannot be named; what can be asked is whether "
-                "it is told as unknown, and recognised after a few grasps",
+                "it is answered UNKNOWN, and recognised after a few grasps",
             ),
             Claim(
                 where="4.3",

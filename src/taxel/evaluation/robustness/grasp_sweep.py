@@ -159,7 +159,7 @@ def truth_labels(pour: CameraRecording, rule: str) -> NDArray[np.bool_]:
         return np.asarray(truth[:, TRUTH_CHANNELS.index("slip")] > float(own[1]))
     if rule not in RULES or RULES[rule].needs != "truth":
         raise BadInput(
-            "a bundle whose rule is slip, told by physics truth", repr(rule),
+            "a bundle whose rule is gross slip (physics truth)", repr(rule),
             "train one with --rule gross-slip",
         )  # fmt: skip
     return label_truth(truth, rule).astype(bool)

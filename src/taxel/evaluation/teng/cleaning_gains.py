@@ -72,7 +72,7 @@ class Gain:
             return "what the others are paired with"
         if self.p < LEVEL / self.ways:
             return f"gives {points}" if self.difference > 0 else f"costs {points}"
-        return f"nothing that {self.groups} groups could tell"
+        return f"nothing that {self.groups} groups could show"
 
 
 def compare_cleaning(

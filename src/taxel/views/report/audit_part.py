@@ -29,7 +29,7 @@ def audit_part(audit: Audit) -> Html:
             "p",
             join(
                 [
-                    f"{audit.data}: {sum(audit.classes.values())} trials told apart by "
+                    f"{audit.data}: {sum(audit.classes.values())} trials, told apart by "
                     f"{audit.target}",
                     join([", split: ", split_name(audit.split)]) if audit.split else "",
                     ".",
@@ -57,7 +57,7 @@ def audit_part(audit: Audit) -> Html:
     if clear:
         parts.append(tag("p", f"Looked for and not found: {', '.join(clear)}."))
     few = [one for one in audit.findings if one.verdict == "too few"]
-    parts += [tag("p", f"Could not be told, {one.kind}: {one.said}", "quiet") for one in few]
+    parts += [tag("p", f"Could not be decided, {one.kind}: {one.said}", "quiet") for one in few]
     parts += [tag("p", f"Not checked, {one.kind}: {one.said}", "quiet") for one in unchecked]
     parts += [tag("p", note, "quiet") for note in audit.notes]
     return join(parts)

@@ -163,7 +163,7 @@ def strip(values: Sequence[float], width: int = 260) -> Html:
 
 
 def matrix(classes: Sequence[str], counts: Sequence[Sequence[int]]) -> Html:
-    """Return a confusion matrix as a table: rows true, columns told, shares of the true class."""
+    """Return a confusion matrix: rows true, columns predicted, shares of the true class."""
     many = len(classes) > _FEW
     kind = ' class="tall"' if many else ""
     heads = short_names(classes, 20 if many else 12)

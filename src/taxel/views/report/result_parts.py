@@ -177,7 +177,7 @@ def each_run(name: str, run: Run, own: RunScores, ink: str) -> Html:
             tag("div", join(parts), "side"),
             figure(
                 dot_chart(few),
-                f"Accuracy in each {own.group} (and its windows), each window told by a model "
+                f"Accuracy in each {own.group} (and its windows), each window predicted by a model "
                 "that did not train on it; folds: "
                 + ", ".join(percent(value) for value in own.fold_accuracies)
                 + "."
@@ -233,7 +233,7 @@ def _reliability(own: RunScores, ink: str) -> Html:
     )
     axes = (
         Axis(label="probability it gives its answer", low=0, high=1),
-        Axis(label="share told right", low=0, high=1),
+        Axis(label="share correct", low=0, high=1),
     )
     return line_chart([line], *axes, diagonal=True, size=(300, 240))
 

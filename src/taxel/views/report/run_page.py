@@ -97,7 +97,7 @@ def write_run_report(path: Path, page: RunPage) -> None:
 def _title(page: RunPage) -> str:
     targets = dict.fromkeys(run.contract.target for run in page.runs.values())
     if targets:
-        return f"What touch tells of {' and '.join(targets)}"
+        return f"Predicted from touch: {' and '.join(targets)}"
     titles = [saved_part(data, name)[0] for name, data in page.tables.items()]
     return titles[0] if len(titles) == 1 else "Results"
 

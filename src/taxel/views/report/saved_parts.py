@@ -272,7 +272,7 @@ def _teng(section: Row) -> Html:
             table(head, body),
             figure(
                 dot_chart(dots),
-                "All windows told once, 95 % by session. Grey: trivial baselines.",
+                "Each window predicted once; 95 % CI over sessions. Grey: trivial baselines.",
             ),
         ]
     )

@@ -50,8 +50,8 @@ def versions_part(adapted: Adapted) -> Html:
                 "p",
                 "Adapting changes the network, so that the cross-validation of the version before "
                 "says nothing of it. Before → after: windows that taxel adapt was given with "
-                "--test, told by the version it came from and by the new one; without --test the "
-                "grasps that the run rehearses, which flatters.",
+                "--test, predicted by the version it came from and by the new one; without --test "
+                "the grasps that the run rehearses, which flatters.",
             ),
             table(
                 ["version", "made", "from", "cross-validated", "before → after",
