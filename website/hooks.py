@@ -32,6 +32,22 @@ _SECTIONS = {
     "project": "Project",
 }
 """Folder of the site → its heading, in this order."""
+_JOBS = {
+    "Connect and record": (
+        "build-the-kit", "firmware", "flash", "serial-boards", "cameras-live", "scene-camera",
+        "collect", "calibrate", "pads", "long-recordings", "own-array", "real-recordings",
+    ),
+    "Train and evaluate": (
+        "audit", "others-split", "tactile-cameras", "camera-trials", "tune", "training-curves",
+        "many-workers", "report", "robustness", "unknown-objects", "adapt",
+    ),
+    "Run live": (
+        "live-station", "operators-page", "person-in-the-loop", "slip-warning", "gripper-and-arm",
+        "cnn-on-the-board",
+    ),
+    "Beside other programs": ("live-bus", "fleet", "foxglove-and-ros", "lerobot"),
+}  # fmt: skip
+"""Heading in the navigation → pages of how-to/, in this order; other pages stand above them."""
 _LEADS = {
     "how-to": "One job a page.",
     "explanation": "Why things are as they are, and the physics behind the simulators.",
@@ -53,6 +69,7 @@ def on_config(config: MkDocsConfig) -> MkDocsConfig:
     _MADE.update(_made_pages())
     pages = _titles()
     sections = {name: _tree(folder, pages) for folder, name in _SECTIONS.items()}
+    sections["How to"] = _by_job(sections["How to"])
     rest = {page for page in pages if "/" not in page} - set(_TOP.values())
     sections["Project"] += sorted(rest)
     top = [{name: page} for name, page in _TOP.items()]
@@ -154,6 +171,13 @@ def _tree(folder: str, pages: set[str]) -> list[Any]:
         place = f"{folder}/{name}"
         tree.append({_NAMES.get(place, name): _tree(place, pages)})
     return tree
+
+
+def _by_job(tree: list[Any]) -> list[Any]:
+    """Return the pages of how-to/ under the headings of `_JOBS`."""
+    jobs = {job: [f"how-to/{name}.md" for name in names] for job, names in _JOBS.items()}
+    placed = {page for pages in jobs.values() for page in pages}
+    return [page for page in tree if page not in placed] + [{job: jobs[job]} for job in jobs]
 
 
 _NAMES = {"reference/cli": "The command taxel", "reference/api": "Python names"}

@@ -16,7 +16,7 @@ from taxel.errors import BadInput
 
 @dataclass(frozen=True, kw_only=True)
 class LearningCurve:
-    """Measure accuracy with more and more groups to learn from: would more data help?
+    """Measure accuracy against the amount of training data: would more data help?
 
     The test parts stay the same; whole groups (sessions, where there are several) are added to
     the training parts, each amount holding the one before.
@@ -25,15 +25,16 @@ class LearningCurve:
     data: tyro.conf.Positional[Path]
     """A folder of recordings of an array."""
     split: str | None = None
-    """Which windows are tested: group:KEY or order:KEY:LAST[:END]."""
+    """Which windows are tested: group:KEY (whole groups held out, such as group:session) or
+    order:KEY:LAST[:END] (train up to LAST, test above it, up to END); the recipe's unless given."""
     fold_count: int = 5
-    """How many folds, 2 or more."""
+    """Folds of the cross-validation, 2 or more."""
     model: str | None = None
-    """Model's name."""
+    """Name of the model, such as cnn2d; the recipe's unless given."""
     steps: int = 6
-    """How many amounts, 2 or more; in even ratios from one group to all."""
+    """Number of amounts, 2 or more, from one group to all in equal ratios."""
     json: bool = False
-    """Print JSON, to be drawn on a page of results."""
+    """Print JSON, which a report can draw."""
     recipe: Annotated[RecipeOptions, tyro.conf.arg(name="")] = field(default_factory=RecipeOptions)
 
     RULES: ClassVar = (

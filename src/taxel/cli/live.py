@@ -34,69 +34,70 @@ docs/decisions/0010."""
 class Live:
     """Predict what is in the hand, window by window, with confidence, latency and the map.
 
-    A bundle of tactile cameras warns before the grasp turns unstable; one of camera trials gives a
-    verdict that builds up while a trial runs.
+    A bundle for tactile cameras warns before the grasp turns unstable; a bundle for camera trials
+    gives a verdict that is updated while a trial runs.
     """
 
     bundle: tyro.conf.Positional[Path]
-    """A bundle, NAME.taxel; or cup-pour, which comes with taxel. It runs on the processor, or where
-    $TAXEL_DEVICE says: cuda, tensorrt, rocm, migraphx, directml, coreml or openvino, of those that
-    are installed."""
+    """A bundle, NAME.taxel; or cup-pour, slip-rule or slip-logistic, which come with taxel. It runs
+    on the processor, or on $TAXEL_DEVICE: cuda, tensorrt, rocm, migraphx, directml, coreml or
+    openvino, where installed."""
     source: tyro.conf.Positional[str]
-    """A source: sim://teng, replay://FILE, a recording's file, or a folder of recordings, which are
-    replayed one after another (replay://FOLDER?speed=max: without waiting)."""
+    """A source: sim://teng, serial://…, camera://…, a recording (replay://FILE), or a folder of
+    recordings, replayed one after another (replay://FOLDER?speed=max: as fast as possible)."""
     seconds: float | None = None
-    """Stop after this many seconds of the source's (or each recording's) time, at any speed (with
-    --page, --record and the like: of the clock on the wall); else at its end or at Ctrl-C."""
+    """Stop after this many seconds of the source's own time (with --page, --record and other
+    station options: of real time); unless given, at the source's end or at Ctrl-C."""
     also: Annotated[tuple[Path, ...], tyro.conf.UseAppendAction] = ()
-    """One more bundle to run on the same samples, such as one for shape and one for material; may
-    be given several times."""
+    """Another bundle to run on the same samples, such as material beside shape; may be given
+    several times."""
     least_confidence: float | None = None
     """Arrays and trials: below this probability the answer is UNKNOWN, 0…1; 0.5 unless given."""
     trust: Path | None = None
-    """A public key, or a file of several: a bundle that none of them signed is refused."""
+    """File of public keys; a bundle that none of them signed is refused. Unless given, no signature
+    is needed."""
     beside: Annotated[tuple[str, ...], tyro.conf.UseAppendAction] = ()
-    """One more source to run beside the first, such as a hand beside a pair of cameras; each
+    """Another source to run beside the first, such as a hand beside a pair of cameras; each
     bundle goes to the first source that it fits. May be given several times."""
     rules: Path | None = None
-    """A table (CSV) class,least_confidence,action: what to do about what is recognised. The action
-    is shown, and told to another program with the class and its confidence."""
+    """Table (CSV) with the columns class, least_confidence (0…1) and action. The action for each
+    answer is shown, and with --tell sent with the class and its confidence."""
     page: tuple[str, ...] | None = None
-    """Open the operator's page; its address is printed. It listens on 127.0.0.1 at a free port, or
-    where HOST:PORT says; any host but this machine's own address is open to the network."""
+    """Serve the operator's page, at HOST:PORT or else at 127.0.0.1 and a free port; the address is
+    printed. Any other host than 127.0.0.1 opens the page to the network."""
     calibration: Path | None = None
-    """A calibration (.json) of the array: the map and the page show newtons; what the bundle is
-    given stays in volts."""
+    """Calibration (.json) of the array, to show newtons on the map and the page; the bundle still
+    gets volts."""
     record: Path | None = None
     """Record everything to this file, ending in .mcap. A log of alarms, reactions and outcomes is
     written beside it, ending in .trials.csv."""
     label: Pairs = ()
-    """With --record or --page: what may be learned of every recording, as in shape=sphere
-    material=glass."""
+    """With --record or --page: labels of every recording, which a model may learn, as in
+    shape=sphere material=glass."""
     group: Pairs = ()
-    """With --record or --page: what it belongs to and must not be split, as in session=3
-    object=cup."""
+    """With --record or --page: groups of every recording, which a split must keep together, as in
+    session=3 object=cup."""
     overwrite: bool = False
     """With --record: replace an existing recording."""
     gripper: str | None = None
-    """Raise the grip on a warning: pge:///dev/serial/by-id/…?max_force_n=50, or sim for the
-    simulated cup's."""
+    """Gripper whose force is raised on a warning: pge:///dev/serial/by-id/…?max_force_n=50, or sim
+    for the simulated cup's."""
     arm: bool = False
-    """With --gripper: arm once the grasp is stable; else a person arms with the key m."""
+    """With --gripper: arm it once the grasp is stable; otherwise a person presses the key m."""
     tell: str | None = None
-    """Tell another robot's program the state: udp://127.0.0.1:5005."""
+    """Send state, orders, classes and actions as JSON to a program: udp://127.0.0.1:5005."""
     force_n: tuple[float, float] | None = None
-    """With --gripper or --tell: the force at which a grasp begins and the largest one, newtons; 15
-    to 50, or what the gripper's address says, unless given."""
+    """With --gripper or --tell: grip force at the start of a grasp, and the largest, newtons;
+    unless given 15 and 50, or as in the gripper's address."""
     publish: Annotated[tuple[str, ...], tyro.conf.UseAppendAction] = ()
-    """Tell other programs, which cannot tell the station anything. zenoh://127.0.0.1:7447/bench-1:
+    """Publish to other programs, read-only. zenoh://127.0.0.1:7447/bench-1:
     states, slip, scans and frames in batches of 10 ms. mqtt://127.0.0.1:1883/bench-1: a report a
     second to a fleet's broker. foxglove: a view for Foxglove or Lichtblick on this machine. rerun:
     a Rerun viewer. May be given several times."""
     json: bool = False
-    """Print JSON: one summary a bundle at the end. marked: windows inside a finished, labelled
-    grasp, of which right were correct; grasps: such grasps that gave a window, of which
-    grasps_right in all their windows; latencies in µs, from samples in hand to decision."""
+    """Print one JSON summary for each bundle at the end. marked: windows within finished, labelled
+    grasps; right: the correct ones among them; grasps: such grasps with a window; grasps_right:
+    those correct in all windows; latencies in µs, from the last sample to the decision."""
 
     RULES: ClassVar = (
         Only(("arm",), "--gripper", lambda o: o.gripper),

@@ -116,7 +116,7 @@ def test_what_taring_leaves_is_said(make_set: Make) -> None:
         )
         reading = read_first(make_case(replace(touch, rows=rows), None, 10, 0))
         found = reading.finding(reading.told.p)
-        still = float(found.said.split("still tells ")[1].split()[0])
+        still = float(found.said.split("still predicts ")[1].split()[0])
 
         assert found.verdict == "leak"
         assert least <= still <= most
