@@ -51,7 +51,7 @@ def test_the_table_says_how_many_draws_are_pooled_and_where_little_is_told():
     text = printed([BASE, *dead])
 
     assert "4 draws" in text
-    assert "dead           not up to 3 channels; at 2 channels only 30.0 % told" in text
+    assert "dead           not up to 3 channels; at 2 channels only 30.0 % with an answer" in text
     assert "dead, channels, 4 draws" in printed([BASE, dead[0]])
 
 

@@ -31,8 +31,8 @@ TRIES = 3
 class Collect:
     """Grasp, label and record a plan of objects: approach, close until contact, hold, release.
 
-    Each grasp becomes a recording of its own in --output. Run it again to go on where it was
-    broken off. The plan is a table of label:NAME, group:NAME and times columns.
+    Each grasp becomes a recording of its own in --output. The same command continues an
+    interrupted plan. The plan is a table of label:NAME, group:NAME and times columns.
     """
 
     plan: tyro.conf.Positional[Path]

@@ -30,7 +30,7 @@ class Compare:
     folds: Path | None = None
     """Only trials that this table of folds tests; neither run may have trained on them."""
     test: Path | None = None
-    """Other recordings instead, which both runs predict now; none that either learned from."""
+    """Other recordings to compare on; neither run may have trained on them."""
     json: bool = False
     """Print JSON; accuracies and differences are shares, 0 to 1."""
 

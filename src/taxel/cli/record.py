@@ -47,12 +47,12 @@ class Record:
     seconds: float
     """How long to record, seconds of the source's time."""
     label: Pairs = ()
-    """What may be learned and holds for the whole recording, as in shape=sphere material=glass."""
+    """Labels of the whole recording, which a model may learn, as in shape=sphere material=glass."""
     group: Pairs = ()
-    """What the recording belongs to and must not be split, as in session=3 object=cup."""
+    """Groups of the recording, which a split must keep together, as in session=3 object=cup."""
     plan: Path | None = None
     """A plan of trials (.csv): --output is then a folder, each trial a recording of --seconds that
-    begins once the grasp has settled. The same command goes on where it was broken off."""
+    begins once the grasp has settled. The same command continues an interrupted plan."""
     tare: bool = False
     """With --plan: first record the untouched gels, to tare/ in the folder."""
     gripper: str | None = None

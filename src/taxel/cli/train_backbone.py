@@ -54,7 +54,7 @@ class TrainBackbone:
     epochs: int = 3
     """Passes over the training windows."""
     resume: bool = False
-    """Go on from the last whole epoch of the same training, if it was broken off; it is kept
+    """Continue an interrupted training from its last whole epoch; the checkpoint is kept
     beside --output as NAME.safetensors.checkpoint."""
     json: bool = False
     """Print JSON."""

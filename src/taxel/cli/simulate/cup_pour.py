@@ -25,8 +25,7 @@ SimulatedKind = Literal[
 class CupPour:
     """Write recordings of two simulated tactile cameras that hold a cup while it is filled.
 
-    One recording a pour. A set that was broken off goes on where it was when the same command is
-    given again.
+    One recording per pour. The same command continues an interrupted set.
     """
 
     output: Path
