@@ -152,7 +152,7 @@ def test_a_table_shows_names_literally() -> None:
     assert "\\x1b[31m[red]" in shown.get()
     assert "\x1b[31m[red]" not in shown.get()
     away = {"stations": rows, "broker": {"connected": False, "why": "nobody answers there"}}
-    assert fleet_line(away) == "1 stations: 1 WARNING; no broker: nobody answers there"
+    assert fleet_line(away) == "1 station: 1 WARNING; no broker: nobody answers there"
 
 
 def test_signs_of_life_are_read_to_the_letter() -> None:

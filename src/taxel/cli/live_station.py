@@ -336,7 +336,8 @@ def trials_line(trials: list[dict[str, Any]]) -> str:
     done = sum(bool(trial["reaction"]) for trial in trials)
     came = Counter(trial["outcome"] or "unknown" for trial in trials)
     each = ", ".join(f"{count} {name}" for name, count in came.most_common())
-    return f"{len(trials)} grasps: {warned} with an alarm, {done} with a reaction; {each}"
+    many = f"{len(trials)} grasp{'' if len(trials) == 1 else 's'}"
+    return f"{many}: {warned} with an alarm, {done} with a reaction; {each}"
 
 
 def _summary(station: Station) -> dict[str, Any]:

@@ -26,9 +26,9 @@ class RecipeOptions:
     """A recipe by name, and changes to it; what is not given stays as the recipe has it."""
 
     recipe: str | None = None
-    """Name of a set of settings (window, model, training), such as teng or array. Unless given,
-    training chooses them by validation inside the training part; else teng for the TENG hand and
-    array for other arrays."""
+    """Name of a set of settings (window, model, training), such as teng or array. Unless given:
+    teng for the TENG hand, array for other arrays; plain training instead chooses the settings by
+    validation inside the training part."""
     target: str | None = None
     """The label to predict, such as shape, material, sign or object, or two joined:
     shape+material; the recipe's, or the recordings' only label, unless given."""

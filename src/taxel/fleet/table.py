@@ -61,7 +61,8 @@ def fleet_line(snapshot: dict[str, Any]) -> str:
         counts[row["presence"]] = counts.get(row["presence"], 0) + 1
     each = ", ".join(f"{count} {presence}" for presence, count in counts.items())
     away = "" if broker["connected"] else f"; no broker: {visible_line(broker['why'], 200)}"
-    return f"{len(stations)} stations{': ' + each if each else ''}{away}"
+    many = f"{len(stations)} station{'' if len(stations) == 1 else 's'}"
+    return f"{many}{': ' + each if each else ''}{away}"
 
 
 def show_fleet(
