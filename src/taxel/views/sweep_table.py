@@ -17,8 +17,8 @@ from rich.text import Text
 from taxel.evaluation.robustness.curve import FALL, FaultPoint, fall_text
 from taxel.plain_text import visible_line
 
-_CAMERA_COLUMNS = ("balanced [95 %]", "moments", "warned", "with answer", "false")
-_ARRAY_COLUMNS = ("accuracy [95 %]", "windows", "grasps", "with answer", "outside")
+_CAMERA_COLUMNS = ("balanced [95 %]", "moments", "warned", "any", "false")
+_ARRAY_COLUMNS = ("accuracy [95 %]", "windows", "grasps", "any", "outside")
 
 
 def sweep_table(
@@ -87,15 +87,15 @@ def _notes(points: Sequence[FaultPoint], cameras: bool) -> list[Text]:
     if cameras:
         words = (
             "accuracy: stable and unstable moments weigh alike, of those whose state is known. "
-            "warned: slips with an alarm in time. with answer: recordings with any known state. "
+            "warned: slips with an alarm in time. any: recordings with any known state. "
             "false: alarms a minute of grasps that hold. "
             + ("No interval: one cup only." if one else "Interval: cups resampled.")
         )
     else:
         words = (
             "accuracy: of windows that were answered, that is not UNKNOWN for input that cannot be "
-            "used, or out of distribution. grasps: correct, of all; with answer: of which anything "
-            "was answered. outside: windows a minute where nothing was touched. "
+            "used, or out of distribution. grasps: correct, of all; any: with any answer, of "
+            "all. outside: windows a minute where nothing was touched. "
             + ("No interval: one session only." if one else "Interval: sessions resampled.")
         )
     if any(point.base is not None for point in points):
