@@ -154,7 +154,7 @@ def watched() -> list[dict[str, Any]]:
     ):
         patched.setattr(inference, "monotonic", clock.now_s)
         place = SimpleNamespace(name="monitor")
-        job = SimpleNamespace(place=place, cameras=source.cameras, trust=None)
+        job = SimpleNamespace(place=place, cameras=source.cameras, trust=None, device="cpu")
         watcher = inference._GraspWatcher(shipped_bundle(CUP_POUR), job, ring, 0)  # type: ignore
         pulse = SimpleNamespace(beat=lambda **_: None)
         while not source.ended:

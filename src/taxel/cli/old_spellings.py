@@ -94,7 +94,7 @@ OLD: tuple[Old, ...] = (
         for option in ("page-host", "page-port", "page-address")
     ),
     Old("live", "rerun", "--publish rerun"),
-    Old("live", "quiet", "--json, or a pipe behind it"),
+    Old("live", "quiet", "--json"),
     Old("live", "least-n", "--force-n 15 50"),
     Old("live", "most-n", "--force-n 15 50"),
 )  # fmt: skip
