@@ -114,7 +114,7 @@ def follow_rows() -> list[Row]:
     sessions = simulate_at(dict(BASE), NEW)
     rows = []
     for drift_v in (0.0, *DRIFTS_V):
-        drifted = [_drifting(one, drift_v) for one in sessions]
+        drifted = [_drifting(session, drift_v) for session in sessions]
         for name, model in (("fixed gate", fixed), ("gate that follows", follows)):
             point = point_of(judge(model, drifted), "drift", drift_v, "V")
             rows += _gate_rows(f"sim, new sessions, rest {drift_v:g} V higher at the end, {name}",
@@ -171,9 +171,11 @@ def _scored(
     target: str,
 ) -> Row:
     """Return the accuracy over the windows of some trials, with its trivial baselines."""
-    test = np.concatenate([one.test for one in results])
+    test = np.concatenate([result.test for result in results])
     inside = trials[dataset.trial[test]]
-    right = np.concatenate([one.probabilities.argmax(axis=1) == one.y for one in results])[inside]
+    right = np.concatenate([result.probabilities.argmax(axis=1) == result.y for result in results])[
+        inside
+    ]
     own = dataset.trial[test][inside]
     low, high = accuracy_interval(right, dataset.group("session")[own])
     session = dataset.group("session")

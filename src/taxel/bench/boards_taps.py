@@ -40,7 +40,7 @@ def tap_rows(firmware: Firmware) -> list[Row]:
     through = _measured(_through_board(firmware, volts))
     taps = sum(count for _, count in PLAN)
     name = "a pad of an emulated board, tapped"
-    rates = ", ".join(f"{one.tap_hz:.1f} Hz {one.height[0]:.2f} V" for one in through.by_rate)
+    rates = ", ".join(f"{rate.tap_hz:.1f} Hz {rate.height[0]:.2f} V" for rate in through.by_rate)
     return [
         row(f"{name}: taps missed or found twice, of {taps}", abs(through.taps - taps), "taps",
             "<=", 0.0, f"found without marks in its scans; by rate: {rates}"),

@@ -76,7 +76,7 @@ def bus_rows() -> list[Row]:
             alarms = [a.text for a in station.guard.alarms.alarms if "publisher" in a.text]
         ledger = station.ledger()
         recorded = station.recording["ledger"]["cameras"]
-    lost = sum(one["lost_frames"] for one in recorded.values())
+    lost = sum(camera["lost_frames"] for camera in recorded.values())
     lost += ledger["recorder"]["dropped"] + ledger["monitor"]["dropped"]
     over, alike = paired_ratios(spells)
     return [

@@ -180,7 +180,7 @@ def slow_page_rows() -> list[Row]:
             _signal(station, signal.SIGKILL, "page")
         ledger = station.ledger()
         recorded = station.recording["ledger"]["cameras"]
-    lost = sum(one["lost_frames"] for one in recorded.values())
+    lost = sum(camera["lost_frames"] for camera in recorded.values())
     lost += ledger["recorder"]["dropped"] + ledger["monitor"]["dropped"]
     over, alike = paired_ratios(spells)
     return [

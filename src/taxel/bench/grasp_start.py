@@ -130,7 +130,7 @@ def grasp_start_rows(on_step: Callable[[str], None] = lambda _: None) -> list[Ro
 def rows_of(told: list[Told]) -> list[Row]:
     """Return share found, delay and false starts of recordings."""
     name = "start of a grasp, found by itself"
-    grasps = [one for one in told if one.settled_s is not None]
+    grasps = [grasp for grasp in told if grasp.settled_s is not None]
     if not grasps:
         return [missing(f"{name}: share found", "share", ">= 0.98", "nothing simulated yet")]
     delays, false = [], 0
