@@ -13,8 +13,8 @@ from typing import Literal
 
 from taxel.models.touch_features import UNIT, fitting_blocks
 
-Family = Literal["linear", "trees", "perceptron", "network"]
-FAMILIES: tuple[Family, ...] = ("linear", "trees", "perceptron", "network")
+Family = Literal["discriminant", "linear", "trees", "perceptron", "network"]
+FAMILIES: tuple[Family, ...] = ("discriminant", "linear", "trees", "perceptron", "network")
 
 _FREE = ("shape", "course", "quantiles", "octaves", "spectrum", "correlation")
 _UNIT = tuple(f"{UNIT}{name}" for name in ("level", "shape", "course"))
@@ -31,13 +31,13 @@ FEATURE_SETS: dict[str, tuple[str, ...]] = {
 }
 """Name → blocks of `taxel.models.touch_features.BLOCKS`."""
 PLAIN = "means"
-"""The set that is told by each channel's level alone: often what a drift leaves best."""
+"""The set of each channel's level alone: often what a drift leaves best."""
 LEVEL_FREE = ("without level", "tared", "across the pad", "rows across the pad")
 """Sets that a drift of the channels' rest level, or of all of a pad's, leaves as they are."""
 MOST_ROWS, MOST_ROW_VALUES = 16, 1500
 """Rows and values of a window up to which its rows themselves are features. Source: our choice,
 docs/decisions/0039."""
-NETWORK_ROWS = (16, 800)
+NETWORK_ROWS = (8, 800)
 """Rows of windows on which a convolutional network is tried; a longer one takes all the time.
 Source: our choice, 0039."""
 
@@ -69,8 +69,8 @@ class Candidate:
 
     @property
     def camp(self) -> str:
-        """Return what goes on alike beyond what was learned: a sum without bounds, or shares of
-        leaves.
+        """Return what goes on alike beyond what was learned: a sum without bounds, one that
+        leaves out what varies within classes, or shares of leaves.
         """
         return "sums" if self.family in ("linear", "perceptron") else self.family
 
@@ -119,24 +119,26 @@ def first_round(sets: dict[str, tuple[str, ...]], steps: int) -> list[Candidate]
         steps: Rows in a window.
     """
 
-    def pair(name: str) -> list[Candidate]:
+    def quick(name: str) -> list[Candidate]:
         strength = 1.0 if name == PLAIN else 0.03
-        return [Candidate("linear", "logistic", name, strength),
+        return [Candidate("discriminant", "discriminant", name, 0.3),
+                Candidate("linear", "logistic", name, strength),
                 Candidate("trees", "extra-trees", name, 2)]  # fmt: skip
 
     early, late = list(sets)[:3], list(sets)[3:]
-    found = [one for name in early for one in pair(name)]
+    found = [candidate for name in early for candidate in quick(name)]
     least, most = NETWORK_ROWS
     found += [Candidate("network", "touchnet", "")] if least <= steps <= most else []
     found += [Candidate("perceptron", "perceptron", name, 3.0) for name in early if name != PLAIN]
-    return found + [one for name in late for one in pair(name)]
+    return found + [candidate for name in late for candidate in quick(name)]
 
 
-def second_round(linear: list[str], trees: list[str]) -> list[Candidate]:
+def second_round(discriminant: list[str], linear: list[str], trees: list[str]) -> list[Candidate]:
     """Return finer models on the sets that did best, the most promising first.
 
     Args:
-        linear: Feature sets that suit linear models, the best first.
+        discriminant: Feature sets that suit discriminants, the best first.
+        linear: Those that suit logistic regression.
         trees: Those that suit trees.
     """
     free = next((name for name in linear if (name in LEVEL_FREE) != (linear[0] in LEVEL_FREE)), "")
@@ -145,7 +147,7 @@ def second_round(linear: list[str], trees: list[str]) -> list[Candidate]:
         names = [linear[0]]
     found = [Candidate("perceptron", "perceptron", name, 3.0) for name in names]
     found += [Candidate("linear", "logistic", name, c) for c in (0.003, 0.3) for name in names]
-    found += [Candidate("linear", "discriminant", linear[0], 0.1)]
+    found += [Candidate("discriminant", "discriminant", discriminant[0], s) for s in (0.1, 0.6)]
     if trees[0] not in names:
         found += [Candidate("perceptron", "perceptron", trees[0], 3.0)]
     found += [Candidate("trees", "extra-trees", trees[0], leaf) for leaf in (10, 1)]

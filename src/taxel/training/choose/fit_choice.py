@@ -19,7 +19,7 @@ from taxel.training.choose.fitting import fit_head
 from taxel.training.choose.networks import fit_network
 from taxel.training.choose.preparations import Base, Prepared
 
-KINDS = {"linear": "linear", "trees": "trees", "perceptron": "perceptron"}
+KINDS = {"discriminant": "linear", "linear": "linear", "trees": "trees", "perceptron": "perceptron"}
 """Family → head; a network is named after its model."""
 
 

@@ -139,9 +139,11 @@ def choose(
     ranked = {
         family: [own.candidate.features
                  for own in sorted(tried, key=lambda t: t.loss) if own.candidate.family == family]
-        for family in ("linear", "trees")
+        for family in ("discriminant", "linear", "trees")
     }  # fmt: skip
-    search.try_all(part, second_round(ranked["linear"], ranked["trees"] or ranked["linear"]), sets)
+    linear = ranked["linear"] or list(sets)
+    finer = second_round(ranked["discriminant"] or linear, linear, ranked["trees"] or linear)
+    search.try_all(part, finer, sets)
     return Found(base, part, tuple(search.all), tuple(search.left_out), sets, held)
 
 
