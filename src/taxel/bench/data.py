@@ -16,12 +16,12 @@ from pathlib import Path
 from taxel.bench.data_tables import import_biotac, import_fabric
 from taxel.bench.rows import Row, missing, row
 from taxel.evaluation.bars import BARS
-from taxel.evaluation.expert import MINUTES, Expert, train_expert
+from taxel.evaluation.expert import Expert, Task, train_expert
 from taxel.evaluation.nested import Nested
 from taxel.evaluation.outer_split import OuterSplit
 from taxel.recordings.importing import import_rows
 from taxel.recordings.known import glove_rows, icub_rows
-from taxel.training.choose.limits import MOST_MB, MOST_US
+from taxel.training.choose.limits import MINUTES, MOST_MB, MOST_US, Limits
 
 Measure = Callable[[], list[Row]]
 Import = Callable[[Path, Path, Path], None]
@@ -113,8 +113,6 @@ def data_digest(data: Path | None) -> str:
 
 def measure_case(case: Case, data: Path | None, minutes: float = MINUTES) -> list[Row]:
     """Import a set, let it be chosen for, and return its rows."""
-    from taxel.evaluation.expert import Limits
-
     source = Path() if data is None else data / case.folder
     if case.folder and (data is None or not source.exists()):
         return [missing(case.name, "accuracy", "", "no recordings: name their folder with --data")]
@@ -125,8 +123,9 @@ def measure_case(case: Case, data: Path | None, minutes: float = MINUTES) -> lis
         recordings = Path(folder) / "recordings"
         case.make(source, recordings, scratch)
         expert = train_expert(
-            recordings, case.target, channels=case.channels, split=OuterSplit(named=case.split),
-            limits=Limits(minutes=minutes), bars=tuple(BARS),
+            Task(data=recordings, target=case.target, channels=case.channels,
+                 split=OuterSplit(named=case.split), bars=tuple(BARS)),
+            Limits(minutes=minutes),
         )  # fmt: skip
     return rows_of(case.name, case.goal, expert)
 

@@ -43,9 +43,10 @@ class ExpertOptions:
 
 def train_default(options: ExpertOptions) -> None:
     """Choose, judge, train, write the run and print all of it."""
-    from taxel.evaluation.expert import Limits, train_expert
+    from taxel.evaluation.expert import Task, train_expert
     from taxel.training.choose.choice import read_choice, write_choice
     from taxel.training.choose.kept_tries import tries_folder
+    from taxel.training.choose.limits import Limits
     from taxel.training.run import save_run
 
     for name in ("minutes", "max_mb", "max_us"):
@@ -61,16 +62,16 @@ def train_default(options: ExpertOptions) -> None:
         with progress() as bar:
             task = bar.add_task("starting", total=None)
             expert = train_expert(
-                options.data,
-                target,
-                split=outer_split(options),
-                test=options.test,
-                limits=Limits(
-                    minutes=options.minutes, most_mb=options.max_mb, most_us=options.max_us
+                Task(
+                    data=options.data,
+                    target=target,
+                    split=outer_split(options),
+                    test=options.test,
+                    check=options.check and like is None,
                 ),
+                Limits(minutes=options.minutes, most_mb=options.max_mb, most_us=options.max_us),
                 like=like,
                 reject_novel=options.reject_novel,
-                check=options.check and like is None,
                 seed=options.seed,
                 tries=tries_folder(output),
                 on_step=lambda line: bar.update(task, description=line, advance=1),

@@ -28,17 +28,15 @@ from taxel.training.choose.choice import Choice
 from taxel.training.choose.fit_choice import fit_choice
 from taxel.training.choose.inner_folds import Held, what_is_held
 from taxel.training.choose.kept_tries import KeptTries
-from taxel.training.choose.limits import MOST_MB, MOST_US, fit_within
+from taxel.training.choose.limits import USUAL_LIMITS, Limits, fit_within
 from taxel.training.choose.preparations import Base, Prepared, load_base, prepare, prepare_all
-from taxel.training.choose.search import Found, choose
+from taxel.training.choose.search import Effort, Found, choose
 from taxel.training.environment import Made, code_digest, environment
 from taxel.training.loop import TrainConfig
 from taxel.training.run import Run, contract_of
 from taxel.training.unknown import check_enough, fit_unknown
 from taxel.windows.scaling import Scaling
 
-MINUTES = 5.0
-"""Default: to choose and train. Source: issue 16."""
 TRYING = 0.75
 """Share of the minutes in which candidates are tried; in the rest what was chosen is trained and
 measured. Source: our choice, docs/decisions/0039."""
@@ -48,12 +46,23 @@ _TIMED, _QUIET = 200, 10.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Limits:
-    """What choosing and its result may take."""
+class Task:
+    """What is to be predicted of which recordings, and how that is judged."""
 
-    minutes: float = MINUTES
-    most_mb: float = MOST_MB
-    most_us: float = MOST_US
+    data: Path
+    """A folder of recordings."""
+    target: str
+    """The label to predict."""
+    channels: tuple[str, ...] | None = None
+    """Those to use; all unless given."""
+    split: OuterSplit = USUAL
+    """Makes the outer folds; the coarsest groups are held out unless given."""
+    test: Path | None = None
+    """Another folder, to test on only; then the outer fold is that."""
+    check: bool = True
+    """Whether the way of choosing is judged on the outer folds."""
+    bars: Sequence[str] = ()
+    """Bars to judge beside it."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -84,17 +93,11 @@ class Expert:
 
 
 def train_expert(
-    data: Path,
-    target: str,
+    task: Task,
+    limits: Limits = USUAL_LIMITS,
     *,
-    channels: tuple[str, ...] | None = None,
-    split: OuterSplit = USUAL,
-    test: Path | None = None,
-    limits: Limits = Limits(),
     like: Choice | None = None,
     reject_novel: float | None = None,
-    check: bool = True,
-    bars: Sequence[str] = (),
     seed: int = 0,
     tries: Path | None = None,
     on_step: Callable[[str], None] = lambda _: None,
@@ -102,16 +105,10 @@ def train_expert(
     """Choose, judge, train and measure.
 
     Args:
-        data: A folder of recordings.
-        target: The label to predict.
-        channels: Those to use; all unless given.
-        split: Makes the outer folds; the coarsest groups are held out unless given.
-        test: Another folder, to test on only; then the outer fold is that.
+        task: What is to be predicted, and how that is judged.
         limits: Minutes, megabytes, microseconds.
         like: Repeat this choice, and choose nothing.
         reject_novel: Share of known touch that may be rejected as novel, 0…1; none is unless given.
-        check: Judge the way of choosing on the outer folds.
-        bars: Bars to judge beside it.
         seed: Of all that is random.
         tries: A folder for what was tried, so that an interrupted run goes on.
         on_step: Called with a line before each step.
@@ -122,32 +119,34 @@ def train_expert(
     """
     on_step("reading")
     started = perf_counter()
-    base = load_base(data, target, channels if like is None else like.window.channels, test)
-    folds = split.of(base)
-    own = base.own
-    if split.leaves_unseen and len(folds.folds) == 1 and isinstance(folds.folds[0], TrialFold):
-        own = sorted(folds.folds[0].train)
+    channels = task.channels if like is None else like.window.channels
+    base = load_base(task.data, task.target, channels, task.test)
+    folds = task.split.of(base)
+    own = _learned_from(base, folds, task.split)
     if reject_novel is not None:  # refused now, not after minutes
-        check_enough(len(own), len(target.split("+")), reject_novel)
-    kept = KeptTries(tries, {"code": code_digest(), "software": environment(), "seed": seed})
+        check_enough(len(own), len(task.target.split("+")), reject_novel)
     if like is not None:
         return _repeat(base, like, own, reject_novel, seed, on_step)
+    kept = KeptTries(tries, {"code": code_digest(), "software": environment(), "seed": seed})
     prepared = prepare_all(base)
-    budget = Budget(TRYING * 60.0 * limits.minutes, len(folds.folds) * check + 1)
+    budget = Budget(TRYING * 60.0 * limits.minutes, len(folds.folds) * task.check + 1)
+    effort = Effort(budget=budget, seed=seed, kept=kept, on_step=on_step)
     on_step("choosing on all data")
-    found = choose(
-        base, prepared, own, _held(base, folds), budget, seed=seed, kept=kept, on_step=on_step
-    )
+    found = choose(base, prepared, own, _held(base, folds), effort)
     nested = None
-    if check:
-        nested = check_choosing(
-            base, prepared, folds, budget, bars=bars, most_mb=limits.most_mb,
-            most_us=limits.most_us, seed=seed, kept=kept, on_step=on_step,
-        )  # fmt: skip
+    if task.check:
+        nested = check_choosing(base, prepared, folds, effort, task.bars, limits)
     expert = _within(found, own, nested, limits, reject_novel, seed, on_step)
     kept.forget()
     bars_s = 0.0 if nested is None else nested.bars_s
     return replace(expert, tries_kept=kept.used, seconds=perf_counter() - started - bars_s)
+
+
+def _learned_from(base: Base, folds: Split, split: OuterSplit) -> list[int]:
+    """Return the trials that the recogniser learns from in the end."""
+    if split.leaves_unseen and len(folds.folds) == 1 and isinstance(folds.folds[0], TrialFold):
+        return sorted(folds.folds[0].train)
+    return base.own
 
 
 def _held(base: Base, split: Split) -> Held:
@@ -168,7 +167,7 @@ def _within(
 ) -> Expert:
     """Train on all data; leave out what makes the bundle too large or too slow."""
     on_step("training what was chosen on all data")
-    fitted = fit_within(found, own, most_mb=limits.most_mb, most_us=limits.most_us, seed=seed)
+    fitted = fit_within(found, own, limits, seed=seed)
     base = found.base
     unknown = _novelty(base, found.part.prepared, own, reject_novel)
     run, measured = _run_of(

@@ -9,8 +9,8 @@ Source: Cawley and Talbot, "On over-fitting in model selection", JMLR 2010; docs
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,15 +21,13 @@ from taxel.evaluation.bars import BARS, FEWEST_ROWS, bar_probabilities
 from taxel.evaluation.metrics import cross_entropy
 from taxel.evaluation.run_scores import RunScores, judge
 from taxel.evaluation.splits import Split, TrialFold
-from taxel.training.choose.budget import Budget
 from taxel.training.choose.choice import Choice
 from taxel.training.choose.fit_choice import predict_blend
 from taxel.training.choose.inner_folds import what_is_held
 from taxel.training.choose.joining import join
-from taxel.training.choose.kept_tries import KeptTries
-from taxel.training.choose.limits import MOST_MB, MOST_US, fit_within
+from taxel.training.choose.limits import USUAL_LIMITS, Limits, fit_within
 from taxel.training.choose.preparations import Base, Prepared
-from taxel.training.choose.search import choose
+from taxel.training.choose.search import Effort, choose
 from taxel.training.predictions import Predictions
 
 
@@ -72,14 +70,9 @@ def check_choosing(
     base: Base,
     prepared: Sequence[Prepared],
     split: Split,
-    budget: Budget,
-    *,
+    effort: Effort,
     bars: Sequence[str] = (),
-    most_mb: float = MOST_MB,
-    most_us: float = MOST_US,
-    seed: int = 0,
-    kept: KeptTries | None = None,
-    on_step: Callable[[str], None] = lambda _: None,
+    limits: Limits = USUAL_LIMITS,
 ) -> Nested:
     """Choose, train and test in each fold of a split.
 
@@ -87,13 +80,9 @@ def check_choosing(
         base: The recordings.
         prepared: The ways to cut them.
         split: Folds of whole trials, by the indices of `base.trials`.
-        budget: Shared among the folds, a share each.
+        effort: Its budget is shared among the folds, a share each.
         bars: Names in `BARS`, which see the windows that were chosen.
-        most_mb: Of a bundle: what is judged keeps to the limits of what is shipped.
-        most_us: Of one window on one core.
-        seed: Of all that is random.
-        kept: What an interrupted run had tried.
-        on_step: Called with a line before each fit.
+        limits: What is judged keeps to the limits of what is shipped.
 
     Raises:
         BadSplit: A fold parts windows, not trials.
@@ -109,24 +98,24 @@ def check_choosing(
         train, test = sorted(fold.train), sorted(fold.test)
 
         def say(line: str, name: str = fold.name) -> None:
-            on_step(f"{name} · {line}")
+            effort.on_step(f"{name} · {line}")
 
         held = what_is_held(base.trials, base.y, train, test)
-        tried = choose(base, prepared, train, held, budget, seed=seed, kept=kept, on_step=say)
+        tried = choose(base, prepared, train, held, replace(effort, on_step=say))
         say("training what was chosen")
-        fitted = fit_within(tried, train, most_mb=most_mb, most_us=most_us, seed=seed)
+        fitted = fit_within(tried, train, limits, seed=effort.seed)
         choice, own = fitted.choice, tried.part.prepared
         index = np.flatnonzero(np.isin(own.trial, test) & own.scored)
         found = predict_blend(fitted.blend, own, index)
         tested.append(_Tested(own, index, found, join(choice.joining, own.trial[index], found)))
         choices.append(choice)
-        started = budget.clock()
+        started = effort.budget.clock()
         for name in bars:
             if choice.window.steps >= FEWEST_ROWS.get(name, 1):
                 say(name)
-                beside[name].append(_bar(name, base, own, train, index, seed))
-        spent = budget.clock() - started
-        budget.add(spent)
+                beside[name].append(_bar(name, base, own, train, index, effort.seed))
+        spent = effort.budget.clock() - started
+        effort.budget.add(spent)
         bars_s += spent
     predictions = _predictions(base, split, tested)
     return Nested(

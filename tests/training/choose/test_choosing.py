@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from taxel.errors import BadDataset, BadInput, BadSplit
-from taxel.evaluation.expert import Limits, train_expert
+from taxel.evaluation.expert import Task, train_expert
 from taxel.labels.trials import Trial
 from taxel.models.blend import Blend
 from taxel.models.touchnet import TouchNet
@@ -26,7 +26,7 @@ from taxel.training.choose.inner_folds import (
 )
 from taxel.training.choose.joining import fit_joining, join
 from taxel.training.choose.kept_tries import KeptTries
-from taxel.training.choose.limits import Cost, fit_within
+from taxel.training.choose.limits import Cost, Limits, fit_within
 from taxel.training.choose.networks import TRAIN, settle_norms
 from taxel.training.choose.preparations import (
     Base,
@@ -35,7 +35,7 @@ from taxel.training.choose.preparations import (
     load_base,
     prepare_all,
 )
-from taxel.training.choose.search import choose
+from taxel.training.choose.search import Effort, choose
 from taxel.training.loop import Labelled, evaluate, fit, new_network
 
 RNG = np.random.default_rng(0)
@@ -257,7 +257,8 @@ class Frozen:
 
 def search(base: Base, train: list[int], seconds: float, kept: KeptTries | None = None):
     budget = Budget(seconds, 1, Frozen(), at_once=1)
-    return choose(base, prepare_all(base), train, Held("session"), budget, kept=kept)
+    effort = Effort(budget=budget, kept=kept or KeptTries(None, {}))
+    return choose(base, prepare_all(base), train, Held("session"), effort)
 
 
 def test_labels_of_test_trials_change_nothing(base: Base):
@@ -291,9 +292,14 @@ def test_an_interrupted_choice_goes_on_where_it_was(base: Base, tmp_path: Path):
     ]
 
 
+def unjudged(recordings: Path) -> Task:
+    """Train only: no outer folds."""
+    return Task(data=recordings, target="kind", check=False)
+
+
 @pytest.fixture(scope="module")
 def expert(recordings: Path):
-    return train_expert(recordings, "kind", limits=Limits(minutes=0.05))
+    return train_expert(Task(data=recordings, target="kind"), Limits(minutes=0.05))
 
 
 def test_by_default_another_session_is_recognised_and_its_bundle_equals_it(expert):
@@ -307,7 +313,7 @@ def test_a_choice_that_was_written_can_be_repeated(expert, recordings: Path, tmp
     write_choice(tmp_path / "expert.json", expert.choice)
     like = read_choice(tmp_path / "expert.json")
 
-    again = train_expert(recordings, "kind", like=like)
+    again = train_expert(Task(data=recordings, target="kind"), like=like)
 
     assert like == expert.choice
     assert again.run.contract.window == expert.run.contract.window
@@ -341,7 +347,7 @@ def test_where_time_lacks_all_that_see_the_dearest_features_are_given_up(base: B
         return Cost(1.0, 1000.0 * len(blend.features))
 
     whole = found.choice()
-    fitted = fit_within(found, list(range(16)), most_us=1500.0, cost=cost)
+    fitted = fit_within(found, list(range(16)), Limits(most_us=1500.0), cost=cost)
 
     assert len({member.blocks for member in whole.members if member.blocks}) > 1
     assert len({member.blocks for member in fitted.choice.members if member.blocks}) == 1
@@ -369,18 +375,18 @@ def test_a_network_trained_on_noise_knows_channels_that_stand_still():
 def test_novel_touch_is_rejected_by_a_default_recogniser_where_asked(recordings: Path):
     limits = Limits(minutes=0.02)
 
-    found = train_expert(recordings, "kind", limits=limits, check=False, reject_novel=0.2)
+    found = train_expert(unjudged(recordings), limits, reject_novel=0.2)
 
     assert found.run.contract.unknown is not None
     assert found.run.contract.unknown.rejected == 0.2
     assert found.run.contract.joining == found.choice.joining
     with pytest.raises(BadDataset, match="at least 999 contacts"):
-        train_expert(recordings, "kind", limits=limits, check=False, reject_novel=0.001)
+        train_expert(unjudged(recordings), limits, reject_novel=0.001)
 
 
 def test_of_a_bundle_that_is_too_large_members_are_given_up_one_by_one(recordings: Path):
     limits = Limits(minutes=0.05, most_mb=1e-3)
 
-    found = train_expert(recordings, "kind", limits=limits, check=False)
+    found = train_expert(unjudged(recordings), limits)
 
     assert len(found.choice.members) == 1

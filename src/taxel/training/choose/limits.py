@@ -27,10 +27,27 @@ from taxel.training.choose.fit_choice import fit_choice
 from taxel.training.choose.preparations import Prepared
 from taxel.training.choose.search import Found
 
+MINUTES = 5.0
+"""Default: to choose and train. Source: issue 16."""
 MOST_MB, MOST_US = 20.0, 2000.0
 """Defaults: megabytes of a bundle, microseconds a window on one core. Source: issue 16."""
 TIMED, QUIET = 60, 10.0
 """Runs that are timed, and which percentile counts: another program can only lengthen a time."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Limits:
+    """What choosing and its result may take."""
+
+    minutes: float = MINUTES
+    most_mb: float = MOST_MB
+    """Of the exported model, packed."""
+    most_us: float = MOST_US
+    """Of one window on one core."""
+
+
+USUAL_LIMITS = Limits()
+"""Source: issue 16."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,9 +72,8 @@ class Fitted:
 def fit_within(
     found: Found,
     train: Sequence[int],
+    limits: Limits = USUAL_LIMITS,
     *,
-    most_mb: float = MOST_MB,
-    most_us: float = MOST_US,
     seed: int = 0,
     cost: Callable[[Blend, Prepared], Cost] | None = None,
 ) -> Fitted:
@@ -66,8 +82,7 @@ def fit_within(
     Args:
         found: What was tried.
         train: Indices of the trials to learn from.
-        most_mb: Of the exported model, packed.
-        most_us: Of one window on one core.
+        limits: Megabytes and microseconds.
         seed: Of all that is random.
         cost: Measures a blend; `cost_of` unless given.
     """
@@ -80,9 +95,9 @@ def fit_within(
         blend = fit_choice(choice, found.base, found.part.prepared, train, seed, heads)
         now = measure(blend, found.part.prepared)
         units = _units(choice)
-        if (now.mb <= most_mb and now.us <= most_us) or len(units) == 1:
+        if (now.mb <= limits.most_mb and now.us <= limits.most_us) or len(units) == 1:
             return Fitted(choice, blend, tuple(given_up))
-        slow = now.us > most_us
+        slow = now.us > limits.most_us
         name, unit = _dearest(choice, blend, found.part.prepared, slow=slow)
         without |= _all_of(found, unit, slow=slow)
         choice = found.choice(without)

@@ -12,7 +12,7 @@ import warnings
 from collections.abc import Callable, Collection, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager, nullcontext
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from threading import Lock
 
 import numpy as np
@@ -105,16 +105,22 @@ class Tried:
     seconds: float
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Effort:
+    """How long choosing may take, and how it is carried out."""
+
+    budget: Budget
+    """A share of it a choice."""
+    seed: int = 0
+    """Of all that is random."""
+    kept: KeptTries = field(default_factory=lambda: KeptTries(None, {}))
+    """What an interrupted run had tried."""
+    on_step: Callable[[str], None] = lambda _: None
+    """Called with a line before each try."""
+
+
 def choose(
-    base: Base,
-    prepared: Sequence[Prepared],
-    train: Sequence[int],
-    held: Held,
-    budget: Budget,
-    *,
-    seed: int = 0,
-    kept: KeptTries | None = None,
-    on_step: Callable[[str], None] = lambda _: None,
+    base: Base, prepared: Sequence[Prepared], train: Sequence[int], held: Held, effort: Effort
 ) -> Found:
     """Find what does best on the inner folds of some training trials.
 
@@ -123,13 +129,10 @@ def choose(
         prepared: The ways to cut them.
         train: Indices of the trials that may be looked at.
         held: What the outer split holds out, and so the inner folds.
-        budget: How long it may take.
-        seed: Of all that is random.
-        kept: What an interrupted run had tried.
-        on_step: Called with a line before each try.
+        effort: How long it may take, and how it is carried out.
     """
-    budget.begin()
-    search = _Search(budget, seed, kept or KeptTries(None, {}), on_step)
+    effort.budget.begin()
+    search = _Search(effort)
     fold_of = inner_folds(base.trials, base.y, train, held)
     parts = [training_part(base, own, train, fold_of, ordered=held.ordered) for own in prepared]
     part = search.best_cut(parts) if len(parts) > 1 else parts[0]
@@ -150,10 +153,9 @@ def choose(
 class _Search:
     """What was tried so far, and the time that is left."""
 
-    def __init__(
-        self, budget: Budget, seed: int, kept: KeptTries, on_step: Callable[[str], None]
-    ) -> None:
-        self._budget, self._seed, self._kept, self._on_step = budget, seed, kept, on_step
+    def __init__(self, effort: Effort) -> None:
+        self._budget, self._seed = effort.budget, effort.seed
+        self._kept, self._on_step = effort.kept, effort.on_step
         self.left_out: list[str] = []
         self.all: list[tuple[str, Part, Tried]] = []
 
