@@ -17,11 +17,28 @@ from typing import Literal
 from rich.table import Table
 from rich.text import Text
 
+from taxel.errors import BadInput
 from taxel.plain_text import visible_line
 from taxel.recordings.whole import write_whole
 
 STORE = Path(__file__).with_name("stored")
-"""Where `--full` keeps what takes longer than a few minutes."""
+"""The figures that ship: what takes longer than a few minutes, as measured last."""
+
+
+def store_folder(given: Path | None) -> Path:
+    """Return where `--full` keeps its rows: in a checkout, the figures that ship.
+
+    Raises:
+        BadInput: taxel is installed, and no folder is given.
+    """
+    if given is not None:
+        return given
+    if (STORE.parents[3] / "pyproject.toml").is_file():
+        return STORE
+    raise BadInput(
+        "a folder for what --full measures", "an installed taxel, which is left as it is",
+        "name one with --store FOLDER",
+    )  # fmt: skip
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -79,7 +96,9 @@ def missing(name: str, unit: str, goal: str, why: str) -> Row:
     return Row(name=name, value=None, unit=unit, goal=goal, ok=None, note=why)
 
 
-def store(bench: str, rows: Iterable[Row], data: str, *, only: str = "") -> list[Row]:
+def store(
+    bench: str, rows: Iterable[Row], data: str, *, only: str = "", folder: Path | None = None
+) -> list[Row]:
     """Keep slow rows with commit, data hash, time and command; return them stamped.
 
     Args:
@@ -87,21 +106,24 @@ def store(bench: str, rows: Iterable[Row], data: str, *, only: str = "") -> list
         rows: What was measured.
         data: Digest of the recordings that were used.
         only: What `--only` chose: rows kept earlier under other names stay as they are.
+        folder: Where; the figures that ship unless given.
     """
     stamp = f"commit {commit()}, data {data[:12]}, {today()}, taxel bench {bench} --full"
     stamp += f" --only {shlex.quote(only)}" if only else ""
     stamped = [replace(one, stamp=stamp) for one in rows]
     if only:
         new = {one.name for one in stamped}
-        stamped = [one for one in stored(bench) if one.name not in new] + stamped
+        stamped = [row for row in stored(bench, folder) if row.name not in new] + stamped
     text = json.dumps([asdict(one) for one in stamped], indent=1)
-    write_whole(STORE / f"{bench}.json", text + "\n")
+    folder = folder or STORE
+    folder.mkdir(parents=True, exist_ok=True)
+    write_whole(folder / f"{bench}.json", text + "\n")
     return stamped
 
 
-def stored(bench: str) -> list[Row]:
+def stored(bench: str, folder: Path | None = None) -> list[Row]:
     """Return the rows that `--full` kept; none where it never ran."""
-    path = STORE / f"{bench}.json"
+    path = (folder or STORE) / f"{bench}.json"
     if not path.exists():
         return []
     return [Row(**one) for one in json.loads(path.read_text())]

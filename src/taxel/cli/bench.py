@@ -41,6 +41,8 @@ class Bench:
     """Only the measurements whose name holds this text; rows kept of others stay as they are."""
     data: Path | None = None
     """Folder that holds teng-glove/, icub-grasp/ and gelsight-slip/, for --full."""
+    store: Path | None = None
+    """Folder for what --full measures; in a checkout, the figures that ship unless given."""
     page: Path | None = None
     """A page of Markdown to write: alone, all stored figures; with `faults`, its rows by fault."""
     json: bool = False
@@ -49,16 +51,16 @@ class Bench:
 
     RULES: ClassVar = (
         Only(
-            ("full", "only", "data", "json", "workers", "run-on"),
+            ("full", "only", "data", "store", "json", "workers", "run-on"),
             "a bench's name",
             lambda o: o.name is not None,
         ),
-        Only(("data",), "--full", lambda o: o.full),
+        Only(("data", "store"), "--full", lambda o: o.full),
     )
 
     def run(self) -> None:
         """Measure and print."""
-        from taxel.bench.rows import measure, rows_table, store, stored
+        from taxel.bench.rows import measure, rows_table, store, store_folder, stored
 
         if self.name is None:
             self._write_figures()
@@ -70,6 +72,7 @@ class Bench:
                 "leave --page out, or measure all faults",
             )
         bench = import_module(f"taxel.bench.{self.name.replace('-', '_')}")
+        folder = store_folder(self.store) if self.full else None
         with self.work.open(), progress() as bar:
             task = bar.add_task("starting", total=None)
 
@@ -82,8 +85,12 @@ class Bench:
                 raise BadInput("a measurement's name for --only", repr(self.only), _named(bench))
             rows = measure(quick, on_step)
             if self.full:
-                rows += measure(slow, on_step)
-                rows = store(self.name, rows, bench.data_digest(self.data), only=self.only)
+                digest = bench.data_digest(self.data)
+                for step in slow:  # each kept at once: a broken run loses one at most
+                    found = measure([step], on_step)
+                    store(self.name, found, digest, only=step[0], folder=folder)
+                    rows += found
+                rows = store(self.name, rows, digest, only=self.only, folder=folder)
             else:
                 measured = {row.name for row in rows}
                 rows += [row for row in stored(self.name) if row.name not in measured]

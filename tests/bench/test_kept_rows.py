@@ -1,0 +1,51 @@
+"""What `taxel bench --full` keeps, and where."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from types import SimpleNamespace
+
+import pytest
+
+from taxel.bench import rows as kept
+from taxel.bench.rows import Row, store_folder, stored
+from taxel.cli.bench import Bench
+from taxel.errors import BadInput
+
+
+def measured(name: str) -> list[Row]:
+    return [Row(name=name, value=1.0, unit="s", goal="", ok=None)]
+
+
+def broken() -> list[Row]:
+    raise BadInput("a quiet machine", "a busy one", "measure again")
+
+
+def test_a_bench_that_breaks_off_keeps_what_it_had_measured(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
+    bench = SimpleNamespace(
+        quick_steps=list,
+        full_steps=lambda _: [("first", lambda: measured("first")), ("second", broken)],
+        data_digest=lambda _: "0" * 64,
+    )
+    monkeypatch.setattr("taxel.cli.bench.import_module", lambda _: bench)
+
+    with pytest.raises(BadInput, match="a quiet machine"):
+        Bench(name="soak", full=True, store=tmp_path / "new").run()
+
+    (row,) = stored("soak", tmp_path / "new")
+    assert (row.name, row.value) == ("first", 1.0)
+    assert row.stamp.endswith("taxel bench soak --full --only first")
+
+
+def test_an_installed_taxel_is_not_written_to(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setattr(kept, "STORE", tmp_path / "lib" / "taxel" / "bench" / "stored")
+
+    with pytest.raises(BadInput, match="--store FOLDER"):
+        store_folder(None)
+    assert store_folder(tmp_path) == tmp_path
+
+
+def test_in_a_checkout_the_figures_that_ship_are_written():
+    assert store_folder(None) == kept.STORE
