@@ -6,17 +6,20 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import torch
 
 from taxel.errors import BadDataset, BadInput, BadSplit
 from taxel.evaluation.expert import Task, train_expert
 from taxel.labels.trials import Trial
-from taxel.models.blend import Blend
+from taxel.models.blend import Blend, read_plan
 from taxel.models.touchnet import TouchNet
 from taxel.recordings.importing import ImportRow, import_rows, import_table
 from taxel.training.choose import inner_folds as inner
 from taxel.training.choose.blending import fit_sharpness, losses, mix, softmax
 from taxel.training.choose.budget import Budget
-from taxel.training.choose.choice import read_choice, write_choice
+from taxel.training.choose.candidates import Candidate
+from taxel.training.choose.choice import Member, read_choice, write_choice
+from taxel.training.choose.fit_choice import fit_choice
 from taxel.training.choose.inner_folds import (
     Held,
     inner_folds,
@@ -390,3 +393,24 @@ def test_of_a_bundle_that_is_too_large_members_are_given_up_one_by_one(recording
     found = train_expert(unjudged(recordings), limits)
 
     assert len(found.choice.members) == 1
+
+
+def test_a_chosen_network_is_three_of_other_seeds_that_share_its_weight(base: Base):
+    (prepared, *_) = prepare_all(base)
+    network = Member(
+        candidate=Candidate("network", "touchnet", ""), blocks=(), weight=0.6, sharpness=1.0
+    )
+    linear = Member(
+        candidate=Candidate("linear", "logistic", "means", 1.0), blocks=("mean",), weight=0.4,
+        sharpness=2.0,
+    )  # fmt: skip
+    found = search(base, list(range(16)), 12.0).choice()
+    choice = replace(found, members=(network, linear), window=prepared.config)
+
+    blend = fit_choice(choice, base, prepared, list(range(16)))
+
+    plan = read_plan(bytes(blend.plan.tolist()))
+    assert [part.head for part in plan.parts] == ["network:touchnet"] * 3 + ["linear"]
+    np.testing.assert_allclose(blend.weights.numpy(), [0.2, 0.2, 0.2, 0.4], atol=1e-6)
+    first, second, _ = (dict(head.named_parameters()) for head in blend.heads[:3])
+    assert any(not torch.equal(first[name], second[name]) for name in first)

@@ -21,6 +21,9 @@ from taxel.training.choose.preparations import Base, Prepared
 
 KINDS = {"discriminant": "linear", "linear": "linear", "trees": "trees", "perceptron": "perceptron"}
 """Family → head; a network is named after its model."""
+NETWORKS = 3
+"""Networks that stand for one that was chosen, of other seeds; inner folds see one, for time.
+Source: our choice, docs/decisions/0039."""
 
 
 def fit_choice(
@@ -29,7 +32,7 @@ def fit_choice(
     prepared: Prepared,
     train: Sequence[int],
     seed: int = 0,
-    heads: dict[Candidate, nn.Module] | None = None,
+    heads: dict[tuple[Candidate, int], nn.Module] | None = None,
 ) -> Blend:
     """Return the blend, trained.
 
@@ -41,24 +44,36 @@ def fit_choice(
         seed: Of all that is random.
         heads: Those that were fitted before on the same trials; new ones are added.
     """
-    fitted: dict[Candidate, nn.Module] = {} if heads is None else heads
+    fitted: dict[tuple[Candidate, int], nn.Module] = {} if heads is None else heads
     rows = np.flatnonzero(np.isin(prepared.trial[prepared.kept], np.asarray(train, np.intp)))
     y = base.y[prepared.trial[prepared.kept[rows]]]
     classes = len(base.dataset.classes(base.target))
-    for member in choice.members:
-        if member.candidate not in fitted:
-            fitted[member.candidate] = _head(member, prepared, rows, y, classes, seed)
+    each = copies(choice)
+    for member, copy in each:
+        if (member.candidate, copy) not in fitted:
+            head = _head(member, prepared, rows, y, classes, seed + copy)
+            fitted[member.candidate, copy] = head
     parts = tuple(
-        Part(KINDS.get(one.candidate.family, f"network:{one.candidate.model}"), one.blocks)
-        for one in choice.members
+        Part(KINDS.get(own.candidate.family, f"network:{own.candidate.model}"), own.blocks)
+        for own, _ in each
     )
     return Blend(
         Plan(choice.window.steps, prepared.pads, classes, parts),
-        tuple(fitted[member.candidate] for member in choice.members),
-        tuple(one.weight for one in choice.members),
-        tuple(one.sharpness for one in choice.members),
+        tuple(fitted[member.candidate, copy] for member, copy in each),
+        tuple(member.weight / copies_of(member) for member, _ in each),
+        tuple(member.sharpness for member, _ in each),
         choice.last,
     ).eval()
+
+
+def copies_of(member: Member) -> int:
+    """Return how many models of other seeds stand for a member."""
+    return NETWORKS if member.candidate.family == "network" else 1
+
+
+def copies(choice: Choice) -> list[tuple[Member, int]]:
+    """Return the parts of the blend in their order: each member with the number of its copy."""
+    return [(member, copy) for member in choice.members for copy in range(copies_of(member))]
 
 
 def _head(

@@ -23,7 +23,7 @@ from taxel.bundles.writer import Classifier, export_onnx
 from taxel.models.blend import Blend
 from taxel.training.choose.candidates import Candidate
 from taxel.training.choose.choice import Choice
-from taxel.training.choose.fit_choice import fit_choice
+from taxel.training.choose.fit_choice import copies, fit_choice
 from taxel.training.choose.preparations import Prepared
 from taxel.training.choose.search import Found
 
@@ -87,7 +87,7 @@ def fit_within(
         cost: Measures a blend; `cost_of` unless given.
     """
     measure = cost or cost_of
-    heads: dict[Candidate, nn.Module] = {}
+    heads: dict[tuple[Candidate, int], nn.Module] = {}
     without: set[Candidate] = set()
     given_up: list[str] = []
     whole = choice = found.choice()
@@ -134,11 +134,11 @@ def _dearest(
     """Return the name and unit of what takes most time, or holds most numbers."""
     if not slow:
         sizes = [sum(t.numel() for t in head.state_dict().values()) for head in blend.heads]
-        heavy = choice.members[int(np.argmax(sizes))].candidate
+        heavy = copies(choice)[int(np.argmax(sizes))][0].candidate
         return heavy.name, heavy
     total: dict[tuple[str, ...] | Candidate, float] = {}
     each = blend.part_seconds(*_one_window(prepared))
-    for member, seconds in zip(choice.members, each, strict=True):
+    for (member, _), seconds in zip(copies(choice), each, strict=True):
         unit = member.blocks or member.candidate
         total[unit] = total.get(unit, 0.0) + seconds
     unit = max(total, key=lambda key: total[key])
