@@ -1,7 +1,7 @@
 """A recogniser of camera trials: several models on several views, weighed by inner folds.
 
-Forests and logistic regressions see grey differences, flow, the slip signal or stills; each one's
-weight comes from trials of groups that it was not fitted on, as does how sharp the mean is made.
+Forests, sums of ranks and a discriminant see grey differences, flow, the slip signal or stills; the
+weight of each comes from trials of groups that it was not fitted on, as does the mean's sharpness.
 Knows nothing about images, files or outer folds.
 
 Source: docs/decisions/0041.
@@ -15,10 +15,12 @@ from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.special import softmax
 from sklearn.ensemble import ExtraTreesClassifier, RandomForestClassifier
 from sklearn.linear_model import LogisticRegression
 from sklearn.model_selection import StratifiedGroupKFold
 
+from taxel.training.discriminant import Discriminant, fit_discriminant
 from taxel.training.ranked import Ranked
 from taxel.training.trial_novelty import Novelty, held_out_novelty, novelty_threshold
 from taxel.windows.trial_crops import numbers_of
@@ -33,6 +35,9 @@ PRIOR: Final = 0.5
 """Weight of the members' priors beside the trials, as a share of their number. Our choice."""
 LEAST_WEIGHT: Final = 0.04
 """A member below it is left out. Source: our choice."""
+CERTAINTY: Final = 3.0
+"""What a discriminant's logits, of unit spread where it learned, are multiplied by; inner folds
+make the blend sharper or blunter. Source: our choice, decision 41."""
 _ROUNDS: Final = 200
 _BLUNTEST, _SHARPEST, _POWERS = 0.5, 6.0, 31
 _LEAST: Final = 1e-6
@@ -69,6 +74,46 @@ class Logistic:
     def slopes(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Slope of each column and level, shapes (classes or 1, columns) and (classes or 1,)."""
         return self._model.coef_, self._model.intercept_
+
+
+class Steady:
+    """A shrunk linear discriminant on each column's rank.
+
+    Args:
+        shrink: Of the within-class covariance, 0…1.
+    """
+
+    def __init__(self, shrink: float) -> None:
+        self._shrink = shrink
+        self._found: Discriminant | None = None
+        self._middle: NDArray[np.float64] = np.zeros(0)
+        self.ranked: Ranked | None = None
+
+    def fit(self, rows: Rows, y: NDArray[np.intp]) -> Steady:
+        self.ranked = Ranked.of(rows)
+        ranks = self.ranked.apply(rows).astype(np.float64)
+        self._middle = ranks.mean(axis=0)
+        self._found = fit_discriminant(ranks - self._middle, y, self._shrink)
+        return self
+
+    def predict_proba(self, rows: Rows) -> NDArray[np.float64]:
+        """Return shape (n, classes), as scikit-learn's classifiers do."""
+        assert self.ranked is not None
+        slopes, levels = self.slopes
+        return np.asarray(softmax(self.ranked.apply(rows) @ slopes.T + levels, axis=1), np.float64)
+
+    @property
+    def classes_(self) -> NDArray[np.intp]:
+        """Class numbers that were learned, shape (classes,), ascending."""
+        assert self._found is not None
+        return self._found.classes
+
+    @property
+    def slopes(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Slope of each column and level, shapes (classes, columns) and (classes,)."""
+        assert self._found is not None
+        weight, bias = self._found.weight, self._found.bias
+        return CERTAINTY * weight, CERTAINTY * (bias - weight @ self._middle)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -118,9 +163,9 @@ MEMBERS: Final[tuple[TrialMember, ...]] = (
         make=lambda seed, trees: Logistic(0.1), prior=1.0,
     ),
     TrialMember(
-        name="logistic on differences and slip",
+        name="discriminant on differences and slip",
         views={"pixels": DIFFERENCES, "slip": SLIP_PARTS},
-        make=lambda seed, trees: Logistic(0.03), prior=1.0,
+        make=lambda seed, trees: Steady(0.5), prior=1.0,
     ),
     TrialMember(name="extra-trees on pixels", views={"pixels": ()}, make=extra, prior=0.0),
     TrialMember(name="extra-trees on stills", views={"stills": ()}, make=extra, prior=0.0),
@@ -130,7 +175,7 @@ MEMBERS: Final[tuple[TrialMember, ...]] = (
     ),
 )  # fmt: skip
 """What is blended. The first three see movement only; the others enter by what they are worth on
-inner folds. Source: docs/decisions/0041, also for each C."""
+inner folds. Source: docs/decisions/0041, also for each C and the share of shrinking."""
 
 
 @dataclass(frozen=True, slots=True)

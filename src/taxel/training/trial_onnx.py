@@ -15,7 +15,7 @@ from onnx import TensorProto, helper, numpy_helper
 from taxel.models.forest import tables_of
 from taxel.training.ranked import Ranked
 from taxel.training.squeezed import REACH, Squeezed
-from taxel.training.trial_blend import Logistic, TrialBlend
+from taxel.training.trial_blend import Logistic, Steady, TrialBlend
 from taxel.training.trial_novelty import Novelty
 
 _OPSET: Final = 18
@@ -27,7 +27,7 @@ def blend_to_onnx(blend: TrialBlend, columns: int) -> bytes:
     parts = []
     for model, own, weight in zip(blend.fitted, blend.columns, blend.weights, strict=True):
         seen = graph.add("Gather", "rows", graph.const(own.astype(np.int32)), axis=1)
-        told = (_logistic if isinstance(model, Logistic) else _forest)(
+        told = (_logistic if isinstance(model, Logistic | Steady) else _forest)(
             graph, seen, model, blend.classes
         )
         parts.append(graph.add("Mul", told, graph.const(np.float32(weight))))
@@ -81,8 +81,8 @@ def _forest(graph: _Graph, seen: str, trees: Any, classes: int) -> str:
     return graph.add("ReduceMean", found, graph.const(np.array([1])), keepdims=0)
 
 
-def _logistic(graph: _Graph, seen: str, model: Logistic, classes: int) -> str:
-    """Add a logistic regression; return its probabilities, (n, classes)."""
+def _logistic(graph: _Graph, seen: str, model: Logistic | Steady, classes: int) -> str:
+    """Add a sum of ranks; return its probabilities, (n, classes)."""
     slopes, levels = (part.astype(np.float32) for part in model.slopes)
     assert model.ranked is not None
     ranks = _ranked(graph, seen, model.ranked)

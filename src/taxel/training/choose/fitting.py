@@ -17,6 +17,7 @@ from torch.nn import functional
 
 from taxel.models.heads import FARTHEST, LinearHead, PerceptronHead, TreesHead
 from taxel.training.choose.candidates import Candidate
+from taxel.training.discriminant import fit_discriminant
 
 TREES = 150
 """Trees of a forest. Source: our choice, docs/decisions/0039: 400 are no better within 0.2 points
@@ -70,34 +71,10 @@ def _logistic(x: Features, y: Classes, classes: int, strength: float, seed: int)
 
 
 def _discriminant(x: Features, y: Classes, classes: int, strength: float, seed: int) -> nn.Module:
-    """Linear discriminant with a within-class covariance shrunk by `strength`, 0…1.
-
-    What varies within a class (drift, gain, place) hardly counts, so that it goes on better than
-    other sums where touch is unlike what was learned. Logits are divided by their own spread:
-    with more features than windows they would be thousands.
-
-    Source: Friedman, "Regularized discriminant analysis", JASA 1989; docs/decisions/0039.
-    """
+    """Linear discriminant with a within-class covariance shrunk by `strength`, 0…1."""
     offset, factor, scaled = _standardised(x)
-    known, own, count = np.unique(y, return_inverse=True, return_counts=True)
-    data = scaled.astype(np.float64)
-    basis = np.linalg.qr(data.T)[0] if len(data) < data.shape[1] else np.eye(data.shape[1])
-    inside = data @ basis  # outside of what was seen the covariance is even, and no mean differs
-    means = np.stack([inside[own == number].mean(axis=0) for number in range(len(known))])
-    apart = inside - means[own]
-    scatter = apart.T @ apart / len(apart)
-    even = np.trace(scatter) / data.shape[1]
-    shrunk = (1 - strength) * scatter + (strength * even + _NO_SPREAD) * np.eye(len(scatter))
-    weight = np.linalg.solve(shrunk, means.T).T
-    bias = np.log(count / len(y)) - 0.5 * (weight * means).sum(axis=1)
-    logits = inside @ weight.T + bias
-    spread = max(float((logits - logits.mean(axis=1, keepdims=True)).std()), 1.0)
-    return _linear(offset, factor, weight @ basis.T / spread, bias / spread, known, classes)
-
-
-_NO_SPREAD = 1e-9
-"""Added to a covariance of standardised features, so that windows without any spread can be
-told apart."""
+    found = fit_discriminant(scaled.astype(np.float64), y, strength)
+    return _linear(offset, factor, found.weight, found.bias, found.classes, classes)
 
 
 def _linear(
