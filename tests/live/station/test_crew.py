@@ -1,0 +1,261 @@
+"""Processes of a station: who is started again, given up, or killed, and what is said of it.
+
+Nothing is started: the processes are dummies and the clock is set by hand.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from types import SimpleNamespace
+from typing import Any, cast
+
+import pytest
+
+from taxel.actions.interlock import Interlock, InterlockConfig
+from taxel.clock import ManualClock
+from taxel.errors import BadSource, TaxelError
+from taxel.live.station import crew as crews
+from taxel.live.station.beats import Beats, Work
+from taxel.live.station.crew import Crew, Worker
+from taxel.live.station.crew_watch import CrewWatch
+from taxel.live.station.guard import Guard
+from taxel.live.station.wiring import Wiring
+
+
+class Process:
+    """A process that runs until it is told how to end."""
+
+    def __init__(self, **_: Any) -> None:
+        self.exitcode: int | None = None
+        self.ends_when_asked = True
+
+    def start(self) -> None:
+        """It runs already."""
+
+    def join(self, longest_s: float | None = None) -> None:
+        if self.exitcode is None and self.ends_when_asked:
+            self.exitcode = 0
+
+    def is_alive(self) -> bool:
+        return self.exitcode is None
+
+    def kill(self) -> None:
+        self.exitcode = -9
+
+
+class Report:
+    """The end of a pipe: one word, or none, or nothing in time."""
+
+    def __init__(self, words: Any = None, *, ready: bool = True) -> None:
+        self._words, self._ready = words, ready
+
+    def poll(self, longest_s: float) -> bool:
+        return self._ready
+
+    def recv(self) -> Any:
+        if self._words is None:
+            raise EOFError
+        return self._words
+
+    def close(self) -> None:
+        """Nothing to let go of."""
+
+
+class Rig:
+    """A crew of dummies."""
+
+    def __init__(self, beats: Beats, clock: ManualClock, *, patient: bool = False) -> None:
+        self.beats, self.clock = beats, clock
+        self.crew = Crew(beats, patient=patient)
+        pipe = (Report(), Report())
+        context = SimpleNamespace(Pipe=lambda duplex: pipe, Process=Process)
+        self.crew._context = cast("Any", context)
+
+    def add(self, name: str) -> Worker:
+        return self.crew.add(name, lambda _: None, lambda place: place)
+
+    def running(self, worker: Worker, beat_s: float) -> None:
+        """Let it have given its last sign of life then."""
+        with pytest.MonkeyPatch.context() as patch:
+            patch.setattr("time.monotonic_ns", lambda: round(beat_s * 1e9))
+            self.beats._view.write(worker.row, produced=7, consumed=5, dropped=2)
+
+    def die(self, worker: Worker, exitcode: int = -9) -> None:
+        cast("Any", worker.process).exitcode = exitcode
+
+
+@pytest.fixture
+def rig(monkeypatch: pytest.MonkeyPatch) -> Iterator[Rig]:
+    clock = ManualClock()
+    monkeypatch.setattr(crews, "monotonic", clock.now_s)
+    with Beats() as beats:
+        yield Rig(beats, clock)
+
+
+def test_a_process_that_does_not_end_is_killed_and_its_counts_stay(rig: Rig):
+    ends, hangs = rig.add("source"), rig.add("monitor")
+    for worker in (ends, hangs):
+        rig.running(worker, 1.0)
+    cast("Any", hangs.process).ends_when_asked = False
+    rig.crew.close()
+
+    assert [cast("Any", w.process).exitcode for w in (ends, hangs)] == [0, -9]
+    assert rig.beats.read(hangs.row).work is Work.FAILED
+    assert rig.beats.read(ends.row).work is Work.RUNNING
+    assert rig.crew.ledger()["monitor"] == {
+        "produced": 7, "consumed": 5, "dropped": 2, "starts": 1,
+    }  # fmt: skip
+
+
+def test_a_process_that_dies_too_often_within_half_a_minute_is_given_up(rig: Rig):
+    worker = rig.add("source")
+    for _ in range(5):
+        rig.clock.advance(5.0)
+        assert rig.crew.again(worker)
+    rig.clock.advance(4.9)
+    assert not rig.crew.again(worker)
+    assert (worker.given_up, worker.starts) == (True, 6)
+    assert rig.beats.read(worker.row).work is Work.FAILED
+
+
+def test_a_process_that_dies_as_often_but_seldom_is_started_each_time(rig: Rig):
+    worker = rig.add("source")
+    for _ in range(20):
+        rig.clock.advance(6.1)
+        assert rig.crew.again(worker)
+    assert not worker.given_up
+
+
+def test_in_a_drill_a_process_is_started_however_often_it_dies(
+    rig: Rig,
+):
+    patient = Rig(rig.beats, rig.clock, patient=True)
+    worker = patient.add("source")
+    assert all(patient.crew.again(worker) for _ in range(50))
+
+
+@pytest.mark.parametrize(("exitcode", "how"), [(-9, "signal 9"), (1, "an error")])
+def test_the_dead_are_named_with_how_they_ended_and_not_once_given_up(
+    rig: Rig, exitcode: int, how: str
+):
+    worker, other = rig.add("source"), rig.add("recorder")
+    rig.die(worker, exitcode)
+    assert rig.crew.dead() == [(worker, how)]
+    assert other.process is not None
+    worker.given_up = True
+    assert rig.crew.dead() == []
+
+
+def test_a_process_that_ended_its_work_is_not_dead(rig: Rig):
+    worker = rig.add("source")
+    rig.beats._view.write(worker.row, Work.ENDED)
+    rig.die(worker, 0)
+    assert rig.crew.dead() == []
+
+
+def test_only_those_that_run_are_silent(rig: Rig):
+    silent, starting, dead, lively = map(rig.add, ("a", "b", "c", "d"))
+    for worker, beat_s in ((silent, 1.0), (dead, 1.0), (lively, 9.5)):
+        rig.running(worker, beat_s)
+    rig.die(dead)
+    assert rig.crew.silent(10.0, 2.5) == [silent]
+    assert rig.beats.read(starting.row).work is Work.STARTING
+
+
+@pytest.mark.parametrize(
+    ("report", "got"),
+    [
+        (Report(("failed", "no such port")), "no such port"),
+        (Report(), "it ended without a word"),
+        (Report(ready=False), "it took too long"),
+        (None, "it ended without a word"),
+    ],
+)
+def test_a_process_that_cannot_start_is_one_line_that_says_why(rig: Rig, report: Any, got: str):
+    worker = rig.add("recorder")
+    worker.report = report
+    with pytest.raises(BadSource, match=f"the recorder to start.*{got}"):
+        rig.crew.opened(worker)
+
+
+def test_an_error_that_a_process_reports_is_raised_as_it_is(rig: Rig):
+    worker = rig.add("source")
+    error = BadSource("a port", "none", "plug it in")
+    worker.report = cast("Any", Report(("refused", error)))
+    with pytest.raises(TaxelError) as caught:
+        rig.crew.opened(worker)
+    assert caught.value is error
+
+
+class Watched:
+    """A crew with one monitor that watches a grasp, and one process that does not."""
+
+    def __init__(self, rig: Rig) -> None:
+        self.rig = rig
+        self.guard = Guard(Interlock(InterlockConfig(min_n=15.0, max_n=50.0)))
+        self.monitor, self.recorder = rig.add("monitor"), rig.add("recorder")
+        self.words: list[str] = []
+        wiring = SimpleNamespace(
+            watchers_of=lambda worker: ["monitor/0"] if worker is self.monitor else []
+        )
+        self.watch = CrewWatch(
+            rig.crew, cast("Wiring", wiring), rig.beats, self.guard,
+            lambda _, text: self.words.append(text),
+        )  # fmt: skip
+        self.guard.expect("monitor/0", 0.0)
+
+    def alarm_on(self, kind: str) -> bool | None:
+        found = [a.on for a in self.guard.alarms.alarms if a.kind == kind]
+        return found[0] if found else None
+
+
+def test_a_silent_process_is_told_once_and_over_when_it_lives_again(rig: Rig):
+    watched = Watched(rig)
+    rig.running(watched.recorder, 1.0)
+    for now_s in (3.4, 3.6, 3.7):
+        watched.watch.look(now_s)
+    assert watched.words == ["recorder gives no sign of life"]
+    assert watched.alarm_on("recorder") is True
+    rig.running(watched.recorder, 3.75)
+    watched.watch.look(3.8)
+    assert watched.alarm_on("recorder") is False
+
+
+def test_a_monitor_that_hangs_for_five_seconds_is_killed_and_a_recorder_never(rig: Rig):
+    """A recorder that stands still may hold a file that it will complete."""
+    watched = Watched(rig)
+    rig.running(watched.monitor, 1.0)
+    rig.running(watched.recorder, 1.0)
+    watched.watch.look(5.9)
+    assert cast("Any", watched.monitor.process).exitcode is None
+    watched.watch.look(6.1)
+    assert cast("Any", watched.monitor.process).exitcode == -9
+    assert cast("Any", watched.recorder.process).exitcode is None
+
+
+def test_a_dead_monitor_is_a_stop_until_another_runs(rig: Rig):
+    watched = Watched(rig)
+    rig.running(watched.monitor, 1.0)
+    rig.die(watched.monitor)
+    watched.watch.look(1.1)
+    watched.guard.tick(1.1)
+    assert watched.words == ["monitor ended by signal 9"]
+    assert watched.guard.shown[:2] == ("STOP", "monitor/0 has ended")
+    assert watched.alarm_on("monitor") is True
+
+    watched.watch.look(1.2)
+    watched.guard.tick(1.2)
+    assert watched.guard.shown[0] == "STOP"
+    rig.running(watched.monitor, 1.3)
+    watched.watch.look(1.3)
+    watched.guard.tick(1.3)
+    assert watched.guard.shown[0] == "UNKNOWN"
+
+
+def test_a_process_that_is_given_up_is_said_to_be(rig: Rig):
+    watched = Watched(rig)
+    for _ in range(6):
+        rig.die(watched.recorder, 1)
+        watched.watch.look(rig.clock.now_s())
+    assert watched.words[-1] == "recorder ended by an error, too often: given up"
+    assert watched.alarm_on("recorder") is True

@@ -1,0 +1,269 @@
+"""What a supervisor makes of notes: of monitors, recognisers, the recorder and the page.
+
+No process runs: the rings are real, and the tests write what the processes would.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import ExitStack
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any, cast
+
+import pytest
+
+from taxel.actions.rule_table import Rule, RuleTable
+from taxel.live.station.answers import Answers
+from taxel.live.station.packets import pack, unpack
+from taxel.live.station.ring import Ring, RingReader, RingWriter
+from taxel.live.station.station import Station
+from taxel.live.station.wiring import Mind, StationConfig, Wiring
+from taxel.recordings.trial_log import log_of, read_trial_log
+
+WHO = "monitor/0"
+RECOGNISER = {"kind": "answer", "who": "monitor/1", "target": "shape", "bundle": "b.taxel"}
+SLIP = {"slip_mm": 0.2}
+
+
+class Rig:
+    """A station whose monitors, recorder and page are this test."""
+
+    def __init__(self, stack: ExitStack, config: StationConfig) -> None:
+        self.heard_notes: list[dict[str, Any]] = []
+        self.station = Station(config, on_note=self.heard_notes.append)
+        self._stack = stack
+        self.monitor, heard = self._ring()
+        self.recorder, news = self._ring()
+        self.page, requests = self._ring()
+        to_recorder, self.recorder_orders = self._ring()
+        to_monitor, self.monitor_orders = self._ring()
+        watch = SimpleNamespace(name="monitor", row=0)
+        mind = Mind(cast("Any", watch), "", heard, to_monitor,
+                    [{"kind": "grasp", "who": WHO}, RECOGNISER])  # fmt: skip
+        self.station.wiring = cast("Wiring", SimpleNamespace(
+            minds=[mind], feeds=[], news=news, to_recorder=to_recorder,
+            send_to=lambda name: to_monitor if name == "monitor" else None,
+        ))  # fmt: skip
+        self.station._requests = requests
+        self.station.answers = Answers([RECOGNISER], config.rules)
+        self.station.guard.expect(WHO, 0.0)
+        stack.callback(self.station.close)  # before the rings that it reads
+
+    def _ring(self) -> tuple[RingWriter, RingReader]:
+        name = self._stack.enter_context(Ring(2**16)).name
+        reader = self._stack.enter_context(RingReader(name))
+        return self._stack.enter_context(RingWriter(name)), reader
+
+    def grasp(self, now_s: float, state: str = "STABLE", **more: Any) -> None:
+        note = {"kind": "grasp", "who": WHO, "state": state, "reason": "", "since_s": now_s,
+                "p": 0.1, "skipped": 0, "decided_s": now_s, **more}  # fmt: skip
+        self.monitor.put(pack(note))
+
+    def hear(self, now_s: float) -> None:
+        """One turn of the supervisor, without acting."""
+        for note in self.station._hear(now_s):
+            self.station._on_note(note)
+        self.station.guard.beat(WHO, now_s)
+        self.station.guard.tick(now_s)
+        self.station.person.tick(now_s)
+
+    def recording(self, **news: Any) -> None:
+        self.recorder.put(pack({"kind": "recording", "on": True, "path": "a.mcap", **news}))
+
+    def ordered(self) -> list[Any]:
+        return [unpack(content) for content in self.recorder_orders.take()]
+
+    @property
+    def words(self) -> list[str]:
+        return [text for _, _, text in self.station.events]
+
+    def alarm(self, kind: str) -> Any:
+        return next((a for a in self.station.guard.alarms.alarms if a.kind == kind), None)
+
+
+@pytest.fixture
+def make() -> Iterator[Any]:
+    with ExitStack() as stack:
+        yield lambda **more: Rig(stack, StationConfig(sources=(), bundles=(), **more))
+
+
+def test_a_slipping_grasp_is_logged_with_its_outcome_where_a_recording_is_on(make: Any):
+    rig = make()
+    rig.station.person.begin(1.0)
+    rig.recording()
+    rig.hear(1.0)
+    rig.grasp(1.1)
+    rig.hear(1.1)
+    rig.grasp(1.2, "WARNING")
+    rig.hear(1.2)
+    rig.monitor.put(pack({"kind": "reaction", "what": "put down", "time_s": 1.7}))
+    rig.monitor.put(pack({"kind": "new grasp", "outcome": "held"}))
+    rig.hear(2.0)
+
+    (order,) = rig.ordered()
+    trial = order["trial"]
+    assert order["do"] == "trial"
+    assert (trial["alarm"], trial["alarm_s"], trial["told"]) == ("warning", 1.2, "GRIP HARDER")
+    assert (trial["reaction"], trial["reaction_s"]) == ("put down", 1.7)
+    assert (trial["outcome"], trial["outcome_by"], trial["ended_s"]) == ("held", "source", 2.0)
+
+
+def test_without_a_recording_a_grasp_is_kept_and_sent_to_nobody(make: Any):
+    rig = make()
+    rig.station.person.begin(1.0)
+    for now_s, state in ((1.0, "STABLE"), (1.1, "WARNING")):
+        rig.grasp(now_s, state)
+        rig.hear(now_s)
+    rig.monitor.put(pack({"kind": "new grasp"}))
+    rig.hear(2.0)
+
+    assert rig.ordered() == []
+    assert len(rig.station.person.trials) == 1
+
+
+def test_a_grasp_that_ends_with_the_station_is_still_logged_beside_its_recording(
+    make: Any, tmp_path: Path
+):
+    """No process is left then that could do it."""
+    rig = make()
+    path = tmp_path / "a.mcap"
+    rig.station.person.begin(1.0)
+    rig.recording(path=str(path))
+    rig.hear(1.0)
+    rig.grasp(1.1, "UNSTABLE")
+    rig.hear(1.1)
+    rig.recording(path=str(path), on=False)
+    rig.station.close()
+
+    (trial,) = read_trial_log(log_of(path))
+    assert (trial.number, trial.alarm, trial.alarm_s) == (1, "danger", 1.1)
+    assert not rig.station.recording.get("error")
+
+
+def test_slip_is_recorded_while_a_recording_is_on_and_only_then(make: Any):
+    rig = make()
+    rig.grasp(1.0, slip=SLIP, time_s=0.9)
+    rig.hear(1.0)
+    assert rig.ordered() == []
+
+    rig.recording()
+    rig.hear(1.1)
+    rig.grasp(1.2, slip=SLIP, time_s=1.15)
+    rig.grasp(1.21, time_s=1.16)
+    rig.hear(1.2)
+    assert rig.ordered() == [{"do": "slip", "time_s": 1.15, "who": WHO, "slip": SLIP}]
+
+
+def test_a_late_camera_is_a_warning_until_its_frames_are_in_time_again(make: Any):
+    rig = make()
+    rig.grasp(1.0, time_s=0.9, late={"left": 0.25, "right": 0.031})
+    rig.hear(1.0)
+    alarm = rig.alarm("late camera")
+    assert (alarm.on, str(alarm.level)) == (True, "warning")
+    assert alarm.text == "left is 250 ms late, right is 31 ms late"
+
+    rig.grasp(1.1)  # told without a frame: it says nothing about the cameras
+    rig.hear(1.1)
+    assert rig.alarm("late camera").on
+    rig.grasp(1.2, time_s=1.1)
+    rig.hear(1.2)
+    assert not rig.alarm("late camera").on
+
+
+@pytest.mark.parametrize(
+    ("news", "text"),
+    [
+        ({"error": "the disk is full"}, "the disk is full"),
+        ({"lost": 3}, "the recorder lost 3 messages"),
+        ({"error": "the disk is full", "lost": 3}, "the disk is full"),
+    ],
+)
+def test_a_recording_that_misses_anything_is_alarmed(make: Any, news: dict[str, Any], text: str):
+    rig = make()
+    rig.recording(lost=0)
+    rig.hear(1.0)
+    assert rig.alarm("recording") is None
+    rig.recording(**news)
+    rig.hear(1.1)
+    assert (rig.alarm("recording").text, str(rig.alarm("recording").level)) == (text, "danger")
+    assert rig.heard_notes[-1]["kind"] == "recording"
+
+
+def test_the_most_sets_that_any_monitor_has_skipped_are_kept(make: Any):
+    rig = make()
+    for now_s, skipped in ((1.0, 2), (1.1, 7), (1.2, 4)):
+        rig.grasp(now_s, skipped=skipped)
+    rig.hear(1.2)
+    assert rig.station.skipped == 7
+
+
+def answer(label: str, sure: float | None) -> bytes:
+    return pack(RECOGNISER | {"label": label, "grasp": label, "grasp_confidence": sure,
+                              "reason": ""})  # fmt: skip
+
+
+def test_an_action_is_an_event_once_until_another_answer(make: Any):
+    rules = RuleTable((Rule(label="ball", least=0.5, action="left bin"),))
+    rig = make(rules=rules)
+    for label, sure in (("ball", 0.9), ("ball", 0.95), ("cube", 0.9), ("ball", None)):
+        rig.monitor.put(answer(label, sure))
+        rig.hear(1.0)
+    assert [text for text in rig.words if "bin" in text] == ["shape ball 0.90: left bin"]
+    assert rig.station.answers.newest()[0]["action"] == ""
+    assert rig.station.answers.summary()[0]["answers"] == {"ball": 3, "cube": 1}
+
+
+def test_a_gate_that_moved_is_an_event(make: Any):
+    rig = make()
+    rig.monitor.put(pack({"kind": "gate", "who": RECOGNISER["who"], "text": "shape: gate up"}))
+    rig.hear(1.0)
+    assert "shape: gate up" in rig.words
+
+
+def test_the_page_reacts_acknowledges_and_ends_a_recording(make: Any):
+    rig = make()
+    rig.station.person.begin(1.0)
+    rig.grasp(1.0, "UNSTABLE")
+    rig.hear(1.0)
+    assert not rig.alarm("grasp").acknowledged
+    for wish in ({"do": "react", "what": "pour stopped"}, {"do": "acknowledge"}, {"do": "end"}):
+        rig.page.put(pack(wish))
+    rig.hear(1.1)
+
+    assert rig.alarm("grasp").acknowledged
+    assert "the person: pour stopped" in rig.words
+    trial = rig.station.person.trial()
+    assert trial is not None
+    assert trial["reaction"] == "pour stopped"
+    assert rig.ordered() == [{"do": "end"}]
+    assert rig.station.refused_wishes == 0
+
+
+def test_a_reaction_that_is_no_known_word_is_refused_and_no_event(make: Any):
+    rig = make()
+    rig.page.put(pack({"do": "react", "what": "danced"}))
+    rig.page.put(pack({"do": "dance"}))
+    rig.hear(1.0)
+    assert rig.station.refused_wishes == 1
+    assert not [text for text in rig.words if "danced" in text]
+    assert rig.ordered() == []
+
+
+def test_orders_reach_the_process_that_is_named_and_no_other(make: Any):
+    rig = make()
+    rig.station.order("monitor", {"do": "mute", "on": True})
+    rig.station.order("nobody", {"do": "mute", "on": True})
+    rig.station.new_grasp()
+    assert [unpack(order) for order in rig.monitor_orders.take()] == [
+        {"do": "mute", "on": True}, {"do": "new grasp"},
+    ]  # fmt: skip
+
+
+def test_how_long_the_state_was_unknown_is_told_when_it_is_known_again(make: Any):
+    rig = make()
+    for now_s, state in ((1.0, "UNKNOWN"), (1.1, "UNKNOWN"), (3.5, "STABLE")):
+        rig.grasp(now_s, state)
+        rig.hear(now_s)
+        rig.station._tell_state(now_s)
+    assert rig.words == ["UNKNOWN", "STABLE: after 2.5 s of UNKNOWN"]

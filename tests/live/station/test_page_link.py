@@ -1,0 +1,233 @@
+"""What the operator's page sees of the rings, and what its wishes become.
+
+No process runs: the rings are real, and the tests write what a station would.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from contextlib import ExitStack
+from typing import Any
+
+import numpy as np
+import pytest
+
+from taxel.clock import ManualClock
+from taxel.frame_codec import encode_depth, encode_jpeg
+from taxel.live.station import page_link
+from taxel.live.station.beats import Beats
+from taxel.live.station.packets import pack, unpack
+from taxel.live.station.page_link import PageSeen, StationView, ViewConfig
+from taxel.live.station.ring import Ring, RingReader, RingWriter
+from taxel.signals import CODING, DEPTH_PNG, CameraInfo, Frame, Samples, SensorInfo
+
+WIDTH, HEIGHT = 32, 24
+HAND = SensorInfo(name="hand", channels=("a", "b"), units=("V", "V"), rate_hz=100.0)
+SIX = SensorInfo(name="imu", channels=("x",), units=("g",), rate_hz=100.0)
+NONE = SensorInfo(name="none", channels=(), units=(), rate_hz=0.0)
+
+
+def camera(name: str, **details: str) -> CameraInfo:
+    return CameraInfo(name=name, width=WIDTH, height=HEIGHT, rate_hz=60.0, details=details)
+
+
+LEFT, DEPTH = camera("left"), camera("depth", **{CODING: DEPTH_PNG})
+IMAGE = encode_jpeg(np.full((HEIGHT, WIDTH, 3), 90, np.uint8))
+
+
+class Rig:
+    """A view on rings that this test writes."""
+
+    def __init__(self, stack: ExitStack, *sources: tuple[SensorInfo, tuple[CameraInfo, ...]]):
+        self.stack = stack
+        rings = [self.ring() for _ in sources]
+        self.decisions, self.status = self.ring(), self.ring()
+        self._requests = self.ring()
+        self.beats = stack.enter_context(Beats())
+        self.view = StationView(
+            ViewConfig(
+                sources=tuple(
+                    PageSeen(url="", ring=ring, sensor=sensor, cameras=cameras)
+                    for ring, (sensor, cameras) in zip(rings, sources, strict=True)
+                ),
+                decisions=(self.decisions,), status=self.status, requests=self._requests,
+                beats=self.beats.name, stall_s=0.08,
+            )
+        )  # fmt: skip
+        stack.callback(self.view.close)
+        self.to = [stack.enter_context(RingWriter(ring)) for ring in rings]
+        self.supervisor = stack.enter_context(RingWriter(self.status))
+        self.monitor = stack.enter_context(RingWriter(self.decisions))
+        self._asked = stack.enter_context(RingReader(self._requests))
+
+    def ring(self) -> str:
+        return self.stack.enter_context(Ring(2**16)).name
+
+    def asked(self) -> list[Any]:
+        return [unpack(content) for content in self._asked.take()]
+
+    def frame(self, image: bytes, camera: int = 0, source: int = 0) -> None:
+        frame = Frame(camera=camera, jpeg=image, counter=1, device_s=0.0, arrival_s=0.0,
+                      fitted_s=0.0)  # fmt: skip
+        self.to[source].put(pack(frame))
+
+
+@pytest.fixture
+def make() -> Iterator[Any]:
+    with ExitStack() as stack:
+        yield lambda *sources: Rig(stack, *sources)
+
+
+@pytest.fixture
+def clock(monkeypatch: pytest.MonkeyPatch) -> ManualClock:
+    found = ManualClock()
+    monkeypatch.setattr(page_link, "monotonic", found.now_s)
+    monkeypatch.setattr(page_link, "sleep", found.advance)
+    return found
+
+
+def test_each_button_is_one_wish(make: Any):
+    rig = make((HAND, ()))
+    rig.view.acknowledge()
+    rig.view.disarm()
+    assert rig.view.react("put down") == ""
+    assert rig.asked() == [
+        {"do": "acknowledge"}, {"do": "disarm"}, {"do": "react", "what": "put down"},
+    ]  # fmt: skip
+
+
+def told_after(rig: Rig, clock: ManualClock, patch: pytest.MonkeyPatch, *notes: Any) -> None:
+    """Let the supervisor tell one of these at each look of the page."""
+    left = list(notes)
+
+    def sleep(seconds: float) -> None:
+        clock.advance(seconds)
+        if left:
+            rig.supervisor.put(pack(left.pop(0)))
+
+    patch.setattr(page_link, "sleep", sleep)
+
+
+OFF = {"recording": {"on": False, "error": ""}}
+ON = {"recording": {"on": True, "error": ""}}
+
+
+def test_a_recording_is_begun_once_the_recorder_says_so(
+    make: Any, clock: ManualClock, monkeypatch: pytest.MonkeyPatch
+):
+    rig = make((HAND, ()))
+    told_after(rig, clock, monkeypatch, {}, OFF, ON)
+    assert rig.view.record(True, {"object": "cup"}) == ""
+    assert rig.asked() == [{"do": "record", "labels": {"object": "cup"}}]
+    assert clock.now_s() == pytest.approx(0.06)
+
+
+def test_a_recording_that_cannot_begin_is_told_in_the_recorders_words(
+    make: Any, clock: ManualClock, monkeypatch: pytest.MonkeyPatch
+):
+    rig = make((HAND, ()))
+    told_after(rig, clock, monkeypatch, {"recording": {"on": False, "error": "the disk is full"}})
+    assert rig.view.record(True, {}) == "the disk is full"
+
+
+def test_a_recording_is_ended_although_an_old_error_is_told(
+    make: Any, clock: ManualClock, monkeypatch: pytest.MonkeyPatch
+):
+    rig = make((HAND, ()))
+    told_after(rig, clock, monkeypatch, {"recording": {"on": True, "error": "slow"}}, OFF)
+    assert rig.view.record(False, {}) == ""
+    assert rig.asked() == [{"do": "end"}]
+
+
+def test_a_recorder_that_says_nothing_is_told_after_three_seconds(make: Any, clock: ManualClock):
+    rig = make((HAND, ()))
+    assert rig.view.record(True, {}) == "the recorder does not answer"
+    assert clock.now_s() == pytest.approx(3.0, abs=0.03)
+
+
+def test_only_an_image_that_its_camera_can_have_made_is_shown(make: Any):
+    rig = make((NONE, (LEFT, camera("left"))))
+    assert rig.view.frame(0) is None
+    large = encode_jpeg(np.zeros((HEIGHT, 2 * WIDTH, 3), np.uint8))
+    for image in (b"<svg/>", large, IMAGE[:40]):
+        rig.frame(image)
+    assert [one["name"] for one in rig.view.snapshot()["cameras"]] == ["left", "left-2"]
+    assert rig.view.frame(0) is None
+    rig.frame(IMAGE, camera=1)
+    rig.frame(IMAGE, camera=1)
+    rig.view.snapshot()
+    assert (rig.view.frame(0), rig.view.frame(1)) == (None, (2, IMAGE))
+    assert rig.view.frame(2) is None
+
+
+def test_depth_is_drawn_for_people_at_most_five_times_a_second(make: Any, clock: ManualClock):
+    rig = make((HAND, ()), (NONE, (DEPTH,)))
+    clock.advance(1.0)
+    near, far = (encode_depth(np.full((HEIGHT, WIDTH), mm, np.uint16)) for mm in (300, 900))
+    rig.frame(near, source=1)
+    rig.view.snapshot()
+    first = rig.view.frame(0)
+    assert first is not None
+    assert first[0] == 1
+    assert first[1].startswith(b"\xff\xd8")
+
+    rig.frame(far, source=1)
+    rig.view.snapshot()
+    clock.advance(0.19)
+    assert rig.view.frame(0) == first
+    clock.advance(0.02)
+    second = rig.view.frame(0)
+    assert second is not None
+    assert second[0] == 2
+    assert second[1] != first[1]
+
+
+def test_a_depth_image_that_cannot_be_drawn_leaves_the_one_before(make: Any, clock: ManualClock):
+    rig = make((NONE, (DEPTH,)))
+    clock.advance(1.0)
+    rig.view._depth[0] = b"\x89PNG\r\n\x1a\n"
+    assert rig.view.frame(0) is None
+    assert page_link.draw_depth(b"", DEPTH) is None
+
+
+def test_the_array_without_cameras_is_shown_with_gaps_where_a_value_is_not_usable(make: Any):
+    rig = make((SIX, (LEFT,)), (HAND, ()))
+    values = np.array([[0.1, 0.2], [0.3, np.nan], [0.5, 0.6]], np.float32)
+    scans = Samples.from_values(values, np.array([0.0, 0.005, 0.02]), full_scale=3.3)
+    rig.to[1].put(pack(scans))
+    rig.to[0].put(pack(Samples.from_values(np.ones((1, 1)), np.zeros(1), full_scale=3.3)))
+    traces = rig.view.traces(-math.inf)
+
+    assert rig.view.snapshot()["array"]["name"] == "hand"
+    assert traces["sensors"]["t"] == [0.0]  # rows a hundredth apart, half of them for a trace
+    assert traces["time_s"] == 0.02
+    np.testing.assert_allclose(traces["map"], values[[0, 2]] / 0.6, rtol=1e-6)
+
+
+def test_a_monitors_probability_is_drawn_where_it_was_measured(make: Any):
+    rig = make((NONE, (LEFT,)))
+    notes = (
+        {"kind": "grasp", "time_s": 1.0, "p": 0.2}, {"kind": "grasp", "p": 0.9},
+        {"kind": "answer", "time_s": 1.1}, {"kind": "grasp", "time_s": 2.0, "p": None},
+    )  # fmt: skip
+    for note in notes:
+        rig.monitor.put(pack(note))
+    traces = rig.view.traces(1.0)
+    assert (traces["map"], traces["sensors"]) == (None, {"t": [], "values": []})
+    assert traces["probability"]["t"] == [2.0]
+    assert math.isnan(traces["probability"]["p"][0])
+    assert rig.view.traces(3.0)["probability"]["t"] == [1.0, 2.0]  # another clock: all anew
+
+
+def test_before_a_station_tells_anything_the_page_claims_nothing(make: Any):
+    rig = make((NONE, (LEFT,)))
+    for told in (None, b"N[1]"):
+        if told is not None:
+            rig.supervisor.put(told)
+        snapshot = rig.view.snapshot()
+        assert (snapshot["state"], snapshot["gripper"], snapshot["array"]) == (
+            "UNKNOWN",
+            None,
+            None,
+        )

@@ -1,0 +1,188 @@
+"""The recorder's desk: what it keeps beside the frames, and what it says where it cannot."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import ExitStack
+from dataclasses import asdict
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any, cast
+
+import numpy as np
+import pytest
+
+from taxel.errors import BadRecording
+from taxel.live.station import recording
+from taxel.live.station.packets import pack, unpack
+from taxel.live.station.recording import Recorded, Recording, choose_recorded
+from taxel.live.station.ring import Ring, RingReader, RingWriter
+from taxel.recordings.reader import iterate_slips, read_recording
+from taxel.recordings.trial_log import GraspTrial, append_trial, log_of, read_trial_log
+from taxel.signals import CameraInfo, Mark, Samples, SensorInfo
+
+HAND = SensorInfo(name="hand", channels=("a", "b"), units=("V", "V"), rate_hz=100.0)
+NONE = SensorInfo(name="none", channels=(), units=(), rate_hz=0.0)
+LEFT = CameraInfo(name="left", width=32, height=24, rate_hz=60.0)
+TRIAL = GraspTrial(number=1, began_s=0.0, ended_s=2.0, alarm="danger", alarm_s=1.0)
+SLIP = {"slip_mm": 0.4, "slip_rate_mm_s": 0.1, "slip_compliance": 0.2, "slip_mm_sd": 0.01,
+        "slip_rate_mm_s_sd": 0.1, "slip_compliance_sd": 0.1, "slip_seen": True}  # fmt: skip
+
+
+class Rig:
+    """A desk over one hand's ring, ordered by hand."""
+
+    def __init__(self, stack: ExitStack, folder: Path) -> None:
+        self.path = folder / "a.mcap"
+        source, news = (stack.enter_context(Ring(2**16)).name for _ in range(2))
+        self.source = stack.enter_context(RingWriter(source))
+        self._news = stack.enter_context(RingReader(news))
+        seen = Recorded(
+            ring=source, row=0, sensor=HAND, cameras=(), array=True, first_camera=0
+        )  # fmt: skip
+        job = Recording(place=cast("Any", None), sources=(seen,), orders="", news=news)
+        self.reader = stack.enter_context(RingReader(source))
+        writer = stack.enter_context(RingWriter(news))
+        self.desk = recording._Desk(job, [self.reader], writer)
+        stack.callback(self.desk.finish, "the test is over")
+        self.pulse: Any = SimpleNamespace(beat=lambda: None, consumed=0, dropped=0, produced=0)
+
+    def obey(self, do: str, **more: Any) -> dict[str, Any]:
+        """Give an order; return the newest news, empty where there are none."""
+        self.desk.obey({"do": do, **more})
+        return self.news()
+
+    def begin(self, **more: Any) -> dict[str, Any]:
+        return self.obey("record", path=str(self.path), labels={"object": "cup"}, **more)
+
+    def scans(self, count: int = 5) -> None:
+        times = np.arange(count) / 100.0
+        self.source.put(pack(Samples.from_values(np.ones((count, 2)), times, full_scale=3.3)))
+        assert self.desk.follow(self.pulse)
+
+    def news(self) -> dict[str, Any]:
+        found = self._news.newest()
+        return cast("dict[str, Any]", unpack(found)) if found is not None else {}
+
+
+@pytest.fixture
+def rig(tmp_path: Path) -> Iterator[Rig]:
+    with ExitStack() as stack:
+        yield Rig(stack, tmp_path)
+
+
+def test_slip_and_marks_are_kept_beside_the_scans_while_a_recording_is_on(rig: Rig):
+    rig.obey("slip", time_s=0.5, who="monitor/0", slip=SLIP)
+    assert rig.begin()["on"]
+    rig.scans()
+    rig.source.put(pack(Mark(start_s=0.0, end_s=0.03, labels={"outcome": "held"})))
+    rig.source.put(pack({"kind": "source"}))
+    rig.desk.follow(rig.pulse)
+    assert rig.obey("slip", time_s=0.02, who="monitor/0", slip=SLIP) == {}
+    news = rig.obey("end")
+
+    assert (news["on"], news["error"], news["kept"]) == (False, "", 2)
+    found = read_recording(rig.path)
+    assert found.manifest.labels == {"object": "cup"}
+    assert len(found.samples) == 5
+    assert [mark.labels for mark in found.marks] == [{"outcome": "held"}]
+    (slip,) = iterate_slips(rig.path)
+    assert (slip.time_s, slip.who, slip.values["slip_mm"]) == (0.02, "monitor/0", 0.4)
+
+
+def test_a_grasp_is_logged_beside_the_recording_and_not_without_one(rig: Rig):
+    rig.obey("trial", trial=asdict(TRIAL))
+    assert not log_of(rig.path).exists()
+    rig.begin()
+    rig.obey("trial", trial=asdict(TRIAL))
+    assert read_trial_log(log_of(rig.path)) == [TRIAL]
+
+
+def test_a_recording_that_replaces_another_does_not_inherit_its_log(rig: Rig):
+    rig.path.touch()
+    append_trial(log_of(rig.path), TRIAL)
+    assert rig.begin(overwrite=True)["on"]
+    assert not log_of(rig.path).exists()
+
+
+def test_a_log_that_cannot_be_written_is_told_and_the_recording_goes_on(rig: Rig):
+    rig.begin()
+    log_of(rig.path).mkdir()
+    news = rig.obey("trial", trial=asdict(TRIAL))
+    assert news["on"]
+    assert news["error"] == f"needed to write {log_of(rig.path)}; got Is a directory."
+
+
+def test_a_recording_that_cannot_begin_is_told_and_nothing_is_recorded(rig: Rig):
+    rig.path.write_bytes(b"mine")
+    news = rig.begin()
+    assert not news["on"]
+    assert "a.mcap" in news["error"]
+    assert rig.path.read_bytes() == b"mine"
+
+
+def test_a_second_recording_is_not_begun_while_one_is_on(rig: Rig, tmp_path: Path):
+    rig.begin()
+    news = rig.obey("record", path=str(tmp_path / "b.mcap"))
+    assert news["path"] == str(rig.path)
+    assert not (tmp_path / "b.mcap").exists()
+
+
+def test_an_order_that_is_no_note_or_none_that_is_known_changes_nothing(rig: Rig):
+    rig.desk.obey(Mark(start_s=0.0, end_s=1.0, labels={}))
+    assert rig.news() == {}
+    assert rig.obey("dance")["on"] is False
+
+
+class FullDisk:
+    """A recorder whose disk refuses everything."""
+
+    size = 0
+
+    def write(self, samples: Samples) -> None:
+        raise BadRecording("room on the disk", "none", "make room")
+
+    def slip(self, note: object) -> None:
+        raise BadRecording("room on the disk", "none", "make room")
+
+    def close(self, ended: str) -> None:
+        raise BadRecording("room on the disk", "none", "make room")
+
+    def statistics(self) -> dict[str, Any]:
+        return {}
+
+
+@pytest.mark.parametrize("at", ["a scan", "the end"])
+def test_a_disk_that_fills_ends_the_recording_in_words_and_what_follows_is_no_error(
+    rig: Rig, monkeypatch: pytest.MonkeyPatch, at: str
+):
+    monkeypatch.setattr(recording, "Recorder", lambda *_, **__: FullDisk())
+    rig.begin()
+    if at == "a scan":
+        rig.scans()
+    else:
+        rig.desk.finish("cleanly")
+    news = rig.news()
+    assert not news["on"]
+    assert "room on the disk" in news["error"]
+    rig.scans()
+    assert rig.pulse.produced == 0
+
+
+def test_slip_that_the_disk_refuses_is_told_with_the_next_news(
+    rig: Rig, monkeypatch: pytest.MonkeyPatch
+):
+    monkeypatch.setattr(recording, "Recorder", lambda *_, **__: FullDisk())
+    rig.begin()
+    rig.obey("slip", time_s=0.5, who="monitor/0", slip=SLIP)
+    assert "room on the disk" in rig.obey("dance")["error"]
+
+
+def test_of_several_arrays_the_one_without_cameras_is_recorded_and_the_others_are_named():
+    sources = [("r0", 0, HAND, (LEFT,)), ("r1", 1, NONE, (LEFT, LEFT)), ("r2", 2, HAND, ())]
+    chosen, left = choose_recorded(sources)
+    assert [one.array for one in chosen] == [False, False, True]
+    assert [one.first_camera for one in chosen] == [0, 1, 3]
+    assert left == "hand"
+    only_cameras, left = choose_recorded([("r1", 1, NONE, (LEFT,))])
+    assert (only_cameras[0].array, left) == (False, "")
