@@ -13,6 +13,7 @@ from typing import Any
 import tyro
 
 from taxel.cli.main import KINDS, VERBS, load_verb
+from taxel.cli.option_types import plain_types
 
 CLI = "reference/cli"
 _OPTION = re.compile(r"(?<![\w`-])--[a-z][\w-]*")
@@ -46,7 +47,8 @@ def _parser(door: str) -> Any:
     with warnings.catch_warnings():
         # The only way to a verb's options as data; taxel pins tyro below 2.
         warnings.simplefilter("ignore", DeprecationWarning)
-        return tyro.extras.get_parser(load_verb(door), prog=f"taxel {door}")
+        with plain_types():
+            return tyro.extras.get_parser(load_verb(door), prog=f"taxel {door}")
 
 
 def _lines(parser: Any, name: str, level: int) -> Iterator[str]:
@@ -61,7 +63,7 @@ def _lines(parser: Any, name: str, level: int) -> Iterator[str]:
 
 def _row(action: Any) -> str:
     text, default = _meaning(str(action.help or "").replace("%%", "%"))
-    kind = (action.metavar if isinstance(action.metavar, str) else "").removeprefix("{None}|")
+    kind = action.metavar if isinstance(action.metavar, str) else ""
     if not action.option_strings:
         shown = str(action.dest).upper()
         text += f" Of: {', '.join(kind[1:-1].split(','))}." if kind.startswith("{") else ""

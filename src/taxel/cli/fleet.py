@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import tyro
 
-from taxel.cli.page_address import page_address
+from taxel.cli.page_address import LOCAL_ADDRESS, PageAddress, parse_address
 from taxel.cli.printing import console, print_json, say, say_aside
 from taxel.cli.record import stop_signals
 from taxel.errors import BadInput
@@ -25,7 +25,7 @@ class Fleet:
     """The broker: mqtt://127.0.0.1:1883, or mqtts://HOST:8883?ca=FILE&user=NAME&password_file=FILE."""
     seconds: float | None = None
     """Stop after this many seconds; at Ctrl-C unless given."""
-    page: tuple[str, ...] | None = None
+    page: PageAddress = None
     """Serve the table as a page, at HOST:PORT or else at 127.0.0.1 and a free port; the address is
     printed. Any other host than 127.0.0.1 opens the page to the network."""
     json: bool = False
@@ -39,7 +39,7 @@ class Fleet:
 
         if self.seconds is not None and not self.seconds > 0:
             raise BadInput("--seconds above 0", f"{self.seconds:g}", "give a longer time")
-        host, port = page_address(self.page)
+        host, port = parse_address(LOCAL_ADDRESS if self.page is None else self.page)
         with ExitStack() as stack:
             stopped = stack.enter_context(stop_signals())
             watch = stack.enter_context(FleetWatch(parse_mqtt(self.broker)))

@@ -11,7 +11,7 @@ import tyro
 from taxel.bundles.shipped import find_bundle
 from taxel.cli.live_station import StationOptions, answers_lines
 from taxel.cli.option_rules import Only
-from taxel.cli.page_address import page_address
+from taxel.cli.page_address import LOCAL_ADDRESS, PageAddress, parse_address
 from taxel.cli.pairs import Pairs, parse_pairs
 from taxel.cli.printing import console, print_json, say
 from taxel.errors import BadInput
@@ -62,7 +62,7 @@ class Live:
     rules: Path | None = None
     """Table (CSV) with the columns class, least_confidence (0…1) and action. The action for each
     answer is shown, and with --tell sent with the class and its confidence."""
-    page: tuple[str, ...] | None = None
+    page: PageAddress = None
     """Serve the operator's page, at HOST:PORT or else at 127.0.0.1 and a free port; the address is
     printed. Any other host than 127.0.0.1 opens the page to the network."""
     calibration: Path | None = None
@@ -238,7 +238,7 @@ class Live:
     def _station(
         self, bundles: tuple[Path, ...], trust: Trust | None, rules: RuleTable, device: str
     ) -> StationOptions:
-        host, port = page_address(self.page)
+        host, port = parse_address(LOCAL_ADDRESS if self.page is None else self.page)
         return StationOptions(
             bundles=bundles,
             sources=(self.source, *self.beside),

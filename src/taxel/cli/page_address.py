@@ -3,22 +3,32 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Sequence
+from typing import Annotated
+
+import tyro
 
 from taxel.errors import BadInput
 
-PAGE_ADDRESS = "127.0.0.1:0"
+LOCAL_ADDRESS = "127.0.0.1:0"
 """Where a page listens unless told: this machine alone, at a free port."""
+PageAddress = Annotated[str | None, tyro.conf.arg(metavar="[HOST:PORT]")]
+"""Type of an option `--page`: an address, or `LOCAL_ADDRESS` where none was typed behind it."""
+_MEANT = re.compile(r"(?!.*://)(\S*:[0-9]*|[0-9.]+)")
+"""What stands for an address, also for one that is wrong; a bundle or a source does not."""
 
 
-def page_address(given: tuple[str, ...] | None) -> tuple[str, int]:
-    """Return host and port of what stands behind --page: HOST:PORT, or nothing.
+def with_addresses(words: Sequence[str]) -> list[str]:
+    """Return words as typed, with `LOCAL_ADDRESS` behind each --page that no address follows.
 
-    Raises:
-        BadInput: It is something else.
+    So that `--page BUNDLE SOURCE` leaves bundle and source their places.
     """
-    if given and len(given) > 1:
-        raise BadInput("one HOST:PORT for --page", " ".join(given), "put --page last")
-    return parse_address(given[0] if given else PAGE_ADDRESS)
+    found = list[str]()
+    for word, following in zip(words, [*words[1:], ""], strict=True):
+        found.append(word)
+        if word == "--page" and not _MEANT.fullmatch(following):
+            found.append(LOCAL_ADDRESS)
+    return found
 
 
 def parse_address(text: str) -> tuple[str, int]:

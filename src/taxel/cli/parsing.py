@@ -9,7 +9,7 @@ import re
 from collections.abc import Sequence
 from contextlib import redirect_stderr
 from io import BytesIO, TextIOWrapper
-from typing import TypeVar
+from typing import TypeVar, get_type_hints
 
 from taxel.errors import TaxelError
 from taxel.plain_text import visible_line, without_controls
@@ -25,18 +25,17 @@ _FORMS = (
         "one of {of} for {option}",
     ),
     (
-        r"Error parsing (?P<option>\S+): (?:invalid literal for int.*|no type.*\|INT .*)"
-        r"(?: |\[)(?P<got>'.*')\]?",
+        r"Error parsing (?P<option>\S+): invalid literal for int.* (?P<got>'.*')",
         "a whole number, in the range that its help gives, for {option}",
     ),
     (
-        r"Error parsing (?P<option>\S+): (?:could not convert string.*|no type.*\|FLOAT .*)"
-        r"(?: |\[)(?P<got>'.*')\]?",
+        r"Error parsing (?P<option>\S+): could not convert string.* (?P<got>'.*')",
         "a number, in the range that its help gives, for {option}",
     ),
     (
-        r"Error parsing (?P<option>\S+): no type matching (?P<of>\S+).* from \[(?P<got>.*)\]",
-        "{of} for {option}",
+        r"Error parsing (?P<option>\S+): Could not parse arguments \[(?P<got>.*)\] into tuple type "
+        r"tuple\[float.*",
+        "numbers, in the range that its help gives, for {option}",
     ),
     (r"Unrecognized options: (?P<got>.*)", "options that this verb has"),
 )
@@ -60,9 +59,14 @@ def parse(kind: type[V], door: str, words: Sequence[str]) -> V:
     """
     import tyro
 
+    from taxel.cli.option_types import plain_types
+    from taxel.cli.page_address import PageAddress, with_addresses
+
+    if "--page" in words and get_type_hints(kind, include_extras=True).get("page") == PageAddress:
+        words = with_addresses(words)
     said = TextIOWrapper(BytesIO(), encoding="utf-8", errors="backslashreplace")
     try:
-        with redirect_stderr(said):
+        with redirect_stderr(said), plain_types():
             return tyro.cli(kind, prog=f"taxel {door}", args=list(words))
     except SystemExit as ended:
         if not ended.code:

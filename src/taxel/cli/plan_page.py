@@ -7,7 +7,7 @@ from contextlib import ExitStack
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from taxel.cli.page_address import page_address
+from taxel.cli.page_address import parse_address
 
 if TYPE_CHECKING:
     from taxel.views.page.plan_link import PlanLink
@@ -36,7 +36,7 @@ class Shower:
 
 
 def open_shower(
-    page: tuple[str, ...] | None,
+    page: str | None,
     stack: ExitStack,
     trials: int,
     tell: Callable[..., None],
@@ -46,7 +46,7 @@ def open_shower(
     """Return where a session is shown; serve the page where that was asked for.
 
     Args:
-        page: Where it listens, HOST:PORT, or nothing; None serves none.
+        page: Where it listens, HOST:PORT; None serves none.
         stack: Ends the server.
         trials: How many the plan has.
         tell: Shows a line in the terminal.
@@ -62,6 +62,6 @@ def open_shower(
     if page is not None:
         from taxel.views.page.server import PageServer
 
-        server = stack.enter_context(PageServer(board, *page_address(page)))
+        server = stack.enter_context(PageServer(board, *parse_address(page)))
         tell(f"the page: {server.url}")
     return Shower(tell, board)

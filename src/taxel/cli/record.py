@@ -14,6 +14,7 @@ from typing import Any, ClassVar
 import tyro
 
 from taxel.cli.option_rules import Only
+from taxel.cli.page_address import PageAddress
 from taxel.cli.pairs import Pairs, parse_pairs
 from taxel.cli.printing import print_json, progress, say, say_aside
 from taxel.errors import BadInput, BadSource
@@ -59,7 +60,7 @@ class Record:
     """With --plan: address of a gripper that closes with each trial's group:force_n."""
     ask: bool = True
     """With --plan: wait for a key before each trial; a simulated pair never waits."""
-    page: tuple[str, ...] | None = None
+    page: PageAddress = None
     """With --plan: show the next trial and what to do on a page; its address is printed. It listens
     on 127.0.0.1 at a free port, or where HOST:PORT says; any host but this machine's own address is
     open to the network."""

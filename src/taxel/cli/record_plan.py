@@ -42,8 +42,8 @@ class PlanRecording:
     tare: bool
     gripper: str | None
     ask: bool
-    page: tuple[str, ...] | None
-    """Where the page listens, HOST:PORT, or nothing; None has none."""
+    page: str | None
+    """Where the page listens, HOST:PORT; None has none."""
     json: bool
 
 
