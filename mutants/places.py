@@ -60,10 +60,14 @@ PLACES = {
     "decisions": Place("src/taxel/decisions/*.py", ("tests/decisions",)),
     "interlock": Place(
         "src/taxel/actions/interlock.py",
-        ("tests/actions/test_interlock_details.py", "tests/actions/test_interlock.py"),
+        (
+            "tests/actions/test_interlock_details.py",
+            "tests/actions/test_interlock.py",
+            "tests/actions/test_interlock_promises.py",
+        ),
     ),
     "recovery": Place(
-        "src/taxel/recordings/recovery.py",
+        "src/taxel/recordings/recovery*.py",
         ("tests/recordings/test_recovery_details.py", "tests/recordings/test_recovery.py"),
     ),
 }

@@ -11,7 +11,8 @@ from mcap.reader import make_reader
 
 from taxel.errors import BadInput, BadRecording
 from taxel.recordings.reader import list_recordings, read_recording
-from taxel.recordings.recovery import RecoveryReport, recover
+from taxel.recordings.recovery import recover
+from taxel.recordings.recovery_report import RecoveryReport
 from taxel.recordings.writer import Recorder, part_path
 
 SCANS, SCANS_A_CHUNK = 120, 20

@@ -15,7 +15,8 @@ from taxel.errors import BadRecording
 from taxel.recordings import recovery
 from taxel.recordings.manifest import Manifest
 from taxel.recordings.mcap_file import MAGIC, RECORD_HEAD
-from taxel.recordings.recovery import RecoveryReport, recover
+from taxel.recordings.recovery import recover
+from taxel.recordings.recovery_report import RecoveryReport
 from taxel.recordings.scan_layout import FURTHEST_S
 from taxel.recordings.walk import Damaged
 from taxel.signals import CameraInfo, SensorInfo

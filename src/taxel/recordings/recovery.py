@@ -16,9 +16,8 @@ import contextlib
 import mmap
 import os
 from collections.abc import Callable, Iterator
-from dataclasses import asdict, dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from mcap.opcode import Opcode
@@ -29,6 +28,7 @@ from taxel.recordings import scan_layout as layout
 from taxel.recordings.chunk_content import decode_chunk
 from taxel.recordings.manifest import Manifest, from_record
 from taxel.recordings.mcap_file import COMPRESSION, MAGIC, RECORD_HEAD
+from taxel.recordings.recovery_report import RecoveryReport
 from taxel.recordings.walk import (
     LARGEST_CHUNK,
     LARGEST_METADATA,
@@ -51,35 +51,6 @@ _MANIFEST_WITHIN = 2 * _PART
 _FREE_EFFORT, _EFFORT_A_BYTE = 512 * 1024 * 1024, 8
 """Bytes that may be looked at in vain before a file counts as made to take for ever: damage
 costs each chunk once, false heads within one another cost all that follows. Our choice."""
-
-
-@dataclass(slots=True, kw_only=True)
-class RecoveryReport:
-    """What was saved and what was lost."""
-
-    scans: int = 0
-    """Scans in the recovered recording."""
-    marks: int = 0
-    frames: int = 0
-    """Frames of all cameras."""
-    chunks: int = 0
-    """Sound chunks."""
-    damaged_stretches: int = 0
-    """Places that held something else than sound records, a cut end included."""
-    bytes_skipped: int = 0
-    """Bytes in them."""
-    time_lost_s: float = 0.0
-    """Fitted time missing between the scans (without an array: the frames) on both sides of a
-    damaged stretch, seconds; what followed the last sound chunk cannot be known and is at most
-    the recorder's flush time."""
-    was_complete: bool = False
-    """True where the recording ended as a finished one does."""
-    notes: list[str] = field(default_factory=list)
-    """Lines for a person."""
-
-    def as_dict(self) -> dict[str, Any]:
-        """Return the report as plain values."""
-        return asdict(self)
 
 
 @dataclass(slots=True)

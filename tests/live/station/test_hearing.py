@@ -42,9 +42,10 @@ class Rig:
         mind = Mind(cast("Any", watch), "", heard, to_monitor,
                     [{"kind": "grasp", "who": WHO}, RECOGNISER])  # fmt: skip
         self.station.wiring = cast("Wiring", SimpleNamespace(
-            minds=[mind], feeds=[], news=news, to_recorder=to_recorder,
+            minds=[mind], feeds=[],
             send_to=lambda name: to_monitor if name == "monitor" else None,
         ))  # fmt: skip
+        self.station._recorder.wire(to_recorder, news)
         self.station._requests = requests
         self.station.answers = Answers([RECOGNISER], config.rules)
         self.station.guard.expect(WHO, 0.0)

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import json
 import struct
+from collections.abc import Iterable
 from dataclasses import asdict
 from typing import Any
 
@@ -58,6 +59,15 @@ def unpack(content: bytes) -> Packet:
         struct.error, IndexError, TypeError, KeyError, OverflowError, RecursionError
     ) as error:  # fmt: skip
         raise ValueError(f"needed a packet; got {len(content)} bytes that are none") from error
+
+
+def notes_of(contents: Iterable[bytes]) -> list[dict[str, Any]]:
+    """Return the notes among several messages.
+
+    Raises:
+        ValueError: The bytes of one are no packet.
+    """
+    return [note for note in map(unpack, contents) if isinstance(note, dict)]
 
 
 def _unpack(content: bytes) -> Packet:

@@ -12,7 +12,6 @@ from __future__ import annotations
 import contextlib
 from collections import deque
 from collections.abc import Callable
-from dataclasses import asdict
 from multiprocessing.process import BaseProcess
 from pathlib import Path
 from time import monotonic
@@ -30,16 +29,16 @@ from taxel.live.station.crew import Crew, Worker
 from taxel.live.station.crew_watch import CrewWatch
 from taxel.live.station.driving import Driving
 from taxel.live.station.guard import NO_GRASP, Guard
-from taxel.live.station.packets import pack, unpack
+from taxel.live.station.packets import notes_of, pack, unpack
 from taxel.live.station.page_link import ViewConfig
 from taxel.live.station.person import Person
+from taxel.live.station.recorder_link import RecorderLink
 from taxel.live.station.ring import RingReader, RingWriter, wait_for_any
 from taxel.live.station.shared import sweep
 from taxel.live.station.telling import Latencies, consumer_snapshot, guard_snapshot
 from taxel.live.station.wiring import StationConfig, Wiring
 from taxel.live.station.wishes import grant
 from taxel.live.station.worker import Place, hurry, settle_memory
-from taxel.recordings.trial_log import GraspTrial, append_trial, log_of
 
 TICK_S = 0.001
 """How often the supervisor looks where no decision wakes it. Source: our choice: it notices what
@@ -51,7 +50,6 @@ _TELL_S = 0.05
 """How often the page is told. Source: our choice."""
 _EVENTS = 200
 UNKNOWN = Stability.UNKNOWN.word
-_NO_RECORDING: dict[str, Any] = {"on": False, "path": "", "seconds": 0.0, "bytes": 0, "error": ""}
 Listener = Callable[[dict[str, Any]], None]
 """Called with each note of a monitor, a recogniser or the recorder."""
 
@@ -79,11 +77,10 @@ class Station:
         policy = GripPolicy(max(limits.min_n, 0.1), GripPolicyConfig(most_n=limits.max_n))
         self.guard = Guard(Interlock(limits), config.guard, policy)
         self._driving = Driving(self.guard, limits.min_n)
-        self.person = Person(self.guard, monotonic(), self._keep_trial)
+        self._recorder = RecorderLink(self.guard)
+        self.person = Person(self.guard, monotonic(), self._recorder.keep_trial)
         self.latencies = Latencies()
         self.answers = Answers(())
-        self.recording = dict(_NO_RECORDING)
-        """The recorder's newest note."""
         self.events: deque[tuple[int, float, str]] = deque(maxlen=_EVENTS)
         """What happened last: (running number, monotonic seconds, words)."""
         self._event_number = 0
@@ -96,9 +93,6 @@ class Station:
         self._since_s = 0.0
         self._disarms = 0
         self._stopped = False
-        self._closing = False
-        """True once no process is left that could log a grasp."""
-        self._late_trials: list[GraspTrial] = []
         self._final: dict[str, dict[str, int]] | None = None
 
     def __enter__(self) -> Self:
@@ -134,13 +128,16 @@ class Station:
         overwrite: bool = False,
     ) -> None:
         """Begin to record all sources; news tell how it goes."""
-        note = {"do": "record", "path": str(path), "labels": labels, "groups": groups or {},
-                "overwrite": overwrite}  # fmt: skip
-        self.wiring.to_recorder.put(pack(note))
+        self._recorder.begin(path, labels, groups or {}, overwrite=overwrite)
 
     def end_recording(self) -> None:
         """Complete the recording under way."""
-        self.wiring.to_recorder.put(pack({"do": "end"}))
+        self._recorder.end()
+
+    @property
+    def recording(self) -> dict[str, Any]:
+        """The recorder's newest note."""
+        return self._recorder.told
 
     def react(self, what: str) -> None:
         """Log what a person did about the grasp, or what came of it.
@@ -299,7 +296,7 @@ class Station:
             ],
             "latency_ms": self.latencies.lately_ms(now_s),
             "gripper": self._driving.told(),
-            "recording": {key: self.recording.get(key) for key in _NO_RECORDING},
+            "recording": self._recorder.snapshot(),
             "events": [[time_s, text] for _, time_s, text in self.events],
         }  # fmt: skip
 
@@ -311,7 +308,7 @@ class Station:
                 beat = self._beats.read(mind.worker.row)
                 for who in mind.watchers:
                     self.guard.beat(who, beat.beat_s, beat.patience_s)
-            for note in _notes(mind.heard):
+            for note in notes_of(mind.heard.take()):
                 heard.append(note)
                 if note["kind"] == "new grasp":
                     self._driving.new_grasp()
@@ -320,7 +317,7 @@ class Station:
                     self.person.marked(str(note["what"]), float(note["time_s"]))
                 elif note["kind"] == "grasp":
                     self.guard.decide(note["who"], note)
-                    self._keep_slip(note)
+                    self._recorder.keep_slip(note)
                     self.skipped = max(self.skipped, int(note["skipped"]))
                     self._weigh_late(note, now_s)
                 elif note["kind"] == "gate":
@@ -330,9 +327,7 @@ class Station:
                     self._driving.recognised(answer)
                     if news:
                         self._happened(now_s, news)
-        for note in _notes(self.wiring.news):
-            self.recording = note
-            self._weigh_recording(note, now_s)
+        for note in self._recorder.hear(now_s):
             self._on_note(note)
         for content in self._requests.take():
             try:
@@ -341,20 +336,6 @@ class Station:
                 self.refused_wishes += 1
         return heard
 
-    def _keep_slip(self, note: dict[str, Any]) -> None:
-        """Have a monitor's slip recorded beside the frames, while a recording is on."""
-        if self.recording.get("on") and "slip" in note:
-            order = {"do": "slip", "time_s": note["time_s"], "who": note["who"],
-                     "slip": note["slip"]}  # fmt: skip
-            self.wiring.to_recorder.put(pack(order))
-
-    def _keep_trial(self, trial: GraspTrial) -> None:
-        """Have a grasp's alarm, reaction and outcome logged beside the recording that is on."""
-        if self._closing:  # nothing has to be in time any more
-            self._late_trials.append(trial)
-        elif self.recording.get("on"):
-            self.wiring.to_recorder.put(pack({"do": "trial", "trial": asdict(trial)}))
-
     def _weigh_late(self, note: dict[str, Any], now_s: float) -> None:
         late = note.get("late") or {}
         if late:
@@ -362,12 +343,6 @@ class Station:
             self.guard.trouble("late camera", text, now_s, danger=False)
         elif "time_s" in note:
             self.guard.over("late camera", now_s)
-
-    def _weigh_recording(self, note: dict[str, Any], now_s: float) -> None:
-        if note.get("error"):
-            self.guard.trouble("recording", str(note["error"]), now_s)
-        elif note.get("lost"):
-            self.guard.trouble("recording", f"the recorder lost {note['lost']} messages", now_s)
 
     def _happened(self, now_s: float, text: str) -> None:
         self._event_number += 1
@@ -380,6 +355,7 @@ class Station:
         self.wiring = wiring = Wiring(self.config, self._stack, self._crew)
         self._status_to = self._stack.enter_context(RingWriter(wiring.status))
         self._requests = self._stack.enter_context(RingReader(wiring.requests))
+        self._recorder.wire(wiring.to_recorder, wiring.news)
         self._watch = CrewWatch(self._crew, wiring, self._beats, self.guard, self._happened)
         now_s = monotonic()
         for mind in wiring.minds:
@@ -400,26 +376,11 @@ class Station:
         if self._final is not None:
             return
         self._beats.rest()
-        recorded = Path(self.recording["path"]) if self.recording.get("on") else None
+        self._recorder.closing()
         self._crew.close()
-        self._closing = True
         with contextlib.suppress(AttributeError):  # where it never came to a start
             self._hear(monotonic())
         self.person.new_grasp(monotonic())
-        if recorded is not None:
-            for trial in self._late_trials:
-                with contextlib.suppress(OSError):
-                    append_trial(log_of(recorded), trial)
-        if self.recording.get("on"):
-            part = f"{self.recording['path']}.part"
-            self.recording["error"] = (
-                f"needed the recorder to complete {self.recording['path']}; got its end without "
-                f"that; run: taxel recover {part} --output {self.recording['path']}."
-            )
+        self._recorder.close()
         self._final = self._crew.ledger()
         self._stack.close()
-
-
-def _notes(reader: RingReader) -> list[dict[str, Any]]:
-    found = [unpack(content) for content in reader.take()]
-    return [note for note in found if isinstance(note, dict)]
