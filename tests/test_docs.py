@@ -7,11 +7,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-import tyro
 
 from taxel.cli.main import VERBS, load_verb, main, split_door
 from taxel.cli.old_spellings import refuse_old
 from taxel.cli.option_rules import check_rules
+from taxel.cli.parsing import BadOption, parse
 from taxel.errors import TaxelError
 
 ROOT = Path(__file__).parents[1]
@@ -50,7 +50,7 @@ def test_every_verb_in_a_code_block_or_in_backticks_exists(page: Path):
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: str(page.relative_to(ROOT)))
-def test_every_command_as_it_is_printed_is_understood(page: Path, capsys):
+def test_every_command_as_it_is_printed_is_understood(page: Path):
     """Options exist, take what is given, and none swallows the word behind it."""
     refused = []
     for line, whole in _commands(page.read_text("utf-8")):
@@ -60,13 +60,12 @@ def test_every_command_as_it_is_printed_is_understood(page: Path, capsys):
         try:
             refuse_old(words)
             door, rest = split_door(words)
-            check_rules(tyro.cli(load_verb(door), args=rest), rest)
+            check_rules(parse(load_verb(door), door, rest), rest)
+        except BadOption as error:
+            if whole or "; got none; " not in str(error):  # part of a command lacks words
+                refused.append(f"{line}: {error}")
         except TaxelError as error:
             refused.append(f"{line}: {error}")
-        except SystemExit as end:
-            said = capsys.readouterr().err
-            if end.code and (whole or "Required options" not in said):
-                refused.append(f"{line}: {said}")
 
     assert refused == []
 
