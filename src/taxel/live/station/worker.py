@@ -26,6 +26,8 @@ from taxel.processes import signal_at_parents_end
 
 _NICENESS = -10
 """Of every rank above ORDINARY, where real-time scheduling is not permitted. Our choice."""
+_given_up: list[int] = []
+"""The niceness that this process had before it hurried, to go back to: `nice taxel …` stays so."""
 _SWITCH_S = 0.0005
 """How soon another thread of an urgent process lets go of the interpreter, seconds. Our choice:
 Python's own 5 ms are longer than an alarm may take."""
@@ -162,8 +164,12 @@ def hurry(rank: Rank = Rank.SUPERVISOR) -> Rank:
     before = _rank_now()
     if not _schedule(rank):
         with contextlib.suppress(OSError, AttributeError):
-            if rank or os.getpriority(os.PRIO_PROCESS, 0) == _NICENESS:
-                os.setpriority(os.PRIO_PROCESS, 0, _NICENESS if rank else 0)
+            now = os.getpriority(os.PRIO_PROCESS, 0)
+            if rank and now != _NICENESS:
+                os.setpriority(os.PRIO_PROCESS, 0, _NICENESS)
+                _given_up.append(now)
+            elif not rank and now == _NICENESS:
+                os.setpriority(os.PRIO_PROCESS, 0, _given_up.pop() if _given_up else 0)
     if rank:
         sys.setswitchinterval(_SWITCH_S)
         _sharpen_timers()
