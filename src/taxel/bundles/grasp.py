@@ -67,7 +67,7 @@ class GraspContract:
     features: str
     """Name of the backbone, "gel", or "slip"."""
     weights: str
-    """ImageNet, file:NAME or RANDOM; empty for "gel"."""
+    """ImageNet, file:NAME or RANDOM, and where they come from; empty for "gel"."""
     head: str
     frames: int
     """k: frames in a window."""

@@ -60,6 +60,7 @@ VERBS = {
     "label": "label intervals of long recordings; correct when a grasp turned unstable",
     "audit": "find leaks in recordings or in a split, before a reviewer does",
     "models": "list models and recipes, with their parameter counts",
+    "weights": "list image networks' weights, or fetch published ones",
     "train": "train a recogniser on recordings of an array",
     "tune": "search a recipe's settings, by nested cross-validation",
     "train-monitor": "train a grasp monitor on recordings of tactile cameras",

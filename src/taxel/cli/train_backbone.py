@@ -31,6 +31,7 @@ if TYPE_CHECKING:
     from torch import nn
 
     from taxel.evaluation.transitions.data import CameraSet
+    from taxel.models.published.about import About
     from taxel.training.fine_tuning import EndToEnd, FineTuned
     from taxel.training.heads import HeadConfig
 
@@ -76,7 +77,7 @@ class TrainBackbone:
         checkpoint = self.output.with_name(f"{self.output.name}.checkpoint")
         with self.work.open(), progress() as bar:
             pours = load_set(self.labels, self.data, bar)
-            module, network = self._network(pours, config, bar)
+            module, network, start = self._network(pours, config, bar)
             task = bar.add_task("end to end", total=None)
             done = fine_tune(
                 network, pours.pours, pours.labels,
@@ -89,7 +90,7 @@ class TrainBackbone:
             )  # fmt: skip
         if not done.first:
             return
-        save_backbone_weights(module, self.output)
+        save_backbone_weights(module, self.output, self._about(len(pours.pours), start).head())
         checkpoint.unlink(missing_ok=True)
         self._print(done)
 
@@ -107,8 +108,8 @@ class TrainBackbone:
 
     def _network(
         self, pours: CameraSet, config: HeadConfig, bar: Bar
-    ) -> tuple[nn.Module, EndToEnd]:
-        """Return the backbone with its weights, and the same with a fitted head behind it."""
+    ) -> tuple[nn.Module, EndToEnd, str]:
+        """Return the backbone, the same with a fitted head behind it, and its first weights."""
         from taxel.evaluation.transitions.data import tracks_of
         from taxel.models.backbones.catalogue import find_backbone
         from taxel.training.extractors import BackboneExtractor
@@ -122,7 +123,17 @@ class TrainBackbone:
         head = fit_head(tracks_of(features, pours.labels, everything), config)
         module = find_backbone(self.backbone).build("logits")
         extractor.weights.load_into(module)
-        return module, EndToEnd(module, self.backbone, head)
+        return module, EndToEnd(module, self.backbone, head), extractor.weights.words
+
+    def _about(self, recordings: int, start: str) -> About:
+        """Return what the file of weights says of itself."""
+        from taxel.models.published.about import About
+
+        return About(
+            origin="taxel train-backbone",
+            trained=f"end to end, {self.epochs} epochs, {recordings} recordings, rule "
+            f"{self.labels.rule}, from {start}",
+        )
 
     def _print(self, done: FineTuned) -> None:
         if self.json:

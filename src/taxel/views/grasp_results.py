@@ -51,6 +51,8 @@ def transition_tables(
         own = [row for row in rows if number in row.plan.tables]
         if own:
             parts.append(_table(title, own, times if number < 3 else {}))
+    origins = {row.plan.model.split("+")[0]: row.origin for row in rows if row.origin}
+    parts += [Text(f"weights of {name}: {origin}") for name, origin in origins.items()]
     parts.append(_baseline_table(baselines))
     return Group(*parts)
 

@@ -75,7 +75,8 @@ class TransitionTables:
             for name in backbones:
                 extractor = open_features(name, pours, self.weights, self.engine)
                 found = extract_features(extractor, name, pours, self.labels.folder(), bar)
-                seen[name] = BackboneSeen(extractor.weights.label, found)  # type: ignore[union-attr]
+                weights = extractor.weights  # type: ignore[union-attr]
+                seen[name] = BackboneSeen(weights.label, found, weights.origin)
                 for plan in plans:
                     if plan.model.startswith(f"{name}+") and plan.frames == FRAMES:
                         times[plan.model] = time_step(

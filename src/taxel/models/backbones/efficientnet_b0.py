@@ -10,7 +10,7 @@ Source: Tan and Le, ICML 2019; keras.applications.efficientnet.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 import torch
@@ -32,6 +32,10 @@ SQUEEZE = 0.25
 STEM = 32
 HEAD = 1280
 CLASSES = 1000
+SIDE_PX = 224
+"""Height and width of an image, pixels. Source: the paper, Table 1."""
+REPEATS = "abcdefgh"
+"""Letters of a stage's blocks in Keras' names of layers."""
 
 
 class Stage(NamedTuple):
@@ -78,6 +82,7 @@ class InvertedBlock(nn.Module):
         inputs: Channels that come in.
         stage: Kernel, outputs and expansion.
         stride: Of the channel-wise convolution.
+        side_px: Height and width of the maps that come in, pixels.
         activation: Between the layers.
         squeeze: Whether channels are weighed, as in B0 but not in Lite0.
     """
@@ -87,6 +92,7 @@ class InvertedBlock(nn.Module):
         inputs: int,
         stage: Stage,
         stride: int,
+        side_px: int,
         activation: Callable[[], nn.Module],
         squeeze: bool,
     ) -> None:
@@ -97,7 +103,7 @@ class InvertedBlock(nn.Module):
         if self.widens:
             self.expand_conv = nn.Conv2d(inputs, wide, 1, bias=False)
             self.expand_bn = batch_norm(wide, EPS)
-        self.pad = same_pad(stage.kernel) if stride == 2 else nn.Identity()
+        self.pad = same_pad(stage.kernel, side_px) if stride == 2 else nn.Identity()
         self.dwconv = nn.Conv2d(
             wide,
             wide,
@@ -145,26 +151,36 @@ class InvertedNetwork(nn.Module):
         activation: Between the layers.
         squeeze: Whether channels are weighed.
         top: What the 1000-way top gives.
+        stages: The blocks.
+        side_px: Height and width of an image, pixels.
     """
 
-    def __init__(self, activation: Callable[[], nn.Module], squeeze: bool, top: Top) -> None:
+    def __init__(
+        self,
+        activation: Callable[[], nn.Module],
+        squeeze: bool,
+        top: Top,
+        stages: Sequence[Stage] = STAGES,
+        side_px: int = SIDE_PX,
+    ) -> None:
         super().__init__()
-        self.stem_pad = same_pad(3)
+        self.stem_pad = same_pad(3, side_px)
         self.stem = ConvNorm(nn.Conv2d(3, STEM, 3, stride=2, bias=False), activation)
-        inputs = STEM
+        inputs, side_px = STEM, _halved(side_px, 2)
         self.blocks: list[str] = []
-        for number, stage in enumerate(STAGES, start=1):
+        for number, stage in enumerate(stages, start=1):
             for repeat in range(stage.repeats):
-                name = f"block{number}{'abcd'[repeat]}"
+                name = f"block{number}{REPEATS[repeat]}"
                 stride = stage.stride if repeat == 0 else 1
-                self.add_module(name, InvertedBlock(inputs, stage, stride, activation, squeeze))
+                block = InvertedBlock(inputs, stage, stride, side_px, activation, squeeze)
+                self.add_module(name, block)
                 self.blocks.append(name)
-                inputs = stage.outputs
+                inputs, side_px = stage.outputs, _halved(side_px, stride)
         self.top = ConvNorm(nn.Conv2d(inputs, HEAD, 1, bias=False), activation)
         self.predictions = KerasClassifier(HEAD, CLASSES, top)
 
     def forward(self, scaled: Tensor) -> Tensor:
-        """Return features, shape (n, 1000), of scaled images (n, 3, 224, 224)."""
+        """Return features, shape (n, 1000), of scaled images (n, 3, side, side)."""
         maps: Tensor = self.stem(self.stem_pad(scaled))
         for name in self.blocks:
             maps = self.get_submodule(name)(maps)
@@ -193,3 +209,8 @@ class EfficientNetB0(InvertedNetwork):
         """Return features, shape (n, 1000), of images (n, 3, 224, 224), 0 to 255."""
         scaled = self.normalization(images.to(self.rescale.dtype) / 255) * self.rescale
         return super().forward(scaled)
+
+
+def _halved(side_px: int, stride: int) -> int:
+    """Return the side of the maps behind a stride, pixels."""
+    return -(-side_px // stride)

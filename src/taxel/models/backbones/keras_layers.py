@@ -94,10 +94,16 @@ def batch_norm(channels: int, eps: float) -> nn.BatchNorm2d:
     return nn.BatchNorm2d(channels, eps=eps, momentum=_MOMENTUM)
 
 
-def same_pad(kernel: int) -> nn.ZeroPad2d:
-    """Return TensorFlow's padding "same" before a stride of 2 over an even size.
+def same_pad(kernel: int, side_px: int = 224) -> nn.ZeroPad2d:
+    """Return TensorFlow's padding "same" before a stride of 2.
 
-    It puts one zero less before the image than behind it.
+    Over an even side it puts one zero less before the image than behind it, over
+    an odd one as many.
+
+    Args:
+        kernel: Width of the convolution, odd, pixels.
+        side_px: Height and width of what comes in, pixels.
     """
-    before, behind = kernel // 2 - 1, kernel // 2
+    behind = kernel // 2
+    before = behind - (side_px % 2 == 0)
     return nn.ZeroPad2d((before, behind, before, behind))

@@ -1,34 +1,39 @@
 """Weights of a backbone from a file and to one, checked name by name.
 
-Reads .safetensors (ours), Keras' .h5 and .weights.h5, and EfficientNet-Lite0's
-published .pth. Knows nothing about where files lie or which to take.
+Reads .safetensors (ours), Keras' .h5 and .weights.h5, and the .pth files that
+were published of some. Knows nothing about where files lie or which to take.
 """
 
 from __future__ import annotations
 
+import hashlib
 import importlib
 import pickle
 import re
 from collections.abc import Callable, Mapping
+from functools import partial
 from itertools import count, takewhile
 from pathlib import Path
 from typing import Any
 
 import torch
-from safetensors import SafetensorError
-from safetensors.torch import load_file, save_file
+from safetensors import SafetensorError, safe_open
+from safetensors.torch import save_file
 from torch import Tensor, nn
 
 from taxel.errors import BadFile, BadInput
 from taxel.foreign.files import check_tensors
-from taxel.models.backbones.efficientnet_lite0 import rename_published
+from taxel.models.backbones import efficientnet_lite, mobilenet_v2
 from taxel.models.backbones.keras_layers import Normalization
 from taxel.recordings.whole import whole_file
 
 SUFFIXES = (".safetensors", ".h5", ".pth")
 """Kinds of file that can be read; Keras' ".weights.h5" ends in ".h5" too."""
-_PTH_BACKBONE = "efficientnet-lite0"
-"""The only backbone whose weights were published as .pth."""
+_PTH_NAMES: dict[str, Callable[[str], str]] = {
+    f"efficientnet-lite{number}": partial(efficientnet_lite.rename_published, number=number)
+    for number in range(len(efficientnet_lite.LITES))
+} | {"mobilenet-v2": mobilenet_v2.rename_published}
+"""Backbones whose weights were published as .pth → our name of a tensor there."""
 _TOP_NAMES = ("fc1000", "probs")
 """Older names of Keras' layer "predictions" in its published files."""
 _MEND = "give this backbone's own file, with its 1000-way top"
@@ -52,17 +57,57 @@ def load_backbone_weights(module: nn.Module, name: str, path: Path) -> None:
         raise BadInput(
             f"weights in a file that ends in {', '.join(SUFFIXES)}", f"{path.name}", "convert it"
         )
-    _assign(module, name, reader(module, name, path), path)
+    assign_tensors(module, name, reader(module, name, path), path)
 
 
-def save_backbone_weights(module: nn.Module, path: Path) -> None:
+def save_backbone_weights(
+    module: nn.Module, path: Path, about: dict[str, str] | None = None
+) -> None:
     """Write a backbone's weights as .safetensors, whole or not at all.
+
+    Args:
+        module: The backbone.
+        path: The file.
+        about: Words about it, kept in the file's head.
 
     Raises:
         RecordingFailed: The disk refused.
     """
-    tensors = {key: value.contiguous() for key, value in _wanted(module).items()}
-    save_tensors(path, tensors)
+    tensors = {key: value.contiguous() for key, value in backbone_tensors(module).items()}
+    save_tensors(path, tensors, about)
+
+
+def backbone_tensors(module: nn.Module) -> dict[str, Tensor]:
+    """Return a module's tensors without PyTorch's own counters of batches."""
+    state: dict[str, Tensor] = module.state_dict()
+    return {key: value for key, value in state.items() if not key.endswith("num_batches_tracked")}
+
+
+def tensor_digest(tensors: Mapping[str, Tensor]) -> str:
+    """Return the SHA-256 over tensors: names, kinds, shapes and values, hexadecimal.
+
+    Unlike a file's sum, it stays the same however the tensors are stored.
+    """
+    whole = hashlib.sha256()
+    for name, tensor in sorted(tensors.items()):
+        whole.update(f"{name} {tensor.dtype} {tuple(tensor.shape)}\n".encode())
+        whole.update(tensor.detach().contiguous().cpu().numpy().tobytes())
+    return whole.hexdigest()
+
+
+def read_tensors(path: Path) -> tuple[dict[str, Tensor], dict[str, str]]:
+    """Return the tensors of a .safetensors file, and the words about them in its head.
+
+    Raises:
+        BadFile: It is no such file, or too large.
+        OSError: It is not there, or may not be read.
+    """
+    check_tensors(path)
+    try:
+        with safe_open(path, framework="pt") as file:
+            return {key: file.get_tensor(key) for key in file.keys()}, file.metadata() or {}  # noqa: SIM118
+    except SafetensorError as error:
+        raise BadFile("a whole .safetensors file", f"{error}", _MEND) from error
 
 
 def save_tensors(
@@ -80,14 +125,19 @@ def save_tensors(
             raise OSError(str(error)) from error
 
 
-def _wanted(module: nn.Module) -> dict[str, Tensor]:
-    """Return a module's tensors without PyTorch's own counters of batches."""
-    state: dict[str, Tensor] = module.state_dict()
-    return {key: value for key, value in state.items() if not key.endswith("num_batches_tracked")}
+def assign_tensors(module: nn.Module, name: str, given: Mapping[str, Tensor], path: Path) -> None:
+    """Fill a backbone with tensors by name, all of them or none.
 
+    Args:
+        module: What `BACKBONES[name].build` made.
+        name: Its name there.
+        given: Our name → tensor.
+        path: Where they come from, for messages.
 
-def _assign(module: nn.Module, name: str, given: Mapping[str, Tensor], path: Path) -> None:
-    wanted = _wanted(module)
+    Raises:
+        BadInput: One is missing, unknown, of another shape, or not finite.
+    """
+    wanted = backbone_tensors(module)
     given = {k: v for k, v in given.items() if not k.endswith("num_batches_tracked")}
     missing = [key for key in wanted if key not in given]
     strange = [key for key in given if key not in wanted]
@@ -112,20 +162,19 @@ def _assign(module: nn.Module, name: str, given: Mapping[str, Tensor], path: Pat
 
 def _read_safetensors(_module: nn.Module, name: str, path: Path) -> Mapping[str, Tensor]:
     try:
-        check_tensors(path)
-        tensors: dict[str, Tensor] = load_file(path)
-    except (SafetensorError, OSError, BadFile) as error:
+        return read_tensors(path)[0]
+    except (OSError, BadFile) as error:
         got = getattr(error, "got", error)
         raise BadInput(f"the weights of {name}", f"{path.name}: {got}", _MEND) from error
-    return tensors
 
 
 def _read_pth(_module: nn.Module, name: str, path: Path) -> Mapping[str, Tensor]:
-    if name != _PTH_BACKBONE:
+    rename = _PTH_NAMES.get(name)
+    if rename is None:
         raise BadInput(
             f"a .h5 or .safetensors file for {name}",
             f"{path.name}",
-            f"only {_PTH_BACKBONE} was published as .pth",
+            f"only {', '.join(_PTH_NAMES)} were published as .pth",
         )
     try:
         loaded = torch.load(path, map_location="cpu", weights_only=True)
@@ -134,7 +183,7 @@ def _read_pth(_module: nn.Module, name: str, path: Path) -> Mapping[str, Tensor]
         raise BadInput(f"the weights of {name}", f"{path.name}: {first}", _MEND) from error
     if not isinstance(loaded, dict) or not all(isinstance(v, Tensor) for v in loaded.values()):
         raise BadInput(f"the weights of {name}", f"{path.name} without them", _MEND)
-    return {rename_published(str(key)): value for key, value in loaded.items()}
+    return {rename(str(key)): value for key, value in loaded.items()}
 
 
 def _read_keras(module: nn.Module, name: str, path: Path) -> Mapping[str, Tensor]:

