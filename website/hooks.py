@@ -38,8 +38,8 @@ _JOBS = {
         "collect", "calibrate", "pads", "long-recordings", "own-array", "real-recordings",
     ),
     "Train and evaluate": (
-        "audit", "others-split", "tactile-cameras", "camera-trials", "tune", "training-curves",
-        "many-workers", "report", "robustness", "unknown-objects", "adapt",
+        "audit", "others-split", "tactile-cameras", "weights", "camera-trials", "tune",
+        "training-curves", "many-workers", "report", "robustness", "unknown-objects", "adapt",
     ),
     "Run live": (
         "live-station", "operators-page", "person-in-the-loop", "slip-warning", "gripper-and-arm",

@@ -21,6 +21,7 @@ from taxel.evaluation.cards.claims import (
     EVERY_CUP,
     NOT_YET,
     ONE_CUP,
+    STEP,
     TRIVIAL,
     Claim,
     ClaimsOfPart,
@@ -189,11 +190,17 @@ def _transition_rows(data: Mapping[str, Any], stamp: str) -> list[Row]:
                                 f"{one['weights']} {one.get('origin', '')}".rstrip(),
                                 stamp=stamp))  # fmt: skip
     for step in data["steps"]:
-        rows.append(Row(name=grasp_row(step["model"], step["frames"], "a streaming step"),
+        rows.append(Row(name=grasp_row(step["model"], step["frames"], STEP),
                         value=step["stream_ms"], unit="ms", goal="", ok=None,
-                        note=f"{step['engine']}, {step['threads']} thread(s)",
+                        note=f"{step['engine']}, {step['threads']} thread(s){_limit(step)}",
                         stamp=stamp))  # fmt: skip
     return rows
+
+
+def _limit(step: Mapping[str, Any]) -> str:
+    """Return the share of the measured limit that a step reached, where it was measured."""
+    share = step.get("share")
+    return f", {share:.0%} of this machine's matrix product" if share else ""
 
 
 def _part(part: ClaimsOfPart, known: Mapping[str, Row]) -> list[str]:

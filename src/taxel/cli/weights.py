@@ -48,38 +48,48 @@ class Weights:
         say("Fetched with: taxel weights fetch NAME. RANDOM: no trained weights here.")
 
     def _fetch(self) -> None:
-        from taxel.models.published.fetching import fetch_weights
         from taxel.models.published.origins import find_origins
-        from taxel.models.weights import find_weights, weight_cache
 
         if not self.backbones:
             raise BadInput(
                 "a backbone's name behind fetch", "none", "try: taxel weights fetch resnet50"
             )
-        folder = self.folder or weight_cache()
         for name in self.backbones:  # all names are looked at before anything is fetched
             find_origins(name, self.source)
         rows = []
         for name in self.backbones:
+            row = self._fetched(name)
+            rows.append(row)
+            if not self.json:
+                say(f"{row['path']}: {name}, {row['origin']}, {row['licence']}; {row['trained']}")
+        if self.json:
+            print_json(rows)
+
+    def _fetched(self, name: str) -> dict[str, str]:
+        """Fetch a backbone's weights unless they are here; say where they are."""
+        from taxel.models.published.fetching import fetch_weights
+        from taxel.models.published.origins import find_origins
+        from taxel.models.weights import fetched_path, fetched_weights
+
+        here = fetched_weights(name, self.folder)
+        known = {origin.words: origin for origin in find_origins(name, self.source)}
+        if here is None or here.origin not in known:
             with progress() as bar:
                 task = bar.add_task(name, total=None)
 
-                def show(what: str, done: int, of: int, bar: Any = bar, task: Any = task) -> None:
+                def show(what: str, done: int, of: int) -> None:
                     bar.update(task, description=what, completed=done, total=of or None)
 
-                path, origin, vain = fetch_weights(
-                    name, folder, place=self.source, on_progress=show
-                )
-            found = find_weights(name, path)
+                folder = fetched_path(name, self.folder).parent
+                vain = fetch_weights(name, folder, place=self.source, on_progress=show)
             for line in vain:
                 say_aside(f"{name}: not from {line}")
-            rows.append({"backbone": name, "path": str(path), "origin": origin.words,
-                         "licence": origin.licence, "trained": origin.trained,
-                         "sha256": found.digest})  # fmt: skip
-            if not self.json:
-                say(f"{path}: {name}, {origin.words}, {origin.licence}; {origin.trained}")
-        if self.json:
-            print_json(rows)
+            here = fetched_weights(name, self.folder)
+            assert here is not None
+        origin = known[here.origin]
+        return {"backbone": name, "path": str(here.path), "origin": origin.words,
+                "licence": origin.licence, "trained": origin.trained,
+                "sha256": here.digest}  # fmt: skip
 
 
 def _table(row: dict[str, Any]) -> Table:

@@ -99,8 +99,7 @@ def find_weights(
             return _describe(backbone, found)
     if packaged := _packaged(backbone):
         return _describe(backbone, packaged)
-    fetched = fetched_path(backbone, cache)
-    return _describe(backbone, fetched, own=True) if fetched.is_file() else _random(backbone, seed)
+    return fetched_weights(backbone, cache) or _random(backbone, seed)
 
 
 def fetched_path(backbone: str, cache: Path | None = None) -> Path:
@@ -111,6 +110,17 @@ def fetched_path(backbone: str, cache: Path | None = None) -> Path:
         cache: Folder of fetched weights; the user's cache unless given.
     """
     return (cache or weight_cache()) / f"{backbone}.safetensors"
+
+
+def fetched_weights(backbone: str, cache: Path | None = None) -> Weights | None:
+    """Return what was fetched for a backbone; None where nothing was.
+
+    Args:
+        backbone: Its name.
+        cache: Folder of fetched weights; the user's cache unless given.
+    """
+    path = fetched_path(backbone, cache)
+    return _describe(backbone, path, own=True) if path.is_file() else None
 
 
 def weight_cache() -> Path:

@@ -45,6 +45,7 @@ def transition_tables(
     parts: list[RenderableType] = [
         Text(f"labels: rule {rule}, {unstable:.0%} of frames unstable. Accuracy in %, 95 % in []:"),
         Text("one cup out = the paper's split, binomial over windows; every cup = each held out."),
+        Text("of limit = share of this machine's matrix product that a step reached, same run."),
         Text("RANDOM = no trained weights at hand: the row has no accuracy to compare."),
     ]
     for number, title in TITLES.items():
@@ -90,7 +91,7 @@ def _table(title: str, rows: Sequence[TableRow], times: dict[str, StepTime]) -> 
         table.add_column(column, justify="left" if column in ("model", "weights") else "right",
                          no_wrap=True)  # fmt: skip
     if times:
-        for column in ("ms paper", "ms ours", "MB paper", "MB ours"):
+        for column in ("ms paper", "ms ours", "of limit", "MB paper", "MB ours"):
             table.add_column(column, justify="right", no_wrap=True)
     for row in rows:
         step = times.get(row.plan.model)
@@ -105,6 +106,7 @@ def _table(title: str, rows: Sequence[TableRow], times: dict[str, StepTime]) -> 
         ]
         if times:
             cells += [_number(row.published_ms, 1), _number(step.stream_ms if step else None, 1),
+                      f"{step.share:.0%}" if step and step.share else "",
                       _number(row.published_mb, 1), f"{row.size_mb:.1f}"]  # fmt: skip
         table.add_row(*cells)
     return table

@@ -104,7 +104,7 @@ class TransitionTables:
                     "unstable": unstable,
                     "rows": [asdict(row) for row in rows],
                     "baselines": [asdict(row) for row in baselines],
-                    "steps": [asdict(step) for step in times.values()],
+                    "steps": [asdict(step) | {"share": step.share} for step in times.values()],
                 }
             )
             return

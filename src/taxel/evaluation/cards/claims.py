@@ -18,6 +18,8 @@ ABOVE_GATE = "simulated hand: share of scans above 1.55 V"
 """Name of the row of the threshold."""
 NOT_YET = "no row is stored yet"
 ONE_CUP, EVERY_CUP = "one cup held out", "every cup held out"
+STEP = "a streaming step"
+STEP_SHARE = "a streaming step, share of the measured matrix-product limit"
 RANDOM, SESSION = "random windows (leaks)", "session held out"
 
 

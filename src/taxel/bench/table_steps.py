@@ -1,0 +1,102 @@
+"""Times of the steps of Tables 1 and 2: each backbone with each head, on this machine.
+
+Times need no trained weights. Beside each stands the share of the machine's matrix product that
+the step reached in the same run. Knows nothing about accuracies.
+
+Background of our choices: docs/decisions/0056.
+"""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from collections.abc import Iterable
+from dataclasses import replace
+from importlib.util import find_spec
+from typing import TYPE_CHECKING
+
+from taxel.bench.rows import Row, quietest
+from taxel.bundles.engine import EngineName, Precision
+from taxel.evaluation.cards.claims import STEP, STEP_SHARE, grasp_row
+
+if TYPE_CHECKING:
+    from taxel.evaluation.transitions.step_times import StepTime
+    from taxel.models.transition import TransitionModel
+
+ROUNDS, REPEATS = 3, 6
+"""Rounds, and streaming steps in each; the quietest round counts. Source: our choice."""
+THREADS = 2
+DEFAULT = "onnxruntime f32"
+"""Engine and number format of the rows that the claims card shows."""
+
+
+def table_step_rows(models: Iterable[str] = ()) -> list[Row]:
+    """Return two rows, time and share of the limit, for each model and engine.
+
+    Args:
+        models: Names; all that the paper published unless given.
+    """
+    from taxel.models.transition import TRANSITION_MODELS, find_transition
+
+    chosen = [find_transition(name) for name in models] or [
+        model for model in TRANSITION_MODELS.values() if model.published
+    ]
+    by_backbone: dict[str, list[TransitionModel]] = defaultdict(list)
+    for model in chosen:
+        by_backbone[model.backbone].append(model)
+    return [row for backbone, own in by_backbone.items() for row in _backbone_rows(backbone, own)]
+
+
+def _ways() -> list[tuple[EngineName, Precision]]:
+    ways: list[tuple[EngineName, Precision]] = [("onnxruntime", "f32")]
+    if find_spec("openvino"):
+        ways += [("openvino", "f32"), ("openvino", "bf16")]
+    return ways
+
+
+def _backbone_rows(backbone: str, models: list[TransitionModel]) -> list[Row]:
+    """Return the rows of one backbone, which is exported once and opened in each engine."""
+    from taxel.bundles.engine import open_engine
+    from taxel.evaluation.transitions.step_times import time_step
+    from taxel.training.extractors import open_backbone
+
+    extractor = open_backbone(backbone, threads=THREADS)
+    rows: list[Row] = []
+    for engine, precision in _ways():
+        ready = replace(extractor, engine=open_engine(extractor.model, engine, precision, THREADS))
+        for model in models:
+            rounds = [
+                time_step(
+                    model.name, engine=engine, precision=precision, threads=THREADS,
+                    repeats=REPEATS, extractor=ready,
+                )
+                for _ in range(ROUNDS)
+            ]  # fmt: skip
+            rows += step_rows(model, f"{engine} {precision}", rounds)
+    return rows
+
+
+def step_rows(model: TransitionModel, way: str, rounds: list[StepTime]) -> list[Row]:
+    """Return a model's rows from its rounds: the time, and where it was measured the share.
+
+    Args:
+        model: The model.
+        way: Engine and number format; all but the default's stand in the rows' names.
+        rounds: What was measured.
+    """
+    behind = "" if way == DEFAULT else f", {way}"
+    best = min(rounds, key=lambda step: step.stream_ms)
+    note = (
+        f"{way}, {THREADS} threads; the whole window again {best.window_ms:.1f} ms; "
+        f"{model.parameters:,} numbers, {model.size_mb():.1f} MB"
+    )
+    name = grasp_row(model.name, best.frames, f"{STEP}{behind}")
+    limit_ms = model.published.step_ms if model.published else 0.0
+    row = quietest(name, [step.stream_ms for step in rounds], "ms", limit_ms,
+                   f"{note}; the goal is the paper's, on an RTX 4090")  # fmt: skip
+    rows = [row if model.published else replace(row, goal="", ok=None)]
+    if best.share is not None:
+        rows.append(Row(name=grasp_row(model.name, best.frames, f"{STEP_SHARE}{behind}"),
+                        value=best.share, unit="share", goal="", ok=None,
+                        note=f"of {best.limit_gflops:.0f} GFLOP/s, in the quietest round of "
+                        f"{len(rounds)}"))  # fmt: skip
+    return rows
