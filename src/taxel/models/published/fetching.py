@@ -50,7 +50,7 @@ def fetch_weights(
     place: Place | None = None,
     on_progress: Progress = lambda _what, _done, _of: None,
     bring: Bring | None = None,
-) -> list[str]:
+) -> tuple[Origin, list[str]]:
     """Bring a backbone's weights into a folder, converted; an older file is replaced.
 
     Args:
@@ -61,7 +61,7 @@ def fetch_weights(
         bring: What asks a place; the real registries unless given.
 
     Returns:
-        A line for each place that was asked in vain.
+        Where they came from, and a line for each place that was asked in vain.
 
     Raises:
         BadInput: Nothing was published, or no place handed it out as it should be.
@@ -86,7 +86,7 @@ def fetch_weights(
                 )
                 continue
             os.replace(made, path)
-            return vain
+            return origin, vain
     raise BadInput(
         f"the weights of {backbone} from one of the places that hand them out", "; ".join(vain),
         "try again where these can be reached, or give a file with --weights",
