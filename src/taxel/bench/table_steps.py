@@ -97,7 +97,7 @@ def step_rows(model: TransitionModel, way: str, rounds: list[StepTime]) -> list[
                    f"{note}; the goal is the paper's, on an RTX 4090")  # fmt: skip
     rows = [row if model.published else replace(row, goal="", ok=None)]
     if best.share is not None:
+        note = f"of {best.limit_gflops:.0f} GFLOP/s, the most of {len(rounds)} rounds"
         rows.append(Row(name=grasp_row(model.name, best.frames, f"{STEP_SHARE}{behind}"),
-                        value=best.share, unit="share", goal="", ok=None,
-                        note=f"of {best.limit_gflops:.0f} GFLOP/s, the most of {len(rounds)} rounds"))  # fmt: skip
+                        value=best.share, unit="share", goal="", ok=None, note=note))  # fmt: skip
     return rows
