@@ -8,9 +8,9 @@ Background of our choices: docs/decisions/0056.
 
 from __future__ import annotations
 
-from collections import defaultdict
-from collections.abc import Iterable
+from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 from importlib.util import find_spec
 from typing import TYPE_CHECKING
 
@@ -29,21 +29,16 @@ DEFAULT = "onnxruntime f32"
 """Engine and number format of the rows that the claims card shows."""
 
 
-def table_step_rows(models: Iterable[str] = ()) -> list[Row]:
-    """Return two rows, time and share of the limit, for each model and engine.
+def table_steps() -> list[tuple[str, Callable[[], list[Row]]]]:
+    """Return what to measure and how: a backbone of the paper each, so that each is kept."""
+    from taxel.models.transition import TRANSITION_MODELS
 
-    Args:
-        models: Names; all that the paper published unless given.
-    """
-    from taxel.models.transition import TRANSITION_MODELS, find_transition
-
-    chosen = [find_transition(name) for name in models] or [
-        model for model in TRANSITION_MODELS.values() if model.published
-    ]
-    by_backbone: dict[str, list[TransitionModel]] = defaultdict(list)
-    for model in chosen:
-        by_backbone[model.backbone].append(model)
-    return [row for backbone, own in by_backbone.items() for row in _backbone_rows(backbone, own)]
+    published = [model for model in TRANSITION_MODELS.values() if model.published]
+    return [
+        (f"steps of Tables 1 and 2, {backbone}", partial(backbone_rows, backbone,
+         [model for model in published if model.backbone == backbone]))
+        for backbone in dict.fromkeys(model.backbone for model in published)
+    ]  # fmt: skip
 
 
 def _ways() -> list[tuple[EngineName, Precision]]:
@@ -53,8 +48,13 @@ def _ways() -> list[tuple[EngineName, Precision]]:
     return ways
 
 
-def _backbone_rows(backbone: str, models: list[TransitionModel]) -> list[Row]:
-    """Return the rows of one backbone, which is exported once and opened in each engine."""
+def backbone_rows(backbone: str, models: list[TransitionModel]) -> list[Row]:
+    """Return the rows of one backbone, which is exported once and opened in each engine.
+
+    Args:
+        backbone: Its name.
+        models: Networks that begin with it.
+    """
     from taxel.bundles.engine import open_engine
     from taxel.evaluation.transitions.step_times import time_step
     from taxel.training.extractors import open_backbone

@@ -20,6 +20,7 @@ from typing import TYPE_CHECKING, Any
 
 from taxel.bench import gel_shear
 from taxel.bench.rows import Row, missing, quietest, row
+from taxel.bench.table_steps import table_steps
 from taxel.bundles.engine import EngineName, Precision
 
 if TYPE_CHECKING:
@@ -50,7 +51,7 @@ def quick_steps() -> list[tuple[str, Measure]]:
 def full_steps(data: Path | None) -> list[tuple[str, Measure]]:
     """Return the measurements that take longer than a few minutes."""
     return [
-        ("steps of Tables 1 to 3", table_steps),
+        *table_steps(),
         ("the paper's set, tables, warnings", paper_set),
         ("slips", lambda: slips(data)),
         ("slip warning", slip_warning),
@@ -110,13 +111,6 @@ def steps() -> list[Row]:
         rows.append(missing(f"{name}, openvino", "ms", f"<= {PAPER_STEP_MS}",
                             "install: pip install 'taxel[openvino]'"))  # fmt: skip
     return rows
-
-
-def table_steps() -> list[Row]:
-    """Time a step of each row of Tables 1 and 2, two threads, in every engine that is here."""
-    from taxel.bench.table_steps import table_step_rows
-
-    return table_step_rows()
 
 
 def _open(

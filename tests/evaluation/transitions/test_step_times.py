@@ -7,12 +7,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from taxel.bench.table_steps import step_rows
+from taxel.bench.table_steps import step_rows, table_steps
 from taxel.evaluation.cards.claims import STEP, STEP_SHARE, grasp_row
 from taxel.evaluation.transitions import limits
 from taxel.evaluation.transitions.limits import ProductLimit
 from taxel.evaluation.transitions.step_times import StepTime, time_step
-from taxel.models.transition import find_transition
+from taxel.models.transition import TRANSITION_MODELS, find_transition
 
 
 def timed(stream_ms: float, limit_gflops: float | None = 100.0) -> StepTime:
@@ -82,3 +82,12 @@ def test_another_engine_has_rows_of_its_own_and_8_bits_have_no_share() -> None:
         grasp_row("resnet50+lstm", 8, f"{STEP}, openvino int8")
     ]  # fmt: skip
     assert rows[0].ok is True
+
+
+def test_each_published_model_is_timed_once() -> None:
+    """One measurement a backbone, the paper's ten models in all."""
+    measures = table_steps()
+    models = [model.name for _, measure in measures for model in measure.args[1]]  # type: ignore[attr-defined]
+
+    assert len(measures) == 4
+    assert sorted(models) == sorted(m.name for m in TRANSITION_MODELS.values() if m.published)
