@@ -32,7 +32,7 @@ def required(extra: str = "") -> dict[str, Distribution]:
     """
     found: dict[str, Distribution] = {}
     seen: set[tuple[str, str]] = set()
-    waiting = [(ROOT, one) for one in {"", extra}]
+    waiting = [(ROOT, extra) for extra in {"", extra}]
     while waiting:
         name, own = waiting.pop()
         if (name, own) in seen:
@@ -46,7 +46,7 @@ def required(extra: str = "") -> dict[str, Distribution]:
             found[name] = package
         for need in _needs(package, own):
             key = str(canonicalize_name(need.name))
-            waiting += [(key, one) for one in {"", *need.extras}]
+            waiting += [(key, extra) for extra in {"", *need.extras}]
     return found
 
 

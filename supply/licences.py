@@ -62,7 +62,7 @@ def licence_of(package: Distribution) -> str:
     classes = [c.rpartition(" :: ")[2] for c in said.get_all("Classifier") or []
                if c.startswith("License :: OSI Approved ::")]  # fmt: skip
     if classes:
-        return " AND ".join(sorted(_CLASSIFIERS.get(one, one) for one in classes))
+        return " AND ".join(sorted(_CLASSIFIERS.get(class_, class_) for class_ in classes))
     text = str(said.get("License") or "").strip()
     return _FREE_TEXT.get(text.casefold(), text.partition("\n")[0])
 
@@ -90,9 +90,9 @@ def problems() -> list[str]:
             if not is_allowed(licence) and licence != agreed:
                 lines.append(f"{where}: {name} {package.version} has {licence or 'no licence'}")
     lines += [
-        f"in the page: {one['name']} {one['version']} has {one['license']}"
-        for one in vendored()
-        if not is_allowed(one["license"])
+        f"in the page: {package['name']} {package['version']} has {package['license']}"
+        for package in vendored()
+        if not is_allowed(package["license"])
     ]
     return sorted(set(lines))
 

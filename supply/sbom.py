@@ -22,7 +22,7 @@ def finish(bill: dict[str, Any]) -> dict[str, Any]:
         bill: As `cyclonedx-py environment` writes it.
     """
     brought: dict[str, list[str]] = {}
-    for extra in ["", *(one for one in extras() if one not in DEVELOPMENT)]:
+    for extra in ["", *(extra for extra in extras() if extra not in DEVELOPMENT)]:
         for name in required(extra):
             brought.setdefault(name, []).append(extra or "always")
     kept = []
@@ -32,27 +32,27 @@ def finish(bill: dict[str, Any]) -> dict[str, Any]:
             own = part.setdefault("properties", [])
             own += [{"name": "taxel:brought-by", "value": extra} for extra in brought[name]]
             kept.append(part)
-    taken = [_taken(one) for one in vendored()]
+    taken = [_taken(package) for package in vendored()]
     refs = {part["bom-ref"] for part in [*kept, *taken]}
     root = bill["metadata"].get("component", {}).get("bom-ref", ROOT)
-    links = [one for one in bill.get("dependencies", []) if one["ref"] in refs | {root}]
-    for one in links:
-        inside = [ref for ref in one.get("dependsOn", []) if ref in refs]
-        one["dependsOn"] = inside + (
-            [part["bom-ref"] for part in taken] if one["ref"] == root else []
+    links = [link for link in bill.get("dependencies", []) if link["ref"] in refs | {root}]
+    for link in links:
+        inside = [ref for ref in link.get("dependsOn", []) if ref in refs]
+        link["dependsOn"] = inside + (
+            [part["bom-ref"] for part in taken] if link["ref"] == root else []
         )
     return bill | {"components": [*kept, *taken], "dependencies": links}
 
 
-def _taken(one: dict[str, Any]) -> dict[str, Any]:
+def _taken(package: dict[str, Any]) -> dict[str, Any]:
     return {
         "type": "library",
-        "bom-ref": one["purl"],
-        "name": one["name"],
-        "version": one["version"],
-        "purl": one["purl"],
-        "licenses": [{"license": {"id": one["license"]}}],
-        "hashes": [{"alg": "SHA-256", "content": one["tarball_sha256"]}],
+        "bom-ref": package["purl"],
+        "name": package["name"],
+        "version": package["version"],
+        "purl": package["purl"],
+        "licenses": [{"license": {"id": package["license"]}}],
+        "hashes": [{"alg": "SHA-256", "content": package["tarball_sha256"]}],
         "properties": [{"name": "taxel:brought-by", "value": "in taxel's own files"}],
     }
 

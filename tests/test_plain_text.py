@@ -74,7 +74,7 @@ def test_short_names_differ_where_the_names_do(names, most):
     short = short_names(names, most)
 
     assert len(set(short)) == len(set(names))
-    assert all(len(one) <= max(most, 3) for one in short)
+    assert all(len(name) <= max(most, 3) for name in short)
 
 
 def test_names_are_cut_only_where_they_must_be():
@@ -182,9 +182,9 @@ def called(path: Path) -> set[str]:
     found: set[str] = set()
     for node in ast.walk(ast.parse(path.read_text())):
         if isinstance(node, ast.ImportFrom) and node.module:
-            found |= {node.module} | {f"{node.module}.{one.name}" for one in node.names}
+            found |= {node.module} | {f"{node.module}.{name.name}" for name in node.names}
         elif isinstance(node, ast.Import):
-            found |= {one.name for one in node.names}
+            found |= {name.name for name in node.names}
         elif isinstance(node, ast.Call):
             found.add(ast.unparse(node.func))
     return found

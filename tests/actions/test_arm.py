@@ -231,7 +231,7 @@ OBJECTS = st.lists(
 
 @given(OBJECTS, st.integers(1, 40))
 def test_objects_survive_any_cut(objects: list[dict[str, Any]], size: int) -> None:
-    data = b"".join(json.dumps(one).encode() for one in objects)
+    data = b"".join(json.dumps(message).encode() for message in objects)
     replies = JsonReplies()
     found = [r for i in range(0, len(data), size) for r in replies.feed(data[i : i + size])]
 

@@ -45,16 +45,16 @@ def test_real_devices_open_by_address_and_are_well() -> None:
             )
         ]
         try:
-            for one in opened:
-                one.connect()
+            for device in opened:
+                device.connect()
             assert hear_all(lock, opened, clock.now_s()) == {}
-            assert [one.force.max_n if one.force else None for one in opened] == [
+            assert [device.force.max_n if device.force else None for device in opened] == [
                 50.0, None, None, 20.0, 80.0, None,
             ]  # fmt: skip
-            assert all(isinstance(one.told()["motion"], str) for one in opened)
+            assert all(isinstance(device.told()["motion"], str) for device in opened)
         finally:
-            for one in opened:
-                one.close()
+            for device in opened:
+                device.close()
 
 
 @pytest.mark.parametrize(
@@ -152,8 +152,8 @@ def test_the_whole_path_with_simulated_devices_raises_lowers_and_stops() -> None
     assert isinstance(gripper, GripperActuator)
     assert isinstance(gripper.gripper, SimGripper)
     output = CallbackOutput(heard.append, clock)
-    for one in both:
-        one.connect()
+    for device in both:
+        device.connect()
     gripper.gripper.grip(20.0)
     clock.advance(1.0)
     lock = Interlock(InterlockConfig(min_n=10.0, max_n=40.0))
@@ -167,8 +167,8 @@ def test_the_whole_path_with_simulated_devices_raises_lowers_and_stops() -> None
             lock.decision(state.name, now)
             hear_all(lock, both, now)
             order = lock.tick(now)
-            for one in both:
-                one.tell(told(state), order, now)
+            for device in both:
+                device.tell(told(state), order, now)
             output.tell(told(state), order, now)
 
     tick(Stability.STABLE)

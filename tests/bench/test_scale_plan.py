@@ -14,7 +14,7 @@ def row(work: str, value: float | None) -> Row:
 
 
 def line(lines: list[str], start: str) -> list[str]:
-    (found,) = [one for one in lines if one.startswith(f"| {start}")]
+    (found,) = [line for line in lines if line.startswith(f"| {start}")]
     return [cell.strip() for cell in found.strip("|").split("|")]
 
 

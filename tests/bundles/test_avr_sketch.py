@@ -50,19 +50,19 @@ def test_the_sketch_tells_every_window_as_python_does(
     assert found.wrong == 0
     assert found.sent[0].reason == Doubt.SATURATED
     assert found.sent[0].best is None
-    assert any(one.best is not None for one in found.sent)
-    assert max(one.took_us for one in found.sent) <= 110_000
-    ticks = np.array([one.seq for one in found.sent])
-    times = np.array([one.t_us for one in found.sent])
+    assert any(answer.best is not None for answer in found.sent)
+    assert max(answer.took_us for answer in found.sent) <= 110_000
+    ticks = np.array([answer.seq for answer in found.sent])
+    times = np.array([answer.t_us for answer in found.sent])
     np.testing.assert_array_equal(np.diff(times), np.diff(ticks) * 10_000)
 
     others = [message for payload in found.payloads if (message := unpack(payload)) is not None]
     assert len(others) + len(found.sent) == len(found.payloads)
-    hello, beats = others[0], [one for one in others if isinstance(one, Heartbeat)]
+    hello, beats = others[0], [other for other in others if isinstance(other, Heartbeat)]
     assert isinstance(hello, Hello)
     assert (hello.rate_hz, hello.channels, hello.abilities) == (100, 0, 8)
-    assert max(np.diff([one.t_us for one in beats])) <= 100_000
-    assert {(one.state, one.dropped, one.bad) for one in beats} == {(State.IDLE, 0, 0)}
+    assert max(np.diff([beat.t_us for beat in beats])) <= 100_000
+    assert {(beat.state, beat.dropped, beat.bad) for beat in beats} == {(State.IDLE, 0, 0)}
 
 
 @needs_boards
@@ -86,8 +86,8 @@ def test_a_sketch_that_computes_otherwise_says_fault_and_no_class(
 
     assert found.wanted
     assert found.sent == []
-    beats = [one for one in map(unpack, found.payloads) if isinstance(one, Heartbeat)]
-    assert {one.state for one in beats} == {State.FAULT}
+    beats = [message for message in map(unpack, found.payloads) if isinstance(message, Heartbeat)]
+    assert {beat.state for beat in beats} == {State.FAULT}
 
 
 def test_a_decision_is_read_as_the_c_packs_it() -> None:

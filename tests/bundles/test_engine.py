@@ -23,8 +23,8 @@ def model() -> bytes:
 @pytest.mark.parametrize("rows", [1, 2, 3, 5])
 def test_rows_side_by_side_give_what_each_gives_alone(model: bytes, rows: int):
     frames = np.random.default_rng(rows).integers(0, 256, (rows, *SIZE_PX, 3), np.uint8)
-    one = open_engine(model, threads=1)
-    alone = np.concatenate([one.run(frames=frames[i : i + 1]) for i in range(rows)])
+    engine = open_engine(model, threads=1)
+    alone = np.concatenate([engine.run(frames=frames[i : i + 1]) for i in range(rows)])
     several = open_engine(model, threads=3)
     assert alone.shape == (rows, 1000)
     for _ in range(2):

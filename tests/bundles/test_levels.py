@@ -203,7 +203,7 @@ def test_only_sessions_without_touches_of_their_own_have_those_given(
 
     dataset = load_by_session(tmp_path / "test", contract(), touches)
 
-    assert [one.groups["trial"] for one in dataset.trials] == ["1#0", "1#1", "2#2", "2#3"]
+    assert [trial.groups["trial"] for trial in dataset.trials] == ["1#0", "1#1", "2#2", "2#3"]
     np.testing.assert_allclose(dataset.windows.values, np.broadcast_to(OLD, (16, 6, 4)), rtol=1e-5)
 
 

@@ -51,7 +51,7 @@ def path(tmp_path: Path, folder: bool) -> Path:
 def test_what_was_never_adapted_has_one_version(path: Path) -> None:
     found = read_history(path)
 
-    assert [one.number for one in found.versions] == [1]
+    assert [version.number for version in found.versions] == [1]
     assert found.current == 1
 
 
@@ -119,8 +119,8 @@ def test_a_kill_at_any_step_loses_no_version(
             replace_with(path, new_path(path), Change(what="three"))
 
     found = read_history(path)
-    texts = {said(path)} | {said(one) for one in path.parent.glob(f"{path.stem}.v[0-9]*")
-                            if one.suffix != ".json"}  # fmt: skip
+    texts = {said(path)} | {said(path) for path in path.parent.glob(f"{path.stem}.v[0-9]*")
+                            if path.suffix != ".json"}  # fmt: skip
     assert {"one", "two"} <= texts
     assert said(path) in ("two", "three")
     assert found.current == {"two": 2, "three": 3}[said(path)]
@@ -222,7 +222,7 @@ def test_a_former_version_made_again_is_that_version(path: Path, folder: bool) -
     adapt(path, "three", folder)
 
     assert adapt(path, "two", folder) == 2
-    assert [one.number for one in read_history(path).versions] == [1, 2, 3]
+    assert [version.number for version in read_history(path).versions] == [1, 2, 3]
     assert roll_back(path).number == 1
     assert said(kept_path(path, 3)) == "three"
 

@@ -172,7 +172,7 @@ def test_a_viewer_that_reads_nothing_misses_the_oldest_and_holds_nobody_up(serve
         stop.set()
         flooding.join()
         assert server.dropped > 0
-        assert all(len(one.waiting) <= MOST_WAITING for one in server._viewers)
+        assert all(len(viewer.waiting) <= MOST_WAITING for viewer in server._viewers)
         assert messages(quick, server, 2)
 
 

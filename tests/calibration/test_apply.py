@@ -199,7 +199,11 @@ def test_a_disk_that_is_refused_leaves_no_half_recording(
     assert ledger["scans"] == len(samples)
     written = read_recording(tmp_path / "new.mcap")
     assert written.manifest.sensor.details["raw"] == "raw.mcap"
-    assert sorted(one.name for one in tmp_path.iterdir()) == ["new.mcap", "raw.mcap", "there.mcap"]
+    assert sorted(path.name for path in tmp_path.iterdir()) == [
+        "new.mcap",
+        "raw.mcap",
+        "there.mcap",
+    ]
 
 
 def test_the_rate_is_the_measured_one_whatever_the_gaps() -> None:

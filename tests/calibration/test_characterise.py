@@ -29,11 +29,11 @@ def test_the_gauge_presses_the_sensors_of_sim_teng(three_boards: Any) -> None:
 
 def test_the_curve_has_the_simulator_s_form_and_its_force_scale(three_boards: Any) -> None:
     assert three_boards.found.form == "saturating"
-    for one in three_boards.found.sensors:
-        assert one.curve is not None
-        if one.channel == "index-middle":  # nearly silent: its curve is blurred by noise
+    for sensor in three_boards.found.sensors:
+        assert sensor.curve is not None
+        if sensor.channel == "index-middle":  # nearly silent: its curve is blurred by noise
             continue
-        _, scale_n, exponent = one.curve.parameters
+        _, scale_n, exponent = sensor.curve.parameters
         # The rise's leak bends the curve a little: α is found within a tenth.
         assert scale_n == pytest.approx(constants.FORCE_SCALE_N, rel=0.1)
         assert exponent == pytest.approx(1.0, abs=0.2)
@@ -52,13 +52,13 @@ def test_heights_are_proportional_to_the_sensors_gains(three_boards: Any) -> Non
 def test_drift_and_baseline_are_found(three_boards: Any) -> None:
     truth = three_boards.gauge.truth
     step_v = 3.3 / 1024
-    for one, drift, level in zip(
+    for sensor, drift, level in zip(
         three_boards.found.sensors, truth.drift_v_per_hour, truth.baseline_v, strict=True
     ):
-        assert one.rest is not None
-        assert one.rest.per_hour == pytest.approx(drift, abs=0.02)
+        assert sensor.rest is not None
+        assert sensor.rest.per_hour == pytest.approx(drift, abs=0.02)
         # A converter rounds down: half a step too low; the floor at 0 V lifts noise a little.
-        assert one.rest.at(0.0) == pytest.approx(level, abs=step_v)
+        assert sensor.rest.at(0.0) == pytest.approx(level, abs=step_v)
 
 
 def test_the_silent_sensor_is_named_and_boards_differ_by_their_references(
@@ -95,8 +95,8 @@ def test_three_boards_with_grounded_pins_have_no_ghosts(three_boards: Any) -> No
 def test_hysteresis_is_found_where_there_is_some_and_not_where_there_is_none(
     three_boards: Any, one_board: Any
 ) -> None:
-    some = [one.hysteresis.mean_pct for one in three_boards.found.sensors]
-    none = [one.hysteresis.mean_pct for one in one_board.found.sensors]
+    some = [sensor.hysteresis.mean_pct for sensor in three_boards.found.sensors]
+    none = [sensor.hysteresis.mean_pct for sensor in one_board.found.sensors]
 
     # memory 0.04 for 5 N: 2.8 % of the height at 0.5 N … 0 at 4 N, 1.7 % of the span on average.
     assert np.mean(some) == pytest.approx(1.7, abs=0.5)
@@ -111,10 +111,10 @@ def test_forces_the_sensor_tells_are_told_better_than_by_a_straight_line(
     assert told.split == "whole rounds, forces in its range"
     assert told.curve_n[2] < told.line_n[1]  # the intervals do not meet
     assert told.curve_n[0] < 0.12
-    for one in three_boards.found.sensors:
+    for sensor in three_boards.found.sensors:
         # The pads saturate near 1.7 N: more is not claimed.
-        assert 1.0 < one.largest_n < 2.5
-        assert one.smallest_n < (0.2 if one.channel == "index-middle" else 0.06)
+        assert 1.0 < sensor.largest_n < 2.5
+        assert sensor.smallest_n < (0.2 if sensor.channel == "index-middle" else 0.06)
 
 
 def test_a_press_with_a_missing_value_is_left_out_and_counted(three_boards: Any) -> None:
@@ -133,7 +133,7 @@ def test_a_press_with_a_missing_value_is_left_out_and_counted(three_boards: Any)
         [Taken(samples=holed, script=script, rate_hz=250.0)], three_boards.gauge.info
     )
 
-    assert [one.unusable for one in found.sensors] == [1] + [0] * 11
+    assert [sensor.unusable for sensor in found.sensors] == [1] + [0] * 11
     assert len(found.sensors[0].volts) == len(three_boards.found.sensors[0].volts) - 1
 
 
@@ -142,8 +142,8 @@ def test_a_converter_at_its_end_is_left_out_and_counted(gauged: Callable[..., An
     config = GaugeConfig(forces_n=(0.2, 0.3, 0.5, 5.0), rounds=1, material="aluminium")
     found = gauged(loud, config).found
 
-    assert sum(one.saturated for one in found.sensors) >= 11
-    assert all(one.volts.max() < 3.3 for one in found.sensors if len(one.volts))
+    assert sum(sensor.saturated for sensor in found.sensors) >= 11
+    assert all(sensor.volts.max() < 3.3 for sensor in found.sensors if len(sensor.volts))
 
 
 def test_no_presses_and_presses_of_one_force_are_refused(three_boards: Any) -> None:

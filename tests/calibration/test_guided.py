@@ -99,7 +99,7 @@ def test_presses_are_marked_where_they_were(tmp_path: Path) -> None:
     recording = read_recording(tmp_path / "raw.mcap")
     labels = [dict(mark.labels) for mark in recording.marks]
     assert made == 3
-    assert [(one["sensor"], one["force_n"], one["direction"]) for one in labels] == [
+    assert [(label["sensor"], label["force_n"], label["direction"]) for label in labels] == [
         ("index-proximal", "0.5", "up"),
         ("index-proximal", "0.93", "up"),
         ("index-proximal", "1", "down"),

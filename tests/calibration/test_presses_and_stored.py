@@ -43,9 +43,9 @@ def test_directions_and_rounds_follow_from_the_order_of_the_forces(tmp_path: Pat
 
 def test_known_voltages_are_on_one_pin_or_on_all(tmp_path: Path) -> None:
     file = table(tmp_path, "sensor,force_n,start_s,end_s,reference_v\nb,,1,2,3.3\n,,3,4,1.65\n")
-    one, every = script_of_table(file, INFO, 0.0).references
+    single, every = script_of_table(file, INFO, 0.0).references
 
-    assert (one.channel, one.volts) == (1, 3.3)
+    assert (single.channel, single.volts) == (1, 3.3)
     assert (every.channel, every.volts) == (None, 1.65)
 
 
@@ -102,13 +102,13 @@ def test_what_was_written_is_read_back(
     read = read_calibration(tmp_path / "c.json")
 
     assert read.digest == document["sha256"]
-    for one, made in zip(read.channels, three_boards.found.sensors, strict=True):
-        assert one.curve is not None
-        assert one.curve.parameters == pytest.approx(made.curve.parameters, rel=1e-8)
-        assert one.largest_n == pytest.approx(made.largest_n, rel=1e-8)
+    for channel, made in zip(read.channels, three_boards.found.sensors, strict=True):
+        assert channel.curve is not None
+        assert channel.curve.parameters == pytest.approx(made.curve.parameters, rel=1e-8)
+        assert channel.largest_n == pytest.approx(made.largest_n, rel=1e-8)
     with pytest.raises(BadInput, match="does not exist yet"):
         write_calibration(tmp_path / "c.json", document)
-    assert [one.name for one in tmp_path.iterdir()] == ["c.json"]
+    assert [path.name for path in tmp_path.iterdir()] == ["c.json"]
 
 
 def test_any_changed_byte_of_a_value_is_noticed(document: dict[str, Any], tmp_path: Path) -> None:

@@ -36,7 +36,7 @@ def refused(capsys: pytest.CaptureFixture[str]) -> Callable[[list[str]], str]:
             main(words)
         lines = capsys.readouterr().err.splitlines()
         assert end.value.code == 2, lines
-        (line,) = [one for one in lines if one.startswith("taxel: ")]
+        (line,) = [line for line in lines if line.startswith("taxel: ")]
         assert lines[-1] == line
         return line
 

@@ -92,7 +92,7 @@ def test_a_class_is_learned_from_five_grasps_and_taken_back(
     assert found["before"]["sphere"] == 0.0
     assert found["after"]["sphere"] > 0.7
     assert found["after"]["all"] > found["before"]["all"]
-    assert [one["number"] for one in history["versions"]] == [1, 2]
+    assert [version["number"] for version in history["versions"]] == [1, 2]
     assert history["versions"][1]["change"]["data"] == ["new.mcap"]
     assert bundled["parity"] < 1e-4
     assert read_contract(Path("three.taxel")).classes == ("cylinder", "rectangle", "sphere")

@@ -50,7 +50,7 @@ def test_json_holds_every_finding_and_the_verdict(
     found = json.loads(capsys.readouterr().out)
     assert found["alarms"] == 0
     assert found["verdict"].startswith("No leak found under the split 'session held out'")
-    kinds = {one["kind"] for one in found["findings"]}
+    kinds = {finding["kind"] for finding in found["findings"]}
     assert {"length", "first frame", "overlap", "duplicates", "scaling", "order"} <= kinds
 
 
@@ -66,7 +66,7 @@ def test_a_table_of_folds_is_audited(
     Audit(data=hand, target="shape", folds=table, json=True).run()
 
     found = json.loads(capsys.readouterr().out)
-    leaks = {one["kind"] for one in found["findings"] if one["verdict"] == "leak"}
+    leaks = {finding["kind"] for finding in found["findings"] if finding["verdict"] == "leak"}
     assert {"trial", "overlap", "same session"} <= leaks
 
 

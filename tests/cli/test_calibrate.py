@@ -35,7 +35,7 @@ def test_the_simulated_gauge_gives_a_curve_for_every_sensor_without_hardware(mad
     calibration = read_calibration(made / "c.json")
 
     assert len(calibration.channels) == 12
-    assert all(one.curve is not None for one in calibration.channels)
+    assert all(channel.curve is not None for channel in calibration.channels)
     page = (made / "c.html").read_text()
     assert page.count("data:image/png;base64,") == 5
     assert "http" not in page.replace("http-equiv", "")
@@ -49,8 +49,8 @@ def test_a_recording_with_marks_gives_the_curves_of_the_live_run(
 
     again = json.loads(capsys.readouterr().out)
     before = json.loads((made / "c.json").read_text())
-    assert [one["curve"] for one in again["channels"]] == [
-        pytest.approx(one["curve"], rel=1e-6) for one in before["channels"]
+    assert [channel["curve"] for channel in again["channels"]] == [
+        pytest.approx(channel["curve"], rel=1e-6) for channel in before["channels"]
     ]
     assert again["made_from"][0]["sha256"]
 
@@ -59,7 +59,7 @@ def test_a_table_of_presses_says_what_marks_say(made: Path, tmp_path: Path) -> N
     raw = read_recording(made / "raw.mcap")
     first_s = float(raw.samples.fitted_s[0])
     lines = ["sensor,force_n,start_s,end_s"]
-    for number, mark in enumerate(one for one in raw.marks if "force_n" in one.labels):
+    for number, mark in enumerate(mark for mark in raw.marks if "force_n" in mark.labels):
         name = mark.labels["sensor"]
         if number % 2:  # by number as well as by name
             name = str(raw.manifest.sensor.channels.index(name) + 1)
@@ -71,10 +71,12 @@ def test_a_table_of_presses_says_what_marks_say(made: Path, tmp_path: Path) -> N
           "--output", str(tmp_path / "table.json")])  # fmt: skip
 
     mine = read_calibration(tmp_path / "table.json")
-    for one, other in zip(mine.channels, read_calibration(made / "c.json").channels, strict=True):
-        assert one.curve is not None
+    for channel, other in zip(
+        mine.channels, read_calibration(made / "c.json").channels, strict=True
+    ):
+        assert channel.curve is not None
         assert other.curve is not None
-        assert one.curve.volts(1.0) == pytest.approx(other.curve.volts(1.0), rel=1e-3)
+        assert channel.curve.volts(1.0) == pytest.approx(other.curve.volts(1.0), rel=1e-3)
 
 
 def test_a_corrected_recording_names_its_calibration_and_leaves_the_raw_one_alone(
@@ -132,10 +134,10 @@ def test_bad_input_is_one_line_and_leaves_nothing(
     words: list[str], says: str, made: Path, tmp_path: Path, refused: Refused
 ) -> None:
     (tmp_path / "bad.mcap").write_text("no recording\n" * 50)
-    line = refused(["calibrate", *(one.format(made=made, tmp=tmp_path) for one in words)])
+    line = refused(["calibrate", *(word.format(made=made, tmp=tmp_path) for word in words)])
 
     assert says in line
-    assert [one.name for one in tmp_path.iterdir()] == ["bad.mcap"]
+    assert [path.name for path in tmp_path.iterdir()] == ["bad.mcap"]
 
 
 def test_an_edited_calibration_is_refused(made: Path, tmp_path: Path, refused: Refused) -> None:
@@ -161,7 +163,7 @@ def test_a_board_without_a_single_press_gives_no_calibration_and_keeps_the_raw_r
                         "--sensors", "b0-c2"])  # fmt: skip
 
     assert "presses of known force" in line
-    assert sorted(one.name for one in tmp_path.iterdir()) == ["c.mcap"]
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["c.mcap"]
     raw = read_recording(tmp_path / "c.mcap")
     assert raw.statistics["lost_scans"] == 0
     assert len(raw.samples) > 1000  # the rest before, and a second after

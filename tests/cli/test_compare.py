@@ -40,7 +40,7 @@ def test_two_trained_runs_are_compared(runs: Path, capsys: pytest.CaptureFixture
     assert found["smallest_p"] == 0.25
     assert len(found["groups"]) == 3
     assert found["difference"] == pytest.approx(found["second"] - found["first"])
-    assert sum(one["windows"] for one in found["groups"]) == found["windows"]
+    assert sum(group["windows"] for group in found["groups"]) == found["windows"]
     assert "3 sessions" in found["verdict"] or "very same" in found["verdict"]
 
 

@@ -38,7 +38,7 @@ def test_values_that_are_never_learned_are_measured_and_printed_as_json(
     run_unknown(folder, "material", json=True, never=("prism", "rubber"))
     (found,) = json.loads(capsys.readouterr().out)
     assert found["target"] == "material"
-    assert {one["kind"] for one in found["aurocs"]} == {"rubber"}
+    assert {auroc["kind"] for auroc in found["aurocs"]} == {"rubber"}
     assert set(found["rejected_by_class"]) == {"aluminium", "glass", "plastic"}
 
 

@@ -150,7 +150,9 @@ def test_find_prints_json_of_the_machine_as_it_is(capsys):
 
     found = json.loads(capsys.readouterr().out)
     assert set(found) == {"boards", "cameras", "scene_cameras", "addresses", "problems"}
-    assert len(found["addresses"]) >= len([one for one in found["cameras"] if one["address"]])
+    assert len(found["addresses"]) >= len(
+        [camera for camera in found["cameras"] if camera["address"]]
+    )
 
 
 def test_doctor_says_all_checks_as_json_and_ends_well_here(tmp_path, capsys, monkeypatch):
@@ -159,8 +161,8 @@ def test_doctor_says_all_checks_as_json_and_ends_well_here(tmp_path, capsys, mon
     main(["doctor", "--json", "--output", str(tmp_path)])
 
     checks = json.loads(capsys.readouterr().out)
-    assert all(set(one) == {"name", "ok", "found", "mend", "required"} for one in checks)
-    assert {one["name"] for one in checks if one["required"]} == {
+    assert all(set(check) == {"name", "ok", "found", "mend", "required"} for check in checks)
+    assert {check["name"] for check in checks if check["required"]} == {
         "packages of the live path", "shared memory", "place for recordings",
     }  # fmt: skip
     assert list(tmp_path.iterdir()) == []

@@ -48,9 +48,9 @@ def test_recordings_keep_the_labels_and_info_shows_each_literally(imported, run)
     for name in CLASSES:
         assert f"{visible(name)}=2" in line
     assert r"day\x1b[31m1" in shown
-    one = run("info", paths[0])
-    assert r"pad[/red]\x1b[5m" in one
-    assert all(visible(channel) in one for channel in CHANNELS)
+    printed = run("info", paths[0])
+    assert r"pad[/red]\x1b[5m" in printed
+    assert all(visible(channel) in printed for channel in CHANNELS)
     row = json.loads(run("info", paths[0], "--json"))
     assert row["labels"]["object"] in CLASSES
 

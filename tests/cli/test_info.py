@@ -19,10 +19,10 @@ def test_a_folder_fits_80_columns_and_says_what_its_groups_hold(
     Info(tmp_path / "data").run()
 
     lines = capsys.readouterr().out.splitlines()
-    table = lines[: next(i for i, one in enumerate(lines) if "check sums hold" in one)]
-    assert any("session-1.mcap" in one for one in table)
+    table = lines[: next(i for i, line in enumerate(lines) if "check sums hold" in line)]
+    assert any("session-1.mcap" in line for line in table)
     assert max(map(len, table)) <= 80
-    assert not any("…" in one for one in table)
+    assert not any("…" in line for line in table)
     assert "group session: session-1, session-2" in lines
 
 

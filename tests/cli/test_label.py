@@ -169,7 +169,7 @@ def test_one_plain_line_exit_code_2_and_nothing_written(
     assert captured.err.startswith("taxel: needed ")
     assert captured.err.count("\n") == 1
     written = {str(path.relative_to(tmp_path)) for path in tmp_path.rglob("*") if path.is_file()}
-    assert {one for one in written if not one.startswith("cache")} == {
+    assert {path for path in written if not path.startswith("cache")} == {
         "cups/pour.mcap",
         "cut/cut.mcap",
     }

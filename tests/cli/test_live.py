@@ -103,7 +103,10 @@ def test_two_bundles_with_one_target_are_counted_and_named_apart(
     main(words)
     lines = [line for line in capsys.readouterr().out.splitlines() if " windows: " in line]
 
-    told = [(one["bundle"], one["windows"]) for one in (found["answers"] if recorded else found)]
+    told = [
+        (answer["bundle"], answer["windows"])
+        for answer in (found["answers"] if recorded else found)
+    ]
     assert told == [(bundle, 1), (str(second), 1)]
     assert [line.split(" (")[1].split(")")[0].split(", ")[0] for line in lines] == [
         bundle,

@@ -190,8 +190,8 @@ def test_every_row_of_table_4_1_and_of_tables_1_to_3_is_on_the_card():
     for row in ROWS:
         assert f"1D CNN: {row}" in what
         assert f"2D CNN: {row}" in what
-    assert sum("k = " in one for one in what) == 10
-    assert sum(one.endswith(": parameters") for one in what) == 11
+    assert sum("k = " in claim for claim in what) == 10
+    assert sum(claim.endswith(": parameters") for claim in what) == 11
 
 
 def test_a_claim_without_a_row_says_so_and_why():
@@ -209,7 +209,7 @@ def test_a_stored_row_fills_its_cell_and_names_its_command():
 
     said = card.claims_card(rows=[row])
 
-    (line,) = (one for one in said.splitlines() if "2D CNN: Test Accuracy" in one)
+    (line,) = (line for line in said.splitlines() if "2D CNN: Test Accuracy" in line)
     assert line.split(" | ")[2:] == ["0.9983", "–", "shape 0.7654",
                                      "`taxel reproduce table-4-1` |"]  # fmt: skip
     assert "- commit abc, 2026-01-01, `taxel reproduce table-4-1`" in said
@@ -227,7 +227,7 @@ def test_a_link_with_a_star_finds_its_row_whatever_the_levels_are():
 
     said = card.claims_card(rows=[other, thesis, row])
 
-    (line,) = (one for one in said.splitlines() if "dust on the objects" in one)
+    (line,) = (line for line in said.splitlines() if "dust on the objects" in line)
     assert "| above 95 % | – | shape 1.3 points, thesis's shape 20.0 points |" in line
 
 
@@ -246,7 +246,7 @@ def test_results_are_kept_as_rows_and_a_later_one_replaces_an_earlier(
     column["rows"]["Test Accuracy"] = 0.75
     card.keep_for_claims({"t.json": [section]})
 
-    rows = {one.name: one.value for one in card.all_stored()}
+    rows = {row.name: row.value for row in card.all_stored()}
     assert len(rows) == len(ROWS) + 1
     assert (
         rows["Table 4.1, honest recordings, shape, session held out, trivial baselines: best"]
@@ -277,4 +277,4 @@ def test_a_network_without_trained_weights_has_no_accuracy_on_the_card(
     tables = {"rule": "change", "rows": [row], "baselines": [], "steps": [step]}
 
     assert card.keep_for_claims({"t.json": tables}) == 1
-    assert [one.unit for one in card.all_stored()] == ["ms"]
+    assert [row.unit for row in card.all_stored()] == ["ms"]

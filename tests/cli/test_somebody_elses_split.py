@@ -135,7 +135,9 @@ def test_the_same_table_and_folder_are_audited(
                     "object")  # fmt: skip
     fresh = printed(capsys, "audit", world / "ours", "--test", world / "theirs")
 
-    assert {one["kind"]: one["verdict"] for one in table["findings"]}["same object"] == "leak"
+    assert {finding["kind"]: finding["verdict"] for finding in table["findings"]}[
+        "same object"
+    ] == "leak"
     assert fresh["split"] == "trained on ours, tested on theirs"
     assert table["groups"]["object"] == {"cup0": 6, "cup1": 6}
 

@@ -30,14 +30,14 @@ def test_a_network_behind_a_baseline_is_warned_of_and_what_is_unknown_is_told_in
     tyro.cli(Train, args=[*words, "--reject-novel", "0.2"]).run()
 
     lines = capsys.readouterr().out.splitlines()
-    (warned,) = (one for one in lines if one.startswith("warning: "))
+    (warned,) = (line for line in lines if line.startswith("warning: "))
     assert "is no better than the baseline “" in warned
-    assert any(one.startswith("3 sessions: the interval is about") for one in lines)
-    assert any(one.startswith("worse than always guessing the majority class") for one in lines)
-    assert any(one.startswith("confusion") for one in lines)
+    assert any(line.startswith("3 sessions: the interval is about") for line in lines)
+    assert any(line.startswith("worse than always guessing the majority class") for line in lines)
+    assert any(line.startswith("confusion") for line in lines)
     (novel,) = (line for line in lines if line.startswith("rejects novel touch (UNKNOWN)"))
     assert "expected false rejection rate 0.2 on known touch" in novel
-    assert not any("run, replaced: " in one for one in lines)
+    assert not any("run, replaced: " in line for line in lines)
 
     tyro.cli(Train, args=[*words, "--no-check"]).run()
     assert "run, replaced: " in capsys.readouterr().out

@@ -36,10 +36,10 @@ def test_no_unknown_decision_is_made_with_words_of_its_own() -> None:
                 ("StabilityDecision", "._tell", ".doubt", "._doubted")
             ):
                 own = [
-                    one
-                    for one in node.args
-                    if isinstance(one, ast.JoinedStr)
-                    or (isinstance(one, ast.Constant) and isinstance(one.value, str) and one.value)
+                    arg
+                    for arg in node.args
+                    if isinstance(arg, ast.JoinedStr)
+                    or (isinstance(arg, ast.Constant) and isinstance(arg.value, str) and arg.value)
                 ]
                 assert not own, f"{path}:{node.lineno}"
 

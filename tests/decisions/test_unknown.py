@@ -192,7 +192,7 @@ def test_nan_is_as_strange_as_can_be():
     assert test.p_contact([float("nan"), 1.0], 3) == 0.0
 
 
-@pytest.mark.parametrize("strange", [None, *([one] for one in NO_NUMBER)])
+@pytest.mark.parametrize("strange", [None, *([value] for value in NO_NUMBER)])
 def test_a_window_whose_strangeness_is_no_number_is_unknown(strange: list[float] | None):
     found = decide(
         np.array([0.1, 0.9], np.float32), Quality(), CLASSES, RecogniseConfig(),

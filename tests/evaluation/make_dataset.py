@@ -42,9 +42,9 @@ def make_dataset(
                 )
             )
             for _ in range(windows_a_trial):
-                one = rng.normal(0.2, 0.05, (config.steps, 4))
-                one[:, 0] = gain * (kind + 1) + rng.normal(0, 0.1)
-                values.append(one)
+                samples = rng.normal(0.2, 0.05, (config.steps, 4))
+                samples[:, 0] = gain * (kind + 1) + rng.normal(0, 0.1)
+                values.append(samples)
                 owner.append(len(trials) - 1)
     n = len(values)
     starts = np.array([trials[o].start_s for o in owner]) + np.tile(

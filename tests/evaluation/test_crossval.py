@@ -52,8 +52,11 @@ def test_majority_is_what_the_best_constant_answer_reaches_whatever_is_held_out(
     """With objects held out the training part's commonest class is never that of the test."""
     dataset = make_dataset()
     trials = tuple(
-        replace(one, groups={**one.groups, "object": one.labels["shape"] + one.groups["session"]})
-        for one in dataset.trials
+        replace(
+            trial,
+            groups={**trial.groups, "object": trial.labels["shape"] + trial.groups["session"]},
+        )
+        for trial in dataset.trials
     )
     dataset = replace(dataset, trials=trials)
     split = by_group(dataset, "shape", "object", 18, seed=0)
@@ -71,8 +74,8 @@ def test_majority_is_what_the_best_constant_answer_reaches_whatever_is_held_out(
 def test_the_interval_is_by_the_object_where_objects_of_several_sessions_are_held_out() -> None:
     dataset = make_dataset()
     trials = tuple(
-        replace(one, groups={**one.groups, "object": one.groups["number"]})
-        for one in dataset.trials
+        replace(trial, groups={**trial.groups, "object": trial.groups["number"]})
+        for trial in dataset.trials
     )
     dataset = replace(dataset, trials=trials)
     split = by_group(dataset, "shape", "object", 6, seed=0)

@@ -73,10 +73,10 @@ def test_more_sessions_lift_the_accuracy_and_baselines_stand_beside(
         Path("d"), small(model="extra-trees", split="group:session"), folds=3, steps=3
     )
 
-    assert [one.groups for one in found.amounts] == [1, 2, 4]
+    assert [amount.groups for amount in found.amounts] == [1, 2, 4]
     assert (found.group, found.split) == ("session", "session held out")
     assert found.amounts[-1].accuracy >= found.amounts[0].accuracy > 0.5
     assert found.amounts[-1].windows == 72
-    for one in found.amounts:
-        assert one.trivial["majority"] == pytest.approx(1 / 3)
-        assert one.low <= one.accuracy <= one.high
+    for amount in found.amounts:
+        assert amount.trivial["majority"] == pytest.approx(1 / 3)
+        assert amount.low <= amount.accuracy <= amount.high

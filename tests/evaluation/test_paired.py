@@ -234,8 +234,8 @@ def test_objects_that_were_held_out_over_several_sessions_are_taken_as_wholes():
     def held(run: Run) -> Run:
         assert run.predictions is not None
         trials = tuple(
-            replace(one, groups={**one.groups, "object": one.groups["grasp"][-1]})
-            for one in run.predictions.trials
+            replace(trial, groups={**trial.groups, "object": trial.groups["grasp"][-1]})
+            for trial in run.predictions.trials
         )
         return replace(
             run, predictions=replace(run.predictions, trials=trials, split="object held out")

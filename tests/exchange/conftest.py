@@ -73,7 +73,10 @@ def make() -> Callable[..., Path]:
         path: Path, *, array: bool = True, cameras: bool = True, seconds: float = 1.6,
         seed: int = 0, scene: tuple[str, ...] = ()
     ) -> Path:  # fmt: skip
-        seen = (*(CAMERAS if cameras else ()), *(one for one in LOOKS_ON if one.name in scene))
+        seen = (
+            *(CAMERAS if cameras else ()),
+            *(camera for camera in LOOKS_ON if camera.name in scene),
+        )
         manifest = Manifest(
             sensor=ARRAY if array else NO_ARRAY, cameras=seen,
             labels={"shape": "sphere"}, groups={"session": str(seed)},

@@ -162,10 +162,12 @@ def test_the_compose_files_access_rules_let_a_station_write_only_its_own_reports
     try:
         with (
             FleetWatch(parse_mqtt(f"{place}?user=fleet&{who}")) as watch,
-            Reporter(parse_mqtt(f"{place}/{'bench' if mine else 'other'}?user=bench&{who}")) as one,
+            Reporter(
+                parse_mqtt(f"{place}/{'bench' if mine else 'other'}?user=bench&{who}")
+            ) as reporter,
         ):
-            until(lambda: watch.broker.connected and one._broker.connected)
-            one.tell(time.monotonic())
+            until(lambda: watch.broker.connected and reporter._broker.connected)
+            reporter.tell(time.monotonic())
             if mine:
                 until(lambda: presence(watch) == {"bench": "LIVE"})
             heard: list[str] = []

@@ -98,10 +98,10 @@ def test_streaming_equals_batch(world):
 
     alone = [follower.follow(frame) for frame in frames]
 
-    for one, other in zip(alone, touch_poses(frames, reference), strict=True):
-        assert np.array_equal(one.object, other.object)
-        assert np.array_equal(one.gel, other.gel)
-        assert np.array_equal(one.spread, other.spread)
+    for pose, other in zip(alone, touch_poses(frames, reference), strict=True):
+        assert np.array_equal(pose.object, other.object)
+        assert np.array_equal(pose.gel, other.gel)
+        assert np.array_equal(pose.spread, other.spread)
 
 
 @pytest.mark.parametrize("level", [0, 128, 255])

@@ -62,8 +62,8 @@ def test_the_hand_says_who_it_is_and_what_its_motors_draw(firmware: Firmware):
 
 
 def test_with_the_thesis_single_sensor_contact_of_one_finger_stops_all(firmware: Firmware):
-    one = BoardSetup(elf=firmware.elf("hand_control_1"), sensors=1)
-    with EmulatedBoards(firmware, [one]) as boards, VirtualHost(boards) as host:
+    setup = BoardSetup(elf=firmware.elf("hand_control_1"), sensors=1)
+    with EmulatedBoards(firmware, [setup]) as boards, VirtualHost(boards) as host:
         host.ready()
         host.order(Order.GRIP, 1000, 0b0011, 1000, 1200)  # two fingers run at 600 mA together
         host.run(0.25)

@@ -69,7 +69,7 @@ def test_a_board_says_who_it_is_and_its_boot_number_is_another_each_time(firmwar
         boards.run(0.1)
         boards.tell("reset 0")
         boards.run(0.1)
-        heard = [unpack(one) for one in FrameDecoder().feed(boards.bytes_sent(0))]
+        heard = [unpack(payload) for payload in FrameDecoder().feed(boards.bytes_sent(0))]
     hellos = [m for m in heard if isinstance(m, Hello)]
     assert [hello.boot_id for hello in hellos] == [41, 42]
     assert (hellos[0].board, hellos[0].board_id, hellos[0].channels) == (1, "TENG-1", 4)

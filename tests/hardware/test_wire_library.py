@@ -27,7 +27,7 @@ def feed(wire: Any, data: bytes) -> tuple[list[bytes], dict[str, int], bytes]:
     answer = wire.ask(f"feed {data.hex()}")
     payloads, *counts, rest = answer.split(" ")
     bad = {reason: int(n) for reason, n in zip(REASONS, counts, strict=True) if int(n)}
-    found = [bytes.fromhex(one) for one in payloads.split(",") if one]
+    found = [bytes.fromhex(text) for text in payloads.split(",") if text]
     return found, bad, bytes.fromhex(rest)
 
 
@@ -57,7 +57,7 @@ def test_every_golden_stream_gives_its_payloads_bytewise(wire: Any, case: dict[s
     data = bytes.fromhex(case["bytes"])
     whole = feed(wire, data)
     assert whole == (
-        [bytes.fromhex(one) for one in case["payloads"]],
+        [bytes.fromhex(text) for text in case["payloads"]],
         case["bad"],
         bytes.fromhex(case["rest"]),
     )

@@ -31,7 +31,7 @@ def test_what_is_written_is_read(tmp_path: Path) -> None:
         "change": late,
         "slip": Correction(rule="slip", onset_s=None),
     }
-    assert [one.name for one in tmp_path.iterdir()] == ["pour.labels.json"]
+    assert [path.name for path in tmp_path.iterdir()] == ["pour.labels.json"]
 
 
 def test_no_file_is_no_correction(tmp_path: Path) -> None:

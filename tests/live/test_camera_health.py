@@ -140,11 +140,11 @@ def test_of_images_that_are_not_lost_a_simulated_pour_is_never_doubted():
         health, doubts, frames = CameraHealth(source.cameras), set(), 0
         while not source.ended:
             source.read()
-            for one in source.frames():
-                health.see(one)
+            for frame in source.frames():
+                health.see(frame)
                 frames += 1
                 if frames > 2:
-                    doubts.add(health.doubt(one.arrival_s))
+                    doubts.add(health.doubt(frame.arrival_s))
 
     assert (doubts, frames) == ({""}, 360)
 
@@ -165,9 +165,9 @@ def test_a_frame_costs_little():
     for _ in range(5):
         health = CameraHealth((info(rate_hz=60.0),))
         begun_s = time.perf_counter()
-        for one in frames:
-            health.see(one)
-            health.doubt(one.arrival_s)
+        for image in frames:
+            health.see(image)
+            health.doubt(image.arrival_s)
         rounds.append((time.perf_counter() - begun_s) / len(frames))
 
     assert min(rounds) < 50e-6

@@ -205,8 +205,8 @@ def test_only_drops_that_full_force_prevents_count() -> None:
 def test_an_interval_never_says_more_than_an_exact_binomial() -> None:
     """Twenty of twenty: the exact lower bound is 0.025 to the power of one in twenty."""
     cases = [
-        LoopCase(bare=replace(LOST, run=one.run), full=STILL, held=one)
-        for one in (track(cup=i, raised_s=0.5) for i in range(20))
+        LoopCase(bare=replace(LOST, run=tracked.run), full=STILL, held=tracked)
+        for tracked in (track(cup=i, raised_s=0.5) for i in range(20))
     ]
     low, high = score_loops(cases).prevented_interval
     assert low == pytest.approx(0.025 ** (1 / 20))
@@ -228,8 +228,8 @@ def test_a_thinned_track_scores_the_same() -> None:
 
 
 def scored(prevented: float, needless: float) -> LoopScores:
-    (one,) = [score_loops([LoopCase(bare=STILL, full=STILL, held=STILL)])]
-    return replace(one, prevented_share=prevented, needless_share=needless)
+    (scores,) = [score_loops([LoopCase(bare=STILL, full=STILL, held=STILL)])]
+    return replace(scores, prevented_share=prevented, needless_share=needless)
 
 
 def test_the_middle_of_the_best_plateau_is_chosen() -> None:
@@ -255,9 +255,9 @@ def test_tuning_finds_the_threshold_that_saves_the_cup_and_leaves_the_other_alon
     ]
     stability, curve = tune_loop(tracks, SHORT, workers=1)
     assert 0.45 < stability.warn <= 0.75
-    best = next(one.scores for one in curve if one.stability == stability)
+    best = next(point.scores for point in curve if point.stability == stability)
     assert (best.prevented, best.needless) == (1, 0)
-    loose = next(one.scores for one in curve if one.stability.warn == 0.1)
+    loose = next(point.scores for point in curve if point.stability.warn == 0.1)
     assert loose.needless == 1
 
 

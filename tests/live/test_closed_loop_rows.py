@@ -51,7 +51,7 @@ def test_the_rows_tell_what_was_prevented_and_what_was_needless() -> None:
         judged(RUN, drops=False, taxel_raises=True),
         judged(PUSH, drops=True, taxel_raises=False),
     ]
-    rows = {one.name: one for one in loop_rows(pours)}
+    rows = {row.name: row for row in loop_rows(pours)}
     prevented = rows["taxel: preventable drops prevented, unseen cups"]
     assert (prevented.value, prevented.ok) == (0.5, False)
     assert "1 of 2 preventable of 2 drops in 4 pours" in prevented.note
@@ -61,7 +61,7 @@ def test_the_rows_tell_what_was_prevented_and_what_was_needless() -> None:
     assert rows["pixel difference: raised needlessly in pours that hold"].value == 1.0
     force = rows["taxel: mean grip force over always maximum"]
     assert force.value == pytest.approx((30 + 15 + 15 + 30) / 4 / 50)
-    hard = next(one for name, one in rows.items() if "pushes" in name and "prevented" in name)
+    hard = next(row for name, row in rows.items() if "pushes" in name and "prevented" in name)
     assert hard.value == 0.0
     assert hard.ok is None
 
@@ -69,13 +69,13 @@ def test_the_rows_tell_what_was_prevented_and_what_was_needless() -> None:
 def test_without_any_drop_a_row_says_so_and_is_not_met() -> None:
     rows = loop_rows([judged(RUN, drops=False, taxel_raises=False)])
     assert not rows[0].ok
-    told = next(one for one in rows if one.name.startswith("pixel difference: preventable"))
+    told = next(row for row in rows if row.name.startswith("pixel difference: preventable"))
     assert told.value is None
     assert "none to tell by" in told.note
 
 
 def test_no_cup_is_both_learned_from_and_judged() -> None:
-    cups = [{run.cup.index for run in list_runs(one)} for one in (TRAINING, UNSEEN)]
+    cups = [{run.cup.index for run in list_runs(folder)} for folder in (TRAINING, UNSEEN)]
     assert not cups[0] & cups[1]
     assert sum(map(raisable, list_runs(UNSEEN))) >= 200
 

@@ -76,7 +76,9 @@ def test_images_lost_as_in_data_sets_are_told_as_a_simulated_fault():
     told = set(doubts_of_cups(60, None)) - {""}
 
     assert told
-    assert all(one.startswith(f"{SIMULATED}the ") and one.endswith("is frozen") for one in told)
+    assert all(
+        reason.startswith(f"{SIMULATED}the ") and reason.endswith("is frozen") for reason in told
+    )
 
 
 @pytest.mark.parametrize("most", [0, 1, 3])
@@ -119,7 +121,7 @@ def test_a_camera_that_froze_in_the_pause_is_told_by_its_third_missing_image():
 def test_a_real_camera_that_sends_nothing_after_a_mark_is_gone_as_ever():
     """It said nothing of a pause."""
     bundle = read_grasp_bundle(shipped_bundle(CUP_POUR))
-    monitor = GraspMonitor(bundle, tuple(replace(one, details={}) for one in CAMERAS))
+    monitor = GraspMonitor(bundle, tuple(replace(camera, details={}) for camera in CAMERAS))
     for camera in (0, 1):
         monitor.see(frame(camera, 0, 0.0))
     assert monitor.over(0.0, 0.01).state is Stability.NO_GRASP
@@ -190,8 +192,8 @@ def test_every_unknown_of_the_watcher_has_its_reason_in_the_table(watched: list[
 def test_settling_says_what_is_left_and_that_holds(watched: list[dict[str, Any]]):
     """What is left falls from frame to frame, and the state is told when it is over."""
     notes = [note for note in watched if "time_s" in note]
-    first = notes[: next(i for i, one in enumerate(notes) if one["state"] == "STABLE") + 1]
-    left_s = [float(one["reason"].split()[-3]) for one in first if one["reason"]]
+    first = notes[: next(i for i, note in enumerate(notes) if note["state"] == "STABLE") + 1]
+    left_s = [float(answer["reason"].split()[-3]) for answer in first if answer["reason"]]
     took_s = first[-1]["time_s"] - first[0]["time_s"]
 
     assert left_s == sorted(left_s, reverse=True)

@@ -83,7 +83,7 @@ def test_live_equals_offline(few_pours: Path, tmp_path: Path, features: str) -> 
     bundle, found, head = make(tmp_path, pours, features)
     for pour, own in zip(pours, found, strict=True):
         monitor = GraspMonitor(bundle, pour.cameras)
-        answers = [monitor.push(one) for one in frame_sets(pour.path, 2)]
+        answers = [monitor.push(frame_set) for frame_set in frame_sets(pour.path, 2)]
         live = np.array([answer.probability for answer in answers])
         offline = head.probabilities(own.all())
         known = np.isfinite(live)
@@ -94,7 +94,7 @@ def test_live_equals_offline(few_pours: Path, tmp_path: Path, features: str) -> 
 def test_nothing_is_told_before_the_grasp_has_settled(edge) -> None:
     bundle, _, _, pours = edge
     monitor = GraspMonitor(bundle, pours[0].cameras)
-    answers = [monitor.push(one) for one in frame_sets(pours[0].path, 2)]
+    answers = [monitor.push(frame_set) for frame_set in frame_sets(pours[0].path, 2)]
     states = [answer.decision.state for answer in answers]
     assert set(states[: SETTLE.stop - 1]) == {Stability.UNKNOWN}
     assert Stability.UNKNOWN not in states[SETTLE.stop + 3 :]
@@ -106,15 +106,15 @@ def test_input_that_cannot_be_trusted_is_unknown(edge, fault: str) -> None:
     bundle, _, _, pours = edge
     monitor = GraspMonitor(bundle, pours[0].cameras)
     sets = list(frame_sets(pours[0].path, 2))
-    for one in sets[:40]:
-        answer = monitor.push(one)
+    for frame_set in sets[:40]:
+        answer = monitor.push(frame_set)
     assert answer.decision.state is not Stability.UNKNOWN
     if fault == "late":
         assert monitor.at(sets[39].time_s + 1.0).state is Stability.UNKNOWN
         return
     state = answer.decision.state
-    for one in sets[40:80]:
-        left, right = one.frames
+    for frame_set in sets[40:80]:
+        left, right = frame_set.frames
         broken = {"cut": right.jpeg[:500], "empty": b"", "frozen": sets[39].frames[1].jpeg}[fault]
         state = monitor.push(FrameSet((left, replace(right, jpeg=broken)))).decision.state
         if fault != "frozen":
@@ -126,11 +126,13 @@ def test_a_new_grasp_starts_afresh(edge) -> None:
     """After a reset the second pour is judged as if it were the first."""
     bundle, _, _, pours = edge
     used, new = (GraspMonitor(bundle, pours[0].cameras) for _ in range(2))
-    for one in frame_sets(pours[0].path, 2):
-        used.push(one)
+    for frame_set in frame_sets(pours[0].path, 2):
+        used.push(frame_set)
     used.reset()
-    for one in frame_sets(pours[1].path, 2):
-        assert repr(used.push(one).decision) == repr(new.push(one).decision)  # NaN equals NaN
+    for frame_set in frame_sets(pours[1].path, 2):
+        assert repr(used.push(frame_set).decision) == repr(
+            new.push(frame_set).decision
+        )  # NaN equals NaN
 
 
 def test_a_session_counts_grasps_and_outcomes(edge, few_pours: Path) -> None:

@@ -63,9 +63,9 @@ def test_a_tenth_of_lost_scans_is_answered_and_said(bundle: Bundle, call: int) -
     offline = cut_windows(stream(0.1), bundle.contract.window, SENSOR)
 
     assert len(found) == len(offline) == 20
-    assert not [one for one in found if one.decision.label == UNKNOWN]
-    np.testing.assert_allclose([one.decision.filled for one in found], offline.filled)
-    np.testing.assert_array_equal(np.concatenate([one.window.values for one in found]),
+    assert not [answer for answer in found if answer.decision.label == UNKNOWN]
+    np.testing.assert_allclose([answer.decision.filled for answer in found], offline.filled)
+    np.testing.assert_array_equal(np.concatenate([answer.window.values for answer in found]),
                                   offline.values)  # fmt: skip
 
 
@@ -73,9 +73,9 @@ def test_forty_lost_of_a_hundred_are_unknown(bundle: Bundle) -> None:
     """Nothing is filled in then, and the reason says how much is missing."""
     found = answers(bundle, stream(0.4), 10)
 
-    assert {one.decision.label for one in found} == {UNKNOWN}
-    assert {one.decision.filled for one in found} == {0.0}
-    assert all("missing" in one.decision.reason for one in found)
+    assert {answer.decision.label for answer in found} == {UNKNOWN}
+    assert {answer.decision.filled for answer in found} == {0.0}
+    assert all("missing" in answer.decision.reason for answer in found)
 
 
 def test_a_bundle_of_before_fills_nothing_and_does_not_say_what_it_learned(bundle: Bundle) -> None:

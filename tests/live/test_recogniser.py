@@ -212,9 +212,11 @@ def test_rehearsing_changes_no_answer(tmp_path: Path, window: WindowConfig) -> N
         found = eager.push(samples[row : row + 1])
         eager.warm()
         assert [a.decision.start_s for a in found] == [a.decision.start_s for a in expected]
-        for one, other in zip(found, expected, strict=True):
-            np.testing.assert_array_equal(one.window.values, other.window.values)
-            np.testing.assert_array_equal(one.decision.probabilities, other.decision.probabilities)
+        for answer, other in zip(found, expected, strict=True):
+            np.testing.assert_array_equal(answer.window.values, other.window.values)
+            np.testing.assert_array_equal(
+                answer.decision.probabilities, other.decision.probabilities
+            )
 
 
 def test_near_holds_when_one_row_is_missing(plain: Bundle) -> None:
@@ -295,6 +297,6 @@ def test_a_gate_is_made_to_follow_only_where_there_is_one(tmp_path: Path):
     contract = bundle(tmp_path, WindowConfig(steps=STEPS, stride=STEPS, gate=1.0)).contract
     assert following(contract, 30.0).window.gate_follow_s == 30.0
     without = replace(contract, window=WindowConfig(steps=STEPS, stride=STEPS))
-    for one, follow_s in ((without, 30.0), (contract, 0.0)):
+    for gate, follow_s in ((without, 30.0), (contract, 0.0)):
         with pytest.raises(BadInput, match="gate above 0 to follow"):
-            following(one, follow_s)
+            following(gate, follow_s)

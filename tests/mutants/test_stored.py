@@ -52,10 +52,13 @@ def test_a_place_s_files_and_tests_are_there_and_its_nearest_tests_come_first(pl
 
 
 def test_a_mutant_is_named_by_its_file_and_all_of_its_source() -> None:
-    one = {"file": "a.py", "source": "x = 1"}
+    mutant = {"file": "a.py", "source": "x = 1"}
 
-    assert key_of(one) == key_of(dict(one))
-    assert len({key_of(one), key_of(one | {"file": "b.py"}), key_of(one | {"source": "x"})}) == 3
+    assert key_of(mutant) == key_of(dict(mutant))
+    assert (
+        len({key_of(mutant), key_of(mutant | {"file": "b.py"}), key_of(mutant | {"source": "x"})})
+        == 3
+    )
 
 
 @pytest.mark.skipif(find_spec("cosmic_ray") is None, reason="cosmic-ray: make mutants brings it")

@@ -65,7 +65,7 @@ def write(path: Path, count: int = 100, size: int = 500) -> list[Frame]:
 
 
 def by_camera(frames: list[Frame]) -> list[list[Frame]]:
-    return [[one for one in frames if one.camera == camera] for camera in (0, 1)]
+    return [[frame for frame in frames if frame.camera == camera] for camera in (0, 1)]
 
 
 def test_frames_come_back_exactly(tmp_path: Path) -> None:
@@ -199,7 +199,7 @@ def test_frames_are_read_in_constant_memory(tmp_path: Path) -> None:
     write(tmp_path / "a.mcap", count=400, size=50_000)
     tracemalloc.start()
     try:
-        assert sum(len(one.jpeg) for one in iterate_frames(tmp_path / "a.mcap")) > 40_000_000
+        assert sum(len(frame.jpeg) for frame in iterate_frames(tmp_path / "a.mcap")) > 40_000_000
         assert tracemalloc.get_traced_memory()[1] < 5_000_000
     finally:
         tracemalloc.stop()
@@ -232,7 +232,7 @@ def test_damage_costs_its_own_chunk_only(tmp_path: Path) -> None:
     assert report.frames == len(found)
     assert 0 < len(frames) - len(found) <= 16  # a chunk of 256 KiB holds 13 or 14 frames
     for kept, written in zip(by_camera(found), by_camera(frames), strict=True):
-        assert [one for one in written if one in kept] == kept
+        assert [frame for frame in written if frame in kept] == kept
     assert sum(len(block.samples) for block in iterate_blocks(tmp_path / "b.mcap")) == 100
 
 

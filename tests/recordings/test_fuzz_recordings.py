@@ -131,7 +131,7 @@ def changed_recording(draw: st.DrawFn, honest: bytes) -> bytes:
     kind = draw(st.sampled_from(("bytes", "manifest", "manifest", "chunk", "chunk", "record")))
     if kind == "bytes":
         return draw(changed_bytes(honest))
-    records = [one for one in records_of(honest) if one[0] not in (2, 15)]
+    records = [record for record in records_of(honest) if record[0] not in (2, 15)]
     if kind == "manifest":
         payload = draw(changed_manifest())
         # Recovery would find the honest copy in the channel's record.
@@ -318,7 +318,9 @@ def test_corrections_are_read_or_refused(
 def test_the_honest_recording_is_read(honest: bytes, tmp_path: Path) -> None:
     """Otherwise nothing above would be tried."""
     path = tmp_path / "a.mcap"
-    path.write_bytes(assembled([one for one in records_of(honest) if one[0] not in (2, 15)]))
+    path.write_bytes(
+        assembled([record for record in records_of(honest) if record[0] not in (2, 15)])
+    )
 
     assert len(read_recording(path).samples) == 60
     assert len(list(iterate_frames(path))) == 6

@@ -16,7 +16,7 @@ def read(path: Path, text: str, *names: str) -> dict:
     path.write_text(text, "utf-8")
     found = read_intervals(path, names or ("long",))
     return {
-        name: [(one.start_s, one.end_s, dict(one.labels)) for one in own]
+        name: [(interval.start_s, interval.end_s, dict(interval.labels)) for interval in own]
         for name, own in found.items()
     }
 
@@ -40,7 +40,7 @@ def test_label_tracks_of_audacity_and_annotations_of_mne_are_read_as_they_are(tm
 
     for text, label in ((audacity, "label"), (mne, "description")):
         (own,) = read(tmp_path / "t.txt", text).values()
-        assert own == [(start, end, {label: one["object"]}) for start, end, one in TWO]
+        assert own == [(start, end, {label: interval["object"]}) for start, end, interval in TWO]
 
 
 def test_labels_groups_and_file_names_are_one_however_their_accents_were_typed(tmp_path):
@@ -49,8 +49,8 @@ def test_labels_groups_and_file_names_are_one_however_their_accents_were_typed(t
         "file,start_s,end_s,label:a,group:who\ncafe\u0301.csv,0,1,cafe\u0301,e\u0301\n"
     )
 
-    (one,) = read_intervals(table, ["caf\u00e9"])["caf\u00e9"]
-    assert (one.labels, one.groups) == ({"a": "caf\u00e9"}, {"who": "\u00e9"})
+    (interval,) = read_intervals(table, ["caf\u00e9"])["caf\u00e9"]
+    assert (interval.labels, interval.groups) == ({"a": "caf\u00e9"}, {"who": "\u00e9"})
 
 
 @pytest.mark.parametrize(
@@ -90,7 +90,7 @@ def test_neighbouring_intervals_share_no_scan_and_lose_none():
     marks = marks_of(intervals, time_s, 100.0)
 
     inside = [(time_s >= mark.start_s) & (time_s <= mark.end_s) for mark in marks]
-    assert [int(one.sum()) for one in inside] == [100, 100, 100]
+    assert [int(mask.sum()) for mask in inside] == [100, 100, 100]
     assert int(np.any(inside, axis=0).sum()) == 300
 
 
@@ -103,6 +103,6 @@ def test_neighbouring_intervals_share_no_scan_and_lose_none():
     ],
 )
 def test_an_interval_outside_the_recording_or_between_scans_is_refused(start_s, end_s, words):
-    one = Interval(start_s=start_s, end_s=end_s, where="t.csv, line 7")
+    interval = Interval(start_s=start_s, end_s=end_s, where="t.csv, line 7")
     with pytest.raises(BadTable, match=f"{words}.*t.csv, line 7"):
-        marks_of([one], np.arange(300) / 100.0, 100.0)
+        marks_of([interval], np.arange(300) / 100.0, 100.0)

@@ -36,8 +36,8 @@ def write(path, notes, close=True):
     recorder = Recorder(path, manifest)
     for i in range(6):
         recorder.frame(frame(i))
-    for one in notes:
-        recorder.slip(one)
+    for note in notes:
+        recorder.slip(note)
     recorder.flush()
     if close:
         recorder.close()

@@ -66,8 +66,8 @@ def _markers(image: np.ndarray) -> np.ndarray:
     dark = np.maximum(0.85 - grey / around, 0)
     found, places = cv2.connectedComponents((dark > 0.2).astype(np.uint8))
     middles = []
-    for one in range(1, found):
-        blob = cv2.dilate((places == one).astype(np.uint8), np.ones((3, 3))) > 0
+    for number in range(1, found):
+        blob = cv2.dilate((places == number).astype(np.uint8), np.ones((3, 3))) > 0
         rows, columns = np.nonzero(blob)
         whole = columns.min() > 1 and columns.max() < 318 and rows.min() > 1 and rows.max() < 238
         if whole and len(rows) > 50:
@@ -139,7 +139,7 @@ def test_the_texture_moves_with_the_handle_while_markers_stay():
     before, after = (_image(WITHOUT_MARKERS, object_mm=move) for move in ((0.0, 0.0), step_mm))
     window = (slice(80, 160), slice(130, 190))
     pattern, later = (image[window].astype(np.float32).mean(axis=2) for image in (before, after))
-    detail = [one - cv2.GaussianBlur(one, (0, 0), 8) for one in (pattern, later)]
+    detail = [image - cv2.GaussianBlur(image, (0, 0), 8) for image in (pattern, later)]
     (x, y), _ = cv2.phaseCorrelate(*detail)
     assert (x, y) == (pytest.approx(0, abs=0.6), pytest.approx(10, abs=0.6))
     kept, moved = (_markers(_image(object_mm=move)) for move in ((0.0, 0.0), step_mm))

@@ -66,7 +66,7 @@ def test_a_set_with_unknown_objects_holds_all_sixteen_combinations_in_each_sessi
 
 def test_the_weather_of_a_session_does_not_depend_on_what_is_grasped_in_it():
     with_them, without = (
-        [one.details for one in simulate_sessions(
+        [session.details for session in simulate_sessions(
             TengHandConfig(rate_hz=100.0, scans_per_class=2000, unknown=unknown))]
         for unknown in (True, False)
     )  # fmt: skip

@@ -96,7 +96,7 @@ class EmulatedDriver:
         """A driver changes what it cannot do to the nearest that it can."""
         pix = arg.fmt.pix
         coding = pix.pixelformat if pix.pixelformat in self.sizes else next(iter(self.sizes))
-        size = min(self.sizes[coding], key=lambda one: abs(one[0] - pix.width))
+        size = min(self.sizes[coding], key=lambda size: abs(size[0] - pix.width))
         self.pix = (*size, coding)
         self.do_g_fmt(fd, arg)
 
@@ -110,7 +110,7 @@ class EmulatedDriver:
     def do_s_parm(self, fd, arg):
         period = arg.parm.capture.timeperframe
         wanted = period.denominator / period.numerator
-        self.rate = (1, min(self.rates, key=lambda one: abs(one - wanted)))
+        self.rate = (1, min(self.rates, key=lambda rate: abs(rate - wanted)))
 
     def do_reqbufs(self, fd, arg):
         arg.count = min(arg.count, self.granted) if self.granted < 4 else self.granted
@@ -317,7 +317,7 @@ def test_listing_names_each_camera_once_with_its_lasting_name_and_offers(tmp_pat
     found, refused = list_cameras(driver, dev, sysfs)
 
     assert (found.path, found.by_id, found.serial) == (names[0], str(link), "28T1")
-    assert [str(one) for one in found.offers if one.is_jpeg] == [
+    assert [str(offer) for offer in found.offers if offer.is_jpeg] == [
         "640×480 at 30/25/10", "320×240 at 30/25/10",
     ]  # fmt: skip
     assert found.address == f"camera://{link}?width=640&height=480"

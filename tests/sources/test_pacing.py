@@ -85,7 +85,7 @@ def test_no_scan_and_no_mark_is_lost_or_early(speed: float):
     counters: list[int] = []
     ends: list[int] = []
     while not pacer.ended:
-        counters += [int(one) for one in pacer.read(0.1).counter]
+        counters += [int(counter) for counter in pacer.read(0.1).counter]
         ends += [round(1000 * mark.end_s) for mark in pacer.marks()]
         assert not ends or ends[-1] <= counters[-1]
     assert counters == list(range(200))

@@ -256,9 +256,9 @@ def test_models_are_never_shown_what_looks_on(tmp_path: Path, camera: SoftCamera
                                  arrival_s=1.0, fitted_s=1.0))  # fmt: skip
     assert [frame.camera for frame in iterate_tactile(path)] == [0]
     with open_source(f"replay://{path}?speed=max") as replayed:
-        assert [one.name for one in replayed.cameras] == ["left"]
+        assert [camera.name for camera in replayed.cameras] == ["left"]
     with open_source(f"replay://{path}?speed=max&scene=yes") as replayed:
-        assert [one.name for one in replayed.cameras] == ["scene", "left", "scene-depth"]
+        assert [camera.name for camera in replayed.cameras] == ["scene", "left", "scene-depth"]
 
 
 def test_depth_is_drawn_for_people_and_what_is_no_depth_is_not(camera: SoftCamera) -> None:

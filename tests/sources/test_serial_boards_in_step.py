@@ -239,7 +239,7 @@ def test_boards_with_clocks_of_their_own_stay_within_a_scan_of_each_other(ppm: t
         true_s.append(tick / (1000 * (1 + ppm[index] * 1e-6)))
     for other in true_s[1:]:
         assert np.abs(other - true_s[0]).max() < 1.2e-3
-    spread = max(abs(one - ppm[0]) for one in ppm) * 1e-6 * 8000
+    spread = max(abs(deviation - ppm[0]) for deviation in ppm) * 1e-6 * 8000
     for stream in rig.streams:
         slips = stream.ledger.repeated + stream.ledger.skipped + stream.ledger.late
         assert slips <= 1.2 * spread + 2

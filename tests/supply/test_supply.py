@@ -11,13 +11,13 @@ from taxel.views.page.assets import VENDORED, load_assets
 
 
 def test_vendored_files_are_those_that_were_published_and_no_others():
-    listed = {name: digest for one in vendored() for name, digest in one["files"].items()}
+    listed = {name: digest for package in vendored() for name, digest in package["files"].items()}
     found = {path.name: hashlib.sha256(path.read_bytes()).hexdigest()
              for path in VENDORED.iterdir() if path.name != "vendored.json"}  # fmt: skip
 
     assert found == listed
-    for one in vendored():
-        assert "Permission is hereby granted" in (VENDORED / one["license_file"]).read_text()
+    for package in vendored():
+        assert "Permission is hereby granted" in (VENDORED / package["license_file"]).read_text()
 
 
 def test_the_page_serves_uplot_and_neither_its_licence_file_nor_the_list():

@@ -36,9 +36,9 @@ def test_what_is_watched_changes_nothing_that_is_learned() -> None:
 
     for a, b in zip(alone.parameters(), watched.parameters(), strict=True):
         assert torch.equal(a, b)
-    assert [one.loss for one in plain] == [one.loss for one in history]
-    assert all(one.training_loss is None for one in plain)
-    assert all(one.training_loss is not None for one in history)
+    assert [epoch.loss for epoch in plain] == [epoch.loss for epoch in history]
+    assert all(epoch.training_loss is None for epoch in plain)
+    assert all(epoch.training_loss is not None for epoch in history)
 
 
 def test_a_head_that_is_watched_learns_the_same_numbers() -> None:
@@ -54,8 +54,8 @@ def test_a_head_that_is_watched_learns_the_same_numbers() -> None:
 
     for a, b in zip(plain.module.parameters(), watched.module.parameters(), strict=True):
         assert torch.equal(a, b)
-    assert all(one.validation_accuracy is not None for one in watched.history)
-    assert [one.loss for one in plain.history] == [one.loss for one in watched.history]
+    assert all(epoch.validation_accuracy is not None for epoch in watched.history)
+    assert [epoch.loss for epoch in plain.history] == [epoch.loss for epoch in watched.history]
 
 
 def test_the_last_epoch_gives_exactly_what_is_measured_afterwards() -> None:

@@ -39,8 +39,8 @@ def test_each_different_image_is_computed_once_and_never_again(
     again = Means()
     second = extract(pours, again, tmp_path)
     assert again.seen == 0
-    for one, other in zip(first, second, strict=True):
-        np.testing.assert_array_equal(one.all(), other.all())
+    for cached, other in zip(first, second, strict=True):
+        np.testing.assert_array_equal(cached.all(), other.all())
     assert first[0].all().shape == (len(pours[0]), 2, 3)
 
 
@@ -99,10 +99,10 @@ def test_a_head_learns_what_is_there_to_learn(head: str) -> None:
 def test_a_head_is_the_same_for_the_same_seed() -> None:
     config = HeadConfig(frames=4, epochs=1)
     values = tracks(1, 2)[0].features()
-    one, other = (fit_head(tracks(3, 0), config).probabilities(values) for _ in range(2))
-    np.testing.assert_array_equal(one, other)
+    first, other = (fit_head(tracks(3, 0), config).probabilities(values) for _ in range(2))
+    np.testing.assert_array_equal(first, other)
     changed = fit_head(tracks(3, 0), replace(config, seed=1)).probabilities(values)
-    assert not np.array_equal(one, changed)
+    assert not np.array_equal(first, changed)
 
 
 def test_features_may_lie_on_disk(tmp_path: Path) -> None:

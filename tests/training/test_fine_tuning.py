@@ -69,8 +69,8 @@ def test_a_window_gives_what_cached_features_give(few_pours: Path, tmp_path: Pat
     """But for the grasp at rest: the median of images here, of features there."""
     head = learnt_head(few_pours, tmp_path)
     pour = read_camera_recordings(few_pours)[0]
-    images = np.array([[decode_jpeg(f.jpeg, None) for f in one.frames]
-                       for one in frame_sets(pour.path, 2)])  # fmt: skip
+    images = np.array([[decode_jpeg(f.jpeg, None) for f in frame_set.frames]
+                       for frame_set in frame_sets(pour.path, 2)])  # fmt: skip
     rest = np.median(images[9:24], axis=0).astype(np.uint8)
     (features,) = extract([pour], open_backbone(EDGE), tmp_path)
     with torch.inference_mode():
@@ -91,8 +91,8 @@ def test_processes_share_the_windows_out_evenly_and_none_twice(few_pours: Path, 
          for window in windows]
         for rank in range(ranks)
     ]  # fmt: skip
-    assert {len(one) for one in each} == {lanes.share * lanes.count // ranks}
-    together = [window for one in each for window in one]
+    assert {len(part) for part in each} == {lanes.share * lanes.count // ranks}
+    together = [window for part in each for window in part]
     assert len(set(together)) == len(together)
     every = sum(len(window_starts(len(pour), K, STRIDE)) for pour in pours)
     assert every - len(together) < lanes.count

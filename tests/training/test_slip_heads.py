@@ -64,9 +64,9 @@ def test_poses_kept_are_poses_read(tmp_path, pours):
     runs = paper_runs(31_000)[:1]
     first = keep_runs(tmp_path / "a.npz", runs, lambda _: pours[:1])
     again = keep_runs(tmp_path / "a.npz", runs, lambda _: pytest.fail("it is kept"))
-    for one, other in zip(first[0].gels, again[0].gels, strict=True):
-        assert np.array_equal(one.object, other.object)
-        assert np.array_equal(one.object, pours[0].gels[0].object) or one is not first[0].gels[0]
+    for gel, other in zip(first[0].gels, again[0].gels, strict=True):
+        assert np.array_equal(gel.object, other.object)
+        assert np.array_equal(gel.object, pours[0].gels[0].object) or gel is not first[0].gels[0]
 
 
 def test_noise_that_was_put_in_is_found_again(pours):

@@ -71,12 +71,12 @@ def p_values(unknown: Unknown, dataset: Dataset) -> tuple[np.ndarray, np.ndarray
     """Return the windows' and the contacts' p-values."""
     test = Strangeness(unknown)
     scaled = scaling(dataset).apply(dataset.windows.values, dataset.windows.mask)
-    each = [test.of_window(one) for one in scaled]
+    each = [test.of_window(window) for window in scaled]
     contacts = [
         test.p_contact(list(np.mean([each[i] for i in own], axis=0)), len(own))
         for own in (np.flatnonzero(dataset.trial == t) for t in range(len(dataset.trials)))
     ]
-    return np.array([test.p_window(one) for one in each]), np.array(contacts)
+    return np.array([test.p_window(window) for window in each]), np.array(contacts)
 
 
 @pytest.fixture(scope="module")
@@ -106,7 +106,7 @@ def test_directions_that_tell_nothing_apart_are_left_out(learned: Unknown):
 def test_a_joined_target_is_judged_by_each_of_its_labels():
     dataset = make()
     unknown = fit_unknown(dataset, "shape+weight", scaling(dataset))
-    assert [one.label for one in unknown.densities] == ["shape", "weight"]
+    assert [density.label for density in unknown.densities] == ["shape", "weight"]
     windows, _ = p_values(unknown, make(("new",), seed=2))
     assert (windows <= 0.05).mean() > 0.8
     quiet = make(seed=3)

@@ -105,7 +105,7 @@ class Browser:
         port = told.read_text().split()[0]
         while True:
             with urlopen(f"http://127.0.0.1:{port}/json/list") as answer:
-                pages = [one for one in json.load(answer) if one["type"] == "page"]
+                pages = [page for page in json.load(answer) if page["type"] == "page"]
             if pages:
                 return str(pages[0]["webSocketDebuggerUrl"])
             time.sleep(0.05)

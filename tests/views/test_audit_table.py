@@ -19,7 +19,7 @@ def test_each_figure_says_by_what_it_counts():
     console.print(audit_table(AUDIT))
     said = console.export_text()
 
-    assert [chance(one) for one in FINDINGS] == ["rule", "< 0.001", "0.004"]
+    assert [chance(finding) for finding in FINDINGS] == ["rule", "< 0.001", "0.004"]
     assert chance(Finding(kind="trial", verdict="clear", said="None.")) == "–"
     for column in ("accuracy", "one answer", "AUC", "by chance"):
         assert f"{column}: " in said

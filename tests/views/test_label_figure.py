@@ -13,8 +13,8 @@ from taxel.windows.camera_recordings import read_camera_recording
 
 @pytest.fixture
 def labels(pour: Path, tmp_path: Path) -> PourLabels:
-    (one,) = label_sheet([read_camera_recording(pour)], tmp_path / "cache")
-    return one
+    (entry,) = label_sheet([read_camera_recording(pour)], tmp_path / "cache")
+    return entry
 
 
 @pytest.mark.parametrize("onset_s", [None, 0.0, 1.35])

@@ -92,9 +92,9 @@ def dripping(held: list[socket.socket]) -> Iterator[None]:
 
     def drip() -> None:
         while not ended.wait(0.02):
-            for one in held:
+            for connection in held:
                 with suppress(OSError):  # turned out
-                    one.sendall(b"x")
+                    connection.sendall(b"x")
 
     thread = threading.Thread(target=drip)
     thread.start()
@@ -201,9 +201,9 @@ def test_who_goes_first_is_of_the_address_that_holds_most_then_who_owes_for_long
 
     hall = connections.Hall(most=4)
     held = [Held("b", True, 0.0), Held("a", False, 1.0), Held("a", True, 2.0), Held("a", True, 3.0)]
-    for one in [*held, Held("b", True, 4.0), Held("c", True, 5.0)]:
-        hall.enter(one)  # type: ignore[arg-type]
-    assert [one.open for one in held] == [False, True, False, True]
+    for connection in [*held, Held("b", True, 4.0), Held("c", True, 5.0)]:
+        hall.enter(connection)  # type: ignore[arg-type]
+    assert [connection.open for connection in held] == [False, True, False, True]
     assert hall.turned_out == 2
 
 
@@ -217,10 +217,10 @@ def test_nobody_goes_for_a_newcomer_s_sake_before_a_tenth_of_a_second_but_in_a_f
 
     hall = connections.Hall(most=4)
     held = [Held(0.0001 * number) for number in range(connections.MOST_EVER)]
-    for one in held:
-        hall.enter(one)  # type: ignore[arg-type]
-    assert all(one.open for one in held)
+    for connection in held:
+        hall.enter(connection)  # type: ignore[arg-type]
+    assert all(connection.open for connection in held)
     hall.enter(Held(0.09))  # type: ignore[arg-type]
-    assert [one.open for one in held] == [False] + [True] * (len(held) - 1)
+    assert [connection.open for connection in held] == [False] + [True] * (len(held) - 1)
     hall.enter(Held(1.0))  # type: ignore[arg-type]
-    assert sum(one.open for one in held) == 2
+    assert sum(connection.open for connection in held) == 2

@@ -141,7 +141,7 @@ def test_what_was_not_finite_is_missing_on_the_trace_and_the_map(link):
 def test_the_overview_holds_every_peak_and_the_marks(link, recording):
     overview = link.overview()
     samples = read_recording(recording).samples
-    wave = next(one for one in overview["series"] if one["name"] == "wave")
+    wave = next(series for series in overview["series"] if series["name"] == "wave")
 
     assert (overview["start_s"], len(overview["t"])) == (1000.0, 600)
     assert np.nanmax(wave["high"]) == pytest.approx(np.nanmax(samples.values[:, 1]), abs=1e-3)

@@ -304,14 +304,14 @@ def test_the_ninth_page_is_told_that_eight_are_open():
     station = Station()
     with serve_page(station) as server:
         pages = [page(server) for _ in range(8)]
-        sockets = [one.__enter__() for one in pages]
+        sockets = [page.__enter__() for page in pages]
         try:
             assert all(push(socket)["number"] == 1 for socket in sockets)
             with page(server) as ninth, pytest.raises(ConnectionClosed, match="8 pages are open"):
                 ninth.recv(timeout=5)
         finally:
-            for one in pages:
-                one.__exit__(None, None, None)
+            for page_ in pages:
+                page_.__exit__(None, None, None)
         assert server.ledger.refused_clients == 1
 
 

@@ -316,8 +316,8 @@ def test_reliability_of_honest_probabilities_lies_on_the_diagonal():
     sure = rng.uniform(0.5, 1.0, 20_000)
     found = reliability(np.stack([sure, 1 - sure], axis=1), rng.random(20_000) < sure)
 
-    assert [one.windows for one in found] == pytest.approx([4000] * 5, rel=0.1)
-    assert all(abs(one.confidence - one.accuracy) < 0.03 for one in found)
+    assert [bin_.windows for bin_ in found] == pytest.approx([4000] * 5, rel=0.1)
+    assert all(abs(bin_.confidence - bin_.accuracy) < 0.03 for bin_ in found)
 
 
 def test_groups_to_draw_are_few_and_no_measured_figures():
@@ -332,8 +332,8 @@ def test_scores_of_a_run_know_every_session_once():
     assert predictions is not None
     own = judge(predictions)
 
-    assert sum(one.windows for one in own.by_group) == len(predictions)
+    assert sum(group.windows for group in own.by_group) == len(predictions)
     assert own.scores.accuracy == pytest.approx(
-        sum(one.accuracy * one.windows for one in own.by_group) / len(predictions)
+        sum(group.accuracy * group.windows for group in own.by_group) / len(predictions)
     )
     assert own.intervals["session"].groups == 3

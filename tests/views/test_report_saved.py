@@ -76,14 +76,18 @@ def test_a_sweep_shows_what_is_told_unchanged_and_where_nothing_is_answered():
 
 def test_a_level_that_leaves_other_windows_is_drawn_beside_what_those_told_without_it():
     clean = {**SWEEP[0], "fault": "none", "level": 0.0, "accuracy": 0.85}
-    fewer = [{**SWEEP[0], "fault": "skew", "level": float(one), "base": 0.95} for one in (1, 2)]
+    fewer = [{**SWEEP[0], "fault": "skew", "level": float(level), "base": 0.95} for level in (1, 2)]
     flat, raised = (
         sweep_part(read_sweep([clean, *rows], "s.json"))
         for rows in ([{**row, "base": None} for row in fewer], fewer)
     )
 
     def grey(page: str) -> set[str]:
-        (line,) = [one for one in page.split("<") if one.startswith("polyline") and "grey" in one]
+        (line,) = [
+            element
+            for element in page.split("<")
+            if element.startswith("polyline") and "grey" in element
+        ]
         return {pair.split(",")[1] for pair in line.split('points="')[1].split('"')[0].split()}
 
     assert len(grey(flat)) == len(grey(raised)) == 1

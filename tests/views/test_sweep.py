@@ -81,11 +81,11 @@ def test_a_grasp_bundles_table_speaks_of_moments_and_slips():
 
 
 def test_the_figure_is_a_png_that_grows_with_its_panels():
-    one = sweep_figure([BASE, *NOISE], "title", chance=1 / 3)
+    single = sweep_figure([BASE, *NOISE], "title", chance=1 / 3)
     two = sweep_figure([BASE, *NOISE, SILENT], "title", cameras=True)
 
-    assert one.startswith(b"\x89PNG")
-    assert int.from_bytes(two[16:20]) > int.from_bytes(one[16:20])
+    assert single.startswith(b"\x89PNG")
+    assert int.from_bytes(two[16:20]) > int.from_bytes(single[16:20])
 
 
 def test_a_figure_without_any_fault_is_still_one():

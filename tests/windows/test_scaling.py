@@ -49,5 +49,5 @@ def test_none_changes_nothing():
 def test_a_window_is_scaled_alike_alone_and_among_others():
     """The live path scales one window at a time."""
     scaling = fit_scaling("standard", VALUES, WHOLE, None)
-    one = scaling.apply(VALUES[3:4], WHOLE[3:4])
-    np.testing.assert_array_equal(one[0], scaling.apply(VALUES, WHOLE)[3])
+    alone = scaling.apply(VALUES[3:4], WHOLE[3:4])
+    np.testing.assert_array_equal(alone[0], scaling.apply(VALUES, WHOLE)[3])

@@ -106,7 +106,7 @@ def hear_all(interlock: Interlock, actuators: Sequence[Actuator], now_s: float) 
     grips = any(actuator.force is not None for actuator in actuators if actuator not in outputs)
     for output in outputs:
         output.alone = not grips
-    found = [(one.name, one.hear(interlock, now_s)) for one in actuators]
+    found = [(actuator.name, actuator.hear(interlock, now_s)) for actuator in actuators]
     faults = {name: health.fault for name, health in found if health.fault}
     read_s = min((health.read_s for _, health in found), default=now_s)
     interlock.device(not faults, min(read_s, now_s))

@@ -38,7 +38,7 @@ class GripPolicyConfig:
 
     def __post_init__(self) -> None:
         steps = (self.warning_step_n, self.unstable_step_n, self.most_n)
-        if not all(0 < one < math.inf for one in steps):
+        if not all(0 < step < math.inf for step in steps):
             raise BadInput("steps and a limit above 0 N", f"{steps}", "give newtons")
         if self.warning_step_n > self.unstable_step_n or not 0 <= self.hold_s < math.inf:
             raise BadInput(

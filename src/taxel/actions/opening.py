@@ -54,7 +54,7 @@ _ARM: dict[str, type] = {
 _JAKA: dict[str, type] = {"port": int, "timeout_s": float, **_ARM}
 _SIM_GRIPPER: dict[str, type] = {
     "max_force_n": float,
-    **{one.name: float for one in fields(FingersConfig) if one.name != "max_n"},
+    **{field.name: float for field in fields(FingersConfig) if field.name != "max_n"},
 }
 """Options of each kind of address → their types."""
 

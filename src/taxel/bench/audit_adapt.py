@@ -6,7 +6,7 @@ Knows nothing about how they are printed.
 from __future__ import annotations
 
 import tempfile
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
@@ -93,20 +93,20 @@ def unknown_object_rows() -> list[Row]:
                 new_classes=(name,),
             )  # fmt: skip
             points = measure_new_class([path], config)
-            rows += [_recognised_row(name, n, [one for one in points if one.grasps == n])
+            rows += [_recognised_row(name, n, [point for point in points if point.grasps == n])
                      for n in config.grasps]  # fmt: skip
     return rows
 
 
 def _recognised_row(name: str, grasps: int, points: list[GraspsPoint]) -> Row:
-    full = _mean(points, lambda one: one.full)
+    full = _mean(p.full for p in points)
     note = (
-        f"all classes {_mean(points, lambda one: one.accuracy):.3f}, by training on all data "
-        f"{full:.3f}; old classes {_mean(points, lambda one: one.before):.3f} alone, "
-        f"{_mean(points, lambda one: one.old):.3f} beside it; {points[0].target}, windows"
+        f"all classes {_mean(p.accuracy for p in points):.3f}, by training on all data "
+        f"{full:.3f}; old classes {_mean(p.before for p in points):.3f} alone, "
+        f"{_mean(p.old for p in points):.3f} beside it; {points[0].target}, windows"
     )
     title = f"sim honest, {name} told right after {grasps} grasps, {_SPLIT}"
-    return _plain(title, _mean(points, lambda one: one.new), note)
+    return _plain(title, _mean(p.new for p in points), note)
 
 
 def pad_rows() -> list[Row]:
@@ -126,7 +126,7 @@ def new_classes_of(paths: Sequence[Path], config: AdaptConfig) -> list[Row]:
     points = measure_new_class(paths, config)
     rows: list[Row] = []
     for target in config.targets:
-        own = [one for one in points if one.target == target]
+        own = [point for point in points if point.target == target]
         rows += _goal_rows(target, own) + _curve_rows(target, own) + _method_rows(target, own)
     return rows
 
@@ -135,7 +135,7 @@ def pads_of(paths: Sequence[Path], config: AdaptConfig) -> list[Row]:
     """Return the rows of changed pads for data sets that are there."""
     points, rows = measure_pads(paths, config), []
     for target in config.targets:
-        rows += _pad_rows(target, [one for one in points if one.target == target])
+        rows += _pad_rows(target, [point for point in points if point.target == target])
     return rows
 
 
@@ -143,7 +143,7 @@ def corrections_of(paths: Sequence[Path], config: AdaptConfig) -> list[Row]:
     """Return the rows of corrections on the fly for data sets that are there."""
     points, rows = measure_online(paths, config), []
     for target in config.targets:
-        rows += _online_rows(target, [one for one in points if one.target == target])
+        rows += _online_rows(target, [point for point in points if point.target == target])
     return rows
 
 
@@ -156,96 +156,95 @@ def _sets() -> Iterator[list[Path]]:
 
 
 def _goal_rows(target: str, points: list[GraspsPoint]) -> list[Row]:
-    five = [one for one in points if one.method == CHOSEN and one.grasps == 5]
+    five = [point for point in points if point.method == CHOSEN and point.grasps == 5]
     name = f"sim honest, new {target} from 5 grasps, {_SPLIT}"
-    short = 100 * _mean(five, lambda one: one.full - one.accuracy)
-    lost = 100 * _mean(five, lambda one: one.before - one.old)
-    full_lost = 100 * _mean(five, lambda one: one.before - one.full_old)
+    short = 100 * _mean(p.full - p.accuracy for p in five)
+    lost = 100 * _mean(p.before - p.old for p in five)
+    full_lost = 100 * _mean(p.before - p.full_old for p in five)
     each = "; ".join(
-        f"{new} {_mean(part, lambda one: one.accuracy):.3f} "
-        f"(full {_mean(part, lambda one: one.full):.3f})"
-        for new in sorted({one.new_class for one in five})
-        for part in [[one for one in five if one.new_class == new]]
+        f"{new} {_mean(p.accuracy for p in part):.3f} (full {_mean(p.full for p in part):.3f})"
+        for new in sorted({point.new_class for point in five})
+        for part in [[point for point in five if point.new_class == new]]
     )
     beside = (
-        f"old classes {_mean(five, lambda one: one.before):.3f} alone, "
-        f"{_mean(five, lambda one: one.old):.3f} beside the new one; training on all classes "
+        f"old classes {_mean(p.before for p in five):.3f} alone, "
+        f"{_mean(p.old for p in five):.3f} beside the new one; training on all classes "
         f"from the start loses {full_lost:.1f} by the same measure"
     )
-    took = f"training on all: {_mean(five, lambda one: one.full_seconds):.1f} s"
+    took = f"training on all: {_mean(p.full_seconds for p in five):.1f} s"
     return [
         row(f"{name}: points below training on all data", short, "points", "<=",
             POINTS_TO_FULL, each),
         row(f"{name}: points lost on the old classes", lost, "points", "<=", POINTS_LOST, beside),
-        row(f"{name}: time", max(one.seconds for one in five), "s", "<=", SECONDS, took),
+        row(f"{name}: time", max(point.seconds for point in five), "s", "<=", SECONDS, took),
     ]  # fmt: skip
 
 
 def _curve_rows(target: str, points: list[GraspsPoint]) -> list[Row]:
     rows = []
-    for grasps in sorted({one.grasps for one in points}):
-        own = [one for one in points if one.method == CHOSEN and one.grasps == grasps]
+    for grasps in sorted({point.grasps for point in points}):
+        own = [point for point in points if point.method == CHOSEN and point.grasps == grasps]
         note = (
-            f"old {_mean(own, lambda one: one.old):.3f}, new {_mean(own, lambda one: one.new):.3f}"
-            f"; all data {_mean(own, lambda one: one.full):.3f}"
+            f"old {_mean(p.old for p in own):.3f}, new {_mean(p.new for p in own):.3f}"
+            f"; all data {_mean(p.full for p in own):.3f}"
         )
         name = f"sim honest, new {target} from {grasps} grasps, {_SPLIT}"
-        rows.append(_plain(name, _mean(own, lambda one: one.accuracy), note))
+        rows.append(_plain(name, _mean(p.accuracy for p in own), note))
     return rows
 
 
 def _method_rows(target: str, points: list[GraspsPoint]) -> list[Row]:
     rows = []
-    for method in dict.fromkeys(one.method for one in points if one.method != CHOSEN):
-        own = [one for one in points if one.method == method]
+    for method in dict.fromkeys(point.method for point in points if point.method != CHOSEN):
+        own = [point for point in points if point.method == method]
         note = (
-            f"old {_mean(own, lambda one: one.old):.3f}, new {_mean(own, lambda one: one.new):.3f}"
-            f", {_mean(own, lambda one: one.seconds):.2f} s"
+            f"old {_mean(p.old for p in own):.3f}, new {_mean(p.new for p in own):.3f}"
+            f", {_mean(p.seconds for p in own):.2f} s"
         )
         name = f"sim honest, new {target} from 5 grasps, {method}, {_SPLIT}"
-        rows.append(_plain(name, _mean(own, lambda one: one.accuracy), note))
+        rows.append(_plain(name, _mean(p.accuracy for p in own), note))
     return rows
 
 
 def _pad_rows(target: str, points: list[PadPoint]) -> list[Row]:
     rows = []
-    for case in dict.fromkeys(one.case for one in points):
-        for touches in sorted({one.touches for one in points}):
-            own = [one for one in points if (one.case, one.touches) == (case, touches)]
+    for case in dict.fromkeys(point.case for point in points):
+        for touches in sorted({point.touches for point in points}):
+            own = [point for point in points if (point.case, point.touches) == (case, touches)]
             note = (
-                f"{_mean(own, lambda one: one.before):.3f} before these touches, "
-                f"{_mean(own, lambda one: one.unchanged):.3f} on the pads as they were; "
-                f"{sum(one.grasps for one in own)} grasps, of which "
-                f"{_mean(own, lambda one: one.found):.1%} gave windows "
-                f"({_mean(own, lambda one: one.found_unchanged):.1%} as they were); "
+                f"{_mean(p.before for p in own):.3f} before these touches, "
+                f"{_mean(p.unchanged for p in own):.3f} on the pads as they were; "
+                f"{sum(session.grasps for session in own)} grasps, of which "
+                f"{_mean(p.found for p in own):.1%} gave windows "
+                f"({_mean(p.found_unchanged for p in own):.1%} as they were); "
                 "one without counts as wrong"
             )
             name = f"sim honest, {case}, {touches} touches: {target}, {_SPLIT}"
-            rows.append(_plain(name, _mean(own, lambda one: one.after), note))
+            rows.append(_plain(name, _mean(p.after for p in own), note))
     return rows
 
 
 def _online_rows(target: str, points: list[OnlinePoint]) -> list[Row]:
     rows = []
     for changed in (False, True):
-        own = [one for one in points if one.changed == changed]
+        own = [point for point in points if point.changed == changed]
         what = "pads changed halfway" if changed else "pads as they were"
-        found = sum(bool(one.drift_at) for one in own)
+        found = sum(bool(session.drift_at) for session in own)
         note = (
             f"grasps right before each was learned, {own[0].grasps} a session; "
-            f"{_mean(own, lambda one: one.unlearned):.3f} without learning; windows of grasps "
-            f"never learned {_mean(own, lambda one: one.before):.3f} → "
-            f"{_mean(own, lambda one: one.after):.3f}; largest loss of a class on other sessions "
-            f"{100 * _mean(own, lambda one: one.forgotten):.1f} points; drift said in {found} of "
+            f"{_mean(p.unlearned for p in own):.3f} without learning; windows of grasps "
+            f"never learned {_mean(p.before for p in own):.3f} → "
+            f"{_mean(p.after for p in own):.3f}; largest loss of a class on other sessions "
+            f"{100 * _mean(p.forgotten for p in own):.1f} points; drift said in {found} of "
             f"{len(own)} sessions"
         )
         name = f"sim honest, corrected on the fly, {what}: {target}, {_SPLIT}"
-        rows.append(_plain(name, _mean(own, lambda one: one.prequential), note))
+        rows.append(_plain(name, _mean(p.prequential for p in own), note))
     return rows
 
 
-def _mean(points: Sequence[_Point], value: Callable[[_Point], float]) -> float:
-    return float(np.nanmean([value(one) for one in points]))
+def _mean(values: Iterable[float]) -> float:
+    return float(np.nanmean(list(values)))
 
 
 def _plain(name: str, value: float, note: str) -> Row:

@@ -36,7 +36,7 @@ def gap_rows() -> list[Row]:
         steps = honest_gap([Path(scratch) / str(seed) / "honest" for seed in SETS])
     rows = []
     for target in TARGETS:
-        own = [one for one in steps if one.target == target]
+        own = [step for step in steps if step.target == target]
         high, low = WEAK[target]
         ours = next(s for s in own if (s.rung.name, s.rung.split) == (OURS, "session"))
         name = f"sim honest, {target}, session held out, {OURS}"
@@ -46,7 +46,7 @@ def gap_rows() -> list[Row]:
             row(f"{name}: accuracy", ours.accuracy, "accuracy", ">=", (high + low) / 2,
                 f"half-way from {low:.2f} to {high:.2f}; {_note(ours)}"),
         ]  # fmt: skip
-        rows += [_rung(one) for one in own if one is not ours]
+        rows += [_rung(step) for step in own if step is not ours]
     return rows
 
 
@@ -59,7 +59,7 @@ def baseline_rows() -> list[Row]:
             simulate_presets(Path(scratch) / str(seed), ("honest",), SCANS, seed)
         for target, (what, window) in product(TARGETS, ladder):
             each = [_trivial(Path(scratch) / str(seed) / "honest", window, target) for seed in SETS]
-            mean = {name: float(np.mean([one[name] for one in each])) for name in each[0]}
+            mean = {name: float(np.mean([scores[name] for scores in each])) for name in each[0]}
             best = max(mean, key=lambda name: mean[name])
             name = f"sim honest, {target}, session held out, {what}: best baseline, {best}"
             note = ", ".join(f"{name} {value:.3f}" for name, value in mean.items())
@@ -77,12 +77,12 @@ def _trivial(folder: Path, window: WindowConfig, target: str) -> dict[str, float
     )
 
 
-def _rung(one: Step) -> Row:
-    split = "random windows (leaks)" if one.rung.split == "random" else "session held out"
-    name = f"sim honest, {one.target}, {split}, {one.rung.name}: accuracy"
-    return Row(name=name, value=one.accuracy, unit="accuracy", goal="", ok=None, note=_note(one))
+def _rung(step: Step) -> Row:
+    split = "random windows (leaks)" if step.rung.split == "random" else "session held out"
+    name = f"sim honest, {step.target}, {split}, {step.rung.name}: accuracy"
+    return Row(name=name, value=step.accuracy, unit="accuracy", goal="", ok=None, note=_note(step))
 
 
-def _note(one: Step) -> str:
-    each = ", ".join(f"{value:.3f}" for value in one.by_set)
-    return f"{one.rung.model}; sets {each}; whole grasps {one.trial_accuracy:.3f}"
+def _note(step: Step) -> str:
+    each = ", ".join(f"{value:.3f}" for value in step.by_set)
+    return f"{step.rung.model}; sets {each}; whole grasps {step.trial_accuracy:.3f}"

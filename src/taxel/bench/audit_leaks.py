@@ -40,10 +40,10 @@ def planted_leaks() -> list[Row]:
             for split in (None, named(touch, f"group:{key}")):
                 result = audit(touch, system, split)
                 clean += 1
-                false += [f"{system}: {one.kind}" for one in result.alarms
-                          if one.verdict == "leak" or split is not None]  # fmt: skip
-                waiting += [f"{system}: {one.kind}" for one in result.alarms
-                            if one.verdict == "hazard" and split is None]  # fmt: skip
+                false += [f"{system}: {alarm.kind}" for alarm in result.alarms
+                          if alarm.verdict == "leak" or split is not None]  # fmt: skip
+                waiting += [f"{system}: {alarm.kind}" for alarm in result.alarms
+                            if alarm.verdict == "hazard" and split is None]  # fmt: skip
                 before.append(result)
             for plant in PLANTS if not system.endswith("shape") else ():
                 if plant.arrays_only and touch.kind != "array":
@@ -87,10 +87,10 @@ def real_leaks(data: Path | None) -> list[Row]:
         began_s = time.monotonic()
         result = audit(read_touch(data / name, None, lambda *_: None), name)
         took_s = time.monotonic() - began_s
-        one = next(one for one in result.findings if one.kind == kind)
+        finding = next(finding for finding in result.findings if finding.kind == kind)
         rows.append(
-            Row(name=title, value=one.alone, unit="1", goal="found", ok=one.alarm,
-                note=f"{one.verdict}: {one.said} Majority {one.majority or 0.0:.3f}; "
+            Row(name=title, value=finding.alone, unit="1", goal="found", ok=finding.alarm,
+                note=f"{finding.verdict}: {finding.said} Majority {finding.majority or 0.0:.3f}; "
                      f"{result.read_on}; {took_s:.0f} s")
         )  # fmt: skip
     return rows
@@ -98,15 +98,15 @@ def real_leaks(data: Path | None) -> list[Row]:
 
 def alarms(result: Audit) -> set[str]:
     """Return the kinds of all alarms."""
-    return {one.kind for one in result.alarms}
+    return {alarm.kind for alarm in result.alarms}
 
 
 def new_alarms(spoilt: Audit, clean: Sequence[Audit]) -> set[str]:
     """Return the kinds of the alarms that are worse than in each audit of the clean recordings."""
-    before = [(one.kind, one.verdict) for audit in clean for one in audit.findings]
+    before = [(finding.kind, finding.verdict) for audit in clean for finding in audit.findings]
     return {
-        one.kind for one in spoilt.alarms
-        if all(_worse(one.verdict, verdict) for kind, verdict in before if kind == one.kind)
+        alarm.kind for alarm in spoilt.alarms
+        if all(_worse(alarm.verdict, verdict) for kind, verdict in before if kind == alarm.kind)
     }  # fmt: skip
 
 

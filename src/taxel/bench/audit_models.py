@@ -30,7 +30,7 @@ def model_rows() -> list[Row]:
     with tempfile.TemporaryDirectory(prefix="taxel-") as scratch:
         simulate_presets(Path(scratch), ("honest",), SCANS, 0)
         results, trivial = compare_models(Path(scratch) / "honest", ComparisonConfig())
-    return [*(_model_row(one, trivial) for one in results), *map(_trivial_row, trivial)]
+    return [*(_model_row(result, trivial) for result in results), *map(_trivial_row, trivial)]
 
 
 def cleaning_rows() -> list[Row]:
@@ -43,37 +43,37 @@ def cleaning_rows() -> list[Row]:
     return [*map(_gain_row, gains), *map(_trivial_row, trivial)]
 
 
-def _model_row(one: ModelResult, trivial: list[TrivialResult]) -> Row:
-    low, high = one.pooled.interval
+def _model_row(result: ModelResult, trivial: list[TrivialResult]) -> Row:
+    low, high = result.pooled.interval
     (best,) = [max(each.accuracies.values()) for each in trivial
-               if (each.target, each.split) == (one.target, one.pooled.split)]  # fmt: skip
-    size = "" if one.parameters is None else f"{one.parameters:,} parameters, "
+               if (each.target, each.split) == (result.target, result.pooled.split)]  # fmt: skip
+    size = "" if result.parameters is None else f"{result.parameters:,} parameters, "
     note = (
-        f"95 % {low:.3f} … {high:.3f} by {one.pooled.interval_group}; whole grasps "
-        f"{one.pooled.trial_accuracy:.3f}; {size}{one.fold_s:.1f} s a fold, "
-        f"{one.inference_us:.0f} µs a window; best trivial baseline {best:.3f}"
+        f"95 % {low:.3f} … {high:.3f} by {result.pooled.interval_group}; whole grasps "
+        f"{result.pooled.trial_accuracy:.3f}; {size}{result.fold_s:.1f} s a fold, "
+        f"{result.inference_us:.0f} µs a window; best trivial baseline {best:.3f}"
     )
-    name = f"sim honest, {one.model}: {one.target}, {one.pooled.split}"
-    return _row(name, one.pooled.scores.accuracy, note)
+    name = f"sim honest, {result.model}: {result.target}, {result.pooled.split}"
+    return _row(name, result.pooled.scores.accuracy, note)
 
 
-def _gain_row(one: Gain) -> Row:
-    name = f"sim honest, {BASE}, windows with {one.way}: {one.target}, {one.split}"
-    if one.way == NOTHING:
-        name = f"sim honest, {BASE}, windows as they are: {one.target}, {one.split}"
-        return _row(name, one.accuracy, f"mean of {len(one.by_run)} sets")
-    low, high = one.interval
+def _gain_row(gain: Gain) -> Row:
+    name = f"sim honest, {BASE}, windows with {gain.way}: {gain.target}, {gain.split}"
+    if gain.way == NOTHING:
+        name = f"sim honest, {BASE}, windows as they are: {gain.target}, {gain.split}"
+        return _row(name, gain.accuracy, f"mean of {len(gain.by_run)} sets")
+    low, high = gain.interval
     note = (
-        f"{100 * one.difference:+.1f} points against nothing, 95 % {100 * low:+.1f} … "
-        f"{100 * high:+.1f} over {one.groups} sessions, p {one.p:.3f}: {one.verdict}"
+        f"{100 * gain.difference:+.1f} points against nothing, 95 % {100 * low:+.1f} … "
+        f"{100 * high:+.1f} over {gain.groups} sessions, p {gain.p:.3f}: {gain.verdict}"
     )
-    return _row(name, one.accuracy, note)
+    return _row(name, gain.accuracy, note)
 
 
-def _trivial_row(one: TrivialResult) -> Row:
-    each = ", ".join(f"{name} {accuracy:.3f}" for name, accuracy in one.accuracies.items())
-    name = f"sim honest, best trivial baseline: {one.target}, {one.split}"
-    return _row(name, max(one.accuracies.values()), each)
+def _trivial_row(result: TrivialResult) -> Row:
+    each = ", ".join(f"{name} {accuracy:.3f}" for name, accuracy in result.accuracies.items())
+    name = f"sim honest, best trivial baseline: {result.target}, {result.split}"
+    return _row(name, max(result.accuracies.values()), each)
 
 
 def _row(name: str, value: float, note: str) -> Row:

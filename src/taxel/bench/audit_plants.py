@@ -249,11 +249,11 @@ def _with_sessions(touch: TouchSet) -> TouchSet:
 
 def _append(touch: TouchSet, index: int, rows: NDArray[np.float32]) -> TouchSet:
     """Return the trials and one more: another recording like trial `index`, with other rows."""
-    one = touch.trials[index]
+    trial = touch.trials[index]
     name = f"copy-{len(touch)}"
     copy: Trial = replace(
-        one, recording=f"{name}.mcap",
-        groups={**one.groups, "recording": name, "trial": f"{name}#0"},
+        trial, recording=f"{name}.mcap",
+        groups={**trial.groups, "recording": name, "trial": f"{name}#0"},
     )  # fmt: skip
     return replace(
         touch, trials=(*touch.trials, copy), rows=(*touch.rows, rows),

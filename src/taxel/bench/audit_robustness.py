@@ -161,7 +161,9 @@ def _train(targets: Sequence[str], robust: bool) -> dict[str, Model]:
 
 def _side_by_side(shape: Model, material: Model, both: Model) -> Model:
     """Return two recognisers as one: the product of what each tells, in the order of `both`."""
-    names = [f"{one} {two}" for one in shape.contract.classes for two in material.contract.classes]
+    names = [
+        f"{class_} {two}" for class_ in shape.contract.classes for two in material.contract.classes
+    ]
     order = [names.index(name) for name in both.contract.classes]
 
     def probabilities(values: NDArray[np.float32], mask: NDArray[np.bool_]) -> NDArray[np.float64]:
@@ -196,9 +198,8 @@ def _condition_row(what: str, condition: str, plain: _Told, robust: _Told, grasp
               for level in levels}  # fmt: skip
     said = [claim.published for claim in CLAIMS if condition in claim.conditions]
     note = (
-        f"worst at {worst:g}: {_loss_words(each[worst])}; at "
-        f"{', '.join(f'{level:g}: {one.points:+.1f}' for level, one in each.items())}; {PLAIN} at "
-        f"{', '.join(f'{level:g}: {one.points:+.1f}' for level, one in before.items())}"
+        f"worst at {worst:g}: {loss_words(each[worst])}; at "
+        f"{points_at(each)}; {PLAIN} at {points_at(before)}"
     )
     if said:
         note += f"; thesis: {said[0]}"
@@ -211,11 +212,17 @@ def _condition_row(what: str, condition: str, plain: _Told, robust: _Told, grasp
     return row(name, each[worst].points, "points", "<=", MOST_POINTS, note)
 
 
-def _loss_words(one: Loss) -> str:
+def loss_words(loss: Loss) -> str:
+    """Return both accuracies (0…1) and the interval of their difference, points."""
     return (
-        f"{one.worse:.3f} against {one.base:.3f}, loss 95 % {100 * one.low:+.1f} … "
-        f"{100 * one.high:+.1f} by session"
+        f"{loss.worse:.3f} against {loss.base:.3f}, loss 95 % {100 * loss.low:+.1f} … "
+        f"{100 * loss.high:+.1f} by session"
     )
+
+
+def points_at(losses: Mapping[float, Loss]) -> str:
+    """Return the points of accuracy that each level costs."""
+    return ", ".join(f"{level:g}: {loss.points:+.1f}" for level, loss in losses.items())
 
 
 def _fall_row(name: str, own: Sequence[FaultPoint], base: FaultPoint, note: str) -> Row:
@@ -226,22 +233,22 @@ def _fall_row(name: str, own: Sequence[FaultPoint], base: FaultPoint, note: str)
                goal="", ok=None, note=note)  # fmt: skip
 
 
-def _words(one: FaultPoint) -> str:
-    if one.answered == 0:
-        return f"at {one.level:g} nothing answered"
-    answered = "" if one.answered > 0.995 else f", {100 * one.answered:.0f} % answered"
-    return f"at {one.level:g} {one.accuracy:.3f}{answered}"
+def _words(point: FaultPoint) -> str:
+    if point.answered == 0:
+        return f"at {point.level:g} nothing answered"
+    answered = "" if point.answered > 0.995 else f", {100 * point.answered:.0f} % answered"
+    return f"at {point.level:g} {point.accuracy:.3f}{answered}"
 
 
-def _camera_words(one: FaultPoint) -> str:
+def _camera_words(point: FaultPoint) -> str:
     return (
-        f"at {one.level:g} {one.accuracy:.3f}, {100 * one.grasps:.0f} % of slips warned of, "
-        f"{one.outside:.1f} false alarms/min, {100 * one.answered:.0f} % answered"
+        f"at {point.level:g} {point.accuracy:.3f}, {100 * point.grasps:.0f} % of slips warned of, "
+        f"{point.outside:.1f} false alarms/min, {100 * point.answered:.0f} % answered"
     )
 
 
 def _by_fault(points: Sequence[FaultPoint]) -> list[tuple[str, list[FaultPoint]]]:
-    return [(fault, list(own)) for fault, own in groupby(points[1:], key=lambda one: one.fault)]
+    return [(fault, list(own)) for fault, own in groupby(points[1:], key=lambda point: point.fault)]
 
 
 def _plain_row(name: str, value: float, unit: str, note: str) -> Row:

@@ -17,6 +17,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from taxel.bench.audit_robustness import loss_words, points_at
 from taxel.bench.rows import Row
 from taxel.evaluation.baselines import trivial_accuracies
 from taxel.evaluation.crossval import FoldResult, run_fold
@@ -200,10 +201,8 @@ def _cost(target: str, name: str, told: Mapping[tuple[str, float], SessionAnswer
     each = {level: loss_between(base, told[name, level], grasps=False) for level in levels}
     worst = max(each, key=lambda level: each[level].points)
     majority = np.bincount(base.y).max() / len(base.y)
-    lost = ", ".join(f"{level:g}: {one.points:+.1f}" for level, one in each.items())
     note = (
-        f"worst at {worst:g}: {each[worst].worse:.3f} against {each[worst].base:.3f}, loss 95 % "
-        f"{100 * each[worst].low:+.1f} … {100 * each[worst].high:+.1f} by session; at {lost}; "
+        f"worst at {worst:g}: {loss_words(each[worst])}; at {points_at(each)}; "
         f"majority {majority:.3f}; learned at 0.5 to 5 N, 28 to 40 mm, new pads"
     )
     text = f"{name} {levels[0]:g} … {levels[-1]:g} {unit}, points lost at worst"
@@ -211,12 +210,12 @@ def _cost(target: str, name: str, told: Mapping[tuple[str, float], SessionAnswer
                value=each[worst].points, unit="points", goal="", ok=None, note=note)  # fmt: skip
 
 
-def _drifting(one: Recorded, drift_v: float) -> Recorded:
+def _drifting(recorded: Recorded, drift_v: float) -> Recorded:
     """Return a recording in which rest rises evenly to `drift_v` at its end."""
-    ramp = np.linspace(0.0, drift_v, len(one.samples), dtype=np.float32)[:, None]
-    top = np.float32(one.sensor.full_scale or np.inf)
-    values = np.minimum(one.samples.values + ramp, top).astype(np.float32)
-    return replace(one, samples=replace(one.samples, values=values))
+    ramp = np.linspace(0.0, drift_v, len(recorded.samples), dtype=np.float32)[:, None]
+    top = np.float32(recorded.sensor.full_scale or np.inf)
+    values = np.minimum(recorded.samples.values + ramp, top).astype(np.float32)
+    return replace(recorded, samples=replace(recorded.samples, values=values))
 
 
 def _gate_rows(name: str, point: FaultPoint) -> list[Row]:

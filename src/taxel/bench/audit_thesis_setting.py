@@ -13,7 +13,7 @@ from pathlib import Path
 
 import numpy as np
 
-from taxel.bench.audit_robustness import SCANS, TESTED, TRAIN_SEED
+from taxel.bench.audit_robustness import SCANS, TESTED, TRAIN_SEED, loss_words, points_at
 from taxel.bench.rows import Row
 from taxel.evaluation.robustness.conditions import BASE, LEVELS, settings_at, simulate_at
 from taxel.evaluation.robustness.curve import CLEAN, SessionAnswers, loss_between, point_of
@@ -71,7 +71,5 @@ def _condition_row(
         name=f"sim, new sessions, {target} by windows, {SETTING}: {condition} {levels[0]:g} … "
         f"{levels[-1]:g} {unit}, points lost at worst",
         value=loss.points, unit="points", goal="", ok=None,
-        note=f"worst at {worst:g}: {loss.worse:.3f} against {loss.base:.3f}, loss 95 % "
-        f"{100 * loss.low:+.1f} … {100 * loss.high:+.1f} by session; at "
-        + ", ".join(f"{level:g}: {one.points:+.1f}" for level, one in each.items()),
+        note=f"worst at {worst:g}: {loss_words(loss)}; at {points_at(each)}",
     )  # fmt: skip

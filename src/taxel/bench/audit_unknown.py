@@ -68,17 +68,17 @@ def simulated_rows() -> list[Row]:
 
 
 def _kind_rows(results: list[UnknownResult], target: str, kind: str) -> list[Row]:
-    each = [one.auroc(kind) for one in results]
+    each = [result.auroc(kind) for result in results]
     beside = ", ".join(
-        f"{score} {np.mean([one.auroc(kind, score).grasps for one in results]):.3f}"
+        f"{score} {np.mean([result.auroc(kind, score).grasps for result in results]):.3f}"
         for score in SCORES if score != OURS
     )  # fmt: skip
     sets = ", ".join(f"{a.grasps:.3f} [{a.interval[0]:.3f}, {a.interval[1]:.3f}]" for a in each)
-    found = np.mean([one.found_grasps for one in each])
+    found = np.mean([result.found_grasps for result in each])
     name = f"sim, {kind} unknown to {target}, session held out: AUROC over"
-    mean = float(np.mean([one.grasps for one in each]))
+    mean = float(np.mean([result.grasps for result in each]))
     note = f"{len(each)} sets: {sets}; {found:.0%} of its grasps called unknown; {beside}"
-    windows = float(np.mean([one.windows for one in each]))
+    windows = float(np.mean([result.windows for result in each]))
     return [
         row(f"{name} grasps", mean, "AUROC", ">=", SIM_LEAST, note),
         Row(name=f"{name} windows", value=windows, unit="AUROC", goal="", ok=None),
@@ -87,19 +87,19 @@ def _kind_rows(results: list[UnknownResult], target: str, kind: str) -> list[Row
 
 def _known_rows(results: list[UnknownResult], target: str) -> list[Row]:
     """How much of the known is called unknown, and what accuracy is bought by answering less."""
-    grasps = [one.rejected_grasps for one in results]
-    classes = {name: np.mean([one.rejected_by_class[name] for one in results])
+    grasps = [result.rejected_grasps for result in results]
+    classes = {name: np.mean([result.rejected_by_class[name] for result in results])
                for name in results[0].rejected_by_class}  # fmt: skip
     worst = max(classes, key=lambda name: classes[name])
     note = (
-        f"windows {np.mean([one.rejected_windows for one in results]):.3f}; promised 0.05 of touch "
+        f"windows {np.mean([r.rejected_windows for r in results]):.3f}; promised 0.05 of touch "
         f"like that calibrated on; most of {worst}: {classes[worst]:.3f}"
     )
     rows = [
         Row(name=f"sim, known grasps called unknown to {target}, session held out",
             value=float(np.mean(grasps)), unit="share", goal="", ok=None, note=note)
     ]  # fmt: skip
-    curves = {score: [c for one in results for c in one.curves if c.score == score]
+    curves = {score: [c for result in results for c in result.curves if c.score == score]
               for score in (OURS, "max softmax")}  # fmt: skip
     for score, own in curves.items():
         at = [float(np.mean([curve.grasps[i] for curve in own])) for i in (0, 2, 5)]
@@ -138,13 +138,13 @@ def glove_rows_of(data: Path | None) -> list[Row]:
 
 
 def _glove(results: dict[str, UnknownResult], group: str) -> list[Row]:
-    windows = {sign: one.auroc(sign).windows for sign, one in results.items()}
+    windows = {sign: result.auroc(sign).windows for sign, result in results.items()}
     beside = ", ".join(
-        f"{score} {np.mean([one.auroc(sign, score).windows for sign, one in results.items()]):.3f}"
+        f"{score} {np.mean([r.auroc(sign, score).windows for sign, r in results.items()]):.3f}"
         for score in SCORES if score != OURS
     )  # fmt: skip
     signs = ", ".join(f"{sign} {value:.3f}" for sign, value in windows.items())
-    rejected = np.mean([one.rejected_windows for one in results.values()])
+    rejected = np.mean([result.rejected_windows for result in results.values()])
     least = min(windows, key=lambda sign: windows[sign])
     text = f"teng-glove, each sign left out, {group} held out: AUROC over windows,"
     mean, notes = float(np.mean(list(windows.values()))), (signs, f"{least}; {beside}")

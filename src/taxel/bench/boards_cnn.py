@@ -93,8 +93,8 @@ def _sketch_rows(chip: OnChip, recordings: Path, place: Path) -> list[Row]:
     recording = read_recording(list_recordings(recordings)[0])
     volts = recording.samples.values[: int(SKETCH_S * TICK_HZ)]
     found = run_sketch(build_firmware(), chip, volts, recording.manifest.sensor, place)
-    slowest = max((one.took_us for one in found.sent), default=0) / 1000
-    given = sum(one.best is not None for one in found.sent)
+    slowest = max((answer.took_us for answer in found.sent), default=0) / 1000
+    given = sum(answer.best is not None for answer in found.sent)
     note = (
         f"{len(found.sent)} windows told, {given} with a class; slowest network {slowest:.1f} ms "
         "with its interrupts; timer, converter, window, network and wire emulated"

@@ -123,7 +123,7 @@ def run_chain(firmware: Firmware, seconds: float, ppm: tuple[float, ...]) -> Cha
         rows, wrong_rows, missing = _rows_against_scans(path, expected)
     return ChainResult(
         boards=ledgers,
-        scans=sum(len(one) for one in expected),
+        scans=sum(len(scans) for scans in expected),
         frames=sum(chain[1] for chain in chains),
         frame_values=sum(chain[1] for chain in chains) * len(CHANNELS),
         wrong_values=sum(chain[2] for chain in chains),
@@ -187,7 +187,7 @@ def _catch_up(
     until_s = time.monotonic() + _CATCH_UP_S
     while True:
         write(source.read(0.0))
-        received = [one["received_bytes"] for one in source.boards()]
+        received = [board["received_bytes"] for board in source.boards()]
         if received == boards.sent:
             return
         if time.monotonic() > until_s:

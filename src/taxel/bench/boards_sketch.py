@@ -61,7 +61,7 @@ class Sketch:
     @property
     def wrong(self) -> int:
         """Decisions that differ, are missing or are too many."""
-        told = [(one.seq, one.best, one.confidence, one.reason) for one in self.sent]
+        told = [(answer.seq, answer.best, answer.confidence, answer.reason) for answer in self.sent]
         return len(set(told) ^ set(self.wanted)) + len(told) - len(set(told))
 
 
@@ -120,13 +120,15 @@ def run_sketch(
         boards.run(len(volts) / TICK_HZ)
         conversions, said = boards.conversions(0), boards.bytes_sent(0)
     payloads = FrameDecoder().feed(said)
-    sent = [one for one in map(unpack_decision, payloads) if one is not None]
+    sent = [answer for answer in map(unpack_decision, payloads) if answer is not None]
     kept = conversions["count"][conversions["pin"] != _GROUND_PIN]
     columns = volts.shape[1]
     scans = kept[: len(kept) // columns * columns].reshape(-1, columns)
     # What ended with the last rows may still have been on its way.
     until = max(len(scans) - columns, sent[-1].seq + 1 if sent else 0)
-    return Sketch(sent, [one for one in _wanted(chip, scans, sensor) if one[0] < until], payloads)
+    return Sketch(
+        sent, [answer for answer in _wanted(chip, scans, sensor) if answer[0] < until], payloads
+    )
 
 
 def build_sketch(network: Path, elf: Path, options: tuple[str, ...] = ()) -> Path:

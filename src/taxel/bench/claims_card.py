@@ -53,7 +53,7 @@ def claims_card(rows: Iterable[Row] | None = None) -> str:
     Args:
         rows: Rows to join with the claims; all that are stored unless given.
     """
-    known = {one.name: one for one in (all_stored() if rows is None else rows)}
+    known = {row.name: row for row in (all_stored() if rows is None else rows)}
     parts = all_parts()
     claims = [claim for part in parts for claim in part.claims]
     answered = sum(_answered(claim, known) for claim in claims)
@@ -102,10 +102,10 @@ def keep_for_claims(results: Mapping[str, Any]) -> int:
         BadInput: A file holds none of these.
         RecordingFailed: The disk refused.
     """
-    found = {one.name: one for one in stored(MEASURED_FOR_CLAIMS)}
+    found = {row.name: row for row in stored(MEASURED_FOR_CLAIMS)}
     added = [row for name, data in results.items() for row in _rows_of(data, name)]
-    found |= {one.name: one for one in added}
-    text = json.dumps([asdict(one) for one in found.values()], indent=1, ensure_ascii=False)
+    found |= {row.name: row for row in added}
+    text = json.dumps([asdict(row) for row in found.values()], indent=1, ensure_ascii=False)
     write_whole(STORE / f"{MEASURED_FOR_CLAIMS}.json", text + "\n")
     return len(added)
 
@@ -114,7 +114,7 @@ def all_stored() -> list[Row]:
     """Return the rows of all stores; a bench's own row wins over one kept for the card."""
     names = sorted(path.stem for path in STORE.glob("*.json"))
     names.sort(key=lambda name: name != MEASURED_FOR_CLAIMS)
-    return [one for name in names for one in stored(name)]
+    return [row for name in names for row in stored(name)]
 
 
 def find(link: Link, known: Mapping[str, Row]) -> Row | None:
@@ -134,14 +134,14 @@ def _rows_of(data: Any, name: str) -> list[Row]:
         if isinstance(data, list) and data and {"columns", "preset"} <= set(data[0]):
             return _table_rows(data, stamp + "taxel reproduce table-4-1")
         if isinstance(data, list) and data and {"scans", "gated"} <= set(data[0]):
-            share = sum(one["gated"] for one in data) / sum(one["scans"] for one in data)
+            share = sum(entry["gated"] for entry in data) / sum(entry["scans"] for entry in data)
             return [Row(name=ABOVE_GATE, value=share, unit="share", goal="", ok=None,
                         note=f"{len(data)} sessions",
                         stamp=stamp + "taxel simulate teng")]  # fmt: skip
         if isinstance(data, list) and data and {"name", "value", "goal"} <= set(data[0]):
-            rows = [Row(**one) for one in data]
-            return [one if one.stamp else replace(one, stamp=stamp + "taxel bench")
-                    for one in rows if one.value is not None]  # fmt: skip
+            rows = [Row(**entry) for entry in data]
+            return [row if row.stamp else replace(row, stamp=stamp + "taxel bench")
+                    for row in rows if row.value is not None]  # fmt: skip
     except (KeyError, TypeError) as error:
         raise BadInput(f"a whole result in {name}", f"one that lacks {error}", "write it again") \
             from error  # fmt: skip
@@ -178,13 +178,13 @@ def _table_rows(sections: Sequence[Mapping[str, Any]], stamp: str) -> list[Row]:
 
 def _transition_rows(data: Mapping[str, Any], stamp: str) -> list[Row]:
     rows = []
-    for one in data["rows"]:
-        if one["weights"] == "RANDOM":
+    for row in data["rows"]:
+        if row["weights"] == "RANDOM":
             continue  # its accuracy says nothing of a trained backbone
-        for what, scores in ((ONE_CUP, one["single"]), (EVERY_CUP, one["every_cup"])):
+        for what, scores in ((ONE_CUP, row["single"]), (EVERY_CUP, row["every_cup"])):
             if scores is not None:
                 low, high = scores["interval"]
-                rows.append(Row(name=grasp_row(one["plan"]["model"], one["plan"]["frames"], what),
+                rows.append(Row(name=grasp_row(row["plan"]["model"], row["plan"]["frames"], what),
                                 value=scores["accuracy"], unit="accuracy", goal="", ok=None,
                                 note=f"95 % {low:.3f} … {high:.3f}; rule {data['rule']}; weights "
                                 f"{one['weights']} {one.get('origin', '')}".rstrip(),
@@ -210,9 +210,11 @@ def _part(part: ClaimsOfPart, known: Mapping[str, Row]) -> list[str]:
     stamps: dict[str, None] = {}
     for claim in part.claims:
         used = [row for link in (*claim.theirs, *claim.honest) if (row := find(link, known))]
-        stamps |= dict.fromkeys(one.stamp for one in used if one.stamp)
-        said = [one.stamp.rpartition(", ")[2] for one in used if one.stamp]
-        command = " ".join(f"`{one}`" for one in dict.fromkeys(said)) or _default(claim, part)
+        stamps |= dict.fromkeys(row.stamp for row in used if row.stamp)
+        said = [row.stamp.rpartition(", ")[2] for row in used if row.stamp]
+        command = " ".join(f"`{command_}`" for command_ in dict.fromkeys(said)) or _default(
+            claim, part
+        )
         theirs, honest = _cells(claim, known)
         cells = claim.where, claim.what, claim.claimed, theirs, honest, command
         lines.append(f"| {' | '.join(cells)} |")

@@ -153,9 +153,9 @@ def loop_rows(pours: Sequence[JudgedPour]) -> list[Row]:
     """Return the rows: the promised pours under each policy, then pushes and failing grips."""
     from taxel.bench.closed_loop_training import raisable
 
-    main = [one for one in pours if raisable(one.run)]
-    hard = [one for one in pours if not raisable(one.run)]
-    taxel = score_loops([one.taxel for one in main])
+    main = [pour for pour in pours if raisable(pour.run)]
+    hard = [pour for pour in pours if not raisable(pour.run)]
+    taxel = score_loops([case.taxel for case in main])
     rows = [*_goal_rows("taxel", taxel)]
     rows.append(
         row("taxel: mean grip force over always maximum", taxel.force_n / taxel.full_force_n,
@@ -171,9 +171,9 @@ def loop_rows(pours: Sequence[JudgedPour]) -> list[Row]:
               "share", f"{taxel.slides} pours that slip > 300 µm and are not dropped")
     )  # fmt: skip
     for name, which in (("pixel difference", "pixels"), ("always maximum", "always")):
-        scores = score_loops([getattr(one, which) for one in main])
+        scores = score_loops([getattr(case, which) for case in main])
         rows += _plain_rows(name, scores, always=which == "always")
-    person = score_loops([one.person for one in main])
+    person = score_loops([case.person for case in main])
     rows.append(
         _told("warning only, the person stops 0.5 s after it: preventable drops prevented",
               person.prevented_share, "share", _of(person))
@@ -214,8 +214,8 @@ def _hard_rows(hard: Sequence[JudgedPour]) -> list[Row]:
     """Return what pushes and failing grips give: told, not promised."""
     if not hard:
         return []
-    scores = score_loops([one.taxel for one in hard])
-    kinds = Counter(one.run.kind for one in hard)
+    scores = score_loops([case.taxel for case in hard])
+    kinds = Counter(case.run.kind for case in hard)
     note = ", ".join(f"{count} {kind}" for kind, count in sorted(kinds.items()))
     return [
         _told("taxel, pushes and failing grips: preventable drops prevented",
@@ -226,7 +226,7 @@ def _hard_rows(hard: Sequence[JudgedPour]) -> list[Row]:
 
 
 def _latency_rows(pours: Sequence[JudgedPour]) -> list[Row]:
-    each_ms = np.concatenate([np.array(one.latencies_s) for one in pours]) * 1e3
+    each_ms = np.concatenate([np.array(pour.latencies_s) for pour in pours]) * 1e3
     middle, late = np.percentile(each_ms, [50, 99])
     return [
         row("inference, measured 99 %, within what the loop assumes", float(late), "ms", "<=",

@@ -55,10 +55,12 @@ def draw(path: Path, learnt: Learnt) -> None:
 
 
 def _draw_curves(axes: Axes, learnt: Learnt) -> None:
-    same = [one for one in learnt.curve if one.stability.raise_s == learnt.stability.raise_s]
-    _draw_curve(axes, [one.scores for one in same], _TAXEL, "taxel, threshold on probability")
-    _draw_curve(axes, [one.scores for one in learnt.pixel_curve], _PIXELS, "difference of pixels")
-    (chosen,) = (one.scores for one in same if one.stability == learnt.stability)
+    same = [point for point in learnt.curve if point.stability.raise_s == learnt.stability.raise_s]
+    _draw_curve(axes, [point.scores for point in same], _TAXEL, "taxel, threshold on probability")
+    _draw_curve(
+        axes, [point.scores for point in learnt.pixel_curve], _PIXELS, "difference of pixels"
+    )
+    (chosen,) = (point.scores for point in same if point.stability == learnt.stability)
     axes.plot(
         100 * chosen.needless_share, 100 * chosen.prevented_share, "o", ms=11, mfc="none",
         mec=_TAXEL, mew=2, label=f"chosen: warn at {learnt.stability.warn:g}",
@@ -74,8 +76,8 @@ def _draw_curves(axes: Axes, learnt: Learnt) -> None:
 
 
 def _draw_curve(axes: Axes, scores: list[LoopScores], colour: str, name: str) -> None:
-    x = [100 * one.needless_share for one in scores]
-    y = [100 * one.prevented_share for one in scores]
+    x = [100 * score.needless_share for score in scores]
+    y = [100 * score.prevented_share for score in scores]
     axes.plot(x, y, "-o", color=colour, ms=3.5, lw=1.2, label=name)
 
 
@@ -111,7 +113,7 @@ def _draw_pour(axes: Axes, run: PourRun, held: LoopTrack) -> None:
     force.set_ylabel("grip force, N")
     force.set_ylim(0, 60)
     lines = axes.get_lines()[:1] + axes.get_lines()[2:3] + force.get_lines()
-    axes.legend(lines, [str(one.get_label()) for one in lines], loc="center right")
+    axes.legend(lines, [str(line.get_label()) for line in lines], loc="center right")
 
 
 if __name__ == "__main__":

@@ -144,7 +144,7 @@ def _interval(
     """
     if not whole.any():
         return float("nan"), float("nan")
-    members = [np.flatnonzero(cups == one) for one in np.unique(cups)]
+    members = [np.flatnonzero(cups == cup) for cup in np.unique(cups)]
     counts = np.array([[part[rows].sum(), whole[rows].sum()] for rows in members])
     low, high = ratio_interval(counts[:, 0], counts[:, 1], seed)
     hits, total = int(part.sum()), int(whole.sum())

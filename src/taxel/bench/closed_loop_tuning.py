@@ -91,12 +91,14 @@ def tune_loop(
     config, policy, goal = config or LoopConfig(), policy or GripPolicyConfig(), goal or LoopGoal()
     grid = [stability_at(warn, raise_s) for raise_s in RAISE_S for warn in WARN]
     jobs = [
-        (track.run, [commands_of(track, one, config, policy) for one in grid], config)
+        (track.run, [commands_of(track, settings, config, policy) for settings in grid], config)
         for track in tracks
     ]
     scores = _scores(jobs, workers)
     curve = [CurvePoint(stability=a, scores=b) for a, b in zip(grid, scores, strict=True)]
-    point = choose([one.scores for one in curve], goal, [one.stability.raise_s for one in curve])
+    point = choose(
+        [point.scores for point in curve], goal, [point.stability.raise_s for point in curve]
+    )
     return curve[point].stability, curve
 
 
@@ -119,12 +121,12 @@ def tune_pixels(
     config, goal, base = config or LoopConfig(), goal or LoopGoal(), base or PixelDifferenceConfig()
     grid = [replace(base, threshold=threshold) for threshold in PIXELS]
     jobs = [
-        (track.run, [_pixel_commands(track, one, config) for one in grid], config)
+        (track.run, [_pixel_commands(track, settings, config) for settings in grid], config)
         for track in tracks
     ]
     scores = _scores(jobs, workers)
     curve = [PixelPoint(pixels=a, scores=b) for a, b in zip(grid, scores, strict=True)]
-    return curve[choose([one.scores for one in curve], goal)].pixels, curve
+    return curve[choose([point.scores for point in curve], goal)].pixels, curve
 
 
 def _scores(
@@ -161,14 +163,14 @@ def choose(
         family: Which family each belongs to, such as its debounce; one by default.
     """
 
-    def merit(one: LoopScores) -> tuple[float, float]:
-        lost = 1.0 - one.prevented_share
+    def merit(scores: LoopScores) -> tuple[float, float]:
+        lost = 1.0 - scores.prevented_share
         excess = max(lost - goal.lost_share, 0.0) / goal.lost_share
-        excess += max(one.needless_share - goal.needless_share, 0.0) / goal.needless_share
-        return round(excess, 9), round(lost + one.needless_share, 9)
+        excess += max(scores.needless_share - goal.needless_share, 0.0) / goal.needless_share
+        return round(excess, 9), round(lost + scores.needless_share, 9)
 
-    best = min(merit(one) for one in scores)
-    equals = [place for place, one in enumerate(scores) if merit(one) == best]
+    best = min(merit(score) for score in scores)
+    equals = [place for place, score in enumerate(scores) if merit(score) == best]
     if family is not None:
         largest = Counter(family[place] for place in equals).most_common(1)[0][0]
         equals = [place for place in equals if family[place] == largest]

@@ -185,8 +185,8 @@ def _noise() -> Row:
 
 def _drift() -> Row:
     errors_ms = [_drift_ms(ppm, seed) for seed, ppm in enumerate((40.0, -40.0))]
-    bias_ms = [abs(float(np.mean(one))) for one in errors_ms]
-    spread_ms = max(float(np.std(one)) for one in errors_ms)
+    bias_ms = [abs(float(np.mean(errors))) for errors in errors_ms]
+    spread_ms = max(float(np.std(errors)) for errors in errors_ms)
     return row(
         "clock drift of ±40 ppm with USB stalls: fitted time's bias",
         max(bias_ms),

@@ -249,7 +249,7 @@ def _label_rows(folder: Path, honest: Callable[[Sequence[str]], Ended]) -> list[
     ended = [honest([str(word) for word in line]) for line in lines]
     paths = sorted(recordings.glob("*.mcap"))
     ended.append(honest(["live", str(bundle), str(paths[0])]))
-    shown = {line[0]: one.out for line, one in zip(lines, ended, strict=False)}
+    shown = {line[0]: stopped.out for line, stopped in zip(lines, ended, strict=False)}
     stages = {
         "recorded": {read_manifest(path).labels["object"] for path in paths},
         "learned": set(json.loads((run / "run.json").read_text())["contract"]["classes"]),

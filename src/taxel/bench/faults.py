@@ -260,8 +260,8 @@ def latency_rows() -> list[Row]:
                 station.run()
             overhead = float(np.percentile(station.latencies.overhead_ms(), 99))
             rounds.append((overhead, station.latencies.percentiles_ms()))
-    least, stages = min(rounds, key=lambda one: one[0])
-    each = ", ".join(f"{one[0]:.1f}" for one in rounds)
+    least, stages = min(rounds, key=lambda measured: measured[0])
+    each = ", ".join(f"{measured[0]:.1f}" for measured in rounds)
     rows = [
         row("from the host to the alarm without the model, grasp settled, 99 %", least, "ms", "<=",
             3.0, f"the quietest of {_ROUNDS} rounds ({each}); a pour replayed at 60 frames/s; "

@@ -134,15 +134,15 @@ def rows_of(told: list[Told]) -> list[Row]:
     if not grasps:
         return [missing(f"{name}: share found", "share", ">= 0.98", "nothing simulated yet")]
     delays, false = [], 0
-    for one in told:
+    for moment in told:
         true = [
-            start - one.settled_s
-            for start in one.starts_s
-            if one.settled_s is not None and -EARLY_S <= start - one.settled_s <= LATE_S
+            start - moment.settled_s
+            for start in moment.starts_s
+            if moment.settled_s is not None and -EARLY_S <= start - moment.settled_s <= LATE_S
         ]
         delays += true[:1]
-        false += len(one.starts_s) - len(true[:1])
-    minutes = sum(one.seconds for one in told) / 60.0
+        false += len(moment.starts_s) - len(true[:1])
+    minutes = sum(moment.seconds for moment in told) / 60.0
     low, high = binomtest(len(delays), len(grasps)).proportion_ci(0.95, "exact")
     least, most = poisson_interval(false, minutes)
     brushes = len(told) - len(grasps)

@@ -86,7 +86,7 @@ def _kind_rows(kind: Kind, tracks: Sequence[StateTrack]) -> list[Row]:
     if not own:
         return [missing(f"{name}: median lead before 300 um", "s", "", "none rendered yet")]
     events = summarise(own)
-    missed = sum(one.missed for one in own)
+    missed = sum(outcome.missed for outcome in own)
     about = f"{events.events} slips of {len(own)} grasps on {events.clusters} test cups"
     if events.clusters < len(TEST_CUPS):
         about += f" (asked: {len(TEST_CUPS)}; go on with --full)"
@@ -94,7 +94,7 @@ def _kind_rows(kind: Kind, tracks: Sequence[StateTrack]) -> list[Row]:
     if events.events:
         low, high = binomtest(missed, events.events).proportion_ci(0.95, "exact")
         lead_low, lead_high = events.lead_interval_s
-        warned = sum(one.event and one.lead_s is not None for one in own)
+        warned = sum(outcome.event and outcome.lead_s is not None for outcome in own)
         rows = [
             _row(f"{name}: median lead before 300 um", events.lead_median_s, "s",
                  f"95 % {lead_low:.2f} … {lead_high:.2f}, cups resampled; {about}, "

@@ -110,7 +110,7 @@ def store(
     """
     stamp = f"commit {commit()}, data {data[:12]}, {today()}, taxel bench {bench} --full"
     stamp += f" --only {shlex.quote(only)}" if only else ""
-    stamped = [replace(one, stamp=stamp) for one in rows]
+    stamped = [replace(row, stamp=stamp) for row in rows]
     if only:
         new = {one.name for one in stamped}
         stamped = [row for row in stored(bench, folder) if row.name not in new] + stamped
@@ -126,7 +126,7 @@ def stored(bench: str, folder: Path | None = None) -> list[Row]:
     path = (folder or STORE) / f"{bench}.json"
     if not path.exists():
         return []
-    return [Row(**one) for one in json.loads(path.read_text())]
+    return [Row(**entry) for entry in json.loads(path.read_text())]
 
 
 def measure(
@@ -145,11 +145,11 @@ def rows_table(rows: list[Row]) -> Table:
     table = Table(pad_edge=False)
     for column in ("figure", "value", "unit", "goal", "", "note"):
         table.add_column(column, justify="right" if column == "value" else "left")
-    for one in rows:
-        mark = {True: Text("met", "green"), False: Text("missed", "red"), None: Text("–")}[one.ok]
-        value = "–" if one.value is None else _short(one.value)
-        note = " · ".join(part for part in (one.note, one.stamp) if part)
-        table.add_row(visible_line(one.name), value, one.unit, one.goal, mark, visible_line(note))
+    for row in rows:
+        mark = {True: Text("met", "green"), False: Text("missed", "red"), None: Text("–")}[row.ok]
+        value = "–" if row.value is None else _short(row.value)
+        note = " · ".join(part for part in (row.note, row.stamp) if part)
+        table.add_row(visible_line(row.name), value, row.unit, row.goal, mark, visible_line(note))
     return table
 
 

@@ -37,7 +37,7 @@ def slip_rows(found: dict[str, Any], folder: Path) -> list[Row]:
     rows = []
     limits = (("accuracy", "accuracy", LEAST_ACCURACY), ("auc", "AUC", LEAST_AUC))
     for key, unit, limit in limits:
-        beside = "; ".join(f"{one['name']} {one['trials'][key]:.3f}" for one in others)
+        beside = "; ".join(f"{other['name']} {other['trials'][key]:.3f}" for other in others)
         low, high = less[f"{key}_interval"]
         note = f"{beside}; less the bar {less[key]:+.3f} [{low:+.3f}, {high:+.3f}]"
         rows.append(row(f"{NAME}: {unit}", ours["trials"][key], unit, ">=", limit, note))

@@ -289,16 +289,16 @@ def _late_row(name: str, tracks: Sequence[WarningTrack], promise: Promise) -> Ro
 def _group_row(name: str, key: str, tracks: Sequence[WarningTrack], promise: Promise) -> Row:
     _, outcomes = score_warnings(tracks, promise.threshold)
     parts = [
-        f"{value}: {one.lead_median_s:.2f} s, missed {one.missed_share:.2f} of {one.events}, "
-        f"{one.false_alarms_per_min:.2f}/min"
-        for value, one in by_group(outcomes, key).items()
+        f"{value}: {scores.lead_median_s:.2f} s, missed {scores.missed_share:.2f} "
+        f"of {scores.events}, {scores.false_alarms_per_min:.2f}/min"
+        for value, scores in by_group(outcomes, key).items()
     ]
     return Row(name=f"{name}: lead, missed and false alarms by {key}", value=None, unit="",
                goal="", ok=None, note="; ".join(parts))  # fmt: skip
 
 
-def _without_goal(one: Row) -> Row:
-    return Row(name=one.name, value=one.value, unit=one.unit, goal="", ok=None, note=one.note)
+def _without_goal(row: Row) -> Row:
+    return Row(name=row.name, value=row.value, unit=row.unit, goal="", ok=None, note=row.note)
 
 
 def _about(scores: WarningScores, promise: Promise) -> str:

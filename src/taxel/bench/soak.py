@@ -115,7 +115,9 @@ def _memory_row(
 
 
 def _book_rows(ledger: dict[str, dict[str, int]], how_long: str) -> list[Row]:
-    made = {name: one["produced"] for name, one in ledger.items() if name.startswith("source")}
+    made = {
+        name: account["produced"] for name, account in ledger.items() if name.startswith("source")
+    }
     followers = {
         "monitor 1": made["source 1"],
         "monitor 2": made["source 2"],
@@ -123,13 +125,14 @@ def _book_rows(ledger: dict[str, dict[str, int]], how_long: str) -> list[Row]:
     }
     rows = []
     for name, produced in followers.items():
-        one = ledger[name]
-        off = produced - one["consumed"] - one["dropped"]
+        account = ledger[name]
+        off = produced - account["consumed"] - account["dropped"]
         rows.append(
             row(f"{how_long}: made less (taken in by {name} + dropped)", abs(off), "messages",
-                "<=", 0.0, f"{produced} made, {one['consumed']} taken in, {one['dropped']} dropped")
+                "<=", 0.0, f"{produced} made, {account['consumed']} taken in, "
+                f"{account['dropped']} dropped")
         )  # fmt: skip
-    starts = sum(one["starts"] for one in ledger.values()) - len(ledger)
+    starts = sum(account["starts"] for account in ledger.values()) - len(ledger)
     rows.append(row(f"{how_long}: processes that had to be started again", starts, "times", "<=",
                     0.0))  # fmt: skip
     return rows
@@ -154,8 +157,8 @@ def _file_rows(path: Path, recording: dict[str, Any], how_long: str) -> list[Row
             frames[frame.camera] += 1
     told = recording["ledger"]
     off = abs(told["scans"] - scans) + sum(
-        abs(one["frames"] - count)
-        for one, count in zip(told["cameras"].values(), frames, strict=True)
+        abs(camera["frames"] - count)
+        for camera, count in zip(told["cameras"].values(), frames, strict=True)
     )
     return [
         row(f"{how_long}: scans missing in the file by the board's own count", holes, "scans", "<=",

@@ -90,7 +90,7 @@ def steps() -> list[Row]:
     """Time a step: over the whole window again, one thread; the paper's network, two threads."""
     from taxel.evaluation.transitions.step_times import time_step
 
-    lite = min((time_step(LITE0) for _ in range(ROUNDS)), key=lambda one: one.stream_ms)
+    lite = min((time_step(LITE0) for _ in range(ROUNDS)), key=lambda timed: timed.stream_ms)
     rows = [
         row("a streaming step over the whole window again, EfficientNet-Lite0 + LSTM", lite.ratio,
             "ratio", ">=", 7.0, f"{lite.stream_ms:.1f} against {lite.window_ms:.1f} ms, k = 8, "
@@ -210,7 +210,9 @@ def paper_set() -> list[Row]:
             "reproduce", "grasp-warnings", "--data", str(cups), "--rule", "gross-slip",
             "--features", "gel", "--frames", "30", "--json",
         )  # fmt: skip
-    beside = "; ".join(f"{one['name']} {one['windows']['balanced']:.3f}" for one in trivially)
+    beside = "; ".join(
+        f"{baseline['name']} {baseline['windows']['balanced']:.3f}" for baseline in trivially
+    )
     events = warned["events"]
     what = "gross slip > 300 µm, gel features + LSTM, every cup held out"
     note = f"{events['runs']} pours, {events['events']} slips, missed {events['missed_share']:.2f}"
@@ -324,9 +326,9 @@ def _most_memory_mb(*words: str) -> float:
             held = 0
             with suppress(psutil.NoSuchProcess):
                 tree = psutil.Process(child.pid)
-                for one in [tree, *tree.children(recursive=True)]:
+                for process in [tree, *tree.children(recursive=True)]:
                     with suppress(psutil.NoSuchProcess):
-                        held += one.memory_info().rss
+                        held += process.memory_info().rss
             most = max(most, held)
             sleep(0.1)
         if child.returncode:

@@ -73,8 +73,8 @@ def measure_level(path: Path, contract: Contract, *, count: int | None = None) -
     dataset = load_dataset(path, replace(contract.window, reference=None))
     contract.check_sensor(dataset.sensor)
     wanted = parse_reference(contract.reference.touches)
-    named = [wanted.key in {**one.groups, **one.labels} for one in dataset.trials]
-    own = [i for i, one in enumerate(dataset.trials) if not any(named) or wanted.matches(one)]
+    named = [wanted.key in {**trial.groups, **trial.labels} for trial in dataset.trials]
+    own = [i for i, trial in enumerate(dataset.trials) if not any(named) or wanted.matches(trial)]
     own = sorted(own, key=lambda i: (dataset.trials[i].recording, dataset.trials[i].start_s))
     own = own[:count]
     if not own:

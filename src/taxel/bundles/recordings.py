@@ -77,7 +77,9 @@ def load_by_session(path: Path, contract: Contract, touches: TouchLevel) -> Data
     trials = dataset.trials
     named = all("session" in trial.groups for trial in trials)
     session = dataset.group("session" if named else "recording")
-    held = Counter(name for name, one in zip(session, trials, strict=True) if wanted.matches(one))
+    held = Counter(
+        name for name, trial in zip(session, trials, strict=True) if wanted.matches(trial)
+    )
     for name in sorted(set(session)):
         if held[name] < wanted.count and named and name not in touches.sessions:
             raise BadDataset(

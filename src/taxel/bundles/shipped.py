@@ -22,7 +22,7 @@ def shipped_bundle(name: str) -> Path:
     """
     path = _FOLDER / f"{name}.taxel"
     if not path.exists():
-        known = ", ".join(sorted(one.stem for one in _FOLDER.glob("*.taxel"))) or "none"
+        known = ", ".join(sorted(path.stem for path in _FOLDER.glob("*.taxel"))) or "none"
         raise BadBundle(f"a bundle that comes with taxel ({known})", repr(name), "name a file")
     return path
 

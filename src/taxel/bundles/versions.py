@@ -83,10 +83,10 @@ class History:
         Raises:
             BadInput: There is none.
         """
-        for one in self.versions:
-            if one.number == number:
-                return one
-        known = ", ".join(str(one.number) for one in self.versions)
+        for version in self.versions:
+            if version.number == number:
+                return version
+        known = ", ".join(str(version.number) for version in self.versions)
         raise BadInput(f"one of the versions {known}", str(number), "see them with --history")
 
 
@@ -112,7 +112,7 @@ def digest_of(path: Path) -> str:
     if not path.is_dir():
         return sha256_of(path, LARGEST_BYTES)
     whole = hashlib.sha256()
-    for number, file in enumerate(sorted(one for one in path.rglob("*") if one.is_file())):
+    for number, file in enumerate(sorted(path for path in path.rglob("*") if path.is_file())):
         if number >= _MOST_FILES:
             raise BadInput(f"a run of at most {_MOST_FILES} files", f"more in {path}", "look at it")
         whole.update(file.relative_to(path).as_posix().encode(errors="surrogateescape") + b"\0")
@@ -151,7 +151,7 @@ def read_history(path: Path) -> History:
         raise BadInput("a bundle or a run's folder", f"no {path}", "name one that exists")
     digest = digest_of(path)
     versions = _read(history_path(path))
-    current = [one.number for one in versions if one.digest == digest]
+    current = [version.number for version in versions if version.digest == digest]
     if not current:
         number = _free_number(path, versions)
         changed = "changed by other means" if versions else "trained"
@@ -185,7 +185,7 @@ def replace_with(path: Path, new: Path, change: Change) -> Version:
         return history.version(history.current)
     history = _with_room(path, history)
     parent = history.version(history.current)
-    again = [one for one in history.versions if one.digest == digest]
+    again = [version for version in history.versions if version.digest == digest]
     version = again[-1] if again else Version(
         number=_free_number(path, history.versions),
         digest=digest,
@@ -235,8 +235,8 @@ def roll_back(path: Path, number: int | None = None) -> Version:
     history = read_history(path)
     now = history.version(history.current)
     if number is None:
-        former = [one for one in history.versions
-                  if one.digest == now.parent and one.number < now.number]  # fmt: skip
+        former = [version for version in history.versions
+                  if version.digest == now.parent and version.number < now.number]  # fmt: skip
         if not former:
             raise BadInput("a former version to go back to", f"none of {path}", "nothing is done")
         number = former[-1].number
@@ -288,7 +288,7 @@ def settle(path: Path) -> None:
     if path.exists() or not new.is_dir():
         return
     digest = digest_of(new)
-    if any(one.digest == digest for one in _read(history_path(path))):
+    if any(version.digest == digest for version in _read(history_path(path))):
         os.rename(new, path)
 
 
@@ -296,8 +296,8 @@ def _free_number(path: Path, versions: tuple[Version, ...]) -> int:
     """Return the number above all in a history and above every NAME.vN beside it."""
     stem, suffix = _parts(path)
     form = re.compile(re.escape(stem) + r"\.v(\d{1,9})" + re.escape(suffix))
-    found = [form.fullmatch(one.name) for one in path.parent.iterdir()]
-    taken = [int(one[1]) for one in found if one] + [one.number for one in versions]
+    found = [form.fullmatch(path.name) for path in path.parent.iterdir()]
+    taken = [int(match[1]) for match in found if match] + [version.number for version in versions]
     return 1 + max(taken, default=0)
 
 
@@ -311,7 +311,7 @@ def _with_room(path: Path, history: History) -> History:
     if not os.path.lexists(kept) or digest_of(kept) == now.digest:
         return history
     number = _free_number(path, history.versions)
-    versions = tuple(one for one in history.versions if one is not now)
+    versions = tuple(version for version in history.versions if version is not now)
     return History((*versions, replace(now, number=number)), number)
 
 
@@ -328,7 +328,7 @@ def _read(path: Path) -> tuple[Version, ...]:
         if stored.any("format") != FORMAT:
             raise ValueError("another format")
         versions = tuple(map(_version, stored.items("versions")))
-        if len({one.number for one in versions}) < len(versions):
+        if len({version.number for version in versions}) < len(versions):
             raise ValueError("a number comes twice")
     except (OSError, ValueError) as error:  # BadFile is a ValueError
         raise BadInput(
@@ -352,7 +352,9 @@ def _version(stored: object) -> Version:
 
 
 def _write(path: Path, versions: tuple[Version, ...]) -> None:
-    text = json.dumps({"format": FORMAT, "versions": [asdict(one) for one in versions]}, indent=1)
+    text = json.dumps(
+        {"format": FORMAT, "versions": [asdict(version) for version in versions]}, indent=1
+    )
     write_whole(path, text + "\n")
 
 

@@ -97,10 +97,13 @@ def read_request(text: str) -> tuple[str, dict[int, int] | list[int]]:
     try:
         if given.get("op") == "subscribe":
             return "subscribe", {
-                _number(one["id"]): _number(one["channelId"]) for one in given["subscriptions"]
+                _number(subscription["id"]): _number(subscription["channelId"])
+                for subscription in given["subscriptions"]
             }
         if given.get("op") == "unsubscribe":
-            return "unsubscribe", [_number(one) for one in given["subscriptionIds"]]
+            return "unsubscribe", [
+                _number(subscription) for subscription in given["subscriptionIds"]
+            ]
     except (KeyError, TypeError) as error:
         raise ValueError(f"needed {error}") from error
     raise ValueError("needed subscribe or unsubscribe")

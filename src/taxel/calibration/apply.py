@@ -149,8 +149,8 @@ def write_corrected(
         "unit": unit,
         "calibration": calibration.digest,
         "baselines": {
-            one.channel: {"level_v": line.level, "drift_v_per_hour": line.per_hour}
-            for one, line in zip(calibration.channels, done.baselines, strict=True)
+            channel.channel: {"level_v": line.level, "drift_v_per_hour": line.per_hour}
+            for channel, line in zip(calibration.channels, done.baselines, strict=True)
         },
         "borrowed_baselines": list(done.borrowed),
         **recorder.statistics(),
@@ -207,8 +207,8 @@ def _own_line(
     chosen = [
         np.flatnonzero(period == p)[np.argsort(levels[period == p])] for p in np.unique(period)
     ]
-    middles = np.array([float(times[one].mean()) for one in chosen])
-    lows = np.array([float(np.median(levels[one[: max(1, len(one) // 2)]])) for one in chosen])
+    middles = np.array([float(times[rows].mean()) for rows in chosen])
+    lows = np.array([float(np.median(levels[rows[: max(1, len(rows) // 2)]])) for rows in chosen])
     return rest_line(middles, lows)
 
 
@@ -235,7 +235,9 @@ def described(info: SensorInfo, calibration: Calibration, unit: Unit) -> SensorI
     details = {**info.details, "calibration": calibration.digest, "corrected": what}
     if unit == "V":
         return replace(info, details=details)
-    told = [one.largest_n for one in calibration.channels if math.isfinite(one.largest_n)]
+    told = [
+        channel.largest_n for channel in calibration.channels if math.isfinite(channel.largest_n)
+    ]
     return replace(
         info,
         units=("N",) * len(info.channels),

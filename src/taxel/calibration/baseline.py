@@ -174,7 +174,7 @@ def _hum(blocks: NDArray[np.float64], hum_hz: float, rate_hz: float) -> float:
         return math.nan
     others = [other for other in _HUMS_HZ if 2 * other < rate_hz]
     waves = [np.ones(n)]
-    for other in [hum_hz, *(one for one in others if one != hum_hz)]:
+    for other in [hum_hz, *(other for other in others if other != hum_hz)]:
         phase = 2 * np.pi * other / rate_hz * np.arange(n)
         waves += [np.sin(phase), np.cos(phase)]
     design = np.stack(waves, axis=1)

@@ -58,7 +58,7 @@ def characterise(
     Raises:
         BadDataset: No presses, or no sensor with a curve.
     """
-    if not any(one.script.presses for one in taken):
+    if not any(recording.script.presses for recording in taken):
         raise BadDataset(
             "presses of known force",
             "none",
@@ -69,27 +69,27 @@ def characterise(
     table = PressTable.of(measured)
     longest = max(range(len(taken)), key=lambda i: len(taken[i].samples))
     by_channel = [table.only(table.channel == c) for c in range(len(sensor.channels))]
-    fitted = [one for one in by_channel if not one.too_few]
+    fitted = [channel for channel in by_channel if not channel.too_few]
     if not fitted:
-        reasons = {one.too_few for one in by_channel}
+        reasons = {channel.too_few for channel in by_channel}
         raise BadDataset(
             f"{FEWEST_PRESSES} presses at {FEWEST_FORCES} forces on a sensor, none at the "
             "converter's end",
             "; ".join(sorted(reasons)),
             "press more forces, or look at --measure",
         )
-    form, scores = choose_form([(one.force_n, one.volts) for one in fitted])
+    form, scores = choose_form([(channel.force_n, channel.volts) for channel in fitted])
     sensors = tuple(
         _sensor(name, form, by_channel[c], taken[longest], measured[longest], c, rng)
         for c, name in enumerate(sensor.channels)
     )
-    if not any(one.curve for one in sensors):
+    if not any(sensor.curve for sensor in sensors):
         raise BadDataset(
             "volts that rise with force on at least one sensor",
             sensors[0].why_none,
             "check which sensor is on which channel, and the times of the presses",
         )
-    every = np.concatenate([one.force_n for one in fitted])
+    every = np.concatenate([channel.force_n for channel in fitted])
     return Characterisation(
         sensor=sensor,
         measure=measure,
@@ -188,12 +188,15 @@ def _quartiles(values: Array) -> Interval:
 
 def _at_one_force(sensors: Sequence[SensorResult], sensor: SensorInfo) -> Uniformity:
     """Return how alike the sensors are at a force that all were pressed with."""
-    curves = [one for one in sensors if one.curve is not None]
-    low = max(float(one.force_n.min()) for one in curves)
-    high = min(float(one.force_n.max()) for one in curves)
+    curves = [sensor for sensor in sensors if sensor.curve is not None]
+    low = max(float(curve.force_n.min()) for curve in curves)
+    high = min(float(curve.force_n.max()) for curve in curves)
     force_n = math.sqrt(low * high)
     volts = np.array(
-        [math.nan if one.curve is None else float(one.curve.volts(force_n)) for one in sensors]
+        [
+            math.nan if sensor.curve is None else float(sensor.curve.volts(force_n))
+            for sensor in sensors
+        ]
     )
     none = np.zeros(len(volts), bool)
     return uniformity(f"{force_n:.2f} N", volts, none, sensor.channels, OUTLIER_SHARE)
@@ -202,16 +205,16 @@ def _at_one_force(sensors: Sequence[SensorResult], sensor: SensorInfo) -> Unifor
 def _references(taken: Sequence[Taken], sensor: SensorInfo) -> tuple[Uniformity, ...]:
     """Return how alike the pins read known voltages, one result a voltage."""
     every: dict[float, list[tuple[Taken, Reference]]] = {}
-    for one in taken:
-        for reference in one.script.references:
-            every.setdefault(reference.volts, []).append((one, reference))
+    for recording in taken:
+        for reference in recording.script.references:
+            every.setdefault(reference.volts, []).append((recording, reference))
     found = []
     for volts, stretches in sorted(every.items()):
         read = np.full(len(sensor.channels), np.nan)
         at_end = np.zeros(len(sensor.channels), bool)
-        for one, reference in stretches:
-            ends = np.searchsorted(one.samples.fitted_s, [reference.start_s, reference.end_s])
-            part = one.samples[int(ends[0]) : int(ends[1])]
+        for stretch, reference in stretches:
+            ends = np.searchsorted(stretch.samples.fitted_s, [reference.start_s, reference.end_s])
+            part = stretch.samples[int(ends[0]) : int(ends[1])]
             chosen = range(len(read)) if reference.channel is None else (reference.channel,)
             for channel in chosen:
                 good = part.usable[:, channel]

@@ -37,8 +37,8 @@ def curves(document: Document) -> bytes:
     )
     for axes in grid.ravel()[len(channels) :]:
         axes.set_visible(False)
-    for axes, one in zip(grid.ravel(), channels, strict=False):
-        _curve(axes, one, document["form"])
+    for axes, channel in zip(grid.ravel(), channels, strict=False):
+        _curve(axes, channel, document["form"])
     for axes in grid[:, 0]:
         axes.set_ylabel("V", fontsize=8)
     for axes in grid[-1]:
@@ -53,27 +53,27 @@ def curves(document: Document) -> bytes:
     return _png(figure)
 
 
-def _curve(axes: Axes, one: Mapping[str, Any], form: str) -> None:
-    force, volts = _numbers(one["force_n"]), _numbers(one["volts"])
-    rising = np.array(one["rising"], bool)
-    axes.set_title(drawn_name(one["channel"]), fontsize=8)
+def _curve(axes: Axes, entry: Mapping[str, Any], form: str) -> None:
+    force, volts = _numbers(entry["force_n"]), _numbers(entry["volts"])
+    rising = np.array(entry["rising"], bool)
+    axes.set_title(drawn_name(entry["channel"]), fontsize=8)
     axes.tick_params(labelsize=7)
     axes.spines[["top", "right"]].set_visible(False)
     if len(force) == 0:
-        axes.text(0.5, 0.5, one["why_none"], ha="center", va="center", fontsize=8,
+        axes.text(0.5, 0.5, entry["why_none"], ha="center", va="center", fontsize=8,
                   transform=axes.transAxes)  # fmt: skip
         return
-    if one["largest_n"] is not None:
-        low = max(one["smallest_n"], float(force.min()))  # below, it is the curve's word alone
-        axes.axvspan(low, max(one["largest_n"], low), color="#e3ecd9", lw=0)
-    if one["curve"] is None:
-        why = "no curve:\n" + one["why_none"].replace(", ", ",\n")
+    if entry["largest_n"] is not None:
+        low = max(entry["smallest_n"], float(force.min()))  # below, it is the curve's word alone
+        axes.axvspan(low, max(entry["largest_n"], low), color="#e3ecd9", lw=0)
+    if entry["curve"] is None:
+        why = "no curve:\n" + entry["why_none"].replace(", ", ",\n")
         axes.text(0.5, 0.05, why, ha="center", va="bottom", fontsize=6.5, transform=axes.transAxes)
     else:
         at = np.linspace(0.0, float(force.max()), 200)
-        curve = Curve.of(form, one["curve"])  # type: ignore[arg-type]
-        grid = _numbers(one["grid_n"])
-        low_v, high_v = (_numbers(part) for part in one["band_v"])
+        curve = Curve.of(form, entry["curve"])  # type: ignore[arg-type]
+        grid = _numbers(entry["grid_n"])
+        low_v, high_v = (_numbers(part) for part in entry["band_v"])
         axes.fill_between(grid, low_v, high_v, color="black", alpha=0.18, lw=0)
         axes.plot(at, curve.volts(at), color="black", lw=1.0)
     axes.plot(force[rising], volts[rising], "^", color=_UP, ms=2.8, alpha=0.8, mew=0)
@@ -93,8 +93,8 @@ def errors_by_force(document: Document) -> bytes:
     axes.plot(force, _numbers([row["curve_n"] for row in rows]), "o-", color=_UP, ms=5, lw=1.4,
               label=f"curve ({document['form']})")  # fmt: skip
     axes.set(xscale="log", yscale="log", xlabel="force (N)", ylabel="mean error (N)")
-    ticks = [float(f"{one:.2g}") for one in force]
-    axes.set_xticks(ticks, [f"{one:g}" for one in ticks], fontsize=8)
+    ticks = [float(f"{newtons:.2g}") for newtons in force]
+    axes.set_xticks(ticks, [f"{tick:g}" for tick in ticks], fontsize=8)
     axes.minorticks_off()
     axes.yaxis.set_major_formatter(lambda value, _: f"{value:g}")
     axes.spines[["top", "right"]].set_visible(False)
@@ -107,7 +107,7 @@ def errors_by_force(document: Document) -> bytes:
 def uniformity(document: Document) -> bytes:
     """Return each sensor's volts at one force, and what pins read of known voltages."""
     results = [document["at_one_force"], *document["references"]]
-    names = [drawn_name(one["channel"]) for one in document["channels"]]
+    names = [drawn_name(channel["channel"]) for channel in document["channels"]]
     figure, grid = plt.subplots(
         1, len(results), figsize=(3.2 + 2.6 * len(results), 0.9 + 0.24 * len(names)),
         layout="constrained", squeeze=False, sharey=True,
@@ -144,7 +144,7 @@ def _about(result: Mapping[str, Any]) -> str:
 
 def ghosts(document: Document) -> bytes:
     """Return the cross-talk matrix, % of the pressed sensor; its diagonal is left out."""
-    names = [drawn_name(one["channel"]) for one in document["channels"]]
+    names = [drawn_name(channel["channel"]) for channel in document["channels"]]
     share = 100.0 * np.array([_numbers(row) for row in document["ghosts"]["share"]])
     np.fill_diagonal(share, np.nan)
     known = share[np.isfinite(share)]
@@ -171,7 +171,7 @@ def ghosts(document: Document) -> bytes:
 def rest(document: Document) -> bytes:
     """Return noise, hum and drift of each sensor at rest."""
     channels = document["channels"]
-    names = [drawn_name(one["channel"]) for one in channels]
+    names = [drawn_name(channel["channel"]) for channel in channels]
     place = np.arange(len(names))
     figure, (left, right) = plt.subplots(
         1, 2, figsize=(8.6, 0.9 + 0.24 * len(names)), layout="constrained", sharey=True
@@ -182,14 +182,14 @@ def rest(document: Document) -> bytes:
         ("hum_50_v", "s", _DOWN, "50 Hz"),
         ("hum_60_v", "^", "#228855", "60 Hz"),
     ):
-        values = 1000.0 * _numbers([one["noise"][key] for one in channels])
+        values = 1000.0 * _numbers([channel["noise"][key] for channel in channels])
         left.plot(values, place, mark, color=colour, ms=5, label=label)
     left.set_xlabel("mV", fontsize=8)
     left.set_xlim(left=0)
     left.legend(fontsize=7.5, frameon=False, loc="lower left", bbox_to_anchor=(-0.02, 1.0),
                 ncols=4, columnspacing=0.8, handletextpad=0.1)  # fmt: skip
-    for at, one in enumerate(channels):
-        line = one["rest"]
+    for at, channel in enumerate(channels):
+        line = channel["rest"]
         if line is None:
             continue
         low, high = _numbers(line["per_hour_95"]) * 1000.0
@@ -208,7 +208,7 @@ def rest(document: Document) -> bytes:
 
 
 def _numbers(values: Sequence[float | None]) -> NDArray[np.float64]:
-    return np.array([math.nan if one is None else float(one) for one in values])
+    return np.array([math.nan if value is None else float(value) for value in values])
 
 
 def _png(figure: Figure) -> bytes:

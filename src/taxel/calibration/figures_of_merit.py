@@ -178,7 +178,7 @@ def uniformity(
         at_least=tuple(map(bool, at_least)),
         spread_pct=100.0 * float(like.std(ddof=1)) if len(like) > 1 else math.nan,
         range_pct=100.0 * float(np.ptp(like)) if len(like) > 1 else math.nan,
-        outliers=tuple(name for name, one in zip(names, far, strict=True) if one),
+        outliers=tuple(name for name, outlying in zip(names, far, strict=True) if outlying),
     )
 
 

@@ -159,12 +159,12 @@ def band(
 ) -> tuple[Volts, Volts]:
     """Return the curve's 95 % confidence band at `grid_n`, volts: presses drawn anew."""
     index = rng.integers(0, len(force_n), (draws, len(force_n)))
-    weight = np.stack([np.bincount(one, minlength=len(force_n)) for one in index]).astype(float)
+    weight = np.stack([np.bincount(draw, minlength=len(force_n)) for draw in index]).astype(float)
     if curve.form == "line":
         drawn = _weighted_lines(force_n, volts, weight)
     else:
         drawn = _refit(curve, force_n, volts, weight)
-    at_grid = np.stack([volts_of(curve.form, one, grid_n) for one in drawn])
+    at_grid = np.stack([volts_of(curve.form, constants, grid_n) for constants in drawn])
     at_grid = at_grid[np.isfinite(at_grid).all(axis=1)]
     if len(at_grid) < draws // 2:
         nothing = np.full(len(grid_n), np.nan)
@@ -193,7 +193,9 @@ def _refit(
     centre, damping = logs[0], np.full(len(weight), _DAMPING)
 
     def left(parameters: NDArray[np.float64]) -> tuple[Volts, Volts]:
-        told = np.stack([volts_of(curve.form, one, force_n) for one in np.exp(parameters)])
+        told = np.stack(
+            [volts_of(curve.form, constants, force_n) for constants in np.exp(parameters)]
+        )
         return volts - told, np.einsum("dp,dp->d", weight, (volts - told) ** 2)
 
     off, loss = left(logs)

@@ -27,20 +27,25 @@ def errors_of(held: Sequence[tuple[str, HeldOut]], rng: np.random.Generator) -> 
     return tuple(
         Errors(
             split=split,
-            curve_n=mean_error(one.told_n, one.force_n, rng),
-            line_n=mean_error(one.line_n, one.force_n, rng),
-            presses=len(one.force_n),
+            curve_n=mean_error(presses.told_n, presses.force_n, rng),
+            line_n=mean_error(presses.line_n, presses.force_n, rng),
+            presses=len(presses.force_n),
         )
-        for split, one in held
-        if len(one.force_n)
+        for split, presses in held
+        if len(presses.force_n)
     )
 
 
 def pooled(sensors: Sequence[SensorResult], rng: np.random.Generator) -> tuple[Errors, ...]:
     """Return the errors over all sensors with a curve; presses are drawn anew."""
-    names = {split: None for one in sensors for split, _ in one.held_out}
+    names = {split: None for sensor in sensors for split, _ in sensor.held_out}
     every = [
-        (name, _joined([held for one in sensors for split, held in one.held_out if split == name]))
+        (
+            name,
+            _joined(
+                [held for sensor in sensors for split, held in sensor.held_out if split == name]
+            ),
+        )
         for name in names
     ]
     return errors_of(every, rng)
@@ -48,7 +53,7 @@ def pooled(sensors: Sequence[SensorResult], rng: np.random.Generator) -> tuple[E
 
 def by_force(sensors: Sequence[SensorResult]) -> tuple[tuple[float, float, float], ...]:
     """Return (mean force, mean error of the curve, of the line) of each band of forces, newtons."""
-    every = _joined([one.held_out[0][1] for one in sensors if one.held_out])
+    every = _joined([sensor.held_out[0][1] for sensor in sensors if sensor.held_out])
     told, line = np.abs(every.told_n - every.force_n), np.abs(every.line_n - every.force_n)
     bands = bands_of(every.force_n)
     return tuple(
@@ -79,9 +84,9 @@ def held_out(own: PressTable, form: Form, largest_n: float) -> tuple[tuple[str, 
 
 def _joined(parts: Sequence[HeldOut]) -> HeldOut:
     return HeldOut(
-        force_n=np.concatenate([one.force_n for one in parts]),
-        told_n=np.concatenate([one.told_n for one in parts]),
-        line_n=np.concatenate([one.line_n for one in parts]),
+        force_n=np.concatenate([part.force_n for part in parts]),
+        told_n=np.concatenate([part.told_n for part in parts]),
+        line_n=np.concatenate([part.line_n for part in parts]),
     )
 
 

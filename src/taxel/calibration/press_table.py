@@ -38,22 +38,22 @@ class PressTable:
 
     @staticmethod
     def of(measured: Sequence[Responses]) -> PressTable:
-        presses = [press for one in measured for press in one.presses]
+        presses = [press for channel in measured for press in channel.presses]
         return PressTable(
             channel=np.array([press.channel for press in presses], np.int64),
             all_force_n=np.array([press.force_n for press in presses]),
-            all_volts=np.concatenate([one.height for one in measured]),
+            all_volts=np.concatenate([channel.height for channel in measured]),
             all_rising=np.array([press.rising for press in presses], bool),
             # Rounds of two recordings are not the same rounds.
             all_rounds=np.array(
-                [1000 * i + p.round for i, one in enumerate(measured) for p in one.presses],
+                [1000 * i + p.round for i, channel in enumerate(measured) for p in channel.presses],
                 np.int64,
             ),
-            saturated=np.concatenate([one.saturated for one in measured]),
-            rise_s=np.concatenate([one.rise_s for one in measured]),
-            fall_s=np.concatenate([one.fall_s for one in measured]),
-            recovery_s=np.concatenate([one.recovery_s for one in measured]),
-            ghost=np.concatenate([one.ghost for one in measured]),
+            saturated=np.concatenate([channel.saturated for channel in measured]),
+            rise_s=np.concatenate([channel.rise_s for channel in measured]),
+            fall_s=np.concatenate([channel.fall_s for channel in measured]),
+            recovery_s=np.concatenate([channel.recovery_s for channel in measured]),
+            ghost=np.concatenate([channel.ghost for channel in measured]),
         )
 
     def only(self, mask: NDArray[np.bool_]) -> PressTable:

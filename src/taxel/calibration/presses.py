@@ -162,7 +162,7 @@ def _script(rows: list[tuple[str, dict[str, str], float, float]], sensor: Sensor
     _check_apart(every)
     found: list[Press] = []
     for channel in sorted({press.channel for press in every}):
-        found += _in_series([one for one in presses if one[0].channel == channel])
+        found += _in_series([press for press in presses if press[0].channel == channel])
     return Script(
         presses=tuple(sorted(found, key=lambda press: press.start_s)),
         references=tuple(references),
@@ -170,11 +170,11 @@ def _script(rows: list[tuple[str, dict[str, str], float, float]], sensor: Sensor
 
 
 def _check_apart(presses: Sequence[Press]) -> None:
-    for one, next_one in pairwise(presses):
-        if next_one.start_s < one.end_s:
+    for press, next_one in pairwise(presses):
+        if next_one.start_s < press.end_s:
             raise BadTable(
                 "presses one after another, each from rest",
-                f"one at {next_one.start_s:.3f} s before that of {one.start_s:.3f} s has ended",
+                f"one at {next_one.start_s:.3f} s before that of {press.start_s:.3f} s has ended",
                 "mend the times",
             )
 

@@ -46,42 +46,42 @@ th,td{border-color:#343b44}img{background:#fff;border-radius:4px}}
 """
 
 
-def sensor_row(one: Mapping[str, Any]) -> list[str]:
+def sensor_row(entry: Mapping[str, Any]) -> list[str]:
     """Return one sensor's cells, in the order of `COLUMNS`."""
-    rest, noise = one["rest"], one["noise"]
-    errors = one["errors"][-1] if one["errors"] else None
+    rest, noise = entry["rest"], entry["noise"]
+    errors = entry["errors"][-1] if entry["errors"] else None
     span = None
-    if one["curve"] is not None and one["volts"]:
-        span = max(one["volts"])
+    if entry["curve"] is not None and entry["volts"]:
+        span = max(entry["volts"])
     told = "–"
-    if one["largest_n"] is not None:
-        told = f"{_below(one)}{one['smallest_n']:.2g} … {one['largest_n']:.2g}"
-    hysteresis = one["hysteresis"]
+    if entry["largest_n"] is not None:
+        told = f"{_below(entry)}{entry['smallest_n']:.2g} … {entry['largest_n']:.2g}"
+    hysteresis = entry["hysteresis"]
     return [
-        one["channel"],
+        entry["channel"],
         "none"
-        if one["curve"] is None
-        else ", ".join(f"{value:.3g}" for value in one["curve"].values()),
-        _text(one["r2"], "{:.3f}"),
+        if entry["curve"] is None
+        else ", ".join(f"{value:.3g}" for value in entry["curve"].values()),
+        _text(entry["r2"], "{:.3f}"),
         told,
-        _text(one["sensitivity"][1][1] if one["sensitivity"] else None, "{:.3g}"),
+        _text(entry["sensitivity"][1][1] if entry["sensitivity"] else None, "{:.3g}"),
         _with_ends(
             hysteresis["mean_pct"], hysteresis["low_pct"], hysteresis["high_pct"], "{:+.1f}"
         ),
-        _text(None if span is None else _share(one["repeatability_v"], span), "{:.1f}"),
+        _text(None if span is None else _share(entry["repeatability_v"], span), "{:.1f}"),
         _text(_milli(noise["rms_v"]), "{:.1f}"),
         " / ".join(_text(_milli(noise[hum]), "{:.1f}") for hum in ("hum_50_v", "hum_60_v")),
         "–" if rest is None else _text(_milli(rest["per_hour"]), "{:+.0f}"),
-        _text(_milli(one["rise_s"][0]), "{:.0f}"),
+        _text(_milli(entry["rise_s"][0]), "{:.0f}"),
         "–" if errors is None else _text(errors["curve_n"][0], "{:.3f}"),
         "–" if errors is None else _text(errors["line_n"][0], "{:.3f}"),
     ]
 
 
-def narrow_row(one: Mapping[str, Any]) -> list[str]:
+def narrow_row(entry: Mapping[str, Any]) -> list[str]:
     """Return one sensor's cells, in the order of `NARROW`; intervals are left out."""
-    cells = dict(zip(COLUMNS, sensor_row(one), strict=True))
-    if one["why_none"]:
+    cells = dict(zip(COLUMNS, sensor_row(entry), strict=True))
+    if entry["why_none"]:
         cells["range N"] = "no curve"
     cells["hysteresis %"] = cells["hysteresis %"].partition(" ")[0]
     return [cells[name] for name in NARROW]
@@ -90,7 +90,7 @@ def narrow_row(one: Mapping[str, Any]) -> list[str]:
 def findings(document: Document) -> list[str]:
     """Return what holds for the whole array, one plain line each."""
     channels = document["channels"]
-    pressed = [one for one in channels if one["curve"] is not None]
+    pressed = [channel for channel in channels if channel["curve"] is not None]
     scores = document["form_scores_aicc"]
     others = ", ".join(f"{form} {score:.0f}" for form, score in scores.items())
     low, high = document["forces_n"]
@@ -100,9 +100,9 @@ def findings(document: Document) -> list[str]:
         f"{document['measure']}"
     ]
     reasons: dict[str, list[str]] = {}
-    for one in channels:
-        if one["curve"] is None:
-            reasons.setdefault(one["why_none"], []).append(one["channel"])
+    for channel in channels:
+        if channel["curve"] is None:
+            reasons.setdefault(channel["why_none"], []).append(channel["channel"])
     lines += [f"no curve for {', '.join(names)}: {why}" for why, names in reasons.items()]
     for errors in document["errors"]:
         lines.append(
@@ -114,25 +114,30 @@ def findings(document: Document) -> list[str]:
     named = document["ghosts"]["named"]
     more = "; …" if len(named) > 6 else ""
     lines.append(f"ghosts above 0.5 %: {'; '.join(named[:6]) or 'none that are sure'}{more}")
-    falls = [one["fall_s"][0] for one in pressed if one["fall_s"][0] is not None]
+    falls = [channel["fall_s"][0] for channel in pressed if channel["fall_s"][0] is not None]
     if falls:
         lines.append(
             f"under a force that stays the signal sinks with a time constant of "
             f"{1000 * min(falls):.0f} to {1000 * max(falls):.0f} ms"
         )
-    back = [one["recovery_s"][0] for one in pressed if one["recovery_s"][0] is not None]
+    back = [channel["recovery_s"][0] for channel in pressed if channel["recovery_s"][0] is not None]
     if back:
         lines.append(
             f"response 10 to 90 % and recovery 90 to 10 %, gauge included, medians: "
-            f"{_spread([one['rise_s'][0] for one in pressed])} and {_spread(back)} ms"
+            f"{_spread([channel['rise_s'][0] for channel in pressed])} and {_spread(back)} ms"
         )
-    floor = [one["channel"] for one in channels if (one["noise"]["at_floor"] or 0.0) > 0.2]
+    floor = [
+        channel["channel"] for channel in channels if (channel["noise"]["at_floor"] or 0.0) > 0.2
+    ]
     if floor:
         lines.append(
             "at rest these read 0 in more than a fifth of the scans, which hides noise, drift "
             f"and small ghosts: {', '.join(floor)}"
         )
-    lost = sum(one["saturated"] for one in channels), sum(one["unusable"] for one in channels)
+    lost = (
+        sum(channel["saturated"] for channel in channels),
+        sum(channel["unusable"] for channel in channels),
+    )
     if any(lost):
         lines.append(
             f"left out: {lost[0]} presses of forces at which the converter is at its end, "
@@ -164,18 +169,20 @@ def write_page(path: Path, document: Document, command: str) -> None:
     title = f"Sensors of {sensor['name']} {sensor['serial']}".strip()
     head = "".join(f"<th>{html_text(name)}</th>" for name in COLUMNS)
     body = "".join(
-        "<tr>" + "".join(f"<td>{html_text(cell)}</td>" for cell in sensor_row(one)) + "</tr>"
-        for one in document["channels"]
+        "<tr>" + "".join(f"<td>{html_text(cell)}</td>" for cell in sensor_row(channel)) + "</tr>"
+        for channel in document["channels"]
     )
     conditions = ", ".join(f"{k} {v}" for k, v in document["conditions"].items()) or "not known"
     sources = "; ".join(
-        f"{one['source']}, {one['presses']} presses" for one in document["made_from"]
+        f"{source['source']}, {source['presses']} presses" for source in document["made_from"]
     )
     parts = [
         f"<h1>{html_text(title)}</h1>",
         f"<p>{html_text(document['created'])}; {html_text(sources)}. "
         f"Conditions: {html_text(conditions)}.</p>",
-        "<ul>" + "".join(f"<li>{html_text(one)}</li>" for one in findings(document)) + "</ul>",
+        "<ul>"
+        + "".join(f"<li>{html_text(finding)}</li>" for finding in findings(document))
+        + "</ul>",
         f'<div class="scroll"><table><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table>'
         "</div>",
         f"<p><small>{'. '.join(map(html_text, NOTES))}.</small></p>",
@@ -228,9 +235,9 @@ def _figure(png: bytes, caption: str) -> str:
     )
 
 
-def _below(one: Mapping[str, Any]) -> str:
+def _below(entry: Mapping[str, Any]) -> str:
     """Return "≤ " where the smallest force told is the curve's word alone."""
-    return "≤ " if one["smallest_n"] < min(one["force_n"]) else ""
+    return "≤ " if entry["smallest_n"] < min(entry["force_n"]) else ""
 
 
 def _interval(interval: Sequence[float | None]) -> str:

@@ -108,12 +108,12 @@ def measure_responses(
     found = [_press(press, signal, measure) for press in script.presses]
     return Responses(
         presses=script.presses,
-        height=np.array([one.height for one in found]),
-        saturated=np.array([one.saturated for one in found], bool),
-        rise_s=np.array([one.rise_s for one in found]),
-        fall_s=np.array([one.fall_s for one in found]),
-        recovery_s=np.array([one.recovery_s for one in found]),
-        ghost=np.array([one.ghost for one in found]).reshape(len(found), channels),
+        height=np.array([response.height for response in found]),
+        saturated=np.array([response.saturated for response in found], bool),
+        rise_s=np.array([response.rise_s for response in found]),
+        fall_s=np.array([response.fall_s for response in found]),
+        recovery_s=np.array([response.recovery_s for response in found]),
+        ghost=np.array([response.ghost for response in found]).reshape(len(found), channels),
         lines=lines,
         blocks=blocks,
         told=told,
@@ -135,11 +135,11 @@ def _resting(samples: Samples, script: Script, channels: int) -> NDArray[np.bool
     time_s = samples.fitted_s
     resting = np.array(samples.usable)
     done: Sequence[Press | Reference] = [*script.presses, *script.references]
-    for one in done:
-        first, last = np.searchsorted(time_s, [one.start_s, one.end_s])
+    for press in done:
+        first, last = np.searchsorted(time_s, [press.start_s, press.end_s])
         resting[first:last] = False
-        settled = int(np.searchsorted(time_s, one.end_s + _SETTLE_S))
-        for channel in range(channels) if one.channel is None else (one.channel,):
+        settled = int(np.searchsorted(time_s, press.end_s + _SETTLE_S))
+        for channel in range(channels) if press.channel is None else (press.channel,):
             resting[first:settled, channel] = False
     return resting
 

@@ -85,7 +85,7 @@ class Calibration:
             )
         mine: dict[str, object] = {
             "name": self.name,
-            "channels": tuple(one.channel for one in self.channels),
+            "channels": tuple(channel.channel for channel in self.channels),
             "units": self.units,
             "serial number": self.serial,
         }
@@ -136,27 +136,27 @@ def document_of(
         "form": found.form,
         "form_scores_aicc": found.form_scores,
         "forces_n": list(found.forces_n),
-        "channels": [_channel(one) for one in found.sensors],
-        "errors": [asdict(one) for one in found.errors],
+        "channels": [_channel(sensor) for sensor in found.sensors],
+        "errors": [asdict(error) for error in found.errors],
         "error_by_force": [
             {"force_n": force, "curve_n": curve, "line_n": line}
             for force, curve, line in found.error_by_force
         ],
         "at_one_force": asdict(found.at_one_force),
-        "references": [asdict(one) for one in found.references],
+        "references": [asdict(reference) for reference in found.references],
         "ghosts": asdict(found.ghosts),
     }
     body = json.loads(json.dumps(_plain(body)))
     return {**body, "sha256": _digest(body)}
 
 
-def _channel(one: SensorResult) -> dict[str, Any]:
-    fields = asdict(one)
+def _channel(result: SensorResult) -> dict[str, Any]:
+    fields = asdict(result)
     del fields["held_out"], fields["curve"]
-    held = one.held_out[0][1].told_n if one.held_out else [math.nan] * len(one.force_n)
+    held = result.held_out[0][1].told_n if result.held_out else [math.nan] * len(result.force_n)
     return {
-        "channel": one.channel,
-        "curve": None if one.curve is None else one.curve.named(),
+        "channel": result.channel,
+        "curve": None if result.curve is None else result.curve.named(),
         **fields,
         "told_n": list(held),
     }
@@ -226,15 +226,15 @@ def _parse(document: dict[str, Any], digest: str) -> Calibration:
         raise ValueError(f"no form {form!r}")
     channels = tuple(
         ChannelCalibration(
-            channel=str(one["channel"]),
-            curve=None if one["curve"] is None else Curve.of(form, one["curve"]),
-            largest_n=_number(one["largest_n"]),
-            baseline=math.nan if one["rest"] is None else _number(one["rest"]["level"]),
-            noise=_number(one["noise"]["told_rms_v"]),
+            channel=str(channel["channel"]),
+            curve=None if channel["curve"] is None else Curve.of(form, channel["curve"]),
+            largest_n=_number(channel["largest_n"]),
+            baseline=math.nan if channel["rest"] is None else _number(channel["rest"]["level"]),
+            noise=_number(channel["noise"]["told_rms_v"]),
         )
-        for one in document["channels"]
+        for channel in document["channels"]
     )
-    if [one.channel for one in channels] != list(sensor["channels"]):
+    if [channel.channel for channel in channels] != list(sensor["channels"]):
         raise ValueError("channels that are not the sensor's")
     return Calibration(
         name=str(sensor["name"]),

@@ -266,23 +266,25 @@ class Adapt:
         save_run(place, _made(found.run))
         stored = self._store(place, change)
         times = [
-            clock_time(self.correct, found.order[one.grasp], found.starts[one.grasp])
-            for one in found.drifts
+            clock_time(self.correct, found.order[drift.grasp], found.starts[drift.grasp])
+            for drift in found.drifts
         ]
         detail = {
             "grasps": found.grasps,
             "prequential": found.prequential,
             "unlearned": found.unlearned,
-            "drifts": [asdict(one) | {"since": time}
-                       for one, time in zip(found.drifts, times, strict=True)],
+            "drifts": [asdict(drift) | {"since": time}
+                       for drift, time in zip(found.drifts, times, strict=True)],
         }  # fmt: skip
         said = (
             f"{found.grasps} grasps that gave a window: {found.prequential:.1%} correct while "
             "learning, "
             f"{found.unlearned:.1%} by the run as it was"
         )
-        for one, time in zip(found.drifts, times, strict=True):
-            said += f"\ndrift since {time} (doubt {one.before:.2f} → {one.after:.2f}): touch the "
+        for drift, time in zip(found.drifts, times, strict=True):
+            said += (
+                f"\ndrift since {time} (doubt {drift.before:.2f} → {drift.after:.2f}): touch the "
+            )
             said += "reference object, and give that recording to --touches"
         self._say(found.run.contract, change, stored, detail, said)
 

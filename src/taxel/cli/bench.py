@@ -99,7 +99,7 @@ class Bench:
 
             write_fault_page(self.page, rows)
         if self.json:
-            print_json([asdict(one) for one in rows])
+            print_json([asdict(row) for row in rows])
         else:
             console.print(rows_table(rows))
 

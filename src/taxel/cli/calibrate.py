@@ -153,11 +153,11 @@ class Calibrate:
         if self.rounds < 1 or not 0 <= self.seed <= 1_000_000_000:
             raise BadInput("--rounds of at least 1 and --seed within 0 and 1000000000",
                            f"{self.rounds} and {self.seed}", "choose others")  # fmt: skip
-        forces = [one for one in self.forces if math.isfinite(one) and 0 < one <= 1000]
+        forces = [force for force in self.forces if math.isfinite(force) and 0 < force <= 1000]
         if len(set(forces)) < 3 or len(forces) < len(self.forces):
             raise BadInput(
                 "at least 3 forces above 0 and up to 1000 N for --forces",
-                " ".join(f"{one:g}" for one in self.forces),
+                " ".join(f"{force:g}" for force in self.forces),
                 "for example --forces 0.5 1 2 3 5",
             )
         if self.html is not None:
@@ -184,7 +184,7 @@ class Calibrate:
         if live:
             return self._recorded((self._press_live(first),), ())
         return self._recorded(
-            tuple(Path(one.removeprefix("replay://")) for one in self.source), self.presses
+            tuple(Path(address.removeprefix("replay://")) for address in self.source), self.presses
         )
 
     def _recorded(
@@ -316,8 +316,8 @@ class Calibrate:
             print_json(ledger)
             return
         lines = ledger["baselines"].values()
-        drift = max((abs(one["drift_v_per_hour"]) for one in lines), default=0.0)
-        level = max((abs(one["level_v"]) for one in lines), default=0.0)
+        drift = max((abs(line["drift_v_per_hour"]) for line in lines), default=0.0)
+        level = max((abs(line["level_v"]) for line in lines), default=0.0)
         borrowed = ledger["borrowed_baselines"]
         say(
             f"{self.output}: {ledger['scans']} scans in {self.unit}; baselines up to "
@@ -335,8 +335,8 @@ class Calibrate:
             table.add_column(
                 name, justify="right" if number else "left", no_wrap=name in ("sensor", "range N")
             )
-        for one in document["channels"]:
-            table.add_row(*narrow_row(one))
+        for channel in document["channels"]:
+            table.add_row(*narrow_row(channel))
         console.print(table)
         for line in [*findings(document), *NOTES]:
             say(line)

@@ -105,20 +105,20 @@ def write_cycles(path: Path, document: dict[str, Any], as_json: bool) -> None:
     table = Table(title=str(path), title_justify="left", padding=(0, 1), box=None)
     for name in ("channel", "taps", "at end", "lost in 10,000 taps", "response ms", "recovery ms"):
         table.add_column(name, justify="left" if name == "channel" else "right", no_wrap=True)
-    for one in document["channels"]:
+    for channel in document["channels"]:
         table.add_row(
-            visible(one["channel"]), f"{one['taps']:,}", f"{one['at_end']:,}",
-            _with_ends(one["lost"], 100.0, "{:.1f}", " %"),
-            _with_ends(one["response_s"], 1000.0, "{:.0f}"),
-            _with_ends(one["recovery_s"], 1000.0, "{:.0f}"),
+            visible(channel["channel"]), f"{channel['taps']:,}", f"{channel['at_end']:,}",
+            _with_ends(channel["lost"], 100.0, "{:.1f}", " %"),
+            _with_ends(channel["response_s"], 1000.0, "{:.0f}"),
+            _with_ends(channel["recovery_s"], 1000.0, "{:.0f}"),
         )  # fmt: skip
     console.print(table)
-    for one in document["channels"]:
+    for channel in document["channels"]:
         rates = ", ".join(
             f"{row['tap_hz']:.2g} Hz {row['height'][0]:.3g} ({row['taps']})"
-            for row in one["by_rate"]
+            for row in channel["by_rate"]
         )
-        say(f"{visible(one['channel'])}: height by rate, {document['unit']} (taps): {rates}")
+        say(f"{visible(channel['channel'])}: height by rate, {document['unit']} (taps): {rates}")
     for line in document["notes"]:
         say(line)
 
@@ -211,7 +211,7 @@ def _document(address: str, info: SensorInfo, found: Sequence[Durability]) -> di
         "source": address,
         "sensor": {"name": info.name, "serial": info.serial},
         "unit": info.units[0],
-        "channels": [_plain(asdict(one)) for one in found],
+        "channels": [_plain(asdict(channel)) for channel in found],
         "notes": [
             "lost: by a straight line through the logarithms of the heights of the commonest "
             "rate's taps, stated for 10,000 taps; below 0 is a gain; 95 % in brackets",

@@ -80,25 +80,25 @@ class Doctor:
             raise BadInput("a folder for --output", str(self.output), "name one that exists")
         checks = list(examine(self.output))
         if self.json:
-            print_json([asdict(one) for one in checks])
+            print_json([asdict(check) for check in checks])
         else:
             for line in report(checks):
                 console.print(line, soft_wrap=True)
-        if any(one.required and not one.ok for one in checks):
+        if any(check.required and not check.ok for check in checks):
             sys.exit(1)
 
 
 def report(checks: list[Check]) -> list[Text]:
     """Return the lines for a person; missing ones say how to mend."""
     lines = []
-    for one in checks:
-        colour = "green" if one.ok else "red" if one.required else "yellow"
-        word = "ok" if one.ok else "missing"
-        mend = "" if one.ok else f"; {one.mend}"
-        said = visible_line(f"{one.name}: {one.found}{mend}")
+    for check in checks:
+        colour = "green" if check.ok else "red" if check.required else "yellow"
+        word = "ok" if check.ok else "missing"
+        mend = "" if check.ok else f"; {check.mend}"
+        said = visible_line(f"{check.name}: {check.found}{mend}")
         lines.append(Text.assemble((f"{word:<8}", colour), said))
-    required = sum(one.required and not one.ok for one in checks)
-    optional = sum(not one.required and not one.ok for one in checks)
+    required = sum(check.required and not check.ok for check in checks)
+    optional = sum(not check.required and not check.ok for check in checks)
     if required:
         end = f"Live work cannot start: {required} required missing, {optional} optional."
     else:

@@ -98,7 +98,7 @@ class EvaluateTrials:
             "bundle": str(self.trials),
             "target": target,
             "trials": len(trials),
-            "unknown": sum(one.label == UNKNOWN for one in verdicts),
+            "unknown": sum(verdict.label == UNKNOWN for verdict in verdicts),
             "verdicts": [
                 {"trial": t.name, "truth": own, "verdict": v.label, "confidence": v.confidence,
                  "reason": v.reason}

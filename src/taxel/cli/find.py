@@ -33,13 +33,13 @@ class Find:
         boards, problems = find_boards()
         cameras = find_cameras()
         scene, why_not = find_scene_cameras()
-        addresses = [*ready_addresses(boards, cameras), *(one.address for one in scene)]
+        addresses = [*ready_addresses(boards, cameras), *(camera.address for camera in scene)]
         if self.json:
             print_json(
                 {
                     "boards": boards,
-                    "cameras": [one.as_dict() for one in cameras],
-                    "scene_cameras": [asdict(one) for one in scene],
+                    "cameras": [camera.as_dict() for camera in cameras],
+                    "scene_cameras": [asdict(camera) for camera in scene],
                     "addresses": addresses,
                     "problems": [*problems, *why_not],
                 }
@@ -93,19 +93,19 @@ def ready_addresses(
     """Return one address a device, then those that open all boards, and all cameras, at once."""
     found = [str(board["address"]) for board in boards]
     if len(boards) > 1:
-        found.append("serial://" + ",".join(one.removeprefix("serial://") for one in found))
-    usable = [one for one in cameras if one.address]
-    found += [one.address for one in usable]
+        found.append("serial://" + ",".join(address.removeprefix("serial://") for address in found))
+    usable = [camera for camera in cameras if camera.address]
+    found += [camera.address for camera in usable]
     size = shared_size(usable)
     if len(usable) > 1 and size is not None:
-        paths = ",".join(one.by_id or one.path for one in usable)
+        paths = ",".join(camera.by_id or camera.path for camera in usable)
         found.append(f"camera://{paths}?width={size[0]}&height={size[1]}")
     return found
 
 
 def shared_size(cameras: Sequence[FoundCamera]) -> tuple[int, int] | None:
     """Return the JPEG size nearest to 640×480 that all cameras offer; None where there is none."""
-    each = [{(one.width, one.height) for one in c.offers if one.is_jpeg} for c in cameras]
+    each = [{(offer.width, offer.height) for offer in c.offers if offer.is_jpeg} for c in cameras]
     shared = set.intersection(*each) if each else set()
     return min(shared, key=lambda size: (abs(size[0] * size[1] - _NEAR_PX), size), default=None)
 
@@ -117,10 +117,12 @@ def board_lines(boards: Sequence[Mapping[str, Any]], problems: Sequence[str]) ->
     if not boards:
         return ["boards: none. Plug one in by USB; if it stays unseen, run: taxel doctor"]
     lines = ["boards:"]
-    for one in boards:
-        serial = one["serial"] or "none"
-        lines.append(f"  {one['product'] or 'unnamed'} ({one['vid_pid']}), serial number {serial}")
-        lines.append(f"    {one['path']}{_also(one['by_id'])}")
+    for board in boards:
+        serial = board["serial"] or "none"
+        lines.append(
+            f"  {board['product'] or 'unnamed'} ({board['vid_pid']}), serial number {serial}"
+        )
+        lines.append(f"    {board['path']}{_also(board['by_id'])}")
     return lines
 
 
@@ -129,13 +131,17 @@ def camera_lines(cameras: Sequence[FoundCamera]) -> list[str]:
     if not cameras:
         return ["cameras: none. Plug one in by USB; if it stays unseen, run: taxel doctor"]
     lines = ["cameras:"]
-    for one in cameras:
-        if one.problem:
-            lines.append(f"  {one.path}{_also(one.by_id)}: {one.problem}; run: taxel doctor")
+    for camera in cameras:
+        if camera.problem:
+            lines.append(
+                f"  {camera.path}{_also(camera.by_id)}: {camera.problem}; run: taxel doctor"
+            )
             continue
-        lines.append(f"  {one.card or 'unnamed'}, serial number {one.serial or 'none'}, {one.bus}")
-        lines.append(f"    {one.path}{_also(one.by_id)}")
-        offers = [str(offer) for offer in one.offers if offer.is_jpeg]
+        lines.append(
+            f"  {camera.card or 'unnamed'}, serial number {camera.serial or 'none'}, {camera.bus}"
+        )
+        lines.append(f"    {camera.path}{_also(camera.by_id)}")
+        offers = [str(offer) for offer in camera.offers if offer.is_jpeg]
         lines.append(f"    MJPG {'; '.join(offers)}" if offers else "    no MJPG: cannot be used")
     return lines
 
@@ -143,9 +149,9 @@ def camera_lines(cameras: Sequence[FoundCamera]) -> list[str]:
 def scene_lines(cameras: Sequence[FoundRealSense], problems: Sequence[str]) -> list[str]:
     """Return what is said about cameras that look on: a line each, none where there are none."""
     lines = [f"scene cameras: not looked for: {problem}" for problem in problems]
-    for one in cameras:
-        port = f", USB {one.usb}" if one.usb else ""
-        lines.append(f"scene camera: {one.name}, serial number {one.serial}{port}")
+    for camera in cameras:
+        port = f", USB {camera.usb}" if camera.usb else ""
+        lines.append(f"scene camera: {camera.name}, serial number {camera.serial}{port}")
     return lines
 
 

@@ -96,9 +96,9 @@ class Flash:
     def _defines(self) -> list[str]:
         """Return all settings for the compiler, checked: they go into command lines."""
         found = list(self.define)
-        for one in found:
-            if not re.fullmatch(r"[A-Za-z_]\w*=[\w., +-]*", one, re.ASCII):
-                raise BadInput("--define NAME=VALUE of letters and numbers", repr(one), "mend it")
+        for board in found:
+            if not re.fullmatch(r"[A-Za-z_]\w*=[\w., +-]*", board, re.ASCII):
+                raise BadInput("--define NAME=VALUE of letters and numbers", repr(board), "mend it")
         if self.board_number is not None:
             if not 0 <= self.board_number <= 254:
                 raise BadInput("--board-number from 0 to 254", str(self.board_number), "mend it")
@@ -226,8 +226,8 @@ def _only_board(kind: BoardKind) -> str:
     """Return the path of the only board of this kind, by its lasting name."""
     from taxel.sources.board_finding import list_boards
 
-    found = [one for one in list_boards() if one["vid_pid"] in kind.usb]
-    paths = [str(one["by_id"] or one["path"]) for one in found]
+    found = [board for board in list_boards() if board["vid_pid"] in kind.usb]
+    paths = [str(board["by_id"] or board["path"]) for board in found]
     if len(paths) != 1:
         raise BadSource(
             "exactly one such board, or --port", ", ".join(paths) or "none", "name it with --port"
@@ -278,7 +278,7 @@ def _serial_port() -> type[SerialPort]:
 
 def _version(text: str) -> tuple[int, int, int]:
     parts = text.split(".")
-    if len(parts) != 3 or not all(one.isascii() and one.isdecimal() for one in parts):
+    if len(parts) != 3 or not all(part.isascii() and part.isdecimal() for part in parts):
         raise BadInput("--expect as in 1.0.0", repr(text), "mend it")
     return int(parts[0]), int(parts[1]), int(parts[2])
 

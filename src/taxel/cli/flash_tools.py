@@ -153,7 +153,7 @@ def _arduino_cli(
     if libraries.is_dir():
         compiling += ["--libraries", str(libraries)]
     if defines:
-        flags = " ".join(f"'-D{one}'" for one in defines)
+        flags = " ".join(f"'-D{flag}'" for flag in defines)
         for language in ("c", "cpp"):
             compiling += ["--build-property", f"compiler.{language}.extra_flags={flags}"]
     compiling += ["--output-dir", str(build), str(sketch.path)]
@@ -172,7 +172,7 @@ def _avrdude(
     binary = sketch.path
     if not sketch.built:
         firmware, name = sketch.path.parent, sketch.path.name
-        missing = [one for one in _TO_BUILD_BY_HAND if not which(one)]
+        missing = [program for program in _TO_BUILD_BY_HAND if not which(program)]
         if missing or not (firmware / "Makefile").is_file() or name not in SKETCHES:
             raise BadInput(
                 f"arduino-cli, or a built .hex file, to flash {name}",
@@ -183,7 +183,7 @@ def _avrdude(
         # replaced by those that are asked for.
         variant = "teng_daq_0" if name == "teng_daq" else name
         binary = build / f"{variant}.elf"
-        settings = " ".join(f"'-D{one}'" for one in defines)
+        settings = " ".join(f"'-D{flag}'" for flag in defines)
         made.append(["make", "-C", str(firmware), f"BUILD={build}", f"SET_{variant}={settings}",
                      str(binary)])  # fmt: skip
     if binary.suffix == ".elf":

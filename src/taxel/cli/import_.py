@@ -121,7 +121,7 @@ class Import:
             rows, self.output, code_dir=table.parent, intervals=intervals, options=options,
             progress=progress,
         )  # fmt: skip
-        return made, _notes([*rows, *(one for own in intervals.values() for one in own)])
+        return made, _notes([*rows, *(interval for own in intervals.values() for interval in own)])
 
     def _no_folder(self) -> BadInput:
         return BadInput(
@@ -157,8 +157,8 @@ class Import:
 
 def _notes(parts: Sequence[ImportRow | VideoRow | Interval]) -> list[str]:
     """Return a line for each lot of labels or groups that may be one, differently typed."""
-    return [*look_alikes("label", (one.labels for one in parts)),
-            *look_alikes("group", (one.groups for one in parts))]  # fmt: skip
+    return [*look_alikes("label", (part.labels for part in parts)),
+            *look_alikes("group", (part.groups for part in parts))]  # fmt: skip
 
 
 def _of_videos(table: Path) -> bool:

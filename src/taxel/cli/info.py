@@ -150,7 +150,7 @@ def _frames(row: dict[str, Any]) -> int:
 
 def _seconds(row: dict[str, Any]) -> float:
     """Return how long the array or the longest camera was recorded."""
-    return max(float(one["duration_s"]) for one in (row, *row["cameras"]))
+    return max(float(entry["duration_s"]) for entry in (row, *row["cameras"]))
 
 
 def _pairs(pairs: dict[str, Any]) -> str:

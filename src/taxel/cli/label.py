@@ -213,15 +213,15 @@ def _plain(sheet: list[PourLabels], rule: str) -> dict[str, Any]:
         "rule": rule,
         "recordings": [
             {
-                "recording": str(one.pour.path),
-                "frames": len(one.pour),
-                "duration_s": float(one.time_s[-1]),
-                "onset_s": one.onset(rule),
-                "unstable_share": one.unstable_share(rule),
-                "onsets_s": {name: one.onset(name) for name in one.by_rule},
-                "corrections": {name: asdict(said) for name, said in one.corrections.items()},
+                "recording": str(labels.pour.path),
+                "frames": len(labels.pour),
+                "duration_s": float(labels.time_s[-1]),
+                "onset_s": labels.onset(rule),
+                "unstable_share": labels.unstable_share(rule),
+                "onsets_s": {name: labels.onset(name) for name in labels.by_rule},
+                "corrections": {name: asdict(said) for name, said in labels.corrections.items()},
             }
-            for one in sheet
+            for labels in sheet
         ],
         "agreement": [row.as_dict() for row in rule_agreement(sheet)],
         "person": None if person is None else person.as_dict(),
@@ -238,17 +238,17 @@ def _print(sheet: list[PourLabels], rule: str) -> None:
     for column in ("frames", "onset s", "unstable"):
         table.add_column(column, justify="right")
     table.add_column("a person says")
-    for one in sheet:
-        share = one.unstable_share(rule)
+    for labels in sheet:
+        share = labels.unstable_share(rule)
         table.add_row(
-            visible(one.pour.name),
-            str(len(one.pour)),
-            _seconds(one.onset(rule)),
+            visible(labels.pour.name),
+            str(len(labels.pour)),
+            _seconds(labels.onset(rule)),
             "–" if share != share else f"{share:.1%}",
-            visible_line(_said(one, rule)),
+            visible_line(_said(labels, rule)),
         )
     console.print(table)
-    unsaid = sum(one.labels(rule) is None for one in sheet)
+    unsaid = sum(labels.labels(rule) is None for labels in sheet)
     if unsaid:
         say(f"{unsaid} of {len(sheet)} recordings have no physics truth for {rule}: "
                       "label them with --onset, --frame or --stable")  # fmt: skip
@@ -262,8 +262,8 @@ def _print(sheet: list[PourLabels], rule: str) -> None:
         say("no physics truth beside all of these images: only change can be worked out")
 
 
-def _said(one: PourLabels, rule: str) -> str:
-    correction = one.corrections.get(rule)
+def _said(pour_labels: PourLabels, rule: str) -> str:
+    correction = pour_labels.corrections.get(rule)
     if correction is None:
         return "–"
     onset = correction.onset_s

@@ -109,7 +109,10 @@ def live_station(options: StationOptions) -> dict[str, Any]:
         for actuator in actuators:
             stack.callback(actuator.close)
             actuator.connect()
-        force = next((one.force for one in actuators if one.force is not None), _range(options))
+        force = next(
+            (actuator.force for actuator in actuators if actuator.force is not None),
+            _range(options),
+        )
         simulated = options.gripper == SIMULATED
         interlock = _interlock(options, force)
         config = StationConfig(
@@ -368,14 +371,16 @@ def _print_summary(result: dict[str, Any]) -> None:
         say(f"alarms: {counts['raised']} raised, {counts['acknowledged']} acknowledged")
     if result["trials"]:
         say(trials_line(result["trials"]))
-    for name, one in result["processes"].items():
-        again = f", started {one['starts']} times" if one["starts"] > 1 else ""
+    for name, process in result["processes"].items():
+        again = f", started {process['starts']} times" if process["starts"] > 1 else ""
         say(
-            f"  {name}: made {one['produced']}, took in {one['consumed']}, "
-            f"lost {one['dropped']}{again}"
+            f"  {name}: made {process['produced']}, took in {process['consumed']}, "
+            f"lost {process['dropped']}{again}"
         )
     if result["latency_ms"]:
-        parts = [f"{stage} {one['p50']:.1f}" for stage, one in result["latency_ms"].items()]
+        parts = [
+            f"{stage} {quantiles['p50']:.1f}" for stage, quantiles in result["latency_ms"].items()
+        ]
         say(f"  median latency, ms: {' · '.join(parts)}")
     recording = result["recording"]
     if recording.get("error"):
@@ -384,6 +389,7 @@ def _print_summary(result: dict[str, Any]) -> None:
         ledger = recording["ledger"]
         parts = [f"{ledger['scans']} scans"] if ledger["scans"] else []
         parts += [
-            f"{name} {one['frames']} frames" for name, one in ledger.get("cameras", {}).items()
+            f"{name} {camera['frames']} frames"
+            for name, camera in ledger.get("cameras", {}).items()
         ]
         say(f"  recorded: {recording['path']}: {', '.join(parts)}")

@@ -170,8 +170,8 @@ def _result(
 def _means(groups: Sequence[Sequence[PressPower]]) -> dict[str, float]:
     """Return mean charge and energy a group."""
     return {
-        "charge_nc": sum(press.charge_nc for one in groups for press in one) / len(groups),
-        "energy_nj": sum(press.energy_nj for one in groups for press in one) / len(groups),
+        "charge_nc": sum(press.charge_nc for group in groups for press in group) / len(groups),
+        "energy_nj": sum(press.energy_nj for group in groups for press in group) / len(groups),
     }
 
 

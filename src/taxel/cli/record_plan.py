@@ -77,9 +77,9 @@ def record_plan(options: PlanRecording, stopped: Callable[[], bool]) -> None:
                 "trials": len(trials),
                 "recorded": len(ready),
                 "now": [
-                    {"recording": one.trial.file_name, "frames": one.frames,
-                     "settled_after_s": one.settled_after_s, "change_pct": one.change}
-                    for one in made
+                    {"recording": done.trial.file_name, "frames": done.frames,
+                     "settled_after_s": done.settled_after_s, "change_pct": done.change}
+                    for done in made
                 ],
             }
         )  # fmt: skip
@@ -127,7 +127,7 @@ class _Session:
                 break
             if key in ("r", "d") and last is not None:
                 (self._options.output / last.file_name).unlink(missing_ok=True)
-                made = [one for one in made if one.trial is not last]
+                made = [done for done in made if done.trial is not last]
                 self._tell(f"discarded: trial {last.number}")
                 if key == "r":
                     queue.insert(0, last)

@@ -99,10 +99,10 @@ class Report:
             write_claims_card(self.claims)
             written.append(str(self.claims))
         if self.json:
-            print_json({"written": written, "replaced": [one for one in written if older[one]]})
+            print_json({"written": written, "replaced": [path for path in written if older[path]]})
             return
-        for one in written:
-            say(f"{one}, replaced" if older[one] else one)
+        for path in written:
+            say(f"{path}, replaced" if older[path] else path)
 
     def _page(self, output: Path) -> None:
         from taxel.bundles.versions import read_history
@@ -201,8 +201,10 @@ def _accuracies(path: Path, history: History) -> dict[int, Mapping[str, float]]:
     from taxel.training.run import load_run
 
     places = {
-        one.number: path if one.number == history.current else kept_path(path, one.number)
-        for one in history.versions
+        version.number: path
+        if version.number == history.current
+        else kept_path(path, version.number)
+        for version in history.versions
     }
     return {
         number: load_run(place, weights=False).contract.accuracy

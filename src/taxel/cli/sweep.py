@@ -200,14 +200,14 @@ class Sweep:
                 bundle.contract.check_cameras(pour.cameras)
             return sweep_grasps(
                 file, GraspMonitor, pours, plan, seed=self.seed,
-                on_point=lambda one: bar.update(task, description=one.fault, advance=1),
+                on_point=lambda point: bar.update(task, description=point.fault, advance=1),
             )  # fmt: skip
 
     def _tell(self, points: list[FaultPoint], about: str, chance: float, cameras: bool) -> None:
         rows = [
             {key: None if isinstance(value, float) and not math.isfinite(value) else value
-             for key, value in asdict(one).items()}
-            for one in points
+             for key, value in asdict(point).items()}
+            for point in points
         ]  # fmt: skip
         # Printed first: what took minutes to measure is not lost where a file cannot be written.
         if self.json:

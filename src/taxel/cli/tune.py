@@ -145,7 +145,7 @@ def _about(found: Tuned, output: Path, url: str) -> dict[str, Any]:
         "outer_accuracy": outer.tuned.scores.accuracy if outer else None,
         "outer": asdict(outer.tuned) if outer else None,
         "outer_as_is": asdict(outer.as_is) if outer else None,
-        "outer_searches": [asdict(one) for one in outer.found] if outer else None,
+        "outer_searches": [asdict(search) for search in outer.found] if outer else None,
         "trivial": outer.trivial if outer else None,
     }
 

@@ -198,8 +198,8 @@ def kind_of(text: str) -> str | None:
 def reference() -> str:
     """Return the page of reference, as Markdown."""
     rows = [
-        f"| {_FIELD.sub(_in_italics, one.words)} | {one.means} | {one.do} |"
-        for one in REASONS.values()
+        f"| {_FIELD.sub(_in_italics, reason.words)} | {reason.means} | {reason.do} |"
+        for reason in REASONS.values()
     ]
     return "\n".join([_HEAD, *rows, ""])
 

@@ -216,6 +216,6 @@ class GraspVote:
         """Return p of the windows measured, times their share of all."""
         if not self._tested:
             return 0.0
-        mean = [one / self._tested for one in self._strange]
+        mean = [strange / self._tested for strange in self._strange]
         p = test.p_contact(mean, self._tested)
         return p * self._tested / (self._tested + self._unmeasured)

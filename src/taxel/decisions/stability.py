@@ -227,7 +227,7 @@ class StabilityMonitor:
 
     def _left_s(self, time_s: float) -> float:
         """Return how long the newest evidence must still stand until a state is told, seconds."""
-        begun = [one for one in (self._calm_s, self._warn_s) if one is not None]
+        begun = [since_s for since_s in (self._calm_s, self._warn_s) if since_s is not None]
         stood_s = time_s - min(begun) if begun else 0.0
         return max(0.0, self._config.raise_s - stood_s)
 

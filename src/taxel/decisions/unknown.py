@@ -75,22 +75,22 @@ class Strangeness:
 
     def __init__(self, unknown: Unknown) -> None:
         self.rejected = unknown.rejected
-        self.labels = tuple(one.label for one in unknown.densities)
+        self.labels = tuple(density.label for density in unknown.densities)
         self._unknown = unknown
         self._summaries: dict[int, Summary] = {}
         columns, self._parts, at = [], [], 0
-        for one in unknown.densities:
-            classes, k = one.centres.shape
-            constant = one.log_share - 0.5 * (one.centres**2).sum(axis=1)
-            columns += [one.projection @ one.centres.T, one.projection]
+        for density in unknown.densities:
+            classes, k = density.centres.shape
+            constant = density.log_share - 0.5 * (density.centres**2).sum(axis=1)
+            columns += [density.projection @ density.centres.T, density.projection]
             self._parts.append((at, at + classes, at + classes + k, constant.tolist()))
             at += classes + k
         # All labels' projections in one product: a small array costs as much as a larger one.
         self._columns = np.concatenate(columns, axis=1).astype(np.float32)
-        self._windows = [one.windows.tolist() for one in unknown.densities]
+        self._windows = [density.windows.tolist() for density in unknown.densities]
         self._contacts = [
-            sorted((count, own.tolist()) for count, own in one.contacts.items())
-            for one in unknown.densities
+            sorted((count, own.tolist()) for count, own in density.contacts.items())
+            for density in unknown.densities
         ]
 
     def of_window(self, values: NDArray[np.float32]) -> list[float]:
@@ -110,7 +110,7 @@ class Strangeness:
         for start, middle, end, constants in self._parts:
             near = [a + b for a, b in zip(found[start:middle], constants, strict=True)]
             top = max(near)
-            total = math.log(sum([math.exp(one - top) for one in near]))
+            total = math.log(sum([math.exp(exponent - top) for exponent in near]))
             each.append(0.5 * sum([z * z for z in found[middle:end]]) - top - total)
         return each
 
@@ -195,11 +195,11 @@ def summaries(
     """
     kept: dict[int, Summary] = {}
     found = np.empty((len(values), MOMENTS * values.shape[2]))
-    for number, (one, own) in enumerate(zip(values, mask, strict=True)):
+    for number, (window, own) in enumerate(zip(values, mask, strict=True)):
         rows = int(own.sum())
         if rows not in kept:
             kept[rows] = Summary(unknown, rows, np.float64)
-        found[number] = kept[rows].of(one[own])
+        found[number] = kept[rows].of(window[own])
     return found
 
 
@@ -233,14 +233,14 @@ def unknown_to_json(unknown: Unknown) -> dict[str, Any]:
         "least": unknown.least.tolist(),
         "densities": [
             {
-                "label": one.label,
-                "projection": one.projection.tolist(),
-                "centres": one.centres.tolist(),
-                "log_share": one.log_share.tolist(),
-                "windows": one.windows.tolist(),
-                "contacts": {str(count): own.tolist() for count, own in one.contacts.items()},
+                "label": density.label,
+                "projection": density.projection.tolist(),
+                "centres": density.centres.tolist(),
+                "log_share": density.log_share.tolist(),
+                "windows": density.windows.tolist(),
+                "contacts": {str(count): own.tolist() for count, own in density.contacts.items()},
             }
-            for one in unknown.densities
+            for density in unknown.densities
         ],
     }
 
@@ -257,7 +257,7 @@ def unknown_from_json(data: object) -> Unknown:
     wander, least = given.array("wander", (channels,)), given.array("least", (2, channels))
     if not (wander > 0).all() or not (least > 0).all():
         raise ValueError("wander or least is not above 0")
-    densities = tuple(_density(one, channels) for one in given.items("densities"))
+    densities = tuple(_density(entry, channels) for entry in given.items("densities"))
     if not densities:
         raise ValueError("the test for the unknown has no densities")
     return Unknown(

@@ -140,7 +140,7 @@ def _decisions(bundle: Bundle, windows: Windows, config: RecogniseConfig) -> lis
 
 def _scores(bundle: Bundle, dataset: Dataset, decisions: list[Decision]) -> BundleScores:
     contract, trial = bundle.contract, dataset.trial
-    truth = np.array([one.labels[contract.target] for one in dataset.trials])
+    truth = np.array([trial.labels[contract.target] for trial in dataset.trials])
     right_answer = np.where(np.isin(truth, contract.classes), truth, UNKNOWN)
     answers = np.array([decision.label for decision in decisions])
     right = answers == right_answer[trial]
@@ -194,14 +194,15 @@ def _calibration(
 ) -> tuple[float, float]:
     """Return loss and calibration error of the windows whose class was learned."""
     number = {name: i for i, name in enumerate(classes)}
-    pairs = [(number[name], one.probabilities) for name, one in zip(truth, decisions, strict=True)
-             if name in number and np.isfinite(one.probabilities).all()]  # fmt: skip
+    pairs = [(number[name], decision.probabilities)
+             for name, decision in zip(truth, decisions, strict=True)
+             if name in number and np.isfinite(decision.probabilities).all()]  # fmt: skip
     if not pairs:
         return float("nan"), float("nan")
     y = np.array([own for own, _ in pairs], np.intp)
     probabilities = np.stack([own for _, own in pairs]).astype(np.float64)
     bins = reliability(probabilities, probabilities.argmax(axis=1) == y)
-    error = sum(one.windows * abs(one.confidence - one.accuracy) for one in bins) / len(y)
+    error = sum(bin_.windows * abs(bin_.confidence - bin_.accuracy) for bin_ in bins) / len(y)
     return cross_entropy(y, probabilities), float(error)
 
 

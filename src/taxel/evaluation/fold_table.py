@@ -192,7 +192,7 @@ def _sided(path: Path, rows: tuple[FoldRow, ...], name: str) -> RowFold:
     of = f" of fold {name!r}" if name else ""
     for side in ("train", "test"):
         if not own[side]:
-            kinds = ", ".join(one for one, found in own.items() if found) or "none"
+            kinds = ", ".join(kind for kind, found in own.items() if found) or "none"
             raise BadTable(
                 f"rows with the sides train and test{of}", f"{kinds} in {path}: nothing to {side}"
                 f"{' on' if side == 'train' else ''}", "mend the column side",

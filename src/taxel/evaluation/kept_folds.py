@@ -121,7 +121,7 @@ class KeptFolds:
             return
         content = io.BytesIO()
         arrays = {name: getattr(result, name) for name in _ARRAYS}
-        rows = [[math.nan if v is None else v for v in astuple(one)] for one in result.history]
+        rows = [[math.nan if v is None else v for v in astuple(epoch)] for epoch in result.history]
         history = np.array(rows, np.float64).reshape(len(rows), len(fields(Epoch)))
         np.savez(content, key=self._key, history=history, **arrays)
         with suppress(RecordingFailed) if self._shared else nullcontext():
@@ -150,7 +150,7 @@ def forget_folds(output: Path) -> None:
 def _epoch(values: list[float]) -> Epoch:
     """Return an epoch from its row; NaN is None where that is allowed."""
     number, loss, *rest = values
-    return Epoch(int(number), loss, *(None if math.isnan(one) else one for one in rest))
+    return Epoch(int(number), loss, *(None if math.isnan(figure) else figure for figure in rest))
 
 
 def _thin_out(folder: Path) -> None:

@@ -117,11 +117,11 @@ def reliability(
     place = np.minimum((confidence * BINS).astype(int), BINS - 1)
     return tuple(
         ReliabilityBin(
-            float(confidence[place == one].mean()),
-            float(correct[place == one].mean()),
-            int((place == one).sum()),
+            float(confidence[place == bin_].mean()),
+            float(correct[place == bin_].mean()),
+            int((place == bin_).sum()),
         )
-        for one in np.unique(place)
+        for bin_ in np.unique(place)
     )
 
 

@@ -153,9 +153,9 @@ def read_report(content: bytes) -> Report:
         bundles=tuple(map(_cut, given.texts("bundles")[:_MOST])),
         state=_text(given, "state"), reason=_text(given, "reason"),
         age_s=given.number("age_s", 0.0, _LARGE),
-        alarms=tuple(_alarm(one) for one in given.items("alarms")[:_MOST]),
-        sources=tuple(_part(one) for one in given.items("sources")[:_MOST]),
-        processes=tuple(_part(one) for one in given.items("processes")[:_MOST]),
+        alarms=tuple(_alarm(alarm) for alarm in given.items("alarms")[:_MOST]),
+        sources=tuple(_part(entry) for entry in given.items("sources")[:_MOST]),
+        processes=tuple(_part(entry) for entry in given.items("processes")[:_MOST]),
         lost=given.count("lost", 0, 2**53), recording=given.flag("recording"),
         sent_unix_s=given.number("sent_unix_s", 0.0, _LARGE),
     )  # fmt: skip

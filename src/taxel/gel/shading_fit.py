@@ -67,7 +67,7 @@ def _centred(press: Press, shading: Shading) -> Press:
         shifts = np.arange(-_SEARCH_REACH, _SEARCH_REACH + 1) * step
         x, y = press.centre_px
         moved = [replace(press, centre_px=(x + i, y + j)) for i in shifts for j in shifts]
-        press = min(moved, key=lambda one: _mean_square(one, shading))
+        press = min(moved, key=lambda offset: _mean_square(offset, shading))
     return press
 
 

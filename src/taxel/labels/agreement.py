@@ -111,8 +111,8 @@ def _pair(
     a, b = labels_by_rule[first], labels_by_rule[second]
     joined_a, joined_b = np.concatenate([*a]), np.concatenate([*b])
     onsets = [
-        (onset_s(one, time), onset_s(other, time))
-        for one, other, time in zip(a, b, time_s, strict=True)
+        (onset_s(first, time), onset_s(other, time))
+        for first, other, time in zip(a, b, time_s, strict=True)
     ]
     leads = np.array([y - x for x, y in onsets if x is not None and y is not None])
     return Agreement(

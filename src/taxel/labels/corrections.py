@@ -97,9 +97,9 @@ def read_corrections(recording: Path, duration_s: float) -> dict[str, Correction
         raise BadInput(f"a list of corrections in {path}", type(entries).__name__, _MEND)
     found: dict[str, Correction] = {}
     for entry in entries:
-        one = _from_json(entry, path)
-        check_inside(one, duration_s)
-        found[one.rule] = one
+        correction = _from_json(entry, path)
+        check_inside(correction, duration_s)
+        found[correction.rule] = correction
     return found
 
 
@@ -150,7 +150,7 @@ def _store(recording: Path, corrections: Mapping[str, Correction]) -> Path:
     stored = {
         "format": FORMAT_VERSION,
         "recording": recording.name,
-        "corrections": [asdict(one) for one in corrections.values()],
+        "corrections": [asdict(correction) for correction in corrections.values()],
     }
     if corrections:
         text = json.dumps(stored, indent=2, ensure_ascii=False, allow_nan=False)

@@ -58,22 +58,22 @@ def mark_recordings(
     if output_dir.resolve() in paths[0].resolve().parents:
         raise BadInput("another folder for the labelled copies", f"{output_dir}, the raw "
                        "recordings' own", "choose another --output")  # fmt: skip
-    names = [stem_of(one.name) for one in paths]
+    names = [stem_of(path.name) for path in paths]
     intervals = read_intervals(table, names)
-    chosen = [(one, name) for one, name in zip(paths, names, strict=True) if name in intervals]
+    chosen = [(path, name) for path, name in zip(paths, names, strict=True) if name in intervals]
     marks: list[Mark] = []
     replaced = 0
-    files = [one.name for one, _ in chosen]
+    files = [path.name for path, _ in chosen]
     with new_folder(output_dir, files, overwrite=overwrite) as made:
-        for done, (one, name) in enumerate(chosen, 1):
-            recording = read_recording(one)
+        for done, (path, name) in enumerate(chosen, 1):
+            recording = read_recording(path)
             samples, manifest = recording.samples, recording.manifest
             if not len(samples):
-                raise BadInput("recordings of an array", f"no scans in {one}", "leave it out")
+                raise BadInput("recordings of an array", f"no scans in {path}", "leave it out")
             own = marks_of(intervals[name], samples.fitted_s, manifest.sensor.rate_hz)
-            with Recorder(made / one.name, manifest) as recorder:
+            with Recorder(made / path.name, manifest) as recorder:
                 write_marked(recorder, samples, own)
-                for frame in iterate_frames(one) if manifest.cameras else ():
+                for frame in iterate_frames(path) if manifest.cameras else ():
                     recorder.frame(frame)
                 recorder.close("labelled")
             marks += own
@@ -81,9 +81,9 @@ def mark_recordings(
             if progress is not None:
                 progress(done, len(chosen))
     return Marked(
-        recordings=tuple(output_dir / one.name for one, _ in chosen),
+        recordings=tuple(output_dir / path.name for path, _ in chosen),
         marks=tuple(marks),
         replaced=replaced,
-        left_out=tuple(one for one, name in zip(paths, names, strict=True)
+        left_out=tuple(path for path, name in zip(paths, names, strict=True)
                        if name not in intervals),
     )  # fmt: skip

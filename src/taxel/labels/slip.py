@@ -26,7 +26,7 @@ def label_truth(truth: NDArray[np.floating], rule: str) -> NDArray[np.int8]:
     """
     wanted = rule_named(rule)
     if wanted.needs != "truth":
-        physics = ", ".join(name for name, one in RULES.items() if one.needs == "truth")
+        physics = ", ".join(name for name, rule in RULES.items() if rule.needs == "truth")
         raise BadInput(f"a rule on physics truth ({physics})", repr(rule), "choose one of them")
     if truth.ndim != 2 or truth.shape[1] != len(TRUTH_CHANNELS):
         raise BadInput(

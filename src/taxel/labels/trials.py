@@ -52,13 +52,13 @@ def coarsest_group(trials: Sequence[Trial], split: str = "") -> str:
         split: The split's name, such as "object held out".
     """
     known = {
-        key: {one.groups.get(key) for one in trials} for key in ("session", "file", "recording")
+        key: {trial.groups.get(key) for trial in trials} for key in ("session", "file", "recording")
     }
     first = next((key for key, own in known.items() if len(own) > 1 and None not in own), "trial")
     held = split.removesuffix(" held out")
-    if held != split and all(held in one.groups for one in trials):
-        own = {one.groups[held] for one in trials}
-        if 1 < len(own) < len({(one.groups[held], one.groups[first]) for one in trials}):
+    if held != split and all(held in trial.groups for trial in trials):
+        own = {trial.groups[held] for trial in trials}
+        if 1 < len(own) < len({(trial.groups[held], trial.groups[first]) for trial in trials}):
             return held
     return first
 

@@ -163,6 +163,6 @@ class _Watched:
         self._spans.append(span_s)
         if len(self._spans) >= _FEW:
             natural_s = _NATURAL * median(self._spans)
-            natural = [one for one in self._spans if one <= natural_s]
+            natural = [span for span in self._spans if span <= natural_s]
             cadence_s = sum(natural) / len(natural) if natural else self._slowest_s
             self.cadence_s = min(max(cadence_s, self._period_s), self._slowest_s)

@@ -287,12 +287,16 @@ class GraspMonitor:
         self._slips = []
         for camera in range(self.bundle.contract.cameras):
             part = [images[camera] for images in self._early[self._settle]]
-            different = [one for i, one in enumerate(part) if i == 0 or one is not part[i - 1]]
+            different = [
+                image for i, image in enumerate(part) if i == 0 or image is not part[i - 1]
+            ]
             self._slips.append(SlipFeatures(different))
         window = None
         before: tuple[NDArray[np.uint8], ...] | None = None
         for images in self._early:
-            fresh = [c for c, one in enumerate(images) if before is None or one is not before[c]]
+            fresh = [
+                c for c, image in enumerate(images) if before is None or image is not before[c]
+            ]
             window = self._next(self._gel_rows(images, fresh))
             before = images
         self._early = []

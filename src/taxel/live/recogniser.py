@@ -94,15 +94,15 @@ class Recogniser:
         answers = []
         for index in range(len(windows)):
             began = perf_counter()
-            one = windows if len(windows) == 1 else windows[index : index + 1]
-            found, strange = self.bundle.recognise(one.values, one.mask)
+            window = windows if len(windows) == 1 else windows[index : index + 1]
+            found, strange = self.bundle.recognise(window.values, window.mask)
             decision = decide(
                 found,
-                Quality.of(one, 0),
+                Quality.of(window, 0),
                 self.bundle.contract.classes,
                 self._config,
                 strange,
                 self.bundle.strangeness,
             )
-            answers.append(Answer(decision, one, cutting_s + perf_counter() - began))
+            answers.append(Answer(decision, window, cutting_s + perf_counter() - began))
         return answers

@@ -102,18 +102,20 @@ class Tally:
         if any(part not in mark.labels for part in parts):
             return
         inside = [
-            one for one in self._waiting if one.start_s >= mark.start_s and one.end_s <= mark.end_s
+            window
+            for window in self._waiting
+            if window.start_s >= mark.start_s and window.end_s <= mark.end_s
         ]
-        self._waiting = [one for one in self._waiting if one.end_s > mark.end_s]
+        self._waiting = [window for window in self._waiting if window.end_s > mark.end_s]
         if not inside:
             return
         truth = " ".join(mark.labels[part] for part in parts)
         if truth not in self.vote.classes:
             truth = UNKNOWN
         self.marked += len(inside)
-        self.right += sum(one.label == truth for one in inside)
+        self.right += sum(window.label == truth for window in inside)
         vote = self.vote.emptied()
-        told = [vote.add(one)[0] for one in inside]
+        told = [vote.add(window)[0] for window in inside]
         self.grasps += 1
         self.grasps_right += told[-1] == truth
 

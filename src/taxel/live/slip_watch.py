@@ -83,7 +83,7 @@ class SlipWatch:
         early, self._early = self._early, []
         for camera in range(len(self._to_mm)):
             part = [shown[camera] for shown, _ in early[self._settle]]
-            fresh = [one for i, one in enumerate(part) if i == 0 or one is not part[i - 1]]
+            fresh = [image for i, image in enumerate(part) if i == 0 or image is not part[i - 1]]
             self._followers.append(TouchFollower(fresh))
         return [self._step(shown, times) for shown, times in early]
 

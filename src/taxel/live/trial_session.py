@@ -51,14 +51,14 @@ class TrialTally:
 
     def summary(self) -> dict[str, Any]:
         """Return the verdicts and times, for printing."""
-        marked = [one for one in self.trials if one["truth"] is not None]
+        marked = [trial for trial in self.trials if trial["truth"] is not None]
         looks_ms = np.array(self.looks_s or [np.nan]) * 1e3
         return {
             "target": self.target,
             "trials": self.trials,
             "marked": len(marked),
-            "right": sum(one["verdict"] == one["truth"] for one in marked),
-            "unknown": sum(one["verdict"] == UNKNOWN for one in self.trials),
+            "right": sum(trial["verdict"] == trial["truth"] for trial in marked),
+            "unknown": sum(trial["verdict"] == UNKNOWN for trial in self.trials),
             "look_ms_median": float(np.median(looks_ms)),
             "look_ms_max": float(looks_ms.max()),
         }

@@ -96,7 +96,7 @@ def read_intervals(table: Path, recordings: Sequence[str]) -> dict[str, list[Int
                            "correct the line, or add the file")  # fmt: skip
         found[known[stem]].append(_interval(named, where))
     for own in found.values():
-        own.sort(key=lambda one: one.start_s)
+        own.sort(key=lambda interval: interval.start_s)
         for before, after in pairwise(own):
             if after.start_s < before.end_s - _SLACK_S:
                 raise BadTable(
@@ -123,23 +123,24 @@ def marks_of(
     since_s = time_s - time_s[:1]
     lasts_s = float(since_s[-1]) + (1.0 / rate_hz if rate_hz > 0 else 0.0) if len(time_s) else 0.0
     marks = []
-    for one in intervals:
-        if one.start_s < -_SLACK_S or one.end_s > lasts_s + _SLACK_S:
+    for interval in intervals:
+        if interval.start_s < -_SLACK_S or interval.end_s > lasts_s + _SLACK_S:
             raise BadTable(
                 f"an interval within 0 and {lasts_s:g} s, the recording's length",
-                f"{one.start_s:g} to {one.end_s:g} s in {one.where}",
+                f"{interval.start_s:g} to {interval.end_s:g} s in {interval.where}",
                 "count seconds from the recording's first scan",
             )
-        ends = np.array([one.start_s, one.end_s]) - _SLACK_S
+        ends = np.array([interval.start_s, interval.end_s]) - _SLACK_S
         first, stop = np.searchsorted(since_s, ends).tolist()
         if first == stop:
             raise BadTable("an interval with a scan in it",
-                           f"none from {one.start_s:g} to {one.end_s:g} s in {one.where}",
+                           f"none from {interval.start_s:g} to {interval.end_s:g} s "
+                           f"in {interval.where}",
                            "make it longer, or remove it")  # fmt: skip
         marks.append(
             Mark(
                 start_s=float(time_s[first]), end_s=float(time_s[stop - 1]),
-                labels=dict(one.labels), groups=dict(one.groups),
+                labels=dict(interval.labels), groups=dict(interval.groups),
             )
         )  # fmt: skip
     return marks

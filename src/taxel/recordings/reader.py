@@ -132,7 +132,7 @@ def iterate_frames(path: Path, camera: int | None = None) -> Iterator[Frame]:
     for item in _items(path):
         if isinstance(item, ChunkContent):
             # A chunk holds one camera after another; in time they alternate.
-            for frame in sorted(item.frames, key=lambda one: one.fitted_s):
+            for frame in sorted(item.frames, key=lambda frame: frame.fitted_s):
                 if camera is None or frame.camera == camera:
                     yield frame
 

@@ -23,8 +23,8 @@ def look_alikes(what: str, sets: Iterable[Mapping[str, str]]) -> list[str]:
         sets: Labels, or groups, of everything there is: name → value.
     """
     lots: dict[tuple[str, str], set[str]] = defaultdict(set)
-    for one in sets:
-        for name, value in one.items():
+    for group in sets:
+        for name, value in group.items():
             spelt = composed(value)
             lots[composed(name), "".join(spelt.casefold().split())].add(spelt)
     return [

@@ -108,7 +108,7 @@ def fresh_folder(path: Path) -> Iterator[Path]:
 def _check_replaceable(path: Path, names: Collection[str], overwrite: bool) -> None:
     if not path.is_dir():
         raise BadTable("a folder for the recordings", f"{path}, a file", "choose another --output")
-    held = sorted(one.name for one in path.iterdir())
+    held = sorted(path.name for path in path.iterdir())
     if held and not overwrite:
         raise BadTable(
             "a new folder for the recordings", f"{path}, which is not empty",

@@ -45,7 +45,7 @@ def elliptic_patch(across_mm: float, along_mm: float, axis_rad: float) -> Patch:
         axis_rad: Direction of the long axis, 0 = vertical, clockwise.
     """
     grid = (np.arange(CELLS) + 0.5) / CELLS * 2.0 - 1.0
-    u, v = (one.ravel() for one in np.meshgrid(grid, grid))
+    u, v = (axis.ravel() for axis in np.meshgrid(grid, grid))
     inside = u**2 + v**2 < 1.0
     u, v = u[inside], v[inside]
     pressure = np.sqrt(1.0 - u**2 - v**2)

@@ -45,7 +45,7 @@ def list_boards(by_id: Path = _BY_ID) -> list[dict[str, Any]]:
                 "address": f"serial://{name or port.device}",
             }
         )
-    return sorted(found, key=lambda one: str(one["path"]))
+    return sorted(found, key=lambda board: str(board["path"]))
 
 
 def _links(by_id: Path) -> dict[str, str]:

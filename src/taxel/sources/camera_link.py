@@ -150,7 +150,7 @@ class CameraLink:
 
     def frames(self) -> list[Frame]:
         """Return the frames since the last call, oldest first; never waits."""
-        return [self._stamped(one) for one in self._ring.take()]
+        return [self._stamped(ring_frame) for ring_frame in self._ring.take()]
 
     def ledger(self) -> CameraLedger:
         """Return the counts so far."""
@@ -271,23 +271,25 @@ class CameraLink:
         if "state" in said:
             self._state, self._why = said["state"], said["why"]
 
-    def _stamped(self, one: RingFrame) -> Frame:
+    def _stamped(self, ring_frame: RingFrame) -> Frame:
         return Frame(
             camera=self._number,
-            jpeg=one.jpeg,
-            counter=one.sequence,
-            device_s=one.device_s,
-            arrival_s=one.arrival_s,
-            fitted_s=self._fit(one),
+            jpeg=ring_frame.jpeg,
+            counter=ring_frame.sequence,
+            device_s=ring_frame.device_s,
+            arrival_s=ring_frame.arrival_s,
+            fitted_s=self._fit(ring_frame),
         )
 
-    def _fit(self, one: RingFrame) -> float:
+    def _fit(self, ring_frame: RingFrame) -> float:
         """Return when a frame was taken: the driver's stamp, or a fit of another clock's."""
-        delay_s = one.arrival_s - one.device_s
-        if one.monotonic and abs(delay_s) < _LARGEST_DELAY_S:
-            return min(one.device_s, one.arrival_s)
-        if self._fitted is None or one.device_s < self._last_device_s:  # its clock began anew
+        delay_s = ring_frame.arrival_s - ring_frame.device_s
+        if ring_frame.monotonic and abs(delay_s) < _LARGEST_DELAY_S:
+            return min(ring_frame.device_s, ring_frame.arrival_s)
+        if (
+            self._fitted is None or ring_frame.device_s < self._last_device_s
+        ):  # its clock began anew
             self._fitted = FittedTime()
-        self._last_device_s = one.device_s
-        fitted = self._fitted.of(np.array([one.device_s]), np.array([one.arrival_s]))
-        return float(min(fitted[0], one.arrival_s))
+        self._last_device_s = ring_frame.device_s
+        fitted = self._fitted.of(np.array([ring_frame.device_s]), np.array([ring_frame.arrival_s]))
+        return float(min(fitted[0], ring_frame.arrival_s))

@@ -84,11 +84,13 @@ class Cameras:
         self._links: list[CameraLink] = []
         with ExitStack() as undo:
             undo.callback(self._close)
-            for number, (path, one) in enumerate(zip(choice.paths, choice.names, strict=True)):
+            for number, (path, camera_name) in enumerate(
+                zip(choice.paths, choice.names, strict=True)
+            ):
                 request = CameraRequest(
                     path=path, width=choice.width, height=choice.height, rate_hz=choice.rate_hz
                 )
-                self._links.append(CameraLink(number, one, request, factory))
+                self._links.append(CameraLink(number, camera_name, request, factory))
             # One after another, so that the camera for which the bus has no room is named ...
             given = [link.open() for link in self._links]
             for link in self._links:  # ... and measured side by side, as they will run
@@ -172,8 +174,8 @@ def parse_cameras(name: str, options: dict[str, str]) -> CamerasChoice:
             raise BadSource(
                 f"options of camera:// among {', '.join(_OPTIONS)}", repr(key), "mend the address"
             )
-    paths = tuple(f"/dev/video{one}" if one.isdecimal() else one for one in name.split(","))
-    if not all(paths) or len({os.path.realpath(one) for one in paths}) < len(paths):
+    paths = tuple(f"/dev/video{part}" if part.isdecimal() else part for part in name.split(","))
+    if not all(paths) or len({os.path.realpath(path) for path in paths}) < len(paths):
         raise BadSource(
             "each camera's device once, joined by commas", repr(name), "run: taxel find"
         )
@@ -196,8 +198,8 @@ def _names(text: str | None, count: int) -> tuple[str, ...]:
     if text is None:
         few = {1: ("camera",), 2: ("left", "right")}
         return few.get(count) or tuple(f"camera-{number + 1}" for number in range(count))
-    names = tuple(one.strip() for one in text.split(","))
-    sound = all(one and one.replace("-", "").replace("_", "").isalnum() for one in names)
+    names = tuple(part.strip() for part in text.split(","))
+    sound = all(name and name.replace("-", "").replace("_", "").isalnum() for name in names)
     if len(names) != count or len(set(names)) < count or not sound:
         raise _bad("names", f"{count} different words joined by commas", text)
     return names
@@ -208,10 +210,10 @@ def _sizes(text: str | None, count: int) -> tuple[float | None, ...]:
     if text is None:
         return (None,) * count
     try:
-        sizes = tuple(float(one) for one in text.split(","))
+        sizes = tuple(float(part) for part in text.split(","))
     except ValueError:
         sizes = ()
-    if len(sizes) not in (1, count) or not all(0 < one < math.inf for one in sizes):
+    if len(sizes) not in (1, count) or not all(0 < size < math.inf for size in sizes):
         raise _bad("mm_per_px", "one number above 0, or one a camera joined by commas", text)
     return sizes if len(sizes) == count else sizes * count
 

@@ -178,10 +178,10 @@ class SerialBoards:
         for index, port in enumerate(self._ports):
             arrived += [(chunk.arrival_s, index, chunk) for chunk in port.take()]
         if len(self._ports) > 1:
-            arrived.sort(key=lambda one: one[:2])
+            arrived.sort(key=lambda scan: scan[:2])
         while arrived:
             end_s = arrived[0][0] + _SLICE_S
-            count = sum(1 for one in arrived if one[0] <= end_s)
+            count = sum(1 for scan in arrived if scan[0] <= end_s)
             self._take_in(arrived[:count])
             arrived = arrived[count:]
         self._ask()

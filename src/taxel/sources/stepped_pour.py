@@ -271,11 +271,11 @@ def _part(motion: GelMotion, part: slice) -> GelMotion:
     )
 
 
-def _copy(one: GelMotion, into: GelMotion, index: int) -> None:
+def _copy(motion: GelMotion, into: GelMotion, index: int) -> None:
     """Fill in one moment."""
-    into.depth_mm[index] = one.depth_mm[0]
-    into.object_mm[index] = one.object_mm[0]
-    into.object_rad[index] = one.object_rad[0]
-    into.gel_mm[index] = one.gel_mm[0]
-    into.gel_rad[index] = one.gel_rad[0]
-    into.patch_mm[index] = one.patch_mm[0]
+    into.depth_mm[index] = motion.depth_mm[0]
+    into.object_mm[index] = motion.object_mm[0]
+    into.object_rad[index] = motion.object_rad[0]
+    into.gel_mm[index] = motion.gel_mm[0]
+    into.gel_rad[index] = motion.gel_rad[0]
+    into.patch_mm[index] = motion.patch_mm[0]

@@ -73,20 +73,20 @@ class V4l2Capture:
         try:
             if not self._kernel.wait(self._fd, timeout_s):
                 return None
-            one = v4l2.Buffer(type=v4l2.VIDEO_CAPTURE, memory=v4l2.MMAP)
+            buffer = v4l2.Buffer(type=v4l2.VIDEO_CAPTURE, memory=v4l2.MMAP)
             try:
-                self._kernel.ioctl(self._fd, v4l2.DQBUF, one)
+                self._kernel.ioctl(self._fd, v4l2.DQBUF, buffer)
             except BlockingIOError:
                 return None
-            data = bytes(self._maps[one.index][: one.bytesused])
+            data = bytes(self._maps[buffer.index][: buffer.bytesused])
             found = Buffer(
                 data=data,
-                sequence=one.sequence,
-                device_s=one.timestamp.seconds + one.timestamp.microseconds * 1e-6,
-                monotonic=one.flags & v4l2.STAMP_MASK == v4l2.STAMP_MONOTONIC,
-                damaged=bool(one.flags & v4l2.BUFFER_ERROR),
+                sequence=buffer.sequence,
+                device_s=buffer.timestamp.seconds + buffer.timestamp.microseconds * 1e-6,
+                monotonic=buffer.flags & v4l2.STAMP_MASK == v4l2.STAMP_MONOTONIC,
+                damaged=bool(buffer.flags & v4l2.BUFFER_ERROR),
             )
-            self._queue(one.index)
+            self._queue(buffer.index)
         except OSError as error:
             raise CameraGone(_reason(error)) from error
         return found
@@ -97,8 +97,8 @@ class V4l2Capture:
             return
         with contextlib.suppress(OSError):  # unplugged, or never started
             self._kernel.ioctl(self._fd, v4l2.STREAMOFF, c_int32(v4l2.VIDEO_CAPTURE))
-        for one in self._maps:
-            one.close()
+        for mapping in self._maps:
+            mapping.close()
         self._maps = []
         self._kernel.close(self._fd)
         self._fd = -1
@@ -164,20 +164,20 @@ class V4l2Capture:
         wanted = v4l2.RequestBuffers(count=BUFFERS, type=v4l2.VIDEO_CAPTURE, memory=v4l2.MMAP)
         self._kernel.ioctl(self._fd, v4l2.REQBUFS, wanted)
         for index in range(wanted.count):  # a driver may grant more or fewer
-            one = v4l2.Buffer(type=v4l2.VIDEO_CAPTURE, memory=v4l2.MMAP, index=index)
-            self._kernel.ioctl(self._fd, v4l2.QUERYBUF, one)
-            self._maps.append(self._kernel.map(self._fd, one.length, one.m.offset))
+            buffer = v4l2.Buffer(type=v4l2.VIDEO_CAPTURE, memory=v4l2.MMAP, index=index)
+            self._kernel.ioctl(self._fd, v4l2.QUERYBUF, buffer)
+            self._maps.append(self._kernel.map(self._fd, buffer.length, buffer.m.offset))
             self._queue(index)
         self._kernel.ioctl(self._fd, v4l2.STREAMON, c_int32(v4l2.VIDEO_CAPTURE))
 
     def _queue(self, index: int) -> None:
-        one = v4l2.Buffer(type=v4l2.VIDEO_CAPTURE, memory=v4l2.MMAP, index=index)
-        self._kernel.ioctl(self._fd, v4l2.QBUF, one)
+        buffer = v4l2.Buffer(type=v4l2.VIDEO_CAPTURE, memory=v4l2.MMAP, index=index)
+        self._kernel.ioctl(self._fd, v4l2.QBUF, buffer)
 
     def _offered(self) -> str:
         """Return the camera's own sizes and rates, for a person."""
-        offers = [one for one in list_offers(self._fd, self._kernel) if one.is_jpeg]
-        return "; ".join(str(one) for one in offers) or "it offers no MJPG at all"
+        offers = [offer for offer in list_offers(self._fd, self._kernel) if offer.is_jpeg]
+        return "; ".join(str(offer) for offer in offers) or "it offers no MJPG at all"
 
 
 def explain(error: OSError, path: str) -> BadSource | CameraGone:

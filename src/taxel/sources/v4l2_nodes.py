@@ -70,8 +70,10 @@ class FoundCamera:
     @property
     def best(self) -> Offer | None:
         """The JPEG size nearest to 640×480; None where there is none."""
-        usable = [one for one in self.offers if one.is_jpeg]
-        return min(usable, key=lambda one: abs(one.width * one.height - 640 * 480), default=None)
+        usable = [offer for offer in self.offers if offer.is_jpeg]
+        return min(
+            usable, key=lambda offer: abs(offer.width * offer.height - 640 * 480), default=None
+        )
 
     def as_dict(self) -> dict[str, Any]:
         """Return plain values, with the address."""
@@ -88,15 +90,15 @@ def list_cameras(
         names.setdefault(os.path.realpath(link), str(link))
     found = []
     nodes = [node for node in dev.glob("video*") if node.name[5:].isdigit()]
-    for node in sorted(nodes, key=lambda one: int(one.name[5:])):
+    for node in sorted(nodes, key=lambda node: int(node.name[5:])):
         by_id = names.get(os.path.realpath(node), "")
         try:
-            one = _ask(str(node), by_id, kernel, sysfs)
+            camera = _ask(str(node), by_id, kernel, sysfs)
         except OSError as error:
             problem = os.strerror(error.errno or 0).lower()
-            one = FoundCamera(path=str(node), by_id=by_id, problem=problem)
-        if one is not None:
-            found.append(one)
+            camera = FoundCamera(path=str(node), by_id=by_id, problem=problem)
+        if camera is not None:
+            found.append(camera)
     return found
 
 
@@ -171,9 +173,9 @@ def _rates(kernel: Kernel, fd: int, coding: int, width: int, height: int) -> tup
         pixel_format=coding, width=width, height=height,
     )  # fmt: skip
     rates = {
-        round(one.steps[0].denominator / one.steps[0].numerator, 3)
-        for one in periods
-        if one.steps[0].numerator
+        round(period.steps[0].denominator / period.steps[0].numerator, 3)
+        for period in periods
+        if period.steps[0].numerator
     }
     return tuple(sorted(rates, reverse=True))
 
@@ -235,4 +237,4 @@ def _siblings(node: str, sysfs: Path) -> list[str]:
         for entry in (sysfs / "class" / "video4linux").glob("video*")
         if entry.name != Path(node).name and _device(entry.name, sysfs) == own
     ]
-    return [str(folder / name) for name in sorted(names, key=lambda one: (len(one), one))]
+    return [str(folder / name) for name in sorted(names, key=lambda name: (len(name), name))]

@@ -83,7 +83,7 @@ def curves_from_json(raw: object) -> tuple[Curve, ...]:
     """
     if not isinstance(raw, list):
         raise ValueError("curves are no list")
-    return tuple(_curve(one) for one in raw)
+    return tuple(_curve(entry) for entry in raw)
 
 
 def _curve(raw: object) -> Curve:
@@ -91,4 +91,6 @@ def _curve(raw: object) -> Curve:
         raise ValueError("a curve without name and epochs")
     if not isinstance(raw["name"], str) or not isinstance(raw["epochs"], list | tuple):
         raise ValueError("a curve whose name or epochs are of another kind")
-    return Curve(raw["name"], tuple(record_of(Epoch, one, finite=False) for one in raw["epochs"]))
+    return Curve(
+        raw["name"], tuple(record_of(Epoch, epoch, finite=False) for epoch in raw["epochs"])
+    )

@@ -151,7 +151,7 @@ def fine_tune(
     """
     fabric = _launched(config)
     adam = torch.optim.Adam(
-        [one for one in network.parameters() if one.requires_grad],
+        [parameter for parameter in network.parameters() if parameter.requires_grad],
         lr=config.learning_rate, eps=1e-3,
     )  # fmt: skip
     model, optimiser = fabric.setup(network, adam)

@@ -242,7 +242,7 @@ def _train(
     held: _Batches | None,
 ) -> list[Epoch]:
     optimiser = torch.optim.Adam(
-        [one for one in module.parameters() if one.requires_grad],
+        [parameter for parameter in module.parameters() if parameter.requires_grad],
         lr=config.learning_rate,
         eps=config.epsilon,
     )

@@ -97,10 +97,10 @@ def rules_of(pour: CameraRecording) -> tuple[str, ...]:
 
 def rule_agreement(sheet: Sequence[PourLabels]) -> list[Agreement]:
     """Return a row for each pair of the rules that all pours have, as the rules themselves say."""
-    shared = [name for name in RULES if all(name in one.by_rule for one in sheet)]
+    shared = [name for name in RULES if all(name in entry.by_rule for entry in sheet)]
     return agreement(
-        {name: [one.by_rule[name] for one in sheet] for name in shared},
-        [one.time_s for one in sheet],
+        {name: [entry.by_rule[name] for entry in sheet] for name in shared},
+        [entry.time_s for entry in sheet],
     )
 
 
@@ -113,11 +113,12 @@ def person_agreement(sheet: Sequence[PourLabels], rule: str) -> Agreement | None
         BadInput: There is no such rule.
     """
     rule_named(rule)
-    both = [one for one in sheet if rule in one.corrections and rule in one.by_rule]
-    said = [labels for one in both if (labels := one.labels(rule)) is not None]
+    both = [entry for entry in sheet if rule in entry.corrections and rule in entry.by_rule]
+    said = [labels for entry in both if (labels := entry.labels(rule)) is not None]
     if not both:
         return None
     (row,) = agreement(
-        {rule: [one.by_rule[rule] for one in both], PERSON: said}, [one.time_s for one in both]
+        {rule: [entry.by_rule[rule] for entry in both], PERSON: said},
+        [entry.time_s for entry in both],
     )
     return row

@@ -115,8 +115,8 @@ class Lanes:
 
 def _decode(pour: CameraRecording) -> NDArray[np.uint8]:
     """Return all images, shape (n, cameras, h, w, 3)."""
-    found = [[decode_jpeg(frame.jpeg, pour.cameras[frame.camera]) for frame in one.frames]
-             for one in frame_sets(pour.path, len(pour.cameras))]  # fmt: skip
+    found = [[decode_jpeg(frame.jpeg, pour.cameras[frame.camera]) for frame in frame_set.frames]
+             for frame_set in frame_sets(pour.path, len(pour.cameras))]  # fmt: skip
     return np.asarray(found, np.uint8)
 
 

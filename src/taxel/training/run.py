@@ -190,7 +190,7 @@ def load_run(folder: Path, *, weights: bool = True) -> Run:
         contract = contract_from_json(json.dumps(about.any("contract")))
         members = about.count("members", 0, _MOST_MEMBERS)
         train = _train_config(about.any("train"))
-        history = tuple(record_of(Epoch, one, finite=False) for one in about.items("history"))
+        history = tuple(record_of(Epoch, epoch, finite=False) for epoch in about.items("history"))
         data = about.text("data")
         trivial = about.numbers("trivial") if "trivial" in about else {}
         curves = curves_from_json(about.any("curves")) if "curves" in about else ()

@@ -246,7 +246,7 @@ def _tables(model: HistGradientBoostingClassifier) -> tuple[dict[str, NDArray[An
     every = [predictor.nodes for (predictor,) in model._predictors]
     starts = np.cumsum([0, *(len(nodes) for nodes in every[:-1])])
     nodes = np.concatenate(every)
-    start = np.repeat(starts, [len(one) for one in every])
+    start = np.repeat(starts, [len(table) for table in every])
     leaf, own = nodes["is_leaf"].astype(bool), np.arange(len(nodes))
     thresholds = [0.0 if end else _down(float(limit))
                   for end, limit in zip(leaf, nodes["num_threshold"], strict=True)]  # fmt: skip

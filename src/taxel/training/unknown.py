@@ -71,7 +71,7 @@ def fit_unknown(
     windows = dataset.windows[mine]
     values, mask = scaling.apply(windows.values, windows.mask), windows.mask
     owner = dataset.trial[mine]
-    labels = {part: np.array([one.labels[part] for one in dataset.trials])[owner]
+    labels = {part: np.array([trial.labels[part] for trial in dataset.trials])[owner]
               for part in target.split("+")}  # fmt: skip
     part = _parts(dataset, target, used)[owner]
     held: list[tuple[NDArray[np.intp], NDArray[np.float64]]] = []
@@ -83,10 +83,10 @@ def fit_unknown(
         out = np.flatnonzero(~rest)
         held.append((out, np.array([test.of_window(values[i][mask[i]]) for i in out])))
     needed = _least_scores(len(labels), rejected)
-    index = np.concatenate([np.zeros(0, np.intp), *(one for one, _ in held)])
+    index = np.concatenate([np.zeros(0, np.intp), *(part for part, _ in held)])
     check_enough(len(set(owner[index])), len(labels), rejected)
     order = np.argsort(index)  # windows of a trial come in their order
-    scores = np.concatenate([one for _, one in held])[order]
+    scores = np.concatenate([part for _, part in held])[order]
     whole = _fit(values, mask, labels, rejected)
     return _calibrated(whole, scores, owner[index[order]], needed)
 
@@ -118,7 +118,9 @@ def check_enough(contacts: int, labels: int, rejected: float) -> None:
     needed = _least_scores(labels, rejected)
     if contacts < needed:
         each = (percent / 100 for percent in range(1, 51))
-        share = next((one for one in each if _least_scores(labels, one) <= contacts), None)
+        share = next(
+            (candidate for candidate in each if _least_scores(labels, candidate) <= contacts), None
+        )
         raise BadDataset(
             f"at least {needed} contacts in sessions held out, to call {rejected:g} of them "
             "unknown",
@@ -131,8 +133,8 @@ def check_enough(contacts: int, labels: int, rejected: float) -> None:
 def _parts(dataset: Dataset, target: str, used: NDArray[np.bool_]) -> NDArray[np.intp]:
     """Return each trial's part, shape (trials,): whole sessions, or files where there are none."""
     key = coarsest_group([dataset.trials[i] for i in np.flatnonzero(used)])
-    names = np.array([one.groups.get(key, "") for one in dataset.trials])
-    classes = [tuple(one.labels[part] for part in target.split("+")) for one in dataset.trials]
+    names = np.array([trial.groups.get(key, "") for trial in dataset.trials])
+    classes = [tuple(trial.labels[part] for part in target.split("+")) for trial in dataset.trials]
     first = dict(zip(names[::-1], classes[::-1], strict=True))
     ordered = sorted(set(names[used]), key=lambda name: (first[name], name))
     part = {name: number % PARTS for number, name in enumerate(ordered)}
@@ -147,12 +149,12 @@ def _fit(
 ) -> Unknown:
     """Return the densities of windows, not calibrated yet."""
     lag = 4 if values.shape[1] >= _LONG else 1
-    rows = [one[own].astype(float) for one, own in zip(values, mask, strict=True)]
-    means = np.array([one.mean(axis=0) for one in rows])
+    rows = [window[own].astype(float) for window, own in zip(values, mask, strict=True)]
+    means = np.array([row.mean(axis=0) for row in rows])
     level = np.median(means, axis=0)
     wander = np.abs(means - level).mean(axis=0) + 1e-9
-    variance = np.median([one.var(axis=0) for one in rows], axis=0) / wander**2
-    changes = [np.abs(one[lag:] - one[:-lag]).mean(axis=0) for one in rows if len(one) > lag]
+    variance = np.median([row.var(axis=0) for row in rows], axis=0) / wander**2
+    changes = [np.abs(row[lag:] - row[:-lag]).mean(axis=0) for row in rows if len(row) > lag]
     change = np.median(changes, axis=0) / wander if changes else np.zeros_like(wander)
     bare = Unknown(
         rejected=rejected,
@@ -204,7 +206,7 @@ def _calibrated(
     whole: Unknown, scores: NDArray[np.float64], owner: NDArray[np.intp], needed: int
 ) -> Unknown:
     """Return the test with the strangeness of known windows and contacts, `needed` or more."""
-    starts = [scores[owner == one] for one in np.unique(owner)]
+    starts = [scores[owner == grasp] for grasp in np.unique(owner)]
     densities = []
     for number, density in enumerate(whole.densities):
         contacts = {}

@@ -55,17 +55,21 @@ def history_table(path: Path, history: History) -> Table:
     table = Table(title=f"versions of {visible(path)}", title_justify="left")
     for column in ("", "made", "what", "from", "before → after", "kept as"):
         table.add_column(column)
-    numbers = {one.digest: one.number for one in reversed(history.versions)}
-    for one in history.versions:
-        used = one.number == history.current
-        kept = kept_path(path, one.number)
+    numbers = {version.digest: version.number for version in reversed(history.versions)}
+    for version in history.versions:
+        used = version.number == history.current
+        kept = kept_path(path, version.number)
         place = path.name if used else (kept.name if kept.exists() else "gone")
-        both = one.change.before.get("all"), one.change.after.get("all")
+        both = version.change.before.get("all"), version.change.after.get("all")
         measured = f"{both[0]:.1%} → {both[1]:.1%}" if None not in both else "–"
-        source = f"version {numbers[one.parent]}" if one.parent in numbers else one.parent[:12]
+        source = (
+            f"version {numbers[version.parent]}"
+            if version.parent in numbers
+            else version.parent[:12]
+        )
         table.add_row(
-            f"{'→ ' if used else ''}{one.number}", visible(one.made or "–"),
-            visible_line(one.change.what),
+            f"{'→ ' if used else ''}{version.number}", visible(version.made or "–"),
+            visible_line(version.change.what),
             visible(source or "–"), measured, visible(place),
         )  # fmt: skip
     return table

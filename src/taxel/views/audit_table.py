@@ -29,7 +29,7 @@ def audit_table(found: Audit, *, everything: bool = False) -> RenderableType:
         everything: Also list what was looked for and not found.
     """
     told = ("leak", "hazard", "note")
-    shown = [one for one in found.findings if everything or one.verdict in told]
+    shown = [finding for finding in found.findings if everything or finding.verdict in told]
     parts: list[RenderableType] = [
         Text(visible_line(found.verdict), style="bold red" if found.alarms else "bold green"),
         Text(visible_line(_what(found)), style="dim"),
@@ -37,8 +37,8 @@ def audit_table(found: Audit, *, everything: bool = False) -> RenderableType:
     parts += [Text(visible_line(note), style="dim") for note in found.notes]
     if shown:
         parts += [_figures(shown), Text("What was found, and what to do", style="bold")]
-        parts += [_in_words(one, everything) for one in shown]
-    meant = dict.fromkeys(one.verdict for one in shown)
+        parts += [_in_words(finding, everything) for finding in shown]
+    meant = dict.fromkeys(finding.verdict for finding in shown)
     parts += [Text(f"{verdict}: {MEANING[verdict]}", style="dim") for verdict in meant]
     parts += [Text(line, style="dim") for line in (legend(found) if shown else [])]
     if everything:
@@ -62,20 +62,20 @@ def _figures(shown: list[Finding]) -> Table:
     table.add_column("this alone", no_wrap=True)
     for column in ("accuracy", "one answer", "AUC", "by chance"):
         table.add_column(column, justify="right", no_wrap=True)
-    for one in shown:
+    for finding in shown:
         table.add_row(
-            Text(one.verdict, style=_STYLE[one.verdict]), visible_line(one.kind),
-            *[_share(value) for value in (one.alone, one.majority, one.auc)],
-            chance(one),
+            Text(finding.verdict, style=_STYLE[finding.verdict]), visible_line(finding.kind),
+            *[_share(value) for value in (finding.alone, finding.majority, finding.auc)],
+            chance(finding),
         )  # fmt: skip
     return table
 
 
-def chance(one: Finding) -> str:
+def chance(finding: Finding) -> str:
     """Return how easily chance gives a finding; "rule" for a fact, for which it does not matter."""
-    if one.p is None:
-        return "–" if one.alone is None else "rule"
-    return "< 0.001" if one.p < 0.001 else f"{one.p:.3f}"
+    if finding.p is None:
+        return "–" if finding.alone is None else "rule"
+    return "< 0.001" if finding.p < 0.001 else f"{finding.p:.3f}"
 
 
 def legend(found: Audit) -> list[str]:
@@ -102,17 +102,17 @@ def _groups(found: Audit) -> list[str]:
     ]
 
 
-def _in_words(one: Finding, everything: bool) -> Text:
+def _in_words(finding: Finding, everything: bool) -> Text:
     text = Text()
-    text.append(f"{visible_line(one.kind)}: ", style=_STYLE[one.verdict])
-    text.append(visible_line(one.said))
-    if one.examples:
-        shown = one.examples if everything else one.examples[:SHOWN]
-        rest = len(one.examples) - len(shown)
+    text.append(f"{visible_line(finding.kind)}: ", style=_STYLE[finding.verdict])
+    text.append(visible_line(finding.said))
+    if finding.examples:
+        shown = finding.examples if everything else finding.examples[:SHOWN]
+        rest = len(finding.examples) - len(shown)
         more = f" and {rest} more (--all)" if rest else ""
         text.append(f" Such as: {visible_line('; '.join(shown))}{more}.", style="dim")
-    if one.mend:
-        text.append(f"\n  → {visible_line(one.mend)}.")
+    if finding.mend:
+        text.append(f"\n  → {visible_line(finding.mend)}.")
     return text
 
 
@@ -121,9 +121,9 @@ def _share(value: float | None) -> str:
 
 
 def _rest(found: Audit, everything: bool) -> str:
-    clear = [one.kind for one in found.findings if one.verdict == "clear"]
-    unknown = [one.kind for one in found.findings if one.verdict == "not checked"]
-    few = [one.kind for one in found.findings if one.verdict == "too few"]
+    clear = [finding.kind for finding in found.findings if finding.verdict == "clear"]
+    unknown = [finding.kind for finding in found.findings if finding.verdict == "not checked"]
+    few = [finding.kind for finding in found.findings if finding.verdict == "too few"]
     lines = [] if everything else [f"looked for and not found: {', '.join(clear) or 'nothing'}"]
     if few and not everything:
         lines.append(f"could not be decided with so few trials: {', '.join(few)}")

@@ -31,10 +31,11 @@ def compare_table(found: Paired, first: str, second: str) -> RenderableType:
     table.add_column(visible(found.group), no_wrap=True)
     for column in ("windows", "first", "second", "second − first"):
         table.add_column(column, justify="right", no_wrap=True)
-    for one in found.groups[:MOST_GROUPS]:
-        change = f"{100 * (one.second - one.first):+.1f}"
+    for group in found.groups[:MOST_GROUPS]:
+        change = f"{100 * (group.second - group.first):+.1f}"
         table.add_row(
-            visible(one.name), str(one.windows), f"{one.first:.4f}", f"{one.second:.4f}", change
+            visible(group.name), str(group.windows),
+            f"{group.first:.4f}", f"{group.second:.4f}", change,
         )  # fmt: skip
     if len(found.groups) > MOST_GROUPS:
         table.add_row(f"and {len(found.groups) - MOST_GROUPS} more (--json)", style="dim")

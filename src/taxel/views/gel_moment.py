@@ -197,9 +197,10 @@ def look(sets: Iterable[FrameSet], cameras: Sequence[CameraInfo], moment: Moment
     index, time_s = _follow(chain(early, rest), followers, moment)
     touches = tuple(
         replace(
-            touch_of(one.rgb, bare_gel(one.rgb), one.flow, camera.mm_per_px), slip=one.slip.slip
+            touch_of(follower.rgb, bare_gel(follower.rgb), follower.flow, camera.mm_per_px),
+            slip=follower.slip.slip,
         )
-        for one, camera in zip(followers, cameras, strict=True)
+        for follower, camera in zip(followers, cameras, strict=True)
     )
     return Looked(frame=index, time_s=time_s, touches=touches)
 

@@ -117,10 +117,10 @@ def _baseline_table(baselines: Sequence[TrivialRow]) -> Table:
                   pad_edge=False)  # fmt: skip
     for column in ("sees only", "one cup out", "every cup", "balanced"):
         table.add_column(column, justify="left" if column == "sees only" else "right")
-    for one in baselines:
+    for baseline in baselines:
         table.add_row(
-            one.name, _percent(one.single), _percent(one.every_cup),
-            f"{100 * one.every_cup.balanced:.1f}",
+            baseline.name, _percent(baseline.single), _percent(baseline.every_cup),
+            f"{100 * baseline.every_cup.balanced:.1f}",
         )  # fmt: skip
     return table
 
@@ -134,9 +134,9 @@ def warning_tables(results: Sequence[WarningResult], rule: str) -> RenderableTyp
     for column in ("monitor", "balanced %", "AUC", "lead s: median [95 %]", "p5 … p95",
                    "missed %", "false/min [95 %]", "early %"):  # fmt: skip
         table.add_column(column, justify="left" if column == "monitor" else "right")
-    for one in results:
-        table.add_row(one.name, f"{100 * one.windows.balanced:.1f}", f"{one.windows.auc:.3f}",
-                      *_event_cells(one.events))  # fmt: skip
+    for result in results:
+        table.add_row(result.name, f"{100 * result.windows.balanced:.1f}",
+                      f"{result.windows.auc:.3f}", *_event_cells(result.events))  # fmt: skip
     parts: list[RenderableType] = [table]
     first = results[0]
     for key, groups in first.by.items():
@@ -174,7 +174,7 @@ def _event_cells(scores: EventScores) -> list[str]:
 
 
 def _percent(scores: WindowScores) -> str:
-    low, high = (100 * one for one in scores.interval)
+    low, high = (100 * bound for bound in scores.interval)
     return f"{100 * scores.accuracy:.1f} [{low:.1f}, {high:.1f}]"
 
 

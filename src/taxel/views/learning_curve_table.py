@@ -18,12 +18,12 @@ def learning_curve_table(found: LearningCurve) -> RenderableType:
     table = result_table(
         None, (f"{visible(found.group)}s", "windows", "accuracy [95 %]", "best baseline", "which")
     )
-    for one in found.amounts:
-        best = max(one.trivial, key=lambda name: one.trivial[name])
+    for amount in found.amounts:
+        best = max(amount.trivial, key=lambda name: amount.trivial[name])
         table.add_row(
-            str(one.groups), str(one.windows),
-            bracketed(f"{one.accuracy:.4f}", (one.low, one.high), ".3f"),
-            f"{one.trivial[best]:.4f}", visible(best),
+            str(amount.groups), str(amount.windows),
+            bracketed(f"{amount.accuracy:.4f}", (amount.low, amount.high), ".3f"),
+            f"{amount.trivial[best]:.4f}", visible(best),
         )  # fmt: skip
     about = f"{visible(found.target)} · {visible(found.model)} · split: {visible(found.split)}"
     interval = f"interval: 95 %, whole {visible(found.group)}s of the test parts resampled"

@@ -24,8 +24,8 @@ def model_tables(
     """
     parts: list[RenderableType] = []
     for beside in trivial:
-        own = [one for one in results
-               if (one.target, one.pooled.split) == (beside.target, beside.split)]  # fmt: skip
+        shown = beside.target, beside.split
+        own = [result for result in results if (result.target, result.pooled.split) == shown]
         table = result_table(
             f"{visible(beside.target)} · split: {visible(beside.split)} · {beside.windows} windows",
             (
@@ -38,15 +38,15 @@ def model_tables(
                 "µs a window",
             ),
         )
-        for one in own:
+        for result in own:
             table.add_row(
-                one.model,
-                with_interval(one.pooled),
-                f"{one.pooled.trial_accuracy:.4f}",
-                LITERATURE.get(one.model, "–"),
-                "–" if one.parameters is None else f"{one.parameters:,}",
-                f"{one.fold_s:.1f}",
-                f"{one.inference_us:,.0f}",
+                result.model,
+                with_interval(result.pooled),
+                f"{result.pooled.trial_accuracy:.4f}",
+                LITERATURE.get(result.model, "–"),
+                "–" if result.parameters is None else f"{result.parameters:,}",
+                f"{result.fold_s:.1f}",
+                f"{result.inference_us:,.0f}",
             )
         for name, accuracy in beside.accuracies.items():
             table.add_row(visible(name), f"{accuracy:.4f}", "", "", "", "", "", style="dim")
@@ -74,23 +74,23 @@ def cleaning_tables(gains: Sequence[Gain], trivial: Sequence[TrivialResult]) -> 
     """
     parts: list[RenderableType] = []
     for beside in trivial:
-        own = [one for one in gains if one.target == beside.target]
+        own = [gain for gain in gains if gain.target == beside.target]
         table = result_table(
             f"{visible(beside.target)} · {BASE} · split: {visible(beside.split)} · "
             f"{len(own[0].by_run)} runs",
             ("windows", "accuracy", "by trial", "difference, points [95 %]", "p", "each run"),
         )
         table.add_column("what it gives")
-        for one in own:
-            plain = one.way == NOTHING
+        for result in own:
+            plain = result.way == NOTHING
             table.add_row(
-                one.way,
-                f"{one.accuracy:.4f}",
-                f"{one.trial_accuracy:.4f}",
-                "" if plain else _points(one),
-                "" if plain else f"{one.p:.3f}",
-                "" if plain else " ".join(f"{100 * each:+.1f}" for each in one.by_run),
-                one.verdict,
+                result.way,
+                f"{result.accuracy:.4f}",
+                f"{result.trial_accuracy:.4f}",
+                "" if plain else _points(result),
+                "" if plain else f"{result.p:.3f}",
+                "" if plain else " ".join(f"{100 * each:+.1f}" for each in result.by_run),
+                result.verdict,
             )
         for name, accuracy in beside.accuracies.items():
             table.add_row(visible(name), f"{accuracy:.4f}", "", "", "", "", "", style="dim")
@@ -106,6 +106,6 @@ def cleaning_tables(gains: Sequence[Gain], trivial: Sequence[TrivialResult]) -> 
     )
 
 
-def _points(one: Gain) -> str:
-    low, high = one.interval
-    return bracketed(f"{100 * one.difference:+.1f}", (100 * low, 100 * high), "+.1f")
+def _points(gain: Gain) -> str:
+    low, high = gain.interval
+    return bracketed(f"{100 * gain.difference:+.1f}", (100 * low, 100 * high), "+.1f")

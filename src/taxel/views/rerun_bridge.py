@@ -75,9 +75,9 @@ class _Bridge:
     def __init__(self, rerun: Any, view: ViewConfig) -> None:
         self._rerun = rerun
         self._view = view
-        names = apart([camera for one in view.sources for camera in one.cameras])
+        names = apart([camera for source in view.sources for camera in source.cameras])
         self._cameras = [camera.name for camera in names]
-        self._sources = [RingReader(one.ring) for one in view.sources]
+        self._sources = [RingReader(source.ring) for source in view.sources]
         self._decisions = [RingReader(name) for name in view.decisions]
         self._row_s = [-np.inf] * len(view.sources)
         self._word = ""
@@ -94,8 +94,8 @@ class _Bridge:
             for content in reader.take():
                 self._decision(unpack(content))
         readers = (*self._sources, *self._decisions)
-        pulse.consumed = sum(one.taken for one in readers)
-        pulse.dropped = sum(one.lost for one in readers)
+        pulse.consumed = sum(reader.taken for reader in readers)
+        pulse.dropped = sum(reader.lost for reader in readers)
 
     def _log(self, number: int, first_camera: int, packet: Packet) -> None:
         rerun = self._rerun
@@ -134,5 +134,5 @@ class _Bridge:
             rerun.log("grasp/state", rerun.TextLog(f"{self._word} {note['reason']}".strip()))
 
     def close(self) -> None:
-        for one in (*self._sources, *self._decisions):
-            one.close()
+        for ring in (*self._sources, *self._decisions):
+            ring.close()

@@ -40,15 +40,15 @@ def sweep_figure(
         cameras: True for a grasp bundle.
     """
     base, *rest = points
-    panels = [(fault, list(own)) for fault, own in groupby(rest, key=lambda one: one.fault)]
+    panels = [(fault, list(own)) for fault, own in groupby(rest, key=lambda point: point.fault)]
     across = min(_ACROSS, max(1, len(panels)))
     down = -(-len(panels) // across) or 1
     figure, grid = plt.subplots(
         down, across, figsize=(3.1 * across + 0.4, 2.35 * down + 1.0), layout="constrained",
         squeeze=False, sharey=True,
     )  # fmt: skip
-    lowest = min([chance, *(one.grasps for one in points if np.isfinite(one.grasps)),
-                  *(one.low for one in points if np.isfinite(one.low))])  # fmt: skip
+    lowest = min([chance, *(point.grasps for point in points if np.isfinite(point.grasps)),
+                  *(point.low for point in points if np.isfinite(point.low))])  # fmt: skip
     for axes in grid.ravel()[len(panels) :]:
         axes.set_visible(False)
     for axes, (fault, own) in zip(grid.ravel(), panels, strict=False):
@@ -75,14 +75,14 @@ def _panel(axes: Axes, base: FaultPoint, own: Sequence[FaultPoint], fault: str) 
     """Draw one fault: levels evenly apart, the mildest on the left, without it further left."""
     each = [base, *own]
     place = np.arange(len(each), dtype=float)
-    axes.bar(place, [one.answered for one in each], width=0.9, color=_ANSWERED, alpha=0.3, lw=0)
-    low, high = (np.array([getattr(one, side) for one in each]) for side in ("low", "high"))
+    axes.bar(place, [point.answered for point in each], width=0.9, color=_ANSWERED, alpha=0.3, lw=0)
+    low, high = (np.array([getattr(point, side) for point in each]) for side in ("low", "high"))
     axes.fill_between(place, low, high, color=_ACCURACY, alpha=0.18, lw=0)
-    axes.plot(place, [one.grasps for one in each], "s--", color=_GRASPS, ms=3.5, lw=1.0)
-    axes.plot(place, [one.accuracy for one in each], "o-", color=_ACCURACY, ms=4.5, lw=1.7)
-    usual = np.array([base.accuracy if one.base is None else one.base for one in each])
+    axes.plot(place, [point.grasps for point in each], "s--", color=_GRASPS, ms=3.5, lw=1.0)
+    axes.plot(place, [point.accuracy for point in each], "o-", color=_ACCURACY, ms=4.5, lw=1.7)
+    usual = np.array([base.accuracy if point.base is None else point.base for point in each])
     axes.plot(place, usual - FALL, color=_ACCURACY, lw=0.8, ls=(0, (4, 3)), alpha=0.6)
-    axes.set_xticks(place, ["none", *(f"{one.level:g}" for one in own)], fontsize=8)
+    axes.set_xticks(place, ["none", *(f"{point.level:g}" for point in own)], fontsize=8)
     axes.set_title(fault, fontsize=10, loc="left", weight="bold")
     draws = f", {own[0].draws} draws" if own[0].draws > 1 else ""
     axes.set_xlabel(own[0].unit + draws, fontsize=8)

@@ -37,24 +37,24 @@ def sweep_table(
     for column in ("level", accuracy, "change", "answered", windows, grasps, told, outside):
         table.add_column(column, justify="right", overflow="fold")
     base = points[0]
-    for fault, group in groupby(points, key=lambda one: one.fault):
+    for fault, group in groupby(points, key=lambda point: point.fault):
         own = list(group)
         draws = f"{own[0].draws} draws" if own[0].draws > 1 else ""
-        heads = [one for one in (fault, own[0].unit, draws) if one]
+        heads = [head for head in (fault, own[0].unit, draws) if head]
         if len(own) < len(heads):
             heads = [", ".join(heads)]
-        for index, one in enumerate(own):
-            change = 100 * (one.beside(base.accuracy) - base.accuracy)
+        for index, point in enumerate(own):
+            change = 100 * (point.beside(base.accuracy) - base.accuracy)
             table.add_row(
                 heads[index] if index < len(heads) else "",
-                f"{one.level:g}" if one.unit else "",
-                _accuracy(one),
-                "" if one is base or math.isnan(change) else f"{change:+.1f}",
-                _percent(one.answered),
-                f"{one.windows:,}",
-                _percent(one.grasps),
-                _percent(one.told),
-                "–" if math.isnan(one.outside) else f"{one.outside:.1f}",
+                f"{point.level:g}" if point.unit else "",
+                _accuracy(point),
+                "" if point is base or math.isnan(change) else f"{change:+.1f}",
+                _percent(point.answered),
+                f"{point.windows:,}",
+                _percent(point.grasps),
+                _percent(point.told),
+                "–" if math.isnan(point.outside) else f"{point.outside:.1f}",
                 style=_style(change),
             )
         table.add_section()
@@ -67,7 +67,7 @@ def _falls(points: Sequence[FaultPoint]) -> list[Text]:
     if len(points) < 2:
         return []
     lines = [Text(f"accuracy falls by {100 * FALL:g} points at:")]
-    for fault, group in groupby(points[1:], key=lambda one: one.fault):
+    for fault, group in groupby(points[1:], key=lambda point: point.fault):
         own = list(group)
         words = fall_text(own, points[0].accuracy) + _silence(own, points[0])
         lines.append(Text(f"  {fault:<14} {words}"))
@@ -76,27 +76,27 @@ def _falls(points: Sequence[FaultPoint]) -> list[Text]:
 
 def _silence(own: Sequence[FaultPoint], base: FaultPoint) -> str:
     """Return from which level on less than half is told of what is told without the fault."""
-    few = [one for one in own if one.told < base.told / 2]
+    few = [point for point in own if point.told < base.told / 2]
     if not few or math.isnan(few[0].accuracy):  # that nothing is answered is said already
         return ""
     return f"; at {few[0].level:g} {few[0].unit} only {_percent(few[0].told)} with an answer"
 
 
 def _notes(points: Sequence[FaultPoint], cameras: bool) -> list[Text]:
-    one = math.isnan(points[0].low) and not math.isnan(points[0].accuracy)
+    single = math.isnan(points[0].low) and not math.isnan(points[0].accuracy)
     if cameras:
         words = (
             "accuracy: stable and unstable moments weigh alike, of those whose state is known. "
             "warned: slips with an alarm in time. any: recordings with any known state. "
             "false: alarms a minute of grasps that hold. "
-            + ("No interval: one cup only." if one else "Interval: cups resampled.")
+            + ("No interval: one cup only." if single else "Interval: cups resampled.")
         )
     else:
         words = (
             "accuracy: of windows that were answered, that is not UNKNOWN for input that cannot be "
             "used, or out of distribution. grasps: correct, of all; any: with any answer, of "
             "all. outside: windows a minute where nothing was touched. "
-            + ("No interval: one session only." if one else "Interval: sessions resampled.")
+            + ("No interval: one session only." if single else "Interval: sessions resampled.")
         )
     if any(point.base is not None for point in points):
         words += " change of skew: against as many first windows of each touch without it."
@@ -105,12 +105,12 @@ def _notes(points: Sequence[FaultPoint], cameras: bool) -> list[Text]:
     return [Text(words, style="dim")]
 
 
-def _accuracy(one: FaultPoint) -> str:
-    if math.isnan(one.accuracy):
+def _accuracy(point: FaultPoint) -> str:
+    if math.isnan(point.accuracy):
         return "nothing answered"
-    if math.isnan(one.low):
-        return f"{one.accuracy:.3f}"
-    return f"{one.accuracy:.3f} [{one.low:.3f}, {one.high:.3f}]"
+    if math.isnan(point.low):
+        return f"{point.accuracy:.3f}"
+    return f"{point.accuracy:.3f} [{point.low:.3f}, {point.high:.3f}]"
 
 
 def _percent(value: float) -> str:

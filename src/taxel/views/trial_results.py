@@ -43,25 +43,25 @@ def trial_tables(
     ours = results[0]
     parts: list[RenderableType] = [
         Text(_head(trials, split, ours)),
-        _table("by trial", [(one.name, one.whole) for one in results]),
+        _table("by trial", [(result.name, result.whole) for result in results]),
     ]
     if ours.places:
         rows = [
-            (f"{one.name}, {place} crop", scores)
-            for one in results[:2]
-            for place, scores in zip(PLACES, one.places, strict=True)
+            (f"{result.name}, {place} crop", scores)
+            for result in results[:2]
+            for place, scores in zip(PLACES, result.places, strict=True)
         ]
         parts.append(_table("by one crop alone", rows))
-    parts += [Text(_said(one, split.group)) for one in differences]
-    parts += [Text(f"{one.name}: {one.leaks}.") for one in results if one.leaks]
+    parts += [Text(_said(difference, split.group)) for difference in differences]
+    parts += [Text(f"{result.name}: {result.leaks}.") for result in results if result.leaks]
     parts.append(Text(_weakest(trials, split, ours)))
     return Group(*parts, Text(f"Intervals in []: 95 % CI, whole {split.group}s resampled."))
 
 
 def best_control(results: Sequence[TrialResult]) -> TrialResult | None:
     """Return the control that reaches as many right as ours or more; none where ours is ahead."""
-    controls = [one for one in results[1:] if one.leaks]
-    best = max(controls, key=lambda one: one.whole.accuracy, default=None)
+    controls = [result for result in results[1:] if result.leaks]
+    best = max(controls, key=lambda control: control.whole.accuracy, default=None)
     ahead = best is None or results[0].whole.accuracy > best.whole.accuracy
     return None if ahead else best
 
@@ -137,9 +137,9 @@ def trial_json(
 ) -> dict[str, Any]:
     """Return what was measured, for printing."""
 
-    def row(one: TrialResult) -> dict[str, Any]:
-        places = {place: asdict(s) for place, s in zip(PLACES, one.places, strict=False)}
-        return {"name": one.name, "leaks": one.leaks, "trials": asdict(one.whole),
+    def row(result: TrialResult) -> dict[str, Any]:
+        places = {place: asdict(s) for place, s in zip(PLACES, result.places, strict=False)}
+        return {"name": result.name, "leaks": result.leaks, "trials": asdict(result.whole),
                 "crops": places}  # fmt: skip
 
     return {
@@ -151,8 +151,8 @@ def trial_json(
         "crops_a_trial": trials.layout.places,
         "split": split.name,
         "folds": len(split.folds),
-        "rows": [row(one) for one in results],
-        "differences": [asdict(one) for one in differences],
+        "rows": [row(result) for result in results],
+        "differences": [asdict(difference) for difference in differences],
         "groups": {
             name: {"right": right, "trials": of}
             for name, (right, of) in by_group(trials, split, results[0]).items()

@@ -20,7 +20,13 @@ def unknown_tables(results: Sequence[UnknownResult]) -> RenderableType:
     Args:
         results: As `find_unknown` gives them.
     """
-    return Group(*(part for one in results for part in (_scores(one), _coverage(one), _said(one))))
+    return Group(
+        *(
+            part
+            for result in results
+            for part in (_scores(result), _coverage(result), _said(result))
+        )
+    )
 
 
 def left_out_table(
@@ -39,16 +45,16 @@ def left_out_table(
         [heading.replace(" ", "\n") for heading in ("never learned", *SCORES, "by trial",
                                                     "known rejected")],
     )  # fmt: skip
-    for name, one in results.items():
-        each = [one.auroc(name, score) for score in SCORES]
-        rejected = f"{one.rejected_windows:.1%}"
+    for name, result in results.items():
+        each = [result.auroc(name, score) for score in SCORES]
+        rejected = f"{result.rejected_windows:.1%}"
         table.add_row(
             visible(name), *(f"{own.windows:.3f}" for own in each), _interval(each[0]), rejected
         )
     for name, join in (("mean", np.mean), ("least", np.min)):
-        cells = [f"{join([one.auroc(key, score).windows for key, one in results.items()]):.3f}"
+        cells = [f"{join([r.auroc(key, score).windows for key, r in results.items()]):.3f}"
                  for score in SCORES]  # fmt: skip
-        trials = join([one.auroc(key).grasps for key, one in results.items()])
+        trials = join([result.auroc(key).grasps for key, result in results.items()])
         rejected = f"{np.mean([o.rejected_windows for o in results.values()]):.1%}"
         table.add_row(name, *cells, f"{trials:.3f}", rejected if name == "mean" else "")
     return Group(
@@ -65,13 +71,13 @@ def left_out_table(
     )
 
 
-def _scores(one: UnknownResult) -> Table:
+def _scores(result: UnknownResult) -> Table:
     table = result_table(
-        f"unknown to {visible(one.target)} · split: {visible(one.split)} · {one.known_windows} "
-        f"windows and {one.known_grasps} grasps known",
+        f"unknown to {visible(result.target)} · split: {visible(result.split)} · "
+        f"{result.known_windows} windows and {result.known_grasps} grasps known",
         ("never learned", "score", "AUROC\nwindows", "grasps [95 %]", "found\nwindows", "grasps"),
     )
-    for own in one.aurocs:
+    for own in result.aurocs:
         ours = own.score == OURS
         table.add_row(
             f"{visible(own.kind)} ({own.unknown_grasps} grasps)" if ours else "",
@@ -85,29 +91,29 @@ def _scores(one: UnknownResult) -> Table:
     return table
 
 
-def _coverage(one: UnknownResult) -> Table:
+def _coverage(result: UnknownResult) -> Table:
     table = result_table(
-        f"accuracy over the known touch that is answered, {visible(one.target)}",
+        f"accuracy over the known touch that is answered, {visible(result.target)}",
         ("answered", *(f"{share:.0%}" for share in COVERAGES)),
     )
-    for curve in one.curves:
+    for curve in result.curves:
         for name, values in (("windows", curve.windows), ("grasps", curve.grasps)):
             table.add_row(f"{curve.score}, {name}", *(f"{value:.3f}" for value in values))
-    for name, values in (("windows", one.majority.windows), ("grasps", one.majority.grasps)):
+    for name, values in (("windows", result.majority.windows), ("grasps", result.majority.grasps)):
         cells = [f"{value:.3f}" for value in values]
         table.add_row(f"majority by {OURS}, {name}", *cells, style="dim")
     return table
 
 
-def _said(one: UnknownResult) -> Text:
+def _said(result: UnknownResult) -> Text:
     each = ", ".join(
-        f"{visible(name)} {share:.1%}" for name, share in one.rejected_by_class.items()
+        f"{visible(name)} {share:.1%}" for name, share in result.rejected_by_class.items()
     )
-    accuracy, constant = one.curves[0].windows[0], one.majority.windows[0]
+    accuracy, constant = result.curves[0].windows[0], result.majority.windows[0]
     behind = accuracy <= constant < 1.0  # one known class alone is always told
     return Text(
-        f"known touch called unknown: {one.rejected_windows:.1%} of windows, "
-        f"{one.rejected_grasps:.1%} of grasps ({each})\n"
+        f"known touch called unknown: {result.rejected_windows:.1%} of windows, "
+        f"{result.rejected_grasps:.1%} of grasps ({each})\n"
         + f"warning: the answers ({accuracy:.3f}) are no better than always the commonest class "
         f"({constant:.3f}): of little use, whatever is turned away\n" * behind
     )

@@ -165,7 +165,7 @@ def load_dataset(
         parts.append(windows[kept])
         stale += _stale(parts[-1], recording.samples, config, recording.manifest.sensor)
         owners.append((np.cumsum(wanted) - 1)[owner[kept]] + len(trials))
-        trials += [one for one, own_wanted in zip(own, wanted, strict=True) if own_wanted]
+        trials += [trial for trial, own_wanted in zip(own, wanted, strict=True) if own_wanted]
     if sensor is None or not sum(map(len, parts)):
         raise nothing_found(path, config, where)
     cut = _Cut(Windows.join(parts), np.concatenate(owners), trials, sensor, outside, stale)
@@ -232,7 +232,7 @@ def _assemble(cut: _Cut, config: WindowConfig, target: str | None, *, keep: bool
             f"each session brought to one level by {reference.touches}: these touches are left out"
         )
     if target is not None:
-        kept = tuple(with_joined_label(one, target) for one in kept)
+        kept = tuple(with_joined_label(trial, target) for trial in kept)
         check_target(kept, target)
         notes += rare_note(kept, target)
     return Dataset(

@@ -51,15 +51,15 @@ class FramePairer:
         if self._waiting[frame.camera] is not None:
             self.dropped += 1
         self._waiting[frame.camera] = frame
-        frames = tuple(one for one in self._waiting if one is not None)
+        frames = tuple(frame for frame in self._waiting if frame is not None)
         if len(frames) < len(self._waiting):
             return None
-        newest_s = max(one.fitted_s for one in frames)
-        for camera, one in enumerate(frames):
-            if newest_s - one.fitted_s > self._skew_s:
+        newest_s = max(frame.fitted_s for frame in frames)
+        for camera, current in enumerate(frames):
+            if newest_s - current.fitted_s > self._skew_s:
                 self._waiting[camera] = None
                 self.dropped += 1
-        if any(one is None for one in self._waiting):
+        if any(frame is None for frame in self._waiting):
             return None
         self._waiting = [None] * len(frames)
         return FrameSet(frames)

@@ -73,7 +73,7 @@ class BadFrames:
 
     def by_reason(self) -> dict[str, int]:
         """Return reason → count."""
-        return {one.name: int(getattr(self, one.name)) for one in fields(self)}
+        return {field.name: int(getattr(self, field.name)) for field in fields(self)}
 
 
 class FrameDecoder:

@@ -51,14 +51,16 @@ def config() -> AdaptConfig:
 def test_every_method_is_tested_on_the_same_held_out_windows(data: Path) -> None:
     points = measure_new_class([data], config())
 
-    assert {one.method for one in points} == set(METHODS)
-    assert {one.new_class for one in points} == {"cylinder", "rectangle", "sphere"}
-    for name in {one.new_class for one in points}:
-        own = [one for one in points if one.new_class == name]
-        assert len({(one.windows, one.before, one.full, one.full_old) for one in own}) == 1
-    best = [one for one in points if one.method == "taxel adapt"]
-    assert all(one.new > 0.5 for one in best)
-    assert all(one.seconds < 5.0 for one in best)
+    assert {point.method for point in points} == set(METHODS)
+    assert {point.new_class for point in points} == {"cylinder", "rectangle", "sphere"}
+    for name in {point.new_class for point in points}:
+        own = [point for point in points if point.new_class == name]
+        assert (
+            len({(point.windows, point.before, point.full, point.full_old) for point in own}) == 1
+        )
+    best = [point for point in points if point.method == "taxel adapt"]
+    assert all(point.new > 0.5 for point in best)
+    assert all(point.seconds < 5.0 for point in best)
 
 
 def test_grasps_to_learn_from_are_the_first_of_one_training_session(data: Path) -> None:
@@ -94,8 +96,8 @@ def test_a_changed_pad_scales_its_channel_and_clips_as_the_converter_does(
 def test_one_pad_or_all_change_within_the_limits() -> None:
     rng = np.random.default_rng(0)
     for _ in range(20):
-        one, every = draw_gains(rng, ONE, 12), draw_gains(rng, ALL, 12)
-        assert len(np.unique(np.round(one, 9))) == 2  # one pad, and the humidity of all others
+        single, every = draw_gains(rng, ONE, 12), draw_gains(rng, ALL, 12)
+        assert len(np.unique(np.round(single, 9))) == 2  # one pad, and the humidity of all others
         assert 0.5 * 0.78 < every.min() < every.max() < 2.0 * 1.28
 
 
@@ -107,11 +109,11 @@ def test_grasps_that_a_changed_pad_loses_behind_the_gate_count_as_wrong(
 
     points = measure_pads([data], config())
 
-    for one in points:
-        assert one.found < one.found_unchanged - 0.2
-        assert max(one.before, one.after) <= one.found
-        assert one.unchanged <= one.found_unchanged
-    assert len({(one.grasps, one.unchanged) for one in points if one.case == ONE}) == 1
+    for point in points:
+        assert point.found < point.found_unchanged - 0.2
+        assert max(point.before, point.after) <= point.found
+        assert point.unchanged <= point.found_unchanged
+    assert len({(point.grasps, point.unchanged) for point in points if point.case == ONE}) == 1
 
 
 def test_a_row_of_changed_pads_says_how_many_grasps_gave_windows() -> None:
@@ -149,7 +151,7 @@ def test_every_row_has_a_split_in_its_name_and_goals_where_they_are_set(data: Pa
         *corrections_of([data], config()),
     ]
 
-    assert all("session held out" in one.name for one in rows)
-    assert sum(bool(one.goal) for one in rows) == 3
-    assert any("pads changed halfway" in one.name for one in rows)
-    assert len({one.name for one in rows}) == len(rows)
+    assert all("session held out" in row.name for row in rows)
+    assert sum(bool(row.goal) for row in rows) == 3
+    assert any("pads changed halfway" in row.name for row in rows)
+    assert len({row.name for row in rows}) == len(rows)

@@ -80,7 +80,7 @@ def test_values_that_are_held_for_many_rows_are_found_as_copies(tmp_path: Path) 
     """A sensor of 100 Hz that is asked 2,000 times a second."""
 
     def held(rows: list[np.ndarray]) -> None:
-        rows[:] = [np.repeat(one[::4], 20, axis=0) for one in rows]
+        rows[:] = [np.repeat(row[::4], 20, axis=0) for row in rows]
         rows[5] = rows[0][7:]
 
     assert set(same_rows(pad_set(tmp_path, 2000.0, held))) == {(0, 5)}
@@ -91,11 +91,11 @@ def test_scaling_over_all_scans_is_seen_at_any_rate(tmp_path: Path) -> None:
 
     def scaled(rows: list[np.ndarray]) -> None:
         every = np.concatenate(rows)
-        rows[:] = [(one - every.mean(axis=0)) / every.std(axis=0) for one in rows]
+        rows[:] = [(row - every.mean(axis=0)) / every.std(axis=0) for row in rows]
 
     touch = pad_set(tmp_path, 250.0, scaled)
-    inner = replace(touch, rows=tuple(one[40:] for one in touch.rows),
-                    time_s=tuple(one[40:] for one in touch.time_s))  # fmt: skip
+    inner = replace(touch, rows=tuple(row[40:] for row in touch.rows),
+                    time_s=tuple(times[40:] for times in touch.time_s))  # fmt: skip
 
     assert scaled_values(make_case(touch, None, 10, 0)).verdict == "leak"
     assert scaled_values(make_case(inner, None, 10, 0)).verdict == "leak"
@@ -111,7 +111,7 @@ def test_a_set_too_large_says_what_it_does_not_see(
         rows[5] = rows[0][1:]
 
     touch = pad_set(tmp_path, 1000.0, copied)
-    found = {one.kind: one for one in audit(touch, "large").findings}
+    found = {finding.kind: finding for finding in audit(touch, "large").findings}
 
     assert set(touch.every.values()) == {4}
     assert sum(map(len, touch.rows)) < 1500
@@ -127,7 +127,7 @@ def test_only_files_that_are_thinned_are_said_to_be(
     monkeypatch.setattr(reading, "MOST", 8 * 2500)
 
     def cut(rows: list[np.ndarray]) -> None:
-        rows[:] = [one[:256] for one in rows]
+        rows[:] = [row[:256] for row in rows]
 
     touch = pad_set(tmp_path, (100.0, 2000.0), cut)
 
@@ -156,7 +156,9 @@ def test_trials_or_rows_too_many_to_be_compared_are_not_called_clear(
     monkeypatch.setattr(noise, name, value)
     monkeypatch.setattr(noise, "_STRETCH", 8)
 
-    found = {one.kind: one for one in audit(make_set["array"](trials=24), "large").findings}
+    found = {
+        finding.kind: finding for finding in audit(make_set["array"](trials=24), "large").findings
+    }
     for kind in ("near-duplicates", "augmented copies"):
         assert found[kind].verdict == "not checked"
     assert found["duplicates"].verdict == "clear"
@@ -166,7 +168,7 @@ def test_lengths_are_told_in_the_files_own_rows(tmp_path: Path) -> None:
     """At 250 Hz: 200 and 300 rows."""
 
     def cut(rows: list[np.ndarray]) -> None:
-        rows[:] = [one[: 200 + 100 * (index % 2)] for index, one in enumerate(rows)]
+        rows[:] = [row[: 200 + 100 * (index % 2)] for index, row in enumerate(rows)]
 
     touch = pad_set(tmp_path, 250.0, cut)
 
@@ -176,11 +178,11 @@ def test_lengths_are_told_in_the_files_own_rows(tmp_path: Path) -> None:
 def test_missing_sessions_are_said_without_a_split(make_set: Make) -> None:
     """They cannot be held out, nor their leak be measured."""
     touch = make_set["array"]()
-    trials = [replace(one, groups={k: v for k, v in one.groups.items() if k != "session"})
-              for one in touch.trials]  # fmt: skip
+    trials = [replace(trial, groups={k: v for k, v in trial.groups.items() if k != "session"})
+              for trial in touch.trials]  # fmt: skip
 
     def verdicts(touch: TouchSet) -> dict[str, str]:
-        return {one.kind: one.verdict for one in audit(touch, "x").findings}
+        return {finding.kind: finding.verdict for finding in audit(touch, "x").findings}
 
     assert verdicts(replace(touch, trials=tuple(trials)))["same session"] == "not checked"
     assert "same session" not in verdicts(touch)
@@ -191,10 +193,10 @@ def test_cheap_trees_see_what_is_faster_than_the_windows_grid(tmp_path: Path) ->
 
     def tones(rows: list[np.ndarray]) -> None:
         rng = np.random.default_rng(7)
-        for index, one in enumerate(rows):
-            x = np.arange(len(one)) / 2000.0
+        for index, row in enumerate(rows):
+            x = np.arange(len(row)) / 2000.0
             tone = np.sin(2 * np.pi * (400 + 400 * (index % 2)) * x + rng.uniform(0, 6))
-            rows[index] = tone[:, None] + rng.normal(0, 0.3, one.shape)
+            rows[index] = tone[:, None] + rng.normal(0, 0.3, row.shape)
 
     touch = pad_set(tmp_path, 2000.0, tones)
 

@@ -23,7 +23,10 @@ def sorted_out(touch: TouchSet, split: str | None = None) -> dict[str, Finding]:
     found = measure_order(make_case(touch, sides, 10, 0))
     if isinstance(found, Finding):
         return {found.kind: found}
-    return {one.kind: one.finding(getattr(one, "p", 0.0) or one.told.p) for one in found}
+    return {
+        finding.kind: finding.finding(getattr(finding, "p", 0.0) or finding.told.p)
+        for finding in found
+    }
 
 
 def with_drift(touch: TouchSet) -> TouchSet:
@@ -83,7 +86,9 @@ def test_few_trials_are_not_called_clean(make_set: Make) -> None:
     result = audit(few, "few")
     many = audit(touch, "many")
 
-    kinds, others = ({one.kind: one.verdict for one in found.findings} for found in (result, many))
+    kinds, others = (
+        {finding.kind: finding.verdict for finding in found.findings} for found in (result, many)
+    )
     assert kinds["length"] == "too few"
     assert "could not be decided with so few trials: " in result.verdict
     assert others["length"] == "clear"

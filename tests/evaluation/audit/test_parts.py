@@ -253,11 +253,11 @@ def test_a_real_set_s_known_leak_is_found_without_a_hint(name: str, kind: str) -
 
     result = audit(read_touch(DATA / name, None, lambda *_: None), name)
 
-    one = next(one for one in result.findings if one.kind == kind)
-    assert one.alarm
-    assert one.alone is not None
-    assert one.majority is not None
-    assert one.alone > one.majority + 0.15
+    finding = next(finding for finding in result.findings if finding.kind == kind)
+    assert finding.alarm
+    assert finding.alone is not None
+    assert finding.majority is not None
+    assert finding.alone > finding.majority + 0.15
 
 
 def _regrouped(touch: TouchSet, sessions: list[str]) -> TouchSet:

@@ -29,13 +29,13 @@ def test_a_planted_leak_is_found_with_its_accuracy(
     result = audit(spoilt, "planted", split, run=run)
 
     assert set(plant.kinds) <= alarms(result)
-    for one in result.findings:
-        if one.kind in plant.kinds:
-            assert one.alone is not None
-            assert one.majority is not None
-            if one.kind not in KNOWN_OTHERWISE:
-                assert one.alone > one.majority
-            assert one.mend
+    for finding in result.findings:
+        if finding.kind in plant.kinds:
+            assert finding.alone is not None
+            assert finding.majority is not None
+            if finding.kind not in KNOWN_OTHERWISE:
+                assert finding.alone > finding.majority
+            assert finding.mend
 
 
 def test_at_least_twelve_kinds_are_planted() -> None:
@@ -61,7 +61,7 @@ def test_clean_recordings_by_themselves_hold_no_leak(system: TouchSet) -> None:
     """Without a split, clean recordings may wait for a careless one, but they leak nothing."""
     result = audit(system, "clean")
 
-    assert not [one for one in result.findings if one.verdict == "leak"]
+    assert not [finding for finding in result.findings if finding.verdict == "leak"]
     assert not {"length", "place", "first frame", "order", "duplicates"} & alarms(result)
 
 

@@ -24,14 +24,19 @@ Make = dict[str, Callable[..., TouchSet]]
 
 def grouped(touch: TouchSet, of: Callable[[int], dict[str, str]]) -> TouchSet:
     """Return the set with more groups a trial."""
-    trials = [replace(one, groups={**one.groups, **of(i)}) for i, one in enumerate(touch.trials)]
+    trials = [
+        replace(trial, groups={**trial.groups, **of(i)}) for i, trial in enumerate(touch.trials)
+    ]
     return replace(touch, trials=tuple(trials))
 
 
 def by_kind(touch: TouchSet, split: str, claimed: tuple[str, ...] = ()) -> dict[str, Finding]:
     """Return what stands on both sides of a split, by kind."""
     sides = named_sides(touch, split, usual_steps(touch), 5, 0, claimed)
-    return {one.kind: one for one in shared_names(make_case(touch, sides, usual_steps(touch), 0))}
+    return {
+        finding.kind: finding
+        for finding in shared_names(make_case(touch, sides, usual_steps(touch), 0))
+    }
 
 
 def coarse(touch: TouchSet, seed: int) -> TouchSet:
@@ -49,7 +54,7 @@ def test_a_few_trials_of_many_classes_are_audited(
 ) -> None:
     """Two of each class cannot make five folds."""
     touch = make_set["array"](trials=trials, classes=1)
-    dealt = [replace(one, labels={"shape": f"c{i * classes // trials}"}) for i, one in
+    dealt = [replace(trial, labels={"shape": f"c{i * classes // trials}"}) for i, trial in
              enumerate(touch.trials)]  # fmt: skip
 
     assert not audit(replace(touch, trials=tuple(dealt)), "few").alarms
@@ -58,7 +63,7 @@ def test_a_few_trials_of_many_classes_are_audited(
 def test_one_trial_a_class_is_refused(make_set: Make) -> None:
     """Nothing can be learned of a class and tested."""
     touch = make_set["array"](trials=8)
-    trials = [replace(one, labels={"shape": f"c{i}"}) for i, one in enumerate(touch.trials)]
+    trials = [replace(trial, labels={"shape": f"c{i}"}) for i, trial in enumerate(touch.trials)]
 
     with pytest.raises(BadDataset, match="several of a class"):
         checked(replace(touch, trials=tuple(trials)))
@@ -127,7 +132,7 @@ def test_one_short_trial_hides_no_copy_among_coarse_values(make_set: Make, seed:
     """45 % of a trial stand in another; a trial of eight rows has no runs long enough to tell."""
     rng = np.random.default_rng(seed)
     waves = [np.sin(np.arange(120) / 3 + rng.uniform(0, 6)) for _ in range(40)]
-    rows = [np.round(one + rng.normal(0, 0.5, 120))[:, None].astype(np.float32) for one in waves]
+    rows = [np.round(wave + rng.normal(0, 0.5, 120))[:, None].astype(np.float32) for wave in waves]
     rows[5][10:64] = rows[0][20:74]
     rows[20] = rows[20][:8]
 
@@ -137,10 +142,10 @@ def test_one_short_trial_hides_no_copy_among_coarse_values(make_set: Make, seed:
 def test_copies_that_cannot_be_told_from_chance_are_not_denied(make_set: Make) -> None:
     """Values of two steps that hardly change."""
     touch = make_set["array"]()
-    rows = tuple(np.asarray(one[:, :1] > 0.8, np.float32) for one in touch.rows)
+    rows = tuple(np.asarray(row[:, :1] > 0.8, np.float32) for row in touch.rows)
     steps = replace(touch, views=("array",), rows=rows)
 
-    found = {one.kind: one for one in audit(steps, "coarse").findings}
+    found = {finding.kind: finding for finding in audit(steps, "coarse").findings}
     assert found["duplicates"].verdict == "not checked"
 
 
@@ -148,7 +153,7 @@ def test_copies_that_cannot_be_told_from_chance_are_not_denied(make_set: Make) -
 def test_pulses_of_a_few_steps_are_no_copies_either_way_round(make_set: Make, seed: int) -> None:
     """One channel in steps of half a pulse: few rows say something, and those meet by chance."""
     touch = make_set["array"](seed)
-    rows = tuple(np.asarray(np.round(2 * one[:, :1]) / 2, np.float32) for one in touch.rows)
+    rows = tuple(np.asarray(np.round(2 * row[:, :1]) / 2, np.float32) for row in touch.rows)
     steps = replace(touch, views=("array",), rows=rows)
 
     assert not same_rows(steps)
@@ -168,12 +173,12 @@ def test_a_file_that_holds_several_sessions_is_only_how_dealtare_stored(make_set
     touch = make_set["array"]()
     stored = grouped(touch, lambda i: {"recording": touch.trials[i].labels["shape"]})
     sessionless = replace(stored, trials=tuple(
-        replace(one, groups={k: v for k, v in one.groups.items() if k != "session"})
-        for one in stored.trials))  # fmt: skip
+        replace(trial, groups={k: v for k, v in trial.groups.items() if k != "session"})
+        for trial in stored.trials))  # fmt: skip
 
     def kinds(touch: TouchSet) -> set[str]:
         found = read_origins(make_case(touch, None, 10, 0))
-        return {one.kind for one in found if one.finding(one.told.p).alarm}
+        return {finding.kind for finding in found if finding.finding(finding.told.p).alarm}
 
     assert "name: recording" not in kinds(stored)
     assert "name: recording" in kinds(sessionless)

@@ -211,8 +211,8 @@ def test_a_crop_gives_the_same_numbers_wherever_it_was_cut() -> None:
 
 def test_which_camera_is_left_does_not_matter() -> None:
     scenes = [Scene(trial_images(slips, 10, 1, 100), 25.0, 0.065) for slips in (True, False)]
-    one, other = (row_of(look_at(("pixels", "stills"), s)) for s in (scenes, scenes[::-1]))
-    assert all(np.array_equal(one[name], other[name]) for name in one)
+    first, other = (row_of(look_at(("pixels", "stills"), s)) for s in (scenes, scenes[::-1]))
+    assert all(np.array_equal(first[name], other[name]) for name in first)
 
 
 def test_no_object_stands_on_both_sides_and_each_is_tested_once() -> None:
@@ -262,7 +262,7 @@ def test_controls_see_what_they_are_named_for() -> None:
     trials = some_trials()
     split = split_trials(trials.groups, trials.y, "group:object", 3, 0)
     results = judge_trials(trials, split, 0, contenders_for(trials)[1:])
-    by_name = {one.name: one.whole for one in results}
+    by_name = {result.name: result.whole for result in results}
     assert by_name["control: the trial's length"].auc == 1.0
     assert by_name["control: the crop's first frame, 8×6 grey"].auc < 0.9
     assert by_name["control: the commonest class"].accuracy == 0.5
@@ -271,7 +271,9 @@ def test_controls_see_what_they_are_named_for() -> None:
 
 
 def test_identical_crops_and_equal_lengths_are_not_judged_again() -> None:
-    names = [one.name for one in contenders_for(some_trials(places=1, lengths=(20, 20)))]
+    names = [
+        contender.name for contender in contenders_for(some_trials(places=1, lengths=(20, 20)))
+    ]
     assert not [name for name in names if "length" in name or "crop's" in name]
     trials = some_trials(places=1, lengths=(20, 20))
     split = split_trials(trials.groups, trials.y, "group:object", 3, 0)
@@ -294,12 +296,12 @@ def test_nothing_of_a_test_trial_reaches_training() -> None:
     """Test trials with other labels and rows leave the predictions on others unchanged."""
     trials = some_trials()
     split = split_trials(trials.groups, trials.y, "group:object", 3, 0)
-    one = replace(split, folds=split.folds[:1])
-    held = one.folds[0].test_rows
-    before = judge_trials(trials, one, 0, (OURS,))[0].probabilities[held]
+    first_fold = replace(split, folds=split.folds[:1])
+    held = first_fold.folds[0].test_rows
+    before = judge_trials(trials, first_fold, 0, (OURS,))[0].probabilities[held]
     y = trials.y.copy()
     y[held] = 1 - y[held]
-    after = judge_trials(replace(trials, y=y), one, 0, (OURS,))[0].probabilities[held]
+    after = judge_trials(replace(trials, y=y), first_fold, 0, (OURS,))[0].probabilities[held]
     assert np.array_equal(before, after)
 
 

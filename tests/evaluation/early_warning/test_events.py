@@ -100,7 +100,7 @@ def outcomes() -> list[RunOutcome]:
         for cup, lead in zip("abc", (0.1, 0.3, 0.5), strict=True)
     ]
     missed = track(onset=3.0, event=3.5, cup="a", force_n="100")
-    return [judge(one) for one in [*hold, cries, *warned, missed]]
+    return [judge(grasp) for grasp in [*hold, cries, *warned, missed]]
 
 
 def test_scores_in_closed_form() -> None:
@@ -128,7 +128,7 @@ def test_intervals_hold_the_value_and_repeat_with_the_seed() -> None:
 
 
 def test_one_cup_gives_no_interval() -> None:
-    scores = summarise([one for one in outcomes() if one.groups["cup"] == "a"])
+    scores = summarise([outcome for outcome in outcomes() if outcome.groups["cup"] == "a"])
 
     assert np.isnan(scores.lead_interval_s).all()
     assert scores.as_dict()["lead_interval_s"] == [None, None]

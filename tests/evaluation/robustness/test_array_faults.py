@@ -28,8 +28,8 @@ def presses(n: int = 3000, sensor: SensorInfo = SENSOR) -> Touched:
     return touched(samples, sensor, 1.55, np.array([[0.0, time_s[-1]]]))
 
 
-def made(name: str, level: float, one: Touched | None = None, seed: int = 0) -> Samples:
-    return ARRAY_FAULTS[name].make(one or presses(), level, np.random.default_rng(seed))
+def made(name: str, level: float, touched: Touched | None = None, seed: int = 0) -> Samples:
+    return ARRAY_FAULTS[name].make(touched or presses(), level, np.random.default_rng(seed))
 
 
 def changed(name: str, level: float) -> NDArray[np.bool_]:
@@ -39,12 +39,12 @@ def changed(name: str, level: float) -> NDArray[np.bool_]:
 
 @pytest.mark.parametrize("name", sorted(ARRAY_FAULTS))
 def test_every_fault_leaves_what_it_is_given_and_gives_the_same_twice(name: str):
-    one = presses()
-    before = one.samples.values.copy()
+    touch = presses()
+    before = touch.samples.values.copy()
     fault = ARRAY_FAULTS[name]
-    first, again = (made(name, fault.levels[-1], one) for _ in range(2))
+    first, again = (made(name, fault.levels[-1], touch) for _ in range(2))
 
-    assert (one.samples.values == before).all()
+    assert (touch.samples.values == before).all()
     np.testing.assert_array_equal(first.values, again.values)
     np.testing.assert_array_equal(first.validity, again.validity)
 
@@ -57,9 +57,9 @@ def test_a_level_of_zero_changes_nothing(name: str):
 def test_noise_has_the_ratio_to_the_signal_in_contact_that_it_says():
     """No converter's limits here, so that nothing is clipped."""
     free = SensorInfo(name="t", channels=CHANNELS, units=("V",) * 8, rate_hz=RATE_HZ)
-    one = presses(20_000, free)
-    noise = made("noise", 20.0, one).values - one.samples.values
-    signal = one.samples.values[one.contact]
+    touch = presses(20_000, free)
+    noise = made("noise", 20.0, touch).values - touch.samples.values
+    signal = touch.samples.values[touch.contact]
     ratio_db = 10 * np.log10((signal**2).mean() / noise.var())
 
     assert ratio_db == pytest.approx(20.0, abs=0.1)
@@ -74,8 +74,8 @@ def test_channels_of_one_unit_share_their_noise_and_other_units_have_their_own()
     scaled = Samples.from_values(
         plain.samples.values * ([1.0] * 4 + [30.0] * 4), plain.samples.fitted_s
     )
-    one = touched(scaled, mixed, 1.55, np.array([[0.0, 200.0]]))
-    sigma = (made("noise", 20.0, one).values - one.samples.values).std(axis=0)
+    touch = touched(scaled, mixed, 1.55, np.array([[0.0, 200.0]]))
+    sigma = (made("noise", 20.0, touch).values - touch.samples.values).std(axis=0)
 
     np.testing.assert_allclose(sigma[:4], sigma[0], rtol=0.05)
     np.testing.assert_allclose(sigma[4:], sigma[4], rtol=0.05)
@@ -96,8 +96,8 @@ def test_hum_stands_at_its_frequency_with_its_peak():
     free = SensorInfo(name="t", channels=CHANNELS, units=("V",) * 8, rate_hz=1000.0)
     time_s = np.arange(4000) / 1000.0
     flat = Samples.from_values(np.tile([1.0, 2.0], (4000, 4)) + 0 * time_s[:, None], time_s)
-    one = touched(flat, free, None, np.array([[0.0, 4.0]]))
-    wave = made("hum", 10.0, one).values[:, 0] - 1.0
+    touch = touched(flat, free, None, np.array([[0.0, 4.0]]))
+    wave = made("hum", 10.0, touch).values[:, 0] - 1.0
     power = np.abs(np.fft.rfft(wave)) / 2000.0
     hertz = np.fft.rfftfreq(4000, 1e-3)
 
@@ -139,15 +139,15 @@ def test_swapped_channels_keep_all_values_and_come_in_pairs():
 
 
 def test_a_fading_gain_loses_what_it_says_in_a_minute():
-    one = presses(6101)
-    share = made("drift", 10.0, one).values[6000] / one.samples.values[6000]
+    touch = presses(6101)
+    share = made("drift", 10.0, touch).values[6000] / touch.samples.values[6000]
 
     np.testing.assert_allclose(share, np.exp(-0.1), rtol=1e-5)
 
 
 def test_channels_drift_apart_but_no_faster_than_the_level():
-    one = presses(6101)
-    rate = np.log(made("channel-drift", 5.0, one).values[6000] / one.samples.values[6000])
+    touch = presses(6101)
+    rate = np.log(made("channel-drift", 5.0, touch).values[6000] / touch.samples.values[6000])
 
     assert (np.abs(rate) <= 0.05 + 1e-6).all()
     assert len(set(rate.round(4).tolist())) == 8
@@ -180,9 +180,9 @@ def test_jitter_moves_edges_and_leaves_the_stamps():
 
 @pytest.mark.parametrize("name", ["loss", "burst-loss"])
 def test_lost_scans_are_as_many_as_the_level_says_and_their_counters_are_missing(name: str):
-    one = presses(60_000)
-    samples = made(name, 20.0, one)
-    lost = 1.0 - len(samples) / len(one.samples)
+    touch = presses(60_000)
+    samples = made(name, 20.0, touch)
+    lost = 1.0 - len(samples) / len(touch.samples)
 
     assert lost == pytest.approx(0.20, abs=0.02)
     gaps = np.diff(samples.counter)
@@ -207,9 +207,9 @@ def test_a_shorter_range_clips_and_marks():
 
 
 def test_contact_without_a_gate_is_what_lies_in_touches():
-    one = presses()
-    without = touched(one.samples, SENSOR, None, np.array([[1.0, 2.0], [5.0, 5.5]]))
-    times = one.samples.fitted_s[without.contact]
+    touch = presses()
+    without = touched(touch.samples, SENSOR, None, np.array([[1.0, 2.0], [5.0, 5.5]]))
+    times = touch.samples.fitted_s[without.contact]
 
     assert without.contact.sum() == pytest.approx(101 + 51, abs=1)
     assert ((times >= 1.0) & (times <= 5.5)).all()

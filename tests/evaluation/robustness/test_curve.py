@@ -24,7 +24,7 @@ def point(level: float, accuracy: float) -> FaultPoint:
 
 def answers(right: list[int], answered: list[int], sessions: str, grasps: str) -> SessionAnswers:
     """One window a touch."""
-    found = np.array([[0.9, 0.1] if one else [0.1, 0.9] for one in right])
+    found = np.array([[0.9, 0.1] if correct else [0.1, 0.9] for correct in right])
     return SessionAnswers(
         y=np.zeros(len(right), np.intp),
         probabilities=found,
@@ -59,10 +59,10 @@ def test_nothing_answered_has_no_accuracy_but_no_grasp_right():
 
 def test_windows_of_a_grasp_are_joined_and_passes_stay_apart():
     """One wrong window beside two right ones of the same grasp; twice over."""
-    one = answers([1, 1, 0], [1, 1, 1], "aaa", "a")
-    one = SessionAnswers(one.y, one.probabilities, one.answered, np.zeros(3, np.intp), one.session,
-                  one.grasps, 0, 1.0)  # fmt: skip
-    twice = SessionAnswers.join([one, one])
+    first = answers([1, 1, 0], [1, 1, 1], "aaa", "a")
+    first = SessionAnswers(first.y, first.probabilities, first.answered, np.zeros(3, np.intp),
+                  first.session, first.grasps, 0, 1.0)  # fmt: skip
+    twice = SessionAnswers.join([first, first])
 
     assert point_of(twice, "f", 1.0, "u").grasps == 1.0
     assert len(set(twice.trial.tolist())) == 2

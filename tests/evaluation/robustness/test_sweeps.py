@@ -56,11 +56,11 @@ def test_an_array_without_gate_full_scale_or_reference_is_swept_too(
     recipe = replace(find_recipe("icub-grasp"), window=window, model="extra-trees", target="shape")
     own = train_model(seen, recipe)
     sensor = replace(touches[0].sensor, full_scale=None)
-    odd = [replace(one, sensor=sensor) for one in touches]
+    odd = [replace(touch, sensor=sensor) for touch in touches]
     points = sweep_array(own, odd, {"hum": (20.0,), "saturation": (50.0,), "noise": (0.0,)})
 
     assert points[0].answered > 0.99
-    assert all(np.isfinite(one.accuracy) for one in points)
+    assert all(np.isfinite(point.accuracy) for point in points)
     assert points[3].accuracy < points[0].accuracy
 
 
@@ -70,7 +70,7 @@ def test_a_slow_clock_is_compared_with_the_windows_that_it_leaves(
     """Every second scan: half the windows, and beside them the first half of each touch's."""
     none, half = sweep_array(model, touches, {"skew": (500_000,)})
     clean = judge(model, touches)
-    few = judge(model, [replace(one, samples=one.samples[::2]) for one in touches])
+    few = judge(model, [replace(touch, samples=touch.samples[::2]) for touch in touches])
     first = [
         right for number in np.unique(clean.trial)
         for right in clean.right[clean.trial == number][: (few.trial == number).sum()]
@@ -125,14 +125,14 @@ def test_a_condition_has_the_same_grasps_and_gains_as_the_base():
 def test_the_base_is_still_and_moving_sessions_move():
     base, moving = (simulate_at(s, FEW) for s in (BASE, settings_at("moving", 1.0)))
 
-    assert {t.groups["moving"] for one in base for t in one.trials} == {"no"}
-    assert {t.groups["moving"] for one in moving for t in one.trials} == {"yes"}
+    assert {t.groups["moving"] for touch in base for t in touch.trials} == {"no"}
+    assert {t.groups["moving"] for touch in moving for t in touch.trials} == {"yes"}
 
 
 def test_conditions_are_judged_beside_the_base(model: Model):
     points = sweep_conditions(model, {"dust": (0.5,)}, FEW)
 
-    assert [one.fault for one in points] == ["none", "dust"]
+    assert [point.fault for point in points] == ["none", "dust"]
     assert points[1].windows < points[0].windows  # weaker touches stay below the gate
     assert points[0].accuracy > 0.4
 
@@ -149,10 +149,10 @@ def test_force_and_size_are_those_asked_for_and_nothing_else_is_drawn_anew(
     condition: str, level: float, key: str
 ):
     base, changed = (simulate_at(s, FEW) for s in (BASE, settings_at(condition, level)))
-    for one, other in zip(base, changed, strict=True):
+    for touch, other in zip(base, changed, strict=True):
         assert {float(trial.groups[key]) for trial in other.trials} == {level}
-        assert [t.labels for t in one.trials] == [t.labels for t in other.trials]
-        assert [t.start_s for t in one.trials] == [t.start_s for t in other.trials]
+        assert [t.labels for t in touch.trials] == [t.labels for t in other.trials]
+        assert [t.start_s for t in touch.trials] == [t.start_s for t in other.trials]
 
 
 def test_angle_and_wear_change_the_values_and_not_the_grasps():
@@ -161,8 +161,8 @@ def test_angle_and_wear_change_the_values_and_not_the_grasps():
         for s in (BASE, settings_at("angle", 30.0), settings_at("fatigue", 30_000.0))
     )
     for changed in others:
-        for one, other in zip(base, changed, strict=True):
-            assert [t.start_s for t in one.trials] == [t.start_s for t in other.trials]
-            assert not np.array_equal(one.samples.values, other.samples.values)
+        for touch, other in zip(base, changed, strict=True):
+            assert [t.start_s for t in touch.trials] == [t.start_s for t in other.trials]
+            assert not np.array_equal(touch.samples.values, other.samples.values)
     worn = np.mean([s.samples.values.mean() for s in others[1]])
     assert worn < 0.7 * np.mean([s.samples.values.mean() for s in base])

@@ -60,7 +60,7 @@ def test_a_sessions_level_gives_what_a_bundle_adapted_to_it_gives(
 def test_reference_touches_are_never_judged(model: Model, touches: list[Recorded]):
     answers = judge(model, touches)
 
-    assert len(answers.grasps) == sum(len(one.trials) - 3 for one in touches)
+    assert len(answers.grasps) == sum(len(touch.trials) - 3 for touch in touches)
 
 
 def test_sessions_within_one_recording_have_levels_of_their_own(
@@ -84,10 +84,10 @@ def test_sessions_within_one_recording_have_levels_of_their_own(
 def test_input_that_cannot_be_used_is_not_answered(model: Model, touches: list[Recorded]):
     """From the middle of each session on a channel is missing."""
     half = []
-    for one in touches:
-        validity = one.samples.validity.copy()
+    for touch in touches:
+        validity = touch.samples.validity.copy()
         validity[len(validity) // 2 :, 3] |= np.uint8(Validity.MISSING)
-        half.append(replace(one, samples=replace(one.samples, validity=validity)))
+        half.append(replace(touch, samples=replace(touch.samples, validity=validity)))
     answers = judge(model, half, replace(ANSWER_ALL, most_saturated=1.0))
 
     assert 0.2 < answers.answered.mean() < 0.8
@@ -125,11 +125,11 @@ def test_touches_of_kinds_that_the_model_does_not_know_are_left_out(
     model: Model, touches: list[Recorded]
 ):
     odd = [
-        replace(one, trials=tuple(
+        replace(touch, trials=tuple(
             replace(t, labels={**t.labels, "shape": "prism"}) if t.labels["shape"] == "sphere"
-            else t for t in one.trials
+            else t for t in touch.trials
         ))
-        for one in touches
+        for touch in touches
     ]  # fmt: skip
     answers = judge(model, odd)
 
@@ -156,10 +156,10 @@ def test_what_a_bundles_own_test_calls_unknown_is_not_answered_as_live(
         values, mask = data.windows.values[i : i + 1], data.windows.mask[i : i + 1]
         strange = test.of_window(contract.scaling.apply(values, mask)[0])
         quality = Quality(saturated=float(data.windows.saturated[i]))
-        one = decide(model.probabilities(values, mask)[0], quality, contract.classes, ANSWER_ALL,
-                     strange, test)  # fmt: skip
-        told.append(one.label != UNKNOWN)
-        whole[number] = votes[number].add(one)[0] != UNKNOWN
+        decision = decide(model.probabilities(values, mask)[0], quality, contract.classes,
+                     ANSWER_ALL, strange, test)  # fmt: skip
+        told.append(decision.label != UNKNOWN)
+        whole[number] = votes[number].add(decision)[0] != UNKNOWN
 
     assert 0.5 < np.mean(told) < 0.9
     assert answers.answered.mean() == pytest.approx(np.mean(told), abs=1e-9)
@@ -175,10 +175,10 @@ def test_a_sessions_first_touches_are_those_of_its_first_recording(
     model: Model, touches: list[Recorded]
 ):
     """Given in another order, and each recording with a clock of its own."""
-    one = touches[0]
-    half = [t for t in one.trials if t.groups["object"] == "cylinder-glass"][3].start_s
+    touch = touches[0]
+    half = [t for t in touch.trials if t.groups["object"] == "cylinder-glass"][3].start_s
     parts = [
-        replace(one, trials=tuple(replace(t, recording=name) for t in one.trials
+        replace(touch, trials=tuple(replace(t, recording=name) for t in touch.trials
                                   if (t.start_s < half) == first))
         for name, first in (("a.mcap", True), ("b.mcap", False))
     ]  # fmt: skip

@@ -28,13 +28,13 @@ def test_three_known_touches_bring_an_unseen_session_nearer_to_random_windows(se
     steps = honest_gap(
         [sessions], rungs=rungs, targets=("shape",), train=TrainConfig(epochs=40), workers=1
     )
-    by_name = {(one.rung.name, one.rung.split): one.accuracy for one in steps}
+    by_name = {(step.rung.name, step.rung.split): step.accuracy for step in steps}
     assert by_name["as measured", "random"] > by_name["as measured", "session"] + 0.05
     assert closed(steps, "shape", "3 reference touches") > 0.5
 
 
 def test_a_window_by_its_own_level_knows_nothing_of_its_strength(sessions: Path):
-    rung = next(one for one in RUNGS if one.own_level)
+    rung = next(step for step in RUNGS if step.own_level)
     (own,) = honest_gap(
         [sessions], rungs=[rung], targets=("material",), train=TrainConfig(epochs=1), workers=1
     )

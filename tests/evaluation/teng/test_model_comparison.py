@@ -69,7 +69,7 @@ def cleaned(folder: Path) -> Iterator[tuple[list[Gain], list[TrivialResult]]]:
 def test_every_model_is_measured_under_both_splits(compared) -> None:  # type: ignore[no-untyped-def]
     results, trivial, lines = compared
 
-    places = [(one.model, one.pooled.split) for one in results]
+    places = [(result.model, result.pooled.split) for result in results]
 
     assert places == [
         ("cnn2d", "random windows (leaks)"),
@@ -77,9 +77,9 @@ def test_every_model_is_measured_under_both_splits(compared) -> None:  # type: i
         ("cnn2d", "session held out"),
         ("extra-trees", "session held out"),
     ]
-    assert [one.parameters for one in results] == [5987, None, 5987, None]
-    assert all(one.fold_s > 0 and one.inference_us > 0 for one in results)
-    assert {one.split for one in trivial} == {one.pooled.split for one in results}
+    assert [result.parameters for result in results] == [5987, None, 5987, None]
+    assert all(result.fold_s > 0 and result.inference_us > 0 for result in results)
+    assert {baseline.split for baseline in trivial} == {result.pooled.split for result in results}
     assert "majority" in trivial[0].accuracies
     assert len(lines) == len(results) + len(trivial)
 
@@ -100,18 +100,18 @@ def test_gains_are_paired_window_by_window(cleaned) -> None:  # type: ignore[no-
     assert base.way == NOTHING
     assert base.difference == 0.0
     assert base.p == 1.0
-    for one in gains[1:]:
-        assert one.difference == pytest.approx(one.accuracy - base.accuracy)
-        assert one.difference == pytest.approx(np.mean(one.by_run))
-        assert one.interval[0] <= one.difference <= one.interval[1]
-    assert len({one.accuracy for one in gains}) == 3
+    for gain in gains[1:]:
+        assert gain.difference == pytest.approx(gain.accuracy - base.accuracy)
+        assert gain.difference == pytest.approx(np.mean(gain.by_run))
+        assert gain.interval[0] <= gain.difference <= gain.interval[1]
+    assert len({gain.accuracy for gain in gains}) == 3
 
 
 def test_two_seeds_on_one_folder_are_not_twelve_sessions(cleaned) -> None:  # type: ignore[no-untyped-def]
     """Six sessions told twice are six groups: counted twice they would promise too much."""
-    for one in cleaned[0]:
-        assert one.groups == 6
-        assert len(one.by_run) == 2
+    for result in cleaned[0]:
+        assert result.groups == 6
+        assert len(result.by_run) == 2
 
 
 def gain(p: float, difference: float, ways: int = 8) -> Gain:
@@ -217,6 +217,6 @@ def test_the_verb_prints_json(
     study.run()
 
     found = json.loads(capsys.readouterr().out)
-    assert [one["model"] for one in found["models"]] == ["cnn2d"] * 2
+    assert [entry["model"] for entry in found["models"]] == ["cnn2d"] * 2
     assert math.isfinite(found["models"][1]["pooled"]["interval"][0])
     assert len(found["trivial"]) == 2

@@ -41,14 +41,14 @@ def test_inner_folds_are_parts_of_the_outer_training_side(sessions: Path) -> Non
     for number, fold in enumerate(opened.split.folds):
         assert isinstance(fold, TrialFold)
         inner = folds_inside(opened, "shape", number)
-        tested = [trial for one in inner for trial in one.test]
+        tested = [trial for fold in inner for trial in fold.test]
         assert set(tested) == fold.train
         assert len(tested) == len(set(tested))
-        for one in inner:
-            assert one.train | one.test == fold.train
-            assert not (one.train | one.test) & fold.test
-            groups = [opened.dataset.trials[i].groups["session"] for i in one.test]
-            others = [opened.dataset.trials[i].groups["session"] for i in one.train]
+        for inner_fold in inner:
+            assert inner_fold.train | inner_fold.test == fold.train
+            assert not (inner_fold.train | inner_fold.test) & fold.test
+            groups = [opened.dataset.trials[i].groups["session"] for i in inner_fold.test]
+            others = [opened.dataset.trials[i].groups["session"] for i in inner_fold.train]
             assert not set(groups) & set(others), "inner folds hold out what the outer ones do"
 
 

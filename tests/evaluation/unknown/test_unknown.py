@@ -69,7 +69,7 @@ def test_known_touch_of_other_sessions_is_seldom_called_unknown(found: UnknownRe
 
 
 def test_every_score_has_its_figures_and_every_coverage_its_accuracy(found: UnknownResult):
-    assert {one.score for one in found.aurocs} == set(SCORES)
+    assert {auroc.score for auroc in found.aurocs} == set(SCORES)
     for curve in found.curves:
         assert len(curve.windows) == len(curve.grasps) == len(COVERAGES)
         assert 0.8 < curve.windows[0] <= 1.0
@@ -82,7 +82,7 @@ def test_what_was_never_learned_was_never_learned(dataset: Dataset):
     values = dataset.windows.values.copy()
     values[(kinds == "c3")[dataset.trial]] = 9.0
     spoilt = replace(dataset, windows=replace(dataset.windows, values=values))
-    before, after = (find_unknown(one, kinds, CONFIG) for one in (dataset, spoilt))
+    before, after = (find_unknown(data, kinds, CONFIG) for data in (dataset, spoilt))
     assert before.curves == after.curves
     assert before.rejected_by_class == after.rejected_by_class
 
@@ -92,17 +92,19 @@ def test_each_class_is_left_out_in_turn(dataset: Dataset):
     assert not refused
     assert list(results) == ["c0", "c1", "c2", "c3"]
     assert results["c0"].auroc("c0").grasps > 0.9
-    for name, one in results.items():
-        assert name not in one.rejected_by_class
-        assert one.auroc(name).unknown_grasps == 15
+    for name, result in results.items():
+        assert name not in result.rejected_by_class
+        assert result.auroc(name).unknown_grasps == 15
 
 
 def test_a_class_without_which_too_little_is_left_does_not_end_the_others():
     """Of 22 trials 20 are c0's: without them two are left, which calibrate nothing."""
     dataset = make_dataset(sessions=4, trials_a_session=12, windows_a_trial=2)
-    rare = [one.labels["shape"] == "c0" or one.groups["number"] in "23" for one in dataset.trials]
-    trials = tuple(one if kept else relabelled(one, shape="c0")
-                   for one, kept in zip(dataset.trials, rare, strict=True))  # fmt: skip
+    rare = [
+        trial.labels["shape"] == "c0" or trial.groups["number"] in "23" for trial in dataset.trials
+    ]
+    trials = tuple(trial if kept else relabelled(trial, shape="c0")
+                   for trial, kept in zip(dataset.trials, rare, strict=True))  # fmt: skip
     results, refused = leave_each_out(replace(dataset, trials=trials), CONFIG)
     assert list(results) == ["c1", "c2"]
     assert list(refused) == ["c0"]
@@ -129,16 +131,16 @@ def test_two_classes_are_too_few_to_leave_one_out():
 
 
 def test_a_trial_that_is_unknown_by_another_label_only_is_neither(dataset: Dataset):
-    trials = tuple(relabelled(one, material="rubber" if i % 2 else "glass")
-                   for i, one in enumerate(dataset.trials))  # fmt: skip
+    trials = tuple(relabelled(trial, material="rubber" if i % 2 else "glass")
+                   for i, trial in enumerate(dataset.trials))  # fmt: skip
     mixed = replace(dataset, trials=trials)
     kinds = kinds_of(mixed, "shape", ["c3", "rubber"])
     assert set(kinds[::2]) == {
         "",
     }
     assert set(kinds[1::2]) == {"-"}
-    joined = tuple(relabelled(one, **{"shape+material": " ".join(one.labels.values())})
-                   for one in trials)  # fmt: skip
+    joined = tuple(relabelled(trial, **{"shape+material": " ".join(trial.labels.values())})
+                   for trial in trials)  # fmt: skip
     kinds = kinds_of(replace(dataset, trials=joined), "shape+material", ["c3", "rubber"])
     assert set(kinds) == {"", "rubber", "c3+rubber"}
 

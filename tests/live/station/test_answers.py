@@ -17,7 +17,7 @@ def test_the_page_shows_one_bundle_on_two_hands_as_two() -> None:
     answers.add(note("monitor 2/0", "cube"))
     answers.add(note("monitor 1/0", "ball"))
 
-    shown = [(one["target"], one["label"]) for one in answers.newest()]
+    shown = [(answer["target"], answer["label"]) for answer in answers.newest()]
     assert shown == [
         ("shape (a.taxel, monitor 1/0)", "ball"),
         ("shape (a.taxel, monitor 2/0)", "cube"),

@@ -28,8 +28,8 @@ def test_messages_come_once_in_order_also_over_the_rings_end(ring: Ring):
     with RingWriter(ring.name) as writer, RingReader(ring.name) as reader:
         for turn in range(200):
             sent = [bytes([turn % 256]) * (turn % 97) for _ in range(3)]
-            for one in sent:
-                writer.put(one)
+            for message in sent:
+                writer.put(message)
             assert reader.take() == sent
         assert (reader.taken, reader.lost, writer.written) == (600, 0, 600)
 
@@ -38,7 +38,7 @@ def test_a_reader_that_was_overtaken_knows_how_many_it_lost(ring: Ring):
     with RingWriter(ring.name) as writer, RingReader(ring.name) as slow:
         for number in range(1000):
             writer.put(number.to_bytes(4, "little") * 10)
-        found = [int.from_bytes(one[:4], "little") for one in slow.take()]
+        found = [int.from_bytes(message[:4], "little") for message in slow.take()]
         assert found[-1] == 999
         assert found == list(range(found[0], 1000))
         assert slow.taken + slow.lost == writer.written
@@ -71,8 +71,8 @@ def test_one_that_attaches_later_begins_with_what_comes_next_or_the_oldest(ring:
 def test_the_newest_is_told_and_those_before_it_count_as_lost(ring: Ring):
     with RingWriter(ring.name) as writer, RingReader(ring.name) as reader:
         assert reader.newest() is None
-        for one in (b"a", b"b", b"c"):
-            writer.put(one)
+        for message in (b"a", b"b", b"c"):
+            writer.put(message)
         assert reader.newest() == b"c"
         assert (reader.taken, reader.lost) == (1, 2)
 
@@ -100,13 +100,13 @@ def test_a_writer_killed_at_any_moment_leaves_nothing_torn_and_its_follower_goes
             child.start()
             before = reader.taken
             while reader.taken < before + 5_000:
-                for one in reader.take():
-                    assert one == one[:8] * (len(one) // 8)
+                for message in reader.take():
+                    assert message == message[:8] * (len(message) // 8)
             assert child.pid is not None
             os.kill(child.pid, signal.SIGKILL)
             child.join()
-            for one in reader.take():
-                assert one == one[:8] * (len(one) // 8)
+            for message in reader.take():
+                assert message == message[:8] * (len(message) // 8)
         with RingWriter(ring.name) as writer:
             writer.put(b"after")
             assert reader.take() == [b"after"]

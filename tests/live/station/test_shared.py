@@ -65,8 +65,8 @@ def test_names_differ_and_a_name_that_is_taken_is_passed_over():
     taken = second.name.rpartition("_")
     squatter = shared_memory.SharedMemory(f"{taken[0]}_{int(taken[2]) + 1}", create=True, size=64)
     third = create_shared(64)
-    names = {one.name for one in (first, second, squatter, third)}
-    for one in (first, second, squatter, third):
-        one.close()
-        one.unlink()
+    names = {block.name for block in (first, second, squatter, third)}
+    for block in (first, second, squatter, third):
+        block.close()
+        block.unlink()
     assert len(names) == 4

@@ -98,12 +98,12 @@ def program(tmp_path: Path) -> Iterator[Callable[..., Program]]:
         return made[-1]
 
     yield make
-    for one in made:
-        for pid in (one.pid, *one.workers.values()):
+    for station in made:
+        for pid in (station.pid, *station.workers.values()):
             _signal(pid, signal.SIGCONT)
-        one.process.kill()
-        one.process.wait()
-        for stream in (one.process.stdout, one.process.stderr):
+        station.process.kill()
+        station.process.wait()
+        for stream in (station.process.stdout, station.process.stderr):
             if stream is not None:
                 stream.close()
 

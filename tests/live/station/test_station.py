@@ -79,10 +79,12 @@ def test_a_pair_of_cameras_is_watched_recorded_and_seen_and_every_message_is_acc
     for name in ("monitor", "recorder"):
         assert ledger[name]["consumed"] + ledger[name]["dropped"] == made, name
     assert ledger["recorder"]["dropped"] == 0
-    sent, kept = (list(iterate_frames(one)) for one in (pour, path))
-    assert [one.jpeg for one in kept] == [one.jpeg for one in sent]
+    sent, kept = (list(iterate_frames(recording)) for recording in (pour, path))
+    assert [frame.jpeg for frame in kept] == [frame.jpeg for frame in sent]
     np.testing.assert_allclose(
-        np.diff([one.fitted_s for one in kept]), np.diff([one.fitted_s for one in sent]), atol=1e-6
+        np.diff([frame.fitted_s for frame in kept]),
+        np.diff([frame.fitted_s for frame in sent]),
+        atol=1e-6,
     )
     recording = read_recording(path)
     assert recording.manifest.labels == {"object": "cup"}

@@ -36,8 +36,8 @@ def _answer(there: str, back: str, rounds: int, kernel: bool = True) -> None:
     with RingReader(there, from_oldest=True) as reader, RingWriter(back) as writer:
         taken = 0
         while taken < rounds and reader.wait(LONG_S):
-            for one in reader.take():
-                writer.put(one)
+            for message in reader.take():
+                writer.put(message)
                 taken += 1
 
 
@@ -154,7 +154,7 @@ def test_in_whatever_order_puts_takes_and_waits_come_no_wait_misses_a_message(st
         Ring(4096) as second,
         RingWriter(first.name) as to_first,
         RingWriter(second.name) as to_second,
-        RingReader(first.name) as one,
+        RingReader(first.name) as reader,
         RingReader(second.name) as other,
     ):
         there = 0
@@ -163,10 +163,10 @@ def test_in_whatever_order_puts_takes_and_waits_come_no_wait_misses_a_message(st
                 (to_first, to_second)[step].put(b"message")
                 there += 1
             elif step == 2:
-                there -= len(one.take()) + len(other.take())
+                there -= len(reader.take()) + len(other.take())
                 assert there == 0
             else:
-                assert wait_for_any((one, other), LONG_S if there else 0.0) is bool(there)
+                assert wait_for_any((reader, other), LONG_S if there else 0.0) is bool(there)
 
 
 @pytest.mark.parametrize("refused", ["one word", "many words", "every call"])

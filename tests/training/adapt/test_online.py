@@ -65,7 +65,9 @@ def test_corrections_make_answers_better_and_forget_no_class(run: Run) -> None:
 
     found = learn_corrections(run, grasps(own[~late]), watch=False)
 
-    was, now = (float((told(one, own[late]) == own.y[late]).mean()) for one in (run, found.run))
+    was, now = (
+        float((told(trained, own[late]) == own.y[late]).mean()) for trained in (run, found.run)
+    )
     assert now > was
     for number in range(3):
         part = old[old.y == number]
@@ -86,9 +88,9 @@ def test_the_same_grasps_in_the_same_order_give_the_same_weights(run: Run) -> No
 def test_an_answer_is_given_before_it_is_learned(run: Run) -> None:
     """One grasp alone: whatever it teaches comes too late for itself."""
     own = shifted()
-    one = own[own.grasp == own.grasp[0]]
+    grasp = own[own.grasp == own.grasp[0]]
 
-    found = learn_corrections(run, grasps(one), watch=False)
+    found = learn_corrections(run, grasps(grasp), watch=False)
 
     assert found.grasps == 1
     assert found.prequential == found.unlearned

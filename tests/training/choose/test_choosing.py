@@ -57,8 +57,8 @@ def trials(**groups: list[str]) -> list[Trial]:
 
 def test_the_coarsest_group_that_is_new_on_the_test_side_is_what_is_held_out():
     own = trials(object=["a", "b", "c", "d"] * 2, colour=["red", "blue"] * 4)
-    train = [i for i, one in enumerate(own) if one.groups["object"] != "d"]
-    test = [i for i, one in enumerate(own) if one.groups["object"] == "d"]
+    train = [i for i, trial in enumerate(own) if trial.groups["object"] != "d"]
+    test = [i for i, trial in enumerate(own) if trial.groups["object"] == "d"]
 
     assert what_is_held(own, ONE_CLASS[: len(own)], train, test) == Held("object")
 
@@ -268,8 +268,10 @@ def test_labels_of_test_trials_change_nothing(base: Base):
     """The choice from eight trials is the same where those of all others are swapped."""
     train = list(range(12))
     swapped = [
-        replace(one, labels={"kind": "xy"[one.labels["kind"] == "x"]}) if i not in train else one
-        for i, one in enumerate(base.trials)
+        replace(trial, labels={"kind": "xy"[trial.labels["kind"] == "x"]})
+        if i not in train
+        else trial
+        for i, trial in enumerate(base.trials)
     ]
     other = replace(base, dataset=replace(base.dataset, trials=tuple(swapped)))
 
@@ -285,13 +287,13 @@ def test_what_the_time_does_not_allow_is_left_out_and_said(base: Base):
 
 def test_an_interrupted_choice_goes_on_where_it_was(base: Base, tmp_path: Path):
     first, second = KeptTries(tmp_path / "t", {}), KeptTries(tmp_path / "t", {})
-    one = search(base, list(range(16)), 12.0, first)
+    trial = search(base, list(range(16)), 12.0, first)
     again = search(base, list(range(16)), 12.0, second)
 
     assert first.used == 0
-    assert second.used == len(one.board)
-    assert [t.loss for _, _, t in again.board[: len(one.board)]] == [
-        t.loss for _, _, t in one.board
+    assert second.used == len(trial.board)
+    assert [t.loss for _, _, t in again.board[: len(trial.board)]] == [
+        t.loss for _, _, t in trial.board
     ]
 
 
@@ -336,8 +338,8 @@ def test_a_member_that_does_not_fit_is_replaced_and_the_loss_is_known(base: Base
 
     less = found.choice([heavy])
 
-    assert heavy not in [one.candidate for one in less.members]
-    assert sum(one.weight for one in less.members) == pytest.approx(1.0)
+    assert heavy not in [member.candidate for member in less.members]
+    assert sum(member.weight for member in less.members) == pytest.approx(1.0)
     assert (whole.accuracy, less.accuracy) == (1.0, 1.0)  # the others know the kinds as well
     assert less.loss != whole.loss
 

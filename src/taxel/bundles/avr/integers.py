@@ -147,8 +147,8 @@ def run_integers(network: IntegerNetwork, inputs: Ints) -> BoardAnswers:
     Raises:
         OverflowError: A sum left 24 bits, which `network_bounds` rules out.
     """
-    one = pooled(_convolved(network.first, inputs[..., None]), 0)
-    two = pooled(_convolved(network.second, one), 0)
+    first_layer = pooled(_convolved(network.first, inputs[..., None]), 0)
+    two = pooled(_convolved(network.second, first_layer), 0)
     hidden = requantise(network.hidden, _sums(network.hidden, two.reshape(len(two), -1)))
     logits = hidden @ network.last_weights.astype(np.int64).T + network.last_biases
     _check(logits)

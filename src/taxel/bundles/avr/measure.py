@@ -148,7 +148,7 @@ def run_on_board(
             f"{len(rows)} ({done.stderr.decode().strip()[-200:]})", "report this as a fault",
         )  # fmt: skip
     every = np.array(rows, np.int64)
-    text, data, bss = (int(one) for one in sizes[:3])
+    text, data, bss = (int(size) for size in sizes[:3])
     return OnBoard(
         answers=_answers(np.delete(every, (2, 3), axis=1)),
         clocks=every[:, 2],
@@ -164,10 +164,10 @@ def _answers(every: NDArray[np.int64]) -> BoardAnswers:
     )
 
 
-def equal_windows(one: BoardAnswers, other: BoardAnswers) -> NDArray[np.bool_]:
+def equal_windows(first: BoardAnswers, other: BoardAnswers) -> NDArray[np.bool_]:
     """Return which windows' answers are the same to the last bit, shape (n,)."""
-    same = (one.best == other.best) & (one.confidence == other.confidence)
-    found: NDArray[np.bool_] = same & (one.logits == other.logits).all(axis=1)
+    same = (first.best == other.best) & (first.confidence == other.confidence)
+    found: NDArray[np.bool_] = same & (first.logits == other.logits).all(axis=1)
     return found
 
 

@@ -85,8 +85,8 @@ def read_network(model: bytes, rows: int, columns: int) -> ImageNetwork:
     if tuple(node.op_type for node in nodes) != _ORDER or not _one_line(nodes):
         raise _another(f"{len(nodes)} layers: {', '.join(node.op_type for node in nodes)[:120]}")
     try:
-        known = {one.name: np.asarray(numpy_helper.to_array(one), np.float32)
-                 for one in graph.initializer}  # fmt: skip
+        known = {tensor.name: np.asarray(numpy_helper.to_array(tensor), np.float32)
+                 for tensor in graph.initializer}  # fmt: skip
         conv, dense = ([node for node in nodes if node.op_type == kind] for kind in
                        ("Conv", "Gemm"))  # fmt: skip
         for node in nodes:
@@ -138,7 +138,7 @@ def _one_line(nodes: list[Any]) -> bool:
 
 
 def _settings(node: Any, value: Any) -> dict[str, Any]:
-    return {one.name: value(one) for one in node.attribute}
+    return {attribute.name: value(attribute) for attribute in node.attribute}
 
 
 _WANTED: dict[str, dict[str, Any]] = {
@@ -174,10 +174,10 @@ def run_float(network: ImageNetwork, images: Floats) -> list[Floats]:
     Returns:
         Shapes (n, rows, columns, filters) twice, (n, units) and (n, classes).
     """
-    one = _pooled(_convolved(images[..., None], *network.first))
-    two = _pooled(_convolved(one, *network.second))
+    first_layer = _pooled(_convolved(images[..., None], *network.first))
+    two = _pooled(_convolved(first_layer, *network.second))
     hidden = np.maximum(two.reshape(len(two), -1) @ network.hidden[0].T + network.hidden[1], 0)
-    return [one, two, hidden, hidden @ network.last[0].T + network.last[1]]
+    return [first_layer, two, hidden, hidden @ network.last[0].T + network.last[1]]
 
 
 def _convolved(images: Floats, weights: Floats, biases: Floats) -> Floats:

@@ -122,7 +122,7 @@ def _layer(weights: Floats, biases: Floats, given: float, peak: float) -> tuple[
     # 2^-7 is the most that a multiplier of 16 bits can be worth.
     result = max(peak / _TOP, float(scales.max()) * given * 2**7 * 1.0001)
     ratio = scales * given / result
-    shifts = np.array([_shift(one) for one in ratio], np.uint8)
+    shifts = np.array([_shift(factor) for factor in ratio], np.uint8)
     multipliers = np.floor(ratio * 2.0 ** (shifts.astype(np.float64) + SHIFT) + 0.5)
     whole = np.rint(bias / (given * scales) + 0.5 / ratio)
     layer = Layer(

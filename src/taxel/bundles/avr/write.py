@@ -162,13 +162,14 @@ def reference_of(sensor: SensorInfo) -> int:
     """
     said = {round(1000 * _volts(sensor.details["reference_v"]))} \
         if "reference_v" in sensor.details else {
-            int(one) for text in sensor.details.values()
-            for one in re.findall(r"reference (\d{1,6}) mV", text)
+            int(level) for text in sensor.details.values()
+            for level in re.findall(r"reference (\d{1,6}) mV", text)
         }  # fmt: skip
     if len(said) != 1 or not 1 <= min(said) <= _LARGEST_MV:
         raise BadInput(
             "one voltage of the board's converter",
-            " and ".join(f"{one} mV" for one in sorted(said)) or "recordings that do not say it",
+            " and ".join(f"{level} mV" for level in sorted(said))
+            or "recordings that do not say it",
             "say --reference-mv 5000, or 3300 with 3.3 V on the pin AREF",
         )
     return said.pop()
@@ -202,7 +203,7 @@ def _report(
             f"recordings of {', '.join(contract.classes)}",
             ", ".join(tested.classes(contract.target)), "choose others for the test",
         )  # fmt: skip
-    names = np.array([contract.classes.index(one) for one in tested.classes(contract.target)])
+    names = np.array([contract.classes.index(class_) for class_ in tested.classes(contract.target)])
     truth = names[tested.class_numbers(contract.target)]
     seen = tested.digest == contract.data_digest
     where = "the recordings that it was trained on (nothing held out)" if seen else \
@@ -215,7 +216,7 @@ def _report(
     wanted = run_integers(integers, quantise_counts(integers, counts[:_EMULATED]))
     return AvrReport(
         folder=str(folder),
-        files=tuple(one.name for one in files),
+        files=tuple(file.name for file in files),
         parameters=integers.parameters,
         products=network.products,
         sums=network_bounds(integers),

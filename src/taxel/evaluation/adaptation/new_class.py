@@ -178,7 +178,7 @@ def _one_session(path: Path, config: AdaptConfig, target: str, session: str) -> 
     for number, name in enumerate(classes):
         if config.new_classes and name not in config.new_classes:
             continue
-        rest = [one for one in classes if one != name]
+        rest = [class_ for class_ in classes if class_ != name]
         old = test.y != number
         body = run_of(dataset, train[train.y != number], rest, target, config.recipe)
         mine = _renumbered(test, classes, (*rest, name))
@@ -275,7 +275,7 @@ def _adapt(run: Run, new: Exemplars, name: str, method: str) -> Run:
     contract = replace(run.contract, classes=classes)
     learn = {SOFTMAX: _softmax, NEAREST: _nearest, ALL_LAYERS: _all_layers}[method]
     return replace(
-        run, networks=tuple(learn(one, data, run, len(classes)) for one in run.networks),
+        run, networks=tuple(learn(network, data, run, len(classes)) for network in run.networks),
         contract=contract,
     )  # fmt: skip
 

@@ -89,7 +89,7 @@ def _one_session(path: Path, config: AdaptConfig, target: str, session: str) -> 
                 target, session, changed, found.grasps, found.prequential, found.unlearned,
                 float((told(run, test) == test.y).mean()),
                 float((told(found.run, test) == test.y).mean()),
-                max(lost, default=float("nan")), tuple(one.grasp for one in found.drifts),
+                max(lost, default=float("nan")), tuple(drift.grasp for drift in found.drifts),
             )
         )  # fmt: skip
     return points

@@ -85,7 +85,7 @@ def _one_session(path: Path, config: AdaptConfig, target: str, session: str) -> 
     classes = dataset.classes(target)
     everything = all_exemplars(dataset, classes, target)
     file = next(
-        one for one in list_recordings(path) if read_manifest(one).groups["session"] == session
+        path for path in list_recordings(path) if read_manifest(path).groups["session"] == session
     )
     run = run_of(dataset, everything[everything.session != session], classes, target, config.recipe)
     as_it_was = measure_level(file, run.contract, count=3).level
@@ -98,8 +98,10 @@ def _one_session(path: Path, config: AdaptConfig, target: str, session: str) -> 
             change_pads(file, changed, draw_gains(rng, case, len(run.contract.channels)))
             old, new = _windows(run, file, classes), _windows(run, changed, classes)
             grasps = grasps_to_tell(run, file, [old, new])
-            unchanged, before = (_right(run, one, grasps, as_it_was) for one in (old, new))
-            found_old, found = (float(np.isin(grasps, one.grasp).mean()) for one in (old, new))
+            unchanged, before = (_right(run, setting, grasps, as_it_was) for setting in (old, new))
+            found_old, found = (
+                float(np.isin(grasps, setting.grasp).mean()) for setting in (old, new)
+            )
             for touches in TOUCHES:
                 level = measure_level(changed, run.contract, count=touches).level
                 points.append(
@@ -148,12 +150,14 @@ def grasps_to_tell(run: Run, file: Path, cut: Sequence[Exemplars]) -> NDArray[np
     known = parse_reference(contract.reference.touches)
     recording = read_recording(file)
     trials = recorded(file, recording.manifest, recording.samples, recording.marks).trials
-    touches = [one.groups["trial"] for one in trials if known.matches(one)]
+    touches = [trial.groups["trial"] for trial in trials if known.matches(trial)]
     used: set[str] = set()
     for windows in cut:
         there = set(windows.grasp)
         used |= set([name for name in touches if name in there][: max(TOUCHES)])
-    names = [(one.groups["trial"], label_of(dict(one.labels), contract.target)) for one in trials]
+    names = [
+        (trial.groups["trial"], label_of(dict(trial.labels), contract.target)) for trial in trials
+    ]
     return np.array([name for name, label in names
                      if label in contract.classes and name not in used], str)  # fmt: skip
 

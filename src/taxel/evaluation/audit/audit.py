@@ -109,8 +109,12 @@ def audit(
         facts.append(order)
     else:
         waiting += order
-    corrected = holm([one.told.p if isinstance(one, Reading) else one.p for one in waiting])
-    facts += [one.finding(p, len(waiting)) for one, p in zip(waiting, corrected, strict=True)]
+    corrected = holm(
+        [reading.told.p if isinstance(reading, Reading) else reading.p for reading in waiting]
+    )
+    facts += [
+        reading.finding(p, len(waiting)) for reading, p in zip(waiting, corrected, strict=True)
+    ]
     facts.append(near_names(case))
     return Audit(
         data=data,

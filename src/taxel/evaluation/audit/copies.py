@@ -137,10 +137,10 @@ def near_copies(touch: TouchSet, known: Pairs) -> tuple[Pairs, Pairs, Pairs]:
     return near, {pair: straight[pair] for pair in straight.keys() - near.keys()}, turned
 
 
-def _same_noise(one: NDArray[np.float32], other: NDArray[np.float32]) -> bool:
+def _same_noise(first: NDArray[np.float32], other: NDArray[np.float32]) -> bool:
     """Return whether two trials share what changes from row to row, too; True where none does."""
-    n = min(len(one), len(other))
-    fine = [np.diff(rows[:n].astype(np.float64), n=2, axis=0) for rows in (one, other)]
+    n = min(len(first), len(other))
+    fine = [np.diff(rows[:n].astype(np.float64), n=2, axis=0) for rows in (first, other)]
     spread = [np.linalg.norm(rows, axis=0) for rows in fine]
     alive = (spread[0] > 0) & (spread[1] > 0)
     if not alive.any():

@@ -80,13 +80,13 @@ class Audit:
     @property
     def alarms(self) -> tuple[Finding, ...]:
         """Leaks and hazards."""
-        return tuple(one for one in self.findings if one.alarm)
+        return tuple(finding for finding in self.findings if finding.alarm)
 
     @property
     def verdict(self) -> str:
         """One sentence for a reader in a hurry."""
-        leaks = sum(one.verdict == "leak" for one in self.findings)
-        hazards = sum(one.verdict == "hazard" for one in self.findings)
+        leaks = sum(finding.verdict == "leak" for finding in self.findings)
+        hazards = sum(finding.verdict == "hazard" for finding in self.findings)
         where = f"under the split {self.split!r}" if self.split else "in these recordings"
         if leaks:
             more = f", and {hazards} more would leak under a careless split" if hazards else ""
@@ -100,7 +100,7 @@ class Audit:
     @property
     def _few(self) -> str:
         """What could not be told, as the end of a sentence; empty where there is none."""
-        kinds = [one.kind for one in self.findings if one.verdict == "too few"]
+        kinds = [finding.kind for finding in self.findings if finding.verdict == "too few"]
         return f"; could not be decided with so few trials: {', '.join(kinds)}" if kinds else ""
 
 
@@ -110,7 +110,14 @@ ORDER: tuple[Verdict, ...] = ("leak", "hazard", "note", "too few", "clear", "not
 def sort_findings(findings: list[Finding]) -> tuple[Finding, ...]:
     """Return findings by verdict, and among equals the more telling ones first."""
     return tuple(
-        sorted(findings, key=lambda one: (ORDER.index(one.verdict), -(one.alone or 0.0), one.kind))
+        sorted(
+            findings,
+            key=lambda finding: (
+                ORDER.index(finding.verdict),
+                -(finding.alone or 0.0),
+                finding.kind,
+            ),
+        )
     )
 
 

@@ -128,9 +128,9 @@ def _compare(
     loose: Array, strict: Array, y: NDArray[np.intp], units: NDArray[np.intp], seed: int
 ) -> tuple[float, float, float]:
     """Return both accuracies, and the chance of their difference over units."""
-    right = [one.argmax(axis=1) == y for one in (loose, strict)]
+    right = [predicted.argmax(axis=1) == y for predicted in (loose, strict)]
     size = np.bincount(units)
-    each = [np.bincount(units, weights=one)[size > 0] / size[size > 0] for one in right]
+    each = [np.bincount(units, weights=hits)[size > 0] / size[size > 0] for hits in right]
     return float(right[0].mean()), float(right[1].mean()), gap_p(each[0] - each[1], seed)
 
 

@@ -46,8 +46,8 @@ def shared_noise(rows: tuple[Table, ...]) -> tuple[dict[tuple[int, int], float],
     index, longest = _compared(rows)
     fine = [_fine(rows[i], longest) for i in index]
     size = fft.next_fast_len(2 * longest, real=True)
-    spectra = np.stack([fft.rfft(one, size, axis=0) for one in fine], axis=2)
-    count = np.array([np.count_nonzero(one) for one in fine])
+    spectra = np.stack([fft.rfft(trace, size, axis=0) for trace in fine], axis=2)
+    count = np.array([np.count_nonzero(trace) for trace in fine])
     least = np.maximum(SAME, BY_CHANCE / np.sqrt(np.maximum(count, 1)))
     return tuple(_pairs(spectra, other, size, least, index)
                  for other in (spectra.conj(), spectra))  # fmt: skip
@@ -111,10 +111,10 @@ def _pairs(
 def _lags(
     own: NDArray[np.complex64],
     other: NDArray[np.complex64],
-    one: int,
+    trace: int,
     others: slice,
     size: int,
 ) -> Table:
     """Return a trial's correlation with others at every lag, shape (size, others)."""
-    product = (own[:, None, :, one] @ other[:, :, others])[:, 0]
+    product = (own[:, None, :, trace] @ other[:, :, others])[:, 0]
     return np.asarray(fft.irfft(product, size, axis=0, overwrite_x=True), np.float32)

@@ -112,8 +112,8 @@ def read_first(case: Case) -> Reading:
 def read_level(case: Case) -> Reading:
     """Return how well the channels' means, or the mean image, predict the label."""
     touch = case.touch
-    one = touch.kind == "camera"
-    what, tell, no = ("mean image", "predicts", "does not") if one else (
+    is_camera = touch.kind == "camera"
+    what, tell, no = ("mean image", "predicts", "does not") if is_camera else (
         "channels' means", "predict", "do not")  # fmt: skip
     means = [rows.mean(axis=0, dtype=np.float64) for rows in touch.rows]
     level = tell_trials(case, np.stack(means))
@@ -203,6 +203,8 @@ def sum_up(rows: NDArray[np.floating]) -> NDArray[np.float32]:
     return np.asarray(np.concatenate(parts), np.float32)
 
 
-def _way(one: LabelEvidence) -> float:
+def _way(label_evidence: LabelEvidence) -> float:
     """Return how far from the majority class to 1 an accuracy goes, 0…1."""
-    return (one.accuracy - one.majority) / max(1e-9, 1.0 - one.majority)
+    return (label_evidence.accuracy - label_evidence.majority) / max(
+        1e-9, 1.0 - label_evidence.majority
+    )

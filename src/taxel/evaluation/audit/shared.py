@@ -93,26 +93,28 @@ def shared_names(case: Case) -> list[Finding]:
              for key in sessions}  # fmt: skip
     single = [key for key in sessions if len(set(_of(case, key))) == 1]
     apart = {key for key in sessions if key not in single and not found[key].alarm}
-    for key, one in found.items():
+    for key, finding in found.items():
         # Sessions are apart: that their operator or sensor is known is no leak, but a limit.
         limit = key in single or (apart & set(TIMES) if key in TIMES else apart)
         claimed = key in case.sides.claimed
-        findings.append(_known_only(one, key) if one.alarm and limit and not claimed else one)
+        findings.append(
+            _known_only(finding, key) if finding.alarm and limit and not claimed else finding
+        )
     for key in dict.fromkeys((*touch.keys(OBJECTS), *case.sides.claimed)):
         values = touch.group(key)
         if values is None or key in sessions:
             continue
         kind = "same object" if key in OBJECTS else f"same {key}"
-        one = _name(case, kind, key, values, f"hold out whole {key}s")
+        finding = _name(case, kind, key, values, f"hold out whole {key}s")
         claimed = key in case.sides.claimed
-        findings.append(one if claimed or not one.alarm else _known_only(one, key))
+        findings.append(finding if claimed or not finding.alarm else _known_only(finding, key))
     return findings
 
 
-def _known_only(one: Finding, key: str) -> Finding:
+def _known_only(finding: Finding, key: str) -> Finding:
     """Return a finding as the note that the figure holds for what training has seen."""
     return replace(
-        one, verdict="note",
+        finding, verdict="note",
         said=f"The same {key}s stand on both sides: the figure holds for known ones only.",
         mend=f"say so, or hold out whole {key}s and add --unseen {key}",
     )  # fmt: skip

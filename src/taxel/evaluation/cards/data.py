@@ -117,7 +117,7 @@ def _is_nuisance(name: str, rows: list[dict[str, Any]]) -> bool:
 
 
 def _seconds(row: dict[str, Any]) -> float:
-    return max(float(one["duration_s"]) for one in (row, *row["cameras"]))
+    return max(float(entry["duration_s"]) for entry in (row, *row["cameras"]))
 
 
 def _sensors(rows: list[dict[str, Any]]) -> dict[str, str]:
@@ -133,8 +133,8 @@ def _sensors(rows: list[dict[str, Any]]) -> dict[str, str]:
             )
         for camera in row["cameras"]:
             measured = [
-                one["rate_hz"] for r in rows for one in r["cameras"]
-                if one["name"] == camera["name"] and one["rate_hz"]
+                entry["rate_hz"] for r in rows for entry in r["cameras"]
+                if entry["name"] == camera["name"] and entry["rate_hz"]
             ]  # fmt: skip
             rate = f"{np.median(measured):.4g} frames/s measured" if measured else "rate unknown"
             found.setdefault(

@@ -50,12 +50,12 @@ def time_run(run: Run) -> NetworkLatency:
     drawn = np.random.default_rng(0).random((_CALLS, 1, steps, channels))
     values = (contract.scaling.offset + scale * drawn).astype(np.float32)
     mask = np.ones((1, steps), bool)
-    for one in values[:_WARM]:
-        bundle.probabilities(one, mask)
+    for value in values[:_WARM]:
+        bundle.probabilities(value, mask)
     times = np.empty(_CALLS)
-    for call, one in enumerate(values):
+    for call, value in enumerate(values):
         started = perf_counter()
-        bundle.probabilities(one, mask)
+        bundle.probabilities(value, mask)
         times[call] = perf_counter() - started
     median, p95, p99 = 1000.0 * np.percentile(times, [50, 95, 99])
     return NetworkLatency(

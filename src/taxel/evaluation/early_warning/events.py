@@ -250,7 +250,7 @@ def summarise(outcomes: Sequence[RunOutcome], cluster: str = "cup", seed: int = 
         ),
         false_alarms_poisson=poisson_interval(alarms_held, hold_min),
         false_alarms_per_min_all=_per_min(table.false_alarms, table.judged_s),
-        unknown_share=float(np.mean([one.unknown_share for one in outcomes])),
+        unknown_share=float(np.mean([outcome.unknown_share for outcome in outcomes])),
     )
 
 
@@ -263,12 +263,14 @@ def by_group(
         BadInput: A run does not have that group.
     """
     parts: dict[str, list[RunOutcome]] = {}
-    for one in outcomes:
-        if key not in one.groups:
+    for outcome in outcomes:
+        if key not in outcome.groups:
             raise BadInput(
-                f"runs with a {key!r}", f"one with {', '.join(one.groups)}", "choose one of them"
+                f"runs with a {key!r}",
+                f"one with {', '.join(outcome.groups)}",
+                "choose one of them",
             )
-        parts.setdefault(one.groups[key], []).append(one)
+        parts.setdefault(outcome.groups[key], []).append(outcome)
     return {value: summarise(parts[value], cluster, seed) for value in sorted(parts, key=_natural)}
 
 
@@ -287,14 +289,14 @@ class _Table:
     """The outcomes as columns, shape (runs,), NaN where there is no value."""
 
     def __init__(self, outcomes: Sequence[RunOutcome], cluster: str) -> None:
-        self.event = np.array([one.event for one in outcomes])
-        self.missed = np.array([one.missed for one in outcomes])
-        self.early = np.array([one.early for one in outcomes])
-        self.delay_s = np.array([_or_nan(one.delay_s) for one in outcomes])
-        self.lead_s = np.array([_or_nan(one.lead_s) for one in outcomes])
-        self.false_alarms = np.array([one.false_alarms for one in outcomes])
-        self.judged_s = np.array([one.judged_s for one in outcomes])
-        names = [one.groups.get(cluster, f"\0{i}") for i, one in enumerate(outcomes)]
+        self.event = np.array([outcome.event for outcome in outcomes])
+        self.missed = np.array([outcome.missed for outcome in outcomes])
+        self.early = np.array([outcome.early for outcome in outcomes])
+        self.delay_s = np.array([_or_nan(outcome.delay_s) for outcome in outcomes])
+        self.lead_s = np.array([_or_nan(outcome.lead_s) for outcome in outcomes])
+        self.false_alarms = np.array([outcome.false_alarms for outcome in outcomes])
+        self.judged_s = np.array([outcome.judged_s for outcome in outcomes])
+        names = [outcome.groups.get(cluster, f"\0{i}") for i, outcome in enumerate(outcomes)]
         self.cluster = np.array(names)
         self.clusters = len(set(names))
 
@@ -327,7 +329,7 @@ def _or_nan(value: float | None) -> float:
 
 def _plain(value: object) -> object:
     if isinstance(value, tuple):
-        return [_plain(one) for one in value]
+        return [_plain(item) for item in value]
     return None if isinstance(value, float) and not np.isfinite(value) else value
 
 

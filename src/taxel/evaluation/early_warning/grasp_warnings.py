@@ -88,8 +88,8 @@ def warn_on_unseen_cups(
         on_step(f"{name}: tuning without {key} {fold.name}")
         tuned.append(_tune_head(data, features, config, fold, key))
         on_step(f"{name}: {key} {fold.name}")
-        one, trained = judge_fold(features, data.labels, fold, config)
-        judged.append(one)
+        judged_fold, trained = judge_fold(features, data.labels, fold, config)
+        judged.append(judged_fold)
     if trained is None:
         raise ValueError("needed at least one fold")
     return _result(data, judged, tuned, config.frames, name), trained
@@ -156,8 +156,8 @@ def monitor_tracks(
     """Return the judged pours' probabilities with what truly happened, for tuning."""
     return [
         _track(data, int(index), found, frames)
-        for one in judged
-        for index, found in zip(one.fold.test_rows, one.probabilities, strict=True)
+        for scored in judged
+        for index, found in zip(scored.fold.test_rows, scored.probabilities, strict=True)
     ]
 
 
@@ -184,8 +184,8 @@ def _result(
     data: CameraSet, judged: Sequence[Judged], tuned: Sequence[Tuned], frames: int, name: str
 ) -> WarningResult:
     outcomes, probabilities, tests = [], [], []
-    for one, choice in zip(judged, tuned, strict=True):
-        for index, found in zip(one.fold.test_rows, one.probabilities, strict=True):
+    for scored, choice in zip(judged, tuned, strict=True):
+        for index, found in zip(scored.fold.test_rows, scored.probabilities, strict=True):
             track = _track(data, int(index), found, frames)
             told = states(track.probabilities, track.time_s, choice.config)
             outcomes.append(

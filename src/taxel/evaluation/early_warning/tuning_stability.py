@@ -128,7 +128,7 @@ def tune(
         _try(tracks, config, limits, events or EventConfig())
         for config in (grid or TuningGrid()).configs(base or StabilityConfig())
     ]
-    return max(tried, key=lambda one: _merit(one, limits))
+    return max(tried, key=lambda candidate: _merit(candidate, limits))
 
 
 def _try(
@@ -149,9 +149,9 @@ def _try(
         )
         for track in tracks
     ]
-    missed = float(np.mean([one.missed for one in outcomes if one.event]))
+    missed = float(np.mean([outcome.missed for outcome in outcomes if outcome.event]))
     rate = _rate_per_min(outcomes)
-    leads = [one.lead_s for one in outcomes if one.lead_s is not None]
+    leads = [outcome.lead_s for outcome in outcomes if outcome.lead_s is not None]
     return Tuned(
         config=config,
         within=missed <= goal.missed_share and rate <= goal.false_alarms_per_min,
@@ -162,17 +162,19 @@ def _try(
 
 
 def _rate_per_min(outcomes: Sequence[RunOutcome]) -> float:
-    judged_s = sum(one.judged_s for one in outcomes)
-    count = sum(one.false_alarms for one in outcomes)
+    judged_s = sum(outcome.judged_s for outcome in outcomes)
+    count = sum(outcome.false_alarms for outcome in outcomes)
     return count * 60.0 / judged_s if judged_s > 0 else 0.0
 
 
-def _merit(one: Tuned, goal: TuningGoal) -> tuple[float, ...]:
+def _merit(tuned: Tuned, goal: TuningGoal) -> tuple[float, ...]:
     """Return what is compared: limits kept, else the excess; then lead, then fewer errors."""
     excess = 0.0
-    if not one.within:
-        excess = max(one.false_alarms_per_min - goal.false_alarms_per_min, 0.0) / max(
+    if not tuned.within:
+        excess = max(tuned.false_alarms_per_min - goal.false_alarms_per_min, 0.0) / max(
             goal.false_alarms_per_min, 1e-3
-        ) + max(one.missed_share - goal.missed_share, 0.0) / max(goal.missed_share, 1e-3)
-    steps = np.floor(one.lead_median_s / _LEAD_STEP_S) if np.isfinite(one.lead_median_s) else -1e9
-    return -excess, float(steps), -one.false_alarms_per_min, -one.missed_share
+        ) + max(tuned.missed_share - goal.missed_share, 0.0) / max(goal.missed_share, 1e-3)
+    steps = (
+        np.floor(tuned.lead_median_s / _LEAD_STEP_S) if np.isfinite(tuned.lead_median_s) else -1e9
+    )
+    return -excess, float(steps), -tuned.false_alarms_per_min, -tuned.missed_share

@@ -90,18 +90,19 @@ def touched(
     return Touched(samples=samples, sensor=sensor, contact=contact, full=full, lowest=lowest)
 
 
-def noise(one: Touched, level: float, random: np.random.Generator) -> Samples:
+def noise(touched: Touched, level: float, random: np.random.Generator) -> Samples:
     """Normal noise on every channel; level: signal over noise, dB.
 
     The signal is the mean square of all channels of one unit over the scans in contact.
     """
-    values = np.where(one.samples.usable, one.samples.values, 0.0)[one.contact]
-    power = np.square(values, dtype=np.float64).mean(axis=0) if len(values) else one.full**2
-    units = np.array(one.sensor.units)
+    values = np.where(touched.samples.usable, touched.samples.values, 0.0)[touched.contact]
+    power = np.square(values, dtype=np.float64).mean(axis=0) if len(values) else touched.full**2
+    units = np.array(touched.sensor.units)
     shared = np.array([power[units == unit].mean() for unit in units])
     sigma = np.sqrt(shared) * 10 ** (-level / 20)
     return _shown(
-        one, one.samples.values + random.normal(0.0, 1.0, one.samples.values.shape) * sigma
+        touched,
+        touched.samples.values + random.normal(0.0, 1.0, touched.samples.values.shape) * sigma,
     )
 
 
@@ -111,100 +112,104 @@ def hum(mains_hz: float) -> Make:
     Each channel has a phase of its own. Scans slower than the mains fold it to lower rates.
     """
 
-    def make(one: Touched, level: float, random: np.random.Generator) -> Samples:
-        phase = random.uniform(0, 2 * np.pi, len(one.full))
-        turn = 2 * np.pi * mains_hz * one.samples.fitted_s[:, None] + phase
+    def make(touched: Touched, level: float, random: np.random.Generator) -> Samples:
+        phase = random.uniform(0, 2 * np.pi, len(touched.full))
+        turn = 2 * np.pi * mains_hz * touched.samples.fitted_s[:, None] + phase
         wave = np.sin(turn) + THIRD_HARMONIC * np.sin(3 * turn)
-        return _shown(one, one.samples.values + level / 100 * one.full * wave)
+        return _shown(touched, touched.samples.values + level / 100 * touched.full * wave)
 
     return make
 
 
-def dead(one: Touched, level: float, random: np.random.Generator) -> Samples:
+def dead(touched: Touched, level: float, random: np.random.Generator) -> Samples:
     """Channels that read 0, as a broken wire on a grounded pin; level: how many."""
-    values = one.samples.values.copy()
-    values[:, _some(one, level, random)] = 0.0
-    return _shown(one, values)
+    values = touched.samples.values.copy()
+    values[:, _some(touched, level, random)] = 0.0
+    return _shown(touched, values)
 
 
-def missing(one: Touched, level: float, random: np.random.Generator) -> Samples:
+def missing(touched: Touched, level: float, random: np.random.Generator) -> Samples:
     """Channels that are marked missing, their values NaN; level: how many."""
-    chosen = _some(one, level, random)
-    values, validity = one.samples.values.copy(), one.samples.validity.copy()
+    chosen = _some(touched, level, random)
+    values, validity = touched.samples.values.copy(), touched.samples.validity.copy()
     values[:, chosen] = np.nan
     validity[:, chosen] |= np.uint8(Validity.MISSING | Validity.NOT_FINITE)
-    return replace(one.samples, values=values, validity=validity)
+    return replace(touched.samples, values=values, validity=validity)
 
 
-def stuck(one: Touched, level: float, random: np.random.Generator) -> Samples:
+def stuck(touched: Touched, level: float, random: np.random.Generator) -> Samples:
     """Channels that stand for ever at one of their own values in contact; level: how many."""
-    values = one.samples.values.copy()
-    rows = np.flatnonzero(one.contact)
+    values = touched.samples.values.copy()
+    rows = np.flatnonzero(touched.contact)
     row = int(random.choice(rows)) if len(rows) else 0
-    chosen = _some(one, level, random)
+    chosen = _some(touched, level, random)
     values[:, chosen] = values[row, chosen]
-    return _shown(one, values)
+    return _shown(touched, values)
 
 
-def swapped(one: Touched, level: float, random: np.random.Generator) -> Samples:
+def swapped(touched: Touched, level: float, random: np.random.Generator) -> Samples:
     """Pairs of channels in each other's place, as plugs are; level: how many pairs."""
-    chosen = random.permutation(len(one.full))[: 2 * round(level)]
-    columns = np.arange(len(one.full))
+    chosen = random.permutation(len(touched.full))[: 2 * round(level)]
+    columns = np.arange(len(touched.full))
     columns[chosen[0::2]], columns[chosen[1::2]] = chosen[1::2], chosen[0::2]
-    return one.samples.only(columns.tolist())
+    return touched.samples.only(columns.tolist())
 
 
-def drift(one: Touched, level: float, random: np.random.Generator) -> Samples:
+def drift(touched: Touched, level: float, random: np.random.Generator) -> Samples:
     """A gain that fades alike in all channels; level: loss, per cent a minute."""
-    return _shown(one, one.samples.values * np.exp(-level / 100 * _minutes(one))[:, None])
+    return _shown(
+        touched, touched.samples.values * np.exp(-level / 100 * _minutes(touched))[:, None]
+    )
 
 
-def channel_drift(one: Touched, level: float, random: np.random.Generator) -> Samples:
+def channel_drift(touched: Touched, level: float, random: np.random.Generator) -> Samples:
     """A gain that drifts in each channel at its own rate, up or down; level: per cent a minute.
 
     Rates are drawn evenly between minus and plus the level.
     """
-    rate = random.uniform(-1.0, 1.0, len(one.full)) * level / 100
-    return _shown(one, one.samples.values * np.exp(_minutes(one)[:, None] * rate))
+    rate = random.uniform(-1.0, 1.0, len(touched.full)) * level / 100
+    return _shown(touched, touched.samples.values * np.exp(_minutes(touched)[:, None] * rate))
 
 
-def skew(one: Touched, level: float, random: np.random.Generator) -> Samples:
+def skew(touched: Touched, level: float, random: np.random.Generator) -> Samples:
     """A board whose clock is slow, so that its scans lie further apart; level: ppm.
 
     The host's clock fit knows their true times; where scans are rows, windows last longer.
     """
-    time_s = one.samples.fitted_s
+    time_s = touched.samples.fitted_s
     step = 1.0 + level * 1e-6
     index = np.arange(len(time_s))
     count = round(index[-1] / step) + 1  # half a scan beyond the end is the last: none is cut off
     place = (np.arange(count) * step).clip(max=float(index[-1]))
     taken_s = np.interp(place, index, time_s)
-    part = one.samples[np.floor(place).astype(np.intp)]
+    part = touched.samples[np.floor(place).astype(np.intp)]
     return replace(
-        _shown(replace(one, samples=part), _at(one.samples.values, place)),
+        _shown(replace(touched, samples=part), _at(touched.samples.values, place)),
         counter=np.arange(count, dtype=np.int64),
         fitted_s=taken_s,
-        arrival_s=np.interp(place, index, one.samples.arrival_s),
+        arrival_s=np.interp(place, index, touched.samples.arrival_s),
     )
 
 
-def jitter(one: Touched, level: float, random: np.random.Generator) -> Samples:
+def jitter(touched: Touched, level: float, random: np.random.Generator) -> Samples:
     """Scans that are taken at uneven moments but stamped evenly; level: deviation, ms."""
-    period_s = 1.0 / one.sensor.rate_hz
-    n = len(one.samples)
+    period_s = 1.0 / touched.sensor.rate_hz
+    n = len(touched.samples)
     place = np.arange(n) + random.normal(0.0, level / 1000 / period_s, n)
-    return _shown(one, _at(one.samples.values, np.asarray(place.clip(0, n - 1), np.float64)))
+    return _shown(
+        touched, _at(touched.samples.values, np.asarray(place.clip(0, n - 1), np.float64))
+    )
 
 
-def loss(one: Touched, level: float, random: np.random.Generator) -> Samples:
+def loss(touched: Touched, level: float, random: np.random.Generator) -> Samples:
     """Single scans that never arrive; level: per cent of all."""
-    return one.samples[random.random(len(one.samples)) >= level / 100]
+    return touched.samples[random.random(len(touched.samples)) >= level / 100]
 
 
-def burst_loss(one: Touched, level: float, random: np.random.Generator) -> Samples:
+def burst_loss(touched: Touched, level: float, random: np.random.Generator) -> Samples:
     """Scans lost in bursts of 0.1 s on average; level: per cent of all."""
-    n, share = len(one.samples), level / 100
-    mean = max(1.0, BURST_S * one.sensor.rate_hz)
+    n, share = len(touched.samples), level / 100
+    mean = max(1.0, BURST_S * touched.sensor.rate_hz)
     kept = np.ones(n, bool)
     at = 0
     while share > 0 and at < n:  # bursts and the stretches between them, both geometric
@@ -212,27 +217,29 @@ def burst_loss(one: Touched, level: float, random: np.random.Generator) -> Sampl
         length = int(random.geometric(1.0 / mean))
         kept[at : at + length] = False
         at += length
-    return one.samples[kept]
+    return touched.samples[kept]
 
 
-def offset(one: Touched, level: float, random: np.random.Generator) -> Samples:
+def offset(touched: Touched, level: float, random: np.random.Generator) -> Samples:
     """A baseline that stands too high in all channels; level: per cent of full scale."""
-    return _shown(one, one.samples.values + level / 100 * one.full)
+    return _shown(touched, touched.samples.values + level / 100 * touched.full)
 
 
-def saturation(one: Touched, level: float, random: np.random.Generator) -> Samples:
+def saturation(touched: Touched, level: float, random: np.random.Generator) -> Samples:
     """A converter whose range ends early; level: per cent of full scale that is missing.
 
     Values at its new end are marked saturated. Without a known full scale the range of each
     channel's own values is what shrinks.
     """
-    good = np.where(one.samples.usable, one.samples.values, -np.inf)
-    top = one.full if one.sensor.full_scale is not None else good.max(axis=0, initial=-np.inf)
-    end = (top - level / 100 * one.full).astype(np.float32)
-    values = np.minimum(one.samples.values, end)
-    validity = one.samples.validity.copy()
-    validity[one.samples.usable & (values >= end)] |= np.uint8(Validity.SATURATED)
-    return replace(one.samples, values=values, validity=validity)
+    good = np.where(touched.samples.usable, touched.samples.values, -np.inf)
+    top = (
+        touched.full if touched.sensor.full_scale is not None else good.max(axis=0, initial=-np.inf)
+    )
+    end = (top - level / 100 * touched.full).astype(np.float32)
+    values = np.minimum(touched.samples.values, end)
+    validity = touched.samples.validity.copy()
+    validity[touched.samples.usable & (values >= end)] |= np.uint8(Validity.SATURATED)
+    return replace(touched.samples, values=values, validity=validity)
 
 
 ARRAY_FAULTS: Mapping[str, ArrayFault] = {
@@ -304,7 +311,9 @@ def find_array_fault(name: str) -> ArrayFault:
         BadInput: There is none of this name.
     """
     if name not in ARRAY_FAULTS:
-        known = "; ".join(f"{key} ({one.summary}, {one.unit})" for key, one in ARRAY_FAULTS.items())
+        known = "; ".join(
+            f"{key} ({fault.summary}, {fault.unit})" for key, fault in ARRAY_FAULTS.items()
+        )
         raise BadInput(f"faults among {known}", repr(name), "name one of them")
     return ARRAY_FAULTS[name]
 
@@ -332,23 +341,23 @@ def check_level(name: str, fault: ArrayFault, level: float, channels: int | None
         )  # fmt: skip
 
 
-def _shown(one: Touched, values: NDArray[np.floating]) -> Samples:
+def _shown(touched: Touched, values: NDArray[np.floating]) -> Samples:
     """Return the scans with other values, as the converter would show and mark them."""
-    limit = np.inf if one.sensor.full_scale is None else one.sensor.full_scale
-    shown = np.clip(values, one.lowest, limit).astype(np.float32)
-    kept = one.samples.validity & ~_FLAGS_OF_VALUES
+    limit = np.inf if touched.sensor.full_scale is None else touched.sensor.full_scale
+    shown = np.clip(values, touched.lowest, limit).astype(np.float32)
+    kept = touched.samples.validity & ~_FLAGS_OF_VALUES
     return replace(
-        one.samples, values=shown, validity=kept | flag_values(shown, one.sensor.full_scale)
+        touched.samples, values=shown, validity=kept | flag_values(shown, touched.sensor.full_scale)
     )
 
 
-def _some(one: Touched, level: float, random: np.random.Generator) -> NDArray[np.intp]:
+def _some(touched: Touched, level: float, random: np.random.Generator) -> NDArray[np.intp]:
     """Return the columns of some channels, chosen at random."""
-    return np.asarray(random.permutation(len(one.full))[: round(level)], np.intp)
+    return np.asarray(random.permutation(len(touched.full))[: round(level)], np.intp)
 
 
-def _minutes(one: Touched) -> NDArray[np.float64]:
-    return np.asarray((one.samples.fitted_s - one.samples.fitted_s[0]) / 60.0)
+def _minutes(touched: Touched) -> NDArray[np.float64]:
+    return np.asarray((touched.samples.fitted_s - touched.samples.fitted_s[0]) / 60.0)
 
 
 def _at(values: NDArray[np.float32], place: NDArray[np.float64]) -> NDArray[np.float64]:

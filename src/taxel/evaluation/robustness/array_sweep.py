@@ -82,7 +82,7 @@ class Undisturbed:
         model: Model, touches: Sequence[Recorded], config: RecogniseConfig, seed: int
     ) -> Undisturbed:
         """Judge recordings as they are."""
-        known = [_touched(one, model.contract.window.gate) for one in touches]
+        known = [_touched(touch, model.contract.window.gate) for touch in touches]
         return Undisturbed(model, touches, known, judge(model, touches, config), config, seed)
 
     def check(self, name: str, level: float) -> None:
@@ -143,12 +143,12 @@ def _faulted(
     draw: int,
 ) -> Iterator[Recorded]:
     """Yield the recordings with the fault; what it draws is the same at every level."""
-    for index, (one, about) in enumerate(zip(touches, known, strict=True)):
+    for index, (touch, about) in enumerate(zip(touches, known, strict=True)):
         random = np.random.default_rng([seed, draw, index, zlib.crc32(name.encode())])
         samples = fault.make(about, level, random)
-        yield replace(one, samples=samples)
+        yield replace(touch, samples=samples)
 
 
-def _touched(one: Recorded, gate: float | None) -> Touched:
-    spans = np.array([(trial.start_s, trial.end_s) for trial in one.trials])
-    return touched(one.samples, one.sensor, gate, spans)
+def _touched(recorded: Recorded, gate: float | None) -> Touched:
+    spans = np.array([(trial.start_s, trial.end_s) for trial in recorded.trials])
+    return touched(recorded.samples, recorded.sensor, gate, spans)

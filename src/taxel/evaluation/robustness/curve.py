@@ -88,16 +88,16 @@ class SessionAnswers:
     def join(parts: Sequence[SessionAnswers]) -> SessionAnswers:
         """Return the answers of several passes over the same recordings as one."""
         return SessionAnswers(
-            np.concatenate([one.y for one in parts]),
-            np.concatenate([one.probabilities for one in parts]),
-            np.concatenate([one.answered for one in parts]),
-            _apart([one.trial for one in parts]),
-            np.concatenate([one.session for one in parts]),
-            np.concatenate([one.grasps for one in parts]),
-            sum(one.outside for one in parts),
-            sum(one.minutes for one in parts),
+            np.concatenate([part.y for part in parts]),
+            np.concatenate([part.probabilities for part in parts]),
+            np.concatenate([part.answered for part in parts]),
+            _apart([part.trial for part in parts]),
+            np.concatenate([part.session for part in parts]),
+            np.concatenate([part.grasps for part in parts]),
+            sum(part.outside for part in parts),
+            sum(part.minutes for part in parts),
             np.concatenate(
-                [np.ones(len(one.y), bool) if one.known is None else one.known for one in parts]
+                [np.ones(len(part.y), bool) if part.known is None else part.known for part in parts]
             ),
         )
 
@@ -163,7 +163,7 @@ def loss_between(base: SessionAnswers, worse: SessionAnswers, *, grasps: bool) -
         grasps: True compares whole grasps, False answered windows.
     """
     names = sorted(set(base.grasps.tolist()))
-    both = np.stack([one.counts(names, grasps=grasps) for one in (base, worse)])
+    both = np.stack([answers.counts(names, grasps=grasps) for answers in (base, worse)])
     share = _share(both[:, draw_clusters(len(names))].sum(axis=2))
     first, second = _share(both.sum(axis=1))
     return Loss(float(first), float(second), *percentile_interval(share[0] - share[1]))
@@ -248,16 +248,16 @@ def reached(points: Sequence[FaultPoint], base: float, fall: float = FALL) -> fl
         None where it never falls so far within the levels, or where nothing is answered.
     """
     level, value = None, base
-    for one in points:
-        if np.isnan(one.accuracy):
+    for point in points:
+        if np.isnan(point.accuracy):
             return None
-        accuracy = one.beside(base)
+        accuracy = point.beside(base)
         if accuracy <= base - fall:
             if level is None:
-                return one.level
+                return point.level
             share = (value - (base - fall)) / (value - accuracy)
-            return level + share * (one.level - level)
-        level, value = one.level, accuracy
+            return level + share * (point.level - level)
+        level, value = point.level, accuracy
     return None
 
 
@@ -274,7 +274,7 @@ def fall_text(points: Sequence[FaultPoint], base: float) -> str:
     level = reached(points, base)
     if level is not None:
         return f"{level:.3g} {unit}"
-    silent = [one.level for one in points if np.isnan(one.accuracy)]
+    silent = [point.level for point in points if np.isnan(point.accuracy)]
     if silent:
         return f"not before {silent[0]:g} {unit}, where nothing is answered"
     return f"not up to {points[-1].level:g} {unit}"
@@ -286,5 +286,5 @@ def _mean(flags: NDArray[np.bool_]) -> float:
 
 def _apart(numbers: list[NDArray[np.intp]]) -> NDArray[np.intp]:
     """Return the numbers of several passes, none shared between two passes."""
-    top = 1 + max((int(one.max()) for one in numbers if len(one)), default=0)
-    return np.concatenate([one + index * top for index, one in enumerate(numbers)])
+    top = 1 + max((int(number.max()) for number in numbers if len(number)), default=0)
+    return np.concatenate([number + index * top for index, number in enumerate(numbers)])

@@ -198,9 +198,9 @@ def sweep_grasps(
         levels += [(name, level, find_image_fault(name).unit) for level in own]
     done: list[Watched] = []
 
-    def add(one: Watched) -> None:
+    def add(watched: Watched) -> None:
         """Make a level's point once its last recording was watched."""
-        done.append(one)
+        done.append(watched)
         if len(done) % len(pours) == 0:
             own = done[-len(pours) :]
             points.append(grasp_point(own, *levels[len(points)]))
@@ -246,23 +246,23 @@ def plan_images(
 
 def grasp_point(watched: Sequence[Watched], fault: str, level: float, unit: str) -> FaultPoint:
     """Return the point that watched recordings make; its interval resamples cups."""
-    cups = sorted({one.cup for one in watched})
+    cups = sorted({watched_grasp.cup for watched_grasp in watched})
     counts = np.zeros((len(cups), 4))  # right and all, of unstable and of stable moments
     moments = answered = 0
-    for one in watched:
-        told = one.states != Stability.UNKNOWN
-        alarm = np.isin(one.states, ALARMS)
+    for watched_grasp in watched:
+        told = watched_grasp.states != Stability.UNKNOWN
+        alarm = np.isin(watched_grasp.states, ALARMS)
         moments, answered = moments + len(told), answered + int(told.sum())
-        row = counts[cups.index(one.cup)]
+        row = counts[cups.index(watched_grasp.cup)]
         row += [
-            (alarm & one.unstable & told).sum(), (one.unstable & told).sum(),
-            (~alarm & ~one.unstable & told).sum(), (~one.unstable & told).sum(),
+            (alarm & watched_grasp.unstable & told).sum(), (watched_grasp.unstable & told).sum(),
+            (~alarm & ~watched_grasp.unstable & told).sum(), (~watched_grasp.unstable & told).sum(),
         ]  # fmt: skip
     drawn = draw_clusters(len(cups))
     low, high = percentile_interval(_balanced(counts[drawn].sum(axis=1)))
-    events = [one.outcome for one in watched if one.outcome.event]
-    held = [one.outcome for one in watched if not one.outcome.event]
-    minutes = sum(one.judged_s for one in held) / 60
+    events = [watched_grasp.outcome for watched_grasp in watched if watched_grasp.outcome.event]
+    held = [watched_grasp.outcome for watched_grasp in watched if not watched_grasp.outcome.event]
+    minutes = sum(watched_grasp.judged_s for watched_grasp in held) / 60
     return FaultPoint(
         fault=fault,
         level=level,
@@ -272,9 +272,15 @@ def grasp_point(watched: Sequence[Watched], fault: str, level: float, unit: str)
         high=high,
         answered=answered / moments if moments else float("nan"),
         windows=moments,
-        grasps=float(np.mean([not one.missed for one in events])) if events else float("nan"),
-        told=float(np.mean([(one.states != Stability.UNKNOWN).any() for one in watched])),
-        outside=sum(one.false_alarms for one in held) / minutes if minutes else float("nan"),
+        grasps=float(np.mean([not event.missed for event in events])) if events else float("nan"),
+        told=float(
+            np.mean(
+                [(watched_grasp.states != Stability.UNKNOWN).any() for watched_grasp in watched]
+            )
+        ),
+        outside=sum(watched_grasp.false_alarms for watched_grasp in held) / minutes
+        if minutes
+        else float("nan"),
     )
 
 

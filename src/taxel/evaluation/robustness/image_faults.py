@@ -253,6 +253,8 @@ def find_image_fault(name: str) -> ImageFault:
         BadInput: There is none of this name.
     """
     if name not in IMAGE_FAULTS:
-        known = "; ".join(f"{key} ({one.summary}, {one.unit})" for key, one in IMAGE_FAULTS.items())
+        known = "; ".join(
+            f"{key} ({fault.summary}, {fault.unit})" for key, fault in IMAGE_FAULTS.items()
+        )
         raise BadInput(f"faults among {known}", repr(name), "name one of them")
     return IMAGE_FAULTS[name]

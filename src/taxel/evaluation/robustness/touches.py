@@ -57,7 +57,7 @@ class Recorded:
     def sessions(self) -> NDArray[np.str_]:
         """Each touch's session, shape (touches,); the recording where none is named."""
         groups = [trial.groups for trial in self.trials]
-        return np.array([one.get("session", one["recording"]) for one in groups])
+        return np.array([group.get("session", group["recording"]) for group in groups])
 
 
 @dataclass(frozen=True, slots=True)
@@ -137,16 +137,16 @@ def judge(
     number = {name: index for index, name in enumerate(contract.classes)}
     sessions: dict[str, list[_Cut]] = {}
     outside, seconds = 0, 0.0
-    for one in touches:
-        contract.check_sensor(one.sensor)
-        windows = cut_windows(one.samples, contract.window, one.sensor)
-        owner = _owners(windows, one.trials)
+    for touch in touches:
+        contract.check_sensor(touch.sensor)
+        windows = cut_windows(touch.samples, contract.window, touch.sensor)
+        owner = _owners(windows, touch.trials)
         outside += int((owner < 0).sum())
-        seconds += float(one.samples.fitted_s[-1] - one.samples.fitted_s[0])
-        names = one.sessions
+        seconds += float(touch.samples.fitted_s[-1] - touch.samples.fitted_s[0])
+        names = touch.sessions
         for name in np.unique(names):
             own = names == name
-            cut = _Cut(windows, np.where(own[owner], owner, -1), one.trials, own)
+            cut = _Cut(windows, np.where(own[owner], owner, -1), touch.trials, own)
             sessions.setdefault(str(name), []).append(cut)
     test = Strangeness(contract.unknown) if contract.unknown is not None else None
     parts, grasps = [], []

@@ -97,13 +97,13 @@ def compare_cleaning(
     jobs = [(path, replace(config, train=replace(config.train, seed=seed)), target, way)
             for target in config.targets for way in ways for path, seed in runs]  # fmt: skip
     found = side_by_side(
-        _one_way, jobs, lambda one: on_step(f"{one.target} · {one.way}"), config.workers
+        _one_way, jobs, lambda job: on_step(f"{job.target} · {job.way}"), config.workers
     )
-    each = [[one for one in found if one.target == target] for target in config.targets]
+    each = [[result for result in found if result.target == target] for target in config.targets]
     gains = [gain for own in each for gain in _gains(own, ways)]
     trivial = side_by_side(
         trivial_company, [(runs[0][0], config, target, "held out") for target in config.targets],
-        lambda one: on_step(f"trivial baselines · {one.target}"), config.workers,
+        lambda job: on_step(f"trivial baselines · {job.target}"), config.workers,
     )  # fmt: skip
     return gains, trivial
 
@@ -190,26 +190,29 @@ def _count_right(
 
 def _gains(found: Sequence[_WayRun], ways: Sequence[str]) -> list[Gain]:
     """Pair each way with nothing, group by group; runs of one folder share its groups."""
-    base = [one for one in found if one.way == NOTHING]
+    base = [result for result in found if result.way == NOTHING]
     gains = []
     for way in ways:
-        own = [one for one in found if one.way == way]
-        changed = [one.right - plain.right for one, plain in zip(own, base, strict=True)]
-        _, group = np.unique([name for one in own for name in one.groups], return_inverse=True)
-        count = np.bincount(group, weights=np.concatenate([one.count for one in own]))
+        own = [result for result in found if result.way == way]
+        changed = [result.right - plain.right for result, plain in zip(own, base, strict=True)]
+        _, group = np.unique(
+            [name for result in own for name in result.groups], return_inverse=True
+        )
+        count = np.bincount(group, weights=np.concatenate([result.count for result in own]))
         every = np.bincount(group, weights=np.concatenate(changed)).astype(np.float64)
         gains.append(
             Gain(
                 target=own[0].target,
                 way=way,
                 split=own[0].split,
-                accuracy=float(sum(one.right.sum() for one in own) / count.sum()),
-                trial_accuracy=float(np.mean([one.trial_accuracy for one in own])),
+                accuracy=float(sum(result.right.sum() for result in own) / count.sum()),
+                trial_accuracy=float(np.mean([result.trial_accuracy for result in own])),
                 difference=float(every.sum() / count.sum()),
                 interval=ratio_interval(every, count),
                 p=sign_flip(every),
                 by_run=tuple(
-                    float(c.sum() / one.count.sum()) for c, one in zip(changed, own, strict=True)
+                    float(c.sum() / result.count.sum())
+                    for c, result in zip(changed, own, strict=True)
                 ),
                 groups=len(every),
                 ways=len(ways) - 1,

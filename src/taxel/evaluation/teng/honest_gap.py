@@ -112,12 +112,15 @@ def honest_gap(
     train = train or TrainConfig()
     jobs = [(folder, rung, target, train) for target in targets for rung in rungs
             for folder in folders]  # fmt: skip
-    done = side_by_side(_measure, jobs, lambda one: on_step(one[2]), workers)
+    done = side_by_side(_measure, jobs, lambda job: on_step(job[2]), workers)
     steps = []
     for index in range(0, len(jobs), len(folders)):
         _, rung, target, _ = jobs[index]
         own = done[index : index + len(folders)]
-        accuracies, trials = tuple(one[0] for one in own), tuple(one[1] for one in own)
+        accuracies, trials = (
+            tuple(measured[0] for measured in own),
+            tuple(measured[1] for measured in own),
+        )
         steps.append(Step(rung, target, accuracies, trials))
     return steps
 
@@ -127,7 +130,9 @@ def closed(steps: Sequence[Step], target: str, name: str) -> float:
 
     Above 1 a rung under held-out sessions is better than random windows as measured.
     """
-    found = {(one.rung.name, one.rung.split): one.accuracy for one in steps if one.target == target}
+    found = {
+        (step.rung.name, step.rung.split): step.accuracy for step in steps if step.target == target
+    }
     high, low = found["as measured", "random"], found["as measured", "session"]
     return (found[name, "session"] - low) / (high - low)
 

@@ -43,8 +43,8 @@ def milliseconds_per_window(
         predict, calls = fitted.probabilities, _ESTIMATOR_CALLS
     times = []
     for call in range(calls):
-        one = slice(call % len(part), call % len(part) + 1)
+        window = slice(call % len(part), call % len(part) + 1)
         started = perf_counter()
-        predict(values[one], mask[one])
+        predict(values[window], mask[window])
         times.append(perf_counter() - started)
     return 1000.0 * float(np.median(times))

@@ -114,11 +114,11 @@ def compare_models(
     places = [(t, kind) for t in config.targets for kind in ("random", "held out")]
     jobs = [(path, config, target, kind, model) for target, kind in places
             for model in config.models]  # fmt: skip
-    results = side_by_side(_one_model, jobs, lambda one: on_step(_said(one)), config.workers)
+    results = side_by_side(_one_model, jobs, lambda job: on_step(_said(job)), config.workers)
     trivial = side_by_side(
         trivial_company,
         [(path, config, target, kind) for target, kind in places],
-        lambda one: on_step(f"trivial baselines · {one.target} · {one.split}"),
+        lambda job: on_step(f"trivial baselines · {job.target} · {job.split}"),
         config.workers,
     )
     return results, trivial
@@ -179,5 +179,5 @@ def split_windows(
     return replace(split, folds=split.folds[: config.random_folds])
 
 
-def _said(one: ModelResult) -> str:
-    return f"{one.model} · {one.target} · {one.pooled.split}"
+def _said(result: ModelResult) -> str:
+    return f"{result.model} · {result.target} · {result.pooled.split}"

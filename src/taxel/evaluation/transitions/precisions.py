@@ -126,4 +126,4 @@ def compare_precisions(
 
 
 def _probabilities(head: TrainedHead, features: Sequence[FrameFeatures]) -> NDArray[np.float32]:
-    return np.concatenate([head.probabilities(one.all()) for one in features])
+    return np.concatenate([head.probabilities(feature.all()) for feature in features])

@@ -253,11 +253,11 @@ def _judge_trivial(
         return Judged(fold, found, tuple(labels[i] for i in fold.test_rows))
     seen = np.concatenate([columns[i][frames - 1 :] for i in fold.train_rows])[:, None]
     tree = DecisionTreeClassifier(max_depth=3, min_samples_leaf=50).fit(seen, wanted)
-    one = list(tree.classes_).index(1) if 1 in tree.classes_ else None
+    column = list(tree.classes_).index(1) if 1 in tree.classes_ else None
     found = tuple(
         (
-            tree.predict_proba(columns[i][frames - 1 :, None])[:, one]
-            if one is not None
+            tree.predict_proba(columns[i][frames - 1 :, None])[:, column]
+            if column is not None
             else np.zeros(len(labels[i]))
         ).astype(np.float32)
         for i in fold.test_rows
@@ -267,8 +267,8 @@ def _judge_trivial(
 
 def score_windows(judged: Sequence[Judged]) -> WindowScores:
     """Return the scores of all test windows; the interval is over folds where there are several."""
-    labels = np.concatenate([one for fold in judged for one in fold.labels])
-    found = np.concatenate([one for fold in judged for one in fold.probabilities])
+    labels = np.concatenate([label for fold in judged for label in fold.labels])
+    found = np.concatenate([probability for fold in judged for probability in fold.probabilities])
     right = (found > 0.5) == labels
     if len(judged) == 1:
         band = binomtest(int(right.sum()), len(right)).proportion_ci(0.95, "wilson")

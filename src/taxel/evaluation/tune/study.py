@@ -135,16 +135,16 @@ class Store:
             while True:
                 left = what.trials - len(self._finished(study)) - len(running)
                 for _ in range(min(left, width() - len(running))):
-                    one = self._ask(study, what, len(running))
-                    running[self._next_fold(what, one)] = one
+                    trial = self._ask(study, what, len(running))
+                    running[self._next_fold(what, trial)] = trial
                 if not running:
                     return self._best(study)
                 done, _ = wait(running, timeout=HEARTBEAT_S, return_when=FIRST_COMPLETED)
                 for future in done:
-                    one = running.pop(future)
-                    one.scores.append(result_of(_name(what, one), future))
-                    if self._goes_on(study, what, one, on_step):
-                        running[self._next_fold(what, one)] = one
+                    trial = running.pop(future)
+                    trial.scores.append(result_of(_name(what, trial), future))
+                    if self._goes_on(study, what, trial, on_step):
+                        running[self._next_fold(what, trial)] = trial
         finally:
             self._beating.clear()
 
@@ -161,30 +161,32 @@ class Store:
             return _Running(trial, {})
         return _Running(trial, what.propose(trial))
 
-    def _next_fold(self, what: Search, one: _Running) -> Future[Done]:
-        job = what.job(one.values, len(one.scores))
-        return submit(what.work, job, name=_name(what, one))
+    def _next_fold(self, what: Search, running: _Running) -> Future[Done]:
+        job = what.job(running.values, len(running.scores))
+        return submit(what.work, job, name=_name(what, running))
 
     def _goes_on(
-        self, study: Any, what: Search, one: _Running, on_step: Callable[[str], None]
+        self, study: Any, what: Search, running: _Running, on_step: Callable[[str], None]
     ) -> bool:
         """Report a fold; return whether the trial's next fold is worth its time."""
-        mean = _mean(one.scores)
+        mean = _mean(running.scores)
         states = self._optuna.trial.TrialState
-        last = len(one.scores) == what.folds
+        last = len(running.scores) == what.folds
         if not last:
             if math.isfinite(mean):
-                one.trial.report(mean, len(one.scores))
-            if not one.trial.should_prune():
+                running.trial.report(mean, len(running.scores))
+            if not running.trial.should_prune():
                 return True
         elif not math.isfinite(mean):
             raise BadSplit(
                 "inner folds whose classes are learned from", "none", "record more of each class"
             )
-        study.tell(one.trial, mean if last else None, states.COMPLETE if last else states.PRUNED)
-        self._beating.discard(one.trial._trial_id)
-        told = "" if last else f", pruned after {len(one.scores)} folds"
-        on_step(f"{what.name} · trial {one.trial.number + 1} · {mean:.4f}{told}")
+        study.tell(
+            running.trial, mean if last else None, states.COMPLETE if last else states.PRUNED
+        )
+        self._beating.discard(running.trial._trial_id)
+        told = "" if last else f", pruned after {len(running.scores)} folds"
+        on_step(f"{what.name} · trial {running.trial.number + 1} · {mean:.4f}{told}")
         return False
 
     def _finished(self, study: Any) -> list[Any]:
@@ -250,8 +252,8 @@ def _quiet() -> Iterator[None]:
         yield
 
 
-def _name(what: Search, one: _Running) -> str:
-    return f"{what.name} · trial {one.trial.number + 1} · inner fold {len(one.scores) + 1}"
+def _name(what: Search, running: _Running) -> str:
+    return f"{what.name} · trial {running.trial.number + 1} · inner fold {len(running.scores) + 1}"
 
 
 def _mean(scores: list[float]) -> float:

@@ -88,9 +88,9 @@ def find_unknown(
     windows, grasps = [], []
     for number, fold in enumerate(split.folds, 1):
         assert isinstance(fold, TrialFold)
-        one = _one_fold(dataset, np.flatnonzero(kinds == ""), kinds, fold, key, config)
-        windows.append(one[0])
-        grasps.append(one[1])
+        result = _one_fold(dataset, np.flatnonzero(kinds == ""), kinds, fold, key, config)
+        windows.append(result[0])
+        grasps.append(result[1])
         on_step(f"{config.target} · {fold.name} ({number} of {len(split.folds)})")
     return result_of(config.target, split.name, join_scored(windows), join_scored(grasps))
 
@@ -135,7 +135,7 @@ def _subset(dataset: Dataset, trials: NDArray[np.bool_]) -> Dataset:
         dataset,
         windows=dataset.windows[kept],
         trial=index[dataset.trial[kept]].astype(np.intp),
-        trials=tuple(one for one, own in zip(dataset.trials, trials, strict=True) if own),
+        trials=tuple(trial for trial, own in zip(dataset.trials, trials, strict=True) if own),
     )
 
 
@@ -168,7 +168,7 @@ def _one_fold(
         fit_unknown(dataset, config.target, fitted.scaling, config.rejected, training)
     )
     strange = np.array([
-        test_of.of_window(one[own]) for one, own in zip(scaled, windows.mask, strict=True)
+        test_of.of_window(window[own]) for window, own in zip(scaled, windows.mask, strict=True)
     ])  # fmt: skip
     p_window = np.array([test_of.p_window(own) for own in strange.tolist()])
     owner = dataset.trial[test]

@@ -79,7 +79,7 @@ class UnknownResult:
 
     def auroc(self, kind: str, score: str = OURS) -> Auroc:
         """Return one kind's figures by one score."""
-        return next(one for one in self.aurocs if (one.kind, one.score) == (kind, score))
+        return next(auroc for auroc in self.aurocs if (auroc.kind, auroc.score) == (kind, score))
 
 
 @dataclass(frozen=True, slots=True)
@@ -101,13 +101,13 @@ class Scored:
 def join_scored(parts: list[Scored]) -> Scored:
     """Return what all folds gave as one."""
     return Scored(
-        np.concatenate([one.index for one in parts]),
-        np.concatenate([one.kind for one in parts]),
-        np.concatenate([one.group for one in parts]),
-        {name: np.concatenate([one.scores[name] for one in parts]) for name in SCORES},
-        np.concatenate([one.told_unknown for one in parts]),
-        np.concatenate([one.truth for one in parts]),
-        np.concatenate([one.answer for one in parts]),
+        np.concatenate([part.index for part in parts]),
+        np.concatenate([part.kind for part in parts]),
+        np.concatenate([part.group for part in parts]),
+        {name: np.concatenate([part.scores[name] for part in parts]) for name in SCORES},
+        np.concatenate([part.told_unknown for part in parts]),
+        np.concatenate([part.truth for part in parts]),
+        np.concatenate([part.answer for part in parts]),
     )
 
 
@@ -157,38 +157,38 @@ def _auroc(score: str, kind: str, windows: Scored, grasps: Scored) -> Auroc:
     )
 
 
-def _area(one: Scored, score: str, kind: str) -> float:
-    part = (one.kind == "") | (one.kind == kind)
-    return float(roc_auc_score(one.kind[part] == kind, one.scores[score][part]))
+def _area(scored: Scored, score: str, kind: str) -> float:
+    part = (scored.kind == "") | (scored.kind == kind)
+    return float(roc_auc_score(scored.kind[part] == kind, scored.scores[score][part]))
 
 
-def _interval(one: Scored, score: str, kind: str) -> Interval:
+def _interval(scored: Scored, score: str, kind: str) -> Interval:
     """Return a 95 % interval by drawing whole groups again."""
-    part = (one.kind == "") | (one.kind == kind)
-    truth, value = one.kind[part] == kind, one.scores[score][part]
+    part = (scored.kind == "") | (scored.kind == kind)
+    truth, value = scored.kind[part] == kind, scored.scores[score][part]
     return percentile_interval([
         float(roc_auc_score(truth[drawn], value[drawn]))
-        for drawn in draw_rows(one.group[part], resamples=RESAMPLES)
+        for drawn in draw_rows(scored.group[part], resamples=RESAMPLES)
         if 0 < truth[drawn].sum() < len(drawn)
     ])  # fmt: skip
 
 
-def _curve(one: Scored, score: str) -> tuple[float, ...]:
+def _curve(scored: Scored, score: str) -> tuple[float, ...]:
     """Return the accuracy over the least strange shares of the known."""
-    right = one.answer == one.truth
-    return tuple(float(right[rows].mean()) for rows in _answered(one, score))
+    right = scored.answer == scored.truth
+    return tuple(float(right[rows].mean()) for rows in _answered(scored, score))
 
 
-def _commonest(one: Scored) -> tuple[float, ...]:
+def _commonest(scored: Scored) -> tuple[float, ...]:
     """Return the share of the commonest class among them."""
-    _, classes = np.unique(one.truth, return_inverse=True)
+    _, classes = np.unique(scored.truth, return_inverse=True)
     return tuple(
-        float(np.bincount(classes[rows]).max() / len(rows)) for rows in _answered(one, OURS)
+        float(np.bincount(classes[rows]).max() / len(rows)) for rows in _answered(scored, OURS)
     )
 
 
-def _answered(one: Scored, score: str) -> list[NDArray[np.intp]]:
+def _answered(scored: Scored, score: str) -> list[NDArray[np.intp]]:
     """Return the rows of the known that are answered, the least strange, one a coverage."""
-    known = np.flatnonzero(one.kind == "")
-    order = known[np.argsort(one.scores[score][known], kind="stable")]
+    known = np.flatnonzero(scored.kind == "")
+    order = known[np.argsort(scored.scores[score][known], kind="stable")]
     return [order[: max(1, round(share * len(order)))] for share in COVERAGES]

@@ -66,11 +66,11 @@ class Exemplars:
     def join(parts: Sequence[Exemplars]) -> Exemplars:
         """Return the windows of several parts one after another."""
         return Exemplars(
-            values=np.concatenate([one.values for one in parts]),
-            mask=np.concatenate([one.mask for one in parts]),
-            y=np.concatenate([one.y for one in parts]),
-            session=np.concatenate([one.session for one in parts]),
-            grasp=np.concatenate([one.grasp for one in parts]),
+            values=np.concatenate([part.values for part in parts]),
+            mask=np.concatenate([part.mask for part in parts]),
+            y=np.concatenate([part.y for part in parts]),
+            session=np.concatenate([part.session for part in parts]),
+            grasp=np.concatenate([part.grasp for part in parts]),
         )
 
 
@@ -107,8 +107,8 @@ def thin_out(exemplars: Exemplars, most: int = GRASPS, seed: int = 0) -> Exempla
     rng = np.random.default_rng(seed)
     place = np.char.add(np.char.add(exemplars.y.astype(str), "/"), exemplars.session)
     kept = np.zeros(len(exemplars), bool)
-    for one in np.unique(place):
-        there = place == one
+    for value in np.unique(place):
+        there = place == value
         names = rng.permutation(np.unique(exemplars.grasp[there]))[:most]
         kept |= there & np.isin(exemplars.grasp, names)
     return exemplars[kept]

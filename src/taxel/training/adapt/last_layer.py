@@ -314,8 +314,8 @@ def _noise(
         off = []
         for c in range(known):
             for name in np.unique(key[data.y == c]):
-                one = z[(data.y == c) & (key == name)].mean(axis=0) - centre[c]
-                off.append(one - basis @ (basis.T @ one))
+                offset = z[(data.y == c) & (key == name)].mean(axis=0) - centre[c]
+                off.append(offset - basis @ (basis.T @ offset))
         scatter = float((np.array(off) ** 2).sum(axis=1).mean())
         total += scatter / len(np.unique(key[own]))
     return total

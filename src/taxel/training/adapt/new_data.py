@@ -118,10 +118,12 @@ def check_apart(learned: Sequence[Path], test: Path) -> None:
         BadInput: A grasp of `test` has, value for value, the scans of one of `learned`.
         BadRecording: A recording is damaged.
     """
-    known = {one for path in learned for file in list_recordings(path) for one in _contents(file)}
+    known = {
+        content for path in learned for file in list_recordings(path) for content in _contents(file)
+    }
     for file in list_recordings(test):
         own = _contents(file)
-        shared = sum(one in known for one in own)
+        shared = sum(name in known for name in own)
         if shared:
             raise BadInput(
                 "grasps for --test that nothing is learned from",
@@ -155,7 +157,9 @@ def _contents(file: Path) -> list[bytes]:
     trials = trials_of(
         file, recording.manifest, recording.marks, float(time_s[0]), float(time_s[-1])
     )
-    grasps = [samples.values[(time_s >= one.start_s) & (time_s <= one.end_s)] for one in trials]
+    grasps = [
+        samples.values[(time_s >= trial.start_s) & (time_s <= trial.end_s)] for trial in trials
+    ]
     # Grasps without a scan, or in which nothing moves, are alike by chance.
     return [sha256(rows.tobytes()).digest() for rows in grasps if (rows != rows[:1]).any()]
 
@@ -207,7 +211,8 @@ def measured_at(
     grasps, known = read_grasps([test], contract, touches), contract.classes
     as_it_was = replace(grasps.windows, values=grasps.windows.values * touches.change)
     before, after = (
-        by_class(tell(one), known, grasps.label, known) for one in (as_it_was, grasps.windows)
+        by_class(tell(windows), known, grasps.label, known)
+        for windows in (as_it_was, grasps.windows)
     )
     return before, after
 

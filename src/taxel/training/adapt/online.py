@@ -111,9 +111,9 @@ class OnlineLearner:
         vote = GraspVote(contract.classes, float("inf"), joining=contract.joining)
         anything = RecogniseConfig(least_confidence=0.0, least_usable=0.0, most_saturated=1.0)
         label, confidence = "", 0.0
-        for one in probabilities:
+        for probability in probabilities:
             label, confidence = vote.add(
-                decide(one.astype(np.float32), Quality(), contract.classes, anything)
+                decide(probability.astype(np.float32), Quality(), contract.classes, anything)
             )
         return Told(label, confidence, probabilities)
 
@@ -172,7 +172,11 @@ class OnlineLearner:
     def _rehearsal(self) -> NDArray[np.intp]:
         """Return rows of all classes alike, drawn at random."""
         each = -(-self._config.rehearsed // len(self._reservoirs))
-        drawn = [self._rng.choice(one.rows, each) for one in self._reservoirs if one.rows]
+        drawn = [
+            self._rng.choice(reservoir.rows, each)
+            for reservoir in self._reservoirs
+            if reservoir.rows
+        ]
         rows: NDArray[np.intp] = np.concatenate(drawn).astype(np.intp)
         return rows
 

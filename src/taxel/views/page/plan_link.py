@@ -84,8 +84,8 @@ class PlanLink:
                 "probability": None, "slip": None, "alarms": [], "answers": [], "sources": [],
                 "consumers": [], "latency_ms": {}, "gripper": None, "recording": None,
                 "cameras": [
-                    {"name": one.name, "width": one.width, "height": one.height}
-                    for one in self._cameras
+                    {"name": camera.name, "width": camera.width, "height": camera.height}
+                    for camera in self._cameras
                 ],
                 "array": None, "plan": dict(self._told),
             }  # fmt: skip

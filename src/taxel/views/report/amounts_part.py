@@ -30,14 +30,14 @@ def amounts_part(data: Mapping[str, Any]) -> Html:
         KeyError, TypeError, ValueError: It is something else.
     """
     amounts, group = data["amounts"], data["group"]
-    groups = [int(one["groups"]) for one in amounts]
-    best = [max(one["trivial"].values()) for one in amounts]
+    groups = [int(amount["groups"]) for amount in amounts]
+    best = [max(amount["trivial"].values()) for amount in amounts]
     lines = [
         Line(name="best trivial baseline", x=groups, y=best, colour="var(--grey)"),
         Line(
-            name=data["model"], x=groups, y=[float(one["accuracy"]) for one in amounts],
-            low=[_number(one["low"]) for one in amounts],
-            high=[_number(one["high"]) for one in amounts], colour="var(--c0)",
+            name=data["model"], x=groups, y=[float(amount["accuracy"]) for amount in amounts],
+            low=[_number(amount["low"]) for amount in amounts],
+            high=[_number(amount["high"]) for amount in amounts], colour="var(--c0)",
         ),
     ]  # fmt: skip
     chart = line_chart(
@@ -50,11 +50,11 @@ def amounts_part(data: Mapping[str, Any]) -> Html:
             f"are added whole, in an order drawn by seed {data['seed']}; the test parts stay. "
             f"Interval: whole {group}s of the test parts drawn again."]  # fmt: skip
     rows: list[list[object]] = []
-    for one, value in zip(amounts, best, strict=True):
-        name = max(one["trivial"], key=one["trivial"].get)
+    for amount, value in zip(amounts, best, strict=True):
+        name = max(amount["trivial"], key=amount["trivial"].get)
         rows.append([
-            str(one["groups"]), f"{one['windows']:,}", percent(float(one["accuracy"])),
-            band(_number(one["low"]), _number(one["high"])), percent(float(value)), name,
+            str(amount["groups"]), f"{amount['windows']:,}", percent(float(amount["accuracy"])),
+            band(_number(amount["low"]), _number(amount["high"])), percent(float(value)), name,
         ])  # fmt: skip
     head = [f"{group}s", "windows", "accuracy", "95 %", "best trivial baseline", "which"]
     return join([tag("p", join(said)), figure(chart, legend), table(head, rows)])

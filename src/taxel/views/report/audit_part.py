@@ -19,10 +19,10 @@ _KIND = {"leak": "bad", "hazard": "bad", "note": "", "clear": "good", "too few":
 
 def audit_part(audit: Audit) -> Html:
     """Return the verdict, a table of what was found, and the names of what was not."""
-    told = [one for one in audit.findings if one.verdict in ("leak", "hazard", "note")]
-    clear = [one.kind for one in audit.findings if one.verdict == "clear"]
-    unchecked = [one for one in audit.findings if one.verdict == "not checked"]
-    leaks = any(one.verdict == "leak" for one in audit.findings)
+    told = [finding for finding in audit.findings if finding.verdict in ("leak", "hazard", "note")]
+    clear = [finding.kind for finding in audit.findings if finding.verdict == "clear"]
+    unchecked = [finding for finding in audit.findings if finding.verdict == "not checked"]
+    leaks = any(finding.verdict == "leak" for finding in audit.findings)
     parts: list[object] = [
         tag("p", audit.verdict, "note leaks" if leaks else "note"),
         tag(
@@ -48,7 +48,7 @@ def audit_part(audit: Audit) -> Html:
                     "by chance",
                     "what was found, and what to do",
                 ],
-                [_row(one) for one in told],
+                [_row(finding) for finding in told],
                 kind="findings",
             )
         )
@@ -56,23 +56,28 @@ def audit_part(audit: Audit) -> Html:
         parts.append(tag("p", tag("small", " ".join(each))))
     if clear:
         parts.append(tag("p", f"Looked for and not found: {', '.join(clear)}."))
-    few = [one for one in audit.findings if one.verdict == "too few"]
-    parts += [tag("p", f"Could not be decided, {one.kind}: {one.said}", "quiet") for one in few]
-    parts += [tag("p", f"Not checked, {one.kind}: {one.said}", "quiet") for one in unchecked]
+    few = [finding for finding in audit.findings if finding.verdict == "too few"]
+    parts += [
+        tag("p", f"Could not be decided, {finding.kind}: {finding.said}", "quiet")
+        for finding in few
+    ]
+    parts += [
+        tag("p", f"Not checked, {finding.kind}: {finding.said}", "quiet") for finding in unchecked
+    ]
     parts += [tag("p", note, "quiet") for note in audit.notes]
     return join(parts)
 
 
-def _row(one: Finding) -> list[object]:
-    said = join([one.said, f" To mend: {one.mend}." if one.mend else ""])
-    examples = tag("small", f" ({'; '.join(one.examples)})") if one.examples else ""
-    shown = Html(f'<span class="{_KIND[one.verdict]}" title="{MEANING[one.verdict]}">')
+def _row(finding: Finding) -> list[object]:
+    said = join([finding.said, f" To mend: {finding.mend}." if finding.mend else ""])
+    examples = tag("small", f" ({'; '.join(finding.examples)})") if finding.examples else ""
+    shown = Html(f'<span class="{_KIND[finding.verdict]}" title="{MEANING[finding.verdict]}">')
     return [
-        join([shown, one.verdict, Html("</span>")]),
-        one.kind,
-        percent(one.alone),
-        percent(one.majority),
-        chance(one),
+        join([shown, finding.verdict, Html("</span>")]),
+        finding.kind,
+        percent(finding.alone),
+        percent(finding.majority),
+        chance(finding),
         join([Html('<span class="said">'), said, examples, Html("</span>")]),
     ]
 
@@ -90,8 +95,8 @@ def read_audit(data: Any, name: str) -> Audit:
     try:
         known = {field.name for field in fields(Audit)} & set(data)
         own = {key: data[key] for key in known - {"findings"}}
-        findings = tuple(_finding(one) for one in data["findings"])
-        if not all(one.verdict in MEANING for one in findings):
+        findings = tuple(_finding(entry) for entry in data["findings"])
+        if not all(finding.verdict in MEANING for finding in findings):
             raise ValueError("an unknown verdict")
         found = Audit(**own | {"findings": findings, "notes": tuple(data.get("notes", ()))})
         audit_part(found)  # a value of another kind shows here
@@ -103,7 +108,7 @@ def read_audit(data: Any, name: str) -> Audit:
     return found
 
 
-def _finding(one: dict[str, Any]) -> Finding:
-    inside = {field.name for field in fields(Finding)} & set(one)
-    own: dict[str, Any] = {key: one[key] for key in inside}
-    return Finding(**own | {"examples": tuple(one.get("examples", ()))})
+def _finding(entry: dict[str, Any]) -> Finding:
+    inside = {field.name for field in fields(Finding)} & set(entry)
+    own: dict[str, Any] = {key: entry[key] for key in inside}
+    return Finding(**own | {"examples": tuple(entry.get("examples", ()))})

@@ -26,7 +26,9 @@ def curves_part(curves: Sequence[Curve], ink: str = "var(--c0)") -> Html:
         curves: One a fold, each with more than one epoch.
         ink: Colour of what was learned from.
     """
-    watched = [one for one in curves if any(e.validation_loss is not None for e in one.epochs)]
+    watched = [
+        curve for curve in curves if any(e.validation_loss is not None for e in curve.epochs)
+    ]
     if not watched:
         chart = _chart(curves, [("loss", lambda e: e.loss, ink)], "loss, nats", None)
         return figure(chart, "Training only: nothing was held out.")
@@ -59,17 +61,17 @@ def curves_part(curves: Sequence[Curve], ink: str = "var(--c0)") -> Html:
 
 def _gap_words(curves: Sequence[Curve]) -> str:
     """Return the mean gap in words."""
-    gaps = np.array([one.gap for one in curves])
+    gaps = np.array([curve.gap for curve in curves])
     loss, points = np.nanmean(gaps, axis=0) if np.isfinite(gaps).any() else (math.nan, math.nan)
     return f"Gap after the last epoch: {number(loss, 3)} nats, {100 * points:.1f} points."
 
 
 def _gaps(curves: Sequence[Curve]) -> Html:
     rows: list[list[object]] = []
-    for one in curves:
-        last, (_, points) = one.epochs[-1], one.gap
+    for curve in curves:
+        last, (_, points) = curve.epochs[-1], curve.gap
         rows.append([
-            one.name, str(len(one.epochs)), number(last.training_loss, 3),
+            curve.name, str(len(curve.epochs)), number(last.training_loss, 3),
             number(last.validation_loss, 3), percent(last.training_accuracy),
             percent(last.validation_accuracy), f"{100 * points:+.1f}",
         ])  # fmt: skip
@@ -84,7 +86,7 @@ def _chart(
     label: str,
     most: float | None,
 ) -> Html:
-    count = max(len(one.epochs) for one in curves)
+    count = max(len(curve.epochs) for curve in curves)
     lines = [_line(curves, name, value, ink) for name, value, ink in sides]
     seen = [v for line in lines for v in (*line.y, *line.high) if math.isfinite(v)]
     top = most if most is not None else 1.05 * max([1e-3, *seen])
@@ -99,10 +101,10 @@ def _chart(
 
 def _line(curves: Sequence[Curve], name: str, value: _Value, ink: str) -> Line:
     """Return the mean over trainings at each epoch, with the least and the most."""
-    epochs = sorted({epoch.number for one in curves for epoch in one.epochs})
+    epochs = sorted({epoch.number for curve in curves for epoch in curve.epochs})
     found: dict[int, list[float]] = {at: [] for at in epochs}
-    for one in curves:
-        for epoch in one.epochs:
+    for curve in curves:
+        for epoch in curve.epochs:
             here = value(epoch)
             if here is not None and math.isfinite(here):
                 found[epoch.number].append(here)

@@ -43,13 +43,13 @@ def card_of_recordings(card: DataCard, run: Run | None) -> Html:
                 ["nuisance", "least", "median", "most", "each recording"],
                 [
                     [
-                        one.name,
-                        f"{min(one.values):g}",
-                        f"{np.median(one.values):g}",
-                        f"{max(one.values):g}",
-                        strip(one.values),
+                        nuisance.name,
+                        f"{min(nuisance.values):g}",
+                        f"{np.median(nuisance.values):g}",
+                        f"{max(nuisance.values):g}",
+                        strip(nuisance.values),
                     ]
-                    for one in card.nuisances
+                    for nuisance in card.nuisances
                 ],
             ),
         ]
@@ -122,7 +122,7 @@ def _sides(found: Predictions, name: str) -> Html:
     columns = sorted(set(values.tolist()), key=_natural)
     names = [_tail(column, columns) for column in columns]
     kind = "tall" if max(map(len, names)) > _LONG else ""
-    head = join([tag("th", one, kind) for one in names])
+    head = join([tag("th", name, kind) for name in names])
     rows = []
     for index, fold in enumerate(found.folds):
         tested = np.bincount(found.trial[found.fold == index], minlength=len(found.trials))
@@ -189,7 +189,7 @@ def _counts(counts: dict[str, int]) -> str:
 def _tail(name: str, names: list[str]) -> str:
     """Return a name without what all names begin with, up to a mark such as "-"."""
     head = names[0]
-    while head and not all(one.startswith(head) for one in names):
+    while head and not all(name.startswith(head) for name in names):
         head = head[:-1]
     cut = max(head.rfind(mark) for mark in "-_/ ") + 1
     return name[cut:] or name

@@ -52,12 +52,12 @@ def latency_part(latencies: Mapping[str, NetworkLatency], thesis: bool) -> Html:
     rows: list[list[object]] = [
         [
             name,
-            f"{1000 * one.median_ms:,.0f}",
-            f"{1000 * one.p95_ms:,.0f}",
-            f"{1000 * one.p99_ms:,.0f}",
-            f"{one.kilobytes:,.0f}",
+            f"{1000 * latency.median_ms:,.0f}",
+            f"{1000 * latency.p95_ms:,.0f}",
+            f"{1000 * latency.p99_ms:,.0f}",
+            f"{latency.kilobytes:,.0f}",
         ]
-        for name, one in latencies.items()
+        for name, latency in latencies.items()
     ]
     quiet = []
     if thesis:
@@ -134,7 +134,7 @@ def _fault_chart(fault: str, own: list[SweepPoint], unchanged: list[SweepPoint])
     lowest, highest = levels[0], levels[-1]
     if lowest == highest:
         lowest, highest = lowest - 1, highest + 1
-    lines = [_unchanged(one, own, (lowest, highest)) for one in unchanged]
+    lines = [_unchanged(name, own, (lowest, highest)) for name in unchanged]
     if any(math.isfinite(point.answered) for point in own):
         lines.append(
             Line(name="answered", x=levels, y=[point.answered for point in own], colour=colour(2))
@@ -167,9 +167,9 @@ def _fault_chart(fault: str, own: list[SweepPoint], unchanged: list[SweepPoint])
 def _unchanged(clean: SweepPoint, own: list[SweepPoint], ends: tuple[float, float]) -> Line:
     """Return what is told without a fault, of the windows that are left with it."""
     x, y = list(ends), [clean.accuracy] * 2
-    if any(math.isfinite(one.base) for one in own):
-        x = [one.level for one in own]
-        y = [one.base if math.isfinite(one.base) else clean.accuracy for one in own]
+    if any(math.isfinite(point.base) for point in own):
+        x = [point.level for point in own]
+        y = [point.base if math.isfinite(point.base) else clean.accuracy for point in own]
     return Line(name="unchanged", x=x, y=y, colour="var(--grey)")
 
 
@@ -179,19 +179,21 @@ def environment_part(made: Mapping[str, Made]) -> Html:
     Args:
         made: Run, or "this page" → how it was made.
     """
-    names = list(dict.fromkeys(name for one in made.values() for name in one.environment))
+    names = list(dict.fromkeys(name for facts in made.values() for name in facts.environment))
     first, *others = made.items()
-    alike = all(one.environment == first[1].environment for _, one in others)
+    alike = all(other.environment == first[1].environment for _, other in others)
     shown = dict([first]) if alike else dict(made)
-    rows = [[name, *(one.environment.get(name, "–") for one in shown.values())] for name in names]
+    rows = [
+        [name, *(facts.environment.get(name, "–") for facts in shown.values())] for name in names
+    ]
     commands = [
         join(
             [
-                tag("p", f"{name}, {one.created}:" if one.created else f"{name}:"),
-                tag("pre", one.command or "made from Python, not by a command"),
+                tag("p", f"{name}, {facts.created}:" if facts.created else f"{name}:"),
+                tag("pre", facts.command or "made from Python, not by a command"),
             ]
         )
-        for name, one in made.items()
+        for name, facts in made.items()
     ]
     head = [] if alike else ["", *shown]
     return join([*commands, table(head, rows, kind="words")])

@@ -208,8 +208,8 @@ def key(entries: Sequence[tuple[str, object]]) -> Html:
         "small",
         join(
             [
-                join([Html(f'<span class="key" style="background:{one}"></span>'), what])
-                for one, what in entries
+                join([Html(f'<span class="key" style="background:{entry}"></span>'), what])
+                for entry, what in entries
             ]
         ),
     )

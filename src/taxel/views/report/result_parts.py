@@ -163,8 +163,12 @@ def each_run(name: str, run: Run, own: RunScores, ink: str) -> Html:
     """Return one run's confusion, reliability, groups and learning curve, in its colour."""
     assert run.predictions is not None
     intervals = [
-        [key, str(one.groups), band(one.low, one.high) if one.groups > 2 else "too few to say"]
-        for key, one in own.intervals.items()
+        [
+            key,
+            str(interval.groups),
+            band(interval.low, interval.high) if interval.groups > 2 else "too few to say",
+        ]
+        for key, interval in own.intervals.items()
     ]
     parts: list[object] = [
         figure(matrix(run.predictions.classes, own.scores.confusion), "All test windows.", "free"),
@@ -220,15 +224,15 @@ def _metric(own: RunScores, name: str) -> float:
 
 
 def _main_interval(own: RunScores) -> tuple[float, float]:
-    one = own.intervals[own.group]
-    return one.low, one.high
+    interval = own.intervals[own.group]
+    return interval.low, interval.high
 
 
 def _reliability(own: RunScores, ink: str) -> Html:
     line = Line(
         name="reliability",
-        x=[one.confidence for one in own.reliability],
-        y=[one.accuracy for one in own.reliability],
+        x=[bin_.confidence for bin_ in own.reliability],
+        y=[bin_.accuracy for bin_ in own.reliability],
         colour=ink,
     )
     axes = (
@@ -239,8 +243,8 @@ def _reliability(own: RunScores, ink: str) -> Html:
 
 
 def _trust(own: RunScores) -> str:
-    windows = sum(one.windows for one in own.reliability)
-    says = sum(one.confidence * one.windows for one in own.reliability) / windows
+    windows = sum(bin_.windows for bin_ in own.reliability)
+    says = sum(bin_.confidence * bin_.windows for bin_ in own.reliability) / windows
     off = says - own.scores.accuracy
     kind = (
         "too sure"

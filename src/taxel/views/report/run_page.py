@@ -108,16 +108,19 @@ def _tiles(page: RunPage, judged: Mapping[str, RunScores]) -> Html:
         for name, own in judged.items()
     ]
     figures += [
-        (percent(one.now.change.after["all"]), f"{name}, version {one.now.number}, when adapted")
-        for name, one in page.adapted.items()
-        if name not in judged and "all" in one.now.change.after
+        (
+            percent(result.now.change.after["all"]),
+            f"{name}, version {result.now.number}, when adapted",
+        )
+        for name, result in page.adapted.items()
+        if name not in judged and "all" in result.now.change.after
     ]
     best = [max(run.trivial.values()) for run in page.runs.values() if run.trivial]
     if best:
         figures.append((percent(max(best)), "best trivial baseline"))
     figures += [
-        (f"{1000 * one.median_ms:,.0f} µs", f"{name}, one window")
-        for name, one in page.latencies.items()
+        (f"{1000 * latency.median_ms:,.0f} µs", f"{name}, one window")
+        for name, latency in page.latencies.items()
     ]
     return tiles(figures) if figures else Html("")
 
@@ -148,9 +151,12 @@ def _sections(page: RunPage, judged: Mapping[str, RunScores]) -> list[tuple[str,
                 join(
                     [
                         join(
-                            [tag("h3", split_name(one.split)) if one.split else "", audit_part(one)]
+                            [
+                                tag("h3", split_name(audit.split)) if audit.split else "",
+                                audit_part(audit),
+                            ]
                         )
-                        for one in page.audits
+                        for audit in page.audits
                     ]
                 ),
             )
@@ -160,8 +166,8 @@ def _sections(page: RunPage, judged: Mapping[str, RunScores]) -> list[tuple[str,
         inside.append(published_beside({n: r for n, r in page.runs.items() if n in judged}, judged))
         parts.append(("results", "Results", join(inside)))
     if page.adapted:
-        told = [join([tag("h3", name) if len(page.runs) > 1 else "", versions_part(one)])
-                for name, one in page.adapted.items()]  # fmt: skip
+        told = [join([tag("h3", name) if len(page.runs) > 1 else "", versions_part(result)])
+                for name, result in page.adapted.items()]  # fmt: skip
         parts.append(("versions", "Versions", join(told)))
     pairs = _pairs(alike)
     if pairs:
@@ -203,9 +209,9 @@ def _pairs(alike: Sequence[Mapping[str, Run]]) -> list[Html]:
     """Return each two runs compared; runs that were not tested alike are said to be so."""
     parts = []
     for own in alike:
-        for (first, one), (second, other) in combinations(own.items(), 2):
+        for (first, scored), (second, other) in combinations(own.items(), 2):
             try:
-                parts.append(comparison(compare_runs(one, other), first, second))
+                parts.append(comparison(compare_runs(scored, other), first, second))
             except BadInput as error:
                 parts.append(tag("p", f"{second} against {first}: {error}", "note"))
     return parts

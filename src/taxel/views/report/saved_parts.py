@@ -54,12 +54,12 @@ def saved_part(data: Any, name: str) -> tuple[str, Html]:
             return f"Accuracy against amount of data: {data['target']}", amounts_part(data)
         if isinstance(data, dict) and "curves" in data:
             curves = curves_from_json(data["curves"])
-            held = [one for one in curves if math.isfinite(one.gap[0])]
+            held = [curve for curve in curves if math.isfinite(curve.gap[0])]
             return f"Training: {Path(str(data['bundle'])).name}", curves_part(held or curves)
         if isinstance(data, list) and data and {"events", "windows", "by"} <= set(data[0]):
             return "Warnings on unseen cups", _warnings(data)
         if isinstance(data, list) and data and {"columns", "preset"} <= set(data[0]):
-            return "Table 4.1 of the TENG hand", join([_teng(one) for one in data])
+            return "Table 4.1 of the TENG hand", join([_teng(entry) for entry in data])
     except (KeyError, TypeError, AttributeError, ValueError) as error:
         raise BadInput(
             f"a whole result in {name}", "one that lacks parts", "write it again with --json"
@@ -105,12 +105,12 @@ def _transitions(data: Row) -> Html:
             ["sees only", "one cup out", "every cup", "balanced"],
             [
                 [
-                    one["name"],
-                    _scores(one["single"]),
-                    _scores(one["every_cup"]),
-                    percent(one["every_cup"]["balanced"]),
+                    baseline["name"],
+                    _scores(baseline["single"]),
+                    _scores(baseline["every_cup"]),
+                    percent(baseline["every_cup"]["balanced"]),
                 ]
-                for one in data["baselines"]
+                for baseline in data["baselines"]
             ],
         ),
     ]
@@ -183,8 +183,8 @@ def _by_frames(rows: Sequence[Row]) -> Html:
 
 
 def _warnings(rows: Sequence[Row]) -> Html:
-    cells = [[one["name"], percent(one["windows"]["balanced"]), number(one["windows"]["auc"], 3),
-              *_events(one["events"])] for one in rows]  # fmt: skip
+    cells = [[row["name"], percent(row["windows"]["balanced"]), number(row["windows"]["auc"], 3),
+              *_events(row["events"])] for row in rows]  # fmt: skip
     head = ["monitor", "balanced", "AUC", "lead, s: median [95 %]", "p5 … p95", "missed",
             "false alarms/min [95 %]", "early"]  # fmt: skip
     parts: list[object] = [
@@ -235,7 +235,7 @@ def _trials(data: Row) -> Html:
             ),
             table(
                 list(rows[0]),
-                [[one if i == 0 else number(one, 3) for i, one in enumerate(row.values())]
+                [[value if i == 0 else number(value, 3) for i, value in enumerate(row.values())]
                  for row in rows],
             ),
         ]
@@ -278,8 +278,8 @@ def _teng(section: Row) -> Html:
     )
 
 
-def _scores(one: Row) -> str:
-    return f"{100 * one['accuracy']:.1f} {band(*one['interval'])}"
+def _scores(row: Row) -> str:
+    return f"{100 * row['accuracy']:.1f} {band(*row['interval'])}"
 
 
 def _of_hundred(value: float | None) -> str:

@@ -29,20 +29,20 @@ class Adapted:
 def versions_part(adapted: Adapted) -> Html:
     """Return all versions, oldest first, with accuracies before and after."""
     history = adapted.history
-    numbers = {one.digest: one.number for one in reversed(history.versions)}
+    numbers = {version.digest: version.number for version in reversed(history.versions)}
     rows: list[list[object]] = [
         [
-            f"{one.number}, in use" if one.number == history.current else str(one.number),
-            one.made[:16].replace("T", " ") or "–",
-            numbers.get(one.parent, "–"),
+            f"{version.number}" + (", in use" if version.number == history.current else ""),
+            version.made[:16].replace("T", " ") or "–",
+            numbers.get(version.parent, "–"),
             join(
                 [join([split_name(split), f": {percent(value)}"])
-                 for split, value in adapted.accuracy.get(one.number, {}).items()], "; ",
+                 for split, value in adapted.accuracy.get(version.number, {}).items()], "; ",
             ) or "–",
-            _points(one.change, "all") or "–",
-            join([Html('<span class="said">'), _said(one.change), Html("</span>")]),
+            _points(version.change, "all") or "–",
+            join([Html('<span class="said">'), _said(version.change), Html("</span>")]),
         ]
-        for one in history.versions
+        for version in history.versions
     ]  # fmt: skip
     return join(
         [
