@@ -30,7 +30,7 @@ def main() -> None:
         for what in ("as it was trained", "after three touches"):
             bundle = read_bundle(place / "hand.taxel")
             found = bundle.probabilities(plain.windows.values, plain.windows.mask).argmax(axis=1)
-            print(f"{what}: {(found == wanted).mean():.3f} of today's windows told right")
+            print(f"{what}: {(found == wanted).mean():.3f} of today's windows predicted correctly")
             level = measure_level(place / "today", bundle.contract, count=3).level
             write_whole(place / "hand.taxel", bundle_at_level(place / "hand.taxel", level)[1])
 

@@ -60,7 +60,7 @@ def without_controls(text: str) -> str:
     """Return text of several lines without a character that a terminal would obey.
 
     A safety net for what has been laid out already: line breaks stay, and it may be applied
-    twice. `visible` is what tells two names apart.
+    twice. `visible` keeps two names apart.
     """
     if text.isprintable():
         return text

@@ -10,7 +10,7 @@ import pytest
 from taxel.bundles.contract import Contract, contract_from_json, contract_to_json
 from taxel.bundles.reader import read_bundle
 from taxel.bundles.writer import Classifier, write_bundle
-from taxel.decisions.unknown import Density, Strangeness, Unknown
+from taxel.decisions.unknown import Density, NoveltyTest, Unknown
 from taxel.errors import BadBundle
 from taxel.models.cnn2d import Cnn2d
 from taxel.signals import SensorInfo
@@ -154,12 +154,12 @@ def test_a_bundle_carries_the_test_for_the_unknown(tmp_path: Path) -> None:
     bundle = read_bundle(tmp_path / "a.taxel")
 
     found, strange = bundle.recognise(VALUES[:1], MASK[:1])
-    assert bundle.strangeness is not None
-    assert strange == Strangeness(unknown()).of_window(made.scaling.apply(VALUES[:1], MASK[:1])[0])
+    assert bundle.novelty_test is not None
+    assert strange == NoveltyTest(unknown()).of_window(made.scaling.apply(VALUES[:1], MASK[:1])[0])
     np.testing.assert_array_equal(found, bundle.probabilities(VALUES[:1], MASK[:1])[0])
 
 
-def test_a_window_without_a_measured_row_has_no_strangeness(tmp_path: Path) -> None:
+def test_a_window_without_a_measured_row_has_no_novelty_score(tmp_path: Path) -> None:
     networks = (new_network(lambda: Cnn2d(12, 12, 3), 0),)
     path = tmp_path / "a.taxel"
     write_bundle(path, networks, replace(contract(), unknown=unknown()), VALUES, MASK)
@@ -173,7 +173,7 @@ def test_a_window_without_a_measured_row_has_no_strangeness(tmp_path: Path) -> N
 def test_a_bundle_without_the_test_says_so(path: Path) -> None:
     bundle = read_bundle(path)
 
-    assert bundle.strangeness is None
+    assert bundle.novelty_test is None
     assert bundle.recognise(VALUES[:1], MASK[:1])[1] is None
 
 

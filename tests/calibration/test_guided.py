@@ -7,7 +7,7 @@ from typing import Self
 
 import pytest
 
-from taxel.calibration.guided import find_press, record_presses, wishes
+from taxel.calibration.guided import asked_presses, find_press, record_presses
 from taxel.clock import SystemClock
 from taxel.errors import BadSource
 from taxel.recordings.reader import read_recording
@@ -90,7 +90,7 @@ class Hands:
 def test_presses_are_marked_where_they_were(tmp_path: Path) -> None:
     source = GaugeSource()
     hands = Hands(source, ["", "0.93", "much", "nothing", "", "s", "q"])
-    asked = wishes([0, 4], [0.5, 1.0], rounds=1)
+    asked = asked_presses([0, 4], [0.5, 1.0], rounds=1)
 
     made = record_presses(
         source, tmp_path / "raw.mcap", asked, hands.ask, hands.said.append, SystemClock()
@@ -125,7 +125,7 @@ def test_the_end_of_the_input_ends_as_q_does_and_keeps_what_was_pressed(tmp_path
             raise EOFError
         return hands.ask(question)
 
-    asked = wishes([0], [0.5, 1.0], rounds=2)
+    asked = asked_presses([0], [0.5, 1.0], rounds=2)
     made = record_presses(
         source, tmp_path / "raw.mcap", asked, ask, hands.said.append, SystemClock()
     )
@@ -144,7 +144,12 @@ def test_a_source_that_ends_while_someone_types_is_told(tmp_path: Path) -> None:
 
     with pytest.raises(BadSource, match="its end"):
         record_presses(
-            source, tmp_path / "raw.mcap", wishes([0], [1.0], 1), ask, lambda _: None, SystemClock()
+            source,
+            tmp_path / "raw.mcap",
+            asked_presses([0], [1.0], 1),
+            ask,
+            lambda _: None,
+            SystemClock(),
         )
 
 
@@ -160,7 +165,7 @@ def test_a_press_that_had_begun_before_the_question_is_not_taken() -> None:
 
 
 def test_every_sensor_is_pressed_up_and_down_in_every_round() -> None:
-    forces = [(w.channel, w.force_n, w.rising, w.round) for w in wishes([3], [2.0, 1.0], 2)]
+    forces = [(w.channel, w.force_n, w.rising, w.round) for w in asked_presses([3], [2.0, 1.0], 2)]
 
     assert forces == [
         (3, 1.0, True, 1), (3, 2.0, True, 1), (3, 2.0, False, 1), (3, 1.0, False, 1),

@@ -8,7 +8,7 @@ import pytest
 
 from taxel.cli.audit import Audit
 from taxel.errors import BadInput, TaxelError
-from taxel.evaluation.audit import telling
+from taxel.evaluation.audit import evidence
 from taxel.sim.teng_hand import TengHandConfig
 from taxel.sources.data_sets import write_sessions
 
@@ -24,7 +24,7 @@ def hand(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(autouse=True)
 def _few_trees(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(telling, "TREES", 4)
+    monkeypatch.setattr(evidence, "TREES", 4)
 
 
 def test_a_random_split_is_called_a_leak_first(

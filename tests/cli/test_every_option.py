@@ -241,9 +241,9 @@ def test_no_help_speaks_of_another_verb(
         tyro.cli(load_verb(door), prog=f"taxel {door}", args=["--help"])
     text = " ".join(re.sub("[│╭╮╰╯─]", " ", capsys.readouterr().out).split())
     own = set(door.split())
-    telling = {*KINDS["reproduce"], *(verb for verb in VERBS if "-" in verb)} - own
+    others = {*KINDS["reproduce"], *(verb for verb in VERBS if "-" in verb)} - own
     named = set(re.findall(r"taxel ([a-z][a-z-]+)", text)) & set(VERBS) - own
-    named |= {word for word in telling if re.search(rf"(?<![\w-]){word}(?![\w-])", text)}
+    named |= {word for word in others if re.search(rf"(?<![\w-]){word}(?![\w-])", text)}
 
     assert named == set()
 

@@ -17,7 +17,7 @@ from taxel.decisions.recognition import (
 )
 from taxel.decisions.unknown import (
     Density,
-    Strangeness,
+    NoveltyTest,
     Summary,
     Unknown,
     p_value,
@@ -28,7 +28,7 @@ from taxel.decisions.unknown import (
 
 CLASSES = ("a", "b")
 KNOWN = np.arange(1.0, 100.0)
-"""Strangeness of 99 known windows: p falls by a hundredth from one to the next."""
+"""Novelty scores of 99 known windows: p falls by a hundredth from one to the next."""
 
 
 def level_only(rejected: float = 0.05, labels: tuple[str, ...] = ("shape",)) -> Unknown:
@@ -93,8 +93,8 @@ def test_padding_counts_for_nothing():
 
 
 @pytest.mark.parametrize("level", [-3.0, 0.0, 1.7, 4.0, 9.0])
-def test_strangeness_is_minus_the_logarithm_of_the_mixtures_density(level: float):
-    (found,) = Strangeness(level_only()).of_window(window(level))
+def test_the_novelty_score_is_minus_the_logarithm_of_the_mixtures_density(level: float):
+    (found,) = NoveltyTest(level_only()).of_window(window(level))
     mixture = 0.5 * np.exp(-0.5 * level**2) + 0.5 * np.exp(-0.5 * (level - 4.0) ** 2)
     assert found == pytest.approx(-np.log(mixture), abs=1e-5)
 
@@ -117,13 +117,13 @@ def test_at_most_the_promised_share_of_exchangeable_touch_is_rejected():
 
 def test_several_labels_share_the_promise():
     """Twice the least p of two labels: either alone must be twice as rare."""
-    one, two = Strangeness(level_only()), Strangeness(level_only(labels=("shape", "material")))
+    one, two = NoveltyTest(level_only()), NoveltyTest(level_only(labels=("shape", "material")))
     assert one.p_window([96.5]) == pytest.approx(0.04)
     assert two.p_window([96.5, 1.0]) == pytest.approx(0.08)
 
 
 def test_a_contact_is_measured_against_contacts_of_at_most_as_many_windows():
-    test = Strangeness(level_only())
+    test = NoveltyTest(level_only())
     assert test.p_contact([9.55], 1) == pytest.approx(0.91)
     assert test.p_contact([9.55], 3) == pytest.approx(0.91)
     assert test.p_contact([9.55], 4) == pytest.approx(0.05)
@@ -131,7 +131,7 @@ def test_a_contact_is_measured_against_contacts_of_at_most_as_many_windows():
 
 
 def told(level: float, usable: float = 1.0) -> Decision:
-    test = Strangeness(level_only())
+    test = NoveltyTest(level_only())
     return decide(
         np.array([0.1, 0.9], np.float32), Quality(usable), CLASSES, RecogniseConfig(),
         test.of_window(window(level)), test,
@@ -146,19 +146,19 @@ def test_a_sure_answer_to_something_unlike_anything_learned_is_unknown():
     assert far.confidence == pytest.approx(0.9)
 
 
-def test_unusable_input_is_named_before_its_strangeness_and_is_not_counted():
+def test_unusable_input_is_named_before_its_novelty_score_and_is_not_counted():
     bad = told(40.0, usable=0.5)
     assert "missing" in bad.reason
-    assert bad.strangeness is None
+    assert bad.novelty is None
 
 
-def decision(label: str, start: float, strangeness: list[float] | None) -> Decision:
+def decision(label: str, start: float, novelty: list[float] | None) -> Decision:
     p = np.array([0.9, 0.1], np.float32)
-    return Decision(label, 0.9, p, "", start, start + 0.1, strangeness)
+    return Decision(label, 0.9, p, "", start, start + 0.1, novelty)
 
 
 def test_a_contact_that_is_strange_on_the_whole_is_unknown_and_the_next_begins_anew():
-    vote = GraspVote(CLASSES, 0.5, Strangeness(level_only()))
+    vote = GraspVote(CLASSES, 0.5, NoveltyTest(level_only()))
     assert vote.add(decision("a", 0.0, [1.0]))[0] == "a"
     for number in range(1, 4):
         label, confidence = vote.add(decision("a", 0.2 * number, [40.0]))
@@ -170,14 +170,14 @@ def test_a_contact_that_is_strange_on_the_whole_is_unknown_and_the_next_begins_a
 
 
 def test_windows_that_could_not_be_used_leave_the_contact_as_it_is():
-    vote = GraspVote(CLASSES, 0.5, Strangeness(level_only()))
+    vote = GraspVote(CLASSES, 0.5, NoveltyTest(level_only()))
     assert vote.add(decision("a", 0.0, [1.0]))[0] == "a"
     assert vote.add(decision(UNKNOWN, 0.2, None))[0] == "a"
     assert vote.p_known == 1.0
 
 
 def test_a_contact_of_which_no_window_was_tested_is_unknown():
-    vote = GraspVote(CLASSES, 0.5, Strangeness(level_only()))
+    vote = GraspVote(CLASSES, 0.5, NoveltyTest(level_only()))
     assert vote.add(decision("a", 0.0, None))[0] == UNKNOWN
     assert np.isnan(vote.p_known)
 
@@ -187,23 +187,23 @@ NO_NUMBER = [float("nan"), float("inf"), -float("inf")]
 
 def test_nan_is_as_strange_as_can_be():
     assert p_value(KNOWN.tolist(), float("nan")) == 0.0
-    test = Strangeness(level_only(labels=("shape", "material")))
+    test = NoveltyTest(level_only(labels=("shape", "material")))
     assert test.p_window([1.0, float("nan")]) == 0.0
     assert test.p_contact([float("nan"), 1.0], 3) == 0.0
 
 
 @pytest.mark.parametrize("strange", [None, *([value] for value in NO_NUMBER)])
-def test_a_window_whose_strangeness_is_no_number_is_unknown(strange: list[float] | None):
+def test_a_window_whose_novelty_score_is_no_number_is_unknown(strange: list[float] | None):
     found = decide(
         np.array([0.1, 0.9], np.float32), Quality(), CLASSES, RecogniseConfig(),
-        strange, Strangeness(level_only()),
+        strange, NoveltyTest(level_only()),
     )  # fmt: skip
     assert (found.label, found.reason) == (UNKNOWN, UNMEASURED)
 
 
 @pytest.mark.parametrize("value", [1e25, 3e38, -3e38, np.nan, np.inf])
 def test_values_too_large_for_32_bits_are_unknown(value: float):
-    test = Strangeness(level_only())
+    test = NoveltyTest(level_only())
     rows = np.full((6, 1), value, np.float32)
     rows[::2] = 0.0
     found = decide(
@@ -215,7 +215,7 @@ def test_values_too_large_for_32_bits_are_unknown(value: float):
 
 @pytest.mark.parametrize("strange", NO_NUMBER)
 def test_a_window_that_is_no_number_lowers_the_contacts_p_and_is_outgrown(strange: float):
-    vote = GraspVote(CLASSES, 0.5, Strangeness(level_only()))
+    vote = GraspVote(CLASSES, 0.5, NoveltyTest(level_only()))
     assert vote.add(decision(UNKNOWN, 0.0, [strange]))[0] == UNKNOWN
     assert vote.p_known == 0.0
     found = [vote.add(decision("a", 0.2 * number, [1.0]))[0] for number in range(1, 10)]
@@ -226,7 +226,7 @@ def test_a_window_that_is_no_number_lowers_the_contacts_p_and_is_outgrown(strang
 def test_what_is_stored_gives_what_was_stored():
     before = level_only(labels=("shape", "material"))
     after = unknown_from_json(json.loads(json.dumps(unknown_to_json(before))))
-    old, new = Strangeness(before), Strangeness(after)
+    old, new = NoveltyTest(before), NoveltyTest(after)
     for level in (-1.0, 2.0, 30.0):
         strange = old.of_window(window(level))
         assert new.of_window(window(level)) == strange
@@ -238,14 +238,14 @@ def test_what_is_stored_gives_what_was_stored():
 def test_a_contact_shorter_than_any_known_one_is_measured_against_the_shortest():
     stored = level_only()
     density = replace(stored.densities[0], contacts={3: KNOWN, 5: KNOWN / 10.0})
-    test = Strangeness(replace(stored, densities=(density,)))
+    test = NoveltyTest(replace(stored, densities=(density,)))
 
     assert test.p_contact([9.55], 1) == pytest.approx(0.91)
 
 
-def test_a_label_for_each_strangeness_is_needed():
+def test_a_label_for_each_novelty_score_is_needed():
     with pytest.raises(ValueError, match="zip"):
-        Strangeness(level_only()).p_contact([1.0, 2.0], 1)
+        NoveltyTest(level_only()).p_contact([1.0, 2.0], 1)
 
 
 def changed(**fields: object) -> dict[str, object]:

@@ -32,7 +32,7 @@ def make_run(
     digest: str = "abc",
     target: str = "shape",
 ) -> Run:
-    """Return a run whose share of windows told right is given for each session."""
+    """Return a run whose share of windows predicted correctly is given for each session."""
     rng = np.random.default_rng(seed)
     trials = tuple(
         Trial(

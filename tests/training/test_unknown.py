@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from taxel.decisions.unknown import Strangeness, Unknown
+from taxel.decisions.unknown import NoveltyTest, Unknown
 from taxel.errors import BadDataset
 from taxel.labels.trials import Trial
 from taxel.signals import SensorInfo
@@ -69,7 +69,7 @@ def scaling(dataset: Dataset) -> Scaling:
 
 def p_values(unknown: Unknown, dataset: Dataset) -> tuple[np.ndarray, np.ndarray]:
     """Return the windows' and the contacts' p-values."""
-    test = Strangeness(unknown)
+    test = NoveltyTest(unknown)
     scaled = scaling(dataset).apply(dataset.windows.values, dataset.windows.mask)
     each = [test.of_window(window) for window in scaled]
     contacts = [
@@ -168,7 +168,7 @@ def test_a_test_that_is_stored_can_fire(target: str, trials: int):
     """Windows and contacts of any number that are strange beyond measure are rejected."""
     dataset = make(sessions=5, trials=trials, windows=2)
     unknown = fit_unknown(dataset, target, scaling(dataset), rejected=0.05)
-    test, far = Strangeness(unknown), [1e9] * len(unknown.densities)
+    test, far = NoveltyTest(unknown), [1e9] * len(unknown.densities)
     assert test.p_window(far) <= test.rejected
     assert all(test.p_contact(far, count) <= test.rejected for count in range(1, 40))
 
@@ -184,4 +184,4 @@ def test_the_least_number_lets_p_reach_the_share_and_one_fewer_does_not(labels: 
 def test_a_small_share_keeps_as_many_scores_as_it_needs():
     dataset = make(sessions=6, trials=200, windows=1)
     unknown = fit_unknown(dataset, "shape", scaling(dataset), rejected=0.0009)
-    assert Strangeness(unknown).p_window([1e9]) <= 0.0009
+    assert NoveltyTest(unknown).p_window([1e9]) <= 0.0009

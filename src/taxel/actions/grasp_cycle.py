@@ -3,7 +3,7 @@
 A state machine that is told the time and what the board says, and answers with what the fingers
 are to do now. The board itself stops a motor at the contact current (protocol/SPEC.md); here is
 found out which fingers it stopped, since a hand that closed on nothing is no grasp. While it
-holds, the fingers press again and again: a TENG pad tells of touch only while it changes.
+holds, the fingers press again and again: a TENG pad senses touch only while it changes.
 Knows nothing about ports, sources or plans.
 """
 

@@ -93,7 +93,7 @@ class HandController:
         self._link.owner_s = self._clock.now_s()
 
     def arm(self) -> None:
-        """Ask the board to allow motion, on behalf of a person; `status().armed` tells when."""
+        """Ask the board to allow motion, on behalf of a person; `status().armed` says when."""
         self._link.arm_wanted = True
 
     def grip(

@@ -60,7 +60,7 @@ class Hand(Protocol):
         ...
 
     def arm(self) -> None:
-        """Ask for motion to be allowed, on behalf of a person; `status().armed` tells when."""
+        """Ask for motion to be allowed, on behalf of a person; `status().armed` says when."""
         ...
 
     def grip(

@@ -152,7 +152,7 @@ class HandLink:
         if owned and now_s - self._beat_s >= config.beat_s:
             self._beat(now_s)
         if not owned and self.arm_wanted:
-            # Whoever asked stood still meanwhile: a wish to arm does not outlive that.
+            # Whoever asked stood still meanwhile: a request to arm does not outlive that.
             self.arm_wanted = False
             self._done("arm")
         if self.arm_wanted and "stop" not in self._since_s:

@@ -364,7 +364,7 @@ class Interlock:
         return Order(kind, self._held_n, self._reason, expires_s)
 
     def _causes(self, now_s: float) -> tuple[str, ...]:
-        """Return what stops at this moment, the most telling first."""
+        """Return what stops at this moment, the most important first."""
         config = self._config
         if not math.isfinite(now_s) or now_s < self._now_s:
             return ("the clock cannot be used",)

@@ -105,7 +105,7 @@ def _recognised_row(name: str, grasps: int, points: list[GraspsPoint]) -> Row:
         f"{full:.3f}; old classes {_mean(p.before for p in points):.3f} alone, "
         f"{_mean(p.old for p in points):.3f} beside it; {points[0].target}, windows"
     )
-    title = f"sim honest, {name} told right after {grasps} grasps, {_SPLIT}"
+    title = f"sim honest, {name} predicted correctly after {grasps} grasps, {_SPLIT}"
     return _plain(title, _mean(p.new for p in points), note)
 
 

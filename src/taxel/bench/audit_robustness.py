@@ -160,7 +160,7 @@ def _train(targets: Sequence[str], robust: bool) -> dict[str, Model]:
 
 
 def _side_by_side(shape: Model, material: Model, both: Model) -> Model:
-    """Return two recognisers as one: the product of what each tells, in the order of `both`."""
+    """Return two recognisers as one: the product of what each predicts, in the order of `both`."""
     names = [
         f"{class_} {two}" for class_ in shape.contract.classes for two in material.contract.classes
     ]

@@ -162,14 +162,14 @@ def _table_rows(sections: Sequence[Mapping[str, Any]], stamp: str) -> list[Row]:
                         unit="of 1", goal="", ok=None, note=best, stamp=stamp))  # fmt: skip
         for model, column in section["columns"].items():
             values = dict(column["rows"]) | {
-                "all sessions told once": column["pooled"]["scores"]["accuracy"]
+                "all sessions tested once": column["pooled"]["scores"]["accuracy"]
             }
             low, high = column["pooled"]["interval"]
             for row, value in values.items():
                 if value is None:
                     continue
                 unit = "ms" if "ms" in row else "nats" if "Loss" in row else "of 1"
-                told = row == "all sessions told once" and low is not None
+                told = row == "all sessions tested once" and low is not None
                 note = f"95 % by session {low:.3f} … {high:.3f}" if told else ""
                 rows.append(Row(name=table_row(*where, model, row), value=value, unit=unit,
                                 goal="", ok=None, note=note, stamp=stamp))  # fmt: skip

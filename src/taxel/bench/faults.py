@@ -237,7 +237,7 @@ def full_disk_rows() -> list[Row]:
             f"after {alarmed_s - began_s:.1f} s at {size / 1e6:.1f} MB; still watching: {watched}"),
         row("disk full: recorded time that recover cannot save",
             max(0.0, alarmed_s - began_s - kept_s), "s", "<=", 0.5,
-            f"{kept_s:.2f} s saved; the recorder tells within 0.2 s"),
+            f"{kept_s:.2f} s saved; the recorder says so within 0.2 s"),
     ]  # fmt: skip
 
 

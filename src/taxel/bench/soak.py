@@ -165,8 +165,8 @@ def _file_rows(path: Path, recording: dict[str, Any], how_long: str) -> list[Row
             0.0, f"{scans} in it"),
         row(f"{how_long}: images missing in the file by the cameras' own counts", frame_holes,
             "images", "<=", 0.0, f"{frames[0]} and {frames[1]} frames in it"),
-        row(f"{how_long}: told as recorded and not read back", off, "scans and frames", "<=", 0.0,
-            str(recording.get("error") or "no error")),
+        row(f"{how_long}: reported as recorded and not read back", off, "scans and frames",
+            "<=", 0.0, str(recording.get("error") or "no error")),
     ]  # fmt: skip
 
 

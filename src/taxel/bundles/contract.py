@@ -38,7 +38,7 @@ class Contract:
     """What a bundle needs and gives."""
 
     target: str
-    """What it tells, such as "shape"."""
+    """The label it predicts, such as "shape"."""
     classes: tuple[str, ...]
     """Its answers, in the order of its probabilities."""
     window: WindowConfig

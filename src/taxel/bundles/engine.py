@@ -1,6 +1,6 @@
 """Run an ONNX model: ONNX Runtime by default, OpenVINO where installed.
 
-Knows nothing about what the model tells.
+Knows nothing about what the model predicts.
 """
 
 from __future__ import annotations

@@ -18,7 +18,7 @@ from taxel.bundles.envelope import from_npy, unpack
 from taxel.bundles.model_check import check_model
 from taxel.bundles.model_trial import Trial, try_models
 from taxel.bundles.signing import Trust
-from taxel.decisions.unknown import Strangeness
+from taxel.decisions.unknown import NoveltyTest
 from taxel.errors import BadBundle
 from taxel.models.devices import CPU
 from taxel.models.onnx_session import open_session
@@ -49,7 +49,7 @@ class Bundle:
         self.contract = contract
         self._session = open_session(model, threads, device)
         self._inputs = {entry.name for entry in self._session.get_inputs()}
-        self.strangeness = Strangeness(contract.unknown) if contract.unknown is not None else None
+        self.novelty_test = NoveltyTest(contract.unknown) if contract.unknown is not None else None
         """The test for touch that is unlike all that was learned; None where there is none."""
 
     def probabilities(
@@ -73,16 +73,16 @@ class Bundle:
             mask: Shape (1, steps).
 
         Returns:
-            Probabilities, shape (classes,), and strangeness as `Strangeness.of_window` gives
+            Probabilities, shape (classes,), and novelty scores as `NoveltyTest.of_window` gives
             it; None where the bundle has no such test or gave NaN, or no row was measured:
             with a test, None means UNKNOWN.
         """
         scaled = self.contract.scaling.apply(values, mask)
         found = self._run(scaled, mask)[0]
-        if self.strangeness is None or not isfinite(float(found.sum())):
+        if self.novelty_test is None or not isfinite(float(found.sum())):
             return found, None
         rows = scaled[0] if mask.all() else scaled[0][mask[0]]
-        return found, self.strangeness.of_window(rows) if len(rows) else None
+        return found, self.novelty_test.of_window(rows) if len(rows) else None
 
     def _run(self, scaled: NDArray[np.float32], mask: NDArray[np.bool_]) -> NDArray[np.float32]:
         feed: dict[str, NDArray[Any]] = {"values": scaled}

@@ -31,7 +31,7 @@ def find_bundle(path: Path) -> Path:
     """Return the file that a user names: their own, or one that comes with taxel by its bare name.
 
     A file that exists goes first; a name that is neither is returned as it is, so that reading
-    it tells what is wrong.
+    it says what is wrong.
     """
     ready = _FOLDER / f"{path.name}.taxel"
     bare = path.parent == Path() and not path.suffix

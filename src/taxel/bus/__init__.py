@@ -1,1 +1,1 @@
-"""What a running station tells other programs: batches over Zenoh, a view for Foxglove."""
+"""What a running station sends to other programs: batches over Zenoh, a view for Foxglove."""

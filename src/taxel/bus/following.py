@@ -1,4 +1,4 @@
-"""Follow a station's rings for whoever tells others what they hold.
+"""Follow a station's rings for whoever sends on what they hold.
 
 Each item has the topic that a recording gives it: touch/NAME, camera/NAME, slip, marks, and
 beside them decisions, answers and state. The rings' writers never wait, so a follower that is late

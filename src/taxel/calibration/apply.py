@@ -54,7 +54,7 @@ def correct(
 
     The baseline is found anew in these scans: a calibration's own is as old as the
     calibration. Newtons are read off the signal smoothed over 20 ms, as presses were. A force
-    above what its sensor tells is given as the largest one told and flagged SATURATED: "at
+    above its sensor's range is given as the largest one and flagged SATURATED: "at
     least". A channel without a curve has no newtons: NaN, flagged NOT_FINITE. For sensors
     that answer to a change (measure "peak") newtons hold at the peak of a press from rest,
     and sink with the charge while the force stays.

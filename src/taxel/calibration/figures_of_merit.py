@@ -104,7 +104,7 @@ def repeatability_v(curve: Curve, force_n: Array, volts: Array, rising: NDArray[
 def told_range(
     curve: Curve, noise_v: float, spread_v: float, from_n: float, up_to_n: float
 ) -> tuple[float, float]:
-    """Return the smallest and the largest force that this sensor tells, newtons.
+    """Return the smallest and the largest force in this sensor's range, newtons.
 
     Smallest: where the curve stands `ABOVE_NOISE` times above the noise (below `from_n` that
     is the curve's word alone, no press was made there). Largest: up to where 1.96 spreads

@@ -241,7 +241,7 @@ class HeldOut:
 def hold_out(form: Form, force_n: Forces, volts: Volts, folds: NDArray[np.int64]) -> HeldOut:
     """Return what is told of each fold's presses by the curve of all others.
 
-    A fold whose curve cannot be fitted tells nothing: NaN.
+    A fold whose curve cannot be fitted gives nothing: NaN.
 
     Args:
         form: Which.

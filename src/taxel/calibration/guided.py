@@ -42,7 +42,7 @@ _MARGIN_S = 0.05
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Wish:
+class AskedPress:
     """One press that is asked for."""
 
     channel: int
@@ -51,10 +51,12 @@ class Wish:
     round: int
 
 
-def wishes(channels: Sequence[int], forces_n: Sequence[float], rounds: int) -> list[Wish]:
+def asked_presses(
+    channels: Sequence[int], forces_n: Sequence[float], rounds: int
+) -> list[AskedPress]:
     """Return the presses to ask for: each sensor, each round, forces up and down again."""
     return [
-        Wish(channel=channel, force_n=force_n, rising=rising, round=number + 1)
+        AskedPress(channel=channel, force_n=force_n, rising=rising, round=number + 1)
         for channel in channels
         for number in range(rounds)
         for rising in (True, False)
@@ -65,7 +67,7 @@ def wishes(channels: Sequence[int], forces_n: Sequence[float], rounds: int) -> l
 def record_presses(
     source: Source,
     path: Path,
-    asked: Sequence[Wish],
+    asked: Sequence[AskedPress],
     ask: Callable[[str], str],
     say: Callable[[str], None],
     clock: Clock,
@@ -96,8 +98,8 @@ def record_presses(
         with _Listener(source, recorder) as listener:
             say(f"hands off for {REST_S:g} s")
             noise_v = _noise(listener, source.info, clock)
-            for number, wish in enumerate(asked, 1):
-                mark = _one(listener, source.info, wish, noise_v, ask, say,
+            for number, press in enumerate(asked, 1):
+                mark = _one(listener, source.info, press, noise_v, ask, say,
                             f"{number} of {len(asked)}")  # fmt: skip
                 if mark is None:
                     break
@@ -204,20 +206,20 @@ def _noise(listener: _Listener, info: SensorInfo, clock: Clock) -> NDArray[np.fl
 def _one(
     listener: _Listener,
     info: SensorInfo,
-    wish: Wish,
+    press: AskedPress,
     noise_v: NDArray[np.float64],
     ask: Callable[[str], str],
     say: Callable[[str], None],
     place: str,
 ) -> Mark | None:
     """Return the mark of one press; one without labels where it was left out, None for the end."""
-    name = info.channels[wish.channel]
+    name = info.channels[press.channel]
     while True:
         start_s = listener.newest_s
         try:
             answer = ask(
-                f"{place}: press {name} with {wish.force_n:g} N, let go; gauge showed "
-                f"(Enter: {wish.force_n:g}, s: leave out, q: end): "
+                f"{place}: press {name} with {press.force_n:g} N, let go; gauge showed "
+                f"(Enter: {press.force_n:g}, s: leave out, q: end): "
             ).strip()
         except EOFError:
             return None
@@ -226,13 +228,13 @@ def _one(
         if answer == "s":
             return Mark(start_s=0.0, end_s=0.0, labels={})
         try:
-            force_n = _force(answer, wish.force_n)
+            force_n = _force(answer, press.force_n)
         except BadInput as error:
             say(str(error))
             continue
         samples = listener.since(start_s)
         found = None if samples is None else find_press(
-            samples, wish.channel, info.rate_hz, float(noise_v[wish.channel])
+            samples, press.channel, info.rate_hz, float(noise_v[press.channel])
         )  # fmt: skip
         if found is None:
             say(f"no press seen on {name}; once more, after the question")
@@ -240,8 +242,8 @@ def _one(
         labels = {
             "sensor": name,
             "force_n": f"{force_n:g}",
-            "direction": "up" if wish.rising else "down",
-            "round": str(wish.round),
+            "direction": "up" if press.rising else "down",
+            "round": str(press.round),
         }
         return Mark(start_s=found[0], end_s=found[1], labels=labels)
 

@@ -17,7 +17,7 @@ from taxel.calibration.press_table import PressTable
 from taxel.calibration.results import Errors, SensorResult
 
 TOLD_ONLY = "forces in its range"
-"""Name of the presses whose force lies in the range that their sensor tells."""
+"""Name of the presses whose force lies in the range of their sensor."""
 
 Array = NDArray[np.float64]
 
@@ -64,7 +64,7 @@ def by_force(sensors: Sequence[SensorResult]) -> tuple[tuple[float, float, float
 
 def held_out(own: PressTable, form: Form, largest_n: float) -> tuple[tuple[str, HeldOut], ...]:
     """Return what is told of presses held out; last, of those among the first ones whose
-    force the sensor tells at all, with nothing above that told, as in `apply`.
+    force in the sensor's range, with nothing above it given, as in `apply`.
     """
     found = [
         (split, hold_out(form, own.force_n, own.volts, folds)) for split, folds in own.splits()

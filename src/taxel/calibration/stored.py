@@ -58,7 +58,7 @@ class Calibration:
     serial: str
     units: tuple[str, ...]
     identity: Mapping[str, str]
-    """What else tells this array from others; empty for boards, which have serial numbers."""
+    """What else sets this array apart from others; empty for boards, which have serial numbers."""
     measure: str
     """How a press became one number: peak or plateau."""
     channels: tuple[ChannelCalibration, ...]

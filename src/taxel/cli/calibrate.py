@@ -275,7 +275,7 @@ class Calibrate:
 
     def _press_live(self, address: str) -> Path:
         """Ask for presses on the terminal; return the raw recording."""
-        from taxel.calibration.guided import record_presses, wishes
+        from taxel.calibration.guided import asked_presses, record_presses
         from taxel.sources.opening import open_source
 
         path = self.recording or self.output.with_suffix(".mcap")
@@ -290,7 +290,7 @@ class Calibrate:
             made = record_presses(
                 source,
                 path,
-                wishes(chosen, self.forces, self.rounds),
+                asked_presses(chosen, self.forces, self.rounds),
                 _ask,
                 say_aside,
                 SystemClock(),

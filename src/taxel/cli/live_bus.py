@@ -1,4 +1,4 @@
-"""What `taxel live --publish` tells other programs, each in a process of its own.
+"""What `taxel live --publish` sends to other programs, each in a process of its own.
 
 Knows nothing about what is published.
 """

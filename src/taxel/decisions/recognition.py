@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taxel.decisions.joining import MEAN, Joining
-from taxel.decisions.unknown import Strangeness
+from taxel.decisions.unknown import NoveltyTest
 from taxel.windows.windower import Windows
 
 UNKNOWN = "UNKNOWN"
@@ -50,7 +50,7 @@ class Decision:
     """First row of the window, fitted clock, seconds."""
     end_s: float
     """Last row of the window, fitted clock, seconds."""
-    strangeness: list[float] | None = None
+    novelty: list[float] | None = None
     """How unlike the learned the window is, by each label; None where that is not tested, or
     the input cannot be used; NaN or infinite where it cannot be measured."""
     filled: float = 0.0
@@ -84,7 +84,7 @@ def decide(
     classes: tuple[str, ...],
     config: RecogniseConfig,
     strange: list[float] | None = None,
-    test: Strangeness | None = None,
+    test: NoveltyTest | None = None,
 ) -> Decision:
     """Return the answer for one window.
 
@@ -140,9 +140,9 @@ class GraspVote:
     there are says how surely.
 
     Windows further apart than `gap_s` belong to different contacts. UNKNOWN
-    windows do not vote, unless all are. Where the bundle tells the unknown, the
-    mean strangeness of all windows may make the whole contact UNKNOWN; a window whose
-    strangeness is no number stays out of that mean and counts as one of p = 0.
+    windows do not vote, unless all are. Where the bundle knows the unknown, the
+    mean novelty score of all windows may make the whole contact UNKNOWN; a window whose
+    novelty score is no number stays out of that mean and counts as one of p = 0.
 
     Args:
         classes: The answers' names.
@@ -155,7 +155,7 @@ class GraspVote:
         self,
         classes: tuple[str, ...],
         gap_s: float,
-        test: Strangeness | None = None,
+        test: NoveltyTest | None = None,
         joining: Joining = MEAN,
     ) -> None:
         self._classes = classes
@@ -195,10 +195,10 @@ class GraspVote:
         if decision.label != UNKNOWN:
             self._sum += np.log(np.maximum(decision.probabilities, 1e-7))
             self._count += 1
-        if self._test is not None and decision.strangeness is not None:
-            if isfinite(sum(decision.strangeness)):
+        if self._test is not None and decision.novelty is not None:
+            if isfinite(sum(decision.novelty)):
                 self._strange = [
-                    a + b for a, b in zip(self._strange, decision.strangeness, strict=True)
+                    a + b for a, b in zip(self._strange, decision.novelty, strict=True)
                 ]
                 self._tested += 1
             else:
@@ -212,7 +212,7 @@ class GraspVote:
         best = int(found.argmax())
         return self._classes[best], float(found[best])
 
-    def _p_contact(self, test: Strangeness) -> float:
+    def _p_contact(self, test: NoveltyTest) -> float:
         """Return p of the windows measured, times their share of all."""
         if not self._tested:
             return 0.0

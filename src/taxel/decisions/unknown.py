@@ -1,7 +1,7 @@
 """Is this like anything learned? How strange a window and a contact are, and how rare that is.
 
 A window is summed up by three numbers a channel: level, deviation and change. In the few
-directions that tell the classes apart it has a density, and its strangeness is minus the
+directions that tell the classes apart it has a density, and its novelty score is minus the
 density's logarithm; a contact's is the mean over its windows. Held-out sessions say
 how often known touch is as strange (conformal p-value). NumPy only: the same code
 offline and live. Knows nothing about networks, sources or screens (docs/decisions/0027).
@@ -43,9 +43,9 @@ class Density:
     log_share: NDArray[np.float64]
     """Shape (classes,): logarithm of each class's share of the training windows."""
     windows: NDArray[np.float64]
-    """Strangeness of known windows in sessions held out, sorted."""
+    """Novelty scores of known windows in sessions held out, sorted."""
     contacts: Mapping[int, NDArray[np.float64]]
-    """Number of windows → strangeness of so many windows at a known contact's start, sorted."""
+    """Number of windows → novelty scores of so many windows at a known contact's start, sorted."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -66,7 +66,7 @@ class Unknown:
     """One a label: a joined target such as "shape+material" is told by its parts."""
 
 
-class Strangeness:
+class NoveltyTest:
     """The test of one bundle, ready to run.
 
     Args:
@@ -94,7 +94,7 @@ class Strangeness:
         ]
 
     def of_window(self, values: NDArray[np.float32]) -> list[float]:
-        """Return a window's strangeness by each label, in nats up to a constant.
+        """Return a window's novelty score by each label, in nats up to a constant.
 
         NaN or infinity where values are NaN, or so large that their squares pass 32 bits.
 
@@ -114,19 +114,19 @@ class Strangeness:
             each.append(0.5 * sum([z * z for z in found[middle:end]]) - top - total)
         return each
 
-    def p_window(self, strangeness: list[float]) -> float:
+    def p_window(self, novelty: list[float]) -> float:
         """Return how often a known window is at least as strange, 0…1."""
-        return _joined(map(p_value, self._windows, strangeness), len(strangeness))
+        return _joined(map(p_value, self._windows, novelty), len(novelty))
 
-    def p_contact(self, strangeness: list[float], windows: int) -> float:
+    def p_contact(self, novelty: list[float], windows: int) -> float:
         """Return how often a known contact is at least as strange, 0…1.
 
         Args:
-            strangeness: Mean over its windows so far, by each label.
+            novelty: Mean over its windows so far, by each label.
             windows: How many there are; ≥ 1.
         """
         each = []
-        for known, own in zip(self._contacts, strangeness, strict=True):
+        for known, own in zip(self._contacts, novelty, strict=True):
             usual = known[0][1]
             for count, scores in known:
                 usual = scores if count <= windows else usual
@@ -203,7 +203,7 @@ def summaries(
     return found
 
 
-def p_value(known: list[float], strangeness: float) -> float:
+def p_value(known: list[float], novelty: float) -> float:
     """Return (1 + how many known ones are at least as strange) / (1 + how many there are).
 
     For touch that is exchangeable with the known, it lies at or below any p with probability
@@ -211,11 +211,11 @@ def p_value(known: list[float], strangeness: float) -> float:
 
     Args:
         known: Sorted.
-        strangeness: Of the new one. NaN, which no known one can be, gives 0.
+        novelty: Of the new one. NaN, which no known one can be, gives 0.
     """
-    if strangeness != strangeness:
+    if novelty != novelty:
         return 0.0
-    return (1 + len(known) - bisect_left(known, strangeness)) / (1 + len(known))
+    return (1 + len(known) - bisect_left(known, novelty)) / (1 + len(known))
 
 
 def _joined(each: Iterable[float], count: int) -> float:

@@ -48,7 +48,7 @@ class BundleScores:
     windows: int
     trials: int
     accuracy: float
-    """Share of windows told right, 0…1; UNKNOWN counts as wrong."""
+    """Share of windows predicted correctly, 0…1; UNKNOWN counts as wrong."""
     interval: tuple[float, float]
     """95 % CI of it, bootstrapped over `interval_group`; NaN with one of them."""
     interval_group: str
@@ -59,11 +59,11 @@ class BundleScores:
     unknown_because: Mapping[str, int]
     """Why → windows; figures in the reasons left out."""
     answered_accuracy: float
-    """Share told right of the windows that were answered, 0…1; NaN where none was."""
+    """Share predicted correctly of the windows that were answered, 0…1; NaN where none was."""
     filled: float
     """Share of windows with short gaps that were filled in, 0…1."""
     trial_accuracy: float
-    """Share of trials told right by the vote of all their windows, 0…1."""
+    """Share of trials predicted correctly by the vote of all their windows, 0…1."""
     trial_majority: float
     trial_unknown: float
     loss: float
@@ -127,12 +127,12 @@ def _decisions(bundle: Bundle, windows: Windows, config: RecogniseConfig) -> lis
         scaled = bundle.contract.scaling.apply(part.values, part.mask)
         for i in range(len(part)):
             strange = None
-            if bundle.strangeness is not None and part.mask[i].any():
-                strange = bundle.strangeness.of_window(scaled[i][part.mask[i]])
+            if bundle.novelty_test is not None and part.mask[i].any():
+                strange = bundle.novelty_test.of_window(scaled[i][part.mask[i]])
             found.append(
                 decide(
                     probabilities[i], Quality.of(part, i), bundle.contract.classes,
-                    config, strange, bundle.strangeness,
+                    config, strange, bundle.novelty_test,
                 )
             )  # fmt: skip
     return found
@@ -181,7 +181,7 @@ def _votes(bundle: Bundle, dataset: Dataset, decisions: list[Decision]) -> NDArr
     """Return what all windows of each trial say together, shape (trials,)."""
     found = []
     for index in range(len(dataset.trials)):
-        vote = GraspVote(bundle.contract.classes, inf, bundle.strangeness, bundle.contract.joining)
+        vote = GraspVote(bundle.contract.classes, inf, bundle.novelty_test, bundle.contract.joining)
         answer = UNKNOWN
         for i in np.flatnonzero(dataset.trial == index):
             answer, _ = vote.add(decisions[i])

@@ -113,7 +113,7 @@ class Pooled:
     interval_groups: int
     """How many there are."""
     trial_accuracy: float
-    """Share of trials told right when a trial's windows are joined, 0…1."""
+    """Share of trials predicted correctly when a trial's windows are joined, 0…1."""
     fold_accuracies: tuple[float, ...]
     windows: int
     """Test windows of all folds."""

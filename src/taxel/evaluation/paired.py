@@ -61,9 +61,9 @@ class Paired:
     interval: tuple[float, float]
     """95 % of the difference, whole groups resampled; NaN where there is one only."""
     only_first: int
-    """Windows that the first run alone tells right."""
+    """Windows that only the first run predicts correctly."""
     only_second: int
-    """Windows that the second run alone tells right."""
+    """Windows that only the second run predicts correctly."""
     p_windows: float
     """McNemar's exact test over windows; too sure where windows of a group are alike."""
     p_groups: float

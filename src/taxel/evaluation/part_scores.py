@@ -28,10 +28,10 @@ class PartScore:
     name: str
     windows: int
     accuracy: float
-    """Share of its windows told right, 0…1."""
+    """Share of its windows predicted correctly, 0…1."""
     trials: int
     trial_accuracy: float
-    """Share of its trials told right by all of their windows, 0…1."""
+    """Share of its trials predicted correctly by all of their windows, 0…1."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -58,9 +58,9 @@ def score_parts(
         trials: All trials.
         target: The label that was predicted.
         trial: Each test window's index into `trials`, shape (n,).
-        right: Whether each window was told right, shape (n,).
+        right: Whether each window was predicted correctly, shape (n,).
         trial_numbers: The tested trials, as indices into `trials`, shape (m,).
-        trial_right: Whether each was told right by all of its windows, shape (m,).
+        trial_right: Whether each was predicted correctly by all of its windows, shape (m,).
     """
 
     def parts(names: Mapping[int, str]) -> tuple[PartScore, ...]:

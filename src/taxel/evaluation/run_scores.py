@@ -51,7 +51,7 @@ class ReliabilityBin:
     confidence: float
     """Mean of the largest probability, 0…1."""
     accuracy: float
-    """Share told right, 0…1."""
+    """Share predicted correctly, 0…1."""
     windows: int
 
 
@@ -66,7 +66,7 @@ class RunScores:
     """Group → interval, the coarsest first."""
     by_group: tuple[GroupAccuracy, ...]
     trial_accuracy: float
-    """Share of trials told right when their windows are joined, 0…1."""
+    """Share of trials predicted correctly when their windows are joined, 0…1."""
     fold_accuracies: tuple[float, ...]
     reliability: tuple[ReliabilityBin, ...]
     calibration_error: float

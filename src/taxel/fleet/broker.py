@@ -13,7 +13,7 @@ from taxel.bus.addresses import MqttAddress
 from taxel.errors import BadInput, MissingExtra
 
 KEEP_ALIVE_S = 3
-"""A broker that hears nothing for one and a half times as long tells the last will, seconds.
+"""A broker that hears nothing for one and a half times as long sends the last will, seconds.
 Source: MQTT 3.1.1, section 3.1.2.10; the length is our choice, docs/decisions/0052."""
 _AGAIN_S = (1, 5)
 """Shortest and longest wait between two tries to connect, seconds. Source: our choice."""
@@ -40,7 +40,7 @@ class Broker:
     Args:
         address: The broker, and who speaks to it.
         name: The client's own.
-        will: Topic and payload that the broker tells, retained, once this client is gone.
+        will: Topic and payload that the broker sends, retained, once this client is gone.
         subscribe: Topics to listen to; a station listens to none.
         on_connect: Called in the connection's thread at each connection.
         on_message: Called there with (topic, payload, retained).
@@ -116,7 +116,7 @@ class Broker:
             try:
                 sent.wait_for_publish(longest_s)
             except (RuntimeError, ValueError):
-                return  # it was lost on the way: the last will tells
+                return  # it was lost on the way: the last will says so
 
     def __enter__(self) -> Broker:
         self._client.connect_async(self.address.host, self.address.port, KEEP_ALIVE_S)

@@ -1,7 +1,7 @@
 """What a gel would look like untouched, guessed from one frame in touch.
 
 A recording of a grasp mostly begins in touch, so no touch-free frame exists. Where nothing
-touches, the gel's light changes slowly over the image; a smooth surface through it tells what
+touches, the gel's light changes slowly over the image; a smooth surface through it shows what
 lies under the imprint too. Knows nothing about depth, movement or files.
 
 Background of our choices: docs/decisions/0012.

@@ -62,7 +62,7 @@ class RayEngine:
                 address="local", num_cpus=workers, include_dashboard=False,
                 object_store_memory=STORE_BYTES, _node_ip_address="127.0.0.1", **quiet,
             )  # fmt: skip
-        # Ray tells of killed workers and nodes on the output, where a verb's JSON must stand alone.
+        # Ray prints killed workers and nodes on the output, where a verb's JSON must stand alone.
         self._aside = redirect_stdout(sys.stderr)
         self._aside.__enter__()
         self.workers = int(ray.cluster_resources().get("CPU", workers))

@@ -102,7 +102,7 @@ class Recogniser:
                 self.bundle.contract.classes,
                 self._config,
                 strange,
-                self.bundle.strangeness,
+                self.bundle.novelty_test,
             )
             answers.append(Answer(decision, window, cutting_s + perf_counter() - began))
         return answers

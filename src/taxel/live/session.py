@@ -176,7 +176,7 @@ def run_session(
             GraspVote(
                 recogniser.bundle.contract.classes,
                 recogniser.bundle.contract.window.max_gap_s,
-                recogniser.bundle.strangeness,
+                recogniser.bundle.novelty_test,
                 recogniser.bundle.contract.joining,
             ),
             rules,

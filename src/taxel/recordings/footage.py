@@ -221,7 +221,7 @@ def _refuse_large(path: Path, width: int, height: int) -> None:
 
 
 def _refuse_cut(path: Path) -> None:
-    """Refuse an AVI that is shorter than its own head says: decoders do not mind.
+    """Refuse an AVI that is shorter than its own head says: decoders do not care.
 
     Raises:
         BadTable: It is cut short, or cannot be read.

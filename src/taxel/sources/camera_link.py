@@ -225,7 +225,7 @@ class CameraLink:
 
     def _command(self, word: bytes) -> None:
         assert self._process.stdin is not None
-        with contextlib.suppress(BrokenPipeError):  # it died: its silence tells
+        with contextlib.suppress(BrokenPipeError):  # it died: its silence says it
             self._process.stdin.write(word)
             self._process.stdin.flush()
 

@@ -60,7 +60,7 @@ class Predictions:
 
     @property
     def correct(self) -> NDArray[np.bool_]:
-        """Whether each window was told right, shape (n,)."""
+        """Whether each window was predicted correctly, shape (n,)."""
         return np.asarray(self.probabilities.argmax(axis=1) == self.y)
 
     def groups(self) -> list[str]:

@@ -23,7 +23,7 @@ class Recipe:
     window: WindowConfig
     model: str
     target: str
-    """The label that it tells unless another is asked for."""
+    """The label that it predicts unless another is asked for."""
     split: str
     """The split that its accuracy is measured under, as in `--split`."""
     train: TrainConfig = field(default_factory=TrainConfig)

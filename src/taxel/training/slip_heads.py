@@ -104,7 +104,7 @@ def learning_rows(
 def _unforeseeable(
     found: PourFeatures, time_s: NDArray[np.float64], event_s: float
 ) -> NDArray[np.bool_]:
-    """Return the rows before a push that makes the event: nothing in them tells of it."""
+    """Return the rows before a push that makes the event: nothing in them shows it."""
     run = found.pour.run
     if run.bump_n <= 0 or event_s < run.bump_s:
         return np.zeros(len(time_s), np.bool_)

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from taxel.decisions.unknown import (
     SMALLEST,
     Density,
-    Strangeness,
+    NoveltyTest,
     Unknown,
     summaries,
 )
@@ -30,9 +30,9 @@ PARTS = 6
 """Parts of the sessions, of which each calibrates what the others fit. Source: our choice."""
 COUNTS = (1, 2, 4, 8, 16)
 """Windows of a contact at which its mean is calibrated. Source: our choice, 0027."""
-TELLING = 0.1
+LEAST_VARIANCE = 0.1
 """A direction is used where the classes' means vary at least this much, as a share of the
-variance within a class: below it, it tells nothing apart and only adds noise. Source: 0027."""
+variance within a class: below it, it separates nothing and only adds noise. Source: 0027."""
 _KEPT = 999
 """Calibration scores kept at the most, unless the test needs more: p in steps of a thousandth."""
 _RIDGE = 0.05
@@ -79,7 +79,7 @@ def fit_unknown(
         rest = part != number
         if not all(set(own[rest]) == set(own) for own in labels.values()):
             continue
-        test = Strangeness(_fit(values[rest], mask[rest], _of(labels, rest), rejected))
+        test = NoveltyTest(_fit(values[rest], mask[rest], _of(labels, rest), rejected))
         out = np.flatnonzero(~rest)
         held.append((out, np.array([test.of_window(values[i][mask[i]]) for i in out])))
     needed = _least_scores(len(labels), rejected)
@@ -188,7 +188,7 @@ def _density(label: str, summed: NDArray[np.float64], classes: NDArray[np.str_])
     whiten = axes / np.sqrt(size)
     between = (means - share @ means) @ whiten * np.sqrt(share)[:, None]
     _, spread, directions = np.linalg.svd(between, full_matrices=False)
-    kept = min(max(1, int((spread**2 >= TELLING).sum())), max(1, len(names) - 1))
+    kept = min(max(1, int((spread**2 >= LEAST_VARIANCE).sum())), max(1, len(names) - 1))
     onto = whiten @ directions[:kept].T
     projection = onto / scale[:, None]
     # `of_window` takes no middle away: the centres hold it.
@@ -205,7 +205,7 @@ def _density(label: str, summed: NDArray[np.float64], classes: NDArray[np.str_])
 def _calibrated(
     whole: Unknown, scores: NDArray[np.float64], owner: NDArray[np.intp], needed: int
 ) -> Unknown:
-    """Return the test with the strangeness of known windows and contacts, `needed` or more."""
+    """Return the test with the novelty scores of known windows and contacts, `needed` or more."""
     starts = [scores[owner == grasp] for grasp in np.unique(owner)]
     densities = []
     for number, density in enumerate(whole.densities):

@@ -37,7 +37,7 @@ def level_table(contract: Contract, found: TouchLevel) -> Table:
 
 
 def before_after_table(change: Change, measured_on: str) -> Table:
-    """Return the share of windows told right before and after, by class."""
+    """Return the share of windows predicted correctly before and after, by class."""
     table = Table(title=f"accuracy by window on {visible(measured_on)}", title_justify="left")
     table.add_column("class")
     for column in ("before", "after", "points"):

@@ -1,4 +1,4 @@
-"""A contact gate that follows each channel's rest level and noise, and tells each change.
+"""A contact gate that follows each channel's rest level and noise, and reports each change.
 
 A gate is stated for channels that rest at 0 with little noise. Here each channel's own gate stands
 that much above where the channel rests now, and never within six deviations of its noise. Both are

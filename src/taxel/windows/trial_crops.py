@@ -1,7 +1,7 @@
 """Crops of fixed length of camera trials, and what each shows, as a row of numbers.
 
 Every trial has as many crops, at the same places, so that neither their number nor where they lie
-tells how long it is. All that is seen of movement in a crop is relative to the crop's own first
+shows how long it is. All that is seen of movement in a crop is relative to the crop's own first
 frames: a crop gives the same row wherever it was cut, offline and live. Knows nothing about
 labels, models or files.
 

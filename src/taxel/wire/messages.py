@@ -108,7 +108,7 @@ class Hello:
     firmware: tuple[int, int, int] = (0, 0, 0)
     """Major, minor, patch; each 0…255."""
     boot_id: int = 0
-    """Another number at each boot, u32: tells a reboot from a cable that was pulled."""
+    """Another number at each boot, u32: sets a reboot apart from a cable that was pulled."""
     rate_hz: int = 1000
     """Scans a second, hertz."""
     channels: int = 0

@@ -5,7 +5,7 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from taxel.evaluation.audit import telling
+from taxel.evaluation.audit import evidence
 from taxel.evaluation.audit.touch_set import TouchSet
 from taxel.labels.trials import Trial
 
@@ -15,8 +15,8 @@ ROWS = 40
 @pytest.fixture(autouse=True)
 def _few_trees(monkeypatch: pytest.MonkeyPatch) -> None:
     """Plants are told by four trees as well as by fifty."""
-    monkeypatch.setattr(telling, "TREES", 4)
-    monkeypatch.setattr(telling, "DRAWS", 2999)
+    monkeypatch.setattr(evidence, "TREES", 4)
+    monkeypatch.setattr(evidence, "DRAWS", 2999)
 
 
 def make_array(seed: int = 0, trials: int = 60, classes: int = 3) -> TouchSet:

@@ -14,10 +14,10 @@ from sklearn.metrics import roc_auc_score
 from taxel.errors import BadDataset, BadTable
 from taxel.evaluation.audit.audit import audit
 from taxel.evaluation.audit.copies import near_copies, same_rows
+from taxel.evaluation.audit.evidence import _auc, deal_out, evidence_of, gap_p, look_up, trial_folds
 from taxel.evaluation.audit.finding import holm
 from taxel.evaluation.audit.reading import read_touch
 from taxel.evaluation.audit.sides import table_sides
-from taxel.evaluation.audit.telling import _auc, deal_out, gap_p, look_up, told, trial_folds
 from taxel.evaluation.audit.touch_set import TouchSet, honest_key
 from taxel.sim.teng_hand import TengHandConfig
 from taxel.sources.data_sets import write_sessions
@@ -86,7 +86,7 @@ def test_many_trials_take_little_memory() -> None:
     groups = np.repeat(np.arange(8).astype(str), 500)
     tracemalloc.start()
     for own in (None, groups):
-        told(probability, y, np.arange(4000), own, folds)
+        evidence_of(probability, y, np.arange(4000), own, folds)
     gap_p(probability[:, 0] - 0.5)
     most = tracemalloc.get_traced_memory()[1]
     tracemalloc.stop()
@@ -122,8 +122,8 @@ def test_a_name_that_training_never_saw_tells_nothing() -> None:
     names = np.repeat(np.array(list("abcdef")), 5)
     apart, mixed = trial_folds(y, names, 0), trial_folds(y, None, 0)
 
-    unseen = told(look_up(names, y, apart), y, np.arange(30), names, apart)
-    seen = told(look_up(names, y, mixed), y, np.arange(30), None, mixed)
+    unseen = evidence_of(look_up(names, y, apart), y, np.arange(30), names, apart)
+    seen = evidence_of(look_up(names, y, mixed), y, np.arange(30), None, mixed)
 
     assert unseen.accuracy <= unseen.majority
     assert not unseen.counts(unseen.p)

@@ -8,7 +8,7 @@ import pytest
 
 from taxel.bundles.contract import at_level
 from taxel.decisions.recognition import UNKNOWN, GraspVote, Quality, decide
-from taxel.decisions.unknown import Strangeness
+from taxel.decisions.unknown import NoveltyTest
 from taxel.errors import BadBundle, BadDataset
 from taxel.evaluation.robustness.touches import ANSWER_ALL, Model, Recorded, judge, read_touches
 from taxel.signals import Samples, Validity
@@ -149,7 +149,7 @@ def test_what_a_bundles_own_test_calls_unknown_is_not_answered_as_live(
     bare = Model(replace(contract, window=plain), model.probabilities)
     strict = Model(replace(bare.contract, unknown=unknown), model.probabilities)
     answers, lenient = judge(strict, touches), judge(bare, touches)
-    data, test = load_dataset(unseen, plain), Strangeness(unknown)
+    data, test = load_dataset(unseen, plain), NoveltyTest(unknown)
     votes = {number: GraspVote(contract.classes, 1e9, test) for number in range(len(data.trials))}
     told, whole = [], {}
     for i, number in enumerate(data.trial.tolist()):

@@ -180,7 +180,7 @@ def _model(
         f"{_head(contract)}"
         f"{lacking}"
         "#ifndef TAXEL_MODEL_H\n#define TAXEL_MODEL_H\n\n" + "\n".join(lines) + "\n\n"
-        f"/* What it tells, and its classes in the order of their numbers. */\n"
+        f"/* What it predicts, and its classes in the order of their numbers. */\n"
         f"#define TAXEL_TARGET {c_strings([contract.target], 'a target')}\n"
         f"#define TAXEL_CLASS_NAMES {classes}\n"
         f"/* The window's columns, in order. */\n"

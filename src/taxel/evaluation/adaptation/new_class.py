@@ -89,11 +89,11 @@ class GraspsPoint:
     accuracy: float
     """All classes."""
     old: float
-    """Windows of the old classes told right, now that there is one class more."""
+    """Windows of the old classes predicted correctly, now that there is one class more."""
     new: float
-    """Windows of the new class told right; NaN where the session has none above the gate."""
+    """Windows of the new class predicted correctly; NaN where none is above the gate."""
     before: float
-    """Windows of the old classes told right by the network that knew no other."""
+    """Windows of the old classes predicted correctly by the network that knew no other."""
     full: float
     """All classes, by the network that trained on all."""
     full_old: float
@@ -241,7 +241,7 @@ def windows_of(own: Exemplars) -> Windows:
 
 
 def told(run: Run, windows: Exemplars) -> NDArray[np.intp]:
-    """Return the class number that a run tells of each window, shape (n,)."""
+    """Return the class number that a run predicts for each window, shape (n,)."""
     fitted = Fitted(run.networks, run.contract.scaling, [])
     best: NDArray[np.intp] = fitted.probabilities(windows.values, windows.mask).argmax(axis=1)
     return best

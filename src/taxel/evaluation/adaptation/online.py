@@ -31,7 +31,7 @@ class OnlinePoint:
     """Whether its pads changed halfway."""
     grasps: int
     prequential: float
-    """Grasps told right, each before it was learned."""
+    """Grasps predicted correctly, each before it was learned."""
     unlearned: float
     """The same grasps by the run that learns nothing."""
     before: float

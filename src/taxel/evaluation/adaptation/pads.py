@@ -53,7 +53,7 @@ class PadPoint:
     case: str
     touches: int
     unchanged: float
-    """Share of the grasps told right before the change, session brought to level by three
+    """Share of the grasps predicted correctly before the change, session brought to level by three
     touches."""
     before: float
     """The same grasps after the change, by the level that held before it."""
@@ -140,7 +140,7 @@ def grasps_to_tell(run: Run, file: Path, cut: Sequence[Exemplars]) -> NDArray[np
     """Return the names of a recording's grasps of known classes, with windows or without.
 
     Args:
-        run: What tells.
+        run: What predicts.
         file: The recording.
         cut: All windows of it as it was and as it is; the first touches of the known object that
             give windows in any of them may set a level and are left out.
@@ -173,7 +173,7 @@ def _windows(run: Run, file: Path, classes: Sequence[str]) -> Exemplars:
 def _right(
     run: Run, windows: Exemplars, grasps: NDArray[np.str_], level: NDArray[np.float32]
 ) -> float:
-    """Return the share of the grasps told right at a level, each by its windows joined."""
+    """Return the share of the grasps predicted correctly at a level, each by its windows joined."""
     own = windows[np.isin(windows.grasp, grasps)]
     if not len(own):
         return 0.0

@@ -10,6 +10,7 @@ from pathlib import Path
 
 from taxel.evaluation.audit.case import Case, Reading
 from taxel.evaluation.audit.copies import near_copies, same_rows
+from taxel.evaluation.audit.evidence import trial_folds
 from taxel.evaluation.audit.finding import Audit, Finding, holm, sort_findings
 from taxel.evaluation.audit.gaps import Gap, measure_gaps
 from taxel.evaluation.audit.names import near_names
@@ -29,7 +30,6 @@ from taxel.evaluation.audit.shared import (
     shared_names,
 )
 from taxel.evaluation.audit.sides import Sides
-from taxel.evaluation.audit.telling import trial_folds
 from taxel.evaluation.audit.touch_set import (
     SESSIONS,
     Pieces,

@@ -11,9 +11,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from taxel.evaluation.audit.evidence import Fold, LabelEvidence
 from taxel.evaluation.audit.finding import ALARMS, Finding, Verdict
 from taxel.evaluation.audit.sides import Sides
-from taxel.evaluation.audit.telling import Fold, LabelEvidence
 from taxel.evaluation.audit.touch_set import Pieces, TouchSet
 
 

@@ -46,7 +46,7 @@ class Finding:
     """Chance of so high a figure where labels are dealt out anew, after Holm's correction; None
     for a fact, which counts by rule: one piece is enough."""
     examples: tuple[str, ...] = ()
-    """What was found, by name: all of it, or the most telling."""
+    """What was found, by name: all of it, or the most important."""
     left: float | None = None
     """Accuracy that cheap trees still reach on touch once this is tared or cropped away, 0…1; None
     where no such mending is known."""
@@ -108,7 +108,7 @@ ORDER: tuple[Verdict, ...] = ("leak", "hazard", "note", "too few", "clear", "not
 
 
 def sort_findings(findings: list[Finding]) -> tuple[Finding, ...]:
-    """Return findings by verdict, and among equals the more telling ones first."""
+    """Return findings by verdict, and among equals the more important ones first."""
     return tuple(
         sorted(
             findings,

@@ -13,9 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taxel.evaluation.audit.case import Case, rows_folds
-from taxel.evaluation.audit.finding import Finding, Verdict
-from taxel.evaluation.audit.nuisances import sum_up
-from taxel.evaluation.audit.telling import (
+from taxel.evaluation.audit.evidence import (
     SURE,
     Array,
     gap_p,
@@ -23,6 +21,8 @@ from taxel.evaluation.audit.telling import (
     predict,
     trial_folds,
 )
+from taxel.evaluation.audit.finding import Finding, Verdict
+from taxel.evaluation.audit.nuisances import sum_up
 from taxel.evaluation.audit.touch_set import Pieces, TouchSet, cut_pieces
 
 GAP = 0.03

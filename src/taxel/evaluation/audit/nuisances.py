@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taxel.evaluation.audit.case import Case, Reading, rows_folds
+from taxel.evaluation.audit.evidence import LabelEvidence, evidence_of, predict
 from taxel.evaluation.audit.finding import Verdict
-from taxel.evaluation.audit.telling import LabelEvidence, predict, told
 from taxel.evaluation.audit.touch_set import TouchSet
 
 AT_REST = 0.8
@@ -21,7 +21,7 @@ AHEAD = 0.10
 """Accuracy by which a first row in touch must beat the middle row. Our choice, decision 23."""
 NEARLY = 0.95
 """Share of the way that level and first frame must both go where what is left without the level
-tells much as well, only less by `AHEAD`. Our choice, decision 23."""
+predicts much as well, only less by `AHEAD`. Our choice, decision 23."""
 _TENTH = 10
 _DIGITS = 3
 """Of what is left without the level, in deviations: beyond, rounding gives the level away."""
@@ -62,7 +62,7 @@ def read_place(case: Case) -> Reading:
     place = np.stack([pieces.first, pieces.start_s(touch) - start], axis=1)
     y = touch.y[pieces.trial]
     folds = rows_folds(case.folds, pieces.trial)
-    found = told(predict(place, y, folds, case.seed), y, pieces.trial, case.groups, folds)
+    found = evidence_of(predict(place, y, folds, case.seed), y, pieces.trial, case.groups, folds)
 
     def decide(counts: bool) -> tuple[Verdict, str, str]:
         if not counts:
@@ -154,7 +154,7 @@ def tell_trials(case: Case, features: NDArray[np.floating]) -> LabelEvidence:
     """Return how well one row of features a trial predicts the label, under the case's folds."""
     y = case.touch.y
     found = predict(features, y, case.folds, case.seed)
-    return told(found, y, np.arange(len(y)), case.groups, case.folds)
+    return evidence_of(found, y, np.arange(len(y)), case.groups, case.folds)
 
 
 def cropped(case: Case) -> tuple[float, str]:
@@ -171,7 +171,7 @@ def cropped(case: Case) -> tuple[float, str]:
 
 def tared(case: Case) -> tuple[float, str]:
     """Return what cheap trees reach once each trial's first row is taken from it, and in words
-    also what the row after a tenth of the trial then tells: drift goes on before contact.
+    also what the row after a tenth of the trial then predicts: drift goes on before contact.
     """
     rows = case.touch.rows
     left = tell_trials(case, np.stack([sum_up(own - own[0]) for own in rows])).accuracy

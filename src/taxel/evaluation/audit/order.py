@@ -16,11 +16,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taxel.evaluation.audit.case import Case, Reading
+from taxel.evaluation.audit.evidence import Array, Fold, evidence_of, gap_p, predict, trial_folds
 from taxel.evaluation.audit.finding import Finding, Verdict
 from taxel.evaluation.audit.gaps import Gap
 from taxel.evaluation.audit.nuisances import sum_up
 from taxel.evaluation.audit.origins import recorded_order
-from taxel.evaluation.audit.telling import Array, Fold, gap_p, predict, told, trial_folds
 from taxel.evaluation.audit.touch_set import SESSIONS, TouchSet
 
 LEAST_CELL, LEAST_LATE = 4, 8
@@ -131,7 +131,7 @@ def _drift(
         centred[inside] -= centred[inside].mean(axis=0)
     y = late[own].astype(np.intp)
     folds = trial_folds(y, None, case.seed)
-    found = told(predict(centred, y, folds, case.seed), y, np.arange(len(own)), None, folds)
+    found = evidence_of(predict(centred, y, folds, case.seed), y, np.arange(len(own)), None, folds)
 
     def decide(counts: bool) -> tuple[Verdict, str, str]:
         if not counts:

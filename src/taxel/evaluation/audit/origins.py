@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taxel.evaluation.audit.case import Case, Reading
+from taxel.evaluation.audit.evidence import LabelEvidence, evidence_of, look_up, predict
 from taxel.evaluation.audit.finding import Verdict
-from taxel.evaluation.audit.telling import LabelEvidence, look_up, predict, told
 from taxel.evaluation.audit.touch_set import OBJECTS, SESSIONS, TouchSet
 from taxel.labels.class_order import in_order
 
@@ -55,7 +55,7 @@ def _named(case: Case) -> list[tuple[str, NDArray[np.str_]]]:
 def _read_key(case: Case, key: str, values: NDArray[np.str_]) -> Reading:
     touch = case.touch
     y = touch.y
-    found = told(look_up(values, y, case.plain), y, np.arange(len(y)), None, case.plain)
+    found = evidence_of(look_up(values, y, case.plain), y, np.arange(len(y)), None, case.plain)
     nested = _nested(y, values)
     session = key in SESSIONS
 
@@ -118,7 +118,7 @@ def recorded_order(touch: TouchSet) -> NDArray[np.float64] | None:
 def _read_order(case: Case, order: NDArray[np.float64]) -> Reading:
     y = case.touch.y
     predicted = predict(order[:, None], y, case.plain, case.seed)
-    found: LabelEvidence = told(predicted, y, np.arange(len(y)), None, case.plain)
+    found: LabelEvidence = evidence_of(predicted, y, np.arange(len(y)), None, case.plain)
 
     def decide(counts: bool) -> tuple[Verdict, str, str]:
         if not counts:

@@ -15,8 +15,8 @@ from sklearn.neighbors import KNeighborsClassifier
 
 from taxel.errors import BadInput
 from taxel.evaluation.audit.case import Case, rows_folds
+from taxel.evaluation.audit.evidence import majority
 from taxel.evaluation.audit.finding import Finding
-from taxel.evaluation.audit.telling import majority
 from taxel.evaluation.audit.touch_set import SESSIONS, TouchSet
 from taxel.foreign.json_text import Fields, read_json
 

@@ -15,9 +15,9 @@ from numpy.typing import NDArray
 
 from taxel.evaluation.audit.case import Case
 from taxel.evaluation.audit.copies import Pairs
+from taxel.evaluation.audit.evidence import majority, trial_folds
 from taxel.evaluation.audit.finding import Finding
 from taxel.evaluation.audit.sides import Sides
-from taxel.evaluation.audit.telling import majority, trial_folds
 from taxel.evaluation.audit.touch_set import OBJECTS, SESSIONS, TIMES, Pieces
 
 Partners = Sequence[NDArray[np.intp]]

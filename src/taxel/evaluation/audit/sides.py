@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 
 from taxel.errors import BadTable
-from taxel.evaluation.audit.telling import Fold
+from taxel.evaluation.audit.evidence import Fold
 from taxel.evaluation.audit.touch_set import Pieces, TouchSet, as_dataset, cut_pieces
 from taxel.evaluation.fold_table import FoldRow, FoldTable, read_fold_table
 from taxel.evaluation.splits import TrialFold, parse_split

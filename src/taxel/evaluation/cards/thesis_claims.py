@@ -85,7 +85,7 @@ def _thesis_text() -> ClaimsOfPart:
 
 
 def _pooled(task: str, model: str) -> str:
-    return table_row("honest", task, SESSION, model, "all sessions told once")
+    return table_row("honest", task, SESSION, model, "all sessions tested once")
 
 
 def _thesis_table() -> ClaimsOfPart:
@@ -140,8 +140,8 @@ def _thesis_field() -> ClaimsOfPart:
                 "recognition; ours after 5 grasps of them",
                 claimed="above 90 %",
                 honest=(
-                    Link(f"sim honest, prism told right after 5 grasps, {SESSION}", "prism"),
-                    Link(f"sim honest, rubber told right after 5 grasps, {SESSION}", "rubber"),
+                    Link(f"sim honest, prism recognised after 5 grasps, {SESSION}", "prism"),
+                    Link(f"sim honest, rubber recognised after 5 grasps, {SESSION}", "rubber"),
                 ),
                 why="a class that was never trained cannot be named; what can be asked is whether "
                 "it is answered UNKNOWN, and recognised after a few grasps",

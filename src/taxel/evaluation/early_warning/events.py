@@ -192,7 +192,7 @@ class EventScores:
     """False alarms a minute in runs that hold."""
     false_alarms_interval: Interval
     false_alarms_poisson: Interval
-    """Exact 95 % Poisson interval of the same rate: tells what zero alarms are worth."""
+    """Exact 95 % Poisson interval of the same rate: what zero alarms are worth."""
     false_alarms_per_min_all: float
     """The same with the stretches long before the onset of runs that do not hold."""
     unknown_share: float

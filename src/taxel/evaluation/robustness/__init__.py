@@ -1,1 +1,1 @@
-"""Robustness curves: what a recogniser still tells when touch, sensor or surroundings get worse."""
+"""Robustness curves: predictions when touch, sensor or surroundings get worse."""

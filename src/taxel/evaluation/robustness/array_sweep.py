@@ -44,7 +44,7 @@ def sweep_array(
     """Return the point without faults, then one a fault and level.
 
     Args:
-        model: What tells.
+        model: What predicts.
         touches: Recordings that it was not trained on.
         plan: Fault → levels, as `plan_array` gives them.
         config: When an answer may be given.
@@ -68,7 +68,7 @@ def sweep_array(
 
 @dataclass(frozen=True, slots=True)
 class Undisturbed:
-    """Recordings, and what a model tells of them without faults: where every level starts from."""
+    """Recordings, and a model's predictions without faults: where every level starts from."""
 
     model: Model
     touches: Sequence[Recorded]

@@ -106,7 +106,7 @@ def sweep_conditions(
     """Return the point at 23 °C, clean and still, then one a condition and level.
 
     Args:
-        model: What tells; trained on other sessions than `which`.
+        model: What predicts; trained on other sessions than `which`.
         plan: Condition → levels.
         which: Seeds and how many sessions.
         config: When an answer may be given.

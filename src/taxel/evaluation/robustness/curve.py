@@ -1,4 +1,4 @@
-"""One point of a robustness curve: how bad it was, and what was still told right.
+"""One point of a robustness curve: how bad it was, and what was still predicted correctly.
 
 Knows nothing about faults, recordings or models.
 """

@@ -1,4 +1,4 @@
-"""What a grasp bundle still tells over faults of its cameras: by moment, and by slip.
+"""What a grasp bundle still predicts over faults of its cameras: by moment, and by slip.
 
 Each recording is watched frame by frame by the monitor that is given: the live path's own.
 Knows nothing about how bundles are trained.
@@ -94,7 +94,7 @@ def watch(
     level: float = 0.0,
     seed: int = 0,
 ) -> Watched:
-    """Return what a bundle tells of one recording with one fault.
+    """Return what a bundle predicts from one recording with one fault.
 
     Args:
         bundle: Features, head and thresholds.

@@ -1,4 +1,4 @@
-"""Recorded touch under test, and what a recogniser tells of it: as live, before anything is cut.
+"""Recorded touch under test, and a recogniser's predictions: as live, before anything is cut.
 
 The same grid, gate, windows, validity and decisions as live: windows with input that cannot be
 used, and what a bundle's own test calls unlike the learned, are UNKNOWN. A session is brought to
@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from taxel.bundles.contract import Contract
 from taxel.bundles.reader import Bundle
 from taxel.decisions.recognition import UNKNOWN, GraspVote, Quality, RecogniseConfig, decide
-from taxel.decisions.unknown import Strangeness
+from taxel.decisions.unknown import NoveltyTest
 from taxel.errors import BadDataset
 from taxel.evaluation.robustness.curve import SessionAnswers
 from taxel.labels.trials import Trial, trials_of
@@ -118,13 +118,13 @@ def recorded(file: Path, manifest: Manifest, samples: Samples, marks: list[Mark]
 def judge(
     model: Model, touches: Sequence[Recorded], config: RecogniseConfig = ANSWER_ALL
 ) -> SessionAnswers:
-    """Return what a model tells of recordings.
+    """Return what a model predicts from recordings.
 
     Reference touches of a bundle that needs them set each session's level and are not judged.
     Touches of a kind that the model does not know are left out.
 
     Args:
-        model: What tells.
+        model: What predicts.
         touches: The recordings.
         config: When an answer may be given.
 
@@ -148,7 +148,7 @@ def judge(
             own = names == name
             cut = _Cut(windows, np.where(own[owner], owner, -1), touch.trials, own)
             sessions.setdefault(str(name), []).append(cut)
-    test = Strangeness(contract.unknown) if contract.unknown is not None else None
+    test = NoveltyTest(contract.unknown) if contract.unknown is not None else None
     parts, grasps = [], []
     told = 0
     for name, cuts in sessions.items():
@@ -194,7 +194,7 @@ def _answers(
     trial: NDArray[np.intp],
     factor: NDArray[np.float32] | None,
     config: RecogniseConfig,
-    test: Strangeness | None,
+    test: NoveltyTest | None,
 ) -> tuple[NDArray[np.float64], NDArray[np.bool_], NDArray[np.bool_]]:
     """Return probabilities of each window, whether it and whether its whole touch is answered."""
     classes = model.contract.classes

@@ -146,7 +146,7 @@ class _WayRun:
     groups: tuple[str, ...]
     """Folder and name of each held-out group."""
     right: NDArray[np.intp]
-    """Windows told right in each group."""
+    """Windows predicted correctly in each group."""
     count: NDArray[np.intp]
     """Windows in each group."""
     trial_accuracy: float

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 from sklearn.neighbors import NearestNeighbors
 
-from taxel.decisions.unknown import Strangeness
+from taxel.decisions.unknown import NoveltyTest
 from taxel.errors import BadDataset, BadInput
 from taxel.evaluation.metrics import by_trial
 from taxel.evaluation.splits import TrialFold, by_group
@@ -46,7 +46,7 @@ def kinds_of(dataset: Dataset, target: str, never: Sequence[str]) -> NDArray[np.
     """Return what is not learned about each trial, shape (trials,): empty for the known.
 
     A trial that is unknown only by a label that is not told is marked "-": neither known nor
-    unknown (a rubber cylinder, to one who tells shapes).
+    unknown (a rubber cylinder, where shapes are predicted).
 
     Args:
         dataset: Its trials.
@@ -164,7 +164,7 @@ def _one_fold(
     fitted = fit_model(Lesson(learned, y, len(classes), dataset.sensor.full_scale), job)
     p = fitted.probabilities(windows.values, windows.mask)
     scaled = fitted.scaling.apply(windows.values, windows.mask)
-    test_of = Strangeness(
+    test_of = NoveltyTest(
         fit_unknown(dataset, config.target, fitted.scaling, config.rejected, training)
     )
     strange = np.array([
@@ -203,7 +203,7 @@ def _one_fold(
 
 
 def _ranked(p: NDArray[np.float64], strange: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return what a user is told, p, as a score; where p has come to its end, by strangeness."""
+    """Return p, which a user sees, as a score; at its end, by the novelty score."""
     return np.asarray(-p + 1e-9 * np.clip(strange.max(axis=1), -1e4, 1e4))
 
 

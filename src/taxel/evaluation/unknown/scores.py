@@ -1,4 +1,4 @@
-"""What scores of strangeness are worth: AUROC, false rejection, coverage against accuracy.
+"""What novelty scores are worth: AUROC, false rejection, coverage against accuracy.
 
 Knows nothing about data sets, training or screens.
 
@@ -28,7 +28,7 @@ RESAMPLES = 200
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Auroc:
-    """How well one score tells one kind of unknown object from the known."""
+    """How well a score separates one kind of unknown object from the known."""
 
     score: str
     kind: str

@@ -228,7 +228,7 @@ class _RecogniseWatcher:
         self._recogniser = Recogniser(bundle, job.sensor, config)
         contract = bundle.contract
         self._vote = GraspVote(
-            contract.classes, contract.window.max_gap_s, bundle.strangeness, contract.joining
+            contract.classes, contract.window.max_gap_s, bundle.novelty_test, contract.joining
         )
         self._target = contract.target
         self._writer = writer

@@ -30,7 +30,7 @@ class Corrected:
     run: Run
     grasps: int
     prequential: float
-    """Share of grasps told right, each before its answer was learned, 0…1."""
+    """Share of grasps predicted correctly, each before its answer was learned, 0…1."""
     unlearned: float
     """The same by the run as it was, which learned nothing, 0…1."""
     drifts: tuple[Drift, ...]

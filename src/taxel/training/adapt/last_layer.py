@@ -78,7 +78,7 @@ def adapt_last_layer(
     *,
     features: FeatureKind = "auto",
 ) -> Adapted:
-    """Return a run that also tells new classes, from a few grasps of each.
+    """Return a run that also predicts new classes, from a few grasps of each.
 
     The run's networks are not changed. Its accuracies, predictions and test for unknown touch
     are left out of the new run: they were made without the new classes.
@@ -91,7 +91,7 @@ def adapt_last_layer(
             new classes, behind the old ones, sorted.
         grasp: Each window's grasp, by a name of its own.
         session: Each window's session, by a name of its own; one that the exemplars hold too, or
-            that has windows of old classes here, tells its own shift.
+            that has windows of old classes here, gives its own shift.
         features: What the last layer sees.
 
     Raises:

@@ -220,12 +220,12 @@ def measured_at(
 def by_class(
     found: NDArray[np.floating], classes: Sequence[str], label: Sequence[str], known: Sequence[str]
 ) -> dict[str, float]:
-    """Return class → share of its windows told right, 0…1, and of all, and of all known before.
+    """Return class → share of its windows predicted correctly, 0…1, all, and all known before.
 
     Args:
         found: Probabilities, shape (n, classes).
         classes: Their names.
-        label: Each window's right class; one that is not among `classes` is never told right.
+        label: Each window's right class; one that is not among `classes` is never predicted.
         known: The classes known before adapting.
     """
     names = np.array(label)

@@ -99,7 +99,7 @@ class OnlineLearner:
             self._reservoirs[self._data.y[row]].add(int(row), self._rng)
 
     def answer(self, windows: Windows) -> Told:
-        """Return what the run tells of one grasp, as it has learned so far.
+        """Return what the run predicts for one grasp, as it has learned so far.
 
         Args:
             windows: Unscaled windows of one grasp, at the run's level, n ≥ 1.

@@ -1,6 +1,6 @@
 """What the page needs of the station that it shows; the page's server knows nothing else of it.
 
-A link tells, and takes what a person asks (acknowledge, disarm, record, a replay's cursor): it has
+A link sends, and takes what a person asks (acknowledge, disarm, record, a replay's cursor): it has
 no way to arm or to move a gripper, so the page has none either. Knows nothing about HTTP.
 """
 

@@ -41,7 +41,7 @@ class PlanLink:
         self._cameras: tuple[CameraInfo, ...] = ()
         self._frames: dict[int, tuple[int, bytes]] = {}
 
-    # What the recording tells.
+    # What the recording holds.
 
     def tell(self, word: str, why: str = "", *, waits: bool = False, **values: Any) -> None:
         """Say what to do now.

@@ -1,7 +1,7 @@
 """Serve the operator's page: on this machine only unless told otherwise, by a token always.
 
 `PageServer` runs in a thread; `run_page` blocks, for a process of its own, until SIGTERM, SIGINT
-or SIGHUP. Knows nothing about sensors and models: a `StationLink` tells all.
+or SIGHUP. Knows nothing about sensors and models: a `StationLink` knows all.
 """
 
 from __future__ import annotations

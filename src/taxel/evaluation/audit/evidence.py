@@ -127,7 +127,7 @@ def majority(y: NDArray[np.intp], folds: Sequence[Fold]) -> float:
     return float(np.bincount(tested).max() / len(tested))
 
 
-def told(
+def evidence_of(
     probability: Array,
     y: NDArray[np.intp],
     units: NDArray[np.intp],
