@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from taxel.calibration.apply import correct
-from taxel.calibration.live import LiveNewtons, SourceInNewtons
+from taxel.calibration.live import LiveNewtons, in_newtons
 from taxel.calibration.stored import Calibration, document_of, read_calibration, write_calibration
 from taxel.errors import BadInput
 from taxel.signals import Samples, Validity
@@ -96,7 +96,7 @@ def test_other_sensors_are_refused_before_anything_is_read(
         info = sensor_info(TengHandConfig(seed=99))
 
     with pytest.raises(BadInput, match="the sensors that were calibrated"):
-        SourceInNewtons(Other(), calibration)  # type: ignore[arg-type]
+        in_newtons(Other(), calibration)  # type: ignore[arg-type]
 
 
 def test_reading_a_calibration_live_loads_no_scipy():

@@ -69,8 +69,7 @@ def test_a_library_model_that_was_only_evaluated_is_compared_too(
     """Its cross-validation is kept as a run without weights."""
     from dataclasses import replace
 
-    from taxel.evaluation.checked import check_recipe
-    from taxel.evaluation.checked_run import run_of_check
+    from taxel.evaluation.checked import check_recipe, run_of_check
     from taxel.training.recipes import find_recipe
     from taxel.training.run import save_run
 

@@ -7,6 +7,7 @@ import pytest
 
 from taxel.bundles.grasp import read_grasp_bundle
 from taxel.evaluation.early_warning.learn_slip_warning import (
+    ReadyWarning,
     rule_model,
     rule_probability,
     write_warning,
@@ -38,7 +39,10 @@ def bundle(tmp_path_factory):
     path = tmp_path_factory.mktemp("slip") / "rule.taxel"
     rows = np.abs(np.random.default_rng(0).normal(0, 0.1, (16, len(PAIR_FEATURES))))
     rows = rows.astype(np.float32)
-    write_warning(path, "rule", rule_model(0.31), 0.5, rows, rule_probability(rows, 0.31), {})
+    warning = ReadyWarning(
+        model=rule_model(0.31), threshold=0.5, check=rows, expected=rule_probability(rows, 0.31)
+    )
+    write_warning(path, "rule", warning, {})
     return read_grasp_bundle(path)
 
 

@@ -13,7 +13,7 @@ import pytest
 import torch
 
 from taxel.cli.main import main
-from taxel.evaluation.transitions.data import load_camera_set, tracks_of
+from taxel.evaluation.transitions.data import load_camera_set
 from taxel.frame_codec import decode_jpeg
 from taxel.models.backbones.catalogue import find_backbone
 from taxel.models.weights import find_weights
@@ -21,7 +21,7 @@ from taxel.training import lanes as lanes_module
 from taxel.training.extractors import open_backbone
 from taxel.training.features import extract
 from taxel.training.fine_tuning import EndToEnd, FineTuneConfig, KeptEpochs, fine_tune
-from taxel.training.heads import HeadConfig, TrainedHead, fit_head
+from taxel.training.heads import HeadConfig, TrainedHead, fit_head, tracks_of
 from taxel.training.lanes import LANES, Lanes
 from taxel.windows.camera_recordings import frame_sets, read_camera_recordings
 from taxel.windows.sequence import window_starts
@@ -36,8 +36,7 @@ def learnt_head(folder: Path, cache: Path) -> TrainedHead:
     pours = load_camera_set(folder, "change", cache)
     features = extract(pours.pours, open_backbone(EDGE), cache)
     config = HeadConfig(frames=K, epochs=1, tare="size")
-    everything = np.arange(len(pours.pours), dtype=np.intp)
-    return fit_head(tracks_of(features, pours.labels, everything), config)
+    return fit_head(tracks_of(features, pours.labels), config)
 
 
 def network(head: TrainedHead) -> EndToEnd:

@@ -28,7 +28,7 @@ from taxel.bench.closed_loop_tuning import (
 from taxel.bundles.grasp import GEL, GraspContract, write_grasp_bundle
 from taxel.decisions.stability import StabilityConfig
 from taxel.evaluation.splits import TrialFold
-from taxel.evaluation.transitions.data import CameraSet, judge_fold, load_camera_set, tracks_of
+from taxel.evaluation.transitions.data import CameraSet, judge_fold, load_camera_set
 from taxel.jobs.running import side_by_side
 from taxel.models.counting import keras_parameters
 from taxel.models.export_onnx import export_head
@@ -40,7 +40,7 @@ from taxel.sources.pour_folder import write_pours
 from taxel.training.extractors import SlipExtractor
 from taxel.training.features import FrameFeatures, extract
 from taxel.training.frame_labels import change_signals, rate_of, truth_of
-from taxel.training.heads import HeadConfig, TrainedHead, fit_head
+from taxel.training.heads import HeadConfig, TrainedHead, fit_head, tracks_of
 from taxel.windows.camera_recordings import CameraRecording, read_camera_recording
 from taxel.windows.rest import SETTLE
 from taxel.windows.sequence import sequence_windows
@@ -103,7 +103,7 @@ def learn(
     config = HeadConfig(tare="change", frames=FRAMES)
     found = _held_out(pours, features, labels, config, on_step)
     on_step("all training cups")
-    head = fit_head(tracks_of(features, labels, np.arange(len(labels))), config)
+    head = fit_head(tracks_of(features, labels), config)
     on_step("tuning")
     runs = {run.name: run for run in list_runs(TRAINING) if raisable(run)}
     chosen = [i for i, pour in enumerate(pours.pours) if pour.name in runs]

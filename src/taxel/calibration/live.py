@@ -10,8 +10,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import replace
-from types import TracebackType
-from typing import Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,8 +17,9 @@ from numpy.typing import NDArray
 from taxel.calibration.apply import described, newtons
 from taxel.calibration.baseline import SMOOTH_S
 from taxel.calibration.stored import Calibration
-from taxel.signals import CameraInfo, Frame, Mark, Samples, SensorInfo
+from taxel.signals import Samples, SensorInfo
 from taxel.sources.contract import Source
+from taxel.sources.handed_on import HandedOn
 from taxel.windows.following import RecentRest
 
 _FOLLOW_S = 30.0
@@ -95,8 +94,8 @@ def _moving_sum(values: NDArray[np.float64], width: int) -> NDArray[np.float64]:
     return np.asarray(windows.sum(axis=-1))
 
 
-class SourceInNewtons:
-    """A source whose scans are in newtons; frames and marks stay as they are.
+def in_newtons(source: Source, calibration: Calibration) -> HandedOn:
+    """Return a source whose scans are in newtons; frames and marks stay as they are.
 
     Args:
         source: An open source with an array.
@@ -105,45 +104,5 @@ class SourceInNewtons:
     Raises:
         BadInput: The calibration is of other sensors.
     """
-
-    def __init__(self, source: Source, calibration: Calibration) -> None:
-        self._source = source
-        self._newtons = LiveNewtons(calibration, source.info)
-
-    @property
-    def info(self) -> SensorInfo:
-        """What the array is now: its unit is N."""
-        return self._newtons.info
-
-    @property
-    def cameras(self) -> tuple[CameraInfo, ...]:
-        """The source's cameras."""
-        return self._source.cameras
-
-    @property
-    def ended(self) -> bool:
-        """True when no scan will ever come again."""
-        return self._source.ended
-
-    def read(self, timeout_s: float = 0.1) -> Samples:
-        """Return the scans since the last call, in newtons."""
-        return self._newtons.push(self._source.read(timeout_s))
-
-    def frames(self) -> list[Frame]:
-        """Return the frames since the last call."""
-        return self._source.frames()
-
-    def marks(self) -> list[Mark]:
-        """Return the marks completed since the last call."""
-        return self._source.marks()
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
-        """Whoever opened the source closes it."""
+    live = LiveNewtons(calibration, source.info)
+    return HandedOn(source, info=live.info, turn=live.push)

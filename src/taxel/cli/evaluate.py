@@ -9,7 +9,6 @@ from typing import Annotated, Any, ClassVar
 
 import tyro
 
-from taxel.cli.evaluate_bundle import evaluate_bundle, is_bundle_file
 from taxel.cli.html_pages import older_page, say_page
 from taxel.cli.option_rules import Only
 from taxel.cli.options import FOLD_COUNT, RecipeOptions, check_run_folder, split_given, usual_recipe
@@ -78,15 +77,15 @@ class Evaluate:
         Only(
             OF_A_RECIPE,
             "a folder of recordings (a bundle is scored as it is)",
-            lambda o: not is_bundle_file(o.data),
+            lambda o: not _is_bundle_file(o.data),
         ),
         FOLD_COUNT,
     )
 
     def run(self) -> None:
         """Measure and print."""
-        if is_bundle_file(self.data):
-            evaluate_bundle(self.data, self.recordings, as_json=self.json)
+        if _is_bundle_file(self.data):
+            _evaluate_bundle(self.data, self.recordings, as_json=self.json)
             return
         if self.recordings is not None:
             raise BadInput("a bundle before the recordings to score it on", str(self.data),
@@ -123,7 +122,7 @@ class Evaluate:
                 on_step=lambda line: bar.update(task, description=line, advance=1),
             )
         if self.output is not None:
-            from taxel.evaluation.checked_run import run_of_check
+            from taxel.evaluation.checked import run_of_check
             from taxel.training.run import save_run
 
             save_run(self.output, run_of_check(path, checked))
@@ -148,16 +147,49 @@ class Evaluate:
             }
             print_json(result)
             return
-        from taxel.cli.train import kept_line, print_parts, warning
-        from taxel.views.results import checked_table, confusion_table
+        from taxel.cli.train import print_checked
 
-        console.print(checked_table(checked))
-        if checked.kept:
-            say(kept_line(checked))
-        if said := warning(checked):
-            say(f"warning: {said}", style="yellow")
-        classes = checked.dataset.classes(recipe.target)
-        console.print(confusion_table(classes, checked.pooled.scores.confusion))
-        print_parts(checked)
+        print_checked(checked)
         if checked.cached:
             say(f"{checked.cached} folds of library models were kept; --fresh fits them")
+
+
+def _is_bundle_file(path: Path) -> bool:
+    """Return whether a path is a file that a bundle could be, and no recording."""
+    return path.is_file() and path.suffix != ".mcap"
+
+
+def _evaluate_bundle(bundle: Path, folder: Path | None, *, as_json: bool) -> None:
+    """Score a bundle on recordings and print it.
+
+    Args:
+        bundle: The bundle's file.
+        folder: Recordings with its label.
+        as_json: Print JSON instead of tables.
+
+    Raises:
+        BadInput: No folder is named, or $TAXEL_DEVICE is not there.
+        BadBundle: The bundle cannot be used, or is of another array.
+        BadDataset: The recordings hold no window with the bundle's label.
+    """
+    from taxel.bundles.reader import read_bundle
+    from taxel.evaluation.bundle_scores import score_bundle
+    from taxel.models.devices import asked_device
+
+    if folder is None:
+        raise BadInput(
+            f"recordings to score {bundle} on", "none", f"taxel evaluate {bundle} RECORDINGS"
+        )
+    device = asked_device()
+    with progress() as bar:
+        bar.add_task(f"scoring {bundle.name}", total=None)
+        found = score_bundle(read_bundle(bundle, device=device), folder)
+    from taxel.views.part_results import bundle_score_table, seen_line
+
+    seen = seen_line(found)
+    if as_json:
+        print_json({"bundle": str(bundle), "data": str(folder)} | asdict(found) | {"warning": seen})
+        return
+    console.print(bundle_score_table(found, bundle.name, str(folder)))
+    if seen is not None:
+        say(f"warning: {seen}", style="yellow")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, ClassVar
@@ -114,7 +115,6 @@ class Live:
         from taxel.bundles.reader import read_bundle
         from taxel.bundles.trials import is_trial_bundle
         from taxel.cli.live_grasps import live_grasps
-        from taxel.cli.live_rules import known_classes
         from taxel.cli.live_station import live_station
         from taxel.cli.live_trials import live_trials
         from taxel.decisions.recognition import RecogniseConfig
@@ -151,7 +151,7 @@ class Live:
         device = asked_device()
         rules = RuleTable(())
         if self.rules is not None:
-            rules = read_rules(self.rules, known_classes(files, trust))
+            rules = read_rules(self.rules, _known_classes(files, trust))
         if any(map(is_trial_bundle, files)) and (self._needs_station() or len(files) > 1):
             raise BadInput(
                 "a bundle of camera trials alone, in the terminal", "more beside it",
@@ -262,3 +262,30 @@ class Live:
             calibration=self.calibration,
             json=self.json,
         )
+
+
+def _known_classes(bundles: Sequence[Path], trust: Trust | None) -> dict[str, tuple[str, ...]]:
+    """Return target → classes of every bundle that recognises something.
+
+    Raises:
+        BadInput: None does.
+        BadBundle: One cannot be read, or is not signed by a key of `trust`.
+    """
+    from taxel.bundles.grasp import is_grasp_bundle
+    from taxel.bundles.reader import read_contract
+    from taxel.bundles.trials import is_trial_bundle, read_trial_contract
+
+    known: dict[str, tuple[str, ...]] = {}
+    for path in bundles:
+        if is_grasp_bundle(path):
+            continue
+        read = read_trial_contract if is_trial_bundle(path) else read_contract
+        contract = read(path, trust)
+        more = (name for name in contract.classes if name not in known.get(contract.target, ()))
+        known[contract.target] = (*known.get(contract.target, ()), *more)
+    if not known:
+        raise BadInput(
+            "a bundle that names classes beside --rules", "a grasp monitor alone",
+            "leave --rules out: what to do about a grasp is shown without it",
+        )  # fmt: skip
+    return known

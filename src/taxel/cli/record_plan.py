@@ -16,8 +16,8 @@ from taxel.cli.printing import console, print_json, say, say_aside
 from taxel.errors import BadInput
 from taxel.recordings.trial_plan import PlannedTrial, balance_line, done_of, read_plan
 from taxel.sources.contract import Source
+from taxel.sources.handed_on import HandedOn
 from taxel.sources.opening import open_source
-from taxel.sources.shown import Shown
 from taxel.views.keys import Keys
 
 if TYPE_CHECKING:
@@ -155,7 +155,7 @@ class _Session:
                 self._tell(f"gripper holds with {force_n:g} N")
             try:
                 with ExitStack() as own:
-                    source: Source = Shown(self._cameras_for(trial, own), self._board.see)
+                    source: Source = HandedOn(self._cameras_for(trial, own), see=self._board.see)
                     path = self._options.output / trial.file_name
                     return record_trial(
                         source,

@@ -214,16 +214,7 @@ class Train:
             )
             return
         if self.check:
-            from taxel.views.results import checked_table, confusion_table
-
-            console.print(checked_table(checked))
-            if checked.kept:
-                say(kept_line(checked))
-            if said := warning(checked):
-                say(f"warning: {said}", style="yellow")
-            classes = checked.dataset.classes(recipe.target)
-            console.print(confusion_table(classes, checked.pooled.scores.confusion))
-            print_parts(checked)
+            print_checked(checked)
         say(
             f"{output}{', replaced' if older else ''}: {recipe.model}, "
             f"{run.contract.parameters:,} parameters, predicts {recipe.target}: "
@@ -240,16 +231,24 @@ class Train:
             say(f"or:   {page}")
 
 
-def print_parts(checked: Checked) -> None:
-    """Print the accuracy of each class and of each group's values."""
+def print_checked(checked: Checked) -> None:
+    """Print a cross-validation: accuracies, warnings, confusions, each class and group."""
     from taxel.views.part_results import parts_tables
+    from taxel.views.results import checked_table, confusion_table
 
-    if checked.pooled.parts is not None:
-        for table in parts_tables(checked.pooled.parts):
-            console.print(table)
+    pooled = checked.pooled
+    console.print(checked_table(checked))
+    if checked.kept:
+        say(_kept_line(checked))
+    if said := warning(checked):
+        say(f"warning: {said}", style="yellow")
+    classes = checked.dataset.classes(checked.recipe.target)
+    console.print(confusion_table(classes, pooled.scores.confusion))
+    for table in parts_tables(pooled.parts) if pooled.parts is not None else ():
+        console.print(table)
 
 
-def kept_line(checked: Checked) -> str:
+def _kept_line(checked: Checked) -> str:
     """Return what must be said where folds were not fitted by this run."""
     folds = f"{checked.kept} fold{'s' if checked.kept > 1 else ''}"
     return f"{folds} kept from a run that was broken off; --fresh fits all of them again"

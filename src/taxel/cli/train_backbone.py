@@ -6,7 +6,6 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, ClassVar
 
-import numpy as np
 import tyro
 
 from taxel.cli.camera_options import (
@@ -27,13 +26,8 @@ from taxel.cli.work_options import WorkOptions
 from taxel.errors import BadInput
 
 if TYPE_CHECKING:
-    from rich.progress import Progress as Bar
-    from torch import nn
-
-    from taxel.evaluation.transitions.data import CameraSet
     from taxel.models.published.about import About
-    from taxel.training.fine_tuning import EndToEnd, FineTuned
-    from taxel.training.heads import HeadConfig
+    from taxel.training.fine_tuning import FineTuned
 
 _MOST_EPOCHS = 1000
 
@@ -70,14 +64,23 @@ class TrainBackbone:
     def run(self) -> None:
         """Train and write."""
         from taxel.models.backbones.weight_files import save_backbone_weights
-        from taxel.training.fine_tuning import FineTuneConfig, KeptEpochs, fine_tune
+        from taxel.training.extractors import BackboneExtractor
+        from taxel.training.fine_tuning import (
+            FineTuneConfig,
+            KeptEpochs,
+            begin_end_to_end,
+            fine_tune,
+        )
 
         self._check()
         config = head_config(self.labels.rule, self.fit, self.head)
         checkpoint = self.output.with_name(f"{self.output.name}.checkpoint")
         with self.work.open(), progress() as bar:
             pours = load_set(self.labels, self.data, bar)
-            module, network, start = self._network(pours, config, bar)
+            extractor = open_features(self.backbone, pours, self.weights, EngineOptions())
+            assert isinstance(extractor, BackboneExtractor)
+            features = extract_features(extractor, self.backbone, pours, self.labels.folder(), bar)
+            network = begin_end_to_end(extractor, features, pours.labels, config)
             task = bar.add_task("end to end", total=None)
             done = fine_tune(
                 network, pours.pours, pours.labels,
@@ -90,7 +93,8 @@ class TrainBackbone:
             )  # fmt: skip
         if not done.first:
             return
-        save_backbone_weights(module, self.output, self._about(len(pours.pours), start).head())
+        about = self._about(len(pours.pours), extractor.weights.words)
+        save_backbone_weights(network.features.backbone, self.output, about.head())
         checkpoint.unlink(missing_ok=True)
         self._print(done)
 
@@ -105,25 +109,6 @@ class TrainBackbone:
         if self.output.is_dir() or not self.output.name.endswith(".safetensors"):
             raise BadInput("--output NAME.safetensors: a backbone's weights", str(self.output),
                            f"name a file such as {self.backbone}.safetensors")  # fmt: skip
-
-    def _network(
-        self, pours: CameraSet, config: HeadConfig, bar: Bar
-    ) -> tuple[nn.Module, EndToEnd, str]:
-        """Return the backbone, the same with a fitted head behind it, and its first weights."""
-        from taxel.evaluation.transitions.data import tracks_of
-        from taxel.models.backbones.catalogue import find_backbone
-        from taxel.training.extractors import BackboneExtractor
-        from taxel.training.fine_tuning import EndToEnd
-        from taxel.training.heads import fit_head
-
-        extractor = open_features(self.backbone, pours, self.weights, EngineOptions())
-        assert isinstance(extractor, BackboneExtractor)
-        features = extract_features(extractor, self.backbone, pours, self.labels.folder(), bar)
-        everything = np.arange(len(pours.pours), dtype=np.intp)
-        head = fit_head(tracks_of(features, pours.labels, everything), config)
-        module = find_backbone(self.backbone).build("logits")
-        extractor.weights.load_into(module)
-        return module, EndToEnd(module, self.backbone, head), extractor.weights.words
 
     def _about(self, recordings: int, start: str) -> About:
         """Return what the file of weights says of itself."""

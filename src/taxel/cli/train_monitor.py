@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-import hashlib
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, ClassVar
 
-import numpy as np
 import tyro
 
 from taxel.cli.camera_options import (
@@ -31,14 +29,8 @@ from taxel.errors import BadInput
 from taxel.held import only_writer
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
     from taxel.bundles.grasp import GraspContract
     from taxel.evaluation.early_warning.learn_monitor import LearntMonitor
-    from taxel.evaluation.transitions.data import CameraSet
-    from taxel.training.features import FrameFeatures
-
-_CHECK_WINDOWS = 32
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -79,9 +71,7 @@ class TrainMonitor:
             self._train()
 
     def _train(self) -> None:
-        from taxel.bundles.grasp import write_grasp_bundle
-        from taxel.evaluation.early_warning.learn_monitor import learn_monitor
-        from taxel.models.export_onnx import export_head
+        from taxel.evaluation.early_warning.learn_monitor import learn_monitor, write_monitor
         from taxel.training.extractors import BackboneExtractor
 
         with self.work.open(), progress() as bar:
@@ -95,11 +85,8 @@ class TrainMonitor:
                 on_step=lambda line: bar.update(task, description=f"training, {line}", advance=1),
             )  # fmt: skip
         backbone = extractor if isinstance(extractor, BackboneExtractor) else None
-        contract = _contract(self.labels.rule, self.features, pours, learnt, backbone)
-        windows, expected = _check(features, learnt)
-        head = export_head(learnt.head.module, config.frames, windows.shape[3])
-        parity = write_grasp_bundle(
-            self.output, contract, head, backbone.model if backbone else None, windows, expected
+        contract, parity = write_monitor(
+            self.output, learnt, pours, features, self.features, backbone
         )
         self._print(contract, parity, learnt)
 
@@ -121,68 +108,3 @@ class TrainMonitor:
             say("on cups held out: " + ", ".join(f"{k} {v:.3g}" for k, v in measured.items()))
         watch = command("taxel", "live", self.output, "sim://cup-pour", "--seconds", "20")
         say(f"next: {watch}")
-
-
-def _contract(
-    rule: str,
-    features_name: str,
-    pours: CameraSet,
-    learnt: LearntMonitor,
-    backbone: object,
-) -> GraspContract:
-    from taxel import __version__
-    from taxel.bundles.grasp import GraspContract
-    from taxel.models.counting import keras_parameters
-    from taxel.models.transition import find_transition
-    from taxel.training.extractors import BackboneExtractor
-    from taxel.training.frame_labels import rate_of
-    from taxel.windows.rest import SETTLE
-
-    camera = pours.pours[0].cameras[0]
-    config = learnt.head.config
-    measured: dict[str, float] = {}
-    if learnt.windows is not None:
-        measured |= {"balanced accuracy": learnt.windows.balanced, "AUC": learnt.windows.auc}
-    if learnt.tuned is not None:
-        measured |= {
-            "median lead (s)": learnt.tuned.lead_median_s,
-            "missed": learnt.tuned.missed_share,
-            "false alarms a minute": learnt.tuned.false_alarms_per_min,
-        }
-    if features_name == GEL:
-        parameters = keras_parameters(learnt.head.module)
-    else:
-        parameters = find_transition(f"{features_name}+{config.head}").parameters
-    digest = hashlib.sha256("".join(pour.digest for pour in pours.pours).encode()).hexdigest()
-    return GraspContract(
-        features=features_name,
-        weights=backbone.weights.words if isinstance(backbone, BackboneExtractor) else "",
-        head=config.head,
-        frames=config.frames,
-        tare=config.tare,
-        settle=(SETTLE.start, SETTLE.stop),
-        cameras=len(pours.pours[0].cameras),
-        width=camera.width,
-        height=camera.height,
-        rate_hz=rate_of(pours.pours[0]),
-        rule=rule,
-        offset=tuple(tuple(map(float, row)) for row in learnt.head.offset),
-        factor=tuple(tuple(map(float, row)) for row in learnt.head.factor),
-        stability=learnt.stability,
-        parameters=parameters,
-        data_digest=digest,
-        measured={key: value for key, value in measured.items() if np.isfinite(value)},
-        software=f"taxel {__version__}",
-    )
-
-
-def _check(
-    features: list[FrameFeatures], learnt: LearntMonitor
-) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-    """Return scaled windows of the first pour and what the head gives for them."""
-    from taxel.windows.sequence import sequence_windows
-
-    own = features[0].all()
-    windows = sequence_windows(learnt.head.scale(own), learnt.head.config.frames)
-    part = np.linspace(0, len(windows) - 1, min(_CHECK_WINDOWS, len(windows))).astype(int)
-    return np.ascontiguousarray(windows[part]), learnt.head.probabilities(own)[part]

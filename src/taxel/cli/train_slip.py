@@ -16,7 +16,6 @@ from taxel.errors import BadInput
 if TYPE_CHECKING:
     from taxel.evaluation.early_warning.slip_warnings import Promise, WarningScores
 
-_CHECKED = 64
 _MOST_PER_MIN = 60.0
 
 
@@ -46,7 +45,7 @@ class TrainSlip:
     def run(self) -> None:
         """Learn, write the bundle and print what it is worth."""
         from taxel.evaluation.early_warning import learn_slip_warning as learn
-        from taxel.evaluation.early_warning.slip_warnings import keep_promise, score_warnings
+        from taxel.evaluation.early_warning.slip_warnings import score_warnings
 
         self._check()
         with progress() as bar:
@@ -56,23 +55,16 @@ class TrainSlip:
                 bar.update(task, description=line, advance=1)
 
             pours, _ = learn.training_features(self.poses, on_step=on_step)
-            rows = pours[0].rows[:_CHECKED]
-            if self.head == "rule":
-                tracks = learn.rule_tracks(pours)
-                promise = keep_promise(learn.promised(tracks), self.false_alarms)
-                model, threshold = learn.rule_model(promise.threshold), 0.5
-                expected = learn.rule_probability(rows, promise.threshold)
-            else:
-                learnt = learn.learn_warning(
-                    pours, self.head, self.false_alarms, seed=self.seed, on_step=on_step
-                )
-                promise, tracks = learnt.promise, list(learnt.tracks)
-                model, threshold = learnt.head.to_onnx(), promise.threshold
-                expected = learnt.head.probability(rows)
+            warning, promise, tracks = learn.make_warning(
+                pours, self.head, self.false_alarms, seed=self.seed, on_step=on_step
+            )
         scores, _ = score_warnings(learn.promised(tracks), promise.threshold)
-        parity = learn.write_warning(
-            self.output, self.head, model, threshold, rows, expected, _measured(scores)
-        )
+        measured = {
+            "median lead (s)": scores.events.lead_median_s,
+            "missed": scores.events.missed_share,
+            "false alarms a minute": scores.events.false_alarms_per_min,
+        }
+        parity = learn.write_warning(self.output, self.head, warning, measured)
         if self.json:
             print_json({"bundle": str(self.output), "head": self.head, "parity": parity,
                         "promise": asdict(promise), "leads": scores.leads, "near": scores.near,
@@ -93,16 +85,6 @@ class TrainSlip:
                            f"{self.false_alarms:g}", "such as 0.3")  # fmt: skip
         if self.poses.exists() and not self.poses.is_dir():
             raise BadInput("a folder to keep simulated poses in", str(self.poses), "name another")
-
-
-def _measured(scores: WarningScores) -> dict[str, float]:
-    events = scores.events
-    found = {
-        "median lead (s)": events.lead_median_s,
-        "missed": events.missed_share,
-        "false alarms a minute": events.false_alarms_per_min,
-    }
-    return {key: value for key, value in found.items() if math.isfinite(value)}
 
 
 def _print(output: Path, name: str, promise: Promise, scores: WarningScores, parity: float) -> None:

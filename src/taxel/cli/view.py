@@ -94,10 +94,10 @@ class View:
         """Return the source in newtons, where a calibration was named."""
         if self.calibration is None:
             return source
-        from taxel.calibration.live import SourceInNewtons
+        from taxel.calibration.live import in_newtons
         from taxel.calibration.stored import read_calibration
 
-        return SourceInNewtons(source, read_calibration(self.calibration))
+        return in_newtons(source, read_calibration(self.calibration))
 
     def _replay_page(self) -> None:
         """Serve the recording's page until Ctrl-C."""

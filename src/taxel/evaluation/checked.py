@@ -9,6 +9,8 @@ from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
+import numpy as np
+
 from taxel.evaluation.baselines import trivial_accuracies
 from taxel.evaluation.crossval import FoldPredictions, Pooled, curves_of, pool, predictions_of
 from taxel.evaluation.fold_jobs import (
@@ -25,9 +27,12 @@ from taxel.evaluation.splits import Split, TrialFold
 from taxel.evaluation.table_split import OWN_SPLIT, Elsewhere
 from taxel.jobs.running import as_done, shared_out
 from taxel.training.curves import Curve
+from taxel.training.environment import Made
 from taxel.training.predictions import Predictions
 from taxel.training.recipes import Recipe
+from taxel.training.run import Run, contract_of
 from taxel.windows.dataset import Dataset
+from taxel.windows.scaling import Scaling
 
 BARS = ("minirocket", "extra-trees")
 """Library models that every result is printed against."""
@@ -172,3 +177,32 @@ def _fit_folds(
 def _present(result: FoldPredictions | None) -> FoldPredictions:
     assert result is not None
     return result
+
+
+def run_of_check(data: Path, checked: Checked) -> Run:
+    """Return a cross-validation as a run without weights, to be compared and reported later.
+
+    `save_run` can keep it and `load_run(…, weights=False)` gives it back; any model can stand in
+    it, library baselines too, which have no weights.
+
+    Args:
+        data: The data set's path, as it was given.
+        checked: Its cross-validation.
+    """
+    channels = len(checked.dataset.sensor.channels)
+    unscaled = Scaling(
+        kind="none", offset=np.zeros(channels, np.float32), factor=np.ones(channels, np.float32)
+    )
+    recipe, pooled = checked.recipe, checked.pooled
+    accuracy = {pooled.split: pooled.scores.accuracy}
+    return Run(
+        networks=(),
+        contract=contract_of(checked.dataset, recipe.target, recipe.model, (), unscaled, accuracy),
+        train=recipe.train,
+        history=(),
+        data=str(data),
+        predictions=checked.predictions,
+        trivial=checked.trivial,
+        curves=checked.curves,
+        made=Made.now(),
+    )

@@ -125,6 +125,8 @@ class Pacer:
         self._frames = frames.frames
         self._ahead: deque[Frame] = deque()
         self._given_frames: list[Frame] = []
+        self.frames_given = 0
+        """Frames that `frames` has returned."""
         first = self._next_frame
         self._first_frame_s = first.fitted_s if first else np.inf
         self._fetch_owed()
@@ -179,6 +181,7 @@ class Pacer:
     def frames(self) -> list[Frame]:
         """Return the frames that fell due in `read` since the last call, oldest first."""
         given, self._given_frames = self._given_frames, []
+        self.frames_given += len(given)
         return given
 
     def marks(self) -> list[Mark]:

@@ -9,8 +9,6 @@ import math
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
-from types import TracebackType
-from typing import Self
 
 from taxel.clock import Clock
 from taxel.errors import BadSource
@@ -21,11 +19,12 @@ from taxel.recordings.reader import (
     iterate_tactile,
     read_manifest,
 )
-from taxel.signals import CameraInfo, Frame, Mark, Samples, SensorInfo
+from taxel.signals import Mark, Samples
+from taxel.sources.paced_source import PacedSource
 from taxel.sources.pacing import FrameStream, Pacer, Stretch, read_speed
 
 
-class Replay:
+class Replay(PacedSource):
     """A recording, scan by scan, with its own spacing, arrivals and marks.
 
     As in training, the recording's labels hold for each of its marks, and one
@@ -55,51 +54,16 @@ class Replay:
         if path.is_dir():
             raise BadSource("one recording", f"the folder {path}", "name one of its files")
         manifest = read_manifest(path)
-        self._info = manifest.sensor
-        self._cameras = manifest.cameras if scene == "yes" else manifest.tactile
+        cameras = manifest.cameras if scene == "yes" else manifest.tactile
         read_frames = iterate_frames if scene == "yes" else iterate_tactile
         stretches = _stretches(path, manifest)
         # Frames are read on their own: a recording's scans and frames lie in different
         # chunks, and neither may wait for the other.
-        frames = read_frames(path) if self._cameras else iter(())
-        channels = len(self._info.channels)
-        self._pacer = Pacer(stretches, channels, clock, speed, FrameStream(frames), ahead=True)
-
-    @property
-    def info(self) -> SensorInfo:
-        return self._info
-
-    @property
-    def cameras(self) -> tuple[CameraInfo, ...]:
-        return self._cameras
-
-    @property
-    def ended(self) -> bool:
-        return self._pacer.ended
-
-    def begin(self) -> None:
-        """Let the stream begin now instead of at opening; nothing may have been read yet."""
-        self._pacer.begin()
-
-    def read(self, timeout_s: float = 0.1) -> Samples:
-        return self._pacer.read(timeout_s)
-
-    def frames(self) -> list[Frame]:
-        return self._pacer.frames()
-
-    def marks(self) -> list[Mark]:
-        return self._pacer.marks()
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
-        self._pacer.close()
+        frames = read_frames(path) if cameras else iter(())
+        pacer = Pacer(
+            stretches, len(manifest.sensor.channels), clock, speed, FrameStream(frames), ahead=True
+        )
+        super().__init__(manifest.sensor, cameras, pacer)
 
 
 def _stretches(path: Path, manifest: Manifest) -> Iterator[Stretch]:

@@ -17,17 +17,17 @@ from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from itertools import count
-from types import TracebackType
-from typing import Self, get_args
+from typing import get_args
 
 import numpy as np
 
 from taxel.clock import Clock, SystemClock
 from taxel.errors import BadSource
-from taxel.signals import PAUSE, CameraInfo, Frame, Mark, Samples, SensorInfo
+from taxel.signals import PAUSE, CameraInfo, Frame, Mark
 from taxel.sim.cup_pour import CupPourConfig, Gel
 from taxel.sim.cups import MOVING_KINDS, Kind, Position, PourRun, draw_cup
 from taxel.sim.scene_draws import draw_grasp
+from taxel.sources.paced_source import PacedSource
 from taxel.sources.pacing import FrameStream, Pacer, Stretch, read_speed
 from taxel.sources.pour_sets import CAMERA_HZ, describe_run, mark_of, sensor_info
 from taxel.sources.stepped_pour import SteppedPour
@@ -73,7 +73,7 @@ class PourChoice:
         return self.approach or self.kind in MOVING_KINDS
 
 
-class SimPour:
+class SimPour(PacedSource):
     """Cups that are filled, one grasp after another; a mark ends each.
 
     Options are the fields of `PourChoice`, and `speed`.
@@ -94,7 +94,6 @@ class SimPour:
         self._frames: deque[Frame] = deque()
         self._pour: SteppedPour | None = None
         self._number = -1
-        self._frames_given = 0
         # The next cup's gels are made while this one is held: that takes most of a second, and
         # between two cups there is only half of one.
         self._maker = ThreadPoolExecutor(1, "taxel next cup", _stand_back)
@@ -106,38 +105,16 @@ class SimPour:
         self._more()
         # Only where time passes meanwhile is there anything to tell while the next cup is made.
         self._meanwhile = speed != float("inf") and isinstance(clock, SystemClock)
-        self._info = sensor_info(_FRAME_HZ, self._choice.gel, self._choice.scene)
-        channels = len(self._info.channels)
-        self._pacer = Pacer(
-            self._stretches(), channels, clock, speed,
+        info = sensor_info(_FRAME_HZ, self._choice.gel, self._choice.scene)
+        pacer = Pacer(
+            self._stretches(), len(info.channels), clock, speed,
             FrameStream(self._all_frames(), len(self._cameras),
                         lambda: bool(self._frames) or self._waits_for_nothing()),
             stretch_ready=lambda: bool(self._samples) or self._waits_for_nothing(),
         )  # fmt: skip
-
-    @property
-    def info(self) -> SensorInfo:
-        return self._info
-
-    @property
-    def cameras(self) -> tuple[CameraInfo, ...]:
-        return self._cameras
-
-    @property
-    def ended(self) -> bool:
-        return self._pacer.ended
-
-    def begin(self) -> None:
-        """Let the first grasp begin now instead of at opening; nothing may have been read yet."""
-        self._pacer.begin()
-
-    def read(self, timeout_s: float = 0.1) -> Samples:
-        return self._pacer.read(timeout_s)
-
-    def frames(self) -> list[Frame]:
-        given = self._pacer.frames()
-        self._frames_given += len(given)
-        return given
+        super().__init__(
+            info, self._cameras, pacer, lambda: self._maker.shutdown(cancel_futures=True)
+        )
 
     @property
     def commanded_n(self) -> float:
@@ -158,24 +135,9 @@ class SimPour:
             BadInput: The force is no number.
         """
         moments = round(self._choice.duration_s * _FRAME_HZ)
-        given = max(self._frames_given - 1, 0) // (moments * len(self._cameras))
+        given = max(self._pacer.frames_given - 1, 0) // (moments * len(self._cameras))
         if self._pour is not None and given == self._number:
             self._pour.grip(force_n)
-
-    def marks(self) -> list[Mark]:
-        return self._pacer.marks()
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
-        self._pacer.close()
-        self._maker.shutdown(cancel_futures=True)
 
     def _make(self, number: int) -> tuple[PourRun, SteppedPour]:
         """Return a grasp that is ready to begin."""

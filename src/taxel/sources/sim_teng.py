@@ -7,20 +7,19 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import replace
-from types import TracebackType
-from typing import Self
 
 import numpy as np
 
 from taxel.clock import Clock
-from taxel.signals import CameraInfo, Frame, Mark, Samples, SensorInfo
+from taxel.signals import Mark, Samples
 from taxel.sim.teng_hand import GraspStream
 from taxel.sources.fitted_time import FittedTime
+from taxel.sources.paced_source import PacedSource
 from taxel.sources.pacing import Pacer, Stretch, read_speed
 from taxel.sources.teng_options import parse_options
 
 
-class SimTeng:
+class SimTeng(PacedSource):
     """The simulated hand, grasping without end.
 
     Options are the fields of `TengHandConfig` (ranges as 30..65, or one number),
@@ -43,43 +42,8 @@ class SimTeng:
         self._stream = GraspStream(config, shape=chosen.shape, material=chosen.material)
         self._fitted = FittedTime()
         stretches = self._stretches(chosen.seconds * config.rate_hz)
-        self._pacer = Pacer(stretches, len(self.info.channels), clock, speed)
-
-    @property
-    def info(self) -> SensorInfo:
-        return self._stream.info
-
-    @property
-    def cameras(self) -> tuple[CameraInfo, ...]:
-        return ()
-
-    @property
-    def ended(self) -> bool:
-        return self._pacer.ended
-
-    def begin(self) -> None:
-        """Let the stream begin now instead of at opening; nothing may have been read yet."""
-        self._pacer.begin()
-
-    def read(self, timeout_s: float = 0.1) -> Samples:
-        return self._pacer.read(timeout_s)
-
-    def frames(self) -> list[Frame]:
-        return self._pacer.frames()
-
-    def marks(self) -> list[Mark]:
-        return self._pacer.marks()
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
-        self._pacer.close()
+        info = self._stream.info
+        super().__init__(info, (), Pacer(stretches, len(info.channels), clock, speed))
 
     def _stretches(self, scans: float) -> Iterator[Stretch]:
         """Yield grasp after grasp; the last is cut where the time is over, without its mark."""

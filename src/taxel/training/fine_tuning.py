@@ -12,7 +12,7 @@ import os
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import torch
@@ -21,11 +21,16 @@ from torch import Tensor, nn
 from torch.nn import functional
 
 from taxel.errors import MissingExtra
+from taxel.models.backbones.catalogue import find_backbone
 from taxel.models.frame_features import FrameFeatures
 from taxel.training.checkpoints import load_checkpoint, save_checkpoint
-from taxel.training.heads import TrainedHead
+from taxel.training.heads import HeadConfig, TrainedHead, fit_head, tracks_of
 from taxel.training.lanes import LANES, Lanes
 from taxel.windows.camera_recordings import CameraRecording
+
+if TYPE_CHECKING:
+    from taxel.training.extractors import BackboneExtractor
+    from taxel.training.features import FrameFeatures as KeptFeatures
 
 
 @dataclass(frozen=True, slots=True)
@@ -121,6 +126,26 @@ class EndToEnd(nn.Module):
             if isinstance(module, nn.modules.batchnorm._BatchNorm):
                 module.eval()
         return self
+
+
+def begin_end_to_end(
+    extractor: BackboneExtractor,
+    features: Sequence[KeptFeatures],
+    labels: Sequence[NDArray[np.int8]],
+    config: HeadConfig,
+) -> EndToEnd:
+    """Return a backbone with its weights and a head behind it, fitted on its features as they are.
+
+    Args:
+        extractor: The backbone.
+        features: Of each recording, by this extractor.
+        labels: Of each recording's frames, shape (n,).
+        config: How the head is fitted.
+    """
+    head = fit_head(tracks_of(features, labels), config)
+    module = find_backbone(extractor.backbone).build("logits")
+    extractor.weights.load_into(module)
+    return EndToEnd(module, extractor.backbone, head)
 
 
 def fine_tune(

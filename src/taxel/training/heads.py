@@ -16,6 +16,7 @@ from torch.nn import functional
 
 from taxel.models.sequence import find_head
 from taxel.training.curves import Epoch, thinned
+from taxel.training.features import FrameFeatures
 from taxel.windows.rest import SETTLE, Tare, seen, settled
 from taxel.windows.sequence import label_windows, sequence_windows, window_starts
 
@@ -79,6 +80,16 @@ class Track:
     def features(self, part: slice | NDArray[np.intp] = slice(None)) -> NDArray[np.float32]:
         """Return features of some frames, shape (…, cameras, features)."""
         return np.asarray(self.values[self.row[part]], dtype=np.float32)
+
+
+def tracks_of(
+    features: Sequence[FrameFeatures],
+    labels: Sequence[NDArray[np.int8]],
+    part: NDArray[np.intp] | slice = slice(None),
+) -> list[Track]:
+    """Return recordings for a head: all, or those of some indices."""
+    return [Track(features[i].values, features[i].row, labels[i])
+            for i in np.arange(len(labels))[part]]  # fmt: skip
 
 
 @dataclass(frozen=True, slots=True)

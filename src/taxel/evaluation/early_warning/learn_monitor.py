@@ -1,25 +1,41 @@
 """Learn a grasp monitor for use: head on all cups, thresholds and scores on cups held out.
 
-Knows nothing about files or screens.
+It is written as the bundle that runs live. Knows nothing about screens.
 """
 
 from __future__ import annotations
 
+import hashlib
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
+from taxel import __version__
+from taxel.bundles.grasp import GraspContract, write_grasp_bundle
 from taxel.decisions.stability import StabilityConfig
 from taxel.evaluation.early_warning.grasp_warnings import INNER_FOLDS, monitor_tracks
 from taxel.evaluation.early_warning.tuning_stability import Tuned, tune
 from taxel.evaluation.splits import TrialFold
-from taxel.evaluation.transitions.data import CameraSet, Judged, judge_fold, tracks_of
+from taxel.evaluation.transitions.data import CameraSet, Judged, judge_fold
 from taxel.evaluation.transitions.tables import WindowScores, score_windows
 from taxel.labels.rules import rule_named
+from taxel.models.counting import keras_parameters
+from taxel.models.transition import find_transition
 from taxel.training.curves import Curve
 from taxel.training.features import FrameFeatures
-from taxel.training.heads import HeadConfig, TrainedHead, fit_head
+from taxel.training.frame_labels import rate_of
+from taxel.training.heads import HeadConfig, TrainedHead, fit_head, tracks_of
+from taxel.windows.rest import SETTLE
+from taxel.windows.sequence import sequence_windows
+
+if TYPE_CHECKING:
+    from taxel.training.extractors import BackboneExtractor
+
+_CHECK_WINDOWS = 32
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -70,8 +86,7 @@ def learn_monitor(
     if judged and rule_named(data.rule).needs == "truth":
         tuned = tune(monitor_tracks(data, judged, config.frames))
     on_step("all cups")
-    everything = np.arange(len(data.pours))
-    head = fit_head(tracks_of(features, data.labels, everything), config)
+    head = fit_head(tracks_of(features, data.labels), config)
     return LearntMonitor(
         head=head,
         stability=tuned.config if tuned else StabilityConfig(),
@@ -79,3 +94,91 @@ def learn_monitor(
         windows=score_windows(judged) if judged else None,
         curves=(*curves, Curve(f"all {key}s", head.history)),
     )
+
+
+def write_monitor(
+    path: Path,
+    learnt: LearntMonitor,
+    data: CameraSet,
+    features: Sequence[FrameFeatures],
+    name: str,
+    backbone: BackboneExtractor | None,
+) -> tuple[GraspContract, float]:
+    """Write a monitor's bundle; return its contract and its largest difference from PyTorch.
+
+    Args:
+        path: The file; an older one is replaced.
+        learnt: The monitor.
+        data: What it learned from.
+        features: Of the recordings, in their order.
+        name: Of the features.
+        backbone: What computes them; None for those of the gel.
+
+    Raises:
+        BadBundle: The bundle gives other probabilities.
+        RecordingFailed: The disk refused.
+    """
+    from taxel.models.export_onnx import export_head
+
+    contract = _contract(learnt, data, name, backbone)
+    windows, expected = _check(features[0], learnt.head)
+    head = export_head(learnt.head.module, contract.frames, windows.shape[3])
+    model = backbone.model if backbone else None
+    return contract, write_grasp_bundle(path, contract, head, model, windows, expected)
+
+
+def _contract(
+    learnt: LearntMonitor, data: CameraSet, name: str, backbone: BackboneExtractor | None
+) -> GraspContract:
+    camera = data.pours[0].cameras[0]
+    config = learnt.head.config
+    parameters = (
+        keras_parameters(learnt.head.module)
+        if backbone is None
+        else find_transition(f"{name}+{config.head}").parameters
+    )
+    digest = hashlib.sha256("".join(pour.digest for pour in data.pours).encode()).hexdigest()
+    return GraspContract(
+        features=name,
+        weights=backbone.weights.words if backbone else "",
+        head=config.head,
+        frames=config.frames,
+        tare=config.tare,
+        settle=(SETTLE.start, SETTLE.stop),
+        cameras=len(data.pours[0].cameras),
+        width=camera.width,
+        height=camera.height,
+        rate_hz=rate_of(data.pours[0]),
+        rule=data.rule,
+        offset=tuple(tuple(map(float, row)) for row in learnt.head.offset),
+        factor=tuple(tuple(map(float, row)) for row in learnt.head.factor),
+        stability=learnt.stability,
+        parameters=parameters,
+        data_digest=digest,
+        measured=_measured(learnt),
+        software=f"taxel {__version__}",
+    )
+
+
+def _measured(learnt: LearntMonitor) -> dict[str, float]:
+    """Return what cups held out gave, by its name; what is no number is left out."""
+    measured: dict[str, float] = {}
+    if learnt.windows is not None:
+        measured |= {"balanced accuracy": learnt.windows.balanced, "AUC": learnt.windows.auc}
+    if learnt.tuned is not None:
+        measured |= {
+            "median lead (s)": learnt.tuned.lead_median_s,
+            "missed": learnt.tuned.missed_share,
+            "false alarms a minute": learnt.tuned.false_alarms_per_min,
+        }
+    return {key: value for key, value in measured.items() if np.isfinite(value)}
+
+
+def _check(
+    features: FrameFeatures, head: TrainedHead
+) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+    """Return scaled windows of a recording and what the head gives for them."""
+    own = features.all()
+    windows = sequence_windows(head.scale(own), head.config.frames)
+    part = np.linspace(0, len(windows) - 1, min(_CHECK_WINDOWS, len(windows))).astype(int)
+    return np.ascontiguousarray(windows[part]), head.probabilities(own)[part]

@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Final
+from typing import Final, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -63,6 +63,7 @@ PROMISED_KINDS: Final[tuple[Kind, ...]] = ("pour", "still")
 a promise over them too would silence the rest; the other kinds give fewer than these."""
 LATER_UM: Final = {"1 mm": 1000.0}
 _RULE: Final = tuple(PAIR_FEATURES.index(name) for name in ("slip_mean", "slip_rate_8_mean"))
+_CHECKED: Final = 64
 Drive = NDArray[np.float64]
 
 
@@ -74,6 +75,20 @@ class LearntWarning:
     promise: Promise
     tracks: tuple[WarningTrack, ...]
     """Training pours, out of fold."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ReadyWarning:
+    """A warning as it is written."""
+
+    model: bytes
+    """ONNX: features (n, 1, 1, 66) → probability (n,)."""
+    threshold: float
+    """From which on it warns, 0…1."""
+    check: NDArray[np.float32]
+    """Features to try the bundle with, shape (n, 66)."""
+    expected: NDArray[np.float32]
+    """What is given for them, shape (n,)."""
 
 
 def training_features(
@@ -217,30 +232,59 @@ def learn_warning(
     )
 
 
+def make_warning(
+    pours: Sequence[PourFeatures],
+    head: HeadName | Literal[rule],
+    per_min: float,
+    *,
+    seed: int = 0,
+    on_step: Callable[[str], None] = lambda _: None,
+) -> tuple[ReadyWarning, Promise, Sequence[WarningTrack]]:
+    """Learn a warning that keeps a promise, or set the threshold of the rule that learns nothing.
+
+    Args:
+        pours: Of training cups.
+        head: Which kind.
+        per_min: False alarms a minute that are promised.
+        seed: Of learning.
+        on_step: Called with a line before each training.
+
+    Returns:
+        The warning, its promise, and training pours: out of fold, or driven by the rule.
+    """
+    check = pours[0].rows[:_CHECKED]
+    if head == "rule":
+        tracks = rule_tracks(pours)
+        promise = keep_promise(promised(tracks), per_min)
+        limit_mm = promise.threshold
+        expected = rule_probability(check, limit_mm)
+        ready = ReadyWarning(
+            model=rule_model(limit_mm), threshold=0.5, check=check, expected=expected
+        )
+        return ready, promise, tracks
+    learnt = learn_warning(pours, head, per_min, seed=seed, on_step=on_step)
+    ready = ReadyWarning(
+        model=learnt.head.to_onnx(), threshold=learnt.promise.threshold,
+        check=check, expected=learnt.head.probability(check),
+    )  # fmt: skip
+    return ready, learnt.promise, learnt.tracks
+
+
 def rule_tracks(pours: Sequence[PourFeatures]) -> list[WarningTrack]:
     """Return pours driven by the rule that learns nothing."""
     return [track_of(found, rule_drive(found)) for found in pours]
 
 
 def write_warning(
-    path: Path,
-    name: str,
-    model: bytes,
-    threshold: float,
-    check: NDArray[np.float32],
-    expected: NDArray[np.float32],
-    measured: Mapping[str, float],
+    path: Path, name: str, warning: ReadyWarning, measured: Mapping[str, float]
 ) -> float:
     """Write a bundle that warns of slip; return the largest difference that was found.
 
     Args:
         path: The file.
         name: The head's.
-        model: Its ONNX: features (n, 1, 1, 66) → probability (n,).
-        threshold: From which on it warns, 0…1.
-        check: Features, shape (n, 66).
-        expected: What the head gives for them, shape (n,).
-        measured: What was measured on training cups held out.
+        warning: What it holds.
+        measured: What was measured on training cups held out; what is no number is left out.
 
     Raises:
         BadBundle: The model gives other probabilities.
@@ -261,13 +305,15 @@ def write_warning(
         rule="gross-slip",
         offset=((0.0,) * width,),
         factor=((1.0,) * width,),
-        stability=replace(alarm_config(threshold), unstable=(1.0 + threshold) / 2),
+        stability=replace(alarm_config(warning.threshold), unstable=(1.0 + warning.threshold) / 2),
         parameters=0,
         data_digest="simulated poses, docs/decisions/0036",
-        measured=dict(measured),
+        measured={key: value for key, value in measured.items() if np.isfinite(value)},
         software=f"taxel {__version__}",
     )
-    return write_grasp_bundle(path, contract, model, None, check[:, None, None], expected)
+    return write_grasp_bundle(
+        path, contract, warning.model, None, warning.check[:, None, None], warning.expected
+    )
 
 
 def rule_probability(rows: NDArray[np.float32], threshold_mm: float) -> NDArray[np.float32]:

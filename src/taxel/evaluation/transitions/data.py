@@ -20,7 +20,7 @@ from taxel.models.sequence import SENSORS
 from taxel.sim.pour_state import TRUTH_CHANNELS, has_truth
 from taxel.training.features import Extractor, FrameFeatures, Progress, extract
 from taxel.training.frame_labels import change_signals, frame_labels, truth_of
-from taxel.training.heads import HeadConfig, Track, TrainedHead, fit_head
+from taxel.training.heads import HeadConfig, TrainedHead, fit_head, tracks_of
 from taxel.windows.camera_recordings import CameraRecording, read_camera_recordings
 from taxel.windows.sequence import label_windows
 
@@ -101,13 +101,6 @@ def cup_folds(cups: NDArray[np.str_], key: str = "cup") -> list[TrialFold]:
         TrialFold.of(name, np.flatnonzero(cups != name), np.flatnonzero(cups == name))
         for name in names
     ]
-
-
-def tracks_of(
-    features: Sequence[FrameFeatures], labels: Sequence[NDArray[np.int8]], part: NDArray[np.intp]
-) -> list[Track]:
-    """Return some pours for a head."""
-    return [Track(features[i].values, features[i].row, labels[i]) for i in part]
 
 
 @dataclass(frozen=True, slots=True)

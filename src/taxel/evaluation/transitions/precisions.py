@@ -14,11 +14,11 @@ from numpy.typing import NDArray
 
 from taxel.bundles.engine import EngineName, Precision
 from taxel.evaluation.splits import TrialFold
-from taxel.evaluation.transitions.data import CameraSet, tracks_of
+from taxel.evaluation.transitions.data import CameraSet
 from taxel.evaluation.transitions.step_times import time_step
 from taxel.training.extractors import BackboneExtractor
 from taxel.training.features import FrameFeatures, Progress, extract
-from taxel.training.heads import HeadConfig, TrainedHead, fit_head
+from taxel.training.heads import HeadConfig, TrainedHead, fit_head, tracks_of
 from taxel.windows.camera_recordings import CameraRecording
 from taxel.windows.sequence import label_windows
 
@@ -101,10 +101,7 @@ def compare_precisions(
 
         if trained is None:
             known = extract(training, extractor, cache, show)
-            places = np.arange(len(training), dtype=np.intp)
-            trained = fit_head(
-                tracks_of(known, [pours.labels[i] for i in fold.train_rows], places), head
-            )
+            trained = fit_head(tracks_of(known, [pours.labels[i] for i in fold.train_rows]), head)
         found = _probabilities(trained, extract(testing, extractor, cache, show))
         wanted = found if wanted is None else wanted
         right = float(((found >= THRESHOLD) == labels).mean())
