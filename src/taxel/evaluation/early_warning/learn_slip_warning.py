@@ -234,7 +234,7 @@ def learn_warning(
 
 def make_warning(
     pours: Sequence[PourFeatures],
-    head: HeadName | Literal[rule],
+    head: HeadName | Literal["rule"],
     per_min: float,
     *,
     seed: int = 0,
