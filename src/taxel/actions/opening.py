@@ -16,7 +16,6 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import fields
 from typing import Any
-from urllib.parse import parse_qsl
 
 from taxel.actions.actuators import (
     Actuator,
@@ -32,6 +31,7 @@ from taxel.actions.plain_output import open_udp
 from taxel.actions.sim_gripper import FingersConfig, SimGripper
 from taxel.clock import Clock, SystemClock
 from taxel.errors import BadInput, MissingExtra
+from taxel.foreign.addresses import read_options
 
 _Options = dict[str, Any]
 _YES_NO = {"0": False, "no": False, "false": False, "1": True, "yes": True, "true": True}
@@ -80,14 +80,7 @@ def open_actuator(url: str, clock: Clock | None = None) -> Actuator:
             repr(url),
             "try sim://gripper",
         )
-    try:
-        pairs = parse_qsl(query, keep_blank_values=True, strict_parsing=bool(query))
-    except ValueError as error:
-        raise BadInput("options as key=value&key=value", repr(query), "mend the address") from error
-    options = dict(pairs)
-    if len(options) < len(pairs):
-        raise BadInput("each option once", repr(query), "mend the address")
-    return SCHEMES[scheme](name, options, clock or SystemClock())
+    return SCHEMES[scheme](name, read_options(query), clock or SystemClock())
 
 
 def _open_pge(name: str, texts: dict[str, str], clock: Clock) -> Actuator:

@@ -20,9 +20,9 @@ import socket
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from urllib.parse import parse_qsl
 
 from taxel.errors import BadInput
+from taxel.foreign.addresses import read_options
 
 ZENOH_PORT, MQTT_PORT, MQTTS_PORT = 7447, 1883, 8883
 """Source: Zenoh's default; IANA's ports of MQTT, plain and over TLS."""
@@ -140,17 +140,12 @@ def _split(
         raise BadInput(f"an address that starts with {schemes[0]}://", repr(url), "mend it")
     place, _, query = rest.partition("?")
     where, _, station = place.partition("/")
-    try:
-        pairs = parse_qsl(query, keep_blank_values=True, strict_parsing=bool(query))
-    except ValueError as error:
-        raise BadInput("options as key=value&key=value", repr(query), "mend the address") from error
-    if len(dict(pairs)) < len(pairs):
-        raise BadInput("each option once", repr(query), "mend the address")
+    options = read_options(query)
     if station and not _NAME.fullmatch(station):
         raise BadInput("a station's name of letters, digits, - and _, 64 at most", repr(station),
                        "choose another")  # fmt: skip
     host, number = _host_port(where, port)
-    return host, number, station or own_name(), dict(pairs)
+    return host, number, station or own_name(), options
 
 
 def _host_port(where: str, port: int) -> tuple[str, int]:

@@ -5,13 +5,12 @@ Knows nothing about what is in it.
 
 from __future__ import annotations
 
-import os
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
 from taxel.errors import BadInput, RecordingFailed
-from taxel.held import MADE, REPLACED, scratch_folder
+from taxel.recordings.whole import whole_folder
 
 
 @contextmanager
@@ -35,13 +34,8 @@ def new_tree(path: Path, sign: str, *, overwrite: bool) -> Iterator[Path]:
             raise BadInput(f"a folder with {sign}, to replace", f"{path}, which is another",
                            "choose another --output")  # fmt: skip
     try:
-        with scratch_folder(path) as scratch:
-            made = scratch / MADE
-            made.mkdir()
+        with whole_folder(path) as made:
             yield made
-            if path.exists():
-                os.replace(path, scratch / REPLACED)
-            os.replace(made, path)
     except RecordingFailed:
         raise
     except OSError as error:

@@ -116,6 +116,25 @@ def read_arrays(
             for name, content in found.items()}  # fmt: skip
 
 
+def read_kinds(path: Path, kinds: Mapping[str, str]) -> dict[str, NDArray[Any]]:
+    """Return named arrays of a .npz file; all must be there, each of its kinds.
+
+    Args:
+        path: The file, as np.savez writes it.
+        kinds: Name → NumPy's letters for the kinds that are taken.
+
+    Raises:
+        BadFile: As `read_arrays`.
+        ValueError: One is not there, or of another kind.
+        OSError: The file is not there, or may not be read.
+    """
+    arrays = read_arrays(path, kinds)
+    for name, letters in kinds.items():
+        if name not in arrays or arrays[name].dtype.kind not in letters:
+            raise ValueError(f"{name} is not there, or of another kind")
+    return arrays
+
+
 def array_of(content: bytes, kinds: str = "biuf") -> NDArray[Any]:
     """Return the array that the bytes of a .npy file hold; it shares their memory.
 

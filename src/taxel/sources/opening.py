@@ -16,10 +16,10 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from pathlib import Path
-from urllib.parse import parse_qsl
 
 from taxel.clock import Clock, SystemClock
 from taxel.errors import BadSource, MissingExtra
+from taxel.foreign.addresses import read_options
 from taxel.recordings.reader import list_recordings
 from taxel.sources.contract import Source
 
@@ -154,13 +154,4 @@ def _split(url: str) -> tuple[str, str, dict[str, str]]:
             repr(url),
             "try sim://teng",
         )
-    try:
-        pairs = parse_qsl(query, keep_blank_values=True, strict_parsing=bool(query))
-    except ValueError as error:
-        raise BadSource(
-            "options as key=value&key=value", repr(query), "mend the address"
-        ) from error
-    options = dict(pairs)
-    if len(options) < len(pairs):
-        raise BadSource("each option once", repr(query), "mend the address")
-    return scheme, name, options
+    return scheme, name, read_options(query, BadSource)

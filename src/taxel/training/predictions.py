@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taxel.errors import BadInput
-from taxel.foreign.archives import read_arrays
+from taxel.foreign.archives import read_kinds
 from taxel.foreign.files import MIB
 from taxel.foreign.json_text import Fields, read_json
 from taxel.foreign.records import record_of
@@ -113,10 +113,7 @@ def load_predictions(folder: Path) -> Predictions | None:
         return None
     try:
         names = Fields(read_json(folder / _NAMES, _LARGEST_NAMES), _NAMES)
-        arrays = read_arrays(folder / _ARRAYS, _KINDS)
-        for name, kinds in _KINDS.items():
-            if name not in arrays or arrays[name].dtype.kind not in kinds:
-                raise ValueError(f"{name} is not there, or no such numbers")
+        arrays = read_kinds(folder / _ARRAYS, _KINDS)
         found = Predictions(
             split=names.text("split"),
             classes=names.texts("classes"),

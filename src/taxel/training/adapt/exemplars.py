@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taxel.errors import BadInput
-from taxel.foreign.archives import read_arrays
+from taxel.foreign.archives import read_kinds
 from taxel.windows.dataset import Dataset
 
 GRASPS = 8
@@ -136,10 +136,7 @@ def load_exemplars(folder: Path) -> Exemplars | None:
     if not path.exists():
         return None
     try:
-        arrays = read_arrays(path, _KINDS)
-        for name, kind in _KINDS.items():
-            if name not in arrays or arrays[name].dtype.kind not in kind:
-                raise ValueError(f"{name} is not there, or of another kind")
+        arrays = read_kinds(path, _KINDS)
         found = Exemplars(
             values=arrays["values"].astype(np.float32),
             mask=arrays["mask"].astype(bool),

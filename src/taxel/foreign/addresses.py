@@ -1,0 +1,27 @@
+"""Options behind an address: `?key=value&key=value`. Knows nothing about what they mean."""
+
+from __future__ import annotations
+
+from urllib.parse import parse_qsl
+
+from taxel.errors import BadInput
+
+
+def read_options(query: str, wrong: type[BadInput] = BadInput) -> dict[str, str]:
+    """Return an address's options, each once.
+
+    Args:
+        query: What follows the question mark; may be empty.
+        wrong: What is raised.
+
+    Raises:
+        BadInput: It is no list of options, or names one twice.
+    """
+    try:
+        pairs = parse_qsl(query, keep_blank_values=True, strict_parsing=bool(query))
+    except ValueError as error:
+        raise wrong("options as key=value&key=value", repr(query), "mend the address") from error
+    options = dict(pairs)
+    if len(options) < len(pairs):
+        raise wrong("each option once", repr(query), "mend the address")
+    return options
