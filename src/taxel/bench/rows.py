@@ -112,9 +112,9 @@ def store(
     stamp += f" --only {shlex.quote(only)}" if only else ""
     stamped = [replace(row, stamp=stamp) for row in rows]
     if only:
-        new = {one.name for one in stamped}
+        new = {row.name for row in stamped}
         stamped = [row for row in stored(bench, folder) if row.name not in new] + stamped
-    text = json.dumps([asdict(one) for one in stamped], indent=1)
+    text = json.dumps([asdict(row) for row in stamped], indent=1)
     folder = folder or STORE
     folder.mkdir(parents=True, exist_ok=True)
     write_whole(folder / f"{bench}.json", text + "\n")

@@ -17,11 +17,11 @@ def titles(told: Sequence[dict[str, Any]]) -> list[str]:
     Args:
         told: For each its target, bundle and, in a station, who it is: one bundle may run twice.
     """
-    targets = Counter(one["target"] for one in told)
-    own = [", ".join(one[key] for key in ("bundle", "who") if key in one) for one in told]
+    targets = Counter(answer["target"] for answer in told)
+    own = [", ".join(answer[key] for key in ("bundle", "who") if key in answer) for answer in told]
     return [
-        one["target"] if targets[one["target"]] == 1 else f"{one['target']} ({name})"
-        for one, name in zip(told, own, strict=True)
+        answer["target"] if targets[answer["target"]] == 1 else f"{answer['target']} ({name})"
+        for answer, name in zip(told, own, strict=True)
     ]
 
 
@@ -35,8 +35,12 @@ class Answers:
 
     def __init__(self, recognisers: Sequence[dict[str, Any]], rules: RuleTable = _NO_RULES) -> None:
         self._recognisers, self._rules = recognisers, rules
-        self._actions: dict[str, Counter[str]] = {one["who"]: Counter() for one in recognisers}
-        self._counts: dict[str, Counter[str]] = {one["who"]: Counter() for one in recognisers}
+        self._actions: dict[str, Counter[str]] = {
+            recogniser["who"]: Counter() for recogniser in recognisers
+        }
+        self._counts: dict[str, Counter[str]] = {
+            recogniser["who"]: Counter() for recogniser in recognisers
+        }
         self._newest: dict[str, dict[str, Any]] = {}
 
     def add(self, note: dict[str, Any]) -> tuple[dict[str, Any], str]:
@@ -61,15 +65,15 @@ class Answers:
         return [
             {"target": title, "label": note["grasp"], "confidence": note["grasp_confidence"],
              "reason": note["reason"], "action": note["action"]}
-            for one, title in zip(self._recognisers, titles(self._recognisers), strict=True)
-            if (note := self._newest.get(one["who"])) is not None
+            for recogniser, title in zip(self._recognisers, titles(self._recognisers), strict=True)
+            if (note := self._newest.get(recogniser["who"])) is not None
         ]  # fmt: skip
 
     def summary(self) -> list[dict[str, Any]]:
         """Return how many windows of each recogniser had which answer."""
         return [
-            {"target": one["target"], "bundle": one["bundle"], "who": one["who"],
+            {**{key: recogniser[key] for key in ("target", "bundle", "who")},
              "windows": told.total(), "answers": dict(told.most_common()),
-             "actions": dict(self._actions[one["who"]].most_common())}
-            for one, told in zip(self._recognisers, self._counts.values(), strict=True)
+             "actions": dict(self._actions[recogniser["who"]].most_common())}
+            for recogniser, told in zip(self._recognisers, self._counts.values(), strict=True)
         ]  # fmt: skip

@@ -39,7 +39,7 @@ class Driving:
         do so as well, once the new grasp is calm.
         """
         self._guard.new_grasp()
-        self._releasing = any(isinstance(one, SimulatedGrip) for one in self._actuators)
+        self._releasing = any(isinstance(actuator, SimulatedGrip) for actuator in self._actuators)
         for actuator in self._actuators:
             if isinstance(actuator, FollowsGrasps):
                 actuator.new_grasp()

@@ -99,7 +99,7 @@ def infer(job: Inference) -> None:
                     looked_s = _look(watchers)
                 continue
             came = {"put_s": reader.put_s, "taken_s": monotonic()}
-            packets = [unpack(one) for one in content]
+            packets = [unpack(packed) for packed in content]
             packets += _orders(orders, job.drill, watchers)
             for watcher in watchers:
                 watcher.take(packets, came, pulse)
@@ -313,17 +313,17 @@ def _look(watchers: list[_Watcher]) -> float:
 def _orders(orders: RingReader, drill: bool, watchers: list[_Watcher]) -> list[Packet]:
     """Return the supervisor's orders; a drill's are carried out here."""
     found = [unpack(order) for order in orders.take()]
-    for one in found:
-        if drill and _asks(one, "hang"):
+    for answer in found:
+        if drill and _asks(answer, "hang"):
             while True:
                 pass
         for watcher in watchers if drill else ():
-            if _asks(one, "nan"):
+            if _asks(answer, "nan"):
                 watcher.spoil()
-            elif _asks(one, "give") and isinstance(one, dict):
-                watcher.spoil(float(one["p"]))
-            elif _asks(one, "mute") and isinstance(one, dict):
-                watcher.mute(bool(one["on"]))
+            elif _asks(answer, "give") and isinstance(answer, dict):
+                watcher.spoil(float(answer["p"]))
+            elif _asks(answer, "mute") and isinstance(answer, dict):
+                watcher.mute(bool(answer["on"]))
     return found
 
 

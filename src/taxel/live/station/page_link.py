@@ -100,13 +100,13 @@ class StationView:
 
     def __init__(self, config: ViewConfig) -> None:
         self._config = config
-        self._sources = [RingReader(one.ring) for one in config.sources]
+        self._sources = [RingReader(source.ring) for source in config.sources]
         self._decisions = [RingReader(name) for name in config.decisions]
         self._status = RingReader(config.status)
         self._requests = RingWriter(config.requests)
         self._asking = threading.Lock()  # a ring has one writer, and wishes come from threads
         self._board = BeatsView(config.beats)
-        self._cameras = apart([camera for one in config.sources for camera in one.cameras])
+        self._cameras = apart([camera for source in config.sources for camera in source.cameras])
         self._frames: list[tuple[int, bytes] | None] = [None] * len(self._cameras)
         self._depth: dict[int, bytes] = {}
         """Depth images that came and were not drawn yet, the newest of each camera."""
@@ -136,8 +136,8 @@ class StationView:
         return nothing | told | {
             "sources": [note | {"kind": note["kind_of"]} for note in self._notes if note],
             "cameras": [
-                {"name": one.name, "width": one.width, "height": one.height}
-                for one in self._cameras
+                {"name": camera.name, "width": camera.width, "height": camera.height}
+                for camera in self._cameras
             ],
             "array": None if array is None else {
                 "name": array.sensor.name, "channels": list(array.sensor.channels),
@@ -172,7 +172,7 @@ class StationView:
         return {
             "time_s": newest_s,
             "probability": {"t": [t for t, _ in chances], "p": [p for _, p in chances]},
-            "sensors": {"t": [t for t, _ in kept], "values": [list(one) for one in columns]},
+            "sensors": {"t": [t for t, _ in kept], "values": [list(column) for column in columns]},
             "map": self._map(rows[-_MAP_ROWS:]),
             "events": [
                 {"t": t, "text": text} for t, text in self._newest.get("events", []) if t > after_s
@@ -218,8 +218,8 @@ class StationView:
     def close(self) -> None:
         """Let go of the rings and the board."""
         self._board.close()
-        for one in (*self._sources, *self._decisions, self._status, self._requests):
-            one.close()
+        for ring in (*self._sources, *self._decisions, self._status, self._requests):
+            ring.close()
 
     def _refresh(self) -> None:
         told = self._status.newest()
@@ -286,7 +286,7 @@ def draw_depth(png: bytes, camera: CameraInfo) -> bytes | None:
 
 def _choose_array(sources: Sequence[PageSeen]) -> int | None:
     """Return which source's array is shown: the first without cameras, else the first."""
-    with_array = [i for i, one in enumerate(sources) if one.sensor.channels]
+    with_array = [i for i, source in enumerate(sources) if source.sensor.channels]
     bare = [i for i in with_array if not sources[i].cameras]
     found = bare or with_array
     return found[0] if found else None

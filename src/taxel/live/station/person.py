@@ -93,11 +93,11 @@ class Person:
         if self._guard.shown[0] != NO_GRASP:
             told = self._adviser.told
             return {"word": told.advice.value, "why": told.why, "since_s": told.since_s}
-        own = [one for one in answers if one["action"]]
+        own = [answer for answer in answers if answer["action"]]
         if not own:
             return None
-        why = ", ".join(f"{one['target']} {one['label']}" for one in own)
-        return {"word": ", ".join(one["action"] for one in own), "why": why, "since_s": None}
+        why = ", ".join(f"{answer['target']} {answer['label']}" for answer in own)
+        return {"word": ", ".join(answer["action"] for answer in own), "why": why, "since_s": None}
 
     def trial(self) -> dict[str, Any] | None:
         """Return the grasp that is watched as the page shows it; None where none is."""

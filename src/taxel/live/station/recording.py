@@ -94,7 +94,7 @@ def apart(cameras: list[CameraInfo]) -> tuple[CameraInfo, ...]:
     """Return the cameras of several sources under names that differ."""
     found: list[CameraInfo] = []
     for camera in cameras:
-        taken = {one.name for one in found}
+        taken = {camera.name for camera in found}
         name, number = camera.name, 2
         while name in taken:
             name, number = f"{camera.name}-{number}", number + 1
@@ -112,7 +112,7 @@ def record(job: Recording) -> None:
         # From here on: one that follows a dead recorder must not do what that was told to.
         orders = stack.enter_context(RingReader(job.orders))
         news = stack.enter_context(RingWriter(job.news))
-        readers = [stack.enter_context(RingReader(one.ring)) for one in job.sources]
+        readers = [stack.enter_context(RingReader(source.ring)) for source in job.sources]
         pulse.report("opened")
         settle_memory()
         desk = _Desk(job, readers, news)
@@ -182,11 +182,11 @@ class _Desk:
     def follow(self, pulse: Pulse) -> bool:
         """Take what came; return whether there was anything."""
         busy = False
-        for one, reader in zip(self._job.sources, self._readers, strict=True):
+        for source, reader in zip(self._job.sources, self._readers, strict=True):
             for content in reader.take(256):
                 busy = True
                 if self._recorder is not None:
-                    self._write(self._recorder, one, unpack(content))
+                    self._write(self._recorder, source, unpack(content))
                     pulse.beat()
         pulse.consumed = sum(reader.taken for reader in self._readers)
         pulse.dropped = self._lost()
@@ -211,8 +211,8 @@ class _Desk:
     def _begin(
         self, path: Path, labels: Mapping[str, str], groups: Mapping[str, str], *, overwrite: bool
     ) -> None:
-        arrays = [one.sensor for one in self._job.sources if one.array]
-        cameras = apart([camera for one in self._job.sources for camera in one.cameras])
+        arrays = [source.sensor for source in self._job.sources if source.array]
+        cameras = apart([camera for source in self._job.sources for camera in source.cameras])
         manifest = Manifest.started_now(
             arrays[0] if arrays else NO_ARRAY, dict(labels), dict(groups), cameras=cameras
         )
@@ -226,12 +226,12 @@ class _Desk:
             log_of(path).unlink(missing_ok=True)
         self._lost_before, self._kept = self._lost(), 0
 
-    def _write(self, recorder: Recorder, one: Recorded, packet: Packet) -> None:
+    def _write(self, recorder: Recorder, recorded: Recorded, packet: Packet) -> None:
         try:
-            if isinstance(packet, Samples) and one.array:
+            if isinstance(packet, Samples) and recorded.array:
                 recorder.write(packet)
             elif isinstance(packet, Frame):
-                recorder.frame(replace(packet, camera=packet.camera + one.first_camera))
+                recorder.frame(replace(packet, camera=packet.camera + recorded.first_camera))
             elif isinstance(packet, Mark):
                 recorder.mark(packet)
             else:
@@ -262,4 +262,4 @@ class _Desk:
 
 
 def _sources_ended(job: Recording, pulse: Pulse) -> bool:
-    return all(pulse.work_of(one.row) in (Work.ENDED, Work.FAILED) for one in job.sources)
+    return all(pulse.work_of(source.row) in (Work.ENDED, Work.FAILED) for source in job.sources)

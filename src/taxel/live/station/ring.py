@@ -213,9 +213,9 @@ class RingReader(_Attached):
         """
         found: list[bytes] = []
         while len(found) < most and self._places[_HEAD] > self._at:
-            one = self._one()
-            if one is not None:
-                found.append(one)
+            message = self._one()
+            if message is not None:
+                found.append(message)
         self.taken += len(found)
         return found
 

@@ -46,7 +46,7 @@ class SourceNews:
         self._source = source
         self._name, self._url = short_name(url), url
         self._cameras = len(source.cameras)
-        self._stale_s = _STALE_S + max((one.pause_s for one in source.cameras), default=0.0)
+        self._stale_s = _STALE_S + max((camera.pause_s for camera in source.cameras), default=0.0)
         self._came: deque[tuple[float, int]] = deque()
         self._last: dict[int, int] = {}
         self._produced = self._lost = self._unusable = 0

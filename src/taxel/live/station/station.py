@@ -111,7 +111,7 @@ class Station:
     def workers(self) -> dict[str, BaseProcess]:
         """Return the processes by name, as drills need them."""
         every = self._crew.workers
-        return {one.name: one.process for one in every if one.process is not None}
+        return {worker.name: worker.process for worker in every if worker.process is not None}
 
     def order(self, name: str, note: dict[str, Any]) -> None:
         """Send an order to a source's or a monitor's process."""
@@ -284,7 +284,9 @@ class Station:
 
     def snapshot(self, now_s: float) -> dict[str, Any]:
         """Return the state of everything, as the page's link gives it."""
-        limits = next((one for mind in self.wiring.minds for one in mind.told if "warn" in one), {})
+        limits = next(
+            (entry for mind in self.wiring.minds for entry in mind.told if "warn" in entry), {}
+        )
         answers = self.answers.newest()
         return guard_snapshot(self.guard, now_s) | {
             "thresholds": {key: limits[key] for key in ("warn", "unstable") if key in limits},
@@ -361,8 +363,8 @@ class Station:
         for mind in wiring.minds:
             for who in mind.watchers:
                 self.guard.expect(who, now_s)
-        every = [one for mind in wiring.minds for one in mind.told]
-        own = [one for one in every if one["kind"] == "answer"]
+        every = [entry for mind in wiring.minds for entry in mind.told]
+        own = [entry for entry in every if entry["kind"] == "answer"]
         self.answers = Answers(own, self.config.rules)
         stall_s = self.config.interlock.stall_s
         self.add_process(

@@ -104,7 +104,7 @@ def stalled_snapshot(told: dict[str, Any], still_s: float, now_s: float) -> dict
     since_s, text = now_s - still_s, stall_words(still_s)
     alarm = {"kind": STALL, "text": text, "level": str(Level.DANGER), "since_s": since_s,
              "acknowledged": False}  # fmt: skip
-    others = [one for one in told.get("alarms", []) if one["kind"] != STALL]
+    others = [alarm for alarm in told.get("alarms", []) if alarm["kind"] != STALL]
     return {"time_s": now_s, "state": STOP, "reason": text, "since_s": since_s,
             "alarms": [alarm, *others],
             "do": {"word": Advice.HOLD_STILL.value, "why": text, "since_s": since_s}}  # fmt: skip

@@ -100,7 +100,7 @@ class Mind:
     @property
     def watchers(self) -> list[str]:
         """Names of those that watch a grasp."""
-        return [one["who"] for one in self.told if one["kind"] == "grasp"]
+        return [entry["who"] for entry in self.told if entry["kind"] == "grasp"]
 
 
 class Wiring:
@@ -216,9 +216,9 @@ class Wiring:
             why = [
                 misfit(path, feed.sensor, feed.cameras, self._config.trust) for feed in self.feeds
             ]
-            fitting = [index for index, one in enumerate(why) if one is None]
+            fitting = [index for index, refusal in enumerate(why) if refusal is None]
             if not fitting:
-                raise next(one for one in why if one is not None)
+                raise next(refusal for refusal in why if refusal is not None)
             # Named twice, it watches two sources.
             index = min(fitting, key=lambda i: chosen.get(i, ()).count(path))
             chosen[index] = (*chosen.get(index, ()), path)

@@ -109,7 +109,7 @@ def read_choice(path: Path) -> Choice:
 
 
 def _choice(given: Fields) -> Choice:
-    members = tuple(_member(Fields(one, "a member")) for one in given.items("members"))
+    members = tuple(_member(Fields(member, "a member")) for member in given.items("members"))
     if not members:
         raise ValueError("no member")
     return Choice(
@@ -123,7 +123,7 @@ def _choice(given: Fields) -> Choice:
         why=given.text("why"),
         loss=given.number("loss"),
         accuracy=given.number("accuracy", 0.0, 1.0),
-        leaderboard=tuple(record_of(Standing, one) for one in given.items("leaderboard")),
+        leaderboard=tuple(record_of(Standing, standing) for standing in given.items("leaderboard")),
         left_out=given.texts("left_out"),
     )
 

@@ -52,7 +52,9 @@ class Held:
 
 def groups_of(trials: Sequence[Trial], held: Held) -> NDArray[np.intp]:
     """Return what must be taken as a whole when scores are compared, a number a trial."""
-    values = [one.groups["trial"] if held.key is None else one.groups[held.key] for one in trials]
+    values = [
+        trial.groups["trial"] if held.key is None else trial.groups[held.key] for trial in trials
+    ]
     _, index = np.unique(np.array(values), return_inverse=True)
     return np.asarray(index, np.intp)
 
@@ -195,8 +197,8 @@ def _by_groups(groups: NDArray[np.str_], y: NDArray[np.intp]) -> NDArray[np.intp
     place = np.zeros(len(names), np.intp)
     for number in np.argsort(-share.sum(axis=1), kind="stable"):
         cost = []
-        for one in range(folds):
-            after = held + np.where(np.arange(folds) == one, 1.0, 0.0)[:, None] * share[number]
+        for held_out in range(folds):
+            after = held + np.where(np.arange(folds) == held_out, 1.0, 0.0)[:, None] * share[number]
             cost.append((after**2).sum() + (after.sum(axis=1) ** 2).sum() / classes)
         place[number] = int(np.argmin(cost))
         held[place[number]] += share[number]

@@ -77,8 +77,8 @@ class Base:
     @property
     def own(self) -> list[int]:
         """Return the trials that may be learned from in the end: those of the first folder."""
-        return [i for i, one in enumerate(self.trials)
-                if self.test is None or not one.recording.startswith(TEST_PREFIX)]  # fmt: skip
+        return [i for i, trial in enumerate(self.trials)
+                if self.test is None or not trial.recording.startswith(TEST_PREFIX)]  # fmt: skip
 
     @property
     def y(self) -> NDArray[np.intp]:
@@ -203,8 +203,8 @@ def prepare(base: Base, config: WindowConfig, span: int) -> Prepared:
     dataset = load_dataset(base.path, replace(config, stride=stride), target=base.target)
     if base.test is not None:
         dataset = join_datasets(dataset, base.test, base.target)
-    places = {(one.recording, one.start_s): index for index, one in enumerate(base.trials)}
-    own = np.array([places[one.recording, one.start_s] for one in dataset.trials], np.intp)
+    places = {(trial.recording, trial.start_s): index for index, trial in enumerate(base.trials)}
+    own = np.array([places[trial.recording, trial.start_s] for trial in dataset.trials], np.intp)
     trial = own[dataset.trial]
     order = _place_in_trial(trial)
     every = config.stride // stride

@@ -312,7 +312,7 @@ def _stretch_loss(part: Part, tried: list[Tried]) -> float:
     if not tried:
         return float("inf")
     windows, y = part.windows[part.scored], part.y[part.scored]
-    mean = np.mean([one.probabilities for one in tried], axis=0)
+    mean = np.mean([attempt.probabilities for attempt in tried], axis=0)
     unit = part.prepared.stretch[windows]
     numbers, found = join(fit_joining(unit, mean, y), unit, mean)
     return float(losses(found, unit_classes(unit, y, numbers)).mean())
@@ -333,12 +333,12 @@ class Found:
     def choice(self, without: Collection[Candidate] = ()) -> Choice:
         """Return the blend that is best, without some candidates if their bundle is too large."""
         part = self.part
-        tried = [one for _, own, one in self.board
-                 if own is part and one.candidate not in without]  # fmt: skip
+        tried = [attempt for _, own, attempt in self.board
+                 if own is part and attempt.candidate not in without]  # fmt: skip
         y, windows = part.y[part.scored], part.windows[part.scored]
         trial = part.prepared.trial[windows]
-        probabilities = [one.probabilities for one in tried]
-        kinds = [one.candidate.kind for one in tried]
+        probabilities = [attempt.probabilities for attempt in tried]
+        kinds = [attempt.candidate.kind for attempt in tried]
         camps = [own.candidate.camp for own in tried]
         freedom = [own.candidate.freedom(self.sets) for own in tried]
         groups = groups_of(self.base.trials, self.held)[trial]
@@ -371,8 +371,9 @@ class Found:
 
     def _leaderboard(self, weight: dict[int, float]) -> tuple[Standing, ...]:
         rows = [
-            Standing(name=one.candidate.name, windows=cut, loss=one.loss, accuracy=one.accuracy,
-                     seconds=one.seconds, weight=weight.get(id(one), 0.0))
-            for cut, _, one in self.board
+            Standing(name=attempt.candidate.name, windows=cut, loss=attempt.loss,
+                     accuracy=attempt.accuracy, seconds=attempt.seconds,
+                     weight=weight.get(id(attempt), 0.0))
+            for cut, _, attempt in self.board
         ]  # fmt: skip
         return tuple(sorted(rows, key=lambda row: row.loss))

@@ -1,0 +1,72 @@
+"""Names say what a thing is (CONTRIBUTING.md, "Language")."""
+
+import ast
+import re
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[2]
+PLACES = ("src", "tests", "examples", "supply", "website", "mutants")
+NUMERALS = {"one", "two", "three"}
+
+
+def bound(text: str) -> dict[int, set[str]]:
+    """Return the names that each statement, loop, list of parameters or pattern binds, by line."""
+    found: dict[int, set[str]] = {}
+    for node in ast.walk(ast.parse(text)):
+        match node:
+            case ast.arguments():
+                names = {arg.arg for arg in ast.walk(node) if isinstance(arg, ast.arg)}
+            case ast.For(target=target) | ast.comprehension(target=target):
+                names = stored(target)
+            case ast.Assign(targets=targets):
+                names = {name for target in targets for name in stored(target)}
+            case ast.AnnAssign(target=target) | ast.NamedExpr(target=target):
+                names = stored(target)
+            case ast.withitem(optional_vars=ast.AST() as target):
+                names = stored(target)
+            case ast.MatchAs(name=str(name)) | ast.ExceptHandler(name=str(name)):
+                names = {name}
+            case _:
+                continue
+        line = next((n.lineno for n in ast.walk(node) if hasattr(n, "lineno")), 0)
+        found.setdefault(line, set()).update(names)
+    return found
+
+
+def stored(target: ast.AST) -> set[str]:
+    return {node.id for node in ast.walk(target) if isinstance(node, ast.Name)}
+
+
+def nameless(text: str) -> list[int]:
+    """Return the lines that call a thing `one` where it is no numeral beside `two`."""
+    if not re.search(r"\bone\b", text):
+        return []
+    return [line for line, names in bound(text).items() if names & NUMERALS == {"one"}]
+
+
+@pytest.mark.parametrize("text", [
+    "for one in rows: pass", "[one for one in rows]", "key = lambda one: one.name", "one = rows[0]",
+    "def f(one: Row): pass", "with open(path) as one: pass", "(one := 3)", "(one,) = rows",
+    "match row:\n    case int() as one: pass", "{k: one for k, one in rows.items()}",
+])  # fmt: skip
+def test_a_thing_called_one_is_found(text: str):
+    assert nameless(text)
+
+
+@pytest.mark.parametrize("text", [
+    "one, two = pair", "for kind, one, two in events: pass", "none = 'one'  # one in ten",
+])  # fmt: skip
+def test_numerals_beside_each_other_may_stay(text: str):
+    assert not nameless(text)
+
+
+@pytest.mark.parametrize("place", PLACES)
+def test_no_thing_is_called_one(place: str):
+    found = {
+        f"{path.relative_to(ROOT)}:{line}"
+        for path in sorted((ROOT / place).rglob("*.py"))
+        for line in nameless(path.read_text("utf-8"))
+    }
+    assert not found
