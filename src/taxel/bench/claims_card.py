@@ -187,7 +187,7 @@ def _transition_rows(data: Mapping[str, Any], stamp: str) -> list[Row]:
                 rows.append(Row(name=grasp_row(row["plan"]["model"], row["plan"]["frames"], what),
                                 value=scores["accuracy"], unit="accuracy", goal="", ok=None,
                                 note=f"95 % {low:.3f} … {high:.3f}; rule {data['rule']}; weights "
-                                f"{one['weights']} {one.get('origin', '')}".rstrip(),
+                                f"{row['weights']} {row.get('origin', '')}".rstrip(),
                                 stamp=stamp))  # fmt: skip
     for step in data["steps"]:
         rows.append(Row(name=grasp_row(step["model"], step["frames"], STEP),

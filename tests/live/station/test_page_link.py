@@ -152,7 +152,7 @@ def test_only_an_image_that_its_camera_can_have_made_is_shown(make: Any):
     large = encode_jpeg(np.zeros((HEIGHT, 2 * WIDTH, 3), np.uint8))
     for image in (b"<svg/>", large, IMAGE[:40]):
         rig.frame(image)
-    assert [one["name"] for one in rig.view.snapshot()["cameras"]] == ["left", "left-2"]
+    assert [camera["name"] for camera in rig.view.snapshot()["cameras"]] == ["left", "left-2"]
     assert rig.view.frame(0) is None
     rig.frame(IMAGE, camera=1)
     rig.frame(IMAGE, camera=1)

@@ -181,8 +181,8 @@ def test_slip_that_the_disk_refuses_is_told_with_the_next_news(
 def test_of_several_arrays_the_one_without_cameras_is_recorded_and_the_others_are_named():
     sources = [("r0", 0, HAND, (LEFT,)), ("r1", 1, NONE, (LEFT, LEFT)), ("r2", 2, HAND, ())]
     chosen, left = choose_recorded(sources)
-    assert [one.array for one in chosen] == [False, False, True]
-    assert [one.first_camera for one in chosen] == [0, 1, 3]
+    assert [source.array for source in chosen] == [False, False, True]
+    assert [source.first_camera for source in chosen] == [0, 1, 3]
     assert left == "hand"
     only_cameras, left = choose_recorded([("r1", 1, NONE, (LEFT,))])
     assert (only_cameras[0].array, left) == (False, "")
