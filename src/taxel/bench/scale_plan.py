@@ -19,9 +19,9 @@ GOAL = 1.8
 CORES, CARDS = 32, 8
 """What is planned for. Source: issue 19."""
 WORKS = {
-    "simulation": ("two cores against one, simulation (18 pours)", "cores"),
+    "simulation": ("two cores against one, simulation (54 pours)", "cores"),
     "folds": ("two cores against one, folds (12 folds of touchnet)", "cores"),
-    "extraction": ("two cores against one, extraction (18 pours)", "cores"),
+    "extraction": ("two cores against one, extraction (54 pours)", "cores"),
     "training": ("two processes against one, training end to end (edge, 18 pours)", "cards"),
 }
 """Work → the name of its row, and what is planned: cores, or graphics cards, a process each."""
