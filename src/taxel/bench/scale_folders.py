@@ -28,10 +28,10 @@ RECORDINGS = 10_000
 """As the issue asks."""
 _GOAL_S = 2.0
 MANY_POURS = CupPourConfig(
-    cups=10, positions=("upper", "middle", "lower"), forces_n=(15.0, 25.0, 40.0, 50.0),
+    cups=84, positions=("upper", "middle", "lower"), forces_n=(15.0, 25.0, 40.0, 50.0),
     duration_s=1.0, frame_hz=15.0,
 )  # fmt: skip
-"""120 pours of a second: enough to see memory grow. Source: our choice, docs/decisions/0050."""
+"""1,008 pours of a second. Source: issue 19."""
 
 
 def folder_rows() -> list[Row]:
