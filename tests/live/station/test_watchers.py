@@ -268,7 +268,7 @@ def recogniser(rig: Rig, monkeypatch: pytest.MonkeyPatch) -> Rig:
         target="shape", classes=("ball", "cube"), joining=MEAN,
         window=SimpleNamespace(max_gap_s=0.5),
     )  # fmt: skip
-    made = SimpleNamespace(contract=contract, strangeness=None)
+    made = SimpleNamespace(contract=contract, novelty_test=None)
     monkeypatch.setattr(inference, "read_bundle", lambda *_, **__: made)
     job = inference.Inference(
         place=cast("Any", SimpleNamespace(name="monitor")), bundles=(), sensor=cast("Any", 0),
