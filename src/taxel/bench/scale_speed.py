@@ -34,12 +34,12 @@ QUIET = 0.3
 our choice, docs/decisions/0050."""
 FEW = CupPourConfig(cups=2, positions=("upper", "middle", "lower"), forces_n=(15.0, 25.0, 50.0))
 POURS = replace(FEW, cups=6)
-"""A minute's work for one core: of 18 pours, the workers' start of two to four seconds leaves a
-ratio of 1.6. Source: our choice, docs/decisions/0050."""
+"""A minute's work, in which the workers' start of two to four seconds is little. Alone it is done
+by more than one core, for OpenCV has threads of its own. Source: our choice, 0050."""
 _SCANS, _FOLD_EPOCHS = 20_000, 400
 _EPOCHS = (1, 3)
 """Of the two trainings whose difference is the time of two epochs, without start and features.
-Source: our choice, docs/decisions/0050."""
+Source: our choice, 0050."""
 
 
 def speed_rows() -> list[Row]:
