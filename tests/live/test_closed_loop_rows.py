@@ -5,12 +5,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from taxel.bench.closed_loop import UNSEEN, JudgedPour, data_digest, loop_rows
+from taxel.bench.closed_loop import HARD, UNSEEN, JudgedPour, data_digest, loop_rows
 from taxel.bench.closed_loop_scores import LoopCase
-from taxel.bench.closed_loop_training import TRAINING, raisable
+from taxel.bench.closed_loop_training import PIXEL_CUPS, raisable
 from taxel.live.closed_loop import GripCommand, LoopTrack
 from taxel.sim.cup_pour import list_runs
 from taxel.sim.cups import PourRun
+from taxel.training.slip_cups import TRAINING_CUPS
 
 RUN = next(run for run in list_runs(UNSEEN) if run.kind == "pour")
 PUSH = replace(RUN, kind="bump")
@@ -59,8 +60,8 @@ def test_the_rows_tell_what_was_prevented_and_what_was_needless() -> None:
     assert (needless.value, needless.ok) == (0.5, False)
     assert rows["always maximum: raised needlessly in pours that hold"].value == 1.0
     assert rows["pixel difference: raised needlessly in pours that hold"].value == 1.0
-    force = rows["taxel: mean grip force over always maximum"]
-    assert force.value == pytest.approx((30 + 15 + 15 + 30) / 4 / 50)
+    force = rows["taxel: mean grip force"]
+    assert force.value == pytest.approx((30 + 15 + 15 + 30) / 4)
     hard = next(row for name, row in rows.items() if "pushes" in name and "prevented" in name)
     assert hard.value == 0.0
     assert hard.ok is None
@@ -75,8 +76,9 @@ def test_without_any_drop_a_row_says_so_and_is_not_met() -> None:
 
 
 def test_no_cup_is_both_learned_from_and_judged() -> None:
-    cups = [{run.cup.index for run in list_runs(folder)} for folder in (TRAINING, UNSEEN)]
-    assert not cups[0] & cups[1]
+    learned = {run.cup.index for run in list_runs(PIXEL_CUPS)} | set(TRAINING_CUPS)
+    judged = {run.cup.index for run in list_runs(UNSEEN) + list_runs(HARD)}
+    assert not learned & judged
     assert sum(map(raisable, list_runs(UNSEEN))) >= 200
 
 

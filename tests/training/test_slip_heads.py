@@ -14,18 +14,21 @@ from taxel.training.slip_cups import (
     NOISE_CUPS,
     TEST_CUPS,
     TRAINING_CUPS,
+    is_learned_from,
     keep_runs,
+    mild_bumps,
     other_part,
     paper_part,
     paper_runs,
+    training_runs,
     true_pours,
 )
 from taxel.training.slip_heads import (
     features_of,
     learning_rows,
-    linear_model,
     new_head,
 )
+from taxel.training.slip_onnx import linear_model
 
 
 @pytest.fixture(scope="module")
@@ -102,6 +105,39 @@ def test_rows_are_labelled_by_what_follows(pours):
     assert weights.max() > weights.min()
 
 
+def test_a_forecast_is_labelled_by_the_largest_slip_of_half_a_second(pours):
+    found = features_of(pours[0])
+    pour = pours[0]
+    event_s = pour.first_s(300.0)
+    _, labels, _ = learning_rows([found], "slip in 0.5 s")
+    times = found.row_s()
+    times = times[(times >= 0.4) & (times <= event_s + 0.1)]
+    sure = np.abs(times + 0.5 - event_s) > 1 / 60  # a moment of the video
+
+    assert np.array_equal((labels > 0)[sure], (times + 0.5 > event_s)[sure])
+    assert labels.max() <= np.log(1000 / 300)  # a lost cup counts as 1 mm
+    assert labels.min() >= np.log(20 / 300)
+
+
+def test_a_forecast_is_one_half_at_gross_slip():
+    random = np.random.default_rng(0)
+    rows = random.uniform(-1, 1, size=(3000, len(PAIR_FEATURES))).astype(np.float32)
+    head = new_head("forecast")
+    head.fit(rows, rows[:, 3].astype(float), np.ones(len(rows)))  # e-folds of 300 um
+    forecast_um, score = head.slip_um(rows), head.probability(rows)
+
+    assert np.array_equal(score > 0.5, forecast_um > 300.0)
+    assert np.corrcoef(np.log(forecast_um), rows[:, 3])[0, 1] > 0.95
+
+
+def test_hard_pushes_and_sudden_slips_are_not_learned_from():
+    runs = training_runs(30_003)
+    learned = [run for run in runs if is_learned_from(run)]
+
+    assert {run.kind for run in runs} - {run.kind for run in learned} == {"late slip"}
+    assert [run for run in learned if run.kind == "bump"] == mild_bumps(30_003) != []
+
+
 def test_features_hold_nothing_of_the_future(pours):
     """Rows up to a moment are the same where what comes later is another thing."""
     whole = features_of(pours[0])
@@ -115,7 +151,7 @@ def test_features_hold_nothing_of_the_future(pours):
     assert np.array_equal(whole.rows[:before], other.rows[:before])
 
 
-@pytest.mark.parametrize("name", ["logistic", "boosting"])
+@pytest.mark.parametrize("name", ["logistic", "boosting", "forecast"])
 def test_an_exported_head_gives_what_the_trained_one_gives(name):
     random = np.random.default_rng(0)
     rows = random.normal(size=(1500, len(PAIR_FEATURES))).astype(np.float32)

@@ -13,7 +13,7 @@ import hashlib
 import tempfile
 from collections import Counter
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from pathlib import Path
 from time import perf_counter
@@ -45,14 +45,22 @@ from taxel.sim.cups import PourRun
 if TYPE_CHECKING:
     from taxel.bench.closed_loop_training import Learnt
 
-UNSEEN = CupPourConfig(cups=24, first_cup=5000, forces_n=(15.0, 25.0, 40.0), negatives=0.25)
+UNSEEN = CupPourConfig(cups=42, first_cup=5000, forces_n=(15.0, 25.0, 40.0), negatives=0.25)
 """Cups to judge on, fixed before any of them was looked at; at 50 N there is nothing to raise."""
+HARD = replace(
+    UNSEEN, kinds=("grip drop", "late slip", "bump"), positions=("middle",), negatives=0.0
+)
+"""The same cups, with failing grips, sudden slips and pushes: of these only drops that full force
+would have prevented are played, which is found without taxel."""
+FAILING = ("grip drop", "late slip")
 PERSON_S = 0.5
 """How long after an alarm a person stops pouring. Source: our choice."""
-PREVENTED, NEEDLESS = 0.95, 0.05
-"""What is promised. Source: issue 4."""
-FORCE_SHARE = 0.8
-""""Well below always maximum": mean force over the largest. Source: our choice."""
+PREVENTED, LEAST_PREVENTED, NEEDLESS = 0.98, 0.93, 0.02
+"""Goals: share prevented, the lower end of its interval, and share raised needlessly."""
+PERSON_PREVENTED, FAILING_PREVENTED = 0.8, 0.5
+"""Goals: by a person who stops to pour, and of failing grips and sudden slips."""
+FORCE_N = 31.1
+"""Goal: mean grip force stays below that of the monitor before this one, newtons."""
 Measure = Callable[[], list[Row]]
 
 
@@ -62,7 +70,8 @@ class JudgedPour:
 
     run: PourRun
     taxel: LoopCase
-    pixels: LoopCase
+    pixels: LoopCase | None
+    """None where only taxel was tried."""
     always: LoopCase
     person: LoopCase
     """Nothing is raised; the person stops pouring `PERSON_S` after taxel's alarm."""
@@ -81,8 +90,8 @@ def full_steps(data: Path | None) -> list[tuple[str, Measure]]:
 
 
 def data_digest(data: Path | None) -> str:
-    """Return a digest of what is judged: every run of `UNSEEN`."""
-    return hashlib.sha256(repr(list_runs(UNSEEN)).encode()).hexdigest()
+    """Return a digest of what is judged: every run of `UNSEEN` and `HARD`."""
+    return hashlib.sha256(repr((list_runs(UNSEEN), list_runs(HARD))).encode()).hexdigest()
 
 
 def stepping_speed() -> list[Row]:
@@ -107,31 +116,54 @@ def unseen_cups(
     from taxel.bench.closed_loop_training import learn
 
     with tempfile.TemporaryDirectory(prefix="taxel-") as scratch:
-        folder = Path(scratch)
-        learnt = learn(folder, folder / "cache", on_step=on_step, workers=workers)
-        return loop_rows(judge_cups(learnt, list_runs(UNSEEN), workers))
+        learnt = learn(Path(scratch), on_step=on_step, workers=workers)
+        on_step("unseen cups")
+        hard = list_runs(HARD)
+        needed = side_by_side(is_preventable, [(run,) for run in hard], workers=workers)
+        runs = [run for run, drops in zip(hard, needed, strict=True) if drops]
+        return loop_rows(judge_cups(learnt, list_runs(UNSEEN) + runs, workers))
+
+
+def is_preventable(run: PourRun) -> bool:
+    """Return whether a cup drops without taxel and full force would have held it."""
+    config = LoopConfig()
+    return replay_loop(run, config).dropped and not at_full_force(run, config).dropped
 
 
 def judge_cups(
     learnt: Learnt, runs: Sequence[PourRun], workers: int | None = None
 ) -> list[JudgedPour]:
     """Pour into each cup under every policy."""
-    jobs = [(learnt.bundle, run, learnt.stability, learnt.pixels) for run in runs]
+    from taxel.bench.closed_loop_training import raisable
+
+    jobs = [
+        (learnt.bundle, run, learnt.stability, learnt.pixels if raisable(run) else None)
+        for run in runs
+    ]
     return side_by_side(judge_pour, jobs, workers=workers)
 
 
 def judge_pour(
-    bundle: Path, run: PourRun, stability: StabilityConfig, pixels: PixelDifferenceConfig
+    bundle: Path, run: PourRun, stability: StabilityConfig, pixels: PixelDifferenceConfig | None
 ) -> JudgedPour:
-    """Pour once into one cup under every policy, with the same seed."""
+    """Pour once into one cup under every policy, with the same seed.
+
+    Args:
+        bundle: Of the monitor.
+        run: What is tried.
+        stability: The monitor's thresholds.
+        pixels: The difference of pixels; None: it is not tried.
+    """
     config = LoopConfig()
     bare, full = replay_loop(run, config), at_full_force(run, config)
     pour = open_pour(run, config)
     monitor = GraspMonitor(_opened(bundle), pour.cameras, stability)
     taxel = run_loop(pour, MonitoredGrip(monitor, GripPolicy(run.force_n)), config)
-    other = open_pour(run, config)
-    policy = PixelDifference(run.force_n, len(other.cameras), config.frame_hz, pixels)
-    plain = run_loop(other, PixelGrip(policy), config)
+    plain = None
+    if pixels is not None:
+        other = open_pour(run, config)
+        policy = PixelDifference(run.force_n, len(other.cameras), config.frame_hz, pixels)
+        plain = run_loop(other, PixelGrip(policy), config)
     person = bare
     if taxel.raised_s is not None:
         person = replay_loop(run, config, stop_pouring_s=taxel.raised_s + PERSON_S)
@@ -142,7 +174,7 @@ def judge_pour(
     return JudgedPour(
         run=run,
         taxel=case(taxel),
-        pixels=case(plain),
+        pixels=None if plain is None else case(plain),
         always=case(full),
         person=case(person),
         latencies_s=taxel.latencies_s,
@@ -158,9 +190,8 @@ def loop_rows(pours: Sequence[JudgedPour]) -> list[Row]:
     taxel = score_loops([case.taxel for case in main])
     rows = [*_goal_rows("taxel", taxel)]
     rows.append(
-        row("taxel: mean grip force over always maximum", taxel.force_n / taxel.full_force_n,
-            "ratio", "<=", FORCE_SHARE, f"{taxel.force_n:.1f} N; without taxel "
-            f"{taxel.bare_force_n:.1f} N, always maximum {taxel.full_force_n:.1f} N"),
+        row("taxel: mean grip force", taxel.force_n, "N", "<=", FORCE_N,
+            f"without taxel {taxel.bare_force_n:.1f} N, always maximum {taxel.full_force_n:.1f} N"),
     )  # fmt: skip
     rows.append(
         _told("taxel: first slip > 100 µm to the raise, median", taxel.slip_to_raise_s, "s",
@@ -171,12 +202,13 @@ def loop_rows(pours: Sequence[JudgedPour]) -> list[Row]:
               "share", f"{taxel.slides} pours that slip > 300 µm and are not dropped")
     )  # fmt: skip
     for name, which in (("pixel difference", "pixels"), ("always maximum", "always")):
-        scores = score_loops([getattr(case, which) for case in main])
+        cases = [getattr(case, which) for case in main]
+        scores = score_loops([case for case in cases if case is not None])
         rows += _plain_rows(name, scores, always=which == "always")
     person = score_loops([case.person for case in main])
     rows.append(
-        _told("warning only, the person stops 0.5 s after it: preventable drops prevented",
-              person.prevented_share, "share", _of(person))
+        row("warning only, the person stops 0.5 s after it: preventable drops prevented",
+            person.prevented_share, "share", ">=", PERSON_PREVENTED, _of(person))
     )  # fmt: skip
     rows += _hard_rows(hard)
     rows += _latency_rows(pours)
@@ -192,6 +224,8 @@ def _goal_rows(name: str, scores: LoopScores) -> list[Row]:
     return [
         row(f"{name}: preventable drops prevented, unseen cups", scores.prevented_share, "share",
             ">=", PREVENTED, _of(scores)),
+        row(f"{name}: preventable drops prevented, lower end of 95 %", scores.prevented_interval[0],
+            "share", ">=", LEAST_PREVENTED, "the wider of cups resampled and exact binomial"),
         row(f"{name}: raised needlessly in pours that hold", scores.needless_share, "share",
             "<=", NEEDLESS, f"{scores.needless} of {scores.holds}, 95 % {low:.3f} … {high:.3f}; "
             "holds: slip up to 300 µm"),
@@ -211,18 +245,31 @@ def _plain_rows(name: str, scores: LoopScores, *, always: bool) -> list[Row]:
 
 
 def _hard_rows(hard: Sequence[JudgedPour]) -> list[Row]:
-    """Return what pushes and failing grips give: told, not promised."""
-    if not hard:
-        return []
-    scores = score_loops([case.taxel for case in hard])
-    kinds = Counter(case.run.kind for case in hard)
-    note = ", ".join(f"{count} {kind}" for kind, count in sorted(kinds.items()))
-    return [
-        _told("taxel, pushes and failing grips: preventable drops prevented",
-              scores.prevented_share, "share", f"{_of(scores)}; {note}; a push lasts 80 ms"),
-        _told("taxel, pushes and failing grips: raised needlessly", scores.needless_share, "share",
-              f"{scores.needless} of {scores.holds} that hold"),
-    ]  # fmt: skip
+    """Return what failing grips, sudden slips and pushes give."""
+    rows = []
+    for name, kinds in (("failing grips and sudden slips", FAILING), ("pushes", ("bump",))):
+        own = [pour for pour in hard if pour.run.kind in kinds]
+        what = f"taxel, {name}: preventable drops prevented"
+        goal = f">= {FAILING_PREVENTED}" if kinds == FAILING else ""
+        scores = score_loops([pour.taxel for pour in own]) if own else None
+        if scores is None or not scores.preventable:
+            rows.append(missing(what, "share", goal, "no preventable drop among them"))
+            continue
+        counts = Counter(pour.run.kind for pour in own)
+        note = ", ".join(f"{count} {kind}" for kind, count in sorted(counts.items()))
+        by_person = score_loops([pour.person for pour in own])
+        note = f"{_of(scores)}; {note}"
+        rows.append(
+            row(what, scores.prevented_share, "share", ">=", FAILING_PREVENTED, note)
+            if goal
+            else _told(what, scores.prevented_share, "share", f"{note}; a push lasts 80 ms")
+        )
+        rows.append(
+            _told(f"taxel, {name}: raised needlessly", scores.needless_share, "share",
+                  f"{scores.needless} of {scores.holds} that hold; the person who stops to pour "
+                  f"prevents {by_person.prevented} of {by_person.preventable}"),
+        )  # fmt: skip
+    return rows
 
 
 def _latency_rows(pours: Sequence[JudgedPour]) -> list[Row]:

@@ -120,4 +120,4 @@ if __name__ == "__main__":
     from taxel.bench.closed_loop_training import learn
 
     with tempfile.TemporaryDirectory(prefix="taxel-") as scratch:
-        draw(Path(sys.argv[1]), learn(Path(scratch), Path(scratch) / "cache", on_step=print))
+        draw(Path(sys.argv[1]), learn(Path(scratch), on_step=print))

@@ -30,9 +30,9 @@ class TrainSlip:
     """Folder where simulated poses are kept; what is missing is simulated."""
     output: Path
     """The bundle to write, NAME.taxel; an older one there is replaced."""
-    head: Literal["boosting", "logistic", "rule"] = "boosting"
-    """What gives a probability of slip; rule learns nothing: slip and its rate against a
-    threshold."""
+    head: Literal["forecast", "boosting", "logistic", "rule"] = "forecast"
+    """What is learned: forecast, how far the object will slip within 0.5 s; boosting and logistic,
+    whether it slips within 1 s; rule learns nothing: slip and its rate against a threshold."""
     false_alarms: float = 0.3
     """False alarms a minute of grasps that hold, at most, as a median over cups held out."""
     seed: int = 0
@@ -40,7 +40,9 @@ class TrainSlip:
     json: bool = False
     """Print JSON."""
 
-    RULES: ClassVar = (Only(("seed",), "--head boosting or logistic", lambda o: o.head != "rule"),)
+    RULES: ClassVar = (
+        Only(("seed",), "--head forecast, boosting or logistic", lambda o: o.head != "rule"),
+    )
 
     def run(self) -> None:
         """Learn, write the bundle and print what it is worth."""

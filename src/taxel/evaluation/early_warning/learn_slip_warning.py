@@ -34,20 +34,20 @@ from taxel.training.slip_cups import (
     PourRows,
     keep_runs,
     noise_runs,
-    other_part,
-    paper_runs,
+    training_runs,
     true_pours,
 )
 from taxel.training.slip_heads import (
+    USUAL_GOALS,
     Goal,
     HeadName,
     PourFeatures,
     SlipHead,
     features_of,
     learning_rows,
-    linear_model,
     new_head,
 )
+from taxel.training.slip_onnx import linear_model
 from taxel.windows.rest import SETTLE
 
 FOLDS: Final = 4
@@ -56,8 +56,10 @@ AHEAD_S: Final = 0.6
 """By how much the rule without learning looks ahead, seconds. Source: decision 36."""
 ONSET_UM: Final = 20.0
 """Slip from which a warning is justified: the rule "micro-slip", docs/decisions/0013."""
-LEARNED_CUPS: Final = 60
+LEARNED_CUPS: Final = 120
 """Training cups that a warning learns from unless more are asked for."""
+PER_MIN: Final = 0.3
+"""False alarms a minute that a learned head promises. Source: our choice, decision 36."""
 PROMISED_KINDS: Final[tuple[Kind, ...]] = ("pour", "still")
 """Pours on which false alarms are promised: the paper's. Pushes slide fast and then hold, so that
 a promise over them too would silence the rest; the other kinds give fewer than these."""
@@ -117,8 +119,8 @@ def training_features(
     found: list[PourFeatures] = []
     for cup in TRAINING_CUPS[:cups]:
         on_step(f"poses of training cup {cup}")
-        runs = paper_runs(cup) + other_part(cup, 0) + other_part(cup, 1)
-        pours = keep_runs(folder / f"{cup}-true.npz", runs, true_pours)
+        runs = training_runs(cup)
+        pours = keep_runs(folder / f"{cup}-training.npz", runs, true_pours)
         found += noisy_features(pours, noises)
     return found, noises
 
@@ -152,10 +154,9 @@ def track_of(features: PourFeatures, drive: Drive) -> WarningTrack:
     """Return what is judged of a pour."""
     pour = features.pour
     event_s = pour.first_s(GROSS_UM)
-    before = slice(None)
     return WarningTrack(
         drive=drive,
-        time_s=pour.time_s[before],
+        time_s=pour.time_s,
         onset_s=None if event_s is None else pour.first_s(ONSET_UM),
         event_s=event_s,
         later_s={name: pour.first_s(um) for name, um in LATER_UM.items()} | {"drop": pour.drop_s},
@@ -177,7 +178,7 @@ def promised(tracks: Sequence[WarningTrack]) -> list[WarningTrack]:
 def out_of_fold(
     pours: Sequence[PourFeatures],
     head: HeadName,
-    goal: Goal = "within 1 s",
+    goal: Goal | None = None,
     *,
     seed: int = 0,
     on_step: Callable[[str], None] = lambda _: None,
@@ -197,11 +198,11 @@ def out_of_fold(
 
 
 def fit_head(
-    pours: Sequence[PourFeatures], head: HeadName, goal: Goal = "within 1 s", seed: int = 0
+    pours: Sequence[PourFeatures], head: HeadName, goal: Goal | None = None, seed: int = 0
 ) -> SlipHead:
     """Return a head that has learned from all of these pours."""
     fitted = new_head(head, seed)
-    fitted.fit(*learning_rows(pours, goal))
+    fitted.fit(*learning_rows(pours, goal or USUAL_GOALS[head]))
     return fitted
 
 
@@ -209,7 +210,7 @@ def learn_warning(
     pours: Sequence[PourFeatures],
     head: HeadName,
     per_min: float,
-    goal: Goal = "within 1 s",
+    goal: Goal | None = None,
     *,
     seed: int = 0,
     on_step: Callable[[str], None] = lambda _: None,
@@ -220,7 +221,7 @@ def learn_warning(
         pours: Of training cups.
         head: Which kind.
         per_min: False alarms a minute that are promised.
-        goal: What a row is labelled by.
+        goal: What a row is labelled by; the head's usual goal unless given.
         seed: Of learning.
         on_step: Called with a line before each training.
     """
