@@ -130,12 +130,21 @@ def test_a_forecast_is_one_half_at_gross_slip():
     assert np.corrcoef(np.log(forecast_um), rows[:, 3])[0, 1] > 0.95
 
 
-def test_hard_pushes_and_sudden_slips_are_not_learned_from():
-    runs = training_runs(30_003)
-    learned = [run for run in runs if is_learned_from(run)]
+def test_of_pushes_only_those_that_hold_are_learned_from(pours):
+    dropped, held = pours[0], replace(pours[0], slip_um=np.zeros_like(pours[0].slip_um))
+    held = replace(held, dropped=np.zeros_like(held.dropped))
+    for kind, learned in (("pour", True), ("bump", False), ("late slip", False)):
+        assert is_learned_from(replace(dropped, run=replace(dropped.run, kind=kind))) == learned
+        assert is_learned_from(replace(held, run=replace(held.run, kind=kind)))
 
-    assert {run.kind for run in runs} - {run.kind for run in learned} == {"late slip"}
-    assert [run for run in learned if run.kind == "bump"] == mild_bumps(30_003) != []
+
+def test_a_training_cup_has_its_pours_the_other_kinds_and_mild_pushes():
+    runs = training_runs(30_003)
+
+    assert len(paper_runs(30_003)) == 12
+    assert len(runs) > 12 + 8
+    assert {run.kind for run in runs} >= {"bump", "late slip", "grip drop", "no-slip pour"}
+    assert runs[-len(mild_bumps(30_003)) :] == mild_bumps(30_003) != []
 
 
 def test_features_hold_nothing_of_the_future(pours):

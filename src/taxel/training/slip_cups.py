@@ -45,8 +45,6 @@ GROSS_UM: Final = 300.0
 """Slip that is warned of, micrometres: the rule "gross-slip", docs/decisions/0013."""
 AFTER_S: Final = 1.0
 """How long after the event images are still followed: a warning after that is none, seconds."""
-_MILD_FROM: Final = 10
-"""Numbers of mild pushes; harder ones have lower numbers."""
 _POSITIONS: Final[tuple[Position, ...]] = ("upper", "middle", "lower")
 _FORCES_N: Final = (15.0, 25.0, 40.0, 50.0)
 _SLIP, _DROPPED = TRUTH_CHANNELS.index("slip"), TRUTH_CHANNELS.index("dropped")
@@ -145,7 +143,7 @@ def mild_bumps(cup: int, count: int = 3) -> list[PourRun]:
     """
     drawn, found = draw_cup(SEED, cup), []
     weight_n = drawn.mass_kg * GRAVITY_M_S2
-    for number in range(_MILD_FROM, _MILD_FROM + 8):
+    for number in range(10, 18):
         for position in _POSITIONS:
             for force_n in _FORCES_N:
                 run = draw_run(SEED, drawn, position, force_n, "bump", number=number)
@@ -160,15 +158,14 @@ def training_runs(cup: int) -> list[PourRun]:
     return paper_runs(cup) + other_part(cup, 0) + other_part(cup, 1) + mild_bumps(cup)
 
 
-def is_learned_from(run: PourRun) -> bool:
-    """Return whether a warning learns from a run.
+def is_learned_from(pour: PourRows) -> bool:
+    """Return whether a warning learns from a pour.
 
-    Not from hard pushes and sudden slips: nothing comes before them, and what follows looks like
-    a slip that ends well. Out of fold, leaving them out brings warnings 0.1 s earlier (decision
-    36); they are still judged.
+    Of pushes and sudden slips only those that hold: before the others there is nothing to learn,
+    and what follows looks like a slip that ends well. Out of fold, leaving them out brings warnings
+    0.1 s earlier (decision 36); they are still judged.
     """
-    hard = run.kind == "bump" and run.number < _MILD_FROM
-    return not hard and run.kind != "late slip"
+    return pour.run.kind not in ("bump", "late slip") or pour.first_s(GROSS_UM) is None
 
 
 def noise_runs(cup: int) -> list[PourRun]:

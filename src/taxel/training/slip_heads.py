@@ -99,7 +99,7 @@ def learning_rows(
     """
     rows, labels, weights = [], [], []
     for found in pours:
-        if not is_learned_from(found.pour.run):
+        if not is_learned_from(found.pour):
             continue
         time_s = found.row_s()
         event_s = found.pour.first_s(GROSS_UM)
@@ -109,7 +109,7 @@ def learning_rows(
             used &= np.arange(len(time_s)) % _THIN == found.pour.run.seed % _THIN
             weight *= _THIN
         else:
-            used &= (time_s <= event_s + _AFTER_S) & ~_unforeseeable(found, time_s, event_s)
+            used &= time_s <= event_s + _AFTER_S
             weight[(event_s - time_s <= _NEAR_S) & (time_s <= event_s)] = _NEAR_TIMES
         rows.append(found.rows[used])
         labels.append(_labels(found.pour, time_s, goal)[used])
@@ -128,16 +128,6 @@ def _labels(pour: PourRows, time_s: NDArray[np.float64], goal: Goal) -> NDArray[
     event_s = pour.first_s(GROSS_UM)
     due_s = np.inf if event_s is None else event_s
     return (due_s - time_s <= GOALS_S[goal]).astype(np.intp) * (event_s is not None)
-
-
-def _unforeseeable(
-    found: PourFeatures, time_s: NDArray[np.float64], event_s: float
-) -> NDArray[np.bool_]:
-    """Return the rows before a push that makes the event: nothing in them shows it."""
-    run = found.pour.run
-    if run.bump_n <= 0 or event_s < run.bump_s:
-        return np.zeros(len(time_s), np.bool_)
-    return time_s < run.bump_s
 
 
 class SlipHead(Protocol):
