@@ -40,7 +40,7 @@ class Live:
     """
 
     bundle: tyro.conf.Positional[Path]
-    """A bundle, NAME.taxel; or cup-pour, slip-rule or slip-logistic, which come with taxel. It runs
+    """A bundle, NAME.taxel; or cup-pour, slip-rule or slip-forecast, which come with taxel. It runs
     on the processor, or on $TAXEL_DEVICE: cuda, tensorrt, rocm, migraphx, directml, coreml or
     openvino, where installed."""
     source: tyro.conf.Positional[str]
