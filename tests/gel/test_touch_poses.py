@@ -65,7 +65,7 @@ def test_object_and_gel_are_followed_apart(world):
     assert pose.gel[2] == pytest.approx(0.01, abs=0.001)
 
 
-def test_slip_is_told_at_the_imprints_middle(world):
+def test_slip_is_measured_at_the_imprints_middle(world):
     """A turn about a place away from the image's middle is no shift of that place."""
     follower = TouchFollower([world(seed=s) for s in range(3)])
     pose = follower.follow(world(held=(0.0, 0.0, 0.03), seed=9))

@@ -194,11 +194,11 @@ def _files_of(
     names = [f"group1-shard{part + 1}of{shards}.bin" for part in range(shards)]
     files = {f"package/ResNet50/{name}": content[low:high]
              for name, low, high in zip(names, cut[:-1], cut[1:], strict=True)}  # fmt: skip
-    told = [{"name": name, "shape": list(values.shape), "dtype": "float32"}
+    entries = [{"name": name, "shape": list(values.shape), "dtype": "float32"}
             for name, values in arrays.items()]  # fmt: skip
     model = {
         "modelTopology": {"model_config": {"config": {"layers": layers}}},
-        "weightsManifest": [{"paths": names, "weights": told}],
+        "weightsManifest": [{"paths": names, "weights": entries}],
     }
     files["package/ResNet50/model.json"] = json.dumps(model).encode()
     files["package/lib/index.js"] = b"throw new Error('never run')"

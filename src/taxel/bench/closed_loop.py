@@ -163,11 +163,11 @@ def loop_rows(pours: Sequence[JudgedPour]) -> list[Row]:
             f"{taxel.bare_force_n:.1f} N, always maximum {taxel.full_force_n:.1f} N"),
     )  # fmt: skip
     rows.append(
-        _told("taxel: first slip > 100 µm to the raise, median", taxel.slip_to_raise_s, "s",
+        _info("taxel: first slip > 100 µm to the raise, median", taxel.slip_to_raise_s, "s",
               "drops that it could prevent; bus, gripper and inference included in what follows")
     )  # fmt: skip
     rows.append(
-        _told("taxel: raised though the cup only slid", _over(taxel.slides_raised, taxel.slides),
+        _info("taxel: raised though the cup only slid", _over(taxel.slides_raised, taxel.slides),
               "share", f"{taxel.slides} pours that slip > 300 µm and are not dropped")
     )  # fmt: skip
     for name, which in (("pixel difference", "pixels"), ("always maximum", "always")):
@@ -175,7 +175,7 @@ def loop_rows(pours: Sequence[JudgedPour]) -> list[Row]:
         rows += _plain_rows(name, scores, always=which == "always")
     person = score_loops([case.person for case in main])
     rows.append(
-        _told("warning only, the person stops 0.5 s after it: preventable drops prevented",
+        _info("warning only, the person stops 0.5 s after it: preventable drops prevented",
               person.prevented_share, "share", _of(person))
     )  # fmt: skip
     rows += _hard_rows(hard)
@@ -203,24 +203,24 @@ def _plain_rows(name: str, scores: LoopScores, *, always: bool) -> list[Row]:
     needless = 1.0 if always else scores.needless_share
     note = "by its nature" if always else f"{scores.needless} of {scores.holds}"
     return [
-        _told(f"{name}: preventable drops prevented", scores.prevented_share, "share",
+        _info(f"{name}: preventable drops prevented", scores.prevented_share, "share",
               _of(scores)),
-        _told(f"{name}: raised needlessly in pours that hold", needless, "share", note),
-        _told(f"{name}: mean grip force", scores.force_n, "N", ""),
+        _info(f"{name}: raised needlessly in pours that hold", needless, "share", note),
+        _info(f"{name}: mean grip force", scores.force_n, "N", ""),
     ]  # fmt: skip
 
 
 def _hard_rows(hard: Sequence[JudgedPour]) -> list[Row]:
-    """Return what pushes and failing grips give: told, not promised."""
+    """Return what pushes and failing grips give: reported, not promised."""
     if not hard:
         return []
     scores = score_loops([case.taxel for case in hard])
     kinds = Counter(case.run.kind for case in hard)
     note = ", ".join(f"{count} {kind}" for kind, count in sorted(kinds.items()))
     return [
-        _told("taxel, pushes and failing grips: preventable drops prevented",
+        _info("taxel, pushes and failing grips: preventable drops prevented",
               scores.prevented_share, "share", f"{_of(scores)}; {note}; a push lasts 80 ms"),
-        _told("taxel, pushes and failing grips: raised needlessly", scores.needless_share, "share",
+        _info("taxel, pushes and failing grips: raised needlessly", scores.needless_share, "share",
               f"{scores.needless} of {scores.holds} that hold"),
     ]  # fmt: skip
 
@@ -243,11 +243,11 @@ def _of(scores: LoopScores) -> str:
     )
 
 
-def _told(name: str, value: float, unit: str, note: str) -> Row:
+def _info(name: str, value: float, unit: str, note: str) -> Row:
     known = bool(np.isfinite(value))
     return Row(
         name=name, value=value if known else None, unit=unit, goal="", ok=None,
-        note=note if known else f"none to tell by; {note}",
+        note=note if known else f"none to measure it on; {note}",
     )  # fmt: skip
 
 

@@ -51,7 +51,7 @@ POURS: tuple[Kind, ...] = ("pour", "still", "no-slip pour")
 """What is tuned and promised. The other kinds are pushes and failing grips: a push lasts 80 ms
 and drops a cup within two images of the camera."""
 UNSTABLE_UM = 600.0
-"""Slip that the head learns to tell, micrometres: twice what still counts as holding, and well
+"""Slip that the head learns to recognise, micrometres: twice what still counts as holding, and well
 before a drop. Source: docs/decisions/0017."""
 FRAMES = 30
 """k: half a second."""

@@ -1,4 +1,4 @@
-"""Named quantities of a gel image that tell of incipient slip, one row a frame.
+"""Named quantities of a gel image that announce incipient slip, one row a frame.
 
 Input: frames of one gel, oldest first, RGB. Output: float32 rows. What the
 dots do is the gel's movement; what the imprint does is the object's; where

@@ -1,4 +1,4 @@
-"""The pads of the simulated hand that grasps when it is told, as a source.
+"""The pads of the simulated hand that grasps on command, as a source.
 
 Its scans come from the same fingers that `taxel.actions.sim_hand` moves. Knows nothing about
 motors, files or models.

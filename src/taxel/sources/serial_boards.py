@@ -262,7 +262,7 @@ class SerialBoards:
         return BadSource(needed, got, mend)
 
     def _set_rate(self, rate_hz: int) -> None:
-        """Tell the boards that scan at another rate to change it, and wait for their hello."""
+        """Order the boards that scan at another rate to change it, and wait for their hello."""
         for index, stream in enumerate(self._streams):
             if isinstance(stream, BoardStream) and _hello(stream).rate_hz != rate_hz:
                 now_us = int(self._clock.now_s() * 1e6) & 0xFFFFFFFF

@@ -1,4 +1,4 @@
-"""The live screen: what is in the hand, how sure, how fast, and the window it was told from.
+"""The live screen: what is in the hand, how sure, how fast, and the window it was predicted from.
 
 Knows nothing about sources or models.
 """

@@ -223,8 +223,8 @@ def _slip(scene: Scene) -> NDArray[np.float32]:
             pose.object * to_mm, pose.gel * to_mm, pose.spread * to_mm, index / scene.rate_hz,
             pose.seen,
         )  # fmt: skip
-        told = gel.slip
-        rows.append([told.distance_mm, told.rate_mm_s, float(told.seen), *gel.features])
+        slip = gel.slip
+        rows.append([slip.distance_mm, slip.rate_mm_s, float(slip.seen), *gel.features])
     return np.nan_to_num(np.array(rows, np.float32))
 
 

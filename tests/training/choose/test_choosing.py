@@ -171,7 +171,7 @@ def test_kinds_that_fail_together_share_one_weight():
     assert found.weights == (0.25, 0.25, 0.5)
 
 
-def test_dependent_windows_are_not_multiplied_as_if_each_told_something_new():
+def test_dependent_windows_are_not_multiplied_as_if_each_added_something_new():
     """20 copies of one guess that is right 8 times in 10 are as sure as that one guess."""
     truth = np.arange(400) % 2
     guess = np.where(RNG.random(400) < 0.8, truth, 1 - truth)
