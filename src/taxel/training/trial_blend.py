@@ -26,7 +26,6 @@ from taxel.training.trial_novelty import Novelty, held_out_novelty, novelty_thre
 from taxel.windows.trial_crops import numbers_of
 
 Rows = NDArray[np.float32]
-Views = Mapping[str, Rows]
 TREES: Final = 400
 INNER_TREES: Final = 150
 """Of a forest that is kept, and of one on an inner fold. Source: our choice, decision 41."""

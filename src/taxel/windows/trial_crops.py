@@ -43,8 +43,6 @@ THUMB: Final = (6, 8)
 """Rows and columns of the small grey image that the first-frame control sees."""
 _EDGES: Final = 8
 """Directions of edges in each place."""
-_STILLS: Final = 3
-"""Frames of a crop whose look is kept: first, middle, last."""
 _BANDS: Final = ((1, 3), (3, 8), (8, 1000))
 """Cycles a crop: 0.5 to 1.5, 1.5 to 4 and above 4 Hz for 48 frames at 25 frames a second."""
 STATISTICS: Final = 9 + len(_BANDS)
