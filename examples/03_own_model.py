@@ -16,7 +16,7 @@ from taxel.windows.dataset import load_dataset
 
 
 class Means(nn.Module):
-    """One linear layer over each channel's mean: what touch tells without its course in time."""
+    """One linear layer over each channel's mean: what touch gives without its course in time."""
 
     def __init__(self, steps: int, channels: int, classes: int) -> None:
         super().__init__()

@@ -19,17 +19,17 @@ def main() -> None:
     with tempfile.TemporaryDirectory() as name:
         simulate_presets(Path(name), ("honest",), 48_000, 0)
         recipe = replace(find_recipe("teng-referenced"), target="material")
-        told = check_recipe(Path(name) / "honest", recipe, bars=()).predictions
-    rules = read_rules(RULES, {"material": told.classes})
+        tested = check_recipe(Path(name) / "honest", recipe, bars=()).predictions
+    rules = read_rules(RULES, {"material": tested.classes})
     binned, sorted_right, of_session = Counter[str](), Counter[str](), Counter[str]()
-    for trial in np.unique(told.trial):
-        own = told.trial == trial
-        mean = told.probabilities[own].mean(axis=0)
-        where = rules.action("material", told.classes[mean.argmax()], mean.max())
-        session = told.trials[trial].groups["session"]
+    for trial in np.unique(tested.trial):
+        own = tested.trial == trial
+        mean = tested.probabilities[own].mean(axis=0)
+        where = rules.action("material", tested.classes[mean.argmax()], mean.max())
+        session = tested.trials[trial].groups["session"]
         binned[where or "sorted by hand"] += 1
         of_session[session] += bool(where)
-        sorted_right[session] += bool(where) and bool(mean.argmax() == told.y[own][0])
+        sorted_right[session] += bool(where) and bool(mean.argmax() == tested.y[own][0])
     print(", ".join(f"{where}: {count} objects" for where, count in sorted(binned.items())))
     for session, count in sorted(of_session.items()):
         print(f"{session}, held out: {sorted_right[session]} of {count} in the right bin")

@@ -23,16 +23,16 @@ def main() -> None:
     with tempfile.TemporaryDirectory() as name:
         import_rows(glove_rows(WHERE), Path(name) / "glove")
         recipe = replace(find_recipe("teng-glove"), model="extra-trees", split="group:session")
-        told = check_recipe(Path(name) / "glove", recipe, bars=()).predictions
-    session = told.group("session")
+        tested = check_recipe(Path(name) / "glove", recipe, bars=()).predictions
+    session = tested.group("session")
     for held in np.unique(session):
         own = session == held
-        trials = [told.probabilities[told.trial == t] for t in np.unique(told.trial[own])]
-        text = " ".join(told.classes[each.mean(axis=0).argmax()] for each in trials)
-        right = told.correct[own].mean()
+        trials = [tested.probabilities[tested.trial == t] for t in np.unique(tested.trial[own])]
+        text = " ".join(tested.classes[each.mean(axis=0).argmax()] for each in trials)
+        right = tested.correct[own].mean()
         print(f"session {held}, held out: “{text}”, {right:.3f} of {own.sum()} windows right")
-    common = np.bincount(told.y).max() / len(told)
-    print(f"all: {told.correct.mean():.3f} of windows right; the commonest sign {common:.3f}")
+    common = np.bincount(tested.y).max() / len(tested)
+    print(f"all: {tested.correct.mean():.3f} of windows right; the commonest sign {common:.3f}")
 
 
 if __name__ == "__main__":

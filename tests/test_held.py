@@ -207,7 +207,7 @@ def test_a_killed_simulate_leaves_nothing_after_the_next(tmp_path: Path):
             assert made.parent.name != left
 
 
-def test_a_full_disk_is_told_of_the_output_and_not_of_a_folder_that_is_gone(tmp_path: Path):
+def test_a_full_disk_is_blamed_on_the_output_and_not_of_a_folder_that_is_gone(tmp_path: Path):
     manifest = Manifest.started_now(
         SensorInfo(name="a", channels=("x",), units=("V",), rate_hz=1.0)
     )

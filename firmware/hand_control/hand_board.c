@@ -156,7 +156,7 @@ static void read_sensor(uint8_t s) {
   drive_all();
 }
 
-static void tell(uint32_t now_ms) {
+static void report(uint32_t now_ms) {
   uint8_t payload[TAXEL_LONGEST_PAYLOAD];
   if (now_ms - current_ms >= CURRENT_MS) {
     int16_t milliamps[HAND_MOTORS];
@@ -182,7 +182,7 @@ static void every_millisecond(uint32_t now_ms) {
     listen(); /* a stop does not wait for four sensors */
   }
   checked = (uint8_t)((checked + 1) % sizeof addresses);
-  tell(now_ms);
+  report(now_ms);
   wdt_reset();
 }
 

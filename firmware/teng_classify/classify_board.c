@@ -131,8 +131,8 @@ static void beat(void) {
   taxel_uart_send(payload, taxel_pack_heartbeat(payload, &head, &beat));
 }
 
-/* Tell the window that this scan completed, and send the answer. */
-static void tell(const scan *last) {
+/* Classify the window that this scan completed, and send the answer. */
+static void classify(const scan *last) {
   uint8_t payload[TAXEL_DECISION_SIZE];
   taxel_head head = {TAXEL_BOARD, last->tick, last->t_us};
   beat();
@@ -156,7 +156,7 @@ static void take_scan(void) {
     memset(&window, 0, sizeof window);
   }
   const scan *taken = &scans[oldest];
-  if (taxel_window_push(&window, taken->tick, taken->counts) && sound) tell(taken);
+  if (taxel_window_push(&window, taken->tick, taken->counts) && sound) classify(taken);
   else if (window.rows == TAXEL_ROWS) taxel_window_next(&window);
   oldest = (oldest + 1) & (WAITING - 1);
 }

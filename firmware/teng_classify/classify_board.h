@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * A board that tells what is in the hand: timer 1 begins a scan, the converter's interrupt goes on
+ * A board that predicts what is in the hand: timer 1 begins a scan, the converter's interrupt goes on
  * with it, the main loop fills windows, classifies them and sends decisions. Scans go on while it
  * classifies: they wait in a ring. Knows nothing about what the classes mean.
  */

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * The message that says what a window was told as: type 7 of the wire.
+ * The message that says what a window was classified as: type 7 of the wire.
  *
  *     type u8 = 7, board u8, seq u32, t_us u32, class u8, confidence u8, reason u8, took_us u32
  *

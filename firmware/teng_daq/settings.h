@@ -42,7 +42,7 @@
 #define TAXEL_REFERENCE TAXEL_AVCC
 #endif
 #ifndef TAXEL_REFERENCE_MV
-#define TAXEL_REFERENCE_MV 5000 /* its voltage as measured, millivolts; told to the host */
+#define TAXEL_REFERENCE_MV 5000 /* its voltage as measured, millivolts; sent to the host */
 #endif
 
 /* 128: 125 kHz, ten good bits. 64, 32, 16: faster and less exact; docs/how-to/firmware.md. */

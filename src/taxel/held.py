@@ -156,10 +156,10 @@ def _abandoned(folder: Path) -> int | None:
 
 def _finish(folder: Path) -> None:
     """Give an output its name that had lost it to a newer one, which then did not take it."""
-    told = output_of(folder / MADE)
-    if told is None or not (folder / REPLACED).exists():
+    made = output_of(folder / MADE)
+    if made is None or not (folder / REPLACED).exists():
         return
-    output = folder.parent / told.name  # its path may have been told from another folder
+    output = folder.parent / made.name  # its path may be relative to another folder
     if output.exists():
         return
     newer = folder / MADE

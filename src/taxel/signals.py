@@ -142,10 +142,10 @@ class CameraInfo:
         details; 0 for one that streams on, as real ones do, and where the detail is no number.
         """
         try:
-            told_s = float(self.details.get(PAUSE, "0"))
+            stated_s = float(self.details.get(PAUSE, "0"))
         except ValueError:
             return 0.0
-        return min(told_s, LONGEST_PAUSE_S) if told_s > 0 else 0.0
+        return min(stated_s, LONGEST_PAUSE_S) if stated_s > 0 else 0.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -280,7 +280,7 @@ def flag_values(values: NDArray[np.float32], full_scale: float | None) -> NDArra
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SlipNote:
-    """The slip that a monitor measured at one moment, as it was told live."""
+    """The slip that a monitor measured at one moment, as it was reported live."""
 
     time_s: float
     """When the newest frame behind it was taken, fitted clock, seconds."""

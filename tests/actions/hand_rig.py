@@ -49,7 +49,7 @@ class HandEmulator:
         self._grip: tuple[float, float, float] | None = None
         self._decoder = FrameDecoder()
         self._start_s = time.monotonic()
-        self._told_s = self._moved_s = self._start_s
+        self._reported_s = self._moved_s = self._start_s
         self._end = threading.Event()
         self._thread = threading.Thread(target=self._run)
         self._thread.start()
@@ -62,9 +62,9 @@ class HandEmulator:
             now = time.monotonic()
             self._watch(now)
             self._move(now)
-            if now - self._told_s >= 0.01:
-                self._told_s = now
-                self._tell()
+            if now - self._reported_s >= 0.01:
+                self._reported_s = now
+                self._report()
 
     def _head(self) -> dict[str, int]:
         ticks = int((time.monotonic() - self._start_s) * 1e6)
@@ -74,7 +74,7 @@ class HandEmulator:
         if not self.mute:
             os.write(self._master, self.noise + DELIMITER + frame_of(wire.pack(message)))
 
-    def _tell(self) -> None:
+    def _report(self) -> None:
         head = self._head()
         self._say(wire.Heartbeat(**head, state=self.state))
         moving = self._grip is not None

@@ -13,7 +13,7 @@ from taxel.decisions.stability import Stability, StabilityDecision
 STABLE, WARNING, UNSTABLE, UNKNOWN, NO_GRASP = Stability
 
 
-def told(state: Stability, reason: str = "") -> StabilityDecision:
+def decided(state: Stability, reason: str = "") -> StabilityDecision:
     return StabilityDecision(state, reason, 0.0, 0.5)
 
 
@@ -106,9 +106,9 @@ def test_alarms_that_wait_come_first_then_the_worst_then_the_newest() -> None:
 
 def test_input_lost_is_an_alarm_only_while_armed() -> None:
     latch = AlarmLatch()
-    latch.watch(told(UNKNOWN, "the newest input is 0.30 s old"), armed=False, now_s=1.0)
+    latch.watch(decided(UNKNOWN, "the newest input is 0.30 s old"), armed=False, now_s=1.0)
     assert latch.alarms == ()
-    latch.watch(told(UNKNOWN, "the newest input is 0.30 s old"), armed=True, now_s=1.0)
+    latch.watch(decided(UNKNOWN, "the newest input is 0.30 s old"), armed=True, now_s=1.0)
 
     (alarm,) = latch.alarms
     assert (alarm.kind, alarm.level) == (INPUT, Level.DANGER)
@@ -121,9 +121,9 @@ def test_the_first_moments_of_each_grasp_are_no_alarm() -> None:
     for grasp_s in (0.0, 10.0, 20.0):
         for step in range(4):
             reason = REASONS["settling"].say(left_s=0.4 - 0.1 * step)
-            latch.watch(told(UNKNOWN, reason), True, grasp_s + 0.1 * step)
-        latch.watch(told(UNKNOWN, REASONS["window"].say(left_s=0.1)), True, grasp_s + 0.5)
-        latch.watch(told(STABLE), True, grasp_s + 0.6)
+            latch.watch(decided(UNKNOWN, reason), True, grasp_s + 0.1 * step)
+        latch.watch(decided(UNKNOWN, REASONS["window"].say(left_s=0.1)), True, grasp_s + 0.5)
+        latch.watch(decided(STABLE), True, grasp_s + 0.6)
 
     assert latch.alarms == ()
 
@@ -132,9 +132,9 @@ def test_a_grasp_that_does_not_get_beyond_its_first_moments_is_an_alarm() -> Non
     latch = AlarmLatch()
     reason = REASONS["settling"].say(left_s=0.4)
     for now_s in (1.0, 2.0, 1.0 + BEGINNING_S):
-        latch.watch(told(UNKNOWN, reason), True, now_s)
+        latch.watch(decided(UNKNOWN, reason), True, now_s)
         assert latch.alarms == ()
-    latch.watch(told(UNKNOWN, reason), True, 1.1 + BEGINNING_S)
+    latch.watch(decided(UNKNOWN, reason), True, 1.1 + BEGINNING_S)
 
     (alarm,) = latch.alarms
     assert (alarm.kind, alarm.level, alarm.on) == (INPUT, Level.DANGER, True)
@@ -142,18 +142,18 @@ def test_a_grasp_that_does_not_get_beyond_its_first_moments_is_an_alarm() -> Non
 
 def test_input_that_is_lost_again_and_again_stays_an_alarm() -> None:
     latch = AlarmLatch()
-    latch.watch(told(UNKNOWN, "the left camera is gone"), True, 1.0)
-    latch.watch(told(UNKNOWN, REASONS["settling"].say(left_s=0.4)), True, 1.5)
+    latch.watch(decided(UNKNOWN, "the left camera is gone"), True, 1.0)
+    latch.watch(decided(UNKNOWN, REASONS["settling"].say(left_s=0.4)), True, 1.5)
     assert [alarm.state for alarm in latch.alarms] == ["gone, not acknowledged"]
-    latch.watch(told(UNKNOWN, "the left camera is gone"), True, 2.0)
+    latch.watch(decided(UNKNOWN, "the left camera is gone"), True, 2.0)
 
     assert [alarm.state for alarm in latch.alarms] == ["on"]
 
 
 def test_unknown_does_not_clear_the_alarm_of_a_slipping_grasp() -> None:
     latch = AlarmLatch()
-    latch.watch(told(UNSTABLE), True, 1.0)
-    latch.watch(told(UNKNOWN), True, 2.0)
+    latch.watch(decided(UNSTABLE), True, 1.0)
+    latch.watch(decided(UNKNOWN), True, 2.0)
 
     assert {alarm.kind: alarm.on for alarm in latch.alarms} == {GRASP: True, INPUT: True}
 
@@ -197,7 +197,7 @@ def test_counts_add_up_and_no_danger_leaves_unacknowledged(events: list[tuple]) 
     for i, (kind, one, two) in enumerate(events):
         if kind == "watch":
             before = {alarm.number for alarm in latch.alarms if not alarm.acknowledged}
-            latch.watch(told(one), two, float(i))
+            latch.watch(decided(one), two, float(i))
             assert before <= {alarm.number for alarm in latch.alarms}
             if one is UNKNOWN and two:
                 assert latch.shown(STABLE) is UNKNOWN
@@ -212,17 +212,17 @@ def test_counts_add_up_and_no_danger_leaves_unacknowledged(events: list[tuple]) 
 def test_a_grasp_s_acknowledged_alarm_does_not_silence_the_next_grasp_s() -> None:
     """Between the two nothing was STABLE: the first ended while it slipped."""
     latch = AlarmLatch()
-    latch.watch(told(UNSTABLE), armed=True, now_s=1.0)
+    latch.watch(decided(UNSTABLE), armed=True, now_s=1.0)
     latch.acknowledge(latch.alarms[0].number, 2.0)
-    latch.watch(told(NO_GRASP), armed=True, now_s=3.0)
+    latch.watch(decided(NO_GRASP), armed=True, now_s=3.0)
     assert latch.alarms == ()
-    latch.watch(told(UNSTABLE), armed=True, now_s=4.0)
+    latch.watch(decided(UNSTABLE), armed=True, now_s=4.0)
     assert latch.sounding is Level.DANGER
 
 
 def test_an_alarm_that_nobody_acknowledged_outlives_its_grasp() -> None:
     latch = AlarmLatch()
-    latch.watch(told(UNSTABLE), armed=True, now_s=1.0)
-    latch.watch(told(NO_GRASP), armed=True, now_s=3.0)
+    latch.watch(decided(UNSTABLE), armed=True, now_s=1.0)
+    latch.watch(decided(NO_GRASP), armed=True, now_s=3.0)
     assert [alarm.state for alarm in latch.alarms] == ["gone, not acknowledged"]
     assert latch.sounding is Level.DANGER

@@ -164,7 +164,7 @@ def test_replies_in_pieces_and_garbage_between_them_change_nothing() -> None:
         assert arm.status().height_mm == 400.0
 
 
-def test_an_error_reply_is_told_in_its_words() -> None:
+def test_an_error_reply_is_reported_in_its_words() -> None:
     with jaka() as (server, arm):
         server.refuse["moveL"] = ("2", "call moveL failed\nsecond line")
         arm.lower(10.0)

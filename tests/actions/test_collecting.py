@@ -185,7 +185,7 @@ def test_a_grip_order_presses_the_hand_again_with_more_current_and_no_more_than_
             lock.decision(word, now_s)
             hear_all(lock, [actuator], now_s)
             decision = StabilityDecision(Stability[word], "", now_s, 0.9)
-            actuator.tell(decision, lock.tick(now_s), now_s)
+            actuator.apply(decision, lock.tick(now_s), now_s)
             limits.append(max(map(abs, rig.hand.status().currents_ma)))
             rig.clock.advance(0.01)
 

@@ -17,67 +17,67 @@ from taxel.errors import BadInput
 STEPS = GripPolicyConfig(most_n=50, warning_step_n=10, unstable_step_n=20, hold_s=0.3)
 
 
-def told(state: Stability) -> StabilityDecision:
+def decided(state: Stability) -> StabilityDecision:
     return StabilityDecision(state, "", 0.0, 0.5)
 
 
 def test_nothing_is_raised_while_the_grasp_is_stable_or_unknown() -> None:
     policy = GripPolicy(15.0, STEPS)
     for index, state in enumerate([Stability.UNKNOWN, Stability.STABLE, Stability.UNKNOWN]):
-        assert policy.push(told(state), index * 1.0) == 15.0
+        assert policy.push(decided(state), index * 1.0) == 15.0
     assert policy.raised_s is None
 
 
 def test_a_warning_raises_by_its_step_and_again_only_after_the_hold_time() -> None:
     policy = GripPolicy(15.0, STEPS)
-    forces = [policy.push(told(Stability.WARNING), t) for t in (1.0, 1.1, 1.29, 1.31, 1.4)]
+    forces = [policy.push(decided(Stability.WARNING), t) for t in (1.0, 1.1, 1.29, 1.31, 1.4)]
     assert forces == [25.0, 25.0, 25.0, 35.0, 35.0]
     assert policy.raised_s == 1.0
 
 
 def test_a_warning_that_worsens_does_not_wait() -> None:
     policy = GripPolicy(15.0, STEPS)
-    policy.push(told(Stability.WARNING), 1.0)
-    assert policy.push(told(Stability.UNSTABLE), 1.02) == 45.0
-    assert policy.push(told(Stability.UNSTABLE), 1.04) == 45.0
-    assert policy.push(told(Stability.UNSTABLE), 1.40) == 50.0
+    policy.push(decided(Stability.WARNING), 1.0)
+    assert policy.push(decided(Stability.UNSTABLE), 1.02) == 45.0
+    assert policy.push(decided(Stability.UNSTABLE), 1.04) == 45.0
+    assert policy.push(decided(Stability.UNSTABLE), 1.40) == 50.0
 
 
 @pytest.mark.parametrize("after", [Stability.STABLE, Stability.UNKNOWN])
 def test_the_force_never_falls_within_a_grasp(after: Stability) -> None:
     policy = GripPolicy(15.0, STEPS)
-    policy.push(told(Stability.WARNING), 1.0)
-    assert [policy.push(told(after), t) for t in (1.1, 2.0, 9.0)] == [25.0] * 3
+    policy.push(decided(Stability.WARNING), 1.0)
+    assert [policy.push(decided(after), t) for t in (1.1, 2.0, 9.0)] == [25.0] * 3
 
 
 def test_the_limit_is_never_passed_and_then_nothing_can_change_the_force() -> None:
     policy = GripPolicy(40.0, STEPS)
     assert not policy.exhausted
-    forces = [policy.push(told(Stability.UNSTABLE), t * 1.0) for t in range(5)]
+    forces = [policy.push(decided(Stability.UNSTABLE), t * 1.0) for t in range(5)]
     assert max(forces) == 50.0
     assert policy.exhausted
 
 
 def test_a_grasp_above_the_limit_keeps_its_force() -> None:
     policy = GripPolicy(60.0, STEPS)
-    assert policy.push(told(Stability.UNSTABLE), 1.0) == 60.0
+    assert policy.push(decided(Stability.UNSTABLE), 1.0) == 60.0
     assert policy.raised_s is None
 
 
 @pytest.mark.parametrize("time_s", [0.2, math.nan])
 def test_a_clock_that_is_set_back_or_broken_holds_no_raise_up(time_s: float) -> None:
     policy = GripPolicy(15.0, STEPS)
-    policy.push(told(Stability.WARNING), 1.0)
-    assert policy.push(told(Stability.WARNING), time_s) == 25.0 + 10.0
+    policy.push(decided(Stability.WARNING), 1.0)
+    assert policy.push(decided(Stability.WARNING), time_s) == 25.0 + 10.0
 
 
 def test_a_new_grasp_starts_at_its_own_force() -> None:
     policy = GripPolicy(15.0, STEPS)
-    policy.push(told(Stability.UNSTABLE), 1.0)
+    policy.push(decided(Stability.UNSTABLE), 1.0)
     policy.reset(25.0)
     assert policy.force_n == 25.0
     assert policy.raised_s is None
-    assert policy.push(told(Stability.WARNING), 1.1) == 35.0
+    assert policy.push(decided(Stability.WARNING), 1.1) == 35.0
 
 
 @pytest.mark.parametrize(

@@ -79,7 +79,7 @@ def test_a_grip_that_is_not_refreshed_runs_out() -> None:
         assert 0 < board.closed < 600
 
 
-def test_a_wish_to_arm_does_not_outlive_an_owner_that_stood_still() -> None:
+def test_a_request_to_arm_does_not_outlive_an_owner_that_stood_still() -> None:
     """Asked for while the owner was silent: not sent, not even once the owner is back."""
     with rigged(owner_s=0.05) as (board, driven):
         driven.hand.refresh()
@@ -176,7 +176,7 @@ def test_a_reboot_while_armed_is_a_fault_until_a_person_arms_again() -> None:
         driven.until(lambda: hand.status().ok)
 
 
-def test_a_board_that_falls_silent_or_is_unplugged_is_told() -> None:
+def test_a_board_that_falls_silent_or_is_unplugged_is_reported() -> None:
     with rigged() as (board, driven):
         board.mute = True
         assert driven.until(lambda: not driven.hand.status().ok) < 0.5
@@ -229,7 +229,7 @@ def test_contact_that_the_board_does_not_stop_at_trips_the_interlock_and_stops_t
             lock.beat(now)
             lock.decision("STABLE", now)
             assert hear_all(lock, [actuator], now) == {}
-            actuator.tell(STABLE, lock.tick(now), now)
+            actuator.apply(STABLE, lock.tick(now), now)
             return lock.state is InterlockState.STOPPED
 
         driven.until(lambda: not tick() and lock.arm(time.monotonic()) == ())

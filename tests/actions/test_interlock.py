@@ -108,7 +108,7 @@ def test_decisions_that_stop_coming_stop_although_the_heart_beats() -> None:
     assert rig.lock.arm(rig.now) == ("no decision for 0.3 s",)
 
 
-def test_a_decision_that_is_told_again_and_again_keeps_its_own_time() -> None:
+def test_a_decision_that_is_reported_again_and_again_keeps_its_own_time() -> None:
     rig = Rig().into(READY)
     decided = rig.now
     rig.word = None

@@ -172,7 +172,7 @@ def test_a_beat_at_no_finite_time_is_not_heard() -> None:
 
 
 @pytest.mark.parametrize("now_s", [math.nan, math.inf, 99.0])
-def test_a_clock_that_cannot_be_used_is_the_cause_that_is_told(now_s: float) -> None:
+def test_a_clock_that_cannot_be_used_is_the_cause_that_is_reported(now_s: float) -> None:
     lock = armed()
     lock.tick(now_s)
 
@@ -263,7 +263,7 @@ def test_a_stopped_interlock_takes_no_release_at_all() -> None:
     assert lock.force_n == 10.0
 
 
-def test_the_first_fault_is_told_and_each_must_go_before_arming() -> None:
+def test_the_first_fault_is_reported_and_each_must_go_before_arming() -> None:
     lock = armed()
     lock.fault("a", 100.0)
     lock.fault("b", 100.0)

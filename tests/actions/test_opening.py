@@ -21,7 +21,7 @@ from taxel.decisions.stability import Stability, StabilityDecision
 from taxel.errors import BadInput, MissingExtra
 
 
-def told(state: Stability) -> StabilityDecision:
+def decided(state: Stability) -> StabilityDecision:
     return StabilityDecision(state, "", 0.0, 0.5)
 
 
@@ -51,7 +51,7 @@ def test_real_devices_open_by_address_and_are_well() -> None:
             assert [device.force.max_n if device.force else None for device in opened] == [
                 50.0, None, None, 20.0, 80.0, None,
             ]  # fmt: skip
-            assert all(isinstance(device.told()["motion"], str) for device in opened)
+            assert all(isinstance(device.snapshot()["motion"], str) for device in opened)
         finally:
             for device in opened:
                 device.close()
@@ -115,10 +115,10 @@ class Sick:
 
     def close(self) -> None: ...
 
-    def told(self) -> dict[str, Any]:
+    def decided(self) -> dict[str, Any]:
         return {}
 
-    def tell(self, decision: StabilityDecision, order: Order, now_s: float) -> None: ...
+    def apply(self, decision: StabilityDecision, order: Order, now_s: float) -> None: ...
 
     def hear(self, interlock: Interlock, now_s: float) -> Health:
         return self._health
@@ -168,8 +168,8 @@ def test_the_whole_path_with_simulated_devices_raises_lowers_and_stops() -> None
             hear_all(lock, both, now)
             order = lock.tick(now)
             for device in both:
-                device.tell(told(state), order, now)
-            output.tell(told(state), order, now)
+                device.apply(decided(state), order, now)
+            output.send(decided(state), order, now)
 
     tick(Stability.STABLE)
     assert lock.arm(clock.now_s()) == ()
@@ -177,22 +177,22 @@ def test_the_whole_path_with_simulated_devices_raises_lowers_and_stops() -> None
     assert gripper.gripper.fingers.force_n == pytest.approx(10.0, abs=0.01)
     tick(Stability.WARNING, 60)
     assert gripper.gripper.fingers.force_n == pytest.approx(40.0, abs=0.5)
-    assert arm.told() == {"motion": "still", "height_mm": 400.0}
+    assert arm.snapshot() == {"motion": "still", "height_mm": 400.0}
     tick(Stability.UNSTABLE, 200)
-    assert arm.told()["height_mm"] == pytest.approx(380.0)  # once, not once a tick
+    assert arm.snapshot()["height_mm"] == pytest.approx(380.0)  # once, not once a tick
     tick(Stability.STABLE, 10)
     tick(Stability.UNSTABLE, 10)
     tick(Stability.UNSTABLE, 20, beat=False)
     assert lock.state is InterlockState.STOPPED
-    stopped_mm = arm.told()["height_mm"]
+    stopped_mm = arm.snapshot()["height_mm"]
     tick(Stability.UNSTABLE, 200, beat=False)
-    assert arm.told()["motion"] == "still"
-    assert 360.0 < arm.told()["height_mm"] <= stopped_mm
+    assert arm.snapshot()["motion"] == "still"
+    assert 360.0 < arm.snapshot()["height_mm"] <= stopped_mm
     assert gripper.gripper.fingers.force_n == pytest.approx(40.0, abs=0.5)
     assert {action.order for action in heard} == {"none", "hold", "grip", "stop"}
 
 
-def test_a_stop_is_told_to_an_arm_once_and_again_only_while_it_moves() -> None:
+def test_a_stop_is_sent_to_an_arm_once_and_again_only_while_it_moves() -> None:
     clock = ManualClock()
     arm = SimArm(ArmLimits(), clock)
     stops = []
@@ -203,15 +203,15 @@ def test_a_stop_is_told_to_an_arm_once_and_again_only_while_it_moves() -> None:
     arm.stop = lambda: stops.append(clock.now_s())  # type: ignore[method-assign]
     for _ in range(3):  # a controller that does not listen yet
         clock.advance(0.01)
-        actuator.tell(told(Stability.UNKNOWN), Order(OrderKind.STOP, 1.0, "", math.inf), 0.0)
+        actuator.apply(decided(Stability.UNKNOWN), Order(OrderKind.STOP, 1.0, "", math.inf), 0.0)
     del arm.stop
     for _ in range(100):
         clock.advance(0.01)
-        actuator.tell(told(Stability.UNKNOWN), Order(OrderKind.STOP, 1.0, "", math.inf), 0.0)
+        actuator.apply(decided(Stability.UNKNOWN), Order(OrderKind.STOP, 1.0, "", math.inf), 0.0)
     assert len(stops) == 3
     assert arm.status().height_mm > 370
     arm.stop = lambda: stops.append(clock.now_s())  # type: ignore[method-assign]
-    actuator.tell(told(Stability.UNKNOWN), Order(OrderKind.STOP, 1.0, "", math.inf), 0.0)
+    actuator.apply(decided(Stability.UNKNOWN), Order(OrderKind.STOP, 1.0, "", math.inf), 0.0)
     assert len(stops) == 3
 
 
@@ -219,7 +219,7 @@ def test_an_expired_order_moves_no_arm() -> None:
     clock = ManualClock()
     arm = ArmActuator("arm", SimArm(ArmLimits(), clock), lower_mm=20.0)
     arm.connect()
-    arm.tell(told(Stability.UNSTABLE), Order(OrderKind.GRIP, 1.0, "", 0.0), 0.0)
+    arm.apply(decided(Stability.UNSTABLE), Order(OrderKind.GRIP, 1.0, "", 0.0), 0.0)
     clock.advance(2.0)
 
-    assert arm.told()["height_mm"] == 400.0
+    assert arm.snapshot()["height_mm"] == 400.0

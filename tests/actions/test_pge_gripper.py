@@ -187,7 +187,7 @@ def test_replies_later_than_the_timeout_are_never_taken_for_others() -> None:
         until(lambda: hand.status().motion is Motion.CAUGHT)
 
 
-def test_noise_before_replies_is_survived_or_told() -> None:
+def test_noise_before_replies_is_survived_or_reported() -> None:
     with rig.pge_on_a_cable() as (cable, pge), gripper(cable.near, again_s=0.02) as hand:
         cable.spoil = b"\x00\xff\x13"
         asked = len(cable.heard)
@@ -265,7 +265,7 @@ def ticking(lock: Interlock, hand: PgeGripper) -> Callable[[str], InterlockState
         lock.beat(now)
         lock.decision(word, now)
         hear_all(lock, [actuator], now)
-        actuator.tell(StabilityDecision(Stability[word], "", now, 0.5), lock.tick(now), now)
+        actuator.apply(StabilityDecision(Stability[word], "", now, 0.5), lock.tick(now), now)
         return lock.state
 
     return tick

@@ -35,8 +35,8 @@ def test_a_datagram_says_all_that_is_documented() -> None:
         robot.bind(("127.0.0.1", 0))
         robot.settimeout(5)
         with UdpOutput("127.0.0.1", robot.getsockname()[1], clock=ManualClock(10.0)) as output:
-            output.tell(WARNING, GRIP, 10.0)
-            output.tell(WARNING, GRIP, 10.0)
+            output.send(WARNING, GRIP, 10.0)
+            output.send(WARNING, GRIP, 10.0)
             first, second = (json.loads(robot.recv(4096)) for _ in range(2))
 
     assert first.pop("expires_in_s") == pytest.approx(0.1)
@@ -68,7 +68,7 @@ def test_what_is_recognised_goes_out_with_its_confidence_and_its_action() -> Non
         robot.settimeout(5)
         with UdpOutput("127.0.0.1", robot.getsockname()[1], clock=ManualClock(10.0)) as output:
             OutputActuator("udp", output).recognised(ANSWER)
-            output.tell(WARNING, GRIP, 10.0)
+            output.send(WARNING, GRIP, 10.0)
             first, second = (json.loads(robot.recv(4096)) for _ in range(2))
 
     assert first == {
@@ -97,16 +97,16 @@ def test_a_function_that_fails_on_an_answer_is_counted_and_stops_nothing() -> No
     assert (output.sent, output.failed, output.last_error) == (0, 1, "RuntimeError: no arm")
 
 
-def test_a_datagram_tells_the_slip_where_a_monitor_follows_it() -> None:
+def test_a_datagram_reports_the_slip_where_a_monitor_follows_it() -> None:
     slip = Slip(0.12, 0.3, 0.5, 0.01, math.inf, 0.1, True)
     action = action_of(replace(WARNING, slip=slip), GRIP, 1, 10.0)
 
-    told = json.loads(action.as_json())["slip"]
+    sent = json.loads(action.as_json())["slip"]
 
-    assert told["slip_mm"] == 0.12
-    assert told["slip_rate_mm_s"] == 0.3
-    assert told["slip_rate_sd_mm_s"] is None
-    assert told["slip_seen"] is True
+    assert sent["slip_mm"] == 0.12
+    assert sent["slip_rate_mm_s"] == 0.3
+    assert sent["slip_rate_sd_mm_s"] is None
+    assert sent["slip_seen"] is True
 
 
 def test_nobody_listening_or_a_closed_socket_stops_nothing() -> None:
@@ -115,10 +115,10 @@ def test_nobody_listening_or_a_closed_socket_stops_nothing() -> None:
         port = robot.getsockname()[1]
     output = UdpOutput("127.0.0.1", port)
     for _ in range(5):  # a port that refuses makes every second call fail on Linux
-        output.tell(WARNING, GRIP, 10.0)
+        output.send(WARNING, GRIP, 10.0)
     assert output.sent + output.dropped == 5
     output.close()
-    output.tell(WARNING, GRIP, 10.0)
+    output.send(WARNING, GRIP, 10.0)
     assert output.dropped >= 1
 
 
@@ -145,7 +145,7 @@ def test_a_function_that_raises_is_counted_and_called_again() -> None:
 
     output = CallbackOutput(robot, ManualClock(10.0))
     for _ in range(3):
-        output.tell(WARNING, GRIP, 10.0)
+        output.send(WARNING, GRIP, 10.0)
 
     assert (output.sent, output.failed) == (2, 1)
     assert output.last_error == "RuntimeError: the robot's own program is broken"
@@ -164,31 +164,31 @@ def hold(force_n: float, now_s: float) -> Order:
     return Order(OrderKind.HOLD, force_n, "", now_s + 0.1)
 
 
-def test_the_force_told_never_falls_and_a_new_grasp_is_a_field_of_its_own() -> None:
+def test_the_force_sent_never_falls_and_a_new_grasp_is_a_field_of_its_own() -> None:
     """What a person's new grasp did: 43.8 N, then 15 N to a hand that still held the cup."""
     heard: list[Action] = []
     clock = ManualClock(10.0)
     actuator = OutputActuator("robot", CallbackOutput(heard.append, clock))
     for force_n in (15.0, 43.8):
-        actuator.tell(WARNING, hold(force_n, 10.0), 10.0)
+        actuator.apply(WARNING, hold(force_n, 10.0), 10.0)
     actuator.new_grasp()
     for force_n in (15.0, 20.0, 50.0):
-        actuator.tell(WARNING, hold(force_n, 10.0), 10.0)
+        actuator.apply(WARNING, hold(force_n, 10.0), 10.0)
 
     assert [action.force_n for action in heard] == [15.0, 43.8, 43.8, 43.8, 50.0]
     assert [action.grasp for action in heard] == [1, 1, 2, 2, 2]
 
 
-def test_an_order_that_expired_before_it_could_be_sent_is_not_told_but_a_stop_is() -> None:
+def test_an_order_that_expired_before_it_could_be_sent_is_not_sent_but_a_stop_is() -> None:
     """The process stood still between the tick and the sending: the tick's time is long ago."""
     heard: list[Action] = []
     clock = ManualClock(10.0)
     output = CallbackOutput(heard.append, clock)
     clock.advance(0.06)
-    output.tell(WARNING, GRIP, 10.0)
+    output.send(WARNING, GRIP, 10.0)
     clock.advance(1.0)
-    output.tell(WARNING, GRIP, 10.0)
-    output.tell(WARNING, Order(OrderKind.STOP, 20.0, "", math.inf), 10.0)
+    output.send(WARNING, GRIP, 10.0)
+    output.send(WARNING, Order(OrderKind.STOP, 20.0, "", math.inf), 10.0)
 
     assert [action.order for action in heard] == ["grip", "stop"]
     assert heard[0].expires_in_s == pytest.approx(0.04)
@@ -214,7 +214,7 @@ def test_the_robot_s_program_disarms_by_an_answer_and_nobody_else_does() -> None
         robot.settimeout(5)
         output = UdpOutput("127.0.0.1", robot.getsockname()[1], clock=ManualClock(10.0))
         actuator = OutputActuator("robot", output)
-        actuator.tell(WARNING, GRIP, 10.0)
+        actuator.apply(WARNING, GRIP, 10.0)
         _, taxel = robot.recvfrom(4096)
         word = json.dumps({"schema": "taxel-action-1", "do": "disarm"}).encode()
         other.sendto(word, taxel)
@@ -252,7 +252,7 @@ def test_raises_begin_anew_where_the_robot_says_how_hard_it_grips_but_not_in_dou
         interlock.decision(word, 10.0, 40.0)
         actuator.hear(interlock, 10.0)
         answers.append(answer)
-        actuator.tell(WARNING, interlock.tick(10.0), 10.0)
+        actuator.apply(WARNING, interlock.tick(10.0), 10.0)
 
     assert [action.force_n for action in heard] == [40.0, 40.0, 40.0, 15.0]
 
@@ -262,8 +262,8 @@ def test_what_a_robot_says_of_its_own_grip_makes_no_step_of_a_gripper_driven_her
     clock = ManualClock(10.0)
     gripper = open_actuator("sim://gripper?max_force_n=50", clock)
     gripper.connect()
-    told: list[object] = [{"do": "gripping", "force_n": 50.0}] * 20 + ["disarm"]
-    robot = OutputActuator("robot", CallbackOutput(lambda _: told.pop(0), clock))
+    replies: list[object] = [{"do": "gripping", "force_n": 50.0}] * 20 + ["disarm"]
+    robot = OutputActuator("robot", CallbackOutput(lambda _: replies.pop(0), clock))
     every = (gripper, robot)
     interlock = Interlock(InterlockConfig(min_n=10.0, max_n=50.0))
     interlock.beat(10.0)
@@ -279,7 +279,7 @@ def test_what_a_robot_says_of_its_own_grip_makes_no_step_of_a_gripper_driven_her
         order = interlock.tick(now_s)
         forces.append(order.force_n)
         for actuator in every:
-            actuator.tell(WARNING, order, now_s)
+            actuator.apply(WARNING, order, now_s)
     assert max(after - before for before, after in pairwise(forces)) <= 2.0 + 1e-9
     assert forces[-1] > forces[0]
 
@@ -287,7 +287,7 @@ def test_what_a_robot_says_of_its_own_grip_makes_no_step_of_a_gripper_driven_her
 def test_a_function_disarms_by_what_it_returns() -> None:
     interlock = armed()
     actuator = OutputActuator("robot", CallbackOutput(lambda _: "disarm", ManualClock(10.0)))
-    actuator.tell(WARNING, GRIP, 10.0)
+    actuator.apply(WARNING, GRIP, 10.0)
     actuator.hear(interlock, 10.0)
     assert not interlock.armed
 
@@ -303,6 +303,6 @@ def test_whatever_the_numbers_it_is_json(
         StabilityDecision(state, "", since, p), Order(kind, force, "", expires), 1, since
     )
 
-    told = json.loads(action.as_json())
-    assert told["state"] == ("UNKNOWN" if state is Stability.NO_GRASP else state.name)
-    assert told["probability"] == (p if math.isfinite(p) else None)
+    sent = json.loads(action.as_json())
+    assert sent["state"] == ("UNKNOWN" if state is Stability.NO_GRASP else state.name)
+    assert sent["probability"] == (p if math.isfinite(p) else None)

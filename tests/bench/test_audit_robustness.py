@@ -12,7 +12,7 @@ from taxel.evaluation.robustness.curve import CLEAN, FaultPoint, SessionAnswers
 from taxel.evaluation.robustness.touches import Model
 
 
-def told(right: int, of: int = 100) -> SessionAnswers:
+def answers(right: int, of: int = 100) -> SessionAnswers:
     """Two sessions of single-window grasps, the same share right in both."""
     half = np.arange(of) < right
     flags = np.concatenate([half, half])
@@ -31,8 +31,8 @@ def told(right: int, of: int = 100) -> SessionAnswers:
 
 def at_dust(shares: list[int]) -> dict[tuple[str, float], SessionAnswers]:
     levels = LEVELS["dust"][1]
-    own = {("dust", level): told(share) for level, share in zip(levels, shares, strict=True)}
-    return {(CLEAN, 0.0): told(95), **own}
+    own = {("dust", level): answers(share) for level, share in zip(levels, shares, strict=True)}
+    return {(CLEAN, 0.0): answers(95), **own}
 
 
 @pytest.mark.parametrize("grasps", [False, True])
@@ -51,7 +51,7 @@ def test_a_condition_is_judged_at_its_worst_level(grasps: bool):
 @pytest.mark.parametrize("grasps", [False, True])
 def test_the_commonest_class_stands_beside_the_accuracy(grasps: bool):
     """Of a hundred grasps sixty are of one class; each of the others gave two windows."""
-    many = told(95)
+    many = answers(95)
     y = np.repeat([0, 1], [120, 80])
     trial = np.concatenate([np.arange(120), 120 + np.arange(80) // 2])
     own = {(CLEAN, 0.0): replace(many, y=y, trial=trial)}
@@ -78,10 +78,10 @@ def test_sessions_that_choose_nothing_are_those_tested():
     assert rows.TESTED.seed not in (rows.TRAIN_SEED, 0, 6023, 9023)
 
 
-def test_two_recognisers_side_by_side_tell_both_labels_in_the_order_of_one():
-    def knows(classes: tuple[str, ...], told: list[float]) -> Model:
+def test_two_recognisers_side_by_side_predict_both_labels_in_the_order_of_one():
+    def knows(classes: tuple[str, ...], given: list[float]) -> Model:
         contract = SimpleNamespace(classes=classes)
-        return Model(contract, lambda values, _: np.tile(told, (len(values), 1)))  # type: ignore[arg-type]
+        return Model(contract, lambda values, _: np.tile(given, (len(values), 1)))  # type: ignore[arg-type]
 
     both = knows(("b x", "a x", "a y", "b y"), [0.25] * 4)
     model = rows._side_by_side(knows(("a", "b"), [0.3, 0.7]), knows(("x", "y"), [0.9, 0.1]), both)

@@ -106,7 +106,7 @@ def test_memory_of_a_resident_process_is_what_it_took_beside_what_it_held(tmp_pa
     assert second.memory_mb < 5
 
 
-def test_a_resident_process_that_died_is_told(tmp_path: Path) -> None:
+def test_a_resident_process_that_died_is_reported(tmp_path: Path) -> None:
     with Resident(tmp_path, main="import os\ndef main(words): os._exit(0)") as resident:
         for _ in range(2):
             with pytest.raises(ChildProcessError, match="died"):

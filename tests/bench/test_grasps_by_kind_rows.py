@@ -6,19 +6,25 @@ import numpy as np
 import pytest
 
 from taxel.bench import moving_grasps
-from taxel.bench.grasp_start import Told, brushed, rows_of, start_runs
+from taxel.bench.grasp_start import Detection, brushed, rows_of, start_runs
 from taxel.sim.cups import MOVING_KINDS
 from taxel.training.slip_cups import TEST_CUPS, GelRows, PourRows, moving_part
 from taxel.training.slip_heads import features_of
 
 
-def told(settled_s: float | None, *starts_s: float) -> Told:
-    return Told(kind="lift", settled_s=settled_s, starts_s=starts_s, seconds=60.0)
+def detection(settled_s: float | None, *starts_s: float) -> Detection:
+    return Detection(kind="lift", settled_s=settled_s, starts_s=starts_s, seconds=60.0)
 
 
-def test_a_start_that_is_late_or_told_again_is_false_and_one_in_time_is_found() -> None:
+def test_a_start_that_is_late_or_found_again_is_false_and_one_in_time_is_found() -> None:
     found, delay, false = rows_of(
-        [told(1.0, 1.2), told(1.0, 1.4, 5.0), told(2.0, 3.5), told(None, 1.0), told(2.0)]
+        [
+            detection(1.0, 1.2),
+            detection(1.0, 1.4, 5.0),
+            detection(2.0, 3.5),
+            detection(None, 1.0),
+            detection(2.0),
+        ]
     )
     assert found.value == 2 / 4
     assert delay.value == pytest.approx(0.3)

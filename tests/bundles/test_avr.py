@@ -141,12 +141,12 @@ def test_eight_bits_lose_at_most_a_point_on_a_session_held_out(trained: Trained)
     assert lost.float_accuracy > 0.6
     assert 100 * (lost.float_accuracy - lost.integer_accuracy) <= 1.0
     assert lost.confidence_off <= 0.1
-    told = trained.reference(VOLTS.counts(windows.values)).best
+    answers = trained.reference(VOLTS.counts(windows.values)).best
     ordered = np.sort(trained.bundle.probabilities(windows.values, windows.mask), axis=1)
     clear = ordered[:, -1] - ordered[:, -2] > 0.1
     best = trained.bundle.probabilities(windows.values, windows.mask).argmax(axis=1)
     assert clear.sum() > 50
-    assert (told == best)[clear].all()
+    assert (answers == best)[clear].all()
 
 
 def test_bounds_of_sums_are_reached_and_never_passed() -> None:

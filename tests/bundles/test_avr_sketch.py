@@ -37,7 +37,7 @@ def chip(recordings: Path, tmp_path_factory: pytest.TempPathFactory) -> OnChip:
 
 
 @needs_boards
-def test_the_sketch_tells_every_window_as_python_does(
+def test_the_sketch_classifies_every_window_as_python_does(
     chip: OnChip, recordings: Path, tmp_path: Path
 ) -> None:
     """Scans, gate, windows, network and frames on the chip; a stuck channel gives no class."""

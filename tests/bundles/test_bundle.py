@@ -153,9 +153,9 @@ def test_a_bundle_carries_the_test_for_the_unknown(tmp_path: Path) -> None:
     write_bundle(tmp_path / "a.taxel", (network,), made, VALUES, MASK)
     bundle = read_bundle(tmp_path / "a.taxel")
 
-    found, strange = bundle.recognise(VALUES[:1], MASK[:1])
+    found, novelty = bundle.recognise(VALUES[:1], MASK[:1])
     assert bundle.novelty_test is not None
-    assert strange == NoveltyTest(unknown()).of_window(made.scaling.apply(VALUES[:1], MASK[:1])[0])
+    assert novelty == NoveltyTest(unknown()).of_window(made.scaling.apply(VALUES[:1], MASK[:1])[0])
     np.testing.assert_array_equal(found, bundle.probabilities(VALUES[:1], MASK[:1])[0])
 
 
@@ -164,10 +164,10 @@ def test_a_window_without_a_measured_row_has_no_novelty_score(tmp_path: Path) ->
     path = tmp_path / "a.taxel"
     write_bundle(path, networks, replace(contract(), unknown=unknown()), VALUES, MASK)
 
-    found, strange = read_bundle(path).recognise(VALUES[:1] * 0, MASK[:1] & False)
+    found, novelty = read_bundle(path).recognise(VALUES[:1] * 0, MASK[:1] & False)
 
     assert found.shape == (3,)
-    assert strange is None
+    assert novelty is None
 
 
 def test_a_bundle_without_the_test_says_so(path: Path) -> None:

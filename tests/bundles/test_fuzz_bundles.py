@@ -124,9 +124,9 @@ def test_an_array_bundle_opens_or_is_refused(
 
     if bundle is not None:  # then it runs on what its contract says
         shape = (1, bundle.contract.window.steps, len(bundle.contract.channels))
-        found, strange = bundle.recognise(np.ones(shape, np.float32), np.ones(shape[:2], bool))
+        found, novelty = bundle.recognise(np.ones(shape, np.float32), np.ones(shape[:2], bool))
         assert found.shape == (len(bundle.contract.classes),)
-        assert bundle.novelty_test is None or strange is not None or not np.isfinite(found).all()
+        assert bundle.novelty_test is None or novelty is not None or not np.isfinite(found).all()
 
 
 @given(st.data())

@@ -182,7 +182,7 @@ def test_recordings_of_another_level_are_brought_to_the_bundles(
     np.testing.assert_array_equal(dataset.reference.level, OLD)
 
 
-def test_touches_given_beside_recordings_tell_their_level(tmp_path: Path) -> None:
+def test_touches_given_beside_recordings_give_their_level(tmp_path: Path) -> None:
     path = record(tmp_path / "a.mcap", ["can", "can"], OLD * CHANGE)
     touches = measure_level(record(tmp_path / "t.mcap", [None], OLD * CHANGE), contract())
 

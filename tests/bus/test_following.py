@@ -104,13 +104,13 @@ def test_a_follower_that_is_late_counts_what_it_lost(rings: Rings, following: Fo
     assert following.lost == 2000 - len(found) > 0
 
 
-def test_a_supervisor_that_stands_still_is_told_as_a_stop(
+def test_a_supervisor_that_stands_still_is_reported_as_a_stop(
     rings: Rings, following: Following
 ) -> None:
     rings.status.put(pack({"time_s": 2.0, "state": "STABLE", "alarms": []}))
     following.take()
     rings.board.tick(monotonic() - 1.0)
-    following._told_s = 0.0
+    following._stall_sent_s = 0.0
     (item,) = following.take()
     assert item.value["state"] == "STOP"
     assert item.value["alarms"][0]["level"] == "danger"

@@ -52,8 +52,8 @@ def advertised(viewer, server, count: int) -> dict[str, dict]:
     found: dict[str, dict] = {}
     while len(found) < count:
         server.show(items())
-        told = json.loads(viewer.recv(timeout=5))
-        found |= {channel["topic"]: channel for channel in told["channels"]}
+        message = json.loads(viewer.recv(timeout=5))
+        found |= {channel["topic"]: channel for channel in message["channels"]}
     return found
 
 
@@ -96,10 +96,10 @@ def test_an_image_is_what_ros_2_says(server) -> None:
     decoder = pytest.importorskip("mcap_ros2._dynamic", reason="needs mcap-ros2-support")
 
     frame = Frame(camera=0, jpeg=JPEG, counter=0, device_s=0.0, arrival_s=0.0, fitted_s=1.0)
-    told = Channel(1, "/camera/left", True, "").as_json()
-    read = decoder.generate_dynamic(told["schemaName"], told["schema"])
+    channel = Channel(1, "/camera/left", True, "").as_json()
+    read = decoder.generate_dynamic(channel["schemaName"], channel["schema"])
     _, pieces = image_message(frame, "left", 500_000_002)
-    found = read[told["schemaName"]](b"".join(pieces))
+    found = read[channel["schemaName"]](b"".join(pieces))
     assert (found.header.stamp.sec, found.header.stamp.nanosec) == (1, 500_000_002)
     assert (found.header.frame_id, found.format, bytes(found.data)) == ("left", "jpeg", JPEG)
 

@@ -91,7 +91,7 @@ def test_every_scan_comes_once_and_in_order(pair) -> None:
     assert reader.lost == 0
 
 
-def test_what_the_publisher_lost_before_is_told(pair) -> None:
+def test_what_the_publisher_lost_before_is_reported(pair) -> None:
     bus, reader = pair
     bus.put("/touch/teng", scans(0, 1), lost=12)
     received(reader, 1, "touch/teng")

@@ -107,13 +107,13 @@ def test_newtons_hold_for_the_material_and_the_speed_that_were_calibrated_and_no
     ratios = []
     for mark in marks:
         first = (done.fitted_s >= mark.start_s) & (done.fitted_s <= mark.start_s + 0.35)
-        told = np.median(np.delete(done.values[first].max(axis=0), 1))
-        ratios.append(float(told) / float(mark.groups["force_n"]))
+        measured = np.median(np.delete(done.values[first].max(axis=0), 1))
+        ratios.append(float(measured) / float(mark.groups["force_n"]))
 
     assert low < np.median(ratios) < high, np.median(ratios)
 
 
-def test_more_force_than_a_sensor_tells_is_at_least_what_it_tells(
+def test_more_force_than_a_sensor_can_show_is_at_least_what_it_shows(
     calibration: Calibration, later: Any
 ) -> None:
     _, _, gauge = later

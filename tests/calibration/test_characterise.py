@@ -103,14 +103,14 @@ def test_hysteresis_is_found_where_there_is_some_and_not_where_there_is_none(
     assert abs(np.mean(none)) < 0.5
 
 
-def test_forces_the_sensor_tells_are_told_better_than_by_a_straight_line(
+def test_forces_in_the_sensors_range_are_measured_better_than_by_a_straight_line(
     three_boards: Any,
 ) -> None:
-    told = three_boards.found.errors[-1]
+    errors = three_boards.found.errors[-1]
 
-    assert told.split == "whole rounds, forces in its range"
-    assert told.curve_n[2] < told.line_n[1]  # the intervals do not meet
-    assert told.curve_n[0] < 0.12
+    assert errors.split == "whole rounds, forces in its range"
+    assert errors.curve_n[2] < errors.line_n[1]  # the intervals do not meet
+    assert errors.curve_n[0] < 0.12
     for sensor in three_boards.found.sensors:
         # The pads saturate near 1.7 N: more is not claimed.
         assert 1.0 < sensor.largest_n < 2.5

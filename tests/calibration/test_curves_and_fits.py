@@ -53,11 +53,11 @@ def test_the_slope_is_the_derivative(curve: Curve) -> None:
 
 
 def test_volts_beyond_the_top_are_no_force_and_volts_below_zero_none() -> None:
-    told = CURVES[2].force_n([-0.1, 0.0, 2.7, 9.0, np.nan])
+    forces = CURVES[2].force_n([-0.1, 0.0, 2.7, 9.0, np.nan])
 
-    assert told[:2].tolist() == [0.0, 0.0]
-    assert np.isinf(told[2:4]).all()
-    assert np.isnan(told[4])
+    assert forces[:2].tolist() == [0.0, 0.0]
+    assert np.isinf(forces[2:4]).all()
+    assert np.isnan(forces[4])
 
 
 @pytest.mark.parametrize("parameters", [(1.0,), (1.0, -0.5, 1.0), (float("nan"), 1.0, 1.0)])
@@ -128,8 +128,8 @@ def test_presses_held_out_are_judged_by_a_curve_that_never_saw_them() -> None:
 
     fair, bad = (hold_out("power", FORCES, v, folds) for v in (volts, spoilt))
 
-    assert fair.told_n == pytest.approx(FORCES, rel=1e-5)
-    assert (bad.told_n - FORCES)[(folds == 0) & (FORCES <= 2.0)].min() > 0.5
+    assert fair.curve_n == pytest.approx(FORCES, rel=1e-5)
+    assert (bad.curve_n - FORCES)[(folds == 0) & (FORCES <= 2.0)].min() > 0.5
     assert np.abs(fair.line_n - FORCES).mean() > 0.05  # the straight line is no match for it
 
 
@@ -140,7 +140,7 @@ def test_forces_held_out_whole_do_not_leak_into_the_fit() -> None:
     assert all(len(set(FORCES[bands == b])) == 1 for b in np.unique(bands))
 
 
-def test_the_mean_error_s_interval_holds_the_mean_and_nothing_told_is_nan() -> None:
+def test_the_mean_error_s_interval_holds_the_mean_and_nothing_measured_is_nan() -> None:
     rng = np.random.default_rng(3)
     mean, low, high = mean_error(FORCES + rng.normal(0.0, 0.1, len(FORCES)), FORCES, rng)
 

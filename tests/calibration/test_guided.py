@@ -134,7 +134,7 @@ def test_the_end_of_the_input_ends_as_q_does_and_keeps_what_was_pressed(tmp_path
     assert len(read_recording(tmp_path / "raw.mcap").marks) == 1
 
 
-def test_a_source_that_ends_while_someone_types_is_told(tmp_path: Path) -> None:
+def test_a_source_that_ends_while_someone_types_is_reported(tmp_path: Path) -> None:
     source = GaugeSource()
 
     def ask(_: str) -> str:

@@ -71,9 +71,9 @@ def test_a_pad_at_rest_reads_no_force_though_its_baseline_has_drifted(
     values = level + rng.normal(0.0, 0.005, (250 * 40, 12))
     samples = Samples.from_values(values.astype(np.float32), np.arange(len(values)) / 250.0)
     live = in_calls(calibration, info, samples, 250)
-    told = np.flatnonzero([c.curve is not None for c in calibration.channels])
-    assert np.nanmedian(live.values[1000:2000, told]) > 0.02
-    assert np.nanmedian(live.values[-2500:, told]) < 0.01
+    with_curve = np.flatnonzero([c.curve is not None for c in calibration.channels])
+    assert np.nanmedian(live.values[1000:2000, with_curve]) > 0.02
+    assert np.nanmedian(live.values[-2500:, with_curve]) < 0.01
 
 
 def test_missing_values_have_no_newtons(three_boards, calibration: Calibration):

@@ -134,8 +134,10 @@ def test_a_replay_gives_what_was_computed_offline(
     assert known[0] == SETTLE.stop - 1
     assert len(known) == 180 - known[0]
     np.testing.assert_allclose(live[known], expected, atol=1e-5)
-    told = states(expected, pour.time_s[known], learnt.bundle.contract.stability)
-    assert [Stability(state) for state in told] == [answers[i].decision.state for i in known]
+    expected_states = states(expected, pour.time_s[known], learnt.bundle.contract.stability)
+    assert [Stability(state) for state in expected_states] == [
+        answers[i].decision.state for i in known
+    ]
 
 
 def test_the_alarm_is_raised_for_the_cup_that_falls_and_for_no_still_one(

@@ -52,10 +52,10 @@ def test_a_plan_is_collected_and_goes_on_where_it_was_broken_off(
     first = (output / "trial-001.mcap").stat().st_mtime_ns
     capsys.readouterr()
     collect(plan, output)
-    told = json.loads(capsys.readouterr().out)
+    printed = json.loads(capsys.readouterr().out)
 
-    assert (told["trials"], told["recorded"], len(told["now"])) == (3, 3, 2)
-    assert [grasp["touched"] for grasp in told["now"]] == [[1, 2, 3, 4]] * 2
+    assert (printed["trials"], printed["recorded"], len(printed["now"])) == (3, 3, 2)
+    assert [grasp["touched"] for grasp in printed["now"]] == [[1, 2, 3, 4]] * 2
     assert (output / "trial-001.mcap").stat().st_mtime_ns == first
     last = read_recording(output / "trial-003.mcap")
     assert last.manifest.labels == {"shape": "rectangle", "material": "plastic"}
@@ -139,12 +139,12 @@ def hand(*words: str | Path) -> None:
 
 def test_fingers_close_are_drawn_and_open_again(tmp_path: Path, capsys: pytest.CaptureFixture[str]):
     hand("grip", HAND, "--arm", "--record", tmp_path / "c.mcap", "--plot", tmp_path / "c.png")
-    told = json.loads(capsys.readouterr().out)
+    printed = json.loads(capsys.readouterr().out)
 
-    assert (told["ended"], told["state"], told["fault"]) == ("there", "armed", "")
-    assert told["seconds"] == pytest.approx(0.6, abs=0.05)
+    assert (printed["ended"], printed["state"], printed["fault"]) == ("there", "armed", "")
+    assert printed["seconds"] == pytest.approx(0.6, abs=0.05)
     currents = read_recording(tmp_path / "c.mcap")
-    assert len(currents.samples) == told["readings"] > 50
+    assert len(currents.samples) == printed["readings"] > 50
     assert (tmp_path / "c.png").read_bytes().startswith(b"\x89PNG")
 
 

@@ -217,7 +217,7 @@ def test_devices_without_permission_are_named(tmp_path, monkeypatch):
     assert check.mend == "run: sudo usermod -aG dialout $USER, then log in again"
 
 
-def test_who_is_not_in_the_group_is_told_before_a_device_is_plugged_in(tmp_path, monkeypatch):
+def test_who_is_not_in_the_group_is_reported_before_a_device_is_plugged_in(tmp_path, monkeypatch):
     monkeypatch.setattr(doctor.os, "geteuid", lambda: 1000)
     monkeypatch.setattr(doctor, "_own_groups", lambda: {"users"})
     assert not doctor.device_nodes("video", ("video*",), tmp_path).ok
@@ -226,13 +226,13 @@ def test_who_is_not_in_the_group_is_told_before_a_device_is_plugged_in(tmp_path,
 
 
 @pytest.mark.parametrize(("word", "ok"), [("performance", True), ("powersave", False), ("", True)])
-def test_a_saving_processor_clock_is_told(tmp_path, word: str, ok: bool):
+def test_a_saving_processor_clock_is_reported(tmp_path, word: str, ok: bool):
     (tmp_path / "governor").write_text(word + "\n")
     assert doctor.governor(tmp_path / "governor").ok == ok
 
 
 @pytest.mark.parametrize(("word", "ok"), [("tsc", True), ("kvm-clock", True), ("hpet", False)])
-def test_a_slow_clock_is_told(tmp_path, word: str, ok: bool):
+def test_a_slow_clock_is_reported(tmp_path, word: str, ok: bool):
     (tmp_path / "source").write_text(word + "\n")
     assert doctor.clock_source(tmp_path / "source").ok == ok
 

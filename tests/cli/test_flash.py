@@ -84,7 +84,7 @@ def test_avrdude_writes_a_built_file(
     )
 
 
-def test_a_board_that_still_runs_something_else_is_told(
+def test_a_board_that_still_runs_something_else_is_reported(
     tools: Tools, sketches: Path, tmp_path: Path, refused: Refused
 ) -> None:
     tools("arduino-cli")
@@ -99,7 +99,7 @@ def test_a_board_that_still_runs_something_else_is_told(
     assert "number 0" in other
 
 
-def test_a_board_that_stays_silent_is_told(
+def test_a_board_that_stays_silent_is_reported(
     tools: Tools, sketches: Path, tmp_path: Path, refused: Refused
 ) -> None:
     tools("arduino-cli")

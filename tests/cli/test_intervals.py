@@ -47,16 +47,16 @@ def test_intervals_at_import_and_afterwards_give_the_same_marks(folder: Path, ca
 def test_a_replay_gives_each_mark_behind_its_scans(folder: Path):
     main(["import", "table.csv", "--intervals", "intervals.csv", "--output", "marked"])
 
-    told, last_s = [], 0.0
+    found, last_s = [], 0.0
     with open_source("replay://marked/one.mcap?speed=max") as source:
         while not source.ended:
             samples = source.read()
             last_s = float(samples.fitted_s[-1]) if len(samples) else last_s
             for mark in source.marks():
-                told.append((mark.labels["object"], mark.groups["session"]))
+                found.append((mark.labels["object"], mark.groups["session"]))
                 assert mark.end_s <= last_s
 
-    assert told == [("cup", "s1"), ("Cup", "s1")]
+    assert found == [("cup", "s1"), ("Cup", "s1")]
 
 
 def test_label_refuses_what_cannot_be_meant(folder: Path, refused):

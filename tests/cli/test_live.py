@@ -62,7 +62,7 @@ def short_touch(tmp_path: Path) -> tuple[str, str]:
     return str(tmp_path / "b.taxel"), str(tmp_path / "touch.mcap")
 
 
-def test_a_padded_touch_is_told_right_or_wrong_by_the_sources_labels(
+def test_a_padded_touch_is_counted_right_or_wrong_by_the_sources_labels(
     short_touch: tuple[str, str], capsys: pytest.CaptureFixture[str]
 ) -> None:
     main(["live", *short_touch, "--json"])
@@ -103,11 +103,11 @@ def test_two_bundles_with_one_target_are_counted_and_named_apart(
     main(words)
     lines = [line for line in capsys.readouterr().out.splitlines() if " windows: " in line]
 
-    told = [
+    found = [
         (answer["bundle"], answer["windows"])
         for answer in (found["answers"] if recorded else found)
     ]
-    assert told == [(bundle, 1), (str(second), 1)]
+    assert found == [(bundle, 1), (str(second), 1)]
     assert [line.split(" (")[1].split(")")[0].split(", ")[0] for line in lines] == [
         bundle,
         str(second),

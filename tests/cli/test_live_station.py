@@ -32,7 +32,7 @@ def pour(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder / f"{run.name}.mcap"
 
 
-def test_a_pour_is_watched_recorded_and_told_to_another_program(
+def test_a_pour_is_watched_recorded_and_sent_to_another_program(
     pour: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ):
     path = tmp_path / "all.mcap"
@@ -42,10 +42,10 @@ def test_a_pour_is_watched_recorded_and_told_to_another_program(
         port = ear.getsockname()[1]
         main(["live", CUP_POUR, str(pour), "--record", str(path), "--label", "object=cup",
               "--tell", f"udp://127.0.0.1:{port}", "--json"])  # fmt: skip
-        told = json.loads(ear.recv(4096))
+        action = json.loads(ear.recv(4096))
     result = json.loads(capsys.readouterr().out)
-    assert told["schema"] == "taxel-action-1"
-    assert told["state"] in ("UNKNOWN", "STABLE", "WARNING", "UNSTABLE")
+    assert action["schema"] == "taxel-action-1"
+    assert action["state"] in ("UNKNOWN", "STABLE", "WARNING", "UNSTABLE")
     made = result["processes"]["source"]["produced"]
     assert result["processes"]["recorder"]["consumed"] == made
     stages = {"capture", "source", "hand over", "wait", "model", "alarm"}
@@ -94,7 +94,7 @@ def test_what_a_person_must_know_stands_beside_the_json_not_in_it(
 
 
 @pytest.mark.parametrize(
-    ("words", "told"),
+    ("words", "message"),
     [
         (["--arm", "--page"], "needed --gripper beside --arm"),
         (["--gripper", "pge:///dev/nothing"], "max_force_n"),
@@ -115,9 +115,9 @@ def test_what_a_person_must_know_stands_beside_the_json_not_in_it(
         (["--gripper", "sim", "--force-n", "60", "50"], "N"),
     ],
 )
-def test_what_cannot_be_is_told_in_one_line_before_anything_runs(
+def test_what_cannot_be_is_reported_in_one_line_before_anything_runs(
     words: list[str],
-    told: str,
+    message: str,
     pour: Path,
     tmp_path: Path,
     capsys: pytest.CaptureFixture[str],
@@ -130,7 +130,7 @@ def test_what_cannot_be_is_told_in_one_line_before_anything_runs(
     assert ended.value.code == 2
     lines = capsys.readouterr().err.strip().splitlines()
     assert len(lines) == 1
-    assert told in lines[0]
+    assert message in lines[0]
     assert list(tmp_path.iterdir()) == []
 
 

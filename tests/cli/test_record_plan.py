@@ -139,9 +139,9 @@ def test_the_simulated_pair_records_a_plan_and_goes_on_where_it_was_broken_off(
     first = (output / "trial-001.mcap").stat().st_mtime_ns
     capsys.readouterr()
     record(plan, output)
-    told = json.loads(capsys.readouterr().out)
+    printed = json.loads(capsys.readouterr().out)
 
-    assert (told["trials"], told["recorded"], len(told["now"])) == (2, 2, 1)
+    assert (printed["trials"], printed["recorded"], len(printed["now"])) == (2, 2, 1)
     assert (output / "trial-001.mcap").stat().st_mtime_ns == first
     last = read_recording(output / "trial-002.mcap")
     assert dict(last.manifest.groups) == {

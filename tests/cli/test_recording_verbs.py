@@ -176,7 +176,7 @@ def test_recover_prints_what_was_saved(tmp_path, capsys):
     assert "500 scans" in capsys.readouterr().out
 
 
-def test_import_then_info_tells_what_there_is(tmp_path, capsys):
+def test_import_then_info_shows_what_there_is(tmp_path, capsys):
     """From a table to figures, for a file and for a folder, as text and as JSON."""
     (tmp_path / "a.csv").write_text("t,x\n1,5\n2,7\n")
     table = tmp_path / "table.csv"

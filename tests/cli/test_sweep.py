@@ -70,7 +70,7 @@ def test_curves_are_printed_even_where_their_file_cannot_be_written(
     assert len(json.loads(capsys.readouterr().out)) == 2
 
 
-def test_the_recordings_that_were_learned_from_are_told(
+def test_the_recordings_that_were_learned_from_are_reported(
     place: Path, capsys: pytest.CaptureFixture[str]
 ):
     sweep(place / "b.taxel", "--data", place / "seen", "--faults", "loss", "--levels", "10")

@@ -21,7 +21,7 @@ def data(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
-def test_a_network_behind_a_baseline_is_warned_of_and_what_is_unknown_is_told_in_words(
+def test_a_network_behind_a_baseline_is_warned_of_and_what_is_unknown_is_reported_in_words(
     data: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ):
     """One epoch teaches nothing."""

@@ -55,10 +55,10 @@ def test_its_bundle_runs_live(trained: Path, recordings: Path, capsys: pytest.Ca
     main(["bundle", str(trained), "--output", str(bundle), "--json"])
     parity: Any = json.loads(capsys.readouterr().out)["parity"]
     main(["live", str(bundle), f"replay://{recordings / 't1.mcap'}?speed=max", "--json"])
-    (told,) = json.loads(capsys.readouterr().out)
+    (printed,) = json.loads(capsys.readouterr().out)
 
     assert parity < 1e-5
-    assert told["answers"] == {"firm": 1}
+    assert printed["answers"] == {"firm": 1}
 
 
 @pytest.mark.parametrize(

@@ -30,9 +30,9 @@ def test_a_graver_word_comes_at_once_and_a_milder_one_after_a_calm_stretch() -> 
     assert adviser.push(Advice.PUT_DOWN, 1.0).advice is Advice.PUT_DOWN
     assert adviser.push(Advice.HOLD, 1.1).advice is Advice.PUT_DOWN
     assert adviser.push(Advice.HOLD, 1.1 + CALM_S - 0.01).advice is Advice.PUT_DOWN
-    told = adviser.push(Advice.HOLD, 1.1 + CALM_S)
+    given = adviser.push(Advice.HOLD, 1.1 + CALM_S)
 
-    assert (told.advice, told.since_s) == (Advice.HOLD, 1.1 + CALM_S)
+    assert (given.advice, given.since_s) == (Advice.HOLD, 1.1 + CALM_S)
 
 
 def test_a_relapse_begins_the_calm_stretch_anew() -> None:
@@ -68,5 +68,5 @@ def test_of_a_new_grasp_nothing_is_said_yet() -> None:
     adviser.push(Advice.PUT_DOWN, 0.0)
     adviser.reset(1.0)
 
-    assert adviser.told.advice is Advice.NOTHING
+    assert adviser.given.advice is Advice.NOTHING
     assert adviser.push(Advice.HOLD, 1.1).advice is Advice.HOLD

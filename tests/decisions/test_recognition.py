@@ -20,7 +20,7 @@ def answer(p: list[float], usable: float = 1.0, saturated: float = 0.0) -> Decis
     return decide(np.array(p, np.float32), Quality(usable, saturated), CLASSES, RecogniseConfig())
 
 
-def test_a_clear_window_is_told() -> None:
+def test_a_clear_window_is_answered() -> None:
     found = answer([0.2, 0.8])
 
     assert (found.label, found.reason) == ("b", "")
@@ -47,7 +47,7 @@ def at(label: str, p: list[float], start: float) -> Decision:
     return Decision(label, max(p), np.array(p, np.float32), "", start, start + 0.1)
 
 
-def test_a_contact_is_told_by_all_its_windows() -> None:
+def test_a_contact_is_recognised_by_all_its_windows() -> None:
     vote = GraspVote(CLASSES, gap_s=0.5)
     vote.add(at("a", [0.6, 0.4], 0.0))
     vote.add(at("b", [0.1, 0.9], 0.2))
@@ -104,11 +104,11 @@ def test_a_limit_itself_is_still_fine(p: list[float], saturated: float) -> None:
     assert answer(p, saturated=saturated).reason == ""
 
 
-def test_the_share_that_is_missing_is_told() -> None:
+def test_the_share_that_is_missing_is_reported() -> None:
     assert answer([0.2, 0.8], usable=0.75).reason == "25% of the values are missing, stale or NaN"
 
 
-def test_values_that_were_filled_in_count_as_usable_and_are_told() -> None:
+def test_values_that_were_filled_in_count_as_usable_and_are_reported() -> None:
     quality = Quality(usable=0.75, span_s=(3.0, 4.0), filled=0.25)
     found = decide(np.array([0.2, 0.8], np.float32), quality, CLASSES, RecogniseConfig())
 

@@ -127,7 +127,7 @@ def test_a_saturated_or_alarming_probability_is_not_called_frozen() -> None:
     assert run([0.7] * 20)[-1] is WARNING
 
 
-def test_it_tells_since_when() -> None:
+def test_it_says_since_when() -> None:
     monitor = calm()
 
     assert monitor.push(0.15, 0.3).since_s == pytest.approx(0.2)
@@ -227,10 +227,10 @@ def test_a_flag_for_each_probability_is_needed() -> None:
 
 def test_a_grasp_that_is_over_is_no_grasp_since_then() -> None:
     monitor = calm()
-    told = monitor.over(0.25)
+    over = monitor.over(0.25)
 
-    assert (told.state, told.since_s, told.alarm) == (NO_GRASP, 0.25, False)
-    assert monitor.at(9.0) == told
+    assert (over.state, over.since_s, over.alarm) == (NO_GRASP, 0.25, False)
+    assert monitor.at(9.0) == over
     assert monitor.over(0.5).since_s == 0.25
 
 

@@ -130,7 +130,7 @@ def test_a_contact_is_measured_against_contacts_of_at_most_as_many_windows():
     assert test.p_contact([9.55], 50) == pytest.approx(0.05)
 
 
-def told(level: float, usable: float = 1.0) -> Decision:
+def decision_at(level: float, usable: float = 1.0) -> Decision:
     test = NoveltyTest(level_only())
     return decide(
         np.array([0.1, 0.9], np.float32), Quality(usable), CLASSES, RecogniseConfig(),
@@ -139,15 +139,15 @@ def told(level: float, usable: float = 1.0) -> Decision:
 
 
 def test_a_sure_answer_to_something_unlike_anything_learned_is_unknown():
-    assert told(4.0).label == "b"
-    far = told(40.0)
+    assert decision_at(4.0).label == "b"
+    far = decision_at(40.0)
     assert far.label == UNKNOWN
     assert far.reason == "novel touch (p = 0.01)"
     assert far.confidence == pytest.approx(0.9)
 
 
 def test_unusable_input_is_named_before_its_novelty_score_and_is_not_counted():
-    bad = told(40.0, usable=0.5)
+    bad = decision_at(40.0, usable=0.5)
     assert "missing" in bad.reason
     assert bad.novelty is None
 
@@ -192,11 +192,11 @@ def test_nan_is_as_strange_as_can_be():
     assert test.p_contact([float("nan"), 1.0], 3) == 0.0
 
 
-@pytest.mark.parametrize("strange", [None, *([value] for value in NO_NUMBER)])
-def test_a_window_whose_novelty_score_is_no_number_is_unknown(strange: list[float] | None):
+@pytest.mark.parametrize("novelty", [None, *([value] for value in NO_NUMBER)])
+def test_a_window_whose_novelty_score_is_no_number_is_unknown(novelty: list[float] | None):
     found = decide(
         np.array([0.1, 0.9], np.float32), Quality(), CLASSES, RecogniseConfig(),
-        strange, NoveltyTest(level_only()),
+        novelty, NoveltyTest(level_only()),
     )  # fmt: skip
     assert (found.label, found.reason) == (UNKNOWN, UNMEASURED)
 
@@ -213,10 +213,10 @@ def test_values_too_large_for_32_bits_are_unknown(value: float):
     assert found.label == UNKNOWN
 
 
-@pytest.mark.parametrize("strange", NO_NUMBER)
-def test_a_window_that_is_no_number_lowers_the_contacts_p_and_is_outgrown(strange: float):
+@pytest.mark.parametrize("novelty", NO_NUMBER)
+def test_a_window_that_is_no_number_lowers_the_contacts_p_and_is_outgrown(novelty: float):
     vote = GraspVote(CLASSES, 0.5, NoveltyTest(level_only()))
-    assert vote.add(decision(UNKNOWN, 0.0, [strange]))[0] == UNKNOWN
+    assert vote.add(decision(UNKNOWN, 0.0, [novelty]))[0] == UNKNOWN
     assert vote.p_known == 0.0
     found = [vote.add(decision("a", 0.2 * number, [1.0]))[0] for number in range(1, 10)]
     assert found[-1] == "a"
@@ -228,10 +228,10 @@ def test_what_is_stored_gives_what_was_stored():
     after = unknown_from_json(json.loads(json.dumps(unknown_to_json(before))))
     old, new = NoveltyTest(before), NoveltyTest(after)
     for level in (-1.0, 2.0, 30.0):
-        strange = old.of_window(window(level))
-        assert new.of_window(window(level)) == strange
-        assert new.p_window(strange) == old.p_window(strange)
-        assert new.p_contact(strange, 5) == old.p_contact(strange, 5)
+        novelty = old.of_window(window(level))
+        assert new.of_window(window(level)) == novelty
+        assert new.p_window(novelty) == old.p_window(novelty)
+        assert new.p_contact(novelty, 5) == old.p_contact(novelty, 5)
     assert new.rejected == old.rejected
 
 

@@ -151,8 +151,8 @@ def test_unknown_is_no_answer_and_right_for_what_was_never_learned(
     bundle: Bundle, tmp_path: Path
 ) -> None:
     """Of a class that the bundle lacks, every answer but UNKNOWN is wrong."""
-    strange = make_pads(tmp_path / "strange", (5,), ("2", "6"))
-    found = score_bundle(bundle, strange)
+    other = make_pads(tmp_path / "strange", (5,), ("2", "6"))
+    found = score_bundle(bundle, other)
     said = found.confusion["6"]
 
     (part,) = [part for part in found.parts.classes if part.name == "6"]

@@ -62,8 +62,8 @@ def test_a_job_gives_the_bits_that_this_process_gives(
         for n in (0, 1)
     ]
     found = [fit_fold(job) for job in jobs]
-    told = np.concatenate([result.probabilities for result in found])
-    assert np.array_equal(told, here.predictions.probabilities)
+    joined = np.concatenate([result.probabilities for result in found])
+    assert np.array_equal(joined, here.predictions.probabilities)
 
 
 def test_a_worker_with_other_recordings_refuses(sessions: Path) -> None:

@@ -8,9 +8,9 @@ from taxel.evaluation.metrics import accuracy_interval, by_trial, score
 
 def test_scores_of_a_known_confusion() -> None:
     y = np.array([0, 0, 0, 1, 1, 2])
-    told = np.array([0, 0, 1, 1, 1, 0])
+    predicted = np.array([0, 0, 1, 1, 1, 0])
     probabilities = np.full((6, 3), 0.1)
-    probabilities[np.arange(6), told] = 0.8
+    probabilities[np.arange(6), predicted] = 0.8
 
     scores = score(y, probabilities)
 

@@ -49,10 +49,10 @@ def make_run(
     session = np.repeat(np.arange(len(right)), WINDOWS_A_SESSION)
     trial = session * 4 + np.tile(np.arange(WINDOWS_A_SESSION) // 10, len(right))
     y = rng.integers(0, 2, n)
-    told_right = np.concatenate(
+    correct = np.concatenate(
         [np.arange(WINDOWS_A_SESSION) < round(share * WINDOWS_A_SESSION) for share in right]
     )
-    told = np.where(told_right, y, 1 - y)
+    predicted = np.where(correct, y, 1 - y)
     scaling = Scaling(kind="none", offset=np.zeros(1, np.float32), factor=np.ones(1, np.float32))
     contract = Contract(
         target=target,
@@ -85,12 +85,12 @@ def make_run(
             start_s=np.arange(n) * 0.1,
             fold=session,
             y=y,
-            probabilities=np.stack([1.0 - told, told], axis=1).astype(float),
+            probabilities=np.stack([1.0 - predicted, predicted], axis=1).astype(float),
         ),
     )
 
 
-def test_mcnemar_is_the_binomial_of_the_windows_that_one_run_alone_tells():
+def test_mcnemar_is_the_binomial_of_the_windows_that_one_run_alone_gets_right():
     assert mcnemar(0, 5) == pytest.approx(2 / 32)
     assert mcnemar(3, 3) == 1.0
     assert mcnemar(0, 0) == 1.0

@@ -32,7 +32,7 @@ with ExitStack() as stack:
     while True:
         for one in every:
             one.take_in("/state", {"time_s": time.monotonic(), "state": "STABLE", "alarms": []})
-            one.tell(time.monotonic())
+            one.report(time.monotonic())
         time.sleep(0.05)
 """
 
@@ -98,7 +98,7 @@ def test_a_station_that_ends_is_no_alarm_and_a_later_view_still_knows_it(
     url = f"mqtt://127.0.0.1:{mosquitto.port}/bench"
     with Reporter(parse_mqtt(url), ("cup 12ab",)) as station:
         until(lambda: station._broker.connected)
-        station.tell(time.monotonic())
+        station.report(time.monotonic())
         until(lambda: presence(watch) == {"bench": "LIVE"})
     until(lambda: presence(watch) == {"bench": "ENDED"})
     with FleetWatch(parse_mqtt(url)) as later:
@@ -111,7 +111,7 @@ def test_a_broker_that_is_away_holds_no_station_up() -> None:
     with Reporter(parse_mqtt("mqtt://127.0.0.1:9/bench")) as station:
         began_s = time.monotonic()
         for number in range(5):
-            station.tell(float(number))
+            station.report(float(number))
         assert time.monotonic() - began_s < 0.5
         assert station.sent == 0
 
@@ -126,7 +126,7 @@ def test_the_page_shows_the_fleet_to_those_with_the_key(
         httpx.Client() as browser,
     ):
         until(lambda: station._broker.connected)
-        station.tell(time.monotonic())
+        station.report(time.monotonic())
         until(lambda: presence(watch) == {"bench": "LIVE"})
         address, _, key = page.url.partition("/#")
         assert browser.get(f"{address}/").text.startswith("<!doctype html>")
@@ -167,7 +167,7 @@ def test_the_compose_files_access_rules_let_a_station_write_only_its_own_reports
             ) as reporter,
         ):
             until(lambda: watch.broker.connected and reporter._broker.connected)
-            reporter.tell(time.monotonic())
+            reporter.report(time.monotonic())
             if mine:
                 until(lambda: presence(watch) == {"bench": "LIVE"})
             heard: list[str] = []
@@ -195,7 +195,7 @@ def test_json_is_what_the_page_shows(
     place = f"mqtt://127.0.0.1:{mosquitto.port}"
     with Reporter(parse_mqtt(f"{place}/bench")) as station:
         until(lambda: station._broker.connected)
-        station.tell(time.monotonic())
+        station.report(time.monotonic())
         main(["fleet", place, "--seconds", "0.6", "--json"])
     found = json.loads(capsys.readouterr().out)
     assert [row["station"] for row in found["stations"]] == ["bench"]

@@ -49,7 +49,7 @@ def test_a_report_comes_back_as_it_was() -> None:
     assert read_report(found.as_bytes()) == found
 
 
-def test_a_station_that_has_told_nothing_yet_reports_too() -> None:
+def test_a_station_that_has_reported_nothing_yet_reports_too() -> None:
     found = read_report(report(state={}))
     assert (found.state, found.alarms) == ("UNKNOWN", ())
 
@@ -104,7 +104,7 @@ def test_a_retained_report_is_not_taken_for_a_sign_of_life() -> None:
     assert presence(state, SILENT_S + 0.1) == "SILENT"
 
 
-def test_two_stations_of_one_name_are_told() -> None:
+def test_two_stations_of_one_name_are_reported() -> None:
     state = FleetState(0.0)
     calm = STATE | {"alarms": []}
     for number, boot in enumerate("abab"):
@@ -123,8 +123,8 @@ def test_a_restart_is_no_second_station() -> None:
 def test_what_a_person_must_see_is_on_top() -> None:
     state = FleetState(0.0)
     danger = STATE | {"alarms": [STATE["alarms"][0] | {"level": "danger"}]}
-    for name, told in (("a", STATE | {"alarms": []}), ("b", STATE), ("c", danger)):
-        state.take(topic(station=name), report(station=name, state=told), False, 1.0)
+    for name, content in (("a", STATE | {"alarms": []}), ("b", STATE), ("c", danger)):
+        state.take(topic(station=name), report(station=name, state=content), False, 1.0)
     assert [(r.station, r.presence) for r in state.rows(1.1)] == [
         ("c", "DANGER"), ("b", "WARNING"), ("a", "LIVE")]  # fmt: skip
 

@@ -31,7 +31,7 @@ def slide(gel, mm_s, count=20, step_s=0.04, give_mm_s=0.0):
     return gel
 
 
-def test_a_steady_slide_is_told_as_distance_and_rate():
+def test_a_steady_slide_is_measured_as_distance_and_rate():
     gel = slide(GelSlip(), mm_s=0.3)
 
     assert gel.slip.seen
@@ -103,7 +103,7 @@ def test_spread_grows_with_the_poses_and_is_never_less_than_theirs():
     assert rough.slip.distance_sd_mm > fine.slip.distance_sd_mm
 
 
-def test_a_pair_tells_the_gel_that_slipped_further():
+def test_a_pair_follows_the_gel_that_slipped_further():
     pair = PairSlip()
     slide(pair.gels[0], mm_s=0.1)
     slide(pair.gels[1], mm_s=0.4)

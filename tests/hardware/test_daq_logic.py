@@ -59,7 +59,7 @@ def test_sixteen_channels_go_as_fast_as_converter_line_and_processor_allow(
     assert rates[-1] == highest
 
 
-def test_a_new_rate_is_told_by_a_hello_and_a_bad_one_changes_nothing(daq: Any):
+def test_a_new_rate_is_confirmed_by_a_hello_and_a_bad_one_changes_nothing(daq: Any):
     daq.ask(THESIS)
     assert daq.ask(f"do 1 {Order.SET_RATE} 500") == f"{Result.DONE} 1 500"
     assert daq.ask(f"do 2 {Order.SET_RATE} 999") == f"{Result.BAD_ARGUMENT} 0 0"

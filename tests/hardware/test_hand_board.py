@@ -68,7 +68,7 @@ def test_with_the_thesis_single_sensor_contact_of_one_finger_stops_all(firmware:
         host.order(Order.GRIP, 1000, 0b0011, 1000, 1200)  # two fingers run at 600 mA together
         host.run(0.25)
         assert running(boards) == {0, 1}
-        boards.tell("contact 0 1 1")
+        boards.command("contact 0 1 1")
         touched_s = boards.now_s
         host.run(0.02)
         assert running(boards) == set()
@@ -77,11 +77,11 @@ def test_with_the_thesis_single_sensor_contact_of_one_finger_stops_all(firmware:
 
 def test_a_hand_whose_sensors_fail_arms_only_when_they_are_back(firmware: Firmware):
     with EmulatedBoards(firmware, [hand_setup(firmware)]) as boards, VirtualHost(boards) as host:
-        boards.tell("i2c 0 hangs")
+        boards.command("i2c 0 hangs")
         host.run(0.1)
         refused = host.order(Order.ARM)
         host.run(0.02)
-        boards.tell("i2c 0 good")
+        boards.command("i2c 0 good")
         host.run(0.1)
         taken = host.order(Order.ARM)
         host.run(0.02)
@@ -140,7 +140,7 @@ def test_the_hosts_own_link_arms_closes_and_stops_the_hand(firmware: Firmware):
         assert running(boards) == {0, 1}
         assert link.state == State.MOVING
         assert link.currents_ma[0] == pytest.approx(300, abs=2)
-        boards.tell("contact 0 0 1")
+        boards.command("contact 0 0 1")
         live(0.02)
         assert running(boards) == {1}
         link.do(Command("stop"))

@@ -67,7 +67,7 @@ def test_one_fault_on_the_line_costs_one_frame_at_most_and_invents_none(chain: C
 def test_a_board_says_who_it_is_and_its_boot_number_is_another_each_time(firmware: Firmware):
     with EmulatedBoards(firmware, [one_board(firmware, boots=41)]) as boards:
         boards.run(0.1)
-        boards.tell("reset 0")
+        boards.command("reset 0")
         boards.run(0.1)
         heard = [unpack(payload) for payload in FrameDecoder().feed(boards.bytes_sent(0))]
     hellos = [m for m in heard if isinstance(m, Hello)]
@@ -162,7 +162,7 @@ def test_the_usual_sketch_is_three_times_slower_with_the_same_converter(firmware
     assert naive_rate_hz(firmware, 0.5) * 2.8 < run_wide(firmware, "teng_daq_16", 0.5).rate_hz
 
 
-def test_a_machine_without_the_tools_is_told_what_to_install(
+def test_a_machine_without_the_tools_names_what_to_install(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ):
     from taxel.bench import board_emulator, boards

@@ -119,7 +119,7 @@ def test_a_scheduler_that_runs_already_gives_its_workers() -> None:
 
 
 @pytest.mark.parametrize("name", list(PACKAGES))
-def test_an_engine_that_is_not_installed_is_told_with_its_extra(
+def test_an_engine_that_is_not_installed_is_reported_with_its_extra(
     name: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setitem(sys.modules, PACKAGES[name], None)

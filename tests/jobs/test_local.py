@@ -61,7 +61,7 @@ def test_what_a_job_raises_is_raised_here_with_where_it_was() -> None:
         side_by_side(fall, [(3,), (5,)], workers=2)
 
 
-def test_results_that_cannot_travel_are_told_as_an_error() -> None:
+def test_results_that_cannot_travel_are_reported_as_an_error() -> None:
     """A generator of the worker's own."""
     with pytest.raises(RuntimeError, match="generator"):
         side_by_side(count_up, [(3,), (5,)], workers=2)

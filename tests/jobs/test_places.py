@@ -72,6 +72,8 @@ def test_no_engine_is_imported_unless_it_is_asked_for() -> None:
 
 @pytest.mark.parametrize("name", ["dask", "ray"])
 @pytest.mark.parametrize("address", ["127.0.0.1:9", "127.0.0.1", "127.0.0.1:many"])
-def test_an_address_at_which_nobody_answers_is_told_in_one_line(name: str, address: str) -> None:
+def test_an_address_at_which_nobody_answers_is_reported_in_one_line(
+    name: str, address: str
+) -> None:
     with pytest.raises(BadInput, match=f"needed a .* at {address}; got none that answers"):
         open_engine(f"{name}://{address}", 2)

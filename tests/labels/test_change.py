@@ -88,7 +88,7 @@ def test_the_threshold_follows_the_noise_of_the_settled_stretch() -> None:
     assert thresholds(np.ones(60), RATE_HZ, config)[0] == pytest.approx(1.3)
 
 
-def test_either_camera_tells_of_a_change() -> None:
+def test_either_camera_shows_a_change() -> None:
     still = np.ones(60)
     moved = np.where(np.arange(60) >= 40, 5.0, 1.0)
     labels = label_change(np.stack([still, moved], axis=1), RATE_HZ)

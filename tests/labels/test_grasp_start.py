@@ -76,7 +76,7 @@ def test_slow_drift_of_an_untouched_gel_is_followed() -> None:
     assert Hold.HELD in states
 
 
-def test_a_grasp_that_somebody_tells_needs_no_untouched_gel() -> None:
+def test_a_grasp_that_somebody_announces_needs_no_untouched_gel() -> None:
     finder = GraspFinder(1)
     finder.hold()
     states = [finder.push([images[0]], time_s) for images, time_s in video(GRASP, GRASP)]

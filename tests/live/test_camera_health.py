@@ -38,16 +38,16 @@ def healthy(health: CameraHealth, rate_hz: float, seconds: float, image_hz: floa
 
 
 @pytest.mark.parametrize("rate_hz", [10.0, 25.0, 60.0])
-def test_a_frozen_camera_is_told_by_the_third_repeated_frame(rate_hz: float):
+def test_a_frozen_camera_is_reported_by_the_third_repeated_frame(rate_hz: float):
     health = CameraHealth((info(rate_hz=rate_hz),))
     last_s = healthy(health, rate_hz, 2.0, rate_hz)
-    told = []
+    doubts = []
     for missing in (1, 2, 3):
         now_s = last_s + missing / rate_hz
         health.see(frame(now_s, int(last_s * rate_hz + 1e-6)))
-        told.append(health.doubt(now_s + DELAY_S))
+        doubts.append(health.doubt(now_s + DELAY_S))
 
-    assert told == ["", "", "the left camera is frozen"]
+    assert doubts == ["", "", "the left camera is frozen"]
 
 
 def test_a_25_hz_camera_in_a_60_hz_stream_is_held_to_its_own_cadence():
@@ -57,12 +57,12 @@ def test_a_25_hz_camera_in_a_60_hz_stream_is_held_to_its_own_cadence():
     assert health.cadence_s(0) == pytest.approx(0.04, rel=0.03)
 
     shown_s = np.ceil(int(last_s * 25 + 1e-6) / 25 * 60) / 60  # the last image's first frame
-    told_s = next(
+    noticed_s = next(
         now_s
         for now_s in last_s + np.arange(1, 20) / 60
         if not health.see(frame(now_s, int(last_s * 25 + 1e-6))) and health.doubt(now_s + DELAY_S)
     )
-    assert 2 / 25 < told_s - shown_s <= 3 / 25 + 1e-9
+    assert 2 / 25 < noticed_s - shown_s <= 3 / 25 + 1e-9
 
 
 def test_a_frozen_camera_is_believed_again_with_its_next_image():
@@ -86,16 +86,16 @@ def test_lateness_alone_does_not_look_frozen():
 
 
 @pytest.mark.parametrize("rate_hz", [25.0, 30.0, 60.0, 120.0])
-def test_a_camera_that_is_gone_is_told_within_100_ms(rate_hz: float):
+def test_a_camera_that_is_gone_is_reported_within_100_ms(rate_hz: float):
     health = CameraHealth((info(rate_hz=rate_hz),))
     last_s = healthy(health, rate_hz, 1.0, rate_hz) + DELAY_S
-    told_s = next(s for s in np.arange(0.0, 0.2, 0.001) if health.doubt(last_s + s))
+    noticed_s = next(s for s in np.arange(0.0, 0.2, 0.001) if health.doubt(last_s + s))
 
-    assert max(0.08, 2 / rate_hz) <= told_s <= 0.095
+    assert max(0.08, 2 / rate_hz) <= noticed_s <= 0.095
     assert health.doubt(last_s + 0.5) == "the left camera is gone: no frame for 500 ms"
 
 
-def test_one_lost_frame_is_not_told():
+def test_one_lost_frame_is_not_reported():
     health = CameraHealth((info(),))
     for number in range(100):
         if number % 10 == 7:

@@ -44,7 +44,7 @@ def judged(run: PourRun, *, drops: bool, taxel_raises: bool) -> JudgedPour:
     )
 
 
-def test_the_rows_tell_what_was_prevented_and_what_was_needless() -> None:
+def test_the_rows_report_what_was_prevented_and_what_was_needless() -> None:
     pours = [
         judged(RUN, drops=True, taxel_raises=True),
         judged(RUN, drops=True, taxel_raises=False),
@@ -70,9 +70,9 @@ def test_the_rows_tell_what_was_prevented_and_what_was_needless() -> None:
 def test_without_any_drop_a_row_says_so_and_is_not_met() -> None:
     rows = loop_rows([judged(RUN, drops=False, taxel_raises=False)])
     assert not rows[0].ok
-    told = next(row for row in rows if row.name.startswith("pixel difference: preventable"))
-    assert told.value is None
-    assert "none to tell by" in told.note
+    empty = next(row for row in rows if row.name.startswith("pixel difference: preventable"))
+    assert empty.value is None
+    assert "none to measure it on" in empty.note
 
 
 def test_no_cup_is_both_learned_from_and_judged() -> None:

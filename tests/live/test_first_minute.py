@@ -48,7 +48,7 @@ def doubts_of_cups(cups: int, most_lost: int | None) -> Counter[str]:
 
     Frames have the simulated cameras' clocks; the watchers are asked every 5 ms.
     """
-    health, told = CameraHealth(CAMERAS), Counter[str]()
+    health, doubts = CameraHealth(CAMERAS), Counter[str]()
     start_s = 0.0
     for cup in range(cups):
         times = [camera_times(25.0, 60.0, 6.0, 2 * cup + side, most_lost=most_lost)
@@ -58,26 +58,26 @@ def doubts_of_cups(cups: int, most_lost: int | None) -> Counter[str]:
             for camera in (0, 1):
                 health.see(frame(camera, int(times[camera].shown[index]), time_s, cup))
             for later_s in np.arange(0.0, 1 / 60, 0.005):
-                told[health.doubt(time_s + ARRIVAL_S + later_s)] += 1
+                doubts[health.doubt(time_s + ARRIVAL_S + later_s)] += 1
         health.rest(time_s + PAUSE_S)
         for later_s in np.arange(0.0, PAUSE_S, 0.005):
-            told[health.doubt(time_s + ARRIVAL_S + later_s)] += 1
+            doubts[health.doubt(time_s + ARRIVAL_S + later_s)] += 1
         assert health.late() == {}
         start_s = time_s + PAUSE_S + 1 / 60
-    return told
+    return doubts
 
 
 def test_in_ten_simulated_minutes_no_camera_is_called_gone_frozen_or_late():
     assert set(doubts_of_cups(93, MOST_LOST)) == {""}
 
 
-def test_images_lost_as_in_data_sets_are_told_as_a_simulated_fault():
+def test_images_lost_as_in_data_sets_are_reported_as_a_simulated_fault():
     """Where a camera loses up to 40 % of its images, it is frozen on purpose, and that is said."""
-    told = set(doubts_of_cups(60, None)) - {""}
+    doubts = set(doubts_of_cups(60, None)) - {""}
 
-    assert told
+    assert doubts
     assert all(
-        reason.startswith(f"{SIMULATED}the ") and reason.endswith("is frozen") for reason in told
+        reason.startswith(f"{SIMULATED}the ") and reason.endswith("is frozen") for reason in doubts
     )
 
 
@@ -90,32 +90,32 @@ def test_no_more_images_are_lost_in_a_row_than_was_asked_for(most: int):
         assert len(held.taken_s) >= len(free.taken_s)
 
 
-def test_a_camera_that_stays_away_after_the_pause_is_told_within_100_ms():
+def test_a_camera_that_stays_away_after_the_pause_is_reported_within_100_ms():
     health = CameraHealth(CAMERAS)
     for index in range(60):
         for camera in (0, 1):
             health.see(frame(camera, index, index / 60))
     end_s = 59 / 60
     health.rest(end_s + PAUSE_S)
-    told_s = next(s for s in np.arange(0.0, 1.0, 0.001) if health.doubt(end_s + PAUSE_S + s))
+    noticed_s = next(s for s in np.arange(0.0, 1.0, 0.001) if health.doubt(end_s + PAUSE_S + s))
 
-    assert 0.0 < told_s <= 0.1
+    assert 0.0 < noticed_s <= 0.1
 
 
-def test_a_camera_that_froze_in_the_pause_is_told_by_its_third_missing_image():
+def test_a_camera_that_froze_in_the_pause_is_reported_by_its_third_missing_image():
     health = CameraHealth(CAMERAS)
     for index in range(60):
         for camera in (0, 1):
             health.see(frame(camera, index, index / 60))
     health.rest(59 / 60 + PAUSE_S)
-    told = []
+    doubts = []
     for index in range(5):
         time_s = 59 / 60 + PAUSE_S + index / 60
         health.see(frame(0, 100 + index, time_s))
         health.see(frame(1, 59, time_s))
-        told.append(kind_of(health.doubt(time_s + ARRIVAL_S)))
+        doubts.append(kind_of(health.doubt(time_s + ARRIVAL_S)))
 
-    assert told == [None, None, None, "frozen", "frozen"]
+    assert doubts == [None, None, None, "frozen", "frozen"]
 
 
 def test_a_real_camera_that_sends_nothing_after_a_mark_is_gone_as_ever():

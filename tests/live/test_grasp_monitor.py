@@ -91,7 +91,7 @@ def test_live_equals_offline(few_pours: Path, tmp_path: Path, features: str) -> 
         np.testing.assert_allclose(live[known], offline[-known.sum() :], atol=1e-5)
 
 
-def test_nothing_is_told_before_the_grasp_has_settled(edge) -> None:
+def test_nothing_is_reported_before_the_grasp_has_settled(edge) -> None:
     bundle, _, _, pours = edge
     monitor = GraspMonitor(bundle, pours[0].cameras)
     answers = [monitor.push(frame_set) for frame_set in frame_sets(pours[0].path, 2)]

@@ -249,15 +249,15 @@ def strict() -> Unknown:
 
 def test_touch_unlike_anything_learned_is_unknown_live(tmp_path: Path):
     made = bundle(tmp_path, WindowConfig(steps=STEPS, stride=STEPS), unknown=strict())
-    strange = touch(STEPS)
-    usual = Samples.from_values(np.ones((STEPS, CHANNELS)), strange.fitted_s + 1.0, full_scale=3.3)
+    unusual = touch(STEPS)
+    usual = Samples.from_values(np.ones((STEPS, CHANNELS)), unusual.fitted_s + 1.0, full_scale=3.3)
     recogniser = Recogniser(made, SENSOR, ANY)
-    answers = recogniser.push(strange) + recogniser.push(usual)
+    answers = recogniser.push(unusual) + recogniser.push(usual)
     assert [answer.decision.label == UNKNOWN for answer in answers] == [True, False]
     assert answers[0].decision.reason == "novel touch (p = 0.01)"
 
 
-def test_a_missing_value_is_not_told_as_strange(tmp_path: Path):
+def test_a_missing_value_is_not_reported_as_novel(tmp_path: Path):
     made = bundle(tmp_path, WindowConfig(steps=STEPS, stride=STEPS), unknown=strict())
     samples = touch(STEPS)
     values = samples.values.copy()
@@ -277,7 +277,7 @@ def test_a_session_ends_within_the_block_that_a_read_gives(plain: Bundle):
     assert (tally.windows, tally.marked, tally.grasps) == (2, 2, 1)
 
 
-def test_a_gate_that_follows_tells_each_move_live_and_in_the_summary(tmp_path: Path):
+def test_a_gate_that_follows_reports_each_move_live_and_in_the_summary(tmp_path: Path):
     """A bundle states it; a channel that comes to rest 0.4 V higher moves its own gate alone."""
     follows = WindowConfig(
         steps=STEPS, stride=STEPS, grid_hz=None, gate=1.0, gate_follow_s=20.0, max_gap_s=9.0

@@ -14,7 +14,7 @@ from taxel.windows.windower import Windows
 CLASSES = ("ball", "block")
 
 
-def told(label: str, start_s: float = 0.0, ball: float = 0.5) -> Answer:
+def answered(label: str, start_s: float = 0.0, ball: float = 0.5) -> Answer:
     window = Windows(
         np.zeros((1, 2, 1), np.float32), np.ones((1, 2), bool), np.ones(1, np.float32),
         np.zeros(1, np.float32), np.zeros(1), np.ones(1),
@@ -31,7 +31,7 @@ def told(label: str, start_s: float = 0.0, ball: float = 0.5) -> Answer:
 )  # fmt: skip
 def test_unknown_is_the_right_answer_to_what_was_never_learned(label: str, truth: str, right: int):
     tally = Tally("shape", GraspVote(CLASSES, 0.8))
-    tally.add(told(label))
+    tally.add(answered(label))
     tally.compare(Mark(start_s=0.0, end_s=2.0, labels={"shape": truth}))
     assert (tally.marked, tally.right) == (1, right)
 
@@ -45,14 +45,14 @@ def test_a_padded_window_is_counted_although_its_mark_came_first():
     tally = Tally("shape", GraspVote(CLASSES, 0.8), late=True)
     tally.compare(second)
     tally.compare(first)
-    tally.add(told("ball"))
+    tally.add(answered("ball"))
     tally.settle()
     assert (tally.marked, tally.right, tally.grasps, tally.grasps_right) == (1, 1, 1, 1)
 
 
 def test_two_labels_joined_are_compared_as_one():
     tally = Tally("shape+material", GraspVote(("ball glass", "block wood"), 0.8))
-    tally.add(told("ball glass"))
+    tally.add(answered("ball glass"))
     tally.compare(Mark(start_s=0.0, end_s=2.0, labels={"shape": "ball", "material": "glass"}))
     assert (tally.marked, tally.right) == (1, 1)
 
@@ -61,8 +61,8 @@ def test_what_was_grasped_before_has_no_vote_where_no_pause_parts_the_grasps():
     """Long recordings have labelled stretches side by side, without a contact's end."""
     tally = Tally("shape", GraspVote(CLASSES, 0.8))
     for start_s in range(4):
-        tally.add(told("ball", float(start_s), ball=0.99))
-    tally.add(told("block", 4.0, ball=0.2))
+        tally.add(answered("ball", float(start_s), ball=0.99))
+    tally.add(answered("block", 4.0, ball=0.2))
     tally.compare(Mark(start_s=0.0, end_s=4.0, labels={"shape": "ball"}))
     tally.compare(Mark(start_s=4.0, end_s=5.0, labels={"shape": "block"}))
     assert (tally.grasps, tally.grasps_right) == (2, 2)

@@ -44,7 +44,7 @@ def write(path, notes, close=True):
     return recorder
 
 
-def test_what_was_told_is_read_back_beside_the_frames(tmp_path):
+def test_what_was_measured_is_read_back_beside_the_frames(tmp_path):
     path = tmp_path / "a.mcap"
     write(path, [note(i) for i in range(20)])
 

@@ -155,7 +155,7 @@ def test_classes_interleave_within_every_honest_session(thesis_set: list[Simulat
 
 
 @pytest.mark.parametrize("label", ["shape", "material"])
-def test_neither_length_nor_force_nor_time_tells_the_class(
+def test_neither_length_nor_force_nor_time_predicts_the_class(
     thesis_set: list[SimulatedSession], label: str
 ):
     """The classes' means differ by less than four standard errors."""

@@ -160,7 +160,7 @@ def test_mjpg_size_and_rate_are_asked_for_and_read_back():
     assert driver.streaming
 
 
-def test_without_a_rate_the_cameras_own_is_told():
+def test_without_a_rate_the_cameras_own_is_reported():
     driver = EmulatedDriver()
     driver.rate = (1001, 30000)
 

@@ -85,7 +85,7 @@ class RunningClock(ManualClock, SystemClock):
     """Is moved by hand, yet counts as a clock that runs by itself."""
 
 
-def test_the_end_of_a_grasp_is_told_while_the_next_cup_is_still_made(
+def test_the_end_of_a_grasp_is_reported_while_the_next_cup_is_still_made(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     """On a busy machine that takes longer than the pause between two cups."""
@@ -105,7 +105,7 @@ def test_the_end_of_a_grasp_is_told_while_the_next_cup_is_still_made(
             source.read(0.01)
             frames += source.frames()
             marks += source.marks()
-        told_s = clock.now_s()
+        ended_s = clock.now_s()
         waiting = len(frames)
         may_go_on.set()
         while not source.ended:
@@ -114,7 +114,7 @@ def test_the_end_of_a_grasp_is_told_while_the_next_cup_is_still_made(
             marks += source.marks()
 
     assert waiting == 2 * 60
-    assert told_s - max(frame.arrival_s for frame in frames[:waiting]) < 0.05
+    assert ended_s - max(frame.arrival_s for frame in frames[:waiting]) < 0.05
     assert (len(frames), len(marks)) == (2 * waiting, 2)
 
 

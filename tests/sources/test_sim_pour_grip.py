@@ -85,15 +85,15 @@ def drive(url: str, force_n: float | None, at_s: float = 0.5) -> Driven:
     """Return all frames and the true grip of a source that is told one force."""
     frames: list[Frame] = []
     grips: list[np.ndarray] = []
-    told = False
+    ordered = False
     with open_source(url) as source:
         assert isinstance(source, SimPour)
         while not source.ended:
             grips.append(source.read().values[:, GRIP])
             frames += source.frames()
-            if frames and force_n and not told:
-                told = frames[-1].fitted_s - frames[0].fitted_s >= at_s
-                if told:
+            if frames and force_n and not ordered:
+                ordered = frames[-1].fitted_s - frames[0].fitted_s >= at_s
+                if ordered:
                     source.grip(force_n)
     return frames, np.concatenate(grips)
 

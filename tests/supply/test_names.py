@@ -9,6 +9,16 @@ import pytest
 ROOT = Path(__file__).parents[2]
 PLACES = ("src", "tests", "examples", "supply", "website", "mutants")
 NUMERALS = {"one", "two", "three"}
+DIALECT = {
+    "tell", "tells", "told", "telling", "teller", "crew", "minds", "wish", "wishes", "strange",
+    "strangeness",
+}  # fmt: skip
+PUBLISHED = {
+    "cli/live.py": {"tell"}, "cli/live_station.py": {"tell"},
+    "evaluation/robustness/curve.py": {"told"}, "recordings/trial_log.py": {"told"},
+    "calibration/baseline.py": {"told_rms_v"},
+}  # fmt: skip
+"""Module → names that users type or that stored files hold, so that they stay."""
 
 
 def bound(text: str) -> dict[int, set[str]]:
@@ -70,3 +80,58 @@ def test_no_thing_is_called_one(place: str):
         for line in nameless(path.read_text("utf-8"))
     }
     assert not found
+
+
+def defined(text: str) -> set[str]:
+    """Return every name that a module defines: as above, functions, classes and attributes."""
+    if not re.search("|".join(DIALECT), text, re.IGNORECASE):
+        return set()
+    found = {name for names in bound(text).values() for name in names}
+    for node in ast.walk(ast.parse(text)):
+        match node:
+            case ast.FunctionDef(name=name) | ast.AsyncFunctionDef(name=name):
+                found |= set() if name.startswith("test_") else {name}  # a claim, in plain English
+            case ast.ClassDef(name=name) | ast.Attribute(attr=name, ctx=ast.Store()):
+                found.add(name)
+    return found
+
+
+def in_dialect(names: set[str]) -> set[str]:
+    """Return the names of which a part is a word that only this project used."""
+    return {
+        name
+        for name in names
+        if DIALECT & {part.lower() for part in re.findall(r"[A-Z]?[a-z]+|[A-Z]+", name)}
+    }
+
+
+@pytest.mark.parametrize("text", [
+    "told = 1", "self._told_s = 0.0", "def tell_state(): pass", "class CrewWatch: pass",
+    "_TELL_S = 1", "def f(wishes): pass", "for minds in x: pass",
+])  # fmt: skip
+def test_a_word_of_dialect_is_found_in_any_defined_name(text: str):
+    assert in_dialect(defined(text))
+
+
+@pytest.mark.parametrize("text", [
+    "place = file.tell()", "reminds = retold = 1", "study.tell(trial, state=1)",
+    "def test_two_are_told_apart(): pass",
+])  # fmt: skip
+def test_others_names_and_whole_other_words_may_stay(text: str):
+    assert not in_dialect(defined(text))
+
+
+@pytest.mark.parametrize("place", PLACES)
+def test_no_name_is_in_dialect(place: str):
+    found = {}
+    for path in sorted((ROOT / place).rglob("*.py")):
+        own = path.relative_to(ROOT / place).as_posix().removeprefix("taxel/")
+        names = defined(path.read_text("utf-8")) | {path.stem}
+        if left := in_dialect(names) - PUBLISHED.get(own, set()):
+            found[own] = left
+    assert not found
+
+
+def test_each_published_name_is_still_there():
+    for module, names in PUBLISHED.items():
+        assert names <= defined((ROOT / "src/taxel" / module).read_text("utf-8"))

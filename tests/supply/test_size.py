@@ -79,3 +79,14 @@ def test_no_function_takes_more_than_seven_parameters(size: Size):
 def test_every_public_function_is_documented_and_units_are_named(size: Size):
     assert size.undocumented == []
     assert size.units_named >= 0.9
+
+
+@pytest.mark.parametrize("place", ["src", "tests"])
+def test_no_file_is_longer_than_400_lines(place: str):
+    long = {
+        str(path): count
+        for path in sorted((SOURCE.parent / place).rglob("*.py"))
+        if (count := len(path.read_text("utf-8").splitlines())) > 400
+    }
+
+    assert not long

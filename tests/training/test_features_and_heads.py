@@ -32,10 +32,10 @@ def test_each_different_image_is_computed_once_and_never_again(
     few_pours: Path, tmp_path: Path
 ) -> None:
     pours = read_camera_recordings(few_pours)[:2]
-    backbone, told = Means(), list[Progress]()
-    first = extract(pours, backbone, tmp_path, told.append)
+    backbone, steps = Means(), list[Progress]()
+    first = extract(pours, backbone, tmp_path, steps.append)
     assert backbone.seen == sum(pour.images for pour in pours) < 2 * sum(map(len, pours))
-    assert (told[-1].recordings, told[-1].frames) == (2, backbone.seen)
+    assert (steps[-1].recordings, steps[-1].frames) == (2, backbone.seen)
     again = Means()
     second = extract(pours, again, tmp_path)
     assert again.seen == 0

@@ -170,9 +170,9 @@ def test_two_processes_killed_and_started_again_learn_as_one_does(
         done = subprocess.run(under_torchrun(few_pours, output, processes), capture_output=True,
                               text=True, timeout=600, check=False)  # fmt: skip
         assert done.returncode == 0, done.stderr[-2000:]
-        told = json.loads(done.stdout)
-        assert told["processes"] == processes
-        curves[processes] = told["losses"]
+        printed = json.loads(done.stdout)
+        assert printed["processes"] == processes
+        curves[processes] = printed["losses"]
     output = tmp_path / "killed.safetensors"
     checkpoint = tmp_path / "killed.safetensors.checkpoint"
     process = subprocess.Popen(under_torchrun(few_pours, output, 2), stdout=subprocess.DEVNULL,

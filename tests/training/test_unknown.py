@@ -133,7 +133,7 @@ def test_trials_that_may_not_be_used_are_not():
 
 
 def test_no_calibration_window_was_fitted():
-    """A session that lies elsewhere is strange to the others, and says so in the calibration."""
+    """A session that lies elsewhere is novel to the others, and says so in the calibration."""
     dataset = make()
     values = dataset.windows.values.copy()
     last = np.array([trial.groups["session"] == "s4" for trial in dataset.trials])[dataset.trial]
@@ -165,7 +165,7 @@ def test_a_joined_target_needs_more_for_its_p_is_multiplied():
 @pytest.mark.parametrize("target", ["shape", "shape+weight"])
 @pytest.mark.parametrize("trials", [8, 12, 16])
 def test_a_test_that_is_stored_can_fire(target: str, trials: int):
-    """Windows and contacts of any number that are strange beyond measure are rejected."""
+    """Windows and contacts of any number that are novel beyond measure are rejected."""
     dataset = make(sessions=5, trials=trials, windows=2)
     unknown = fit_unknown(dataset, target, scaling(dataset), rejected=0.05)
     test, far = NoveltyTest(unknown), [1e9] * len(unknown.densities)

@@ -97,12 +97,12 @@ class Browser:
         path.write_bytes(base64.b64decode(image))
 
     def _address(self, folder: Path) -> str:
-        told = folder / "DevToolsActivePort"
+        place = folder / "DevToolsActivePort"
         until_s = time.monotonic() + 30
-        while not (told.exists() and len(told.read_text().split()) == 2):
+        while not (place.exists() and len(place.read_text().split()) == 2):
             assert time.monotonic() < until_s, "chromium did not start"
             time.sleep(0.05)
-        port = told.read_text().split()[0]
+        port = place.read_text().split()[0]
         while True:
             with urlopen(f"http://127.0.0.1:{port}/json/list") as answer:
                 pages = [page for page in json.load(answer) if page["type"] == "page"]

@@ -4,7 +4,16 @@ import numpy as np
 import pytest
 
 from taxel.errors import BadSource
-from taxel.views.gel_figure import gel_figure
+from taxel.gel.markers import MarkerTracker, Rgb
+from taxel.views.gel_figure import Kind, gels_figure
+from taxel.views.gel_moment import touch_of
+
+
+def gel_figure(
+    rgb: Rgb, reference: Rgb, title: str, mm_per_px: float | None = None, kind: Kind = "png"
+) -> bytes:
+    flow = MarkerTracker(reference).track(rgb)
+    return gels_figure({"left": touch_of(rgb, reference, flow, mm_per_px)}, title, kind)
 
 
 @pytest.mark.parametrize("level", [0, 120])

@@ -1,4 +1,4 @@
-"""A moment is told against the settled frames, with every frame between looked at."""
+"""A moment is measured against the settled frames, with every frame between looked at."""
 
 from collections.abc import Iterator
 from pathlib import Path
@@ -11,8 +11,8 @@ from taxel.frame_codec import encode_jpeg
 from taxel.gel.markers import MarkerFlow, MarkerTracker
 from taxel.recordings.reader import read_manifest
 from taxel.signals import CameraInfo, Frame
-from taxel.views.gel_figure import gel_figure, gels_figure
-from taxel.views.gel_moment import Moment, look
+from taxel.views.gel_figure import gels_figure
+from taxel.views.gel_moment import Moment, look, touch_of
 from taxel.windows.camera_recordings import frame_sets
 from taxel.windows.pairs import FrameSet
 
@@ -78,7 +78,7 @@ def test_a_video_without_settled_frames_is_refused() -> None:
         look(moving(20, 0.0), [CAMERA], Moment(frame=1))
 
 
-def test_a_pour_is_told_in_words_and_drawn(pour: Path) -> None:
+def test_a_pour_is_described_in_words_and_drawn(pour: Path) -> None:
     cameras = read_manifest(pour).cameras
     seen = look(frame_sets(pour, 2), cameras, Moment(at_s=1.5))
 
@@ -97,5 +97,7 @@ def test_a_flow_that_was_followed_is_drawn_as_it_is() -> None:
     none = MarkerFlow(np.zeros((0, 2), np.float32), np.zeros((0, 2), np.float32), np.zeros(0, bool))
 
     followed = MarkerTracker(image).track(image)
-    assert gel_figure(image, image, "dots", flow=followed) == gel_figure(image, image, "dots")
-    assert gel_figure(image, image, "dots", flow=none) != gel_figure(image, image, "dots")
+    drawn, bare = (
+        gels_figure({"left": touch_of(image, image, flow)}, "dots") for flow in (followed, none)
+    )
+    assert drawn != bare

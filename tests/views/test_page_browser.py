@@ -173,13 +173,13 @@ def test_the_gripper_s_only_control_is_to_disarm_by_button_or_key(browser, opene
 
 
 def test_the_sound_button_says_that_it_waits_then_sounds_then_is_muted(browser, opened):
-    told = "document.getElementById('sound').textContent"
-    assert str(browser.ask(told)).startswith("Click to enable sound")
+    text = "document.getElementById('sound').textContent"
+    assert str(browser.ask(text)).startswith("Click to enable sound")
     browser.key("x", "x")
-    browser.until(f"{told}.startsWith('Sound on')")
+    browser.until(f"{text}.startsWith('Sound on')")
     time.sleep(0.75)  # the press that enables sound does not mute it
     browser.key("m", "m")
-    browser.until(f"{told}.startsWith('MUTED')")
+    browser.until(f"{text}.startsWith('MUTED')")
 
 
 def test_the_word_fits_its_field_at_every_size(browser, opened, station):

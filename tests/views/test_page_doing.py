@@ -18,7 +18,7 @@ LEAST_MM = 11.6
 """20 minutes of arc at two metres, which ISO 9241-303 recommends."""
 
 
-class Told(SimStation):
+class Advising(SimStation):
     """A station that says what to do, and hears what was done."""
 
     def __init__(self) -> None:
@@ -45,7 +45,7 @@ def browser(tmp_path_factory):
 
 @pytest.fixture
 def station():
-    made = Told()
+    made = Advising()
     yield made
     made.close()
 
@@ -143,7 +143,7 @@ def test_a_voice_of_the_network_is_never_used(browser, opened, station):
 
 def test_the_next_trial_of_a_plan_is_shown_and_a_person_says_ready(browser):
     board = PlanLink(60, asks=True)
-    board.tell("GET READY", waits=True, number=7, words="cup 02, position middle", done=6)
+    board.show("GET READY", waits=True, number=7, words="cup 02, position middle", done=6)
     with serve_page(board) as server:
         browser.open(server.url)
         browser.until(f"{WORD} === 'TRIAL 7 OF 60' && {DO} === 'GET READY'")
@@ -157,7 +157,7 @@ def test_the_next_trial_of_a_plan_is_shown_and_a_person_says_ready(browser):
             assert time.monotonic() < until_s
             time.sleep(0.02)
         assert step == "ready"
-        board.tell("POUR NOW", "settled: pour now")
+        board.show("POUR NOW", "settled: pour now")
         browser.until(f"{DO} === 'POUR NOW'")
         assert browser.ask("document.getElementById('plansteps').hidden")
         browser.open("about:blank")

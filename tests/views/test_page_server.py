@@ -148,7 +148,7 @@ def test_a_wrong_key_gets_no_cookie(server, token):
 
 
 @pytest.mark.parametrize("cookie", [None, "taxel_page=1", "broken=;;=,", "{name}=x", "{name}="])
-def test_nothing_of_the_station_is_told_without_the_cookie(server, cookie):
+def test_nothing_of_the_station_is_shown_without_the_cookie(server, cookie):
     port = int(server.origin.rpartition(":")[2])
     headers = {} if cookie is None else {"Cookie": cookie.format(name=cookie_name(port))}
 
@@ -215,7 +215,7 @@ def test_each_push_asks_for_the_traces_since_the_last_one_of_that_page(server, s
     assert second["traces"]["since_s"] == first["traces"]["time_s"]
 
 
-def test_a_person_s_word_and_wish_reach_the_station_and_its_refusal_comes_back(server, station):
+def test_a_person_s_word_and_request_reach_the_station_and_its_refusal_comes_back(server, station):
     with page(server) as socket:
         socket.send('{"do":"acknowledge"}')
         assert answer(socket) == {"done": "acknowledge", "reason": ""}
@@ -227,17 +227,17 @@ def test_a_person_s_word_and_wish_reach_the_station_and_its_refusal_comes_back(s
     assert station.said[-2:] == ["acknowledge", (True, {"object": "cup 3"})]
 
 
-def test_a_station_that_fails_is_told_on_the_page_and_comes_back(server, station):
+def test_a_station_that_fails_is_reported_on_the_page_and_comes_back(server, station):
     with page(server) as socket:
         push(socket)
         station.fails = "the shared memory is gone"
-        while "failed" not in (told := push(socket)):
+        while "failed" not in (pushed := push(socket)):
             pass
         station.fails = ""
         while "snapshot" not in push(socket):
             pass
 
-    assert told["failed"] == "RuntimeError: the shared memory is gone"
+    assert pushed["failed"] == "RuntimeError: the shared memory is gone"
 
 
 @settings(max_examples=40, deadline=None,
@@ -300,7 +300,7 @@ def test_what_a_slow_page_gets_is_the_newest_not_the_next(server, station):
     assert newest > first + 1000
 
 
-def test_the_ninth_page_is_told_that_eight_are_open():
+def test_the_ninth_page_learns_that_eight_are_open():
     station = Station()
     with serve_page(station) as server:
         pages = [page(server) for _ in range(8)]

@@ -80,9 +80,9 @@ def make_run(
     )
     trial = np.repeat(np.arange(len(trials)), 5)
     y = np.array([t % 6 % 3 for t in trial])
-    told = np.where(rng.random(len(y)) < accuracy, y, (y + 1) % 3)
+    predicted = np.where(rng.random(len(y)) < accuracy, y, (y + 1) % 3)
     probabilities = np.full((len(y), 3), 0.1)
-    probabilities[np.arange(len(y)), told] = 0.8
+    probabilities[np.arange(len(y)), predicted] = 0.8
     tested = np.zeros((sessions, len(trials)), int)
     fold = trial // 6 if not leaky else np.arange(len(y)) % sessions
     np.add.at(tested, (fold, trial), 1)

@@ -59,7 +59,7 @@ def test_a_sweep_of_another_kind_is_refused_by_name(rows: Any):
         read_sweep(rows, "x.json")
 
 
-def test_a_sweep_shows_what_is_told_unchanged_and_where_nothing_is_answered():
+def test_a_sweep_shows_what_is_unchanged_and_where_nothing_is_answered():
     rows = [
         {**SWEEP[0], "fault": "none", "level": 0.0, "accuracy": 0.85, "low": None, "high": None},
         *SWEEP,
@@ -74,7 +74,7 @@ def test_a_sweep_shows_what_is_told_unchanged_and_where_nothing_is_answered():
     assert "nan" not in said
 
 
-def test_a_level_that_leaves_other_windows_is_drawn_beside_what_those_told_without_it():
+def test_a_level_that_leaves_other_windows_is_drawn_beside_what_those_gave_without_it():
     clean = {**SWEEP[0], "fault": "none", "level": 0.0, "accuracy": 0.85}
     fewer = [{**SWEEP[0], "fault": "skew", "level": float(level), "base": 0.95} for level in (1, 2)]
     flat, raised = (

@@ -45,9 +45,9 @@ def test_the_table_says_level_interval_change_and_where_five_points_are_gone():
     assert "…" not in text.replace("0…1", "")  # nothing is cut off
 
 
-def test_the_table_says_how_many_draws_are_pooled_and_where_little_is_told():
-    dead = [replace(BASE, fault="dead", unit="channels", level=level, draws=4, told=told)
-            for level, told in ((1.0, 0.9), (2.0, 0.3), (3.0, 0.2))]  # fmt: skip
+def test_the_table_says_how_many_draws_are_pooled_and_where_little_is_answered():
+    dead = [replace(BASE, fault="dead", unit="channels", level=level, draws=4, told=share)
+            for level, share in ((1.0, 0.9), (2.0, 0.3), (3.0, 0.2))]  # fmt: skip
     text = printed([BASE, *dead])
 
     assert "4 draws" in text

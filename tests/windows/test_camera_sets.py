@@ -103,7 +103,7 @@ def table(folder: Path, *lines: str) -> Path:
     return path
 
 
-def test_what_holds_camera_trials_is_told_by_its_first_file(tmp_path: Path):
+def test_what_holds_camera_trials_is_known_by_its_first_file(tmp_path: Path):
     (tmp_path / "cups").mkdir()
     (tmp_path / "arrays").mkdir()
     (tmp_path / "empty").mkdir()

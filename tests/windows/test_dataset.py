@@ -192,7 +192,7 @@ def test_cutting_again_keeps_the_trials_and_their_windows_owners(tmp_path: Path)
         assert last / 100 <= trial.end_s + 1e-6
 
 
-def test_two_labels_joined_are_one_to_tell(tmp_path: Path):
+def test_two_labels_joined_are_one_to_predict(tmp_path: Path):
     marks = [
         Mark(start_s=start / 100, end_s=(start + 59) / 100, labels={"shape": s, "material": m})
         for start, s, m in [(0, "sphere", "glass"), (60, "sphere", "plastic")]

@@ -44,7 +44,7 @@ def test_a_channel_that_rests_higher_opens_a_fixed_gate_and_not_one_that_follows
     assert not after.any()
 
 
-def test_every_move_is_told_with_its_channel_and_its_cause():
+def test_every_move_is_reported_with_its_channel_and_its_cause():
     _, moves = in_calls(FOLLOWS, samples(resting(30.0, 0.4)), 100)
     assert [move.channel for move in moves] == ["two"]
     assert moves[0].before == 1.0
@@ -52,7 +52,7 @@ def test_every_move_is_told_with_its_channel_and_its_cause():
     assert "two moved from 1 to 1.4: it rests at 0.4" in moves[0].words()
 
 
-def test_a_quiet_channel_at_zero_keeps_the_stated_gate_and_nothing_is_told():
+def test_a_quiet_channel_at_zero_keeps_the_stated_gate_and_nothing_is_reported():
     given = samples(resting(60.0, 0.0))
     assert in_calls(FOLLOWS, given, 50)[1] == []
 
@@ -82,9 +82,9 @@ def test_windows_and_moves_do_not_depend_on_how_the_stream_is_cut():
     given = samples(values)
     whole, moves = in_calls(FOLLOWS, given, len(given))
     for size in (1, 7, 133):
-        cut, told = in_calls(FOLLOWS, given, size)
+        cut, found = in_calls(FOLLOWS, given, size)
         np.testing.assert_array_equal(cut.start_s, whole.start_s)
-        assert told == moves
+        assert found == moves
 
 
 def test_rehearsing_moves_no_gate():

@@ -75,13 +75,13 @@ def test_a_silent_channel_stays_as_it_is(sessions: Path):
     assert not dataset.windows.values[:, :, 2].any()
 
 
-def test_a_session_with_too_few_touches_is_told(sessions: Path):
+def test_a_session_with_too_few_touches_is_reported(sessions: Path):
     with pytest.raises(BadDataset, match=r"needed 4 touches of object=block .* got 3 in a"):
         load_dataset(sessions, replace(WINDOW, reference="object=block:4"))
 
 
 @pytest.mark.parametrize("text", ["object", "object=block", "=block:3", "object=block:0", "a=b:c"])
-def test_a_reference_that_names_no_touches_is_told(text: str):
+def test_a_reference_that_names_no_touches_is_reported(text: str):
     with pytest.raises(BadInput, match="KEY=VALUE:COUNT"):
         parse_reference(text)
 

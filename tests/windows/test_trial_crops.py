@@ -69,7 +69,7 @@ def test_a_still_is_a_small_grey_image_edges_and_colours_by_place():
 
 
 @pytest.mark.parametrize(("upright", "sector"), [(True, 0), (False, 2)])
-def test_an_edge_is_told_by_its_direction_and_its_place(upright: bool, sector: int):
+def test_an_edge_is_described_by_its_direction_and_its_place(upright: bool, sector: int):
     """A step across the middle of the last place of the first row: its gradient points right, or
     down, a quarter of the way round."""
     grey = np.zeros((120, 160), np.uint8)
@@ -129,7 +129,7 @@ def test_the_95th_percentile_is_the_level_that_95_of_100_do_not_pass():
     assert trial_crops._p95(np.zeros((4, 4))) == 0.0
 
 
-def test_flow_is_told_as_shift_turn_growth_and_spread():
+def test_flow_is_described_as_shift_turn_growth_and_spread():
     """u = 3 + 0.02 x − 0.05 y, v = 4 + 0.07 x + 0.03 y: turn 0.07 + 0.05, growth 0.02 + 0.03."""
     y, x = np.mgrid[-2:3, -3:4].astype(float)
     moved = np.stack([3 + 0.02 * x - 0.05 * y, 4 + 0.07 * x + 0.03 * y], axis=2)
@@ -226,6 +226,6 @@ def test_a_family_is_looked_at_camera_by_camera():
     assert shown[0, :, 0].tolist() == [50.0, 100.0]
 
 
-def test_a_pixel_is_told_for_a_row_of_320():
+def test_a_pixel_is_scaled_for_a_row_of_320():
     assert mm_per_px(640, 0.05) == pytest.approx(0.1)
     assert mm_per_px(640, None) == USUAL_MM_PER_PX

@@ -6,7 +6,7 @@ The loop of a tick:
     for each word of the decision maker: interlock.beat, interlock.decision with its own time
     hear_all(interlock, actuators, now_s)
     order = interlock.tick(now_s)
-    for actuator in actuators: actuator.tell(decision, order, now_s)
+    for actuator in actuators: actuator.apply(decision, order, now_s)
 
 Nothing here waits or decides. Knows nothing about addresses, pages or models.
 """
@@ -54,14 +54,14 @@ class Actuator(Protocol):
         ...
 
     def hear(self, interlock: Interlock, now_s: float) -> Health:
-        """Tell the interlock of currents, where there are any; return how the actuator is."""
+        """Report currents, where there are any, to the interlock; return the actuator's health."""
         ...
 
-    def tell(self, decision: StabilityDecision, order: Order, now_s: float) -> None:
+    def apply(self, decision: StabilityDecision, order: Order, now_s: float) -> None:
         """Hand on what is decided and ordered now."""
         ...
 
-    def told(self) -> dict[str, Any]:
+    def snapshot(self) -> dict[str, Any]:
         """Return what a person wants to see, as JSON values: `motion`, `force_n` if any."""
         ...
 
@@ -89,7 +89,7 @@ class TakesAnswers(Protocol):
 
 
 def hear_all(interlock: Interlock, actuators: Sequence[Actuator], now_s: float) -> dict[str, str]:
-    """Tell the interlock how all actuators are, the worst and the oldest counting.
+    """Report the actuators' health to the interlock, the worst and the oldest counting.
 
     Where something of a known force is driven, that alone says where raises begin: what another
     robot says of its own grip must not make a step of this one's.
@@ -116,7 +116,7 @@ def hear_all(interlock: Interlock, actuators: Sequence[Actuator], now_s: float) 
 class GripperActuator:
     """A gripper: raises, holds, stops.
 
-    The interlock is told the force that is set, so that a raise begins there: down only where
+    The interlock receives the force that is set, so that a raise begins there: down only where
     `Interlock.release` allows it, up always.
     """
 
@@ -135,13 +135,13 @@ class GripperActuator:
             interlock.release(self._range.newtons(status.force_pct))
         return Health(status.fault or ("" if status.ok else "not initialised"), status.read_s)
 
-    def tell(self, decision: StabilityDecision, order: Order, now_s: float) -> None:
+    def apply(self, decision: StabilityDecision, order: Order, now_s: float) -> None:
         obey(self.gripper, order, self._range, now_s)
 
     def close(self) -> None:
         self.gripper.close()
 
-    def told(self) -> dict[str, Any]:
+    def snapshot(self) -> dict[str, Any]:
         status = self.gripper.status()
         pct = status.force_pct
         force_n = self._range.newtons(pct) if math.isfinite(pct) else None
@@ -178,7 +178,7 @@ class HandActuator:
         status = self.hand.status()
         return Health(status.fault, status.heard_s)
 
-    def tell(self, decision: StabilityDecision, order: Order, now_s: float) -> None:
+    def apply(self, decision: StabilityDecision, order: Order, now_s: float) -> None:
         # HOLD sends nothing: its motors hold without current, and a grip runs out by itself.
         if not order.valid(now_s):
             return
@@ -190,7 +190,7 @@ class HandActuator:
     def close(self) -> None:
         self.hand.close()
 
-    def told(self) -> dict[str, Any]:
+    def snapshot(self) -> dict[str, Any]:
         status = self.hand.status()
         state = "unknown" if status.state is None else status.state.name.lower()
         return {"motion": status.fault or state, "currents_ma": list(status.currents_ma)}
@@ -221,7 +221,7 @@ class ArmActuator:
         status = self.arm.status()
         return Health(status.fault or ("" if status.ok else "not ready"), status.read_s)
 
-    def tell(self, decision: StabilityDecision, order: Order, now_s: float) -> None:
+    def apply(self, decision: StabilityDecision, order: Order, now_s: float) -> None:
         if not order.valid(now_s):
             return
         if order.kind is OrderKind.STOP:
@@ -250,7 +250,7 @@ class ArmActuator:
     def close(self) -> None:
         self.arm.close()
 
-    def told(self) -> dict[str, Any]:
+    def snapshot(self) -> dict[str, Any]:
         status = self.arm.status()
         height_mm = status.height_mm if math.isfinite(status.height_mm) else None
         words = status.fault or ("moving" if status.moving else "still")
@@ -287,11 +287,11 @@ class OutputActuator:
     def recognised(self, answer: Mapping[str, Any]) -> None:
         self.output.recognised(answer)
 
-    def tell(self, decision: StabilityDecision, order: Order, now_s: float) -> None:
-        self.output.tell(decision, order, now_s)
+    def apply(self, decision: StabilityDecision, order: Order, now_s: float) -> None:
+        self.output.send(decision, order, now_s)
 
     def close(self) -> None:
         self.output.close()
 
-    def told(self) -> dict[str, Any]:
-        return {"motion": f"{self.output.sent} told, {self.output.lost} lost"}
+    def snapshot(self) -> dict[str, Any]:
+        return {"motion": f"{self.output.sent} sent, {self.output.lost} lost"}

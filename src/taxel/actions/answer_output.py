@@ -32,7 +32,7 @@ SCHEMA = "taxel-answer-1"
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Recognised:
-    """What is told of a window; fields as above."""
+    """What is sent of a window; fields as above."""
 
     sequence: int
     time_s: float
@@ -52,7 +52,7 @@ class Recognised:
 
 
 def recognised_of(answer: Mapping[str, Any], sequence: int, now_s: float) -> Recognised:
-    """Return what to tell; a number that is not finite becomes None.
+    """Return what to send; a number that is not finite becomes None.
 
     Args:
         answer: A recogniser's note, with its action.

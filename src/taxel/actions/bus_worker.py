@@ -153,7 +153,7 @@ class BusWorker:
                 while self._turn():
                     pass
                 break
-            except Exception as error:  # a dead thread would be silence: every error is told
+            except Exception as error:  # a dead thread would be silence: every error is reported
                 self._fault = (f"{error}".strip() or repr(error)).splitlines()[0]
                 self._device.shut()
                 opened = False

@@ -1,6 +1,6 @@
 """One grasp of the TENG hand: open, approach, close until contact, hold, release, pause.
 
-A state machine that is told the time and what the board says, and answers with what the fingers
+A state machine that takes the time and what the board says, and answers with what the fingers
 are to do now. The board itself stops a motor at the contact current (protocol/SPEC.md); here is
 found out which fingers it stopped, since a hand that closed on nothing is no grasp. While it
 holds, the fingers press again and again: a TENG pad senses touch only while it changes.

@@ -196,10 +196,10 @@ def obey(gripper: Gripper, order: Order, force: ForceRange, now_s: float) -> Non
 
 
 def hear(interlock: Interlock, gripper: Gripper, now_s: float) -> GripperStatus:
-    """Tell the interlock how a gripper that acts alone is; return the gripper's status.
+    """Report a gripper that acts alone to the interlock; return the gripper's status.
 
     Args:
-        interlock: Is told whether the gripper is well, as of when that was read.
+        interlock: Receives whether the gripper is well, as of when that was read.
         gripper: A connected gripper. With other actuators beside it use `actuators.hear_all`.
         now_s: This moment, monotonic seconds.
     """

@@ -111,5 +111,5 @@ class HandDriver:
         lock.decision(Stability.STABLE.name, now_s)
         hear_all(lock, [self.actuator], now_s)
         decision = StabilityDecision(Stability.STABLE, "", now_s, 0.0)
-        self.actuator.tell(decision, lock.tick(now_s), now_s)
+        self.actuator.apply(decision, lock.tick(now_s), now_s)
         return lock.armed

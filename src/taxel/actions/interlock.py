@@ -306,7 +306,7 @@ class Interlock:
         """Look whether ticks stood still; stop where they did while armed.
 
         `tick` does so itself. Call it first where others are heard before the tick, so that
-        the stall and not what it did to them is told as the cause.
+        the stall and not what it did to them is reported as the cause.
 
         Args:
             now_s: This moment, monotonic seconds.

@@ -113,18 +113,18 @@ class JakaArm:
         self._worker.put(Command("stop"))
 
     def status(self) -> ArmStatus:
-        told, fault = self._line.status, self._worker.fault or self._line.refused
-        age_s = self._clock.now_s() - told.read_s
+        read, fault = self._line.status, self._worker.fault or self._line.refused
+        age_s = self._clock.now_s() - read.read_s
         if not fault and not age_s <= self._config.stale_s:
             fault = f"no answer from the arm for {age_s:.1f} s"
-        if not fault and not told.ready:
+        if not fault and not read.ready:
             fault = "not enabled: power it on and enable it on the arm's own panel"
         return ArmStatus(
-            ready=told.ready,
-            moving=told.moving,
-            height_mm=told.height_mm,
+            ready=read.ready,
+            moving=read.moving,
+            height_mm=read.height_mm,
             fault=fault,
-            read_s=told.read_s,
+            read_s=read.read_s,
         )
 
     @property

@@ -111,7 +111,7 @@ def read_word(answer: object) -> Word | None:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Action:
-    """What is told to another robot; fields as above."""
+    """What is sent to another robot; fields as above."""
 
     sequence: int
     time_s: float
@@ -140,7 +140,7 @@ def action_of(
     grasp: int = 1,
     least_n: float = -math.inf,
 ) -> Action:
-    """Return what to tell; a value that is not finite becomes None.
+    """Return what to send; a value that is not finite becomes None.
 
     Args:
         decision: The newest.
@@ -148,7 +148,7 @@ def action_of(
         sequence: Number of the datagram.
         now_s: The moment of sending, monotonic seconds.
         grasp: Which grasp this is, from 1.
-        least_n: The force that was told before, newtons: no less is told now.
+        least_n: The force that was sent before, newtons: no less is sent now.
     """
     lasts_s = None if order.kind is OrderKind.STOP else max(0.0, order.expires_s - now_s)
     return Action(
@@ -172,39 +172,39 @@ def _word(state: Stability) -> str:
     return (Stability.UNKNOWN if state is Stability.NO_GRASP else state).name
 
 
-class _Teller:
-    """What both outputs tell: the grasp's number, and a force that never falls by itself."""
+class _Output:
+    """What both outputs send: the grasp's number, and a force that never falls by itself."""
 
     def __init__(self, clock: Clock | None) -> None:
         self._clock = clock or SystemClock()
         self._grasp = 1
-        self._told_n = -math.inf
+        self._sent_n = -math.inf
 
     def new_grasp(self) -> None:
-        """Say from now on that another grasp has begun; the force told stays."""
+        """Say from now on that another grasp has begun; the force sent stays."""
         self._grasp += 1
 
     def grips_with(self, force_n: float) -> None:
         """Begin again at the force that the robot says it grips with, newtons."""
-        self._told_n = force_n
+        self._sent_n = force_n
 
     def _action(
         self, decision: StabilityDecision, order: Order, sequence: int, now_s: float
     ) -> Action | None:
-        """Return what to tell at this very moment; None where the order has expired.
+        """Return what to send at this very moment; None where the order has expired.
 
         The tick's own time may be long ago: this process may have stood still since.
         """
         now_s = max(now_s, self._clock.now_s())
         if order.kind is not OrderKind.NONE and not order.valid(now_s):
             return None
-        action = action_of(decision, order, sequence, now_s, self._grasp, self._told_n)
+        action = action_of(decision, order, sequence, now_s, self._grasp, self._sent_n)
         if action.force_n is not None:
-            self._told_n = action.force_n
+            self._sent_n = action.force_n
         return action
 
 
-class UdpOutput(_Teller):
+class UdpOutput(_Output):
     """Send each action as a datagram; use it in a `with` block.
 
     Args:
@@ -250,7 +250,7 @@ class UdpOutput(_Teller):
         self.refused = 0
         """Answers that said nothing known, or came from elsewhere."""
 
-    def tell(self, decision: StabilityDecision, order: Order, now_s: float) -> None:
+    def send(self, decision: StabilityDecision, order: Order, now_s: float) -> None:
         """Send what is decided and ordered now; never waits, never raises for the network."""
         action = self._action(decision, order, self.sent + self.dropped + 1, now_s)
         if action is None:
@@ -301,7 +301,7 @@ class UdpOutput(_Teller):
         self.close()
 
 
-class CallbackOutput(_Teller):
+class CallbackOutput(_Output):
     """Call a function with each action and each answer, in the tick's own thread: it must be quick.
 
     What it returns may be an answer as above, or just "disarm". An exception of it is counted
@@ -325,7 +325,7 @@ class CallbackOutput(_Teller):
         self.last_error = ""
         """The newest exception, in words."""
 
-    def tell(self, decision: StabilityDecision, order: Order, now_s: float) -> None:
+    def send(self, decision: StabilityDecision, order: Order, now_s: float) -> None:
         """Call the function with what is decided and ordered now."""
         action = self._action(decision, order, self.sent + self.failed + 1, now_s)
         try:

@@ -24,8 +24,8 @@ _BLANK_S = 0.08
 """A motor's start-up peak, in which its current means no contact, seconds."""
 _READINGS = 2
 """Readings in a row, a millisecond apart, that are a contact."""
-_TELL_S = 0.01
-"""Between two readings that are told, seconds."""
+_REPORT_S = 0.01
+"""Between two readings that are reported, seconds."""
 _MOST_BEHIND_S = 2.0
 """How much the fingers catch up at once, seconds: longer ago nobody watched. Our choice."""
 
@@ -51,7 +51,7 @@ class SimHand:
         self._clock = clock
         self._state = State.IDLE
         self._at_s = clock.now_s()
-        self._told_s = -math.inf
+        self._reported_s = -math.inf
         self._owner_s = -math.inf
         self._grip: _Grip | None = None
         self._on_s = np.zeros(FINGERS)
@@ -124,7 +124,7 @@ class SimHand:
             self.on_charge(self.plant.step())
             newly = self.plant.touching & ~before
             self._touched_s[newly] = self._at_s
-            self._tell()
+            self._report()
 
     def _control(self) -> None:
         """What the board does each millisecond."""
@@ -162,8 +162,8 @@ class SimHand:
         self._grip = None
         self.plant.turn(np.zeros(FINGERS, np.int8))
 
-    def _tell(self) -> None:
-        if self._at_s - self._told_s >= _TELL_S - 1e-9:
-            self._told_s = self._at_s
+    def _report(self) -> None:
+        if self._at_s - self._reported_s >= _REPORT_S - 1e-9:
+            self._reported_s = self._at_s
             self._newest = tuple(round(float(ma)) for ma in self.plant.currents_ma)
             self._currents.append((self._at_s, self._newest))

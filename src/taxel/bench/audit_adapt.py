@@ -82,7 +82,7 @@ def new_class_rows() -> list[Row]:
 
 
 def unknown_object_rows() -> list[Row]:
-    """Measure how well a prism and rubber are told after a few grasps of them."""
+    """Measure how well a prism and rubber are recognised after a few grasps of them."""
     rows = []
     with tempfile.TemporaryDirectory(prefix="taxel-") as scratch:
         path = Path(scratch) / "set"

@@ -51,7 +51,7 @@ def gap_rows() -> list[Row]:
 
 
 def baseline_rows() -> list[Row]:
-    """Measure what is told without a network on the same sets, as measured and with touches."""
+    """Predict without a network on the same sets, as measured and with touches."""
     ladder = (("as measured", TENG_WINDOW), (OURS, with_touches(3)))
     rows = []
     with tempfile.TemporaryDirectory(prefix="taxel-") as scratch:

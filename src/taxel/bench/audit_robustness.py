@@ -52,7 +52,7 @@ from taxel.windows.camera_recordings import read_camera_recordings
 
 TARGETS = ("shape", "material", "shape+material")
 TWO = "shape+material by two recognisers"
-"""Both labels, each told by a recogniser of its own (docs/decisions/0029)."""
+"""Both labels, each predicted by a recogniser of its own (docs/decisions/0029)."""
 SCANS = 160_000
 """Scans a class to train on. Source: TENG thesis, section 3.5.1."""
 TRAIN_SEED = 1
@@ -123,15 +123,15 @@ def camera_rows() -> list[Row]:
     return rows
 
 
-_Told = dict[tuple[str, float], SessionAnswers]
+_Swept = dict[tuple[str, float], SessionAnswers]
 
 
-def _at_conditions(robust: bool) -> dict[str, _Told]:
+def _at_conditions(robust: bool) -> dict[str, _Swept]:
     """Return target → (condition, level) → answers; runs in a process of its own."""
     models = _train(TARGETS, robust)
     models[TWO] = _side_by_side(models["shape"], models["material"], models["shape+material"])
     places = [(CLEAN, 0.0), *((name, at) for name in WEATHER for at in LEVELS[name][1])]
-    found: dict[str, _Told] = {target: {} for target in models}
+    found: dict[str, _Swept] = {target: {} for target in models}
     for name, level in places:
         sessions = simulate_at(dict(BASE) if name == CLEAN else settings_at(name, level), TESTED)
         for target, model in models.items():
@@ -174,22 +174,22 @@ def _side_by_side(shape: Model, material: Model, both: Model) -> Model:
     return Model(both.contract, probabilities)
 
 
-def _base_row(what: str, plain: _Told, robust: _Told, grasps: bool) -> Row:
-    before, after = (point_of(told[CLEAN, 0.0], CLEAN, 0.0, "") for told in (plain, robust))
+def _base_row(what: str, plain: _Swept, robust: _Swept, grasps: bool) -> Row:
+    before, after = (point_of(answers[CLEAN, 0.0], CLEAN, 0.0, "") for answers in (plain, robust))
     value = after.grasps if grasps else after.accuracy
     y, trial = robust[CLEAN, 0.0].y, robust[CLEAN, 0.0].trial
     truth = y[np.unique(trial, return_index=True)[1]] if grasps else y
     majority = np.bincount(truth).max() / len(truth)
     note = (
         f"majority {majority:.3f}; "
-        f"{PLAIN}: {before.grasps if grasps else before.accuracy:.3f}; grasps told of "
+        f"{PLAIN}: {before.grasps if grasps else before.accuracy:.3f}; grasps answered "
         f"{after.told:.3f} against {before.told:.3f}; thesis, section 4.4: above {LEAST:g}"
     )
     return _plain_row(f"sim, new sessions, {what}, {ROBUST}: 23 °C, clean and still", value,
                       "accuracy", note)  # fmt: skip
 
 
-def _condition_row(what: str, condition: str, plain: _Told, robust: _Told, grasps: bool) -> Row:
+def _condition_row(what: str, condition: str, plain: _Swept, robust: _Swept, grasps: bool) -> Row:
     unit, levels = LEVELS[condition]
     each = {level: loss_between(robust[CLEAN, 0.0], robust[condition, level], grasps=grasps)
             for level in levels}  # fmt: skip

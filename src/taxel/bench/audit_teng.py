@@ -64,7 +64,7 @@ thesis's gate. Our choice, docs/decisions/0047."""
 
 
 def across_rows() -> list[Row]:
-    """Learn material on cylinders alone; tell it of the other shapes, each session held out."""
+    """Learn material on cylinders alone; predict it of the other shapes, each session held out."""
     rows = []
     for name, window in (("cnn2d", TENG_WINDOW), (f"cnn2d, {RECIPE}", find_recipe(RECIPE).window)):
         dataset = _honest({}, window, "material")
@@ -92,15 +92,15 @@ def grasp_rows() -> list[Row]:
             for target in ("shape", "material")
         }
     places = [(name, level) for name in GRASPS for level in LEVELS[name][1]]
-    told: dict[str, dict[tuple[str, float], SessionAnswers]] = {target: {} for target in models}
+    answers: dict[str, dict[tuple[str, float], SessionAnswers]] = {target: {} for target in models}
     for name, level in [(CLEAN, 0.0), *places]:
         settings = dict(BASE) if name == CLEAN else settings_at(name, level)
         sessions = simulate_at(settings, NEW)
         for target, model in models.items():
-            told[target][name, level] = judge(model, sessions)
+            answers[target][name, level] = judge(model, sessions)
     return [
         _cost(target, name, own)
-        for target, own in told.items()
+        for target, own in answers.items()
         for name in GRASPS
     ]  # fmt: skip
 
@@ -195,10 +195,10 @@ def _scored(
                goal="", ok=None, note=note)  # fmt: skip
 
 
-def _cost(target: str, name: str, told: Mapping[tuple[str, float], SessionAnswers]) -> Row:
+def _cost(target: str, name: str, answers: Mapping[tuple[str, float], SessionAnswers]) -> Row:
     unit, levels = LEVELS[name]
-    base = told[CLEAN, 0.0]
-    each = {level: loss_between(base, told[name, level], grasps=False) for level in levels}
+    base = answers[CLEAN, 0.0]
+    each = {level: loss_between(base, answers[name, level], grasps=False) for level in levels}
     worst = max(each, key=lambda level: each[level].points)
     majority = np.bincount(base.y).max() / len(base.y)
     note = (

@@ -39,7 +39,7 @@ GLOVE_MODEL = "extra-trees"
 
 
 def unknown_rows(data: Path | None) -> list[Row]:
-    """Measure how well unknown objects are told: about half an hour on two cores.
+    """Measure how well unknown objects are recognised as such: about half an hour on two cores.
 
     Args:
         data: Folder that holds teng-glove, if there is one.

@@ -20,7 +20,6 @@ import time
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from types import TracebackType
 from typing import Self
 
 import numpy as np
@@ -215,14 +214,14 @@ class EmulatedBoards:
 
     def run(self, seconds: float) -> None:
         """Let virtual time pass, seconds; events are gathered."""
-        self.tell(f"run {round(seconds * 1e6)}")
+        self.command(f"run {round(seconds * 1e6)}")
         while not (line := self._line()).startswith("done"):
             self._take(line)
         numbers = [int(word) for word in line.split()[1:]]
         self.now_s = numbers[0] * 1e-6
         self.sent, self.waiting = numbers[1::2], numbers[2::2]
 
-    def tell(self, line: str) -> None:
+    def command(self, line: str) -> None:
         """Give the emulator an order, such as "contact 0 2 1"; firmware/emulator/main.c lists them.
 
         Its events come with the next `run`.
@@ -296,12 +295,7 @@ class EmulatedBoards:
     def __enter__(self) -> Self:
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self.close()
 
     def close(self) -> None:

@@ -96,7 +96,7 @@ def _sketch_rows(chip: OnChip, recordings: Path, place: Path) -> list[Row]:
     slowest = max((answer.took_us for answer in found.sent), default=0) / 1000
     given = sum(answer.best is not None for answer in found.sent)
     note = (
-        f"{len(found.sent)} windows told, {given} with a class; slowest network {slowest:.1f} ms "
+        f"{len(found.sent)} windows sent, {given} with a class; slowest network {slowest:.1f} ms "
         "with its interrupts; timer, converter, window, network and wire emulated"
     )
     least = row(_SKETCH, found.wrong, "windows", "<=", 0.0, note)

@@ -34,7 +34,7 @@ _KILLED_AFTER = 30
 _INTO_S = 2.0
 _EPOCHS = "60"
 _LOOK_S = 0.2
-TOLD = "told.jsonl"
+LOG = "told.jsonl"
 """File beside the recordings: fingers and times of each grasp."""
 
 
@@ -90,13 +90,13 @@ def collect_and_learn(plan: Path, folder: Path) -> Collected:
     _collect(plan, output, killed_after=None)
     seconds = time.perf_counter() - started
     redone = sum((output / name).stat().st_mtime_ns != stamp for name, stamp in written.items())
-    told = [json.loads(line) for line in (output / TOLD).read_text("utf-8").splitlines()]
+    lines = [json.loads(line) for line in (output / LOG).read_text("utf-8").splitlines()]
     accuracy, majority = _train(output, folder / "run")
     return Collected(
         planned=len(trials),
         labelled=sum(_whole(output / trial.file_name) for trial in done_of(trials, output)),
         redone=redone,
-        off_ms=[ms for line in told for ms in line["off_ms"]],
+        off_ms=[ms for line in lines for ms in line["off_ms"]],
         accuracy=accuracy,
         majority=majority,
         seconds=seconds,
@@ -127,9 +127,9 @@ def _train(data: Path, run: Path) -> tuple[float, float]:
     command = [sys.executable, "-m", "taxel.cli.main", "train", str(data), "--output", str(run),
                "--target", "shape", "--epochs", _EPOCHS, "--fold-count", "3", "--json"]  # fmt: skip
     done = subprocess.run(command, check=True, capture_output=True, text=True)
-    told = json.loads(done.stdout)
-    (accuracy,) = told["accuracy"].values()
-    return float(accuracy), float(told["trivial"]["majority"])
+    result = json.loads(done.stdout)
+    (accuracy,) = result["accuracy"].values()
+    return float(accuracy), float(result["trivial"]["majority"])
 
 
 def collect_on_boards(firmware: Firmware, trials: list[PlannedTrial], output: Path) -> None:
@@ -146,13 +146,13 @@ def collect_on_boards(firmware: Firmware, trials: list[PlannedTrial], output: Pa
             rig.plant.present(trial.labels["shape"], trial.labels["material"], trial.number)
             before = len(rig.contact_to_off_ms())
             grasp = collect_grasp(source, driver, trial, output, CYCLE)
-            told = {
+            line = {
                 "trial": trial.number,
                 "touched": list(grasp.touched),
                 "off_ms": rig.contact_to_off_ms()[before:],
             }
-            with (output / TOLD).open("a", encoding="utf-8") as file:
-                file.write(json.dumps(told) + "\n")
+            with (output / LOG).open("a", encoding="utf-8") as file:
+                file.write(json.dumps(line) + "\n")
 
 
 if __name__ == "__main__":

@@ -12,7 +12,6 @@ from __future__ import annotations
 import os
 import tty
 from dataclasses import dataclass
-from types import TracebackType
 from typing import Self
 
 import numpy as np
@@ -140,12 +139,7 @@ class VirtualHost:
     def __enter__(self) -> Self:
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         os.close(self._fd)
 
     def _now_us(self) -> int:
@@ -206,7 +200,7 @@ def _bring_about(host: VirtualHost, name: str, motor: int) -> tuple[float, set[i
     boards, every = host.boards, set(range(MOTORS))
     now_s = boards.now_s
     if name == "contact":
-        boards.tell(f"contact 0 {motor} 1")
+        boards.command(f"contact 0 {motor} 1")
         host.run(0.02)
         return now_s, {motor}
     if name == "silence":
@@ -215,15 +209,15 @@ def _bring_about(host: VirtualHost, name: str, motor: int) -> tuple[float, set[i
         host.run(0.3, beats=False)
         return host.beat_sent_s, every
     if name == "over-current":
-        boards.tell(f"load 0 {motor} 3000 3000")
+        boards.command(f"load 0 {motor} 3000 3000")
     elif name == "stop":
         host.order(Order.STOP)
     elif name.startswith("hang "):
-        boards.tell(f"hang 0 {name[-1]}")
+        boards.command(f"hang 0 {name[-1]}")
     elif name == "power":
-        boards.tell("power 0")
+        boards.command("power 0")
     else:
-        boards.tell(f"i2c 0 {name}")
+        boards.command(f"i2c 0 {name}")
     host.run(0.2)
     return now_s, every
 

@@ -61,8 +61,8 @@ class Sketch:
     @property
     def wrong(self) -> int:
         """Decisions that differ, are missing or are too many."""
-        told = [(answer.seq, answer.best, answer.confidence, answer.reason) for answer in self.sent]
-        return len(set(told) ^ set(self.wanted)) + len(told) - len(set(told))
+        keys = [(answer.seq, answer.best, answer.confidence, answer.reason) for answer in self.sent]
+        return len(set(keys) ^ set(self.wanted)) + len(keys) - len(set(keys))
 
 
 def on_chip(

@@ -169,8 +169,8 @@ def _table_rows(sections: Sequence[Mapping[str, Any]], stamp: str) -> list[Row]:
                 if value is None:
                     continue
                 unit = "ms" if "ms" in row else "nats" if "Loss" in row else "of 1"
-                told = row == "all sessions tested once" and low is not None
-                note = f"95 % by session {low:.3f} … {high:.3f}" if told else ""
+                has_interval = row == "all sessions tested once" and low is not None
+                note = f"95 % by session {low:.3f} … {high:.3f}" if has_interval else ""
                 rows.append(Row(name=table_row(*where, model, row), value=value, unit=unit,
                                 goal="", ok=None, note=note, stamp=stamp))  # fmt: skip
     return rows

@@ -194,11 +194,11 @@ def loop_rows(pours: Sequence[JudgedPour]) -> list[Row]:
             f"without taxel {taxel.bare_force_n:.1f} N, always maximum {taxel.full_force_n:.1f} N"),
     )  # fmt: skip
     rows.append(
-        _told("taxel: first slip > 100 µm to the raise, median", taxel.slip_to_raise_s, "s",
+        _info("taxel: first slip > 100 µm to the raise, median", taxel.slip_to_raise_s, "s",
               "drops that it could prevent; bus, gripper and inference included in what follows")
     )  # fmt: skip
     rows.append(
-        _told("taxel: raised though the cup only slid", _over(taxel.slides_raised, taxel.slides),
+        _info("taxel: raised though the cup only slid", _over(taxel.slides_raised, taxel.slides),
               "share", f"{taxel.slides} pours that slip > 300 µm and are not dropped")
     )  # fmt: skip
     for name, which in (("pixel difference", "pixels"), ("always maximum", "always")):
@@ -237,10 +237,10 @@ def _plain_rows(name: str, scores: LoopScores, *, always: bool) -> list[Row]:
     needless = 1.0 if always else scores.needless_share
     note = "by its nature" if always else f"{scores.needless} of {scores.holds}"
     return [
-        _told(f"{name}: preventable drops prevented", scores.prevented_share, "share",
+        _info(f"{name}: preventable drops prevented", scores.prevented_share, "share",
               _of(scores)),
-        _told(f"{name}: raised needlessly in pours that hold", needless, "share", note),
-        _told(f"{name}: mean grip force", scores.force_n, "N", ""),
+        _info(f"{name}: raised needlessly in pours that hold", needless, "share", note),
+        _info(f"{name}: mean grip force", scores.force_n, "N", ""),
     ]  # fmt: skip
 
 
@@ -262,10 +262,10 @@ def _hard_rows(hard: Sequence[JudgedPour]) -> list[Row]:
         rows.append(
             row(what, scores.prevented_share, "share", ">=", FAILING_PREVENTED, note)
             if goal
-            else _told(what, scores.prevented_share, "share", f"{note}; a push lasts 80 ms")
+            else _info(what, scores.prevented_share, "share", f"{note}; a push lasts 80 ms")
         )
         rows.append(
-            _told(f"taxel, {name}: raised needlessly", scores.needless_share, "share",
+            _info(f"taxel, {name}: raised needlessly", scores.needless_share, "share",
                   f"{scores.needless} of {scores.holds} that hold; the person who stops to pour "
                   f"prevents {by_person.prevented} of {by_person.preventable}"),
         )  # fmt: skip
@@ -290,11 +290,11 @@ def _of(scores: LoopScores) -> str:
     )
 
 
-def _told(name: str, value: float, unit: str, note: str) -> Row:
+def _info(name: str, value: float, unit: str, note: str) -> Row:
     known = bool(np.isfinite(value))
     return Row(
         name=name, value=value if known else None, unit=unit, goal="", ok=None,
-        note=note if known else f"none to tell by; {note}",
+        note=note if known else f"none to measure it on; {note}",
     )  # fmt: skip
 
 

@@ -162,7 +162,7 @@ def _damage() -> Row:
 
 
 def _noise() -> Row:
-    """Give noise a well-formed check, the worst case: only the CRC itself can tell."""
+    """Give noise a well-formed check, the worst case: only the CRC itself can reveal it."""
     random = np.random.default_rng(2)
     frames, accepted = _frames(10_000), 0
     for _ in range(_NOISE // len(frames)):

@@ -60,7 +60,7 @@ def camera_rows() -> list[Row]:
         ),
         row(
             "one camera 2 frames late: reported", float("right" in behind_s), "1 = yes", ">=", 1,
-            f"{2 / RATE_HZ * 1e3:.0f} ms late, told as {behind_s.get('right', 0.0) * 1e3:.0f} ms",
+            f"{2 / RATE_HZ * 1e3:.0f} ms late, shown as {behind_s.get('right', 0.0) * 1e3:.0f} ms",
         ),
     ]  # fmt: skip
 
@@ -83,7 +83,7 @@ def _fault(kind: FaultKind) -> CameraFault:
 
 
 def _until_frozen(images: Sequence[tuple[bytes, ...]], number: int, doubted: list[str]) -> float:
-    """Return how many frames without a new image came before that was told.
+    """Return how many frames without a new image came before that was reported.
 
     What is doubted while both cameras are well is added to `doubted`.
     """
@@ -102,7 +102,7 @@ def _until_frozen(images: Sequence[tuple[bytes, ...]], number: int, doubted: lis
 
 
 def _until_gone(images: Sequence[tuple[bytes, ...]], number: int) -> float:
-    """Return the time from the last frame of a camera that was unplugged until that was told."""
+    """Return the time from the last frame of a camera that was unplugged until it was reported."""
     with _open(images, _fault("gone"), number) as source:
         last_s = 0.0
         for frame, _, doubt in _watch(source):
@@ -114,7 +114,7 @@ def _until_gone(images: Sequence[tuple[bytes, ...]], number: int) -> float:
 
 
 def _behind(images: Sequence[tuple[bytes, ...]]) -> dict[str, float]:
-    """Return which cameras are told as late where the right one is two frames behind."""
+    """Return which cameras are reported as late where the right one is two frames behind."""
     fault = CameraFault(kind="late", first=0, frames=10**6, late_s=2.0 / RATE_HZ)
     found: dict[str, float] = {}
     with _open(images, fault) as source:

@@ -25,7 +25,7 @@ _URL = "sim://cup-pour"
 
 
 class MinuteSeen:
-    """Counts what the monitor and the station told."""
+    """Counts what the monitor and the station reported."""
 
     def __init__(self) -> None:
         self.why: Counter[str | None] = Counter()
@@ -54,14 +54,14 @@ class MinuteSeen:
         self._wait(state, note.get("time_s"))
 
     def rows(self, what: str) -> list[Row]:
-        """Return what was told although nothing is wrong, as rows.
+        """Return what was reported although nothing is wrong, as rows.
 
         Args:
             what: What ran, and how long.
         """
-        told = ", ".join(f"{name or 'not in the table'} {n}" for name, n in self.why.most_common())
+        words = ", ".join(f"{name or 'not in the table'} {n}" for name, n in self.why.most_common())
         busy = f"load {os.getloadavg()[0]:.1f} on {os.cpu_count()} cores at the end"
-        note = f"{self.grasps} grasps ended; UNKNOWN and NO GRASP by reason: {told}; {busy}"
+        note = f"{self.grasps} grasps ended; UNKNOWN and NO GRASP by reason: {words}; {busy}"
         return [
             *(
                 row(f"{what}: false “{name}”", self.why[name], "times", "<=", 0.0, note)
@@ -103,12 +103,12 @@ class Stops:
 
     def row(self, name: str) -> Row:
         """Return the count as a row, whose goal is none."""
-        told = ", ".join(f"{reason} {n}" for reason, n in self.why.most_common(4))
-        return row(name, self.why.total(), "times", "<=", 0.0, told)
+        words = ", ".join(f"{reason} {n}" for reason, n in self.why.most_common(4))
+        return row(name, self.why.total(), "times", "<=", 0.0, words)
 
 
 def first_minutes_rows(seconds: float) -> list[Row]:
-    """Run the demo's own command; count what is told although nothing is wrong.
+    """Run the demo's own command; count what is reported although nothing is wrong.
 
     Args:
         seconds: How long.

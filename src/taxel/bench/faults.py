@@ -1,4 +1,4 @@
-"""`taxel bench faults`: what goes wrong beside a moving gripper, how soon it is told, what is lost.
+"""`taxel bench faults`: what goes wrong beside a moving gripper, how soon it shows, what is lost.
 
 Each row is a fault that is brought about in this run, in real processes.
 
@@ -290,7 +290,7 @@ def _sleep_lateness_ms() -> float:
 
 
 class _Witness:
-    """An actuator that notes when it is first told to stop."""
+    """An actuator that notes when it is first ordered to stop."""
 
     def __init__(self) -> None:
         self.name = "witness"
@@ -303,13 +303,13 @@ class _Witness:
     def hear(self, interlock: Interlock, now_s: float) -> Health:
         return Health("", now_s)
 
-    def tell(self, decision: StabilityDecision, order: Order, now_s: float) -> None:
+    def apply(self, decision: StabilityDecision, order: Order, now_s: float) -> None:
         if order.kind is OrderKind.STOP:
             self.stopped_s = monotonic() if self.stopped_s is None else self.stopped_s
         else:
             self.stopped_s = None
 
-    def told(self) -> dict[str, Any]:
+    def snapshot(self) -> dict[str, Any]:
         return {"motion": "", "force_n": None}
 
     def close(self) -> None:
@@ -326,12 +326,12 @@ def _drill(station: Station, witness: _Witness, bring_about: Callable[[Station],
     process = station.workers()["monitor"]
     brought_s = monotonic()
     bring_about(station)
-    told_s = until(station, lambda: _told(station) and witness.stopped_s is not None)
+    noticed_s = until(station, lambda: _noticed(station) and witness.stopped_s is not None)
     # One that hangs is told to at the end of its present step: it begins at its last beat.
     began_s = max(brought_s, station.last_beat_s("monitor"))
     if process.exitcode is None:
         process.kill()
-    return told_s - began_s
+    return noticed_s - began_s
 
 
 def is_calm(station: Station) -> bool:
@@ -339,7 +339,7 @@ def is_calm(station: Station) -> bool:
     return station.guard.decision.state is Stability.STABLE
 
 
-def _told(station: Station) -> bool:
+def _noticed(station: Station) -> bool:
     waiting = [a for a in station.guard.alarms.alarms if not a.acknowledged]
     return station.guard.shown[0] == STOP and any(a.kind == "monitor" for a in waiting)
 

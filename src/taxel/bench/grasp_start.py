@@ -1,6 +1,6 @@
 """Rows of `taxel bench transitions` on the start of a grasp, found by the images alone.
 
-Grasps of test cups are simulated from open jaws on, rendered and JPEG-coded; what is told of each
+Grasps of test cups are simulated from open jaws on, rendered and JPEG-coded; what is found in each
 is kept in a folder, so that a run that was stopped goes on. Brushes against one gel stand among
 them. Knows nothing about how rows are printed.
 
@@ -32,7 +32,7 @@ from taxel.training.slip_cups import FRAME_HZ, SEED, TEST_CUPS
 SECONDS = 8.0
 """Length of a recording: open jaws, closing, lift, and what follows. Our choice."""
 EARLY_S, LATE_S = 0.1, 1.0
-"""A start that is told so long before or after the true one is false, or missed. Our choice,
+"""A start that is detected so long before or after the true one is false, or missed. Our choice,
 docs/decisions/0045."""
 BRUSH_EVERY = 3
 """Of so many grasps one is followed by a brush against one gel. Our choice."""
@@ -41,8 +41,8 @@ _FORCES_N = (15.0, 25.0, 40.0, 50.0)
 
 
 @dataclass(frozen=True, slots=True)
-class Told:
-    """One recording: the truth, and what was told."""
+class Detection:
+    """One recording: the truth, and what was detected."""
 
     kind: str
     settled_s: float | None
@@ -52,7 +52,7 @@ class Told:
 
 
 def starts_folder() -> Path:
-    """Return where what was told is kept."""
+    """Return where the detections are kept."""
     return default_cache() / "grasp-starts-1"
 
 
@@ -76,7 +76,7 @@ def brushed(run: PourRun) -> PourRun:
     return replace(run, scene=replace(run.scene, approach=never))
 
 
-def tell(run: PourRun) -> Told:
+def detect(run: PourRun) -> Detection:
     """Simulate a recording and find the starts in its images."""
     track, videos = simulate_videos(run, CAMERA_HZ, FRAME_HZ, SECONDS)
     images = [
@@ -91,7 +91,7 @@ def tell(run: PourRun) -> Told:
             yield newest, float(time_s)
 
     settled_s = run.approach.settled_s if run.approach is not None else None
-    return Told(
+    return Detection(
         kind="brush" if settled_s is None or settled_s > SECONDS else run.kind,
         settled_s=None if settled_s is None or settled_s > SECONDS else settled_s,
         starts_s=tuple(start for start, _ in find_starts(shown(), len(videos))),
@@ -108,16 +108,16 @@ def render(folder: Path, on_step: Callable[[str], None] = lambda _: None) -> Non
     for name, run in start_runs():
         if not (folder / name).exists():
             on_step(f"start of a grasp, {name}")
-            write_whole(folder / name, json.dumps(asdict(tell(run))).encode())
+            write_whole(folder / name, json.dumps(asdict(detect(run))).encode())
 
 
-def kept(folder: Path) -> list[Told]:
-    """Return what was told so far."""
+def kept(folder: Path) -> list[Detection]:
+    """Return the detections so far."""
     found = []
     for name, _ in start_runs():
         if (folder / name).exists():
             values: dict[str, Any] = json.loads((folder / name).read_text())
-            found.append(Told(**{**values, "starts_s": tuple(values["starts_s"])}))
+            found.append(Detection(**{**values, "starts_s": tuple(values["starts_s"])}))
     return found
 
 
@@ -127,14 +127,14 @@ def grasp_start_rows(on_step: Callable[[str], None] = lambda _: None) -> list[Ro
     return rows_of(kept(starts_folder()))
 
 
-def rows_of(told: list[Told]) -> list[Row]:
+def rows_of(detections: list[Detection]) -> list[Row]:
     """Return share found, delay and false starts of recordings."""
     name = "start of a grasp, found by itself"
-    grasps = [grasp for grasp in told if grasp.settled_s is not None]
+    grasps = [grasp for grasp in detections if grasp.settled_s is not None]
     if not grasps:
         return [missing(f"{name}: share found", "share", ">= 0.98", "nothing simulated yet")]
     delays, false = [], 0
-    for moment in told:
+    for moment in detections:
         true = [
             start - moment.settled_s
             for start in moment.starts_s
@@ -142,16 +142,16 @@ def rows_of(told: list[Told]) -> list[Row]:
         ]
         delays += true[:1]
         false += len(moment.starts_s) - len(true[:1])
-    minutes = sum(moment.seconds for moment in told) / 60.0
+    minutes = sum(moment.seconds for moment in detections) / 60.0
     low, high = binomtest(len(delays), len(grasps)).proportion_ci(0.95, "exact")
     least, most = poisson_interval(false, minutes)
-    brushes = len(told) - len(grasps)
+    brushes = len(detections) - len(grasps)
     few = ""
     if len(grasps) < len(TEST_CUPS):
         few = f" (asked: {len(TEST_CUPS)} cups; go on with --full)"
     return [
         row(f"{name}: share found", len(delays) / len(grasps), "share", ">=", 0.98,
-            f"{len(delays)} of {len(grasps)} on test cups, all kinds, told within {LATE_S:g} s; "
+            f"{len(delays)} of {len(grasps)} on test cups, all kinds, found within {LATE_S:g} s; "
             f"95 % {low:.3f} … {high:.3f}, exact binomial{few}"),
         row(f"{name}: median delay after both gels bear the force",
             float(np.median(delays)) if delays else float("inf"), "s", "<=", 0.3,

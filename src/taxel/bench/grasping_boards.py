@@ -2,7 +2,7 @@
 
 Firmware, converters, current sensors and serial lines are those of `board_emulator`; between the
 motors and the pads stand the simulated fingers and the object (`taxel.sim.grasped_hand`). After
-each slice of virtual time the fingers are moved as the motors' pins were driven, contact is told to
+each slice of virtual time the fingers are moved as the motors' pins were driven, contact is sent to
 the emulated motors, and the pads' voltages are laid on the converters' pins. Knows nothing about
 plans.
 """
@@ -10,7 +10,6 @@ plans.
 from __future__ import annotations
 
 from pathlib import Path
-from types import TracebackType
 from typing import Self
 
 import numpy as np
@@ -125,7 +124,7 @@ class GraspingBoards:
             self._busy = False
 
     def _follow(self, start_s: float, seconds: float) -> None:
-        """Move the fingers as the motors were driven; tell contacts; lay voltages on the pins."""
+        """Move the fingers as the motors were driven; report contacts; lay voltages on the pins."""
         fresh = [e for e in self.boards.events[self._taken :] if e.board == _HAND]
         self._taken = len(self.boards.events)
         turns = [event for event in fresh if event.what == "motor"]
@@ -136,7 +135,7 @@ class GraspingBoards:
         self._drive(turns, np.inf)
         pressed = self.plant.touching & (self.plant.turning >= 0)
         for motor in np.flatnonzero(pressed != self._touching):
-            self.boards.tell(f"contact {_HAND} {motor} {int(pressed[motor])}")
+            self.boards.command(f"contact {_HAND} {motor} {int(pressed[motor])}")
         self._touching = pressed
         volts = self.plant.volts(np.stack(charge))
         for board in range(SENSOR_BOARDS):
@@ -144,7 +143,7 @@ class GraspingBoards:
             rows[:, CHANNELS] = volts[:, 4 * board : 4 * board + 4]
             path = self._folder / f"next{board}"
             tenths_of_millivolts(rows).tofile(path)
-            self.boards.tell(f"wave {board} {path}")
+            self.boards.command(f"wave {board} {path}")
 
     def _drive(self, turns: list[Event], until_s: float) -> None:
         while turns and turns[0].at_s <= until_s:
@@ -171,12 +170,7 @@ class GraspingBoards:
     def __enter__(self) -> Self:
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         if self._turns is not None:
             self._turns.close()
         source, self._source = self._source, None

@@ -83,18 +83,18 @@ def write_hostile_replay(source: Path, path: Path, first: int, count: int) -> li
 
 def replay(path: Path) -> Replayed:
     """Let the shipped bundle watch a recording as fast as it can, in this process."""
-    told: list[tuple[Stability, str]] = []
+    decided: list[tuple[Stability, str]] = []
     with open_source(f"replay://{path}?speed=max") as source:
         tally = run_grasp_session(
             source, read_grasp_bundle(shipped_bundle(CUP_POUR)),
-            on_answer=lambda answer, _: told.append(
+            on_answer=lambda answer, _: decided.append(
                 (answer.decision.state, answer.decision.reason)
             ),
         )  # fmt: skip
-    bad = [number for number, (_, reason) in enumerate(told) if kind_of(reason) == "bad image"]
-    later = told[bad[-1] + 1 :] if bad else told
+    bad = [number for number, (_, reason) in enumerate(decided) if kind_of(reason) == "bad image"]
+    later = decided[bad[-1] + 1 :] if bad else decided
     return Replayed(
-        bad=tuple(told[number][1] for number in bad), after=len(later),
+        bad=tuple(decided[number][1] for number in bad), after=len(later),
         decided=sum(state is not Stability.UNKNOWN for state, _ in later),
         moments=tally.moments, memory_mb=peak_mb(),
     )  # fmt: skip

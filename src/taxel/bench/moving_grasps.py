@@ -67,10 +67,10 @@ def rows_of(found: Sequence[PourFeatures]) -> list[Row]:
         seen = (grasp.rows - bundle.offset) * bundle.factor
         drive = bundle.head.run(features=seen[:, None, None])[grasp.at]
         truth = track_of(grasp, drive.astype(np.float64))
-        told = states(truth.drive, truth.time_s, bundle.contract.stability)
+        decided = states(truth.drive, truth.time_s, bundle.contract.stability)
         tracks.append(
             StateTrack(
-                states=told,
+                states=decided,
                 time_s=truth.time_s,
                 onset_s=truth.onset_s,
                 event_s=truth.event_s,

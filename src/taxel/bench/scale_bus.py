@@ -25,9 +25,9 @@ from taxel.bench.real_mosquitto import MOSQUITTO, Mosquitto, free_port
 from taxel.bench.rows import Row, missing, row
 from taxel.frame_codec import encode_jpeg
 from taxel.live.station.beats import Beats
-from taxel.live.station.crew import Crew
 from taxel.live.station.packets import pack
 from taxel.live.station.page_link import PageSeen, ViewConfig
+from taxel.live.station.processes import ProcessGroup
 from taxel.live.station.ring import Ring, RingWriter
 from taxel.signals import CameraInfo, Frame, Samples, SensorInfo
 
@@ -55,9 +55,9 @@ with ExitStack() as stack:
         state = {"time_s": now_s, "state": "WARNING", "reason": "the cup slips", "since_s": 0.0,
                  "alarms": [alarm], "consumers": [{"name": name, "state": "running", "dropped": 0}
                  for name in ("monitor", "recorder", "page", "alarm watch")]}
-        for one in every:
-            one.take_in("/state", state)
-            one.tell(now_s)
+        for reporter in every:
+            reporter.take_in("/state", state)
+            reporter.report(now_s)
         time.sleep(0.05)
 """
 _LISTENER = """
@@ -105,11 +105,11 @@ def zenoh_rows() -> list[Row]:
     url = f"zenoh://127.0.0.1:{free_port()}/bench"
     with ExitStack() as stack:
         beats = stack.enter_context(Beats())
-        crew = Crew(beats)
-        stack.callback(crew.close)
+        processes = ProcessGroup(beats)
+        stack.callback(processes.close)
         source, view = _rings(stack, beats.name)
-        crew.opened(
-            crew.add("publisher", publish, lambda place: ZenohPublishing(
+        processes.opened(
+            processes.add("publisher", publish, lambda place: ZenohPublishing(
                 place=place, view=view, address=parse_zenoh(url)))
         )  # fmt: skip
         listener = stack.enter_context(_program(_LISTENER, url))
@@ -213,13 +213,13 @@ def _watched(place: str) -> tuple[float, dict[str, Any]]:
     what it shows.
     """
     taxel = [sys.executable, "-m", "taxel.cli.main", "fleet", place, "--seconds"]
-    told = subprocess.run([*taxel, "3", "--json"], stdout=subprocess.PIPE, check=True, env=_env())
+    done = subprocess.run([*taxel, "3", "--json"], stdout=subprocess.PIPE, check=True, env=_env())
     spent = []
     for seconds in (1.0, 1.0 + _WATCHED_S):
         before = _children_s()
         _on_a_terminal([*taxel, str(seconds)])
         spent.append(_children_s() - before)
-    found: dict[str, Any] = json.loads(told.stdout)
+    found: dict[str, Any] = json.loads(done.stdout)
     return spent[1] - spent[0], found
 
 

@@ -31,7 +31,7 @@ from taxel.windows.camera_recordings import read_camera_recordings
 from taxel.windows.rest import SETTLE
 
 QUIET = 0.3
-"""Most processes that may wish to run beside this one, by the system's mean of a minute. Source:
+"""Most processes that may be running beside this one, by the system's mean of a minute. Source:
 our choice, docs/decisions/0050."""
 FEW = CupPourConfig(cups=2, positions=("upper", "middle", "lower"), forces_n=(15.0, 25.0, 50.0))
 POURS = replace(FEW, cups=6)

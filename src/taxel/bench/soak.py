@@ -155,10 +155,10 @@ def _file_rows(path: Path, recording: dict[str, Any], how_long: str) -> list[Row
             frame_holes += max(0, frame.counter - old - 1) if old is not None else 0
             before[frame.camera] = frame.counter
             frames[frame.camera] += 1
-    told = recording["ledger"]
-    off = abs(told["scans"] - scans) + sum(
+    ledger = recording["ledger"]
+    off = abs(ledger["scans"] - scans) + sum(
         abs(camera["frames"] - count)
-        for camera, count in zip(told["cameras"].values(), frames, strict=True)
+        for camera, count in zip(ledger["cameras"].values(), frames, strict=True)
     )
     return [
         row(f"{how_long}: scans missing in the file by the board's own count", holes, "scans", "<=",

@@ -42,12 +42,12 @@ class OrderLog:
     def hear(self, interlock: Interlock, now_s: float) -> Health:
         return Health("", now_s)
 
-    def tell(self, decision: StabilityDecision, order: Order, now_s: float) -> None:
+    def apply(self, decision: StabilityDecision, order: Order, now_s: float) -> None:
         now_s = monotonic()
         if order.kind is not OrderKind.NONE and order.valid(now_s):
             self.orders.append((now_s, str(order.kind), order.force_n))
 
-    def told(self) -> dict[str, Any]:
+    def snapshot(self) -> dict[str, Any]:
         return {"motion": "", "force_n": None}
 
     def close(self) -> None:

@@ -64,7 +64,7 @@ class Contract:
     """The level of the reference touches that the scaling holds for; None where it was
     trained on values as measured."""
     unknown: Unknown | None = None
-    """How to tell touch that is unlike all that was learned; None where it was not learned."""
+    """The novelty test of touch unlike the training data; None where it was not learned."""
     learned: tuple[str, ...] = ()
     """A fingerprint of each training recording, see `fingerprint_of`, sorted; empty where it is
     not known, as in bundles of before."""

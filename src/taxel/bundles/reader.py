@@ -66,7 +66,7 @@ class Bundle:
     def recognise(
         self, values: NDArray[np.float32], mask: NDArray[np.bool_]
     ) -> tuple[NDArray[np.float32], list[float] | None]:
-        """Return one window's class probabilities, and how strange it is by each label.
+        """Return one window's class probabilities, and its novelty score by each label.
 
         Args:
             values: One unscaled window of usable values, shape (1, steps, channels).

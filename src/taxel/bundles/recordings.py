@@ -29,7 +29,7 @@ def load_at_level(
     Args:
         path: A folder of recordings, or one.
         contract: What the bundle or run says of itself.
-        touches: The level of all of them; each session's own touches tell it unless given.
+        touches: The level of all of them; taken from each session's own touches unless given.
         target: The label that every trial must have; none unless given.
 
     Raises:

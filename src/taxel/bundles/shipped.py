@@ -1,6 +1,6 @@
 """Bundles that come with taxel, so that every command has something to run.
 
-Knows nothing about what they tell.
+Knows nothing about what they predict.
 """
 
 from __future__ import annotations

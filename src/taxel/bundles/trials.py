@@ -107,14 +107,14 @@ class TrialBundle:
     contract: TrialContract
     model: Engine
 
-    def tell(self, rows: NDArray[np.float32]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    def predict(self, rows: NDArray[np.float32]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Return crops' probabilities, shape (n, classes), and novelty, shape (n,).
 
         Args:
             rows: Shape (n, numbers): the views side by side.
         """
-        told = self.model.run(rows=rows).astype(np.float64)
-        return told[:, :-1], told[:, -1]
+        output = self.model.run(rows=rows).astype(np.float64)
+        return output[:, :-1], output[:, -1]
 
 
 def is_trial_bundle(path: Path) -> bool:
@@ -126,7 +126,7 @@ def trial_bundle_bytes(
     contract: TrialContract,
     model: bytes,
     check_rows: NDArray[np.float32],
-    check_told: NDArray[np.float32],
+    check_expected: NDArray[np.float32],
 ) -> tuple[bytes, float]:
     """Return a bundle as it stands on disk, and the largest difference that was found.
 
@@ -134,18 +134,18 @@ def trial_bundle_bytes(
         contract: What the bundle says of itself.
         model: ONNX: rows → probabilities and novelty.
         check_rows: Crops, shape (n, numbers).
-        check_told: What the trained models give for them, shape (n, classes + 1).
+        check_expected: What the trained models give for them, shape (n, classes + 1).
 
     Raises:
         BadBundle: The exported model gives something else.
     """
-    difference = largest_difference(open_engine(model).run(rows=check_rows), check_told)
+    difference = largest_difference(open_engine(model).run(rows=check_rows), check_expected)
     _refuse_differing(difference)
     members = {
         _CONTRACT: contract_to_json(contract).encode(),
         "model.onnx": model,
         "check_rows.npy": to_npy(check_rows),
-        "check_told.npy": to_npy(check_told),
+        "check_told.npy": to_npy(check_expected),
     }
     return pack(members), difference
 
@@ -237,12 +237,12 @@ def _contract(given: Fields) -> TrialContract:
     )
 
 
-def _check_shapes(contract: TrialContract, rows: NDArray[Any], told: NDArray[Any]) -> None:
+def _check_shapes(contract: TrialContract, rows: NDArray[Any], expected: NDArray[Any]) -> None:
     n = len(rows) if rows.ndim == 2 else 0
     shape = (n, len(contract.classes) + 1)
-    if not n or rows.dtype != np.float32 or told.shape != shape or told.dtype != np.float32:
+    if not n or rows.dtype != np.float32 or expected.shape != shape or expected.dtype != np.float32:
         raise BadBundle(f"check crops (n, numbers) and what they give, {shape}",
-                        f"shapes {rows.shape} and {told.shape}", "train it again")  # fmt: skip
+                        f"shapes {rows.shape} and {expected.shape}", "train it again")  # fmt: skip
 
 
 def _refuse_differing(difference: float) -> None:

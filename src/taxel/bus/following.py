@@ -20,7 +20,7 @@ from taxel.live.station.packets import Packet, unpack
 from taxel.live.station.page_link import ViewConfig
 from taxel.live.station.recording import apart
 from taxel.live.station.ring import RingReader, wait_for_any
-from taxel.live.station.telling import stalled_snapshot
+from taxel.live.station.snapshots import stalled_snapshot
 from taxel.recordings.frame_layout import frame_topic
 from taxel.recordings.mark_layout import MARK_TOPIC
 from taxel.recordings.scan_layout import scan_topic
@@ -30,8 +30,8 @@ from taxel.signals import CameraInfo, Frame, Mark, Samples
 DECISIONS, ANSWERS, STATE, SOURCES = "/decisions", "/answers", "/state", "/sources"
 """Topics that a recording has not: each decision about a grasp, each answer of a recogniser, the
 station's state with its alarms, and how each source does."""
-_STALL_TELL_S = 0.1
-"""How often a supervisor that stands still is told. Source: our choice."""
+_STALL_AGAIN_S = 0.1
+"""How often a stalled supervisor is reported. Source: our choice."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,7 +62,7 @@ class Following:
         self.cameras = apart(every)
         """All cameras, under names that differ."""
         self._newest: dict[str, Any] = {}
-        self._told_s = 0.0
+        self._stall_sent_s = 0.0
 
     @property
     def lost(self) -> int:
@@ -98,11 +98,11 @@ class Following:
         note = unpack(content) if content is not None else None
         if isinstance(note, dict):
             self._newest = {key: value for key, value in note.items() if key != "events"}
-            self._told_s = now_s
+            self._stall_sent_s = now_s
             return [Item(STATE, self._newest, float(note["time_s"]))]
         still_s = self._board.still_s(now_s)
-        if still_s > self._view.stall_s and now_s - self._told_s >= _STALL_TELL_S:
-            self._told_s = now_s
+        if still_s > self._view.stall_s and now_s - self._stall_sent_s >= _STALL_AGAIN_S:
+            self._stall_sent_s = now_s
             return [Item(STATE, self._newest | stalled_snapshot(self._newest, still_s, now_s),
                          now_s)]  # fmt: skip
         return []

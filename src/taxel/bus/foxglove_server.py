@@ -206,8 +206,8 @@ class FoxgloveServer:
                 new = list(self._channels.values())[viewer.known :]
                 if new:
                     viewer.known += len(new)
-                    told = {"op": "advertise", "channels": [channel.as_json() for channel in new]}
-                    await socket.send_text(json.dumps(told))
+                    note = {"op": "advertise", "channels": [channel.as_json() for channel in new]}
+                    await socket.send_text(json.dumps(note))
                 while viewer.waiting:
                     await socket.send_bytes(viewer.waiting.popleft())
                 viewer.news.clear()

@@ -1,4 +1,4 @@
-"""The process that publishes a station over Zenoh. It only speaks: it has no way to be told.
+"""The process that publishes a station over Zenoh. It only speaks: it takes no orders.
 
 It reads the station's rings, whose writers never wait, and hands messages to Zenoh, which drops
 what a subscriber does not take. So nobody who listens, or does not, holds up the station. Knows
@@ -24,7 +24,7 @@ from taxel.signals import Frame, Samples
 ABOUT = "/about"
 """Topic of what the station has, and of this program's version."""
 _ABOUT_S = 1.0
-"""How often it is told: a subscriber that comes later waits so long. Source: our choice."""
+"""How often it is sent: a subscriber that comes later waits so long. Source: our choice."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -45,13 +45,13 @@ def publish(job: ZenohPublishing) -> None:
             settle_memory()
             due_s = monotonic()
             while not pulse.stopping:
-                bus.tell(following)
+                bus.publish(following)
                 pulse.consumed, pulse.produced = following.taken, bus.sent
                 pulse.dropped = following.lost
                 pulse.beat()
                 due_s = max(due_s + BATCH_S, monotonic())
                 sleep(max(0.0, due_s - monotonic()))
-            bus.tell(following)
+            bus.publish(following)
         following.close()
 
 
@@ -80,7 +80,7 @@ class Bus:
         self.sent = 0
         """Messages handed to Zenoh."""
 
-    def tell(self, following: Following) -> None:
+    def publish(self, following: Following) -> None:
         """Send what came since the last call."""
         lost = following.lost
         for item in following.take():

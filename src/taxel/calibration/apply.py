@@ -235,13 +235,13 @@ def described(info: SensorInfo, calibration: Calibration, unit: Unit) -> SensorI
     details = {**info.details, "calibration": calibration.digest, "corrected": what}
     if unit == "V":
         return replace(info, details=details)
-    told = [
+    largest = [
         channel.largest_n for channel in calibration.channels if math.isfinite(channel.largest_n)
     ]
     return replace(
         info,
         units=("N",) * len(info.channels),
-        full_scale=max(told, default=None),
+        full_scale=max(largest, default=None),
         details=details,
     )
 

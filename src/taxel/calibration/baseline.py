@@ -132,13 +132,16 @@ def rest_line(time_s: NDArray[np.float64], level: NDArray[np.float64]) -> RestLi
 
 
 def measure_noise(
-    values: NDArray[np.floating], told: NDArray[np.float64], blocks: Sequence[slice], rate_hz: float
+    values: NDArray[np.floating],
+    smooth: NDArray[np.float64],
+    blocks: Sequence[slice],
+    rate_hz: float,
 ) -> Noise:
     """Return the noise of one channel over its blocks of rest; NaN where there are none.
 
     Args:
         values: Shape (n,), as recorded.
-        told: Shape (n,), smoothed.
+        smooth: Shape (n,), smoothed.
         blocks: Of rest.
         rate_hz: Scans a second.
     """
@@ -148,7 +151,7 @@ def measure_noise(
     chosen = blocks[:: max(1, len(blocks) // _MOST_BLOCKS)]
     length = chosen[0].stop - chosen[0].start
     raw = np.stack([values[block] for block in chosen]).astype(np.float64)
-    calm = np.stack([told[block] for block in chosen])
+    calm = np.stack([smooth[block] for block in chosen])
     hums = [_hum(raw, hum_hz, rate_hz) for hum_hz in _HUMS_HZ]
     return Noise(
         rms_v=float(np.sqrt(np.mean(raw.var(axis=1)) * length / (length - 1))),

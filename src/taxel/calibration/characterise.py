@@ -20,8 +20,8 @@ from taxel.calibration.figures_of_merit import (
     ghosts,
     hysteresis,
     repeatability_v,
-    told_range,
     uniformity,
+    usable_range,
 )
 from taxel.calibration.fitting import (
     FEWEST_FORCES,
@@ -128,12 +128,12 @@ def _sensor(
         freedom = max(len(volts) - len(curve.parameters), 1)
         spread_v = math.sqrt(float(np.sum((volts - curve.volts(force_n)) ** 2)) / freedom)
     noise = measure_noise(
-        taken.samples.values[:, channel], measured.told[:, channel], measured.blocks[channel],
+        taken.samples.values[:, channel], measured.smooth[:, channel], measured.blocks[channel],
         taken.rate_hz,
     )  # fmt: skip
     range_n = (math.nan, math.nan)
     if curve is not None:
-        range_n = told_range(
+        range_n = usable_range(
             curve, noise.told_rms_v, spread_v, float(force_n.min()), float(force_n.max())
         )
     held = () if curve is None else held_out(own, form, range_n[1])

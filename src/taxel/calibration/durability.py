@@ -20,7 +20,7 @@ STATED_FOR = 10_000
 """Taps that a loss of output is stated for. Source: the order of durability tests of such pads;
 our choice, docs/decisions/0047."""
 FEWEST = 20
-"""Taps from which a channel is told of, and from which a trend is. Our choice, 0047."""
+"""Taps from which a channel is reported, and from which a trend is. Our choice, 0047."""
 _FEWEST_AT_RATE = 5
 """Taps from which a rate has a row. Our choice, docs/decisions/0047."""
 _STEADY = 1.5

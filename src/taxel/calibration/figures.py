@@ -29,7 +29,7 @@ Document = Mapping[str, Any]
 
 
 def curves(document: Document) -> bytes:
-    """Return volts over force, one small picture a sensor: presses, curve, band, range told."""
+    """Return volts over force, one small picture a sensor: presses, curve, band, usable range."""
     channels = document["channels"]
     down = -(-len(channels) // _ACROSS)
     figure, grid = plt.subplots(

@@ -18,9 +18,9 @@ from taxel.calibration.curves import Curve
 from taxel.calibration.fitting import DRAWS, bands_of
 
 ABOVE_NOISE = 3.0
-"""Standard deviations above rest from which a force is told. Our choice."""
+"""Standard deviations above rest from which a force is usable. Our choice."""
 WORST_SHARE = 0.5
-"""A force is told where its 95 % interval is at most this share of it, either way. Our choice."""
+"""A force is usable where its 95 % interval is at most this share of it, either way. Our choice."""
 OUTLIER_SIGMAS = 3.5
 """Robust standard deviations from the median beyond which a sensor is named. Source: Iglewicz
 and Hoaglin's rule for the modified z-score."""
@@ -101,7 +101,7 @@ def repeatability_v(curve: Curve, force_n: Array, volts: Array, rising: NDArray[
     return math.sqrt(squares / freedom) if freedom else math.nan
 
 
-def told_range(
+def usable_range(
     curve: Curve, noise_v: float, spread_v: float, from_n: float, up_to_n: float
 ) -> tuple[float, float]:
     """Return the smallest and the largest force in this sensor's range, newtons.

@@ -1,4 +1,4 @@
-"""Fit force-to-voltage curves, tell how sure they are, and judge them on presses held out.
+"""Fit force-to-voltage curves, give their intervals, and judge them on presses held out.
 
 Knows nothing about recordings, baselines or time.
 
@@ -193,10 +193,10 @@ def _refit(
     centre, damping = logs[0], np.full(len(weight), _DAMPING)
 
     def left(parameters: NDArray[np.float64]) -> tuple[Volts, Volts]:
-        told = np.stack(
+        fitted = np.stack(
             [volts_of(curve.form, constants, force_n) for constants in np.exp(parameters)]
         )
-        return volts - told, np.einsum("dp,dp->d", weight, (volts - told) ** 2)
+        return volts - fitted, np.einsum("dp,dp->d", weight, (volts - fitted) ** 2)
 
     off, loss = left(logs)
     for _ in range(_STEPS):
@@ -222,11 +222,11 @@ def _refit(
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class HeldOut:
-    """Newtons told for presses that a curve was not fitted on, beside a straight line's."""
+    """Newtons by a curve for presses that it was not fitted on, beside a straight line's."""
 
     force_n: Forces
     """Shape (presses,), what the gauge showed."""
-    told_n: Forces
+    curve_n: Forces
     """What the curve of the other presses says, kept within the calibrated forces."""
     line_n: Forces
     """What a straight line through the other presses says: the trivial baseline."""
@@ -234,12 +234,12 @@ class HeldOut:
     def only(self, mask: NDArray[np.bool_]) -> HeldOut:
         """Return some of the presses."""
         return HeldOut(
-            force_n=self.force_n[mask], told_n=self.told_n[mask], line_n=self.line_n[mask]
+            force_n=self.force_n[mask], curve_n=self.curve_n[mask], line_n=self.line_n[mask]
         )
 
 
 def hold_out(form: Form, force_n: Forces, volts: Volts, folds: NDArray[np.int64]) -> HeldOut:
-    """Return what is told of each fold's presses by the curve of all others.
+    """Return the forces of each fold's presses by the curve of all others.
 
     A fold whose curve cannot be fitted gives nothing: NaN.
 
@@ -249,16 +249,16 @@ def hold_out(form: Form, force_n: Forces, volts: Volts, folds: NDArray[np.int64]
         volts: Shape (presses,).
         folds: Shape (presses,): which fold each press is held out in.
     """
-    told, line = np.full(len(force_n), np.nan), np.full(len(force_n), np.nan)
+    by_curve, line = np.full(len(force_n), np.nan), np.full(len(force_n), np.nan)
     for fold in np.unique(folds):
         out = folds == fold
-        for kind, into in ((form, told), ("line", line)):
+        for kind, into in ((form, by_curve), ("line", line)):
             try:
                 curve = fit_curve(kind, force_n[~out], volts[~out])
             except NoCurve:
                 continue
             into[out] = np.minimum(curve.force_n(volts[out]), force_n[~out].max())
-    return HeldOut(force_n=force_n, told_n=told, line_n=line)
+    return HeldOut(force_n=force_n, curve_n=by_curve, line_n=line)
 
 
 def bands_of(force_n: Forces) -> NDArray[np.int64]:
@@ -288,13 +288,13 @@ def distinct(force_n: Forces) -> int:
 
 
 def mean_error(
-    told_n: Forces, force_n: Forces, rng: np.random.Generator, draws: int = DRAWS
+    predicted_n: Forces, force_n: Forces, rng: np.random.Generator, draws: int = DRAWS
 ) -> tuple[float, float, float]:
     """Return the mean absolute error and its 95 % interval, newtons: presses drawn anew.
 
-    NaN where nothing was told.
+    NaN where nothing was measured.
     """
-    errors = np.abs(told_n - force_n)
+    errors = np.abs(predicted_n - force_n)
     errors = errors[np.isfinite(errors)]
     if len(errors) == 0:
         return math.nan, math.nan, math.nan

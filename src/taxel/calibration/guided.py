@@ -199,8 +199,8 @@ def _noise(listener: _Listener, info: SensorInfo, clock: Clock) -> NDArray[np.fl
     _wait(listener, clock, REST_S)
     rest = listener.since(listener.newest_s - REST_S)
     assert rest is not None, "scans came while it waited"
-    told = smoothed(np.where(rest.usable, rest.values, np.nan), info.rate_hz)
-    return np.asarray(told.std(axis=0))
+    smooth = smoothed(np.where(rest.usable, rest.values, np.nan), info.rate_hz)
+    return np.asarray(smooth.std(axis=0))
 
 
 def _one(
@@ -260,14 +260,14 @@ def find_press(
         rate_hz: Scans a second.
         noise: Standard deviation of the smoothed signal at rest, in the channel's unit.
     """
-    told = smoothed(np.where(samples.usable, samples.values, np.nan)[:, [channel]], rate_hz)[:, 0]
-    peak = int(np.argmax(told))
+    smooth = smoothed(np.where(samples.usable, samples.values, np.nan)[:, [channel]], rate_hz)[:, 0]
+    peak = int(np.argmax(smooth))
     # Touched for less than half of the time: the median is the rest.
-    lower = told[told <= np.median(told)]
-    height = float(told[peak] - np.median(lower))
+    lower = smooth[smooth <= np.median(smooth)]
+    height = float(smooth[peak] - np.median(lower))
     if height <= max(_SEEN_SIGMAS * noise, 1e-9):
         return None
-    above = told - np.median(lower) > max(_EDGE_SHARE * height, 4.0 * noise)
+    above = smooth - np.median(lower) > max(_EDGE_SHARE * height, 4.0 * noise)
     first = peak - int(np.argmin(above[peak::-1])) if not above[: peak + 1].all() else -1
     if first < 0:
         return None

@@ -1,4 +1,4 @@
-"""How well forces are told of presses that no curve was fitted on, sensor by sensor and pooled.
+"""How well forces of presses that no curve was fitted on are measured, sensor by sensor and pooled.
 
 Knows nothing about scans, files or pages.
 """
@@ -16,7 +16,7 @@ from taxel.calibration.fitting import HeldOut, bands_of, hold_out, mean_error
 from taxel.calibration.press_table import PressTable
 from taxel.calibration.results import Errors, SensorResult
 
-TOLD_ONLY = "forces in its range"
+IN_RANGE = "forces in its range"
 """Name of the presses whose force lies in the range of their sensor."""
 
 Array = NDArray[np.float64]
@@ -27,7 +27,7 @@ def errors_of(held: Sequence[tuple[str, HeldOut]], rng: np.random.Generator) -> 
     return tuple(
         Errors(
             split=split,
-            curve_n=mean_error(presses.told_n, presses.force_n, rng),
+            curve_n=mean_error(presses.curve_n, presses.force_n, rng),
             line_n=mean_error(presses.line_n, presses.force_n, rng),
             presses=len(presses.force_n),
         )
@@ -54,16 +54,16 @@ def pooled(sensors: Sequence[SensorResult], rng: np.random.Generator) -> tuple[E
 def by_force(sensors: Sequence[SensorResult]) -> tuple[tuple[float, float, float], ...]:
     """Return (mean force, mean error of the curve, of the line) of each band of forces, newtons."""
     every = _joined([sensor.held_out[0][1] for sensor in sensors if sensor.held_out])
-    told, line = np.abs(every.told_n - every.force_n), np.abs(every.line_n - every.force_n)
+    curve, line = np.abs(every.curve_n - every.force_n), np.abs(every.line_n - every.force_n)
     bands = bands_of(every.force_n)
     return tuple(
-        (float(every.force_n[bands == b].mean()), _mean(told[bands == b]), _mean(line[bands == b]))
+        (float(every.force_n[bands == b].mean()), _mean(curve[bands == b]), _mean(line[bands == b]))
         for b in np.unique(bands)
     )
 
 
 def held_out(own: PressTable, form: Form, largest_n: float) -> tuple[tuple[str, HeldOut], ...]:
-    """Return what is told of presses held out; last, of those among the first ones whose
+    """Return the forces of presses held out; last, of those among the first ones whose
     force in the sensor's range, with nothing above it given, as in `apply`.
     """
     found = [
@@ -75,17 +75,17 @@ def held_out(own: PressTable, form: Form, largest_n: float) -> tuple[tuple[str, 
     alone = hold_out(form, own.force_n[inside], own.volts[inside], folds[inside])
     within = HeldOut(
         force_n=alone.force_n,
-        told_n=np.minimum(found[0][1].told_n[inside], largest_n),
+        curve_n=np.minimum(found[0][1].curve_n[inside], largest_n),
         line_n=np.minimum(alone.line_n, largest_n),
     )
-    found.append((f"{split}, {TOLD_ONLY}", within))
+    found.append((f"{split}, {IN_RANGE}", within))
     return tuple(found)
 
 
 def _joined(parts: Sequence[HeldOut]) -> HeldOut:
     return HeldOut(
         force_n=np.concatenate([part.force_n for part in parts]),
-        told_n=np.concatenate([part.told_n for part in parts]),
+        curve_n=np.concatenate([part.curve_n for part in parts]),
         line_n=np.concatenate([part.line_n for part in parts]),
     )
 

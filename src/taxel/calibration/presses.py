@@ -64,7 +64,7 @@ class Script:
 
 
 def script_of_marks(marks: Sequence[Mark], sensor: SensorInfo) -> Script:
-    """Return the presses that a recording's marks tell of; other marks are passed over.
+    """Return the presses in a recording's marks; other marks are passed over.
 
     A press has the labels sensor and force_n, and where known direction (up, down) and
     round; a known voltage has the label reference_v, and sensor where it is on one pin.
@@ -116,8 +116,8 @@ def script_of_table(path: Path, sensor: SensorInfo, first_s: float) -> Script:
 
 def _check_header(path: Path, names: Sequence[str]) -> None:
     missing = [name for name in _COLUMNS if name not in names]
-    strange = [name for name in names if name not in (*_COLUMNS, *_MORE_COLUMNS)]
-    if missing or strange or len(set(names)) < len(names):
+    unknown = [name for name in names if name not in (*_COLUMNS, *_MORE_COLUMNS)]
+    if missing or unknown or len(set(names)) < len(names):
         raise BadTable(
             f"the columns {', '.join(_COLUMNS)} and any of {', '.join(_MORE_COLUMNS)} in {path}",
             ", ".join(names) or "an empty file",

@@ -53,9 +53,9 @@ def sensor_row(entry: Mapping[str, Any]) -> list[str]:
     span = None
     if entry["curve"] is not None and entry["volts"]:
         span = max(entry["volts"])
-    told = "–"
+    range_n = "–"
     if entry["largest_n"] is not None:
-        told = f"{_below(entry)}{entry['smallest_n']:.2g} … {entry['largest_n']:.2g}"
+        range_n = f"{_below(entry)}{entry['smallest_n']:.2g} … {entry['largest_n']:.2g}"
     hysteresis = entry["hysteresis"]
     return [
         entry["channel"],
@@ -63,7 +63,7 @@ def sensor_row(entry: Mapping[str, Any]) -> list[str]:
         if entry["curve"] is None
         else ", ".join(f"{value:.3g}" for value in entry["curve"].values()),
         _text(entry["r2"], "{:.3f}"),
-        told,
+        range_n,
         _text(entry["sensitivity"][1][1] if entry["sensitivity"] else None, "{:.3g}"),
         _with_ends(
             hysteresis["mean_pct"], hysteresis["low_pct"], hysteresis["high_pct"], "{:+.1f}"
@@ -236,7 +236,7 @@ def _figure(png: bytes, caption: str) -> str:
 
 
 def _below(entry: Mapping[str, Any]) -> str:
-    """Return "≤ " where the smallest force told is the curve's word alone."""
+    """Return "≤ " where the smallest usable force is the curve's word alone."""
     return "≤ " if entry["smallest_n"] < min(entry["force_n"]) else ""
 
 

@@ -61,7 +61,7 @@ class Responses:
     """One a channel; None where it never rests."""
     blocks: tuple[list[slice], ...]
     """One list a channel: its blocks of rest."""
-    told: NDArray[np.float64]
+    smooth: NDArray[np.float64]
     """Shape (n, channels): the smoothed signal."""
 
 
@@ -70,7 +70,7 @@ class _Signal:
     """One recording, as its presses are looked at."""
 
     samples: Samples
-    told: NDArray[np.float64]
+    smooth: NDArray[np.float64]
     """Shape (n, channels): the smoothed signal."""
     resting: NDArray[np.bool_]
     """Shape (n, channels): True where a channel is at rest."""
@@ -98,13 +98,13 @@ def measure_responses(
     """
     time_s = samples.fitted_s
     usable = samples.usable
-    told = smoothed(np.where(usable, samples.values, np.nan), rate_hz)
+    smooth = smoothed(np.where(usable, samples.values, np.nan), rate_hz)
     channels = samples.values.shape[1]
     resting = _resting(samples, script, channels)
     blocks = tuple(rest_blocks(resting[:, c], rate_hz) for c in range(channels))
-    lines = tuple(_line(told[:, c], time_s, blocks[c]) for c in range(channels))
-    noise = [_rms(told[:, c], blocks[c]) for c in range(channels)]
-    signal = _Signal(samples, told, resting, lines, noise, rate_hz)
+    lines = tuple(_line(smooth[:, c], time_s, blocks[c]) for c in range(channels))
+    noise = [_rms(smooth[:, c], blocks[c]) for c in range(channels)]
+    signal = _Signal(samples, smooth, resting, lines, noise, rate_hz)
     found = [_press(press, signal, measure) for press in script.presses]
     return Responses(
         presses=script.presses,
@@ -116,7 +116,7 @@ def measure_responses(
         ghost=np.array([response.ghost for response in found]).reshape(len(found), channels),
         lines=lines,
         blocks=blocks,
-        told=told,
+        smooth=smooth,
     )
 
 
@@ -145,18 +145,18 @@ def _resting(samples: Samples, script: Script, channels: int) -> NDArray[np.bool
 
 
 def _line(
-    told: NDArray[np.float64], time_s: NDArray[np.float64], blocks: list[slice]
+    smooth: NDArray[np.float64], time_s: NDArray[np.float64], blocks: list[slice]
 ) -> RestLine | None:
     if not blocks:
         return None
     at_s = np.array([float(time_s[block].mean()) for block in blocks])
-    return rest_line(at_s, np.array([float(told[block].mean()) for block in blocks]))
+    return rest_line(at_s, np.array([float(smooth[block].mean()) for block in blocks]))
 
 
-def _rms(told: NDArray[np.float64], blocks: list[slice]) -> float:
+def _rms(smooth: NDArray[np.float64], blocks: list[slice]) -> float:
     if not blocks:
         return math.nan
-    return float(np.sqrt(np.mean([told[block].var() for block in blocks])))
+    return float(np.sqrt(np.mean([smooth[block].var() for block in blocks])))
 
 
 def _press(
@@ -164,7 +164,7 @@ def _press(
     signal: _Signal,
     measure: Measure,
 ) -> _One:
-    samples, told, rate_hz = signal.samples, signal.told, signal.rate_hz
+    samples, smooth, rate_hz = signal.samples, signal.smooth, signal.rate_hz
     time_s = samples.fitted_s
     first, last = np.searchsorted(time_s, [press.start_s, press.end_s])
     if last - first < 5 or press.start_s < time_s[0] - 1.0 / rate_hz:
@@ -175,8 +175,8 @@ def _press(
             "mend the times of the presses",
         )
     part = slice(int(first), int(last))
-    base = np.array([_base(c, part, signal) for c in range(told.shape[1])])
-    above = told[part] - base
+    base = np.array([_base(c, part, signal) for c in range(smooth.shape[1])])
+    above = smooth[part] - base
     own = above[:, press.channel]
     peak = int(np.argmax(own))
     quarter = len(own) // 4
@@ -188,7 +188,7 @@ def _press(
         height = math.nan
     clear = height > _CLEAR * signal.noise[press.channel] and not saturated
     area = float(own.sum())
-    ghost = above.sum(axis=0) / area if area > 0 else np.full(told.shape[1], np.nan)
+    ghost = above.sum(axis=0) / area if area > 0 else np.full(smooth.shape[1], np.nan)
     raw = samples.values[part, press.channel].astype(np.float64) - base[press.channel]
     return _One(
         height=height,
@@ -196,7 +196,7 @@ def _press(
         rise_s=rise_s(raw, peak, float(own[peak]), rate_hz) if clear else math.nan,
         fall_s=_fall_s(own, peak, rate_hz) if clear else math.nan,
         recovery_s=recovery_s(raw, peak, float(own[peak]), rate_hz) if clear else math.nan,
-        ghost=ghost if math.isfinite(height) else np.full(told.shape[1], np.nan),
+        ghost=ghost if math.isfinite(height) else np.full(smooth.shape[1], np.nan),
     )
 
 
@@ -213,7 +213,7 @@ def _base(
     last = int(np.searchsorted(time_s, start_s - 0.02))
     quiet = signal.resting[first:last, channel]
     if quiet.any() and quiet.sum() >= _LEAST_REST_S / _BEFORE_S * len(quiet):
-        return float(signal.told[first:last, channel][quiet].mean())
+        return float(signal.smooth[first:last, channel][quiet].mean())
     line = signal.lines[channel]
     return 0.0 if line is None else float(line.at(start_s))
 

@@ -35,7 +35,7 @@ class Taken:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Errors:
-    """What is told of presses that were not fitted on, newtons."""
+    """The errors on presses that were not fitted on, newtons."""
 
     split: str
     """Which presses were held out together."""
@@ -61,7 +61,7 @@ class SensorResult:
     """Shape (presses,): above the baseline."""
     rising: NDArray[np.bool_]
     held_out: tuple[tuple[str, HeldOut], ...]
-    """Which presses were held out together, and what was told of them; empty without a curve."""
+    """Which presses were held out together, and the forces by it; empty without a curve."""
     saturated: int
     """Presses left out since the converter was at its end, in them or in others of such force."""
     unusable: int
@@ -78,9 +78,9 @@ class SensorResult:
     sensitivity: tuple[tuple[float, float], ...]
     """(force, volts a newton) at the smallest, a middle and the largest force."""
     smallest_n: float
-    """Smallest force told; below the smallest press it is the curve's word alone."""
+    """Smallest usable force; below the smallest press it is the curve's word alone."""
     largest_n: float
-    """Largest force told: beyond it the curve is too flat for its presses' spread."""
+    """Largest usable force: beyond it the curve is too flat for its presses' spread."""
     rise_s: Interval
     """10 to 90 %, gauge and sensor together: median, quartiles."""
     fall_s: Interval

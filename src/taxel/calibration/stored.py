@@ -30,7 +30,7 @@ VERSION = 1
 """Raised when a reader of the old version would misread the new one."""
 _LARGEST_BYTES = 20_000_000
 _IDENTITY = ("simulator", "seed", "wiring", "reference_v")
-"""Details that tell one array from another of the same name: simulated ones have no serial
+"""Details that tell an array apart from another of the same name: simulated ones have no serial
 number of their own."""
 
 
@@ -153,7 +153,7 @@ def document_of(
 def _channel(result: SensorResult) -> dict[str, Any]:
     fields = asdict(result)
     del fields["held_out"], fields["curve"]
-    held = result.held_out[0][1].told_n if result.held_out else [math.nan] * len(result.force_n)
+    held = result.held_out[0][1].curve_n if result.held_out else [math.nan] * len(result.force_n)
     return {
         "channel": result.channel,
         "curve": None if result.curve is None else result.curve.named(),

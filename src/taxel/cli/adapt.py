@@ -158,7 +158,7 @@ class Adapt:
         signed = False
         found = measure_level(self.touches, contract)
         before, after = (
-            measured_at(self._tell(run), contract, self.test, found) if self.test else ({}, {})
+            measured_at(self._predictor(run), contract, self.test, found) if self.test else ({}, {})
         )
         change = Change(
             what=f"brought to the level of {found.touches} touches",
@@ -299,7 +299,7 @@ class Adapt:
 
         return measure_level(self.touches, contract) if self.touches is not None else None
 
-    def _tell(self, run: Run | None) -> Callable[[Windows], NDArray[np.floating]]:
+    def _predictor(self, run: Run | None) -> Callable[[Windows], NDArray[np.floating]]:
         """Return what gives the probabilities of windows; a bundle needs no training framework."""
         if run is not None:
             from taxel.training.adapt.correcting import run_probabilities

@@ -104,7 +104,7 @@ def collect_plan(
         "trials": len(trials),
         "recorded": len(ready),
         "balance": balance_line(trials, ready),
-        "now": [_told(grasp) for grasp in made],
+        "now": [_summary(grasp) for grasp in made],
     }
 
 
@@ -194,7 +194,7 @@ def _one(
     )
 
 
-def _told(grasp: CollectedGrasp) -> dict[str, Any]:
-    told = asdict(grasp)
-    del told["trial"]
-    return {"recording": grasp.trial.file_name, **grasp.trial.labels, **grasp.trial.groups, **told}
+def _summary(grasp: CollectedGrasp) -> dict[str, Any]:
+    rest = asdict(grasp)
+    del rest["trial"]
+    return {"recording": grasp.trial.file_name, **grasp.trial.labels, **grasp.trial.groups, **rest}

@@ -77,7 +77,7 @@ class EvaluateTrials:
         from taxel.decisions.recognition import UNKNOWN
         from taxel.evaluation.camera_trials.crossval import score_trials
         from taxel.evaluation.camera_trials.sides import interval_group, values_of
-        from taxel.live.trial_watch import tell_trials
+        from taxel.live.trial_watch import predict_trials
         from taxel.windows.camera_trials import read_camera_trials
 
         if self.data is None:
@@ -88,7 +88,7 @@ class EvaluateTrials:
         verdicts = []
         with progress() as bar:
             task = bar.add_task("trials", total=len(trials))
-            for verdict in tell_trials(bundle, trials):
+            for verdict in predict_trials(bundle, trials):
                 verdicts.append(verdict)
                 bar.update(task, advance=1)
         truth = [trial.labels.get(target, "") for trial in trials]

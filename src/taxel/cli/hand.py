@@ -117,7 +117,7 @@ def use_hand(
     try:
         to = {"move": closed, "grip": 1000, "release": 0}.get(action)
         moved = _act(actuator, clock, fingers, to, contact_ma, longest_s, stop=action == "stop")
-        result = _told(actuator, moved)
+        result = _summary(actuator, moved)
     finally:
         actuator.close()
     time_s, values = [s for s, _ in moved.currents], [ma for _, ma in moved.currents]
@@ -159,7 +159,7 @@ def _act(
         return move_fingers(driver, wanted, longest_s, stopped)
 
 
-def _told(actuator: HandActuator, moved: Moved) -> dict[str, Any]:
+def _summary(actuator: HandActuator, moved: Moved) -> dict[str, Any]:
     status = actuator.hand.status()
     return {
         "state": "unknown" if status.state is None else status.state.name.lower(),
@@ -172,13 +172,13 @@ def _told(actuator: HandActuator, moved: Moved) -> dict[str, Any]:
     }
 
 
-def _line(action: str, told: dict[str, Any]) -> str:
+def _line(action: str, result: dict[str, Any]) -> str:
     """Return what became of it, for a person."""
     ended = {"there": "fingers rest", "time": "time is out", "stopped": "ended by a person"}
-    largest = ", ".join(map(str, told["largest_ma"])) or "none"
+    largest = ", ".join(map(str, result["largest_ma"])) or "none"
     parts = [
-        f"hand {told['state']}" + (f" ({told['fault']})" if told["fault"] else ""),
-        f"{action}: {ended[told['ended']]} after {told['seconds']:.2f} s",
-        f"largest currents {largest} mA of {told['readings']} readings",
+        f"hand {result['state']}" + (f" ({result['fault']})" if result["fault"] else ""),
+        f"{action}: {ended[result['ended']]} after {result['seconds']:.2f} s",
+        f"largest currents {largest} mA of {result['readings']} readings",
     ]
     return "; ".join(parts)

@@ -1,4 +1,4 @@
-"""What `taxel live` does with a grasp bundle: watch, and tell when the state changes."""
+"""What `taxel live` does with a grasp bundle: watch, and print each change of state."""
 
 from __future__ import annotations
 
@@ -62,8 +62,8 @@ def live_grasps(
         starts = ", ".join(f"{start_s:.2f} s" for start_s in result["starts"])
         say(f"grasps found to begin after: {starts}")
     for grasp in result["grasps"]:
-        told = grasp["first_alarm_s"]
-        warned = "no alarm" if told is None else f"first alarm after {told:.2f} s"
+        alarm_s = grasp["first_alarm_s"]
+        warned = "no alarm" if alarm_s is None else f"first alarm after {alarm_s:.2f} s"
         say(f"  {visible(grasp.get('run', 'grasp'))}: {visible(grasp['outcome'] or '–')}, {warned}")
     if result["moments"]:
         say(

@@ -155,7 +155,7 @@ def live_station(options: StationOptions) -> dict[str, Any]:
             to_arm = to_arm and _still_to_arm(station)
             for key in keys.typed():
                 _press(key, station)
-            said.tell(station)
+            said.show(station)
 
         if console.is_terminal and not options.json:
             acts = options.gripper or options.tell
@@ -248,22 +248,22 @@ class _Said:
 
     def __init__(self, options: StationOptions, printer: _Printer) -> None:
         self._silent = options.json
-        self._told = 0
+        self._shown = 0
         self._began_s: float | None = None
         self._printer = printer
 
-    def tell(self, station: Station) -> None:
+    def show(self, station: Station) -> None:
         newest = station.events[-1][0] if station.events else 0
-        if self._silent or newest == self._told:
+        if self._silent or newest == self._shown:
             return
         for number, time_s, text in station.events:
-            if number <= self._told:
+            if number <= self._shown:
                 continue
             self._began_s = time_s if self._began_s is None else self._began_s
             colour = COLOURS.get(text.partition(":")[0], "cyan")
             when = f"{time_s - self._began_s:8.2f} s  "
             self._printer.say(Text.assemble(when, (visible_line(text), colour)))
-        self._told = newest
+        self._shown = newest
 
 
 def _still_to_arm(station: Station) -> bool:
@@ -325,11 +325,11 @@ def answers_lines(results: list[dict[str, Any]]) -> list[str]:
     from taxel.live.station.answers import titles
 
     lines = []
-    for title, told in zip(titles(results), results, strict=True):
-        each = ", ".join(f"{visible(name)} {count}" for name, count in told["answers"].items())
-        done = ", ".join(f"{visible(name)} {n}" for name, n in told["actions"].items())
+    for title, result in zip(titles(results), results, strict=True):
+        each = ", ".join(f"{visible(name)} {count}" for name, count in result["answers"].items())
+        done = ", ".join(f"{visible(name)} {n}" for name, n in result["actions"].items())
         to_do = f"; to do: {done}" if done else ""
-        lines.append(f"{title}: {told['windows']} windows: {each or 'none'}{to_do}")
+        lines.append(f"{title}: {result['windows']} windows: {each or 'none'}{to_do}")
     return lines
 
 

@@ -39,7 +39,7 @@ def live_trials(
     from taxel.sources.opening import open_source
 
     opened = read_trial_bundle(bundle, trust, device)
-    told: TrialTally | None = None
+    total: TrialTally | None = None
     with _addresses(source) as addresses:
         for name, address in addresses:
             if name and not as_json:
@@ -51,21 +51,21 @@ def live_trials(
                 )  # fmt: skip
             for trial in tally.trials:
                 trial["trial"] = name or None
-            if told is None:
-                told = tally
+            if total is None:
+                total = tally
             else:
-                told.trials += tally.trials
-                told.looks_s += tally.looks_s
-    assert told is not None
-    result = told.summary()
+                total.trials += tally.trials
+                total.looks_s += tally.looks_s
+    assert total is not None
+    result = total.summary()
     if as_json:
         print_json(result)
         return
     say(
-        f"{len(told.trials)} trial{'' if len(told.trials) == 1 else 's'}, {result['unknown']} "
+        f"{len(total.trials)} trial{'' if len(total.trials) == 1 else 's'}, {result['unknown']} "
         f"UNKNOWN; {result['right']}/{result['marked']} as the source's own labels say"
     )
-    if told.looks_s:
+    if total.looks_s:
         say(
             f"a look at a crop: median {result['look_ms_median']:.0f} ms, at most "
             f"{result['look_ms_max']:.0f} ms, each {opened.contract.layout.every} frames"

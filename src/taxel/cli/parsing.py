@@ -83,11 +83,11 @@ def refusal(box: str, door: str) -> str:
         door: Verb, and kind where it has kinds.
     """
     parts = _parts(box)
-    told = next(iter(parts), [])
-    if told and told[0].strip().startswith("Missing from"):
-        return f"needed {_missing(told)}; got none; run: taxel {door} --help."
-    upto = next((at for at, line in enumerate(told) if not line.strip()), len(told))
-    said = visible_line(" ".join(" ".join(told[:upto]).split()).rstrip("."))
+    first = next(iter(parts), [])
+    if first and first[0].strip().startswith("Missing from"):
+        return f"needed {_missing(first)}; got none; run: taxel {door} --help."
+    upto = next((at for at, line in enumerate(first) if not line.strip()), len(first))
+    said = visible_line(" ".join(" ".join(first[:upto]).split()).rstrip("."))
     meant = _MEANT.search("\n".join(line for part in parts for line in part))
     perhaps = f"perhaps {meant[1]} was meant; " if meant else ""
     for pattern, needed in _FORMS:
@@ -113,8 +113,8 @@ def _parts(box: str) -> list[list[str]]:
     return parts if box.lstrip().startswith("╭") else parts[1:]
 
 
-def _missing(told: list[str]) -> str:
+def _missing(lines: list[str]) -> str:
     """Return the names of what is missing: they stand four columns further than their heading."""
-    margin = len(told[0]) - len(told[0].lstrip()) + 4
-    names = (line for line in told if len(line) - len(line.lstrip()) == margin)
+    margin = len(lines[0]) - len(lines[0].lstrip()) + 4
+    names = (line for line in lines if len(line) - len(line.lstrip()) == margin)
     return " and ".join(line.strip() for line in names)

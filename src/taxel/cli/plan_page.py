@@ -28,7 +28,7 @@ class Shower:
     def phase(self, line: str) -> None:
         """Show how a trial goes: it has settled, or why it waits."""
         self.line(line)
-        self.board.tell("POUR NOW" if line.startswith("settled") else "HOLD STILL", line)
+        self.board.show("POUR NOW" if line.startswith("settled") else "HOLD STILL", line)
 
     def step(self) -> str | None:
         """Return the key of a step that was taken on the page; None without any."""
@@ -39,7 +39,7 @@ def open_shower(
     page: str | None,
     stack: ExitStack,
     trials: int,
-    tell: Callable[..., None],
+    show_line: Callable[..., None],
     *,
     asks: bool,
 ) -> Shower:
@@ -49,7 +49,7 @@ def open_shower(
         page: Where it listens, HOST:PORT; None serves none.
         stack: Ends the server.
         trials: How many the plan has.
-        tell: Shows a line in the terminal.
+        show_line: Shows a line in the terminal.
         asks: True where a person says that they are ready.
 
     Raises:
@@ -63,5 +63,5 @@ def open_shower(
         from taxel.views.page.server import PageServer
 
         server = stack.enter_context(PageServer(board, *parse_address(page)))
-        tell(f"the page: {server.url}")
-    return Shower(tell, board)
+        show_line(f"the page: {server.url}")
+    return Shower(show_line, board)

@@ -1,4 +1,4 @@
-"""`taxel record --plan`: trial after trial of two tactile cameras, each told before it is made.
+"""`taxel record --plan`: trial after trial of two tactile cameras, each shown before it is made.
 
 Knows nothing about what settles a grasp.
 """
@@ -51,8 +51,8 @@ def record_plan(options: PlanRecording, stopped: Callable[[], bool]) -> None:
     """Record what is missing of a plan, then say how far it is."""
     trials = read_plan(options.plan)
     done = done_of(trials, options.output)
-    tell = say_aside if options.json else say
-    tell(balance_line(trials, done))
+    show_line = say_aside if options.json else say
+    show_line(balance_line(trials, done))
     made: list[RecordedTrial] = []
     if len(done) < len(trials):
         simulated = options.source.partition("?")[0] == SIMULATED
@@ -67,8 +67,8 @@ def record_plan(options: PlanRecording, stopped: Callable[[], bool]) -> None:
             )
         with ExitStack() as stack:
             keys = stack.enter_context(Keys())
-            shower = open_shower(options.page, stack, len(trials), tell, asks=asks)
-            shower.board.tell("WAIT", done=len(done), balance=balance_line(trials, done))
+            shower = open_shower(options.page, stack, len(trials), show_line, asks=asks)
+            shower.board.show("WAIT", done=len(done), balance=balance_line(trials, done))
             made = _Session(options, stack, keys if asks else None, stopped, shower).run(trials)
     ready = done_of(trials, options.output)
     if options.json:
@@ -108,7 +108,7 @@ class _Session:
     ) -> None:
         self._options, self._stack, self._keys = options, stack, keys
         self._stopped, self._shower = stopped, shower
-        self._tell, self._board = shower.line, shower.board
+        self._show_line, self._board = shower.line, shower.board
         self._gripper = self._open_gripper()
         self._source: Source | None = None
         if options.tare:
@@ -121,14 +121,14 @@ class _Session:
         last: PlannedTrial | None = None
         while queue and not self._stopped():
             trial = queue[0]
-            self._tell(f"trial {trial.number} of {len(trials)}: {trial.words}")
+            self._show_line(f"trial {trial.number} of {len(trials)}: {trial.words}")
             key = self._ask("GET READY", number=trial.number, words=trial.words)
             if key == "q":
                 break
             if key in ("r", "d") and last is not None:
                 (self._options.output / last.file_name).unlink(missing_ok=True)
                 made = [done for done in made if done.trial is not last]
-                self._tell(f"discarded: trial {last.number}")
+                self._show_line(f"discarded: trial {last.number}")
                 if key == "r":
                     queue.insert(0, last)
                 last = None
@@ -140,8 +140,8 @@ class _Session:
             last = queue.pop(0)
             done = done_of(trials, self._options.output)
             line = balance_line(trials, done)
-            self._tell(line)
-            self._board.tell("DONE", f"trial {trial.number}", done=len(done), balance=line)
+            self._show_line(line)
+            self._board.show("DONE", f"trial {trial.number}", done=len(done), balance=line)
         return made
 
     def _one(self, trial: PlannedTrial) -> RecordedTrial | None:
@@ -152,7 +152,7 @@ class _Session:
         while not self._stopped():
             if self._gripper is not None:
                 force_n = set_grip(self._gripper, trial, SystemClock())
-                self._tell(f"gripper holds with {force_n:g} N")
+                self._show_line(f"gripper holds with {force_n:g} N")
             try:
                 with ExitStack() as own:
                     source: Source = HandedOn(self._cameras_for(trial, own), see=self._board.see)
@@ -168,7 +168,7 @@ class _Session:
             except NotSettled as error:
                 if self._keys is None:
                     raise
-                self._tell(str(error))
+                self._show_line(str(error))
                 if self._ask("GRASP AGAIN", str(error)) == "q":
                     return None
         return None
@@ -208,7 +208,7 @@ class _Session:
         path = self._options.output / TARE
         if path.exists():
             return
-        self._tell("leave both gels untouched")
+        self._show_line("leave both gels untouched")
         if self._ask("HANDS OFF", "leave both gels untouched") == "q":
             return
         self._source = self._stack.enter_context(open_source(self._options.source))
@@ -223,19 +223,19 @@ class _Session:
             why: In words.
             shown: More for the page.
         """
-        self._board.tell(word, why, waits=True, **shown)
+        self._board.show(word, why, waits=True, **shown)
         if self._keys is None:
             return ""
         from taxel.clock import SystemClock
 
-        self._tell(_KEYS)
+        self._show_line(_KEYS)
         clock = SystemClock()
         while not self._stopped():
             typed = self._keys.typed()
             found = next((key for key in typed if key in "\r\nrdq"), None)
             step = self._shower.step()
             if found is not None or step is not None:
-                self._board.tell("HOLD STILL", "until the grasp has settled")
+                self._board.show("HOLD STILL", "until the grasp has settled")
                 return step if step is not None else str(found).strip()
             clock.sleep(0.05)
         return "q"

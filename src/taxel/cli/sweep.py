@@ -102,7 +102,7 @@ class Sweep:
                 points, about, chance = self._cameras(bundle, names, levels), "", 0.5
             else:
                 points, about, chance = self._array(bundle, names, levels)
-        self._tell(points, about or f"{bundle.name} on {self.data}", chance, cameras)
+        self._print(points, about or f"{bundle.name} on {self.data}", chance, cameras)
 
     def _check(self) -> None:
         if (self.data is None) != self.simulate:
@@ -203,7 +203,7 @@ class Sweep:
                 on_point=lambda point: bar.update(task, description=point.fault, advance=1),
             )  # fmt: skip
 
-    def _tell(self, points: list[FaultPoint], about: str, chance: float, cameras: bool) -> None:
+    def _print(self, points: list[FaultPoint], about: str, chance: float, cameras: bool) -> None:
         rows = [
             {key: None if isinstance(value, float) and not math.isfinite(value) else value
              for key, value in asdict(point).items()}

@@ -95,9 +95,9 @@ class Tune:
         if self.json:
             print_json(about)
             return
-        self._tell(found, output, url)
+        self._print_result(found, output, url)
 
-    def _tell(self, found: Tuned, output: Path, url: str) -> None:
+    def _print_result(self, found: Tuned, output: Path, url: str) -> None:
         from taxel.views.tune_table import tune_table
 
         console.print(tune_table(found))

@@ -25,16 +25,16 @@ class WorkOptions:
     else local."""
 
     @contextmanager
-    def open(self, tell: Callable[[str], None] | None = None) -> Iterator[None]:
+    def open(self, log: Callable[[str], None] | None = None) -> Iterator[None]:
         """Run the jobs of a block there; the log goes to the error stream.
 
         Args:
-            tell: Takes the log's lines instead.
+            log: Takes the log's lines instead.
         """
         from taxel.jobs.places import open_engine
         from taxel.jobs.running import use_engine
 
-        with use_engine(open_engine(self.run_on, self.workers, tell or _log)):
+        with use_engine(open_engine(self.run_on, self.workers, log or _log)):
             yield
 
 

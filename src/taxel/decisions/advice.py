@@ -41,7 +41,7 @@ _WHY = {
 
 
 @dataclass(frozen=True, slots=True)
-class Told:
+class GivenAdvice:
     """What is said now."""
 
     advice: Advice
@@ -76,21 +76,21 @@ class Adviser:
     """
 
     def __init__(self) -> None:
-        self._said = Told(Advice.NOTHING, _WHY[Advice.NOTHING], 0.0)
+        self._given = GivenAdvice(Advice.NOTHING, _WHY[Advice.NOTHING], 0.0)
         self._milder: tuple[Advice, float] | None = None
         """The gravest of what was heard since all was milder, and when that began, seconds."""
 
     @property
-    def told(self) -> Told:
+    def given(self) -> GivenAdvice:
         """What is said now."""
-        return self._said
+        return self._given
 
     def reset(self, now_s: float) -> None:
         """Begin another grasp: nothing is said of the one before."""
         self._milder = None
         self._say(Advice.NOTHING, "", now_s)
 
-    def push(self, advice: Advice, now_s: float, why: str = "") -> Told:
+    def push(self, advice: Advice, now_s: float, why: str = "") -> GivenAdvice:
         """Take in what is to be done now; return what is said.
 
         Args:
@@ -99,7 +99,7 @@ class Adviser:
             why: In words; the word's own reason unless given.
         """
         rank = _ORDER.index
-        if advice is Advice.NOTHING or rank(advice) >= rank(self._said.advice):
+        if advice is Advice.NOTHING or rank(advice) >= rank(self._given.advice):
             self._milder = None
             self._say(advice, why, now_s)
         elif self._milder is None or rank(advice) > rank(self._milder[0]):
@@ -107,8 +107,8 @@ class Adviser:
         elif now_s - self._milder[1] >= CALM_S:
             self._say(self._milder[0], why if advice is self._milder[0] else "", now_s)
             self._milder = None
-        return self._said
+        return self._given
 
     def _say(self, advice: Advice, why: str, now_s: float) -> None:
-        since_s = self._said.since_s if advice is self._said.advice else now_s
-        self._said = Told(advice, why or _WHY[advice], since_s)
+        since_s = self._given.since_s if advice is self._given.advice else now_s
+        self._given = GivenAdvice(advice, why or _WHY[advice], since_s)

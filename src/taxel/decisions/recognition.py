@@ -83,7 +83,7 @@ def decide(
     quality: Quality,
     classes: tuple[str, ...],
     config: RecogniseConfig,
-    strange: list[float] | None = None,
+    novelty: list[float] | None = None,
     test: NoveltyTest | None = None,
 ) -> Decision:
     """Return the answer for one window.
@@ -93,7 +93,7 @@ def decide(
         quality: How much of the window may be used.
         classes: The answers' names.
         config: When an answer may be given.
-        strange: How unlike the learned the window is, as `test` gives it; where that is None or
+        novelty: The window's novelty scores, as `test` gives them; where they are None or
             not finite although there is a test, the answer is UNKNOWN.
         test: What says how rare that is; None where the bundle has no such test.
     """
@@ -101,22 +101,22 @@ def decide(
     confidence = float(probabilities[best])
     reason = _fault(probabilities, quality.usable + quality.filled, quality.saturated, config)
     if reason or test is None:
-        strange = None
-    elif strange is None or not isfinite(sum(strange)):
+        novelty = None
+    elif novelty is None or not isfinite(sum(novelty)):
         reason = UNMEASURED
-    elif not (p := test.p_window(strange)) > test.rejected:
+    elif not (p := test.p_window(novelty)) > test.rejected:
         reason = unlike(p)
     if not reason and confidence < config.least_confidence:
         reason = f"confidence {confidence:.2f} is below {config.least_confidence:.2f}"
     label = UNKNOWN if reason else classes[best]
     start_s, end_s = quality.span_s
     return Decision(
-        label, confidence, probabilities, reason, start_s, end_s, strange, quality.filled
+        label, confidence, probabilities, reason, start_s, end_s, novelty, quality.filled
     )
 
 
 def unlike(p: float) -> str:
-    """Return why touch is UNKNOWN that known touch is as strange as with probability p."""
+    """Return why touch is UNKNOWN that known touch is as novel as this with probability p."""
     return f"novel touch (p = {p:.2g})"
 
 
@@ -165,10 +165,10 @@ class GraspVote:
         self._end_s: float | None = None
         self._test = test
         self._joining = joining
-        self._strange = [0.0] * (len(test.labels) if test is not None else 0)
+        self._novelty = [0.0] * (len(test.labels) if test is not None else 0)
         self._tested = self._unmeasured = 0
         self.p_known = float("nan")
-        """How often a known contact is at least as strange, 0…1; NaN where that is not tested."""
+        """How often a known contact scores at least as high, 0…1; NaN where that is not tested."""
 
     @property
     def classes(self) -> tuple[str, ...]:
@@ -188,7 +188,7 @@ class GraspVote:
         """Take in one decision; return the contact's answer so far and its confidence, 0…1."""
         if self._end_s is not None and decision.start_s - self._end_s > self._gap_s:
             self._sum[:], self._count = 0.0, 0
-            self._strange = [0.0] * len(self._strange)
+            self._novelty = [0.0] * len(self._novelty)
             self._tested = self._unmeasured = 0
             self.p_known = float("nan")
         self._end_s = decision.end_s
@@ -197,8 +197,8 @@ class GraspVote:
             self._count += 1
         if self._test is not None and decision.novelty is not None:
             if isfinite(sum(decision.novelty)):
-                self._strange = [
-                    a + b for a, b in zip(self._strange, decision.novelty, strict=True)
+                self._novelty = [
+                    a + b for a, b in zip(self._novelty, decision.novelty, strict=True)
                 ]
                 self._tested += 1
             else:
@@ -216,6 +216,6 @@ class GraspVote:
         """Return p of the windows measured, times their share of all."""
         if not self._tested:
             return 0.0
-        mean = [strange / self._tested for strange in self._strange]
+        mean = [total / self._tested for total in self._novelty]
         p = test.p_contact(mean, self._tested)
         return p * self._tested / (self._tested + self._unmeasured)

@@ -111,7 +111,7 @@ class StabilityMonitor:
     def reset(self) -> None:
         """Forget everything: a new grasp."""
         self._held: Stability | None = None  # what the evidence says, whatever the input's health
-        self._told = StabilityDecision(
+        self._decision = StabilityDecision(
             Stability.UNKNOWN, REASONS["no input"].say(), float("nan"), float("nan")
         )
         self._last_s: float | None = None
@@ -144,8 +144,8 @@ class StabilityMonitor:
         self._weigh(probability, time_s)
         if self._held is None:
             reason = REASONS["evidence"].say(left_s=self._left_s(time_s))
-            return self._tell(Stability.UNKNOWN, reason, time_s, probability)
-        return self._tell(self._held, "", time_s, probability)
+            return self._decide(Stability.UNKNOWN, reason, time_s, probability)
+        return self._decide(self._held, "", time_s, probability)
 
     def at(self, now_s: float) -> StabilityDecision:
         """Return the state when nothing new has come: UNKNOWN once the input is too old.
@@ -154,18 +154,18 @@ class StabilityMonitor:
             now_s: This moment on the frames' clock, seconds.
         """
         if self._last_s is None:
-            return self._told
+            return self._decision
         age_s = now_s - self._last_s
         if not age_s <= self._config.largest_age_s:
             return self._doubted(REASONS["old"].say(age_s=age_s), now_s)
-        return self._told
+        return self._decision
 
     def over(self, now_s: float) -> StabilityDecision:
         """Take in that the grasp has ended and all of it is forgotten; return NO_GRASP."""
-        told = self._told
+        before = self._decision
         self.reset()
-        self._told = told
-        return self._tell(Stability.NO_GRASP, REASONS["grasp over"].say(), now_s, float("nan"))
+        self._decision = before
+        return self._decide(Stability.NO_GRASP, REASONS["grasp over"].say(), now_s, float("nan"))
 
     def doubt(self, reason: str, now_s: float) -> StabilityDecision:
         """Take in that nothing can be said now, and why; return UNKNOWN."""
@@ -194,7 +194,7 @@ class StabilityMonitor:
 
     def _doubted(self, reason: str, time_s: float) -> StabilityDecision:
         self._lose()
-        return self._tell(Stability.UNKNOWN, reason, time_s, float("nan"))
+        return self._decide(Stability.UNKNOWN, reason, time_s, float("nan"))
 
     def _lose(self) -> None:
         """Forget what a lost stretch of input may have changed: STABLE, and all timers."""
@@ -226,18 +226,18 @@ class StabilityMonitor:
             self._held = Stability.STABLE
 
     def _left_s(self, time_s: float) -> float:
-        """Return how long the newest evidence must still stand until a state is told, seconds."""
+        """Return how long the newest evidence must still stand until a state is given, seconds."""
         begun = [since_s for since_s in (self._calm_s, self._warn_s) if since_s is not None]
         stood_s = time_s - min(begun) if begun else 0.0
         return max(0.0, self._config.raise_s - stood_s)
 
-    def _tell(
+    def _decide(
         self, state: Stability, reason: str, time_s: float, probability: float
     ) -> StabilityDecision:
-        told = self._told
-        since_s = told.since_s if state is told.state and told.since_s <= time_s else time_s
-        self._told = StabilityDecision(state, reason, since_s, probability)
-        return self._told
+        before = self._decision
+        since_s = before.since_s if state is before.state and before.since_s <= time_s else time_s
+        self._decision = StabilityDecision(state, reason, since_s, probability)
+        return self._decision
 
 
 def states(

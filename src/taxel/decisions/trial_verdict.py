@@ -67,15 +67,15 @@ def join_crops(
     """
     mean = np.maximum(probabilities.mean(axis=0), _LEAST) ** config.sharpness
     mean = mean / mean.sum()
-    strange = float(novelty.mean())
+    score = float(novelty.mean())
     best = int(mean.argmax())
     confidence = float(mean[best])
     reason = ""
-    if not np.isfinite(mean).all() or not np.isfinite(strange):
+    if not np.isfinite(mean).all() or not np.isfinite(score):
         reason = "the model gave NaN"
-    elif config.threshold is not None and strange > config.threshold:
-        reason = f"novel touch (novelty score {strange:.1f}, limit {config.threshold:.1f})"
+    elif config.threshold is not None and score > config.threshold:
+        reason = f"novel touch (novelty score {score:.1f}, limit {config.threshold:.1f})"
     elif confidence < config.least_confidence:
         reason = f"confidence {confidence:.2f} is below {config.least_confidence:.2f}"
     label = UNKNOWN if reason else classes[best]
-    return Verdict(label, confidence, mean, strange, reason, len(novelty))
+    return Verdict(label, confidence, mean, score, reason, len(novelty))

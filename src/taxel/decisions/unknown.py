@@ -1,9 +1,9 @@
-"""Is this like anything learned? How strange a window and a contact are, and how rare that is.
+"""Novelty scores of a window and of a contact, and their conformal p-values.
 
 A window is summed up by three numbers a channel: level, deviation and change. In the few
 directions that tell the classes apart it has a density, and its novelty score is minus the
 density's logarithm; a contact's is the mean over its windows. Held-out sessions say
-how often known touch is as strange (conformal p-value). NumPy only: the same code
+how often known touch scores as high (conformal p-value). NumPy only: the same code
 offline and live. Knows nothing about networks, sources or screens (docs/decisions/0027).
 """
 
@@ -50,7 +50,7 @@ class Density:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Unknown:
-    """What a bundle stores to tell the unknown from the known."""
+    """What a bundle stores to tell the unknown and the known apart."""
 
     rejected: float
     """Share of known touch that may be called unknown, 0…1."""
@@ -63,7 +63,7 @@ class Unknown:
     least: NDArray[np.float64]
     """Shape (2, channels): variance and change, in units of `wander`, that are as good as none."""
     densities: tuple[Density, ...]
-    """One a label: a joined target such as "shape+material" is told by its parts."""
+    """One a label: a joined target such as "shape+material" is predicted by its parts."""
 
 
 class NoveltyTest:
@@ -104,7 +104,9 @@ class NoveltyTest:
         n = len(values)
         if n not in self._summaries:
             self._summaries[n] = Summary(self._unknown, n, np.float32)
-        with np.errstate(all="ignore"):  # what is too large for 32 bits ends as NaN, which is told
+        with np.errstate(
+            all="ignore"
+        ):  # what is too large for 32 bits ends as NaN, which is reported
             found = (self._summaries[n].of(values) @ self._columns).tolist()
         each = []
         for start, middle, end, constants in self._parts:
@@ -115,11 +117,11 @@ class NoveltyTest:
         return each
 
     def p_window(self, novelty: list[float]) -> float:
-        """Return how often a known window is at least as strange, 0…1."""
+        """Return how often a known window scores at least as high, 0…1."""
         return _joined(map(p_value, self._windows, novelty), len(novelty))
 
     def p_contact(self, novelty: list[float], windows: int) -> float:
-        """Return how often a known contact is at least as strange, 0…1.
+        """Return how often a known contact scores at least as high, 0…1.
 
         Args:
             novelty: Mean over its windows so far, by each label.
@@ -204,7 +206,7 @@ def summaries(
 
 
 def p_value(known: list[float], novelty: float) -> float:
-    """Return (1 + how many known ones are at least as strange) / (1 + how many there are).
+    """Return (1 + how many known ones score at least as high) / (1 + how many there are).
 
     For touch that is exchangeable with the known, it lies at or below any p with probability
     at most p. Source: split conformal prediction (Vovk, Gammerman, Shafer 2005).

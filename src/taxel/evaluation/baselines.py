@@ -1,4 +1,4 @@
-"""Trivial baselines: what can be told without touch, printed beside every result.
+"""Trivial baselines: what can be predicted without touch, printed beside every result.
 
 If one of them comes near a network, the network's accuracy says little about
 touch; one below the majority class is worse than guessing. Knows nothing about networks.

@@ -126,13 +126,13 @@ def _decisions(bundle: Bundle, windows: Windows, config: RecogniseConfig) -> lis
         probabilities = bundle.probabilities(part.values, part.mask)
         scaled = bundle.contract.scaling.apply(part.values, part.mask)
         for i in range(len(part)):
-            strange = None
+            novelty = None
             if bundle.novelty_test is not None and part.mask[i].any():
-                strange = bundle.novelty_test.of_window(scaled[i][part.mask[i]])
+                novelty = bundle.novelty_test.of_window(scaled[i][part.mask[i]])
             found.append(
                 decide(
                     probabilities[i], Quality.of(part, i), bundle.contract.classes,
-                    config, strange, bundle.novelty_test,
+                    config, novelty, bundle.novelty_test,
                 )
             )  # fmt: skip
     return found

@@ -46,7 +46,7 @@ class GroupInterval:
 
 @dataclass(frozen=True, slots=True)
 class ReliabilityBin:
-    """Test windows told with about the same confidence."""
+    """Test windows predicted with about the same confidence."""
 
     confidence: float
     """Mean of the largest probability, 0…1."""

@@ -28,7 +28,7 @@ from taxel.recordings.whole import write_whole
 from taxel.signals import UNUSABLE
 
 A_PLOT = 12
-"""Channels in a plot; more make a further one. Source: our choice: colours a reader can tell."""
+"""Channels in a plot; more make a further one. Source: our choice: distinct colours."""
 _MOST_PLOTS = 4
 MAP_TOPIC = "/taxel/map"
 

@@ -50,8 +50,8 @@ class Own:
 
     def __init__(self, manifest: Manifest, row: Mapping[str, Any]) -> None:
         self.manifest = manifest
-        told = parse_json(row.get(f"{layout.OWN}marks") or "[]")
-        self.marks = [_mark(Fields(mark, "a mark")) for mark in told]
+        stored = parse_json(row.get(f"{layout.OWN}marks") or "[]")
+        self.marks = [_mark(Fields(mark, "a mark")) for mark in stored]
         self._next_scan = 0
         self._next_image = [-1] * len(manifest.cameras)
 
@@ -163,9 +163,9 @@ class Foreign:
             return NO_ARRAY
         shape = self._info.shape(self._key)
         width, rows = shape[-1], shape[0] if len(shape) == 2 else 1
-        told = self._info.features[self._key].any("names")
-        fits = isinstance(told, list) and len(told) == width
-        names = tuple(map(str, told)) if fits else tuple(f"{i}" for i in range(width))
+        named = self._info.features[self._key].any("names")
+        fits = isinstance(named, list) and len(named) == width
+        names = tuple(map(str, named)) if fits else tuple(f"{i}" for i in range(width))
         return SensorInfo(
             name="state", channels=names, units=("",) * width,
             rate_hz=float(self._info.fps * rows), details=details,

@@ -135,8 +135,8 @@ def _names(rows: Sequence[Mapping[str, Any]]) -> list[str]:
     """Return a file's name for each episode, each different."""
     names = []
     for row in rows:
-        told = str(row.get(f"{layout.OWN}recording") or "")[:_LONGEST_NAME]
-        plain = "".join(letter if letter.isalnum() or letter in "-_" else "_" for letter in told)
+        stored = str(row.get(f"{layout.OWN}recording") or "")[:_LONGEST_NAME]
+        plain = "".join(letter if letter.isalnum() or letter in "-_" else "_" for letter in stored)
         names.append(plain or f"episode_{row['episode_index']:06d}")
     if len(set(names)) < len(names):
         return [f"episode_{row['episode_index']:06d}" for row in rows]

@@ -1,6 +1,6 @@
 """A fleet as a page in the browser: on this machine unless told otherwise, by a key always.
 
-It only shows: there is nothing on it that a station could be told. Knows nothing about brokers.
+It only shows: nothing on it gives a station an order. Knows nothing about brokers.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""The process that reports a station to its fleet. It subscribes to nothing: nobody can tell it.
+"""The process that reports a station to its fleet. It subscribes to nothing: it takes no orders.
 
 A broker that is away, slow or stopped changes nothing here: what cannot be sent is left out, and
 the next report holds everything anew. Knows nothing about other stations.
@@ -58,7 +58,7 @@ def report(job: Reporting) -> None:
                 for item in following.take():
                     if isinstance(item.value, dict):
                         reporter.take_in(item.topic, item.value)
-                reporter.tell(time.monotonic())
+                reporter.report(time.monotonic())
                 pulse.consumed, pulse.produced = following.taken, reporter.sent
                 pulse.beat()
                 time.sleep(_LOOK_S)
@@ -80,7 +80,7 @@ class Reporter:
         )
         self._state: dict[str, Any] = {}
         self._sources: dict[str, dict[str, Any]] = {}
-        self._told_s = float("-inf")
+        self._reported_s = float("-inf")
         self._alive = topic_of(self.station, ALIVE)
         self._broker = Broker(
             address, f"taxel-{self.station}-{boot}",
@@ -91,21 +91,21 @@ class Reporter:
         """Reports that went out."""
 
     def take_in(self, topic: str, note: dict[str, Any]) -> None:
-        """Take in what the station's rings told."""
+        """Take in what came through the station's rings."""
         if topic == STATE:
             self._state = note
         elif topic == SOURCES:
             self._sources[str(note["url"])] = note
 
-    def tell(self, now_s: float) -> None:
+    def report(self, now_s: float) -> None:
         """Report, once a second at most; never waits.
 
         Args:
             now_s: This moment, monotonic seconds.
         """
-        if now_s - self._told_s < PERIOD_S:
+        if now_s - self._reported_s < PERIOD_S:
             return
-        self._told_s = now_s
+        self._reported_s = now_s
         sources = list(self._sources.values())
         made = make_report(self._identity, self.sent, self._state, sources, time.time())
         self.sent += self._broker.publish(topic_of(self.station, REPORT), made.as_bytes())

@@ -60,7 +60,7 @@ class Report:
 
     station: str
     boot: str
-    """Drawn at each start, so that an old last will is told from a new start."""
+    """Drawn at each start, so that an old last will and a new start are told apart."""
     number: int
     """Reports before this, since the start."""
     version: str

@@ -21,7 +21,7 @@ Source: our choice, docs/decisions/0052."""
 MOST_STATIONS = 1000
 """Source: our choice: twenty times what is measured."""
 _TWICE_S = 10.0
-"""How long two stations under one name are told after the last sign of it, seconds. Our choice."""
+"""How long two stations under one name are shown after the last sign of it, seconds. Our choice."""
 RANKS = ("DANGER", "GONE", "SILENT", "WARNING", "NAME TWICE", "LIVE", "ENDED")
 """What a station's presence may be, in the order in which a person must see it."""
 

@@ -1,6 +1,6 @@
 """Slope, normals and depth of what touches a gel, from the change of its colours.
 
-Each lamp lights slopes that face it, so three colours tell a slope's two
+Each lamp lights slopes that face it, so three colours give a slope's two
 components. The inverse, from relative change of colour to slope, is a cubic
 fitted on presses of a ball of known radius. Depth is the slope's Poisson
 integral. Depth grows into the gel; x to the right, y down. Knows nothing about

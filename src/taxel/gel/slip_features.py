@@ -1,4 +1,4 @@
-"""Named quantities of a gel image that tell of incipient slip, one row a frame.
+"""Named quantities of a gel image that announce incipient slip, one row a frame.
 
 Input: frames of one gel, oldest first, RGB. Output: float32 rows. What the
 dots do is the gel's movement; what the imprint does is the object's; where
@@ -11,7 +11,7 @@ Background of our choices: docs/decisions/0013.
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from typing import Final
 
 import numpy as np
@@ -179,16 +179,6 @@ class SlipFeatures:
             "turn_rate": float(step[4]),
             "residual_rate": float(step[5]),
         }
-
-
-def slip_features(frames: Iterable[Rgb], reference_frames: Sequence[Rgb]) -> NDArray[np.float32]:
-    """Return the rows of a whole video, shape (frames, len(SLIP_FEATURES)).
-
-    Exactly what `SlipFeatures.push` returns frame by frame. Arguments and errors as there.
-    """
-    stream = SlipFeatures(reference_frames)
-    rows = [stream.push(frame) for frame in frames]
-    return np.stack(rows) if rows else np.zeros((0, len(SLIP_FEATURES)), np.float32)
 
 
 def median_frame(frames: Sequence[Rgb]) -> Rgb:

@@ -31,7 +31,7 @@ _LAGS: Final = (1, 2, 4, 8, 16)
 _READY_FROM: Final = 4
 """Lag from which on slip over the gel's motion is taken too."""
 _RATE_LAG: Final = 4
-"""Images over which the rate is told: 0.16 s at 25 images a second. Source: our choice."""
+"""Images over which the rate is taken: 0.16 s at 25 images a second. Source: our choice."""
 _READY_LAG: Final = 8
 _SPREAD_FACTOR: Final = 1.5
 """Error of a pose over what the fit's own residuals say. Source: training cups, decision 36."""
@@ -172,7 +172,7 @@ class GelSlip:
             now[4],
         )
         self.features = np.array([*state, *self._rates()])
-        self.slip = self._told()
+        self.slip = self._slip_now()
 
     def _rates(self) -> list[float]:
         """Return rates over each lag, then readiness; over what there is where that is less."""
@@ -187,7 +187,7 @@ class GelSlip:
                 ready.append((now[1] - then[1]) / (abs(now[2] - then[2]) + _SOFT_MM))
         return rates + ready
 
-    def _told(self) -> Slip:
+    def _slip_now(self) -> Slip:
         now = self._past[-1]
         then = self._past[max(len(self._past) - 1 - _RATE_LAG, 0)]
         before = self._past[max(len(self._past) - 1 - _READY_LAG, 0)]

@@ -6,7 +6,7 @@ rigid, about the image's middle. Knows nothing about millimetres, time, slip or 
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final
 
@@ -105,12 +105,6 @@ class TouchFollower:
             ranked = np.sort(far[dots.seen])
             weights = (dots.seen & (far <= ranked[_FEWEST_DOTS - 1])).astype(np.float64)
         return _rigid(before, now, weights)
-
-
-def touch_poses(frames: Iterable[Rgb], reference_frames: Sequence[Rgb]) -> list[TouchPose]:
-    """Return the poses of a whole video: exactly what `TouchFollower` gives frame by frame."""
-    follower = TouchFollower(reference_frames)
-    return [follower.follow(frame) for frame in frames]
 
 
 def _rigid(

@@ -116,7 +116,7 @@ def _check_code(wanted: str) -> None:
 
 
 def _portable(error: Exception) -> Exception:
-    """Return an error that another process can be told."""
+    """Return an error that can be sent to another process."""
     try:
         pickle.loads(pickle.dumps(error))
     except Exception:

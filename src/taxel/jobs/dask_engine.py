@@ -23,20 +23,20 @@ class DaskEngine:
     Args:
         address: HOST:PORT of a scheduler; empty starts one with workers here.
         workers: How many to start.
-        tell: Called with lines of the log.
+        log: Called with lines of the log.
 
     Raises:
         MissingExtra: Dask is not installed.
     """
 
-    each_told = True
+    logs_each = True
 
-    def __init__(self, address: str, workers: int, tell: Callable[[str], None]) -> None:
+    def __init__(self, address: str, workers: int, log: Callable[[str], None]) -> None:
         try:
             from distributed import Client, KilledWorker, LocalCluster
         except ModuleNotFoundError as error:
             raise MissingExtra("distributed", "dask", "jobs on Dask") from error
-        self.tell = tell
+        self.log = log
         self.lost: tuple[type[Exception], ...] = (KilledWorker,)
         self._cluster = None
         if address:

@@ -36,14 +36,14 @@ class LocalEngine:
 
     Args:
         workers: Processes at a time.
-        tell: Called with a line when a worker was killed.
+        log: Called with a line when a worker was killed.
     """
 
-    each_told = False
+    logs_each = False
     lost: tuple[type[Exception], ...] = ()
 
-    def __init__(self, workers: int, tell: Callable[[str], None] = lambda _: None) -> None:
-        self.workers, self.tell = workers, tell
+    def __init__(self, workers: int, log: Callable[[str], None] = lambda _: None) -> None:
+        self.workers, self.log = workers, log
         self._threads = ThreadPoolExecutor(workers, "taxel-worker")
         self._own = threading.local()
         self._running: set[_Worker] = set()
@@ -73,7 +73,7 @@ class LocalEngine:
                 if self._closed:
                     raise WorkerLost(call.name, "the work was ended", attempt) from error
                 self._forget(worker)
-                self.tell(f"{call.name}: its worker {worker.pid} {worker.fate}; it starts again")
+                self.log(f"{call.name}: its worker {worker.pid} {worker.fate}; it starts again")
         raise WorkerLost(call.name, f"the last worker {worker.fate}", ATTEMPTS)
 
     def _worker(self) -> _Worker:
@@ -174,7 +174,7 @@ def _answer(pipe: Connection, done: Done) -> None:
         pipe.send(done)
     except OSError:
         raise
-    except Exception as error:  # a result that cannot travel is the job's fault, told as such
+    except Exception as error:  # a result that cannot travel is the job's fault, reported as such
         pipe.send(
             replace(done, result=None, error=RuntimeError(f"{type(error).__name__}: {error}"))
         )

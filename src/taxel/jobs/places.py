@@ -83,14 +83,14 @@ def parse_place(text: str) -> Place:
 def open_engine(
     run_on: str | None = None,
     workers: int | None = None,
-    tell: Callable[[str], None] = lambda _: None,
+    log: Callable[[str], None] = lambda _: None,
 ) -> Engine:
     """Return an engine that is ready for jobs; use it in a `use_engine` block, which closes it.
 
     Args:
         run_on: Where, as in the head of this module; $TAXEL_RUN_ON or local unless given.
         workers: Jobs at a time; `usual_workers` unless given. A running scheduler has its own.
-        tell: Called with lines of the log.
+        log: Called with lines of the log.
 
     Raises:
         BadInput: There is no such place, or nobody answers there.
@@ -105,16 +105,16 @@ def open_engine(
     if place.engine == "dask":
         from taxel.jobs.dask_engine import DaskEngine
 
-        return DaskEngine(place.address, count, tell)
+        return DaskEngine(place.address, count, log)
     if place.engine == "ray":
         from taxel.jobs.ray_engine import RayEngine
 
-        return RayEngine(place.address, count, tell)
+        return RayEngine(place.address, count, log)
     if place.engine == "slurm":
         from taxel.jobs.slurm_engine import SlurmEngine
 
-        return SlurmEngine(place, count, tell)
-    return LocalEngine(count, tell)
+        return SlurmEngine(place, count, log)
+    return LocalEngine(count, log)
 
 
 def check_answers(address: str, what: str, start: str) -> None:

@@ -33,15 +33,15 @@ class RayEngine:
     Args:
         address: HOST:PORT of a cluster's head; empty starts a node here.
         workers: How many jobs at a time on the node that is started.
-        tell: Called with lines of the log.
+        log: Called with lines of the log.
 
     Raises:
         MissingExtra: Ray is not installed.
     """
 
-    each_told = True
+    logs_each = True
 
-    def __init__(self, address: str, workers: int, tell: Callable[[str], None]) -> None:
+    def __init__(self, address: str, workers: int, log: Callable[[str], None]) -> None:
         os.environ.setdefault("RAY_USAGE_STATS_ENABLED", "0")
         if not address:  # as on Windows and macOS, Ray then stays on the loopback address
             os.environ.setdefault("RAY_ENABLE_WINDOWS_OR_OSX_CLUSTER", "0")
@@ -49,7 +49,7 @@ class RayEngine:
             import ray
         except ModuleNotFoundError as error:
             raise MissingExtra("ray", "ray", "jobs on Ray") from error
-        self.tell, self._ray = tell, ray
+        self.log, self._ray = log, ray
         self.lost: tuple[type[Exception], ...] = (
             ray.exceptions.WorkerCrashedError, ray.exceptions.NodeDiedError,
             ray.exceptions.OutOfMemoryError,

@@ -31,9 +31,9 @@ class Engine(Protocol):
 
     workers: int
     """Jobs at a time, where the engine knows."""
-    tell: Callable[[str], None]
+    log: Callable[[str], None]
     """Called with lines of the log."""
-    each_told: bool
+    logs_each: bool
     """Whether the log names every job's host: where there may be more than one."""
     lost: tuple[type[Exception], ...]
     """What a future raises where the engine gave a job up."""
@@ -111,7 +111,7 @@ def as_done(
         for number, job in enumerate(jobs):
             yield number, work(*job)
         return
-    code = code_digest() if engine.each_told else ""
+    code = code_digest() if engine.logs_each else ""
     calls = [Call(work=work, args=job, name=_name(work, names, number), code=code)
              for number, job in enumerate(jobs)]  # fmt: skip
     try:
@@ -128,8 +128,8 @@ def _as_done(engine: Engine, calls: Sequence[Call]) -> Iterator[tuple[int, Any]]
         for count, future in enumerate(as_completed(futures), start=1):
             number = numbers[future]
             done = take(engine, calls[number].name, future)
-            if engine.each_told:
-                engine.tell(f"{count} of {len(calls)}: {_log(calls[number].name, done)}")
+            if engine.logs_each:
+                engine.log(f"{count} of {len(calls)}: {_log(calls[number].name, done)}")
             yield number, done.value()
     finally:
         for future in futures:
@@ -146,7 +146,7 @@ def submit(work: Callable[..., Any], *args: Any, name: str) -> Future[Done]:
         done: Future[Done] = Future()
         done.set_result(perform(Call(work=work, args=args, name=name)))
         return done
-    code = code_digest() if engine.each_told else ""
+    code = code_digest() if engine.logs_each else ""
     (future,) = engine.submit([Call(work=work, args=args, name=name, code=code)])
     return future
 
@@ -157,8 +157,8 @@ def result_of(name: str, future: Future[Done]) -> Any:
     if engine is None:
         return future.result().value()
     done = take(engine, name, future)
-    if engine.each_told:
-        engine.tell(_log(name, done))
+    if engine.logs_each:
+        engine.log(_log(name, done))
     return done.value()
 
 
@@ -203,12 +203,12 @@ def side_by_side(
         workers: As for `as_done`.
     """
     found: dict[int, _Result] = {}
-    told = 0
+    due = 0
     for number, result in as_done(work, jobs, workers):
         found[number] = result
-        while told in found:
-            on_done(found[told])
-            told += 1
+        while due in found:
+            on_done(found[due])
+            due += 1
     return [found[number] for number in range(len(jobs))]
 
 

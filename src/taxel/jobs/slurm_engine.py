@@ -39,22 +39,22 @@ class SlurmEngine:
     Args:
         place: Partition, limits and folder.
         workers: Jobs at a time.
-        tell: Called with lines of the log.
+        log: Called with lines of the log.
 
     Raises:
         MissingExtra: Submitit is not installed.
         BadInput: There is no SLURM here.
     """
 
-    each_told = True
+    logs_each = True
     lost: tuple[type[Exception], ...] = ()
 
-    def __init__(self, place: Place, workers: int, tell: Callable[[str], None]) -> None:
+    def __init__(self, place: Place, workers: int, log: Callable[[str], None]) -> None:
         try:
             import submitit
         except ModuleNotFoundError as error:
             raise MissingExtra("submitit", "slurm", "jobs on SLURM") from error
-        self.workers, self.tell, self._place = workers, tell, place
+        self.workers, self.log, self._place = workers, log, place
         self._gone: tuple[type[BaseException], ...] = (
             submitit.core.utils.UncompletedJobError, submitit.core.utils.FailedJobError,
         )  # fmt: skip
@@ -139,7 +139,7 @@ class SlurmEngine:
             done = replace(job.job.result(), attempt=job.attempt)
         except self._gone as error:
             if job.attempt < ATTEMPTS:
-                self.tell(f"{job.call.name}: its job {job.job.job_id} was lost; it starts again")
+                self.log(f"{job.call.name}: its job {job.job.job_id} was lost; it starts again")
                 job.attempt += 1
                 with self._change:
                     self._queue.append(job)

@@ -22,7 +22,7 @@ from taxel.errors import BadInput
 _MAD_TO_SIGMA = 1.4826
 """Median absolute deviation to standard deviation of a normal distribution."""
 _LEAST_SETTLED = 3
-"""Settled frames below which no median and no noise can be told."""
+"""Settled frames below which no median and no noise can be estimated."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

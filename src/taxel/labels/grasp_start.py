@@ -26,7 +26,7 @@ Small = NDArray[np.float32]
 
 
 class Hold(StrEnum):
-    """How far a grasp is, as far as images tell."""
+    """How far a grasp is, as far as images show."""
 
     OPEN = "open"
     TOUCHED = "touched"
@@ -127,7 +127,7 @@ class GraspFinder:
         self._config = config or GraspStartConfig()
         self._gels = tuple(_Gel(self._config) for _ in range(cameras))
         self._shown: list[Rgb | None] = [None] * cameras
-        self._told = False
+        self._given = False
         self.state = Hold.OPEN
         """After the last images."""
 
@@ -146,7 +146,7 @@ class GraspFinder:
             if image is not self._shown[camera]:
                 gel.see(image, time_s, self.state is Hold.OPEN)
                 self._shown[camera] = image
-        if not self._told and all(gel.known for gel in self._gels):
+        if not self._given and all(gel.known for gel in self._gels):
             self.state = self._next(time_s)
         return self.state
 
@@ -154,7 +154,7 @@ class GraspFinder:
         """Hear from somebody that a grasp is made; without an untouched gel to compare with, for
         as long as this is used.
         """
-        self.state, self._told = Hold.HELD, not all(gel.known for gel in self._gels)
+        self.state, self._given = Hold.HELD, not all(gel.known for gel in self._gels)
 
     def _next(self, time_s: float) -> Hold:
         touch = self._config.touch

@@ -1,4 +1,4 @@
-"""Tell whether each tactile camera can be believed now: frozen, gone, or late.
+"""Check whether each tactile camera can be trusted now: frozen, gone, or late.
 
 Works on stamps and JPEG bytes alone, in live and in recorded time: every time is passed in.
 Knows nothing about pixels, models or where frames come from.
@@ -17,13 +17,13 @@ from taxel.signals import CameraInfo, Frame
 
 FROZEN_CADENCES = 2.6
 """Time without a different image, in the camera's own cadence, after which it is frozen: the
-third missing image is told, jitter of 0.4 cadences included, and two images lost in a row are not
+third missing image is caught, jitter of 0.4 cadences included, and two images lost in a row are not
 yet. Source: our choice, docs/decisions/0015."""
 GONE_S = 0.080
 """Time without any frame after which a camera is gone, seconds, for fast ones. Our choice."""
 GONE_PERIODS = 2.2
 """As above for slow ones, in nominal frame periods: 88 ms at 25 Hz, which leaves 12 ms of the 100
-to notice; one lost frame (2 periods) is not told. Our choice."""
+to notice; one lost frame (2 periods) is not reported. Our choice."""
 LATE_PERIODS = 1.5
 """A camera whose frames arrive so much later than another's, in its frame periods, is late."""
 _RECENT = 30

@@ -181,15 +181,15 @@ def run_loop(pour: SteppedPour, grip: GripRule, config: LoopConfig) -> LoopTrack
         config: What lies between cup and decision.
     """
     pairer, notes = FramePairer(len(pour.cameras)), _Notes(pour.run)
-    told_n = pour.run.force_n
+    commanded_n = pour.run.force_n
     while not pour.ended and not notes.dropped:
         frames, samples = pour.step(look=not grip.exhausted)
         notes.add(samples.values[0], pour.force_n)
         for frame in frames:
             found = pairer.push(frame)
-            force_n = told_n if found is None else grip.push(found)
-            if force_n != told_n:
-                told_n, after_s = force_n, ARRIVAL_S + config.inference_s
+            force_n = commanded_n if found is None else grip.push(found)
+            if force_n != commanded_n:
+                commanded_n, after_s = force_n, ARRIVAL_S + config.inference_s
                 pour.grip(force_n, after_s)
                 notes.commands.append(GripCommand(time_s=pour.time_s + after_s, force_n=force_n))
     return notes.track(config, tuple(grip.latencies_s))

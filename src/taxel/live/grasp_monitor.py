@@ -76,7 +76,7 @@ class GraspMonitor:
     ) -> None:
         bundle.contract.check_cameras(cameras)
         self.bundle = bundle
-        # Repeated frames repeat their probability; frozen input is told from the bytes.
+        # Repeated frames repeat their probability; frozen input is recognised by the bytes.
         self._config = replace(config or bundle.contract.stability, frozen_s=float("inf"))
         self._settle = slice(*bundle.contract.settle)
         self._cameras = cameras
@@ -129,9 +129,9 @@ class GraspMonitor:
         return self.at(now_s)
 
     def _leave(self) -> None:
-        told = self._monitor
+        before = self._monitor
         self._forget()
-        self._monitor, self._over = told, True
+        self._monitor, self._over = before, True
 
     def end(self) -> None:
         """Hear that the source has ended: no frame comes any more."""

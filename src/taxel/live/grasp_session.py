@@ -28,7 +28,7 @@ _KEPT = 10_000
 
 @dataclass
 class GraspTally:
-    """What a session has told so far."""
+    """What a session has found so far."""
 
     moments: int = 0
     states: Counter[str] = field(default_factory=Counter)
@@ -37,7 +37,7 @@ class GraspTally:
     alarms: int = 0
     """Grasps in which the state went to WARNING or UNSTABLE."""
     grasps: list[dict[str, Any]] = field(default_factory=list)
-    """One entry a grasp whose outcome the source told: outcome, first alarm (s)."""
+    """One entry a grasp whose outcome the source marked: outcome, first alarm (s)."""
     starts: list[float] = field(default_factory=list)
     """When grasps were found to begin, seconds since the first frame, where cameras ask for it."""
     dropped: int = 0
@@ -81,7 +81,7 @@ def run_grasp_session(
     config: StabilityConfig | None = None,
     on_answer: Callable[[GraspAnswer, bool], None] | None = None,
 ) -> GraspTally:
-    """Watch a source until it ends, or for some of its seconds; return what was told.
+    """Watch a source until it ends, or for some of its seconds; return the tally.
 
     A mark ends a grasp: the next frames are a new one's settled first moments.
 
@@ -104,7 +104,7 @@ def run_grasp_session(
     first_alarm_s: float | None = None
     for found in moments_and_marks(source, pairer, monitor.see, seconds):
         if isinstance(found, Mark):
-            tally.grasps.append(_told(found, first_alarm_s))
+            tally.grasps.append(_outcome(found, first_alarm_s))
             monitor.over(found.end_s)
             first_alarm_s = None
             continue
@@ -124,6 +124,6 @@ def run_grasp_session(
     return tally
 
 
-def _told(mark: Mark, first_alarm_s: float | None) -> dict[str, Any]:
+def _outcome(mark: Mark, first_alarm_s: float | None) -> dict[str, Any]:
     after_s = None if first_alarm_s is None else first_alarm_s - mark.start_s
     return {"outcome": mark.labels.get("outcome", ""), "first_alarm_s": after_s, **mark.groups}

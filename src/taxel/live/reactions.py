@@ -38,14 +38,14 @@ class Reactions:
         """The grasp that is watched now, as far as it is."""
         return self._trial
 
-    def watch(self, state: Stability, told: str, now_s: float) -> None:
+    def watch(self, state: Stability, advice: str, now_s: float) -> None:
         """Take in the state of the grasp: the first that warns is the alarm.
 
         What warns from the start is the last word about the grasp before, and counts for none.
 
         Args:
             state: Of all monitors together.
-            told: What the person is told to do.
+            advice: What the person is told to do.
             now_s: Monotonic seconds.
         """
         level = _LEVEL.get(state, "")
@@ -55,7 +55,7 @@ class Reactions:
             return
         trial = self._trial
         if trial.alarm_s is None:
-            trial = replace(trial, alarm_s=now_s, told=told)
+            trial = replace(trial, alarm_s=now_s, told=advice)
         if LEVELS.index(level) > LEVELS.index(trial.alarm):
             trial = replace(trial, alarm=level)
         self._trial = trial
@@ -94,7 +94,7 @@ class Reactions:
         self._trial = GraspTrial(number=number, began_s=trial.ended_s, ended_s=trial.ended_s)
         return trial if happened else None
 
-    def told(self) -> dict[str, Any]:
+    def snapshot(self) -> dict[str, Any]:
         """Return the grasp as the page shows it."""
         trial = self._trial
         return {"number": trial.number, "alarm_s": trial.alarm_s, "reaction": trial.reaction,

@@ -95,13 +95,13 @@ class Recogniser:
         for index in range(len(windows)):
             began = perf_counter()
             window = windows if len(windows) == 1 else windows[index : index + 1]
-            found, strange = self.bundle.recognise(window.values, window.mask)
+            found, novelty = self.bundle.recognise(window.values, window.mask)
             decision = decide(
                 found,
                 Quality.of(window, 0),
                 self.bundle.contract.classes,
                 self._config,
-                strange,
+                novelty,
                 self.bundle.novelty_test,
             )
             answers.append(Answer(decision, window, cutting_s + perf_counter() - began))

@@ -1,4 +1,4 @@
-"""Run recognisers on a source and keep count of what they told.
+"""Run recognisers on a source and count their answers.
 
 Knows nothing about screens.
 """
@@ -29,7 +29,7 @@ _NO_RULES = RuleTable(())
 
 @dataclass(slots=True)
 class Tally:
-    """What one recogniser told, and whether it was right where the source knows."""
+    """One recogniser's answers, and whether they were right where the source knows."""
 
     target: str
     vote: GraspVote
@@ -115,12 +115,12 @@ class Tally:
         self.marked += len(inside)
         self.right += sum(window.label == truth for window in inside)
         vote = self.vote.emptied()
-        told = [vote.add(window)[0] for window in inside]
+        votes = [vote.add(window)[0] for window in inside]
         self.grasps += 1
-        self.grasps_right += told[-1] == truth
+        self.grasps_right += votes[-1] == truth
 
     def take_in(self, other: Tally) -> None:
-        """Add what was told of another recording, which is over."""
+        """Add the answers on another recording, which is over."""
         self.answers.update(other.answers)
         self.actions.update(other.actions)
         for name in ("windows", "filled", "marked", "right", "grasps", "grasps_right"):
@@ -160,7 +160,7 @@ def run_session(
     show: Show | None = None,
     rules: RuleTable = _NO_RULES,
 ) -> list[Tally]:
-    """Read a source until it ends, or for some of its seconds; return what was told.
+    """Read a source until it ends, or for some of its seconds; return the tallies.
 
     Args:
         source: An open source.

@@ -25,12 +25,12 @@ _NO_RULES = RuleTable(())
 
 @dataclass
 class TrialTally:
-    """What a session has told so far."""
+    """What a session has found so far."""
 
     target: str
     rules: RuleTable = _NO_RULES
     trials: list[dict[str, Any]] = field(default_factory=list)
-    """One a trial: verdict, confidence, novelty, reason, action, frames, and the truth if told."""
+    """One a trial: verdict, confidence, novelty, reason, action, frames, and the truth if known."""
     looks_s: list[float] = field(default_factory=list)
     """Time that each look at a crop took, seconds."""
 
@@ -72,7 +72,7 @@ def run_trial_session(
     on_answer: Callable[[TrialAnswer, bool], None] = lambda answer, changed: None,
     rules: RuleTable = _NO_RULES,
 ) -> TrialTally:
-    """Watch a source until it ends, or for some of its seconds; return what was told.
+    """Watch a source until it ends, or for some of its seconds; return the tally.
 
     A mark ends a trial, and so does the source's end.
 

@@ -28,7 +28,7 @@ from taxel.windows.trial_crops import Scene, look_at, row_of
 
 MOST_FRAMES = 9000
 """Moments of a trial that are kept, as JPEG: five minutes at 30 a second, some 200 MB a camera. The
-verdict on a longer trial is the last one told while it ran. Source: our choice, decision 41."""
+verdict on a longer trial is the last one given while it ran. Source: our choice, decision 41."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -78,7 +78,7 @@ class TrialWatch:
         """Forget the trial: the next frames begin another."""
         self._sets: list[FrameSet] = []
         self._count = 0
-        self._told: list[tuple[NDArray[np.float64], float]] = []
+        self._answers: list[tuple[NDArray[np.float64], float]] = []
         self._verdict = no_verdict(self.bundle.contract.classes, "no frame yet")
         self._bad = ""
 
@@ -129,11 +129,11 @@ class TrialWatch:
     def _look(self) -> None:
         """Look at the crop that ends now, beside those before."""
         try:
-            self._told.append(self._crop(self._sets[-self.bundle.contract.crop :]))
+            self._answers.append(self._crop(self._sets[-self.bundle.contract.crop :]))
         except BadSource as error:
             self._bad = error.got
             return
-        self._verdict = self._joined(self._told)
+        self._verdict = self._joined(self._answers)
 
     def _whole(self) -> Verdict:
         contract = self.bundle.contract
@@ -145,9 +145,9 @@ class TrialWatch:
         except BadSource as error:
             return no_verdict(contract.classes, error.got)
 
-    def _joined(self, told: Sequence[tuple[NDArray[np.float64], float]]) -> Verdict:
-        probabilities = np.stack([own for own, _ in told])
-        novelty = np.array([strange for _, strange in told])
+    def _joined(self, answers: Sequence[tuple[NDArray[np.float64], float]]) -> Verdict:
+        probabilities = np.stack([own for own, _ in answers])
+        novelty = np.array([score for _, score in answers])
         return join_crops(probabilities, novelty, self.bundle.contract.classes, self._config)
 
     def _crop(self, sets: Sequence[FrameSet]) -> tuple[NDArray[np.float64], float]:
@@ -155,7 +155,7 @@ class TrialWatch:
             [decode_jpeg(found.frames[number].jpeg, camera) for found in sets]
             for number, camera in enumerate(self._cameras)
         ]
-        probabilities, novelty = tell_crop(self.bundle, images)
+        probabilities, novelty = predict_crop(self.bundle, images)
         return probabilities, novelty
 
 
@@ -168,7 +168,7 @@ def verdict_config(bundle: TrialBundle, least_confidence: float = 0.5) -> Verdic
     )
 
 
-def tell_crop(
+def predict_crop(
     bundle: TrialBundle, images: Sequence[Sequence[NDArray[np.uint8]]]
 ) -> tuple[NDArray[np.float64], float]:
     """Return one crop's probabilities, shape (classes,), and its novelty.
@@ -181,11 +181,11 @@ def tell_crop(
     scenes = [Scene(own, contract.rate_hz, contract.mm_per_px) for own in images]
     row = row_of(look_at(contract.views, scenes))
     rows = np.concatenate([row[name] for name in contract.views])[None]
-    probabilities, novelty = bundle.tell(rows)
+    probabilities, novelty = bundle.predict(rows)
     return probabilities[0], float(novelty[0])
 
 
-def tell_trials(
+def predict_trials(
     bundle: TrialBundle, trials: Sequence[CameraTrial], least_confidence: float = 0.5
 ) -> Iterator[Verdict]:
     """Yield the verdict on each whole trial; UNKNOWN for one shorter than a crop.
@@ -208,11 +208,11 @@ def tell_trials(
         starts = contract.layout.starts(trial.frames)
         wanted = [start + at for start in starts for at in range(contract.crop)]
         images = [trial.images(camera, wanted) for camera in range(len(trial.cameras))]
-        told = [
-            tell_crop(bundle, [[own[s + at] for at in range(contract.crop)] for own in images])
+        answers = [
+            predict_crop(bundle, [[own[s + at] for at in range(contract.crop)] for own in images])
             for s in starts
         ]
         yield join_crops(
-            np.stack([own for own, _ in told]), np.array([strange for _, strange in told]),
+            np.stack([own for own, _ in answers]), np.array([score for _, score in answers]),
             contract.classes, config,
         )  # fmt: skip

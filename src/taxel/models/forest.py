@@ -26,7 +26,7 @@ _TABLES = ("column", "threshold", "left", "right", "leaf", "root")
 
 
 class CourseForest(nn.Module):
-    """Last, largest, least and mean of each channel, told by trees.
+    """Last, largest, least and mean of each channel, classified by trees.
 
     Args:
         steps: Rows in a window; not used, windows of any length fit.

@@ -3,7 +3,7 @@
 The features are blocks of plain statistics, each channel by itself unless it says otherwise.
 They are computed in double precision, so that PyTorch offline and ONNX Runtime live give trees
 the same numbers. Rows that are padding do not count, and how many rows there are is no
-feature: the length of a trial must not tell its class. Knows nothing about models or files.
+feature: the length of a trial must not predict its class. Knows nothing about models or files.
 
 Source: our choice of usual statistics, docs/decisions/0039.
 """

@@ -160,9 +160,9 @@ def _describe(backbone: str, path: Path, *, own: bool = False) -> Weights:
             return Weights(
                 backbone=backbone, label=IMAGENET, digest=sha256, path=path, origin=origin.words
             )
-    told = ", ".join(part for part in (about.origin, about.trained) if part) if about else ""
+    stated = ", ".join(part for part in (about.origin, about.trained) if part) if about else ""
     return Weights(
-        backbone=backbone, label=f"file:{path.name}", digest=sha256, path=path, origin=told
+        backbone=backbone, label=f"file:{path.name}", digest=sha256, path=path, origin=stated
     )
 
 

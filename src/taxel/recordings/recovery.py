@@ -300,7 +300,7 @@ def _find(content: mmap.mmap, sign: bytes, start: int, end: int | None = None) -
 
 
 def _forget(content: mmap.mmap, start: int, end: int) -> None:
-    """Tell the system that a stretch will not be needed soon."""
+    """Advise the system that a stretch will not be needed soon."""
     if hasattr(content, "madvise"):
         first = start - start % mmap.PAGESIZE
         content.madvise(mmap.MADV_DONTNEED, first, end - first)

@@ -192,7 +192,7 @@ class PourSim:
         self.pouring = on
 
     def step(self, grip_n: float, dt_s: float) -> None:
-        """Go on by some time with a grip force that the gripper is told to hold.
+        """Go on by some time with a grip force that the gripper is ordered to hold.
 
         Args:
             grip_n: Commanded force, newtons.

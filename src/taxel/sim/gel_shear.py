@@ -43,6 +43,10 @@ class Contact:
 def contact_of(across_mm: float, along_mm: float, stiffness_n_mm3: float) -> Contact:
     """Return a contact whose torsional stiffness, while all sticks, is that of brushes.
 
+    Which stiffness the two share sets the layer's shear modulus. Source: our choice; a cup beside
+    its handle loads the gels by a moment above all, and the brushes' stiffness was fitted to the
+    shear of real markers (`cup_pour.LAYER_FACTOR`).
+
     Args:
         across_mm: Half axis across the handle.
         along_mm: Half axis along it.

@@ -1,6 +1,6 @@
 """Markers printed under a gel's coat, and how the gel carries them along.
 
-The gel moves as one under the contact patch and less and less outside it, unless it is told how
+The gel moves as one under the contact patch and less and less outside it, unless it is given how
 its face shears; an indentation pushes it outwards. Both are smooth fields, computed at a quarter
 of the image's resolution; the layer of markers is then warped, so that markers move by fractions
 of a pixel. Knows nothing about noise or about what is pressed in.

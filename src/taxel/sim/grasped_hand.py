@@ -1,4 +1,4 @@
-"""The TENG hand that grasps when it is told: four motors, an object between them, twelve pads.
+"""The TENG hand that grasps on command: four motors, an object between them, twelve pads.
 
 A motor drives its finger at one speed; where the object stands in the way the finger stops, the
 motor's current rises towards its stall and the finger's pads touch. Whoever controls the motors

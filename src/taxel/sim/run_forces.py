@@ -38,7 +38,7 @@ class RunGrip:
 
         Args:
             time_s: Since time zero.
-            grip_n: What the gripper is told to hold.
+            grip_n: What the gripper is ordered to hold.
         """
         run = self._run
         lost = run.relaxation * (1.0 - np.exp(-self.held_s(time_s) / GRIP_SETTLE_S))

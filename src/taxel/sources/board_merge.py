@@ -2,7 +2,7 @@
 
 The first board's scans are the ticks; each other board gives, at each tick, the scan
 nearest to it by fitted time. What is not there is flagged, never waited for
-longer than a board may take. Knows nothing about ports or frames; told the present time.
+longer than a board may take. Knows nothing about ports or frames; takes the present time.
 
 Background of our choices: docs/decisions/0014.
 """

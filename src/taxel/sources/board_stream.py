@@ -2,7 +2,7 @@
 
 A board is believed by its scans, not by what anybody says of it: another boot is taken in once its
 hello is followed by scans that fit it and those of the boot before come no more. So a frame that
-was sent before, or a hello of somebody else, costs itself alone. Told what came and when; knows
+was sent before, or a hello of somebody else, costs itself alone. Takes what came and when; knows
 nothing about ports, other boards or the present time.
 
 Source: docs/decisions/0035.
@@ -87,7 +87,7 @@ class BoardStream:
         self._past: deque[int] = deque(maxlen=_MOST_PAST)
         self._data_begin = b""
         self._size = 0
-        self._told_hz: int | None = None
+        self._ordered_hz: int | None = None
         self._gap_is_away = self._returned = False
         self._claim: Hello | None = None
         self._suspects: deque[Came] = deque()
@@ -133,10 +133,10 @@ class BoardStream:
         return done
 
     def change_rate(self, rate_hz: int) -> None:
-        """Forget the hello, as the board was told to scan at this rate; wait for one that does."""
+        """Forget the hello, as the board was set to this rate; wait for one that does."""
         self._forget_claim()
         self.hello, self._size, self.wants_hello = None, 0, True
-        self._told_hz = rate_hz
+        self._ordered_hz = rate_hz
 
     def _flush(self, run: list[Came], done: list[Scans]) -> None:
         if run and self.hello is not None:
@@ -189,8 +189,8 @@ class BoardStream:
             self._claim_anew(hello, arrival_s)
 
     def _usable(self, hello: Hello) -> bool:
-        told_hz = self._told_hz or hello.rate_hz
-        return hello.protocol == PROTOCOL and hello.channels > 0 and hello.rate_hz == told_hz
+        expected_hz = self._ordered_hz or hello.rate_hz
+        return hello.protocol == PROTOCOL and hello.channels > 0 and hello.rate_hz == expected_hz
 
     def _begin(self, hello: Hello, arrival_s: float) -> None:
         """Begin with a hello; another may take its place until scans have shown that it holds."""

@@ -40,7 +40,7 @@ from taxel.sources.fitted_time import FittedTime
 _START_S = 20.0
 """A capture process that says nothing for so long failed to start, on the busiest machine."""
 _END_S = 1.0
-"""A capture process that has not ended so long after it was told to is killed."""
+"""A capture process that has not ended so long after it was asked to is killed."""
 _RESTART_S = 0.5
 """Between two starts of a capture process that died. Our choice."""
 _LARGEST_DELAY_S = 10.0

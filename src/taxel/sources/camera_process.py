@@ -93,7 +93,7 @@ class CaptureLoop:
         self._heard_s = 0.0
 
     def run(self) -> None:
-        """Do the job: open when told, measure, then capture to the end."""
+        """Do the job: open when asked to, measure, then capture to the end."""
         try:
             if not self._job.again and not self._connect():
                 return
@@ -119,7 +119,7 @@ class CaptureLoop:
             _say(failed=[f"a camera at {path}", str(error), "plug it in, or run: taxel find"])
             return False
         self._open, self._heard_s = True, time.monotonic()
-        self._tell("running", "")
+        self._report("running", "")
         _say(rate_hz=rate_hz, images_hz=images_hz)
         return True
 
@@ -139,13 +139,13 @@ class CaptureLoop:
                     raise CameraGone(f"no frame for {STALL_S:g} s")
                 return
         except (BadSource, CameraGone) as error:
-            self._tell("gone", str(error))
+            self._report("gone", str(error))
             self._capture.close()
             self._open = False
             self._over(RETRY_S)
             return
         self._heard_s = now_s
-        self._tell("running", "")
+        self._report("running", "")
         self._take(found, now_s)
 
     def _take(self, found: Buffer, now_s: float) -> None:
@@ -173,7 +173,7 @@ class CaptureLoop:
         """Return whether the parent is gone, or wants the end; wait for that so long."""
         return bool(self._input.poll(wait_s * 1e3)) or os.getppid() != self._job.parent
 
-    def _tell(self, state: str, why: str) -> None:
+    def _report(self, state: str, why: str) -> None:
         if state != self._state:
             self._state = state
             _say(state=state, why=why)

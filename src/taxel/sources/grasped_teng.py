@@ -1,4 +1,4 @@
-"""The pads of the simulated hand that grasps when it is told, as a source.
+"""The pads of the simulated hand that grasps on command, as a source.
 
 Its scans come from the same fingers that `taxel.actions.sim_hand` moves. Knows nothing about
 motors, files or models.
@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
-from types import TracebackType
 from typing import Self
 
 import numpy as np
@@ -85,10 +84,5 @@ class GraspedTeng:
     def __enter__(self) -> Self:
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self._charge = []

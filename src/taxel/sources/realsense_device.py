@@ -62,7 +62,7 @@ class FoundRealSense:
     """The library's, such as "Intel RealSense D435I"."""
     serial: str
     usb: str
-    """Version of the port that it is on, such as "3.2"; empty where the library cannot tell."""
+    """Version of the port that it is on, such as "3.2"; empty where the library does not know."""
 
     @property
     def address(self) -> str:
@@ -113,11 +113,11 @@ def list_realsense(look: Callable[[], Iterable[Any]] | None = None) -> list[Foun
         MissingExtra: pyrealsense2 is not installed.
     """
     rs = realsense_module()
-    told = rs.camera_info
+    kinds = rs.camera_info
     try:
         return [
-            FoundRealSense(*(told_by(device, kind) for kind in (
-                told.name, told.serial_number, told.usb_type_descriptor)))
+            FoundRealSense(*(info_of(device, kind) for kind in (
+                kinds.name, kinds.serial_number, kinds.usb_type_descriptor)))
             for device in (look or rs.context().query_devices)()
         ]  # fmt: skip
     except RuntimeError as error:
@@ -125,7 +125,7 @@ def list_realsense(look: Callable[[], Iterable[Any]] | None = None) -> list[Foun
                         "run: rs-enumerate-devices") from error  # fmt: skip
 
 
-def told_by(device: Any, kind: Any) -> str:
+def info_of(device: Any, kind: Any) -> str:
     """Return what a device says of itself; empty where it does not say."""
     return str(device.get_info(kind)) if device.supports(kind) else ""
 
@@ -220,8 +220,8 @@ class OpenDevice:
             "fx_px": f"{seen.fx:.6g}", "fy_px": f"{seen.fy:.6g}", "ppx_px": f"{seen.ppx:.6g}",
             "ppy_px": f"{seen.ppy:.6g}", "distortion": seen.model.name,
             "distortion_coefficients": " ".join(f"{c:.6g}" for c in seen.coeffs),
-            "card": self._told("name"), "firmware": self._told("firmware_version"),
-            "usb": self._told("usb_type_descriptor"),
+            "card": self._info("name"), "firmware": self._info("firmware_version"),
+            "usb": self._info("usb_type_descriptor"),
         }  # fmt: skip
         if stream == DEPTH:
             found["depth_unit_m"] = f"{self.depth_unit_m:.6g}"
@@ -242,10 +242,10 @@ class OpenDevice:
     @property
     def serial(self) -> str:
         """The device's serial number."""
-        return self._told("serial_number")
+        return self._info("serial_number")
 
-    def _told(self, name: str) -> str:
-        return told_by(self._device, getattr(self._rs.camera_info, name))
+    def _info(self, name: str) -> str:
+        return info_of(self._device, getattr(self._rs.camera_info, name))
 
     def close(self) -> None:
         """End both streams; of a camera that is gone nothing else can be expected."""

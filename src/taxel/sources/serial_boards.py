@@ -10,7 +10,6 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
-from types import TracebackType
 from typing import Any, Self
 
 from taxel.clock import Clock
@@ -150,12 +149,7 @@ class SerialBoards:
     def __enter__(self) -> Self:
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self._close()
 
     def _close(self) -> None:
@@ -262,7 +256,7 @@ class SerialBoards:
         return BadSource(needed, got, mend)
 
     def _set_rate(self, rate_hz: int) -> None:
-        """Tell the boards that scan at another rate to change it, and wait for their hello."""
+        """Order the boards that scan at another rate to change it, and wait for their hello."""
         for index, stream in enumerate(self._streams):
             if isinstance(stream, BoardStream) and _hello(stream).rate_hz != rate_hz:
                 now_us = int(self._clock.now_s() * 1e6) & 0xFFFFFFFF

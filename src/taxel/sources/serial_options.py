@@ -36,7 +36,7 @@ class SerialOptions:
     """wire or csv."""
     baud: int
     rate_hz: float | None
-    """Scans a second: told to boards that speak the wire format; believed of those that print."""
+    """Scans a second: set on boards that speak the wire format; believed of those that print."""
     channels: tuple[str, ...]
     """Names of all columns; empty: the boards' own."""
     time: str
@@ -72,7 +72,7 @@ def read_options(name: str, options: dict[str, str]) -> SerialOptions:
             "paths of ports joined by commas, each once", repr(name), "list them: taxel find"
         )
     csv = _one_of(left, "format", ("wire", "csv")) == "csv"
-    strange = [key for key in (_OF_WIRE if csv else _OF_CSV) if key in left]
+    unknown = [key for key in (_OF_WIRE if csv else _OF_CSV) if key in left]
     names = left.pop("channels", "")
     bundle_ms = _number(left, "bundle_ms", 0.0, 1000.0)
     read = SerialOptions(
@@ -89,10 +89,10 @@ def read_options(name: str, options: dict[str, str]) -> SerialOptions:
         wait_s=_number(left, "wait_s", 0.1, 600.0) or HELLO_S,
         bundle_s=BUNDLE_S if bundle_ms is None else bundle_ms / 1000.0,
     )
-    if left or strange:
+    if left or unknown:
         raise BadSource(
             f"options of serial:// with format={read.format}",
-            ", ".join(sorted([*left, *strange])),
+            ", ".join(sorted([*left, *unknown])),
             "mend the address; docs/how-to/serial-boards.md lists them",
         )
     if not all(read.channels) or len(set(read.channels)) < len(read.channels):

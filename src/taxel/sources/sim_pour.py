@@ -103,7 +103,7 @@ class SimPour(PacedSource):
         self._events = self._simulate()
         self._cameras: tuple[CameraInfo, ...] = ()
         self._more()
-        # Only where time passes meanwhile is there anything to tell while the next cup is made.
+        # Only where time passes meanwhile is there anything to report while the next cup is made.
         self._meanwhile = speed != float("inf") and isinstance(clock, SystemClock)
         info = sensor_info(_FRAME_HZ, self._choice.gel, self._choice.scene)
         pacer = Pacer(
@@ -156,7 +156,7 @@ class SimPour(PacedSource):
     def _waits_for_nothing(self) -> bool:
         """True where the next moment can be simulated at once.
 
-        The end of a grasp is told while the next cup is still made, however busy the machine is.
+        The end of a grasp is marked while the next cup is still made, however busy the machine is.
         As fast as possible, and on a clock that somebody moves, it is waited for instead.
         """
         return self._left > 0 or self._made.done() or not self._meanwhile

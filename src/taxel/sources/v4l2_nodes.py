@@ -160,7 +160,7 @@ def list_offers(fd: int, kernel: Kernel) -> list[Offer]:
         for size in sizes:
             # A single size lies in a union with a range: its two numbers are the first two.
             width, height = size.steps.min_width, size.steps.max_width
-            if size.type != v4l2.DISCRETE:  # a range: its largest is what is told
+            if size.type != v4l2.DISCRETE:  # a range: its largest is given
                 width, height = size.steps.max_width, size.steps.max_height
             rates = _rates(kernel, fd, coding, width, height)
             offers.append(Offer(v4l2.four_letters(coding), width, height, rates))

@@ -100,7 +100,7 @@ def add_noise(pour: PourRows, noises: Sequence[GelNoise], random: np.random.Gene
 
 
 def _fit_gel(rows: GelRows, own: GelRows, truth: PourRows) -> GelNoise | None:
-    """Return one gel's errors; None where it slipped too soon to tell."""
+    """Return one gel's errors; None where it slipped too soon to measure."""
     count = len(rows.taken_s)
     slip_um = np.interp(rows.taken_s, truth.time_s, truth.slip_um)
     used = (rows.taken_s > _SETTLED_S) & (slip_um < _FITTED_UM) & rows.seen

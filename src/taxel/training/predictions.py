@@ -34,7 +34,7 @@ _KINDS = {"trained": "iub", "trial": "iu", "start_s": "f", "fold": "iu", "y": "i
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Predictions:
-    """Test windows, each told once by a model that was not trained on its fold."""
+    """Test windows, each predicted once by a model that was not trained on its fold."""
 
     split: str
     """The split's name, such as "session held out"."""

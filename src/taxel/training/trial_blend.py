@@ -26,7 +26,6 @@ from taxel.training.trial_novelty import Novelty, held_out_novelty, novelty_thre
 from taxel.windows.trial_crops import numbers_of
 
 Rows = NDArray[np.float32]
-Views = Mapping[str, Rows]
 TREES: Final = 400
 INNER_TREES: Final = 150
 """Of a forest that is kept, and of one on an inner fold. Source: our choice, decision 41."""
@@ -255,16 +254,16 @@ def fit_blend(
     members = [member for member in members if set(member.views) <= set(widths)]
     columns = [member.columns(cameras, widths) for member in members]
     held, novelty = _held_out(learning, members, columns, seed, on_step)
-    told = np.isfinite(held[:, 0, 0])
-    y = learning.y[told]
+    tested = np.isfinite(held[:, 0, 0])
+    y = learning.y[tested]
     weights = np.array([member.prior for member in members])
     weights = weights / weights.sum() if weights.any() else np.full(len(members), 1 / len(members))
     sharpness, inner = 1.0, {}
-    if told.any():
-        weights = weigh(held[told], y, np.array([member.prior for member in members]))
-        sharpness = sharpen(_mixed(held[told], weights), y)
-        each = {m.name: log_loss(held[told][:, i], y) for i, m in enumerate(members)}
-        blended = sharpened(_mixed(held[told], weights), sharpness)
+    if tested.any():
+        weights = weigh(held[tested], y, np.array([member.prior for member in members]))
+        sharpness = sharpen(_mixed(held[tested], weights), y)
+        each = {m.name: log_loss(held[tested][:, i], y) for i, m in enumerate(members)}
+        blended = sharpened(_mixed(held[tested], weights), sharpness)
         inner = each | {"blend": log_loss(blended, y)}
     kept = np.flatnonzero(weights >= min(LEAST_WEIGHT, weights.max()))
     on_step("all trials")

@@ -65,7 +65,7 @@ def held_out_novelty(own: Rows, other: Rows, trial: NDArray[np.intp]) -> NDArray
 
 
 def novelty_threshold(held: NDArray[np.float64], rejected: float = REJECTED) -> float:
-    """Return what a share of trials held out exceeds; infinite where they are too few to tell.
+    """Return what a share of trials held out exceeds; infinite where they are too few.
 
     Source: split conformal prediction, Vovk et al. 2005: the ⌈(n + 1)(1 - share)⌉-th smallest.
     """

@@ -27,10 +27,10 @@ def blend_to_onnx(blend: TrialBlend, columns: int) -> bytes:
     parts = []
     for model, own, weight in zip(blend.fitted, blend.columns, blend.weights, strict=True):
         seen = graph.add("Gather", "rows", graph.const(own.astype(np.int32)), axis=1)
-        told = (_logistic if isinstance(model, Logistic | Steady) else _forest)(
+        output = (_logistic if isinstance(model, Logistic | Steady) else _forest)(
             graph, seen, model, blend.classes
         )
-        parts.append(graph.add("Mul", told, graph.const(np.float32(weight))))
+        parts.append(graph.add("Mul", output, graph.const(np.float32(weight))))
     mean = parts[0] if len(parts) == 1 else graph.add("Sum", *parts)
     graph.add("Concat", mean, _novelty(graph, blend.novelty), axis=1, output="told")
     made = helper.make_graph(

@@ -58,7 +58,7 @@ def fit_unknown(
 
     Args:
         dataset: Windows to learn from.
-        target: The label that is told; several joined by "+" are judged each.
+        target: The label that is predicted; several joined by "+" are judged each.
         scaling: The bundle's own.
         rejected: Share of known touch that may be called unknown, 0…1.
         trials: Which trials may be used, shape (trials,); all unless given.

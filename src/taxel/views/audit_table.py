@@ -28,8 +28,8 @@ def audit_table(found: Audit, *, everything: bool = False) -> RenderableType:
         found: What `audit` gave.
         everything: Also list what was looked for and not found.
     """
-    told = ("leak", "hazard", "note")
-    shown = [finding for finding in found.findings if everything or finding.verdict in told]
+    verdicts = ("leak", "hazard", "note")
+    shown = [finding for finding in found.findings if everything or finding.verdict in verdicts]
     parts: list[RenderableType] = [
         Text(visible_line(found.verdict), style="bold red" if found.alarms else "bold green"),
         Text(visible_line(_what(found)), style="dim"),

@@ -15,10 +15,9 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure, FigureBase
 from numpy.typing import NDArray
 
-from taxel.gel.depth import DepthModel
-from taxel.gel.markers import MarkerFlow, MarkerTracker, Rgb
+from taxel.gel.markers import MarkerFlow, Rgb
 from taxel.plotting import drawn_name, plt
-from taxel.views.gel_moment import GelTouch, touch_of
+from taxel.views.gel_moment import GelTouch
 
 _DPI = 110
 _LONGEST_PX = 36.0
@@ -34,42 +33,6 @@ _ROW_INCHES = 16.0
 """Width of a row of four pictures."""
 
 Kind = Literal["png", "svg"]
-
-
-def gel_figure(
-    rgb: Rgb,
-    reference: Rgb,
-    title: str,
-    mm_per_px: float | None = None,
-    model: DepthModel | None = None,
-    kind: Kind = "png",
-    flow: MarkerFlow | None = None,
-) -> bytes:
-    """Return a picture of what a gel image says against its reference.
-
-    Args:
-        rgb: Shape (height, width, 3), red first.
-        reference: The same gel untouched or settled, same shape.
-        title: What is shown.
-        mm_per_px: Size of a pixel on the gel, mm; None takes a GelSight Mini's.
-        model: From colour to slope; None takes the one that is shipped.
-        kind: Of picture.
-        flow: Where the dots went, as followed through the frames between; None compares the
-            two images alone, which is safe for movements up to half a spacing.
-
-    Raises:
-        BadSource: Shapes differ, or are none of colour images.
-    """
-    if flow is None:
-        flow = MarkerTracker(reference).track(rgb)
-    touch = touch_of(rgb, reference, flow, mm_per_px, model)
-    height, width = rgb.shape[:2]
-    figure, axes = plt.subplots(
-        2, 2, figsize=(9.6, 7.4 * height / width * 4 / 3 + 0.6), layout="constrained"
-    )
-    _draw(figure, axes.ravel(), touch)
-    figure.suptitle(f"{drawn_name(title)}\n{touch.words()}", fontsize=10, x=0.01, ha="left")
-    return _finished(figure, kind)
 
 
 def gels_figure(touches: Mapping[str, GelTouch], title: str, kind: Kind = "png") -> bytes:

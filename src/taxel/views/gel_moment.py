@@ -1,7 +1,7 @@
 """One moment of a tactile camera, in figures: contact, imprint, and where the dots went.
 
 Dots are followed through every frame up to the moment, against the settled first frames;
-contact and depth are told against the gel as it would look untouched. Knows nothing about
+contact and depth are measured against the gel as it would look untouched. Knows nothing about
 sources, files or drawing.
 """
 
@@ -65,7 +65,7 @@ class GelTouch:
         return float(np.percentile(self.depth_mm, _DEEPEST_PERCENTILE))
 
     def figures(self) -> dict[str, float | int | bool | None]:
-        """Return what is told in words; None where it cannot be told.
+        """Return the figures that are shown; None where it cannot be measured.
 
         Lengths mm (depth: see `calibrated`), areas mm², turns degrees clockwise in the image.
         `moved` and `turned`: the dots in contact; `shear`: how much further those moved than
@@ -73,14 +73,14 @@ class GelTouch:
         """
         shape = contact_shape(self.mask)
         moved = summarise_flow(self.flow, dots_in(self.flow.reference, self.mask))
-        told = bool(shape.area_px and moved.inside.dots)
+        known = bool(shape.area_px and moved.inside.dots)
         return {
             "contact_mm2": shape.area_px * self.mm_per_px**2,
             "deepest_mm": self.deepest_mm if shape.area_px else 0.0,
             "depth_calibrated": self.calibrated,
-            "moved_mm": self._mm(moved.inside.translation_px) if told else None,
-            "turned_deg": float(np.rad2deg(moved.inside.rotation_rad)) if told else None,
-            "shear_mm": self._mm(moved.shear_px) if told and moved.outside.dots else None,
+            "moved_mm": self._mm(moved.inside.translation_px) if known else None,
+            "turned_deg": float(np.rad2deg(moved.inside.rotation_rad)) if known else None,
+            "shear_mm": self._mm(moved.shear_px) if known and moved.outside.dots else None,
             "dots": len(self.flow.seen),
             "dots_seen": int(self.flow.seen.sum()),
             **({} if self.slip is None else self.slip.as_dict()),
@@ -88,20 +88,20 @@ class GelTouch:
 
     def words(self) -> str:
         """Return the figures as one line."""
-        told = self.figures()
-        dots = f"{told['dots_seen']} of {told['dots']} dots seen" if told["dots"] else "no dots"
-        if not told["contact_mm2"]:
+        found = self.figures()
+        dots = f"{found['dots_seen']} of {found['dots']} dots seen" if found["dots"] else "no dots"
+        if not found["contact_mm2"]:
             return f"no contact, {dots}"
         rough = "" if self.calibrated else " (uncalibrated)"
         parts = [
-            f"contact {told['contact_mm2']:.0f} mm²",
-            f"deepest {told['deepest_mm']:.2f} mm{rough}",
+            f"contact {found['contact_mm2']:.0f} mm²",
+            f"deepest {found['deepest_mm']:.2f} mm{rough}",
         ]
-        if told["moved_mm"] is not None:
-            turned_deg = round(told["turned_deg"] or 0.0, 1) + 0.0  # no minus zero
-            parts.append(f"dots in it moved {told['moved_mm']:.2f} mm, turned {turned_deg:+.1f}°")
-        if told["shear_mm"] is not None:
-            parts.append(f"{told['shear_mm']:.2f} mm further than those around")
+        if found["moved_mm"] is not None:
+            turned_deg = round(found["turned_deg"] or 0.0, 1) + 0.0  # no minus zero
+            parts.append(f"dots in it moved {found['moved_mm']:.2f} mm, turned {turned_deg:+.1f}°")
+        if found["shear_mm"] is not None:
+            parts.append(f"{found['shear_mm']:.2f} mm further than those around")
         if self.slip is not None and self.slip.seen:
             parts.append(self.slip.words)
         return ", ".join([*parts, dots])
@@ -121,7 +121,7 @@ def touch_of(
 
     Args:
         rgb: Shape (height, width, 3), red first.
-        bare: The same gel untouched (or settled: then the change since is told), same shape.
+        bare: The same gel untouched (or settled: then the change since is shown), same shape.
         flow: Where the dots went.
         mm_per_px: Size of a pixel on the gel, mm; None takes a GelSight Mini's.
         model: From colour to slope, of this gel; None takes the one that is shipped, fitted on

@@ -1,4 +1,4 @@
-"""The live screen: what is in the hand, how sure, how fast, and the window it was told from.
+"""The live screen: what is in the hand, how sure, how fast, and the window it was predicted from.
 
 Knows nothing about sources or models.
 """
@@ -6,7 +6,6 @@ Knows nothing about sources or models.
 from __future__ import annotations
 
 import time
-from types import TracebackType
 from typing import Self
 
 import numpy as np
@@ -56,12 +55,7 @@ class LiveView:
         self._live.start()
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self._live.stop()
 
     def show(self, samples: Samples, tallies: list[Tally]) -> None:

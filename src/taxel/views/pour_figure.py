@@ -93,9 +93,9 @@ def _panel(axis: Axes, data: CameraSet, result: WarningResult, place: int, frame
     found = result.probabilities[place]
     time_s = pour.time_s[frames - 1 :] - pour.time_s[0]
     tuned = result.tuned[min(_fold_of(result, place), len(result.tuned) - 1)]
-    told = states(found, time_s, tuned.config)
+    shown = states(found, time_s, tuned.config)
     for state, colour in _COLOURS.items():
-        axis.fill_between(time_s, 0, 1, where=(told == state).tolist(), color=colour, step="post",
+        axis.fill_between(time_s, 0, 1, where=(shown == state).tolist(), color=colour, step="post",
                           linewidth=0)  # fmt: skip
     axis.plot(time_s, found, color="#1f4e8c", linewidth=1.3)
     onset_s, event_s = truth_moments(pour)

@@ -31,10 +31,10 @@ def sweep_table(
         about: What was judged on what, one line.
         cameras: True for a grasp bundle.
     """
-    accuracy, windows, grasps, told, outside = _CAMERA_COLUMNS if cameras else _ARRAY_COLUMNS
+    accuracy, windows, grasps, any_answer, outside = _CAMERA_COLUMNS if cameras else _ARRAY_COLUMNS
     table = Table(box=SIMPLE_HEAD, pad_edge=False, collapse_padding=True)
     table.add_column("fault", overflow="fold")  # a figure goes on below, and is never cut off
-    for column in ("level", accuracy, "change", "answered", windows, grasps, told, outside):
+    for column in ("level", accuracy, "change", "answered", windows, grasps, any_answer, outside):
         table.add_column(column, justify="right", overflow="fold")
     base = points[0]
     for fault, group in groupby(points, key=lambda point: point.fault):
@@ -75,7 +75,7 @@ def _falls(points: Sequence[FaultPoint]) -> list[Text]:
 
 
 def _silence(own: Sequence[FaultPoint], base: FaultPoint) -> str:
-    """Return from which level on less than half is told of what is told without the fault."""
+    """Return from which level on less than half is answered of what is without the fault."""
     few = [point for point in own if point.told < base.told / 2]
     if not few or math.isnan(few[0].accuracy):  # that nothing is answered is said already
         return ""

@@ -1,4 +1,4 @@
-"""How well the unknown is told, as tables. Knows nothing about how it was measured."""
+"""How well the unknown is recognised, as tables. Knows nothing about how it was measured."""
 
 from __future__ import annotations
 
@@ -110,7 +110,7 @@ def _said(result: UnknownResult) -> Text:
         f"{visible(name)} {share:.1%}" for name, share in result.rejected_by_class.items()
     )
     accuracy, constant = result.curves[0].windows[0], result.majority.windows[0]
-    behind = accuracy <= constant < 1.0  # one known class alone is always told
+    behind = accuracy <= constant < 1.0  # one known class alone is always predicted
     return Text(
         f"known touch called unknown: {result.rejected_windows:.1%} of windows, "
         f"{result.rejected_grasps:.1%} of grasps ({each})\n"

@@ -251,7 +251,7 @@ def _assemble(cut: _Cut, config: WindowConfig, target: str | None, *, keep: bool
 def _referred(
     windows: Windows, trial: NDArray[np.intp], trials: tuple[Trial, ...], text: str
 ) -> tuple[Windows, NDArray[np.intp], tuple[Trial, ...], Reference, NDArray[np.float32]]:
-    """Bring each session to one level; leave out the touches that told it."""
+    """Bring each session to one level; leave out the touches that it was measured on."""
     touches = parse_reference(text)
     levels, used = session_levels(windows.values, windows.mask, trial, trials, touches)
     usual = _usual(levels)

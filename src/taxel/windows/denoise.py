@@ -1,7 +1,7 @@
 """Clean finished windows: wavelet denoising and threshold segmentation.
 
 The TENG thesis names both as software filters against interference (section
-2.6) and uses the second, at 1.55 V, to tell contact from background (section
+2.6) and uses the second, at 1.55 V, to separate contact from background (section
 3.5.1); it gives no further detail, so the rest is ours (docs/decisions/0024). A
 window is cleaned alone, from its own rows, so that offline equals live. Knows
 nothing about gates, scaling or models.

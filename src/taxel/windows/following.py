@@ -26,7 +26,7 @@ _EVERY_S = 1.0
 _LEAST_S = 10.0
 """Until so much was seen the stated gate holds, seconds: two grasps. Our choice, 0047."""
 _LEAST_MOVE = 0.02
-"""A gate moves once it is off by this share of the stated one, so that each move can be told. Our
+"""A gate moves once it is off by this share of the stated one, so that each move can be shown. Our
 choice, docs/decisions/0047."""
 LIMITS = (0.5, 2.0)
 """A gate never leaves these shares of the stated one: beyond them is a fault, no drift. Our

@@ -4,7 +4,7 @@ Gain, humidity and wear change from session to session far more than shapes and
 materials differ. A few touches of one known object show a session's level; brought to
 the level of the others, its windows mean what theirs mean. Nothing but those
 touches is used, and no model ever trains or is tested on them. Knows nothing
-about files, labels to tell, splits or models.
+about files, labels to predict, splits or models.
 """
 
 from __future__ import annotations

@@ -43,8 +43,6 @@ THUMB: Final = (6, 8)
 """Rows and columns of the small grey image that the first-frame control sees."""
 _EDGES: Final = 8
 """Directions of edges in each place."""
-_STILLS: Final = 3
-"""Frames of a crop whose look is kept: first, middle, last."""
 _BANDS: Final = ((1, 3), (3, 8), (8, 1000))
 """Cycles a crop: 0.5 to 1.5, 1.5 to 4 and above 4 Hz for 48 frames at 25 frames a second."""
 STATISTICS: Final = 9 + len(_BANDS)
@@ -223,8 +221,8 @@ def _slip(scene: Scene) -> NDArray[np.float32]:
             pose.object * to_mm, pose.gel * to_mm, pose.spread * to_mm, index / scene.rate_hz,
             pose.seen,
         )  # fmt: skip
-        told = gel.slip
-        rows.append([told.distance_mm, told.rate_mm_s, float(told.seen), *gel.features])
+        slip = gel.slip
+        rows.append([slip.distance_mm, slip.rate_mm_s, float(slip.seen), *gel.features])
     return np.nan_to_num(np.array(rows, np.float32))
 
 

@@ -164,7 +164,7 @@ def test_trials_or_rows_too_many_to_be_compared_are_not_called_clear(
     assert found["duplicates"].verdict == "clear"
 
 
-def test_lengths_are_told_in_the_files_own_rows(tmp_path: Path) -> None:
+def test_lengths_are_reported_in_the_files_own_rows(tmp_path: Path) -> None:
     """At 250 Hz: 200 and 300 rows."""
 
     def cut(rows: list[np.ndarray]) -> None:

@@ -24,7 +24,7 @@ def sorted_out(touch: TouchSet, split: str | None = None) -> dict[str, Finding]:
     if isinstance(found, Finding):
         return {found.kind: found}
     return {
-        finding.kind: finding.finding(getattr(finding, "p", 0.0) or finding.told.p)
+        finding.kind: finding.finding(getattr(finding, "p", 0.0) or finding.evidence.p)
         for finding in found
     }
 
@@ -100,7 +100,7 @@ def test_what_cropping_leaves_is_said(make_set: Make) -> None:
     rows = tuple(own[: 40 - 6 * c] for own, c in zip(touch.rows, touch.y, strict=True))
     times = tuple(own[: len(r)] for own, r in zip(touch.time_s, rows, strict=True))
     reading = read_length(make_case(replace(touch, rows=rows, time_s=times), None, 10, 0))
-    found = reading.finding(reading.told.p)
+    found = reading.finding(reading.evidence.p)
 
     assert found.verdict == "leak"
     assert found.left is not None
@@ -120,7 +120,7 @@ def test_what_taring_leaves_is_said(make_set: Make) -> None:
             for c in touch.y
         )
         reading = read_first(make_case(replace(touch, rows=rows), None, 10, 0))
-        found = reading.finding(reading.told.p)
+        found = reading.finding(reading.evidence.p)
         still = float(found.said.split("still predicts ")[1].split()[0])
 
         assert found.verdict == "leak"

@@ -116,7 +116,7 @@ def test_whole_groups_of_one_class_swap_labels() -> None:
     assert all(len(set(row[i : i + 3])) == 1 for row in drawn for i in range(0, 18, 3))
 
 
-def test_a_name_that_training_never_saw_tells_nothing() -> None:
+def test_a_name_that_training_never_saw_predicts_nothing() -> None:
     """With whole sessions held out, the session's name gives no more than the majority."""
     y = np.repeat(np.array([0, 1, 0, 1, 0, 1], np.intp), 5)
     names = np.repeat(np.array(list("abcdef")), 5)

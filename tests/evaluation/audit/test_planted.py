@@ -79,4 +79,4 @@ def test_labels_at_random_raise_no_alarm(make_set: dict[str, Callable[..., Touch
         touch = make_set["array"](seed, trials=30)
         case = make_case(touch, None, 10, seed)
         reading = read_first(case)
-        assert not reading.finding(reading.told.p).alarm
+        assert not reading.finding(reading.evidence.p).alarm

@@ -178,7 +178,7 @@ def test_a_file_that_holds_several_sessions_is_only_how_dealtare_stored(make_set
 
     def kinds(touch: TouchSet) -> set[str]:
         found = read_origins(make_case(touch, None, 10, 0))
-        return {finding.kind for finding in found if finding.finding(finding.told.p).alarm}
+        return {finding.kind for finding in found if finding.finding(finding.evidence.p).alarm}
 
     assert "name: recording" not in kinds(stored)
     assert "name: recording" in kinds(sessionless)

@@ -95,13 +95,13 @@ def test_a_set_goes_from_a_table_to_a_live_verdict_without_glue(
     table = write_trials(tmp_path / "a", objects=3, each=4, frames=14, write=as_avi)
     options = TrialOptions(fold_count=3, cache=tmp_path / "cache", split="group:object")
     TrainTrials(trials=table, output=tmp_path / "run", options=options, json=True).run()
-    told = json.loads(capsys.readouterr().out)
-    assert told["target"] == "slipped"
-    assert told["classes"] == ["0", "1"]
-    assert (told["crop"], told["crops_a_trial"]) == (14, 1)
-    assert told["rows"][0]["trials"]["trials"] == 12
-    assert told["differences"][0]["other"] == BAR.name
-    assert told["parity"] < 1e-4
+    printed = json.loads(capsys.readouterr().out)
+    assert printed["target"] == "slipped"
+    assert printed["classes"] == ["0", "1"]
+    assert (printed["crop"], printed["crops_a_trial"]) == (14, 1)
+    assert printed["rows"][0]["trials"]["trials"] == 12
+    assert printed["differences"][0]["other"] == BAR.name
+    assert printed["parity"] < 1e-4
 
     import_videos(read_video_rows(table, table.parent), tmp_path / "imported")
     bundle = tmp_path / "run" / IN_RUN
@@ -311,9 +311,9 @@ def test_the_exported_blend_gives_what_the_trained_one_gives(classes: int) -> No
     learning = trials.learning(trials.rows, "object")
     blend = fit_blend(learning, trials.cameras, trials.widths, 0, MEMBERS)
     model = open_engine(blend_to_onnx(blend, learning.rows.shape[1]))
-    told = model.run(rows=learning.rows)
-    assert told[:, :-1] == pytest.approx(blend.crops(learning.rows), abs=1e-5)
-    assert told[:, -1] == pytest.approx(blend.novelty.measure(learning.rows), abs=1e-3)
+    output = model.run(rows=learning.rows)
+    assert output[:, :-1] == pytest.approx(blend.crops(learning.rows), abs=1e-5)
+    assert output[:, -1] == pytest.approx(blend.novelty.measure(learning.rows), abs=1e-3)
 
 
 def test_weights_favour_the_member_that_is_right_and_sum_to_one() -> None:
@@ -371,13 +371,13 @@ def test_learning_from_some_trials_numbers_them_anew() -> None:
 
 def test_unknown_is_said_of_a_trial_shorter_than_a_crop(tmp_path: Path) -> None:
     from taxel.bundles.trials import read_trial_bundle
-    from taxel.live.trial_watch import tell_trials
+    from taxel.live.trial_watch import predict_trials
 
     table = write_trials(tmp_path / "a", objects=2, each=2, frames=10)
     options = TrialOptions(fold_count=2, cache=tmp_path / "cache")
     TrainTrials(trials=table, output=tmp_path / "run", options=options, check=False).run()
     short = write_trials(tmp_path / "b", objects=1, each=1, frames=8)
     bundle = read_trial_bundle(tmp_path / "run" / IN_RUN)
-    verdict = next(tell_trials(bundle, read_camera_trials(short)))
+    verdict = next(predict_trials(bundle, read_camera_trials(short)))
     assert verdict.label == UNKNOWN
     assert "fewer than a crop" in verdict.reason

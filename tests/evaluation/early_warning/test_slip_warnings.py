@@ -59,7 +59,7 @@ def test_a_promise_needs_pours_that_hold():
         keep_promise([pour(np.zeros(360), event_s=2.0)], 0.3)
 
 
-def test_lead_is_told_before_each_loss():
+def test_lead_is_reported_before_each_loss():
     rise = np.where(TIME_S >= 2.0, 0.99, 0.0)
     tracks = [
         pour(rise, event_s=2.4, largest_um=900.0, **{"1 mm": 3.0, "drop": 3.5}),
@@ -78,7 +78,7 @@ def test_lead_is_told_before_each_loss():
     assert scores.near["> 250 um"] == 0.0
 
 
-def test_a_false_alarm_is_told_by_how_far_its_pour_slipped():
+def test_a_false_alarm_is_reported_by_how_far_its_pour_slipped():
     loud = np.full(360, 0.95)
     scores, _ = score_warnings([pour(loud, largest_um=150.0), pour(loud, largest_um=0.0)], 0.9)
 

@@ -53,7 +53,7 @@ def test_debounce_is_chosen_against_glitches() -> None:
     assert found.within
 
 
-def test_limits_that_cannot_be_kept_are_told() -> None:
+def test_limits_that_cannot_be_kept_are_reported() -> None:
     found = tune(tracks(*[holds(0.99)] * 5), base=BASE, grid=GRID)
 
     assert not found.within

@@ -141,7 +141,7 @@ def test_a_bundle_is_watched_by_the_live_path_and_dead_cameras_are_unknown(pour_
     assert clean.cup == "00"
 
 
-def test_balanced_accuracy_weighs_both_kinds_alike_and_unknown_is_not_told():
+def test_balanced_accuracy_weighs_both_kinds_alike_and_unknown_is_not_an_answer():
     """Of 8 stable moments all are right; of 2 unstable ones one is; two more are UNKNOWN."""
     states = np.array([0] * 8 + [1, 0] + [3, 3], np.int8)
     unstable = np.array([False] * 8 + [True] * 4)

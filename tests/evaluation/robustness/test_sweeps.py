@@ -100,7 +100,7 @@ def test_a_small_array_is_swept_over_the_faults_that_it_can_have():
         plan_array(["swapped"], channels=1)
 
 
-def test_draws_are_told_beside_the_windows_that_they_multiply(
+def test_draws_are_reported_beside_the_windows_that_they_multiply(
     model: Model, touches: list[Recorded]
 ):
     none, dead = sweep_array(model, touches, {"dead": (0,)})

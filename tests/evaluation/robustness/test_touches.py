@@ -93,8 +93,8 @@ def test_input_that_cannot_be_used_is_not_answered(model: Model, touches: list[R
     assert 0.2 < answers.answered.mean() < 0.8
     for session in set(answers.session.tolist()):
         own = answers.session == session
-        told, silent = (answers.trial[own & (answers.answered == flag)] for flag in (True, False))
-        assert told.max() <= silent.min()
+        heard, silent = (answers.trial[own & (answers.answered == flag)] for flag in (True, False))
+        assert heard.max() <= silent.min()
 
 
 def test_a_session_without_a_usable_reference_touch_is_not_answered(
@@ -151,20 +151,22 @@ def test_what_a_bundles_own_test_calls_unknown_is_not_answered_as_live(
     answers, lenient = judge(strict, touches), judge(bare, touches)
     data, test = load_dataset(unseen, plain), NoveltyTest(unknown)
     votes = {number: GraspVote(contract.classes, 1e9, test) for number in range(len(data.trials))}
-    told, whole = [], {}
+    answered, whole = [], {}
     for i, number in enumerate(data.trial.tolist()):
         values, mask = data.windows.values[i : i + 1], data.windows.mask[i : i + 1]
-        strange = test.of_window(contract.scaling.apply(values, mask)[0])
+        novelty = test.of_window(contract.scaling.apply(values, mask)[0])
         quality = Quality(saturated=float(data.windows.saturated[i]))
         decision = decide(model.probabilities(values, mask)[0], quality, contract.classes,
-                     ANSWER_ALL, strange, test)  # fmt: skip
-        told.append(decision.label != UNKNOWN)
+                     ANSWER_ALL, novelty, test)  # fmt: skip
+        answered.append(decision.label != UNKNOWN)
         whole[number] = votes[number].add(decision)[0] != UNKNOWN
 
-    assert 0.5 < np.mean(told) < 0.9
-    assert answers.answered.mean() == pytest.approx(np.mean(told), abs=1e-9)
+    assert 0.5 < np.mean(answered) < 0.9
+    assert answers.answered.mean() == pytest.approx(np.mean(answered), abs=1e-9)
     assert lenient.answered.mean() > 0.99
-    assert len(answers.told_grasps()[0]) == sum(whole.values()) < len(lenient.told_grasps()[0])
+    assert (
+        len(answers.answered_grasps()[0]) == sum(whole.values()) < len(lenient.answered_grasps()[0])
+    )
 
 
 def test_the_digest_is_the_data_sets(model: Model, seen: Path):

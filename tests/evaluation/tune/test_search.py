@@ -141,7 +141,7 @@ def _silent(store: Store, trial_id: int) -> None:
         )
 
 
-def test_a_database_that_cannot_be_opened_is_told_in_one_line(tmp_path: Path) -> None:
+def test_a_database_that_cannot_be_opened_is_reported_in_one_line(tmp_path: Path) -> None:
     with (
         pytest.raises(BadInput, match="a database for --storage") as refused,
         open_store(f"sqlite:///{tmp_path / 'none' / 'tune.db'}"),

@@ -28,10 +28,10 @@ class Idle:
     def hear(self, interlock: Interlock, now_s: float) -> Health:
         return Health("", now_s)
 
-    def tell(self, decision: StabilityDecision, order: Order, now_s: float) -> None:
+    def apply(self, decision: StabilityDecision, order: Order, now_s: float) -> None:
         pass
 
-    def told(self) -> dict[str, object]:
+    def snapshot(self) -> dict[str, object]:
         return {"motion": ""}
 
     def close(self) -> None:

@@ -9,7 +9,7 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from taxel.live.station.packets import pack, unpack
-from taxel.live.station.wishes import grant
+from taxel.live.station.page_requests import fulfil
 from taxel.signals import Frame, Mark, Samples
 
 pytestmark = pytest.mark.data
@@ -45,7 +45,7 @@ def test_any_bytes_are_a_packet_or_none(content: bytes):
         pack(packet)
 
 
-wishes = any_json | st.fixed_dictionaries(
+requests = any_json | st.fixed_dictionaries(
     {"do": st.sampled_from(["acknowledge", "record", "end", "arm", ""]) | any_json},
     optional={"labels": any_json | st.dictionaries(st.text(max_size=9), any_json),
               "path": st.text(max_size=20)},
@@ -53,9 +53,9 @@ wishes = any_json | st.fixed_dictionaries(
 
 
 @FUZZ
-@given(wishes)
+@given(requests)
 @example({"do": "record", "labels": {"../../x": "/etc"}, "path": "/etc/passwd"})
-def test_any_wish_of_a_page_is_one_of_three_or_is_refused(wish: object):
+def test_any_request_of_a_page_is_one_of_three_or_is_refused(request: object):
     """It never says where to record, and nothing else than these is reached."""
     done: list[object] = []
 
@@ -71,10 +71,10 @@ def test_any_wish_of_a_page_is_one_of_three_or_is_refused(wish: object):
         config=SimpleNamespace(groups={"session": "1"}, labels={}, recordings=Path("recordings")),
     )
     try:
-        grant(station, unpack(pack(wish)))  # type: ignore[arg-type]
+        fulfil(station, unpack(pack(request)))  # type: ignore[arg-type]
     except (ValueError, KeyError, TypeError):  # as the station expects, and counts
         assert done == []
     assert len(done) <= 1
     if done:
-        assert isinstance(wish, dict)
-        assert wish["do"] == done[0]
+        assert isinstance(request, dict)
+        assert request["do"] == done[0]

@@ -33,9 +33,9 @@ class Rig:
         for name in names:
             self.guard.expect(name, self.now_s)
 
-    def decide(self, name: str, told: dict[str, Any]) -> None:
+    def decide(self, name: str, content: dict[str, Any]) -> None:
         """Let a monitor say this from now on, each millisecond anew."""
-        self.notes[name] = told
+        self.notes[name] = content
 
     def run(self, seconds: float) -> Any:
         order = None
@@ -45,8 +45,8 @@ class Rig:
                 if name not in self.silent:
                     self.guard.beat(name, self.now_s)
                 if name not in self.silent | self.mute:
-                    told = self.notes.get(name, note("UNKNOWN", reason="no input yet"))
-                    self.guard.decide(name, told | {"decided_s": self.now_s})
+                    content = self.notes.get(name, note("UNKNOWN", reason="no input yet"))
+                    self.guard.decide(name, content | {"decided_s": self.now_s})
             self.guard.interlock.device(True, self.now_s)
             order = self.guard.tick(self.now_s)
         return order
@@ -307,7 +307,7 @@ def slip(mm: float, seen: bool = True) -> dict[str, Any]:
     return Slip(mm, 0.3, 0.5, 0.01, 0.03, 0.1, seen).as_dict()
 
 
-def test_the_largest_slip_of_all_monitors_is_told_with_the_decision():
+def test_the_largest_slip_of_all_monitors_is_reported_with_the_decision():
     rig = Rig("one", "two", "three")
     rig.decide("one", note("STABLE", slip=slip(0.25)))
     rig.decide("two", note("WARNING", slip=slip(0.12)))
@@ -330,7 +330,7 @@ def test_slip_that_was_not_followed_never_hides_slip_that_was():
 
 
 @pytest.mark.parametrize("broken", [{}, {"slip_mm": "far"}, None, 3])
-def test_a_note_whose_slip_cannot_be_read_tells_none_and_stops_nothing(broken: Any):
+def test_a_note_whose_slip_cannot_be_read_reports_none_and_stops_nothing(broken: Any):
     rig = Rig("one")
     rig.decide("one", note("STABLE", slip=broken))
     rig.run(0.01)

@@ -18,7 +18,7 @@ from taxel.live.station.answers import Answers
 from taxel.live.station.packets import pack, unpack
 from taxel.live.station.ring import Ring, RingReader, RingWriter
 from taxel.live.station.station import Station
-from taxel.live.station.wiring import Mind, StationConfig, Wiring
+from taxel.live.station.wiring import MonitorLink, StationConfig, Wiring
 from taxel.recordings.trial_log import log_of, read_trial_log
 
 WHO = "monitor/0"
@@ -39,10 +39,10 @@ class Rig:
         to_recorder, self.recorder_orders = self._ring()
         to_monitor, self.monitor_orders = self._ring()
         watch = SimpleNamespace(name="monitor", row=0)
-        mind = Mind(cast("Any", watch), "", heard, to_monitor,
+        monitor = MonitorLink(cast("Any", watch), "", heard, to_monitor,
                     [{"kind": "grasp", "who": WHO}, RECOGNISER])  # fmt: skip
         self.station.wiring = cast("Wiring", SimpleNamespace(
-            minds=[mind], feeds=[],
+            monitors=[monitor], feeds=[],
             send_to=lambda name: to_monitor if name == "monitor" else None,
         ))  # fmt: skip
         self.station._recorder.wire(to_recorder, news)
@@ -228,8 +228,8 @@ def test_the_page_reacts_acknowledges_and_ends_a_recording(make: Any):
     rig.grasp(1.0, "UNSTABLE")
     rig.hear(1.0)
     assert not rig.alarm("grasp").acknowledged
-    for wish in ({"do": "react", "what": "pour stopped"}, {"do": "acknowledge"}, {"do": "end"}):
-        rig.page.put(pack(wish))
+    for request in ({"do": "react", "what": "pour stopped"}, {"do": "acknowledge"}, {"do": "end"}):
+        rig.page.put(pack(request))
     rig.hear(1.1)
 
     assert rig.alarm("grasp").acknowledged
@@ -238,7 +238,7 @@ def test_the_page_reacts_acknowledges_and_ends_a_recording(make: Any):
     assert trial is not None
     assert trial["reaction"] == "pour stopped"
     assert rig.ordered() == [{"do": "end"}]
-    assert rig.station.refused_wishes == 0
+    assert rig.station.refused_requests == 0
 
 
 def test_a_reaction_that_is_no_known_word_is_refused_and_no_event(make: Any):
@@ -246,7 +246,7 @@ def test_a_reaction_that_is_no_known_word_is_refused_and_no_event(make: Any):
     rig.page.put(pack({"do": "react", "what": "danced"}))
     rig.page.put(pack({"do": "dance"}))
     rig.hear(1.0)
-    assert rig.station.refused_wishes == 1
+    assert rig.station.refused_requests == 1
     assert not [text for text in rig.words if "danced" in text]
     assert rig.ordered() == []
 
@@ -261,10 +261,10 @@ def test_orders_reach_the_process_that_is_named_and_no_other(make: Any):
     ]  # fmt: skip
 
 
-def test_how_long_the_state_was_unknown_is_told_when_it_is_known_again(make: Any):
+def test_how_long_the_state_was_unknown_is_said_when_it_is_known_again(make: Any):
     rig = make()
     for now_s, state in ((1.0, "UNKNOWN"), (1.1, "UNKNOWN"), (3.5, "STABLE")):
         rig.grasp(now_s, state)
         rig.hear(now_s)
-        rig.station._tell_state(now_s)
+        rig.station._log_state(now_s)
     assert rig.words == ["UNKNOWN", "STABLE: after 2.5 s of UNKNOWN"]

@@ -87,7 +87,7 @@ def clock(monkeypatch: pytest.MonkeyPatch) -> ManualClock:
     return found
 
 
-def test_each_button_is_one_wish(make: Any):
+def test_each_button_is_one_request(make: Any):
     rig = make((HAND, ()))
     rig.view.acknowledge()
     rig.view.disarm()
@@ -97,7 +97,7 @@ def test_each_button_is_one_wish(make: Any):
     ]  # fmt: skip
 
 
-def told_after(rig: Rig, clock: ManualClock, patch: pytest.MonkeyPatch, *notes: Any) -> None:
+def answered_after(rig: Rig, clock: ManualClock, patch: pytest.MonkeyPatch, *notes: Any) -> None:
     """Let the supervisor tell one of these at each look of the page."""
     left = list(notes)
 
@@ -117,30 +117,34 @@ def test_a_recording_is_begun_once_the_recorder_says_so(
     make: Any, clock: ManualClock, monkeypatch: pytest.MonkeyPatch
 ):
     rig = make((HAND, ()))
-    told_after(rig, clock, monkeypatch, {}, OFF, ON)
+    answered_after(rig, clock, monkeypatch, {}, OFF, ON)
     assert rig.view.record(True, {"object": "cup"}) == ""
     assert rig.asked() == [{"do": "record", "labels": {"object": "cup"}}]
     assert clock.now_s() == pytest.approx(0.06)
 
 
-def test_a_recording_that_cannot_begin_is_told_in_the_recorders_words(
+def test_a_recording_that_cannot_begin_is_reported_in_the_recorders_words(
     make: Any, clock: ManualClock, monkeypatch: pytest.MonkeyPatch
 ):
     rig = make((HAND, ()))
-    told_after(rig, clock, monkeypatch, {"recording": {"on": False, "error": "the disk is full"}})
+    answered_after(
+        rig, clock, monkeypatch, {"recording": {"on": False, "error": "the disk is full"}}
+    )
     assert rig.view.record(True, {}) == "the disk is full"
 
 
-def test_a_recording_is_ended_although_an_old_error_is_told(
+def test_a_recording_is_ended_although_an_old_error_is_reported(
     make: Any, clock: ManualClock, monkeypatch: pytest.MonkeyPatch
 ):
     rig = make((HAND, ()))
-    told_after(rig, clock, monkeypatch, {"recording": {"on": True, "error": "slow"}}, OFF)
+    answered_after(rig, clock, monkeypatch, {"recording": {"on": True, "error": "slow"}}, OFF)
     assert rig.view.record(False, {}) == ""
     assert rig.asked() == [{"do": "end"}]
 
 
-def test_a_recorder_that_says_nothing_is_told_after_three_seconds(make: Any, clock: ManualClock):
+def test_a_recorder_that_says_nothing_is_reported_after_three_seconds(
+    make: Any, clock: ManualClock
+):
     rig = make((HAND, ()))
     assert rig.view.record(True, {}) == "the recorder does not answer"
     assert clock.now_s() == pytest.approx(3.0, abs=0.03)
@@ -220,11 +224,11 @@ def test_a_monitors_probability_is_drawn_where_it_was_measured(make: Any):
     assert rig.view.traces(3.0)["probability"]["t"] == [1.0, 2.0]  # another clock: all anew
 
 
-def test_before_a_station_tells_anything_the_page_claims_nothing(make: Any):
+def test_before_a_station_reports_anything_the_page_claims_nothing(make: Any):
     rig = make((NONE, (LEFT,)))
-    for told in (None, b"N[1]"):
-        if told is not None:
-            rig.supervisor.put(told)
+    for content in (None, b"N[1]"):
+        if content is not None:
+            rig.supervisor.put(content)
         snapshot = rig.view.snapshot()
         assert (snapshot["state"], snapshot["gripper"], snapshot["array"]) == (
             "UNKNOWN",

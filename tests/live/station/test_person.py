@@ -3,7 +3,7 @@
 from taxel.actions.interlock import Interlock, InterlockConfig
 from taxel.live.station.guard import Guard
 from taxel.live.station.person import Person
-from taxel.live.station.telling import stalled_snapshot
+from taxel.live.station.snapshots import stalled_snapshot
 from taxel.recordings.trial_log import GraspTrial
 
 ANSWERS = [{"target": "material", "label": "glass", "action": "glass bin"},
@@ -24,12 +24,12 @@ class Station:
         self.guard.beat("monitor", now_s)
         self.guard.tick(now_s)
         self.person.tick(now_s)
-        told = self.person.told([])
-        assert told is not None
-        return str(told["word"])
+        shown = self.person.advice([])
+        assert shown is not None
+        return str(shown["word"])
 
 
-def test_a_slip_is_told_and_logged_with_the_persons_reaction() -> None:
+def test_a_slip_is_reported_and_logged_with_the_persons_reaction() -> None:
     station = Station()
     assert station.become("STABLE", 1.0) == "HOLD"
     assert station.become("WARNING", 1.01) == "GRIP HARDER"
@@ -52,9 +52,9 @@ def test_a_silent_monitor_is_hold_still_never_a_word_about_the_grasp() -> None:
     station.guard.tick(1.4)
     station.person.tick(1.4)
 
-    told = station.person.told([])
-    assert told is not None
-    assert told["word"] == "HOLD STILL"
+    shown = station.person.advice([])
+    assert shown is not None
+    assert shown["word"] == "HOLD STILL"
     assert station.guard.shown[0] == "STOP"
 
 
@@ -72,12 +72,12 @@ def test_where_no_grasp_is_watched_the_action_of_what_is_recognised_is_to_be_don
     person = Person(Guard(Interlock(InterlockConfig(min_n=10.0, max_n=40.0))), 0.0)
     person.tick(1.0)
 
-    assert person.told(ANSWERS) == {"word": "glass bin", "why": "material glass", "since_s": None}
-    assert person.told(ANSWERS[1:]) is None
+    assert person.advice(ANSWERS) == {"word": "glass bin", "why": "material glass", "since_s": None}
+    assert person.advice(ANSWERS[1:]) is None
     assert person.trial() is None
 
 
 def test_while_the_supervisor_stands_still_the_word_is_hold_still() -> None:
-    told = stalled_snapshot({"do": {"word": "HOLD"}, "alarms": []}, 0.5, 10.0)
+    shown = stalled_snapshot({"do": {"word": "HOLD"}, "alarms": []}, 0.5, 10.0)
 
-    assert told["do"]["word"] == "HOLD STILL"
+    assert shown["do"]["word"] == "HOLD STILL"

@@ -105,7 +105,7 @@ def test_a_recording_that_replaces_another_does_not_inherit_its_log(rig: Rig):
     assert not log_of(rig.path).exists()
 
 
-def test_a_log_that_cannot_be_written_is_told_and_the_recording_goes_on(rig: Rig):
+def test_a_log_that_cannot_be_written_is_reported_and_the_recording_goes_on(rig: Rig):
     rig.begin()
     log_of(rig.path).mkdir()
     news = rig.obey("trial", trial=asdict(TRIAL))
@@ -113,7 +113,7 @@ def test_a_log_that_cannot_be_written_is_told_and_the_recording_goes_on(rig: Rig
     assert news["error"] == f"needed to write {log_of(rig.path)}; got Is a directory."
 
 
-def test_a_recording_that_cannot_begin_is_told_and_nothing_is_recorded(rig: Rig):
+def test_a_recording_that_cannot_begin_is_reported_and_nothing_is_recorded(rig: Rig):
     rig.path.write_bytes(b"mine")
     news = rig.begin()
     assert not news["on"]
@@ -169,7 +169,7 @@ def test_a_disk_that_fills_ends_the_recording_in_words_and_what_follows_is_no_er
     assert rig.pulse.produced == 0
 
 
-def test_slip_that_the_disk_refuses_is_told_with_the_next_news(
+def test_slip_that_the_disk_refuses_is_reported_with_the_next_news(
     rig: Rig, monkeypatch: pytest.MonkeyPatch
 ):
     monkeypatch.setattr(recording, "Recorder", lambda *_, **__: FullDisk())

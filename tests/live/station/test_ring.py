@@ -68,7 +68,7 @@ def test_one_that_attaches_later_begins_with_what_comes_next_or_the_oldest(ring:
             assert early.take() == [b"before", b"after"]
 
 
-def test_the_newest_is_told_and_those_before_it_count_as_lost(ring: Ring):
+def test_the_newest_is_reported_and_those_before_it_count_as_lost(ring: Ring):
     with RingWriter(ring.name) as writer, RingReader(ring.name) as reader:
         assert reader.newest() is None
         for message in (b"a", b"b", b"c"):

@@ -34,46 +34,46 @@ class Rig:
         self.sent: list[tuple[float, float]] = []
         self.grip = SimulatedGrip(lambda n, s: self.sent.append((n, s)), FORCE, self.clock)
 
-    def tell(self, told: Order, now_s: float = 0.0) -> None:
-        self.grip.tell(STABLE, told, now_s)
+    def apply(self, snapshot: Order, now_s: float = 0.0) -> None:
+        self.grip.apply(STABLE, snapshot, now_s)
 
 
 def test_a_higher_force_is_sent_at_once_and_a_lower_one_never():
     rig = Rig()
     for force_n in (20.0, 30.0, 25.0, 15.0):
-        rig.tell(order(force_n, expires_s=0.1))
+        rig.apply(order(force_n, expires_s=0.1))
     assert rig.sent == [(20.0, 0.1), (30.0, 0.1)]
-    assert rig.grip.told() == {"motion": "simulated", "force_n": 30.0}
+    assert rig.grip.snapshot() == {"motion": "simulated", "force_n": 30.0}
 
 
 def test_the_same_force_is_sent_again_only_before_the_last_order_expires():
     rig = Rig()
     for ms in range(0, 121, 10):
-        rig.tell(order(20.0, expires_s=ms / 1000 + 0.1), ms / 1000)
+        rig.apply(order(20.0, expires_s=ms / 1000 + 0.1), ms / 1000)
     assert rig.sent == [(20.0, 0.1), (20.0, pytest.approx(0.15)), (20.0, pytest.approx(0.2))]
 
 
 @pytest.mark.parametrize("kind", [OrderKind.NONE, OrderKind.HOLD, OrderKind.STOP])
 def test_an_order_that_is_no_raise_sends_nothing(kind: OrderKind):
     rig = Rig()
-    rig.tell(order(30.0, expires_s=1.0, kind=kind))
+    rig.apply(order(30.0, expires_s=1.0, kind=kind))
     assert rig.sent == []
-    assert rig.grip.told() == {"motion": "simulated", "force_n": None}
+    assert rig.grip.snapshot() == {"motion": "simulated", "force_n": None}
 
 
 def test_an_order_that_expired_between_its_tick_and_now_is_not_sent():
     rig = Rig()
     rig.clock.advance(0.2)
-    rig.tell(order(30.0, expires_s=0.1), now_s=0.0)
+    rig.apply(order(30.0, expires_s=0.1), now_s=0.0)
     assert rig.sent == []
 
 
 def test_at_a_new_grasp_a_force_below_the_last_grasps_is_sent():
     rig = Rig()
-    rig.tell(order(40.0, expires_s=0.1))
+    rig.apply(order(40.0, expires_s=0.1))
     rig.grip.new_grasp()
-    assert rig.grip.told()["force_n"] is None
-    rig.tell(order(20.0, expires_s=0.1))
+    assert rig.grip.snapshot()["force_n"] is None
+    rig.apply(order(20.0, expires_s=0.1))
     assert [n for n, _ in rig.sent] == [40.0, 20.0]
 
 
@@ -99,8 +99,8 @@ class Array:
 
 def obeyed(source: object, *orders: dict[str, Any], now_s: float) -> None:
     with Ring(4096) as ring, RingReader(ring.name) as reader, RingWriter(ring.name) as writer:
-        for told in orders:
-            writer.put(pack(told))
+        for snapshot in orders:
+            writer.put(pack(snapshot))
         with pytest.MonkeyPatch.context() as patch:
             patch.setattr(acquisition, "monotonic", lambda: now_s)
             acquisition._obey(source, reader)  # type: ignore[arg-type]  # what it uses of one
@@ -190,9 +190,9 @@ def test_what_an_actuator_reports_is_alarmed_once_and_over_when_it_is_well_again
     rig.run("STABLE", 0.1)
     (alarm,) = [a for a in rig.guard.alarms.alarms if a.kind == grip.name]
     assert (alarm.on, alarm.text) == (True, f"{grip.name}: its cable is out")
-    told = rig.driving.told()
-    assert told is not None
-    assert told["note"] == "its cable is out"
+    snapshot = rig.driving.snapshot()
+    assert snapshot is not None
+    assert snapshot["note"] == "its cable is out"
     grip.fault = ""
     rig.run("STABLE", 0.1)
     (alarm,) = [a for a in rig.guard.alarms.alarms if a.kind == grip.name]
@@ -202,5 +202,5 @@ def test_what_an_actuator_reports_is_alarmed_once_and_over_when_it_is_well_again
 
 def test_without_an_actuator_the_page_shows_no_gripper():
     guard = Guard(Interlock(InterlockConfig(min_n=15.0, max_n=50.0)))
-    assert Driving(guard, 15.0).told() is None
+    assert Driving(guard, 15.0).snapshot() is None
     assert math.isnan(guard.probability)

@@ -42,17 +42,17 @@ if __name__ == "__main__":
             "workers": {name: p.pid for name, p in station.workers().items()},
             "beats": view.beats,
         }), flush=True)
-        told = []
+        ordered = []
 
-        def tell(now_s):
-            if station.recording.get("kept", 0) > 5 and not told:
-                told.append(1)
+        def order(now_s):
+            if station.recording.get("kept", 0) > 5 and not ordered:
+                ordered.append(1)
                 print("recording", flush=True)
             if any("stood still" in text for _, _, text in station.events):
                 print(json.dumps([text for _, _, text in station.events]), flush=True)
                 station.stop()
 
-        station.run(120.0, on_tick=tell)
+        station.run(120.0, on_tick=order)
 """
 
 
@@ -68,9 +68,9 @@ class Program:
             stderr=subprocess.PIPE,
         )
         self.pid = self.process.pid
-        told = json.loads(self.line())
-        self.workers: dict[str, int] = told["workers"]
-        self.beats: str = told["beats"]
+        ready = json.loads(self.line())
+        self.workers: dict[str, int] = ready["workers"]
+        self.beats: str = ready["beats"]
 
     def line(self) -> str:
         assert self.process.stdout is not None
@@ -131,8 +131,8 @@ def until(holds: Callable[[], bool], what: str) -> None:
 
 def test_the_alarm_sounds_once_a_second_while_the_supervisor_stands_still():
     alarm = StallAlarm(0.08)
-    told = [ms for ms in range(0, 3000, 5) if alarm.look(ms / 1000.0)]
-    assert told == [85, 1085, 2085]
+    alarms = [ms for ms in range(0, 3000, 5) if alarm.look(ms / 1000.0)]
+    assert alarms == [85, 1085, 2085]
     assert alarm.raised == 1
     assert alarm.look(0.001) == ""
     assert alarm.look(0.2) == (

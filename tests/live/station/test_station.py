@@ -54,7 +54,7 @@ def test_on_a_core_too_slow_for_its_ticks_the_supervisor_still_lets_others_run(
     monkeypatch.setattr(station, "tick", lambda _: None)
     monkeypatch.setattr(station, "_over", lambda _: len(slept_s) == 10)
     feed = SimpleNamespace(worker=None)
-    station.wiring = SimpleNamespace(feeds=[feed], minds=[])  # type: ignore[assignment]
+    station.wiring = SimpleNamespace(feeds=[feed], monitors=[])  # type: ignore[assignment]
     station.run()
     station._stack.close()
     assert min(slept_s) > 0.0
@@ -96,7 +96,7 @@ def test_a_pair_of_cameras_is_watched_recorded_and_seen_and_every_message_is_acc
 
 
 @pytest.mark.data
-def test_a_killed_monitor_is_told_alarmed_and_started_again(pour: Path):
+def test_a_killed_monitor_is_reported_alarmed_and_started_again(pour: Path):
     config = StationConfig(
         sources=("sim://cup-pour?kind=still&force_n=50&duration_s=60",),
         bundles=(shipped_bundle(CUP_POUR),),
@@ -154,7 +154,7 @@ def test_a_recorder_that_died_is_followed_by_one_that_leaves_finished_recordings
 
 
 @pytest.mark.data
-def test_a_recording_that_its_recorder_did_not_complete_is_told_as_such(tmp_path: Path):
+def test_a_recording_that_its_recorder_did_not_complete_is_reported_as_such(tmp_path: Path):
     with Station(StationConfig(sources=("sim://teng",), bundles=())) as station:
         station.run(0.0)
         station.record(tmp_path / "a.mcap", {})
@@ -165,7 +165,7 @@ def test_a_recording_that_its_recorder_did_not_complete_is_told_as_such(tmp_path
 
 
 @pytest.mark.data
-def test_a_process_that_hangs_is_told_although_it_is_alive():
+def test_a_process_that_hangs_is_reported_although_it_is_alive():
     with Station(StationConfig(sources=("sim://teng",), bundles=())) as station:
         station.run(0.5)
         pid = station.workers()["recorder"].pid
@@ -185,7 +185,7 @@ def test_a_source_that_fails_is_started_again_and_given_up_in_words(
     middle = len(whole) // 2
     whole[middle : middle + 64] = bytes(64)
     path.write_bytes(whole)
-    monkeypatch.setattr("taxel.live.station.crew._RESTARTS", 1)
+    monkeypatch.setattr("taxel.live.station.processes._RESTARTS", 1)
     with Station(StationConfig(sources=(f"replay://{path}",), bundles=())) as station:
         station.run(60.0)
     assert station.failed == "source"

@@ -28,17 +28,17 @@ from taxel.sim.force_gauge import ForceGauge, GaugeConfig
 from taxel.sim.teng_hand import TengHandConfig
 
 
-def test_a_wish_that_is_none_is_counted_and_changes_nothing():
+def test_a_request_that_is_none_is_counted_and_changes_nothing():
     with Station(StationConfig(sources=("sim://teng",), bundles=())) as station:
         station.run(0.0)
         with RingWriter(station.view_config().requests) as page:
-            for wish in (b"N{", b"Nnull", b'N{"do":"record"}', b'N{"do":["x"]}', b"S", b"F1"):
-                page.put(wish)
-        until(station, lambda: station.refused_wishes >= 5)
+            for request in (b"N{", b"Nnull", b'N{"do":"record"}', b'N{"do":["x"]}', b"S", b"F1"):
+                page.put(request)
+        until(station, lambda: station.refused_requests >= 5)
         assert not station.recording["on"]
 
 
-def test_a_supervisor_that_stands_still_is_a_stop_on_the_page_although_it_tells_nothing():
+def test_a_supervisor_that_stands_still_is_a_stop_on_the_page_although_it_reports_nothing():
     """It is this process, which simply does not tick."""
     with (
         Station(StationConfig(sources=("sim://teng",), bundles=())) as station,
@@ -46,12 +46,12 @@ def test_a_supervisor_that_stands_still_is_a_stop_on_the_page_although_it_tells_
     ):
         until(station, lambda: view.snapshot()["time_s"] > 0)
         stood_s = monotonic()
-        while (told := view.snapshot())["state"] != "STOP":
+        while (shown := view.snapshot())["state"] != "STOP":
             assert monotonic() < stood_s + WAIT_S
             sleep(0.001)
-        assert told["reason"].startswith("the supervisor has stood still for 0.")
-        assert (told["alarms"][0]["kind"], told["alarms"][0]["level"]) == ("supervisor", "danger")
-        assert told["time_s"] - told["since_s"] > 0.08
+        assert shown["reason"].startswith("the supervisor has stood still for 0.")
+        assert (shown["alarms"][0]["kind"], shown["alarms"][0]["level"]) == ("supervisor", "danger")
+        assert shown["time_s"] - shown["since_s"] > 0.08
         until(station, lambda: view.snapshot()["state"] == "NONE")
         assert any(alarm.kind == "supervisor" for alarm in station.guard.alarms.alarms)
 

@@ -201,7 +201,7 @@ def test_a_signal_ends_a_sleep(rings: tuple[Ring, Ring]):
     """A process that sleeps hears at once that it shall end."""
     ring, _ = rings
     mine, theirs = CONTEXT.Pipe(duplex=False)
-    child = CONTEXT.Process(target=_sleep_until_told, args=(ring.name, theirs), daemon=True)
+    child = CONTEXT.Process(target=_sleep_until_asked, args=(ring.name, theirs), daemon=True)
     child.start()
     assert mine.recv() == "here"
     state = f"/proc/{child.pid}/stat"
@@ -221,12 +221,12 @@ def _state(path: str) -> str:
         return file.read().rpartition(")")[2].split()[0]
 
 
-def _sleep_until_told(name: str, ready: Connection) -> None:
-    told: list[int] = []
-    signal.signal(signal.SIGTERM, lambda number, _: told.append(number))
+def _sleep_until_asked(name: str, ready: Connection) -> None:
+    signals: list[int] = []
+    signal.signal(signal.SIGTERM, lambda number, _: signals.append(number))
     with RingReader(name) as reader:
         ready.send("here")
-        while not told:
+        while not signals:
             reader.wait(LONG_S)
 
 

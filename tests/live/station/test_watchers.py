@@ -156,19 +156,19 @@ def test_a_mark_of_the_hand_in_the_same_file_ends_no_grasp(rig: Rig):
     assert rig.monitor.asked == ["push 1"]
 
 
-def test_a_reaction_that_the_source_marked_is_told_at_its_own_time(rig: Rig):
+def test_a_reaction_that_the_source_marked_is_reported_at_its_own_time(rig: Rig):
     mark = Mark(start_s=0.7, end_s=0.7, labels={"reaction": "put down"})
     assert rig.take(*pair(1.0), mark)[0] == {
         "kind": "reaction", "what": "put down", "time_s": 0.7,
     }  # fmt: skip
 
 
-def test_a_grasp_that_was_found_in_the_images_is_told_before_its_decision(rig: Rig):
+def test_a_grasp_that_was_found_in_the_images_is_reported_before_its_decision(rig: Rig):
     rig.monitor.begins = True
     assert [note["kind"] for note in rig.take(*pair(1.0))] == ["new grasp", "grasp"]
 
 
-def test_the_source_end_is_told_to_the_monitor(rig: Rig):
+def test_the_source_end_reaches_the_monitor(rig: Rig):
     rig.take({"ended": 3.0})
     assert rig.monitor.asked == ["end"]
 
@@ -180,15 +180,15 @@ def test_patience_is_asked_for_while_a_grasp_settles(rig: Rig):
     assert rig.patience_s == [0.0, 1.0]
 
 
-def test_a_silent_input_is_told_when_its_state_changes_and_each_tenth_of_a_second(rig: Rig):
+def test_a_silent_input_is_reported_when_its_state_changes_and_each_tenth_of_a_second(rig: Rig):
     rig.take(*pair(1.0))
-    told = []
+    sent = []
     for ms in range(250):
         rig.clock.advance(0.001)
         rig.monitor.state = Stability.UNKNOWN if ms >= 20 else Stability.STABLE
         rig.watcher.silent(rig.clock.now_s())
-        told += [(ms, note["state"]) for note in rig.notes()]
-    assert told == [(20, "UNKNOWN"), (120, "UNKNOWN"), (220, "UNKNOWN")]
+        sent += [(ms, note["state"]) for note in rig.notes()]
+    assert sent == [(20, "UNKNOWN"), (120, "UNKNOWN"), (220, "UNKNOWN")]
 
 
 class Queue:
@@ -289,7 +289,7 @@ def test_a_recogniser_answers_scans_only_and_says_who_it_is(recogniser: Rig):
     assert note["grasp_confidence"] == pytest.approx(0.8)
 
 
-def test_a_recogniser_tells_a_gate_that_moved_after_its_answer(recogniser: Rig):
+def test_a_recogniser_reports_a_gate_that_moved_after_its_answer(recogniser: Rig):
     notes = recogniser.take(scans(0.1, 0.2))
     assert [note["kind"] for note in notes] == ["answer", "gate"]
     assert notes[1]["text"] == "shape: the gate moved"

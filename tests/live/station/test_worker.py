@@ -25,7 +25,7 @@ def state() -> State:
     return policy, os.sched_getparam(0).sched_priority, os.getpriority(os.PRIO_PROCESS, 0)
 
 
-def _hurry(rank: int, permitted: bool, told: Connection) -> None:
+def _hurry(rank: int, permitted: bool, pipe: Connection) -> None:
     if not permitted:
         worker._schedule = lambda _: False  # type: ignore[assignment]  # as without the right
     states = [state()]
@@ -33,12 +33,12 @@ def _hurry(rank: int, permitted: bool, told: Connection) -> None:
     states.append(state())
     child = os.fork()
     if child == 0:
-        told.send(state())
+        pipe.send(state())
         os._exit(0)
     os.waitpid(child, 0)
     hurry(before)
     states.append(state())
-    told.send(states)
+    pipe.send(states)
 
 
 def ranked(rank: Rank, *, permitted: bool) -> tuple[State, list[State]]:

@@ -8,7 +8,7 @@ import pytest
 from make_dataset import make_dataset
 
 from taxel.errors import BadDataset, MissingExtra
-from taxel.evaluation.adaptation.new_class import run_of, told, windows_of
+from taxel.evaluation.adaptation.new_class import best, run_of, windows_of
 from taxel.training.adapt.correcting import learn_corrections, run_probabilities
 from taxel.training.adapt.drift import DriftWatch
 from taxel.training.adapt.exemplars import Exemplars, all_exemplars
@@ -51,11 +51,11 @@ def grasps(own: Exemplars) -> Grasps:
 def test_before_any_correction_it_answers_as_the_run_does(run: Run) -> None:
     own = ALL[ALL.session == "s3"][np.arange(8)]
 
-    told_now = OnlineLearner(run).answer(windows_of(own)).probabilities
+    now = OnlineLearner(run).answer(windows_of(own)).probabilities
 
     scaled = run.contract.scaling.apply(own.values, own.mask)
-    np.testing.assert_allclose(told_now, predict(run.networks[0], scaled, own.mask), atol=1e-5)
-    np.testing.assert_array_equal(told(OnlineLearner(run).learned(), ALL), told(run, ALL))
+    np.testing.assert_allclose(now, predict(run.networks[0], scaled, own.mask), atol=1e-5)
+    np.testing.assert_array_equal(best(OnlineLearner(run).learned(), ALL), best(run, ALL))
 
 
 def test_corrections_make_answers_better_and_forget_no_class(run: Run) -> None:
@@ -66,12 +66,12 @@ def test_corrections_make_answers_better_and_forget_no_class(run: Run) -> None:
     found = learn_corrections(run, grasps(own[~late]), watch=False)
 
     was, now = (
-        float((told(trained, own[late]) == own.y[late]).mean()) for trained in (run, found.run)
+        float((best(trained, own[late]) == own.y[late]).mean()) for trained in (run, found.run)
     )
     assert now > was
     for number in range(3):
         part = old[old.y == number]
-        lost = (told(run, part) == number).mean() - (told(found.run, part) == number).mean()
+        lost = (best(run, part) == number).mean() - (best(found.run, part) == number).mean()
         assert lost <= 0.15
 
 
@@ -107,8 +107,8 @@ def test_accuracy_by_class_counts_unknown_classes_as_wrong(run: Run) -> None:
     own = ALL[ALL.session == "s0"]
     label = tuple("cone" if i == 2 else CLASSES[i] for i in own.y)
 
-    told = run_probabilities(run, windows_of(own))
-    found = by_class(told, run.contract.classes, label, run.contract.classes)
+    best = run_probabilities(run, windows_of(own))
+    found = by_class(best, run.contract.classes, label, run.contract.classes)
 
     assert found["cone"] == 0.0
     assert found["all known before"] > found["all"]

@@ -8,25 +8,17 @@ import numpy as np
 import pytest
 import torch
 
-from taxel.errors import BadDataset, BadInput, BadSplit
+from taxel.errors import BadDataset, BadInput
 from taxel.evaluation.expert import Task, train_expert
-from taxel.labels.trials import Trial
 from taxel.models.blend import Blend, read_plan
 from taxel.models.touchnet import TouchNet
 from taxel.recordings.importing import ImportRow, import_rows, import_table
-from taxel.training.choose import inner_folds as inner
 from taxel.training.choose.blending import fit_sharpness, losses, mix, softmax
 from taxel.training.choose.budget import Budget
 from taxel.training.choose.candidates import Candidate
 from taxel.training.choose.choice import Member, read_choice, write_choice
 from taxel.training.choose.fit_choice import fit_choice
-from taxel.training.choose.inner_folds import (
-    Held,
-    inner_folds,
-    judged,
-    learned_from,
-    what_is_held,
-)
+from taxel.training.choose.inner_folds import Held
 from taxel.training.choose.joining import fit_joining, join
 from taxel.training.choose.kept_tries import KeptTries
 from taxel.training.choose.limits import Cost, Limits, fit_within
@@ -42,96 +34,6 @@ from taxel.training.choose.search import Effort, choose
 from taxel.training.loop import Labelled, evaluate, fit, new_network
 
 RNG = np.random.default_rng(0)
-ONE_CLASS = np.zeros(32, np.intp)
-
-
-def trials(**groups: list[str]) -> list[Trial]:
-    count = len(next(iter(groups.values())))
-    return [
-        Trial(recording=f"r{i}", start_s=0.0, end_s=1.0, labels={},
-              groups={"trial": f"r{i}#0", "recording": f"r{i}"}
-              | {key: values[i] for key, values in groups.items()})
-        for i in range(count)
-    ]  # fmt: skip
-
-
-def test_the_coarsest_group_that_is_new_on_the_test_side_is_what_is_held_out():
-    own = trials(object=["a", "b", "c", "d"] * 2, colour=["red", "blue"] * 4)
-    train = [i for i, trial in enumerate(own) if trial.groups["object"] != "d"]
-    test = [i for i, trial in enumerate(own) if trial.groups["object"] == "d"]
-
-    assert what_is_held(own, ONE_CLASS[: len(own)], train, test) == Held("object")
-
-
-def test_of_groups_that_part_alike_the_session_is_named():
-    days = ["mon"] * 4 + ["tue"] * 4 + ["wed"] * 4 + ["thu"] * 4
-    own = trials(celsius=[{"m": "18", "t": "21", "w": "19"}[day[0]] + day for day in days],
-                 session=days)  # fmt: skip
-
-    assert what_is_held(own, ONE_CLASS[:16], range(12), range(12, 16)) == Held("session")
-
-
-def test_later_numbers_held_out_are_an_order():
-    own = trials(number=[str(i) for i in range(10)])
-
-    held = what_is_held(own, ONE_CLASS[:10], range(5), range(5, 10))
-
-    assert held == Held("number", ordered=True)
-
-
-def test_later_numbers_of_each_class_are_an_order_wherever_the_classes_lie():
-    """Class 0 was recorded first, class 1 after it; of both the later half is tested."""
-    own = trials(number=[str(i) for i in range(20)])
-    y = np.arange(20) // 10
-
-    assert what_is_held(own, y, [*range(5), *range(10, 15)], [*range(5, 10), *range(15, 20)]) == (
-        Held("number", ordered=True)
-    )
-    assert not what_is_held(own, y, range(0, 20, 2), range(1, 20, 2)).ordered
-
-
-def test_in_an_order_each_inner_fold_learns_from_what_came_before_it():
-    fold = np.repeat(np.arange(5), 2)
-
-    assert inner.tested_folds(fold, ordered=True) == [2, 3, 4]
-    assert inner.tested_folds(fold, ordered=False) == [0, 1, 2, 3, 4]
-    assert learned_from(fold, 3, ordered=True).tolist() == (fold < 3).tolist()
-    assert judged(fold, np.arange(10) % 2, ordered=True).tolist() == (fold >= 2).tolist()
-
-
-def test_inner_folds_part_no_group_and_leave_every_class_to_learn_from():
-    own = trials(object=[f"o{i // 2}" for i in range(24)])
-    y = np.array([i // 2 % 3 for i in range(24)])
-
-    fold = inner_folds(own, y, range(24), Held("object"))
-
-    assert all(fold[i] == fold[i + 1] for i in range(0, 24, 2))
-    for number in set(fold):
-        assert set(y[fold != number]) == {0, 1, 2}
-
-
-def test_where_later_trials_are_held_out_inner_folds_are_successive():
-    own = trials(number=[str(9 - i // 2) for i in range(20)])
-
-    y = np.arange(20) % 2
-
-    fold = inner_folds(own, y, range(20), Held("number", ordered=True))
-
-    assert (np.diff(fold) <= 0).all()
-    assert set(fold) == {0, 1, 2, 3, 4}
-
-
-def test_a_class_of_one_trial_is_learned_from_but_not_judged():
-    y = np.array([0, 0, 1, 1, 2])
-
-    fold = inner_folds(trials(object=list("abcde")), y, range(5), Held(None))
-
-    assert judged(fold, y).tolist() == [True] * 4 + [False]
-
-
-def test_one_trial_of_each_class_is_not_enough_to_choose():
-    with pytest.raises(BadSplit, match="two classes"):
-        inner_folds(trials(object=["a", "b", "c"]), np.array([0, 1, 2]), range(3), Held(None))
 
 
 def test_a_temperature_brings_logits_back_to_what_they_were():
@@ -171,7 +73,7 @@ def test_kinds_that_fail_together_share_one_weight():
     assert found.weights == (0.25, 0.25, 0.5)
 
 
-def test_dependent_windows_are_not_multiplied_as_if_each_told_something_new():
+def test_dependent_windows_are_not_multiplied_as_if_each_added_something_new():
     """20 copies of one guess that is right 8 times in 10 are as sure as that one guess."""
     truth = np.arange(400) % 2
     guess = np.where(RNG.random(400) < 0.8, truth, 1 - truth)

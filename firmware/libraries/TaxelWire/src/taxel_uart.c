@@ -21,7 +21,7 @@ ISR(USART0_UDRE_vect) {
 ISR(USART0_RX_vect) {
   uint8_t byte = UDR0;
   uint8_t next = (uint8_t)(came_to + 1);
-  if (next == came_from) return; /* full: the frame's check will tell */
+  if (next == came_from) return; /* full: the frame's check will show it */
   coming[came_to] = byte;
   came_to = next;
 }

@@ -27,7 +27,7 @@ class Doubt(IntEnum):
 
 @dataclass(frozen=True, slots=True)
 class BoardDecision:
-    """What a window was told as."""
+    """What a window was classified as."""
 
     board: int
     seq: int

@@ -49,7 +49,7 @@ class Layer:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class IntegerNetwork:
-    """All numbers that a board needs to tell a window's class."""
+    """All numbers that a board needs to predict a window's class."""
 
     rows: int
     columns: int

@@ -59,7 +59,7 @@ class AvrReport:
     integer_accuracy: float
     """The C's, 0…1, by its integer reference."""
     same_answer: float
-    """Share of windows that both tell alike, 0…1."""
+    """Share of windows that both classify alike, 0…1."""
     confidence_off: float
     """Largest difference of the confidence, 0…1."""
     flash_bytes: int | None
@@ -144,8 +144,8 @@ def write_avr(
     files = write_c(output, integers, window, converter, contract, check)
     tested = load_at_level(test or calibration, contract, target=contract.target)
     report = _report(opened, network, integers, converter, tested, files)
-    told = asdict(report) | {"points_lost": report.points_lost}
-    write_whole(output / REPORT, json.dumps(told, indent=1) + "\n")
+    content = asdict(report) | {"points_lost": report.points_lost}
+    write_whole(output / REPORT, json.dumps(content, indent=1) + "\n")
     return report
 
 
@@ -266,12 +266,12 @@ def compare(
         truth: Shape (n,): class numbers.
     """
     probabilities = bundle.probabilities(values, mask)
-    told = run_integers(integers, quantise_counts(integers, counts))
+    answers = run_integers(integers, quantise_counts(integers, counts))
     best = probabilities.argmax(axis=1)
-    off = np.abs(told.confidence / CERTAIN - probabilities.max(axis=1))
+    off = np.abs(answers.confidence / CERTAIN - probabilities.max(axis=1))
     return Lost(
         float_accuracy=float((best == truth).mean()),
-        integer_accuracy=float((told.best == truth).mean()),
-        same_answer=float((told.best == best).mean()),
+        integer_accuracy=float((answers.best == truth).mean()),
+        same_answer=float((answers.best == best).mean()),
         confidence_off=float(off.max()),
     )

@@ -173,7 +173,7 @@ def _one_session(path: Path, config: AdaptConfig, target: str, session: str) -> 
     started = perf_counter()
     full = run_of(dataset, train, classes, target, config.recipe)
     full_s = perf_counter() - started
-    right = told(full, test) == test.y
+    right = best(full, test) == test.y
     points = []
     for number, name in enumerate(classes):
         if config.new_classes and name not in config.new_classes:
@@ -182,14 +182,14 @@ def _one_session(path: Path, config: AdaptConfig, target: str, session: str) -> 
         old = test.y != number
         body = run_of(dataset, train[train.y != number], rest, target, config.recipe)
         mine = _renumbered(test, classes, (*rest, name))
-        before = float((told(body, mine) == mine.y)[old].mean())
+        before = float((best(body, mine) == mine.y)[old].mean())
         for grasps in config.grasps:
             new = first_grasps(train[train.y == number], grasps, session, number)
             for method in config.methods if grasps == 5 else (CHOSEN,):
                 started = perf_counter()
                 adapted = _adapt(body, new, name, method)
                 seconds = perf_counter() - started
-                good = told(adapted, mine) == mine.y
+                good = best(adapted, mine) == mine.y
                 points.append(
                     GraspsPoint(
                         str(path), target, name, session, method, grasps,
@@ -214,7 +214,7 @@ def run_of(
         dataset: Whose sensor, window and level hold.
         train: Windows with class numbers as in `dataset.classes(target)`.
         classes: The classes that occur, sorted.
-        target: What is told.
+        target: What is predicted.
         recipe: The model and its training.
     """
     own = _renumbered(train, dataset.classes(target), classes)
@@ -240,11 +240,11 @@ def windows_of(own: Exemplars) -> Windows:
     )
 
 
-def told(run: Run, windows: Exemplars) -> NDArray[np.intp]:
+def best(run: Run, windows: Exemplars) -> NDArray[np.intp]:
     """Return the class number that a run predicts for each window, shape (n,)."""
     fitted = Fitted(run.networks, run.contract.scaling, [])
-    best: NDArray[np.intp] = fitted.probabilities(windows.values, windows.mask).argmax(axis=1)
-    return best
+    found: NDArray[np.intp] = fitted.probabilities(windows.values, windows.mask).argmax(axis=1)
+    return found
 
 
 def first_grasps(own: Exemplars, grasps: int, held_out: str, turn: int) -> Exemplars:

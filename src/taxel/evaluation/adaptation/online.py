@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 import torch
 
-from taxel.evaluation.adaptation.new_class import AdaptConfig, by_session, run_of, told, windows_of
+from taxel.evaluation.adaptation.new_class import AdaptConfig, best, by_session, run_of, windows_of
 from taxel.evaluation.adaptation.pads import ALL, draw_gains
 from taxel.training.adapt.correcting import learn_corrections
 from taxel.training.adapt.exemplars import Exemplars, all_exemplars
@@ -79,7 +79,7 @@ def _one_session(path: Path, config: AdaptConfig, target: str, session: str) -> 
         kept = np.isin(stream.grasp, order[3::4])
         found = learn_corrections(run, _grasps(stream[~kept], classes))
         test, other = stream[kept], train[~np.isin(train.grasp, run.exemplars.grasp)]
-        before, after = told(run, other) == other.y, told(found.run, other) == other.y
+        before, after = best(run, other) == other.y, best(found.run, other) == other.y
         lost = [
             float(before[other.y == c].mean() - after[other.y == c].mean())
             for c in np.unique(other.y)
@@ -87,8 +87,8 @@ def _one_session(path: Path, config: AdaptConfig, target: str, session: str) -> 
         points.append(
             OnlinePoint(
                 target, session, changed, found.grasps, found.prequential, found.unlearned,
-                float((told(run, test) == test.y).mean()),
-                float((told(found.run, test) == test.y).mean()),
+                float((best(run, test) == test.y).mean()),
+                float((best(found.run, test) == test.y).mean()),
                 max(lost, default=float("nan")), tuple(drift.grasp for drift in found.drifts),
             )
         )  # fmt: skip

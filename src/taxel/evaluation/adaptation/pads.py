@@ -2,7 +2,7 @@
 
 A pad is changed in the recorded volts: each channel by a gain, all by another humidity, then
 clipped as the converter clips; what was clipped already stays so. A weaker pad may lose grasps
-behind the gate: what gives no window is not told, and counts as wrong. All of a session's grasps
+behind the gate: what gives no window is unanswered, and counts as wrong. All of a session's grasps
 are judged alike, before and after, except the touches that may set its level. Knows nothing about
 screens.
 
@@ -64,7 +64,7 @@ class PadPoint:
     found: float
     """The same after it; it does not depend on the level."""
     grasps: int
-    """How many grasps were to be told."""
+    """How many grasps were to be recognised."""
 
 
 def measure_pads(
@@ -97,7 +97,7 @@ def _one_session(path: Path, config: AdaptConfig, target: str, session: str) -> 
             changed.parent.mkdir()
             change_pads(file, changed, draw_gains(rng, case, len(run.contract.channels)))
             old, new = _windows(run, file, classes), _windows(run, changed, classes)
-            grasps = grasps_to_tell(run, file, [old, new])
+            grasps = grasps_to_test(run, file, [old, new])
             unchanged, before = (_right(run, setting, grasps, as_it_was) for setting in (old, new))
             found_old, found = (
                 float(np.isin(grasps, setting.grasp).mean()) for setting in (old, new)
@@ -136,7 +136,7 @@ def change_pads(source: Path, output: Path, gain: NDArray[np.float64]) -> None:
             recorder.mark(mark)
 
 
-def grasps_to_tell(run: Run, file: Path, cut: Sequence[Exemplars]) -> NDArray[np.str_]:
+def grasps_to_test(run: Run, file: Path, cut: Sequence[Exemplars]) -> NDArray[np.str_]:
     """Return the names of a recording's grasps of known classes, with windows or without.
 
     Args:

@@ -110,7 +110,7 @@ def audit(
     else:
         waiting += order
     corrected = holm(
-        [reading.told.p if isinstance(reading, Reading) else reading.p for reading in waiting]
+        [reading.evidence.p if isinstance(reading, Reading) else reading.p for reading in waiting]
     )
     facts += [
         reading.finding(p, len(waiting)) for reading, p in zip(waiting, corrected, strict=True)

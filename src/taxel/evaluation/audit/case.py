@@ -53,7 +53,7 @@ class Reading:
     """A nuisance's figure, whose verdict waits for the correction of all p values."""
 
     kind: str
-    told: LabelEvidence
+    evidence: LabelEvidence
     decide: Callable[[bool], tuple[Verdict, str, str]]
     """Whether it counts → verdict, what is said, and what to do."""
     examples: tuple[str, ...] = ()
@@ -62,18 +62,19 @@ class Reading:
 
     def finding(self, p: float, tests: int = 1) -> Finding:
         """Return the finding, given p after correction for so many tests."""
-        verdict, said, mend = self.decide(self.told.counts(p))
+        verdict, said, mend = self.decide(self.evidence.counts(p))
         left = None
         if verdict in ALARMS and self.mended is not None:
             left, sentence = self.mended()
             said = f"{said} {sentence}"
-        if verdict == "clear" and not self.told.could_count(tests):
+        if verdict == "clear" and not self.evidence.could_count(tests):
             verdict = "too few"
             said = f"{said.rstrip('.')} as far as so few trials show: even one that goes half of " \
                    "the way to certainty could be chance."  # fmt: skip
         return Finding(
-            kind=self.kind, verdict=verdict, said=said, mend=mend, alone=self.told.accuracy,
-            majority=self.told.majority, auc=self.told.auc, p=p, examples=self.examples, left=left,
+            kind=self.kind, verdict=verdict, said=said, mend=mend, alone=self.evidence.accuracy,
+            majority=self.evidence.majority, auc=self.evidence.auc, p=p, examples=self.examples,
+            left=left,
         )  # fmt: skip
 
 

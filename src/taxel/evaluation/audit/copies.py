@@ -53,7 +53,7 @@ def same_rows(
 
     Coarse values meet by chance: many pairs then share a little and few share much, and longer
     runs are asked for until that is no longer so, up to what nine trials of ten have: None where
-    that is not enough to tell copies from chance. Only pairs that are wanted count.
+    that is not enough to tell copies and chance apart. Only pairs that are wanted count.
     """
     longest = int(np.percentile([len(rows) for rows in touch.rows], 10))
     run = min(RUN, longest)

@@ -99,7 +99,7 @@ class Audit:
 
     @property
     def _few(self) -> str:
-        """What could not be told, as the end of a sentence; empty where there is none."""
+        """What could not be found out, as the end of a sentence; empty where there is none."""
         kinds = [finding.kind for finding in self.findings if finding.verdict == "too few"]
         return f"; could not be decided with so few trials: {', '.join(kinds)}" if kinds else ""
 

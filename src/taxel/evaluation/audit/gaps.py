@@ -57,24 +57,24 @@ class Gap:
 
     def finding(self, p: float, tests: int = 1) -> Finding:
         """Return the finding, given p after correction for so many tests."""
-        told = f"Cheap trees reach {self.high:.3f} with {self.loosely}, {self.low:.3f} with " \
+        words = f"Cheap trees reach {self.high:.3f} with {self.loosely}, {self.low:.3f} with " \
                f"{self.strictly}"  # fmt: skip
         verdict: Verdict = "hazard" if self.split_does is None else "leak"
         clear = p >= SURE or self.high - self.low < GAP
         rule = self.split_does and self.of == "trial"
         if clear and rule:
-            told = f"{told}; this split divides trials, which leaks by rule."
+            words = f"{words}; this split divides trials, which leaks by rule."
         elif clear and 2.0**-self.units >= SURE / tests:
-            verdict, told = "too few", f"{told}: {self.units} cannot show a difference."
+            verdict, words = "too few", f"{words}: {self.units} cannot show a difference."
         elif clear:
-            verdict, told = "clear", f"{told}: no clear difference."
+            verdict, words = "clear", f"{words}: no clear difference."
         elif self.split_does is False:
-            verdict, told = "clear", f"{told}; this split keeps them apart."
+            verdict, words = "clear", f"{words}; this split keeps them apart."
         else:
-            told = f"{told}: {100 * (self.high - self.low):.1f} points that a new {self.of} " \
+            words = f"{words}: {100 * (self.high - self.low):.1f} points that a new {self.of} " \
                    "will not give."  # fmt: skip
         return Finding(
-            kind=self.kind, verdict=verdict, said=told, alone=self.high, majority=self.majority,
+            kind=self.kind, verdict=verdict, said=words, alone=self.high, majority=self.majority,
             mend="" if verdict == "clear" else self.mend, p=None if rule else p,
         )  # fmt: skip
 

@@ -35,7 +35,7 @@ def read_length(case: Case) -> Reading:
     touch = case.touch
     lengths = np.array([touch.every.get(trial.recording, 1) * len(rows)
                         for trial, rows in zip(touch.trials, touch.rows, strict=True)])  # fmt: skip
-    found = tell_trials(case, np.stack([[t[-1] - t[0] for t in touch.time_s], lengths], axis=1))
+    found = trial_evidence(case, np.stack([[t[-1] - t[0] for t in touch.time_s], lengths], axis=1))
     middle = [
         f"{name}: {np.median(lengths[touch.y == c]):.0f} rows"
         for c, name in enumerate(touch.classes)
@@ -51,7 +51,7 @@ def read_length(case: Case) -> Reading:
             "that sees the length only",
         )
 
-    return Reading(kind="length", told=found, decide=decide, examples=tuple(middle),
+    return Reading(kind="length", evidence=found, decide=decide, examples=tuple(middle),
                    mended=lambda: cropped(case))  # fmt: skip
 
 
@@ -73,15 +73,15 @@ def read_place(case: Case) -> Reading:
             "take windows at the same places of every trial, whatever its label and length",
         )
 
-    return Reading(kind="place", told=found, decide=decide, mended=lambda: cropped(case))
+    return Reading(kind="place", evidence=found, decide=decide, mended=lambda: cropped(case))
 
 
 def read_first(case: Case) -> Reading:
     """Return how well a trial's first row or frame predicts the label."""
     touch = case.touch
     what = "frame" if touch.kind == "camera" else "row"
-    first = tell_trials(case, np.stack([rows[0] for rows in touch.rows]))
-    middle = tell_trials(case, np.stack([rows[len(rows) // 2] for rows in touch.rows]))
+    first = trial_evidence(case, np.stack([rows[0] for rows in touch.rows]))
+    middle = trial_evidence(case, np.stack([rows[len(rows) // 2] for rows in touch.rows]))
     before = starts_at_rest(touch)
 
     def decide(counts: bool) -> tuple[Verdict, str, str]:
@@ -106,24 +106,24 @@ def read_first(case: Case) -> Reading:
             f"print a control that sees the first {what} only",
         )
 
-    return Reading(kind="first frame", told=first, decide=decide, mended=lambda: tared(case))
+    return Reading(kind="first frame", evidence=first, decide=decide, mended=lambda: tared(case))
 
 
 def read_level(case: Case) -> Reading:
     """Return how well the channels' means, or the mean image, predict the label."""
     touch = case.touch
     is_camera = touch.kind == "camera"
-    what, tell, no = ("mean image", "predicts", "does not") if is_camera else (
+    what, verb, no = ("mean image", "predicts", "does not") if is_camera else (
         "channels' means", "predict", "do not")  # fmt: skip
     means = [rows.mean(axis=0, dtype=np.float64) for rows in touch.rows]
-    level = tell_trials(case, np.stack(means))
+    level = trial_evidence(case, np.stack(means))
     spread = np.concatenate(touch.rows).std(axis=0)
     moved = np.stack(
         [sum_up(np.round((rows - m) / np.where(spread > 0, spread, 1.0), _DIGITS))
          for rows, m in zip(touch.rows, means, strict=True)]
     )  # fmt: skip
-    without = tell_trials(case, moved)
-    first = tell_trials(case, np.stack([rows[0] for rows in touch.rows]))
+    without = trial_evidence(case, moved)
+    first = trial_evidence(case, np.stack([rows[0] for rows in touch.rows]))
     before = starts_at_rest(touch)
 
     def decide(counts: bool) -> tuple[Verdict, str, str]:
@@ -135,22 +135,22 @@ def read_level(case: Case) -> Reading:
         if alone or (ahead and min(way, start) >= NEARLY):
             return (
                 "leak",
-                f"The {what} alone {tell} the label, and what changes in a trial less well "
+                f"The {what} alone {verb} the label, and what changes in a trial less well "
                 f"({without.accuracy:.3f}): the label sits in an offset.",
                 "take each trial's level at rest from it, hold out sessions, and print a control "
                 f"that sees the {what} only",
             )
         return (
             "note",
-            f"The {what} {tell} the label; without that level {without.accuracy:.3f} is left, so "
+            f"The {what} {verb} the label; without that level {without.accuracy:.3f} is left, so "
             "this may be touch itself.",
             f"print a control that sees the {what} only",
         )
 
-    return Reading(kind="level", told=level, decide=decide, mended=lambda: tared(case))
+    return Reading(kind="level", evidence=level, decide=decide, mended=lambda: tared(case))
 
 
-def tell_trials(case: Case, features: NDArray[np.floating]) -> LabelEvidence:
+def trial_evidence(case: Case, features: NDArray[np.floating]) -> LabelEvidence:
     """Return how well one row of features a trial predicts the label, under the case's folds."""
     y = case.touch.y
     found = predict(features, y, case.folds, case.seed)
@@ -163,8 +163,8 @@ def cropped(case: Case) -> tuple[float, str]:
     """
     rows = case.touch.rows
     length = min(map(len, rows))
-    whole = tell_trials(case, np.stack([sum_up(own) for own in rows])).accuracy
-    left = tell_trials(case, np.stack([sum_up(own[:length]) for own in rows])).accuracy
+    whole = trial_evidence(case, np.stack([sum_up(own) for own in rows])).accuracy
+    left = trial_evidence(case, np.stack([sum_up(own[:length]) for own in rows])).accuracy
     return left, (f"Crops of the first {length} rows of every trial leave cheap trees at "
                   f"{left:.3f} (whole trials: {whole:.3f}).")  # fmt: skip
 
@@ -174,9 +174,9 @@ def tared(case: Case) -> tuple[float, str]:
     also what the row after a tenth of the trial then predicts: drift goes on before contact.
     """
     rows = case.touch.rows
-    left = tell_trials(case, np.stack([sum_up(own - own[0]) for own in rows])).accuracy
+    left = trial_evidence(case, np.stack([sum_up(own - own[0]) for own in rows])).accuracy
     early = np.stack([own[max(1, len(own) // _TENTH)] - own[0] for own in rows])
-    still = tell_trials(case, early)
+    still = trial_evidence(case, early)
     return left, (f"Tared by its first row, cheap trees reach {left:.3f}; the row after a tenth "
                   f"of a trial, tared, still predicts {still.accuracy:.3f} "
                   f"(majority {still.majority:.3f}).")  # fmt: skip

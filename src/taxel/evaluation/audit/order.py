@@ -31,7 +31,7 @@ DRAWS = 6
 
 
 def measure_order(case: Case) -> list[Gap | Reading] | Finding:
-    """Return the cost of order and whether order can be told, or why that was not looked at."""
+    """Return the cost of order and whether order shows, or why that was not looked at."""
     touch = case.touch
     order, how = _order(touch)
     if order is None:
@@ -94,7 +94,7 @@ def _cost(
     case: Case, values: NDArray[np.float32], late: NDArray[np.bool_], kept: NDArray[np.bool_],
     cells: NDArray[np.intp], how: str,
 ) -> Gap:  # fmt: skip
-    """Return later trials told from earlier ones alone, beside trials of any time."""
+    """Return later trials predicted from earlier ones alone, beside trials of any time."""
     y = case.touch.y
     by_order: Fold = (np.flatnonzero(kept & ~late), np.flatnonzero(late))
     strict = (predict(values, y, [by_order], case.seed)[late].argmax(axis=1) == y[late]).astype(
@@ -143,7 +143,7 @@ def _drift(
             "test on what was recorded later, and tare if it is a level that drifts",
         )
 
-    return Reading(kind="drift", told=found, decide=decide)
+    return Reading(kind="drift", evidence=found, decide=decide)
 
 
 def _random_halves(

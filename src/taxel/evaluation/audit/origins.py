@@ -1,6 +1,6 @@
 """What a trial is called: session, order of recording, and whatever its file says beside.
 
-A class that was recorded in sessions of its own is told by the session; whether by touch as
+A class that was recorded in sessions of its own is predicted by the session; whether by touch as
 well, nobody can know. Knows nothing about values.
 """
 
@@ -82,7 +82,7 @@ def _read_key(case: Case, key: str, values: NDArray[np.str_]) -> Reading:
 
     examples = [f"{name}: {', '.join(touch.classes[c] for c in sorted(set(y[values == name])))}"
                 for name in in_order(values)]  # fmt: skip
-    return Reading(kind=f"name: {key}", told=found, decide=decide, examples=tuple(examples))
+    return Reading(kind=f"name: {key}", evidence=found, decide=decide, examples=tuple(examples))
 
 
 def _nested(inner: NDArray[np.generic], outer: NDArray[np.str_]) -> bool:
@@ -130,4 +130,4 @@ def _read_order(case: Case, order: NDArray[np.float64]) -> Reading:
             "record classes in mixed order, and test on what was recorded later",
         )
 
-    return Reading(kind="order", told=found, decide=decide)
+    return Reading(kind="order", evidence=found, decide=decide)

@@ -67,7 +67,7 @@ def read_touch(
 
     Args:
         path: The folder.
-        target: The label to be told; the first one with two classes unless given.
+        target: The label to be predicted; the first one with two classes unless given.
         on_progress: Called with what is read, how many are done, and how many there are.
         least: Refuse too few trials or classes for a statement.
 

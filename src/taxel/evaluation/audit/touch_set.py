@@ -27,11 +27,11 @@ SESSIONS = (
     "session", "sitting", "power_on", "day", "date", "visit", "operator", "person", "subject",
     "participant", "user", "lab", "rig", "station", "sensor", "device", "pad", "gel", "batch",
 )  # fmt: skip
-"""Groups that say where, when or by whom a trial was recorded; they must tell no class."""
+"""Groups that say where, when or by whom a trial was recorded; they must predict no class."""
 TIMES = SESSIONS[:6]
 """Those that say when: what was recorded together is alike, whoever held it."""
 OBJECTS = ("object", "cup", "item", "specimen")
-"""Groups that say what was touched; they may well tell the class."""
+"""Groups that say what was touched; they may well predict the class."""
 LEAST_TRIALS = 8
 """Fewer labelled trials allow no statement. Source: our choice, docs/decisions/0023."""
 
@@ -42,7 +42,7 @@ class TouchSet:
 
     kind: Literal["array", "camera"]
     target: str
-    """The label that is to be told."""
+    """The label that is to be predicted."""
     trials: tuple[Trial, ...]
     rows: tuple[NDArray[np.float32], ...]
     """Each shape (rows, channels), oldest first: units of the array, or grey levels 0…255."""

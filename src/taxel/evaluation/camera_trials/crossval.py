@@ -1,6 +1,6 @@
 """How well camera trials are recognised, beside what is trivial: a forest, length, first frame.
 
-A label holds for a whole trial, whose length may tell it too: crops have a fixed length and
+A label holds for a whole trial, whose length may predict it too: crops have a fixed length and
 place, and controls that see only the length or the first frame are judged on the same sides.
 Nothing is chosen on a test trial. Knows nothing about images, files or screens.
 

@@ -74,7 +74,7 @@ def fit_final(
     blend = fit_blend(learning, trials.cameras, trials.widths, seed, on_step=on_step)
     own = learning.rows
     at = np.linspace(0, len(own) - 1, min(_CHECKED, len(own))).astype(int)
-    told = np.concatenate([blend.crops(own[at]), blend.novelty.measure(own[at])[:, None]], axis=1)
+    both = np.concatenate([blend.crops(own[at]), blend.novelty.measure(own[at])[:, None]], axis=1)
     first = images[0]
     digests = "".join(images[index].digest for index in learned.tolist())
     contract = TrialContract(
@@ -96,7 +96,7 @@ def fit_final(
         software=f"taxel {__version__}",
     )
     bundle, parity = trial_bundle_bytes(
-        contract, blend_to_onnx(blend, own.shape[1]), own[at], told.astype(np.float32)
+        contract, blend_to_onnx(blend, own.shape[1]), own[at], both.astype(np.float32)
     )
     weights = {m.name: float(w) for m, w in zip(blend.members, blend.weights, strict=True)}
     return Final(

@@ -107,9 +107,9 @@ def alarms(
         time_s: Shape (n,), seconds.
         from_s: Moments before this are left out, seconds.
     """
-    told = (time_s >= from_s) & (states != Stability.UNKNOWN)
-    times = time_s[told]
-    alarm = np.isin(states[told], (Stability.WARNING, Stability.UNSTABLE))
+    judged = (time_s >= from_s) & (states != Stability.UNKNOWN)
+    times = time_s[judged]
+    alarm = np.isin(states[judged], (Stability.WARNING, Stability.UNSTABLE))
     edges = np.flatnonzero(np.diff(np.concatenate([[False], alarm, [False]]).astype(np.int8)))
     ends = np.concatenate([times, [np.inf]])
     return [

@@ -40,7 +40,7 @@ from taxel.windows.sequence import label_windows
 INNER_FOLDS = 4
 """Groups of training cups for tuning. Source: our choice, docs/decisions/0013."""
 BY = ("force_n", "position", "kind")
-"""What the events are also told by."""
+"""What the events are also split by."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -187,11 +187,11 @@ def _result(
     for scored, choice in zip(judged, tuned, strict=True):
         for index, found in zip(scored.fold.test_rows, scored.probabilities, strict=True):
             track = _track(data, int(index), found, frames)
-            told = states(track.probabilities, track.time_s, choice.config)
+            decided = states(track.probabilities, track.time_s, choice.config)
             outcomes.append(
                 judge(
                     StateTrack(
-                        states=told,
+                        states=decided,
                         time_s=track.time_s,
                         onset_s=track.onset_s,
                         event_s=track.event_s,

@@ -34,7 +34,7 @@ CLEAR_S: Final = 1.0
 """How long a drive must stay below half its threshold before a warning is cleared, seconds."""
 EVENTS: Final = EventConfig()
 NEAR_UM: Final = (100.0, 150.0, 200.0, 250.0)
-"""Slips of pours that hold which are told beside false alarms, micrometres."""
+"""Slips of pours that hold which are reported beside false alarms, micrometres."""
 RESAMPLES: Final = 500
 
 

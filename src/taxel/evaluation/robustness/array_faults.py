@@ -59,7 +59,7 @@ class ArrayFault:
     draws: int = 1
     """Passes with other random choices, where one would say little."""
     shortens: bool = False
-    """True where a touch is over after fewer windows, so that its last are not told at all."""
+    """True where a touch is over after fewer windows, so that its last are not answered at all."""
 
 
 def touched(

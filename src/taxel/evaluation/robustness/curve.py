@@ -23,7 +23,7 @@ FALL = 0.05
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FaultPoint:
-    """What is told at one level of one fault."""
+    """How a model does at one level of one fault."""
 
     fault: str
     """Its name; "none" where nothing was changed."""
@@ -62,7 +62,7 @@ class FaultPoint:
 
 @dataclass(frozen=True, slots=True)
 class SessionAnswers:
-    """What a recogniser told of a set of recordings."""
+    """A recogniser's answers on a set of recordings."""
 
     y: NDArray[np.intp]
     """Shape (n,): true class of each window."""
@@ -75,7 +75,7 @@ class SessionAnswers:
     session: NDArray[np.str_]
     """Shape (n,)."""
     grasps: NDArray[np.str_]
-    """Shape (touches,): the session of each touch that was to be told, windows or not."""
+    """Shape (touches,): the session of each touch that was to be recognised, windows or not."""
     outside: int
     """Windows cut outside any touch."""
     minutes: float
@@ -107,16 +107,16 @@ class SessionAnswers:
         found: NDArray[np.bool_] = self.probabilities.argmax(axis=1) == self.y
         return found
 
-    def told_grasps(self) -> tuple[NDArray[np.bool_], NDArray[np.str_]]:
+    def answered_grasps(self) -> tuple[NDArray[np.bool_], NDArray[np.str_]]:
         """Return whether each grasp with an answered window is right by all of them joined, and
         its session.
         """
-        told = self.answered if self.known is None else self.answered & self.known
-        if not told.any():
+        counted = self.answered if self.known is None else self.answered & self.known
+        if not counted.any():
             return np.zeros(0, bool), np.zeros(0, str)
-        _, y, joined = by_trial(self.trial[told], self.y[told], self.probabilities[told])
-        _, first = np.unique(self.trial[told], return_index=True)
-        return joined.argmax(axis=1) == y, self.session[told][first]
+        _, y, joined = by_trial(self.trial[counted], self.y[counted], self.probabilities[counted])
+        _, first = np.unique(self.trial[counted], return_index=True)
+        return joined.argmax(axis=1) == y, self.session[counted][first]
 
     def counts(self, names: Sequence[str], *, grasps: bool) -> NDArray[np.float64]:
         """Return how many are right and how many there are in each session, shape (sessions, 2).
@@ -126,7 +126,7 @@ class SessionAnswers:
             grasps: True counts all grasps, False answered windows.
         """
         if grasps:
-            right, own = self.told_grasps()
+            right, own = self.answered_grasps()
             every = self.grasps
         else:
             right, own = self.right[self.answered], self.session[self.answered]
@@ -196,27 +196,27 @@ def point_of(
     """Return the point that answers make.
 
     Args:
-        answers: What was told.
+        answers: On all windows.
         fault: Its name.
         level: How bad.
         unit: Of the level.
         draws: How many passes are joined in the answers.
         base: As `Point.base` says.
     """
-    told, right = answers.answered, answers.right
+    answered, right = answers.answered, answers.right
     low, high = float("nan"), float("nan")
-    if told.any():
-        low, high = accuracy_interval(right[told], answers.session[told])
-    whole, grasps = answers.told_grasps()[0], len(answers.grasps)
+    if answered.any():
+        low, high = accuracy_interval(right[answered], answers.session[answered])
+    whole, grasps = answers.answered_grasps()[0], len(answers.grasps)
     return FaultPoint(
         fault=fault,
         level=level,
         unit=unit,
-        accuracy=_mean(right[told]),
+        accuracy=_mean(right[answered]),
         low=low,
         high=high,
-        answered=_mean(told),
-        windows=len(told),
+        answered=_mean(answered),
+        windows=len(answered),
         grasps=int(whole.sum()) / grasps if grasps else float("nan"),
         told=len(whole) / grasps if grasps else float("nan"),
         outside=answers.outside / answers.minutes if answers.minutes else float("nan"),

@@ -75,7 +75,7 @@ Watcher = Callable[[GraspBundle, tuple[CameraInfo, ...]], Monitor]
 
 @dataclass(frozen=True, slots=True)
 class Watched:
-    """What was told of one recording."""
+    """What was decided on one recording."""
 
     cup: str
     """What is resampled: the cup, or the recording where none is named."""
@@ -128,7 +128,7 @@ def watch(
             [float(pour.time_s[0]), float(pour.time_s[-1])],
             [int(Stability.UNKNOWN)] * 2,
         )
-    time_s, told = np.array(times), np.array(states, np.int8)
+    time_s, decided = np.array(times), np.array(states, np.int8)
     first = max(bundle.contract.settle[1], bundle.contract.frames)
     judged = time_s >= pour.time_s[min(first, len(pour) - 1)]
     true = truth_labels(pour, bundle.contract.rule)
@@ -136,12 +136,14 @@ def watch(
     onset_s, _ = truth_moments(pour)
     event_s = float(pour.time_s[true.argmax()]) + LATE_S if true.any() else None
     outcome = judge(
-        StateTrack(states=told, time_s=time_s, onset_s=onset_s, event_s=event_s, groups=pour.groups)
+        StateTrack(
+            states=decided, time_s=time_s, onset_s=onset_s, event_s=event_s, groups=pour.groups
+        )
     )
     return Watched(
         pour.groups.get("cup", pour.name),
         true[np.maximum(place, 0)][judged],
-        told[judged],
+        decided[judged],
         outcome,
     )
 
@@ -250,13 +252,12 @@ def grasp_point(watched: Sequence[Watched], fault: str, level: float, unit: str)
     counts = np.zeros((len(cups), 4))  # right and all, of unstable and of stable moments
     moments = answered = 0
     for watched_grasp in watched:
-        told = watched_grasp.states != Stability.UNKNOWN
+        known, unstable = watched_grasp.states != Stability.UNKNOWN, watched_grasp.unstable
         alarm = np.isin(watched_grasp.states, ALARMS)
-        moments, answered = moments + len(told), answered + int(told.sum())
-        row = counts[cups.index(watched_grasp.cup)]
-        row += [
-            (alarm & watched_grasp.unstable & told).sum(), (watched_grasp.unstable & told).sum(),
-            (~alarm & ~watched_grasp.unstable & told).sum(), (~watched_grasp.unstable & told).sum(),
+        moments, answered = moments + len(known), answered + int(known.sum())
+        counts[cups.index(watched_grasp.cup)] += [
+            (alarm & unstable & known).sum(), (unstable & known).sum(),
+            (~alarm & ~unstable & known).sum(), (~unstable & known).sum(),
         ]  # fmt: skip
     drawn = draw_clusters(len(cups))
     low, high = percentile_interval(_balanced(counts[drawn].sum(axis=1)))

@@ -150,7 +150,7 @@ def judge(
             sessions.setdefault(str(name), []).append(cut)
     test = NoveltyTest(contract.unknown) if contract.unknown is not None else None
     parts, grasps = [], []
-    told = 0
+    offset = 0
     for name, cuts in sessions.items():
         factor, used = _level(contract, name, cuts)
         for cut, reference in zip(cuts, used, strict=True):
@@ -159,12 +159,12 @@ def judge(
             y[reference] = -1
             y[~cut.own] = -1
             kept = (cut.owner >= 0) & (y[cut.owner] >= 0)
-            trial = cut.owner[kept] + told
+            trial = cut.owner[kept] + offset
             answers = _answers(model, cut.windows[kept], trial, factor, config, test)
             parts.append((y[cut.owner[kept]], *answers[:2], trial, np.full(len(trial), name),
                           answers[2]))  # fmt: skip
             grasps += [name] * int((y >= 0).sum())
-            told += len(cut.trials)
+            offset += len(cut.trials)
     if not grasps:
         raise BadDataset(
             f"touches of a {contract.target} that the bundle knows: {', '.join(contract.classes)}",
@@ -210,10 +210,10 @@ def _answers(
             touch: GraspVote(classes, inf, test, model.contract.joining) for touch in trial.tolist()
         }
         for i, touch in enumerate(trial.tolist()):
-            strange = None
+            novelty = None
             if test is not None and rows is not None and windows.mask[i].any():
-                strange = test.of_window(rows[i][windows.mask[i]])
-            decision = decide(raw[i], Quality.of(windows, i), classes, config, strange, test)
+                novelty = test.of_window(rows[i][windows.mask[i]])
+            decision = decide(raw[i], Quality.of(windows, i), classes, config, novelty, test)
             answered[i] = decision.label != UNKNOWN
             whole[touch] = votes[touch].add(decision)[0] != UNKNOWN
     known = np.array([whole.get(touch, False) for touch in trial.tolist()], bool)
@@ -223,9 +223,9 @@ def _answers(
 def _level(
     contract: Contract, session: str, cuts: Sequence[_Cut]
 ) -> tuple[NDArray[np.float32] | None, list[list[int]]]:
-    """Return what a session's values are multiplied by, and which touches told it.
+    """Return what a session's values are multiplied by, and by which touches.
 
-    None where its reference touches give no window that can be used: nothing can be told then.
+    None where its reference touches give no window that can be used: nothing can be predicted then.
     """
     unused: list[list[int]] = [[] for _ in cuts]
     if contract.reference is None or contract.window.reference is None:

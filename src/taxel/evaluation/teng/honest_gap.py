@@ -100,7 +100,7 @@ def honest_gap(
     Args:
         folders: Sets of recordings with sessions, such as sim://teng with several seeds.
         rungs: What to measure.
-        targets: What to tell.
+        targets: What to predict.
         train: How; the thesis's way unless given.
         workers: Processes at a time.
         on_step: Called with a line after each rung and set.

@@ -1,7 +1,7 @@
 """Every model on the same windows and folds, split by random windows and by sessions.
 
 Accuracy with an interval by session, whole trials, parameters, training and
-inference time, and what can be told without touch. Knows nothing about screens.
+inference time, and what can be predicted without touch. Knows nothing about screens.
 """
 
 from __future__ import annotations
@@ -86,7 +86,7 @@ class ModelResult:
 
 @dataclass(frozen=True, slots=True)
 class TrivialResult:
-    """What can be told without touch under one split."""
+    """What can be predicted without touch under one split."""
 
     target: str
     split: str
@@ -150,7 +150,7 @@ def _one_model(
 def trivial_company(
     path: Path, config: ComparisonConfig, target: str, kind: SplitKind
 ) -> TrivialResult:
-    """Return what can be told without touch on the same windows and folds."""
+    """Return what can be predicted without touch on the same windows and folds."""
     dataset = load_windows(path, config.window, target)
     split = split_windows(dataset, config, target, kind)
     accuracies = trivial_accuracies(dataset, target, split.folds)

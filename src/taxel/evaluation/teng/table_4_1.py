@@ -221,7 +221,7 @@ def _column(dataset: Dataset, split: Split, job: Job) -> Column:
     rows["Precision"], rows["Recall"] = last.scores.precision, last.scores.recall
     rows["F1-Score"] = last.scores.f1
     rows |= history_rows
-    # Under a split by session the test session is one more session told blindly.
+    # Under a split by session the test session is one more session predicted blindly.
     seen = [*results, last] if isinstance(split.final, TrialFold) else results
     return Column(
         model=job.model,

@@ -185,8 +185,8 @@ class Store:
             running.trial, mean if last else None, states.COMPLETE if last else states.PRUNED
         )
         self._beating.discard(running.trial._trial_id)
-        told = "" if last else f", pruned after {len(running.scores)} folds"
-        on_step(f"{what.name} · trial {running.trial.number + 1} · {mean:.4f}{told}")
+        pruned = "" if last else f", pruned after {len(running.scores)} folds"
+        on_step(f"{what.name} · trial {running.trial.number + 1} · {mean:.4f}{pruned}")
         return False
 
     def _finished(self, study: Any) -> list[Any]:

@@ -1,1 +1,1 @@
-"""How well novel touch is told from known touch."""
+"""How well novel touch and known touch are told apart."""

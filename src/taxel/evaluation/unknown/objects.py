@@ -1,4 +1,4 @@
-"""How well is the unknown told from the known: trained, tested and scored fold by fold.
+"""How well are the unknown and the known told apart: trained, tested and scored fold by fold.
 
 Known objects of groups held out, such as sessions, against objects that were never
 learned; trivial scores beside. Knows nothing about screens.
@@ -45,12 +45,12 @@ class UnknownConfig:
 def kinds_of(dataset: Dataset, target: str, never: Sequence[str]) -> NDArray[np.str_]:
     """Return what is not learned about each trial, shape (trials,): empty for the known.
 
-    A trial that is unknown only by a label that is not told is marked "-": neither known nor
+    A trial that is unknown only by a label that is not predicted is marked "-": neither known nor
     unknown (a rubber cylinder, where shapes are predicted).
 
     Args:
         dataset: Its trials.
-        target: The label that is told; several joined by "+".
+        target: The label that is predicted; several joined by "+".
         never: Values that are not learned, of any label.
     """
     found = []
@@ -167,13 +167,13 @@ def _one_fold(
     test_of = NoveltyTest(
         fit_unknown(dataset, config.target, fitted.scaling, config.rejected, training)
     )
-    strange = np.array([
+    novelty = np.array([
         test_of.of_window(window[own]) for window, own in zip(scaled, windows.mask, strict=True)
     ])  # fmt: skip
-    p_window = np.array([test_of.p_window(own) for own in strange.tolist()])
+    p_window = np.array([test_of.p_window(own) for own in novelty.tolist()])
     owner = dataset.trial[test]
     trial, _, joined = by_trial(owner, np.zeros(len(owner), np.intp), p)
-    means, counts = _means(strange, owner)
+    means, counts = _means(novelty, owner)
     p_grasp = np.array([
         test_of.p_contact(own, int(n)) for own, n in zip(means.tolist(), counts, strict=True)
     ])  # fmt: skip
@@ -185,16 +185,16 @@ def _one_fold(
             kind=kinds[rows],
             group=groups[rows],
             scores={
-                OURS: _ranked(p_known, own_strange),
+                OURS: _ranked(p_known, own_novelty),
                 "max softmax": 1.0 - probability.max(axis=1),
                 **own_trivial,
             },
-            told_unknown=p_known <= config.rejected,
+            rejected=p_known <= config.rejected,
             truth=labels[rows],
             answer=names[probability.argmax(axis=1)],
         )
-        for index, rows, p_known, own_strange, probability, own_trivial in (
-            (test, owner, p_window, strange, p, trivial),
+        for index, rows, p_known, own_novelty, probability, own_trivial in (
+            (test, owner, p_window, novelty, p, trivial),
             (trial, trial, p_grasp, means, joined,
              {name: _means(own[:, None], owner)[0][:, 0] for name, own in trivial.items()}),
         )
@@ -202,9 +202,9 @@ def _one_fold(
     return each[0], each[1]
 
 
-def _ranked(p: NDArray[np.float64], strange: NDArray[np.float64]) -> NDArray[np.float64]:
+def _ranked(p: NDArray[np.float64], novelty: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return p, which a user sees, as a score; at its end, by the novelty score."""
-    return np.asarray(-p + 1e-9 * np.clip(strange.max(axis=1), -1e4, 1e4))
+    return np.asarray(-p + 1e-9 * np.clip(novelty.max(axis=1), -1e4, 1e4))
 
 
 def _means(

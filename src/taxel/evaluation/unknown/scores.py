@@ -21,7 +21,7 @@ SCORES = (OURS, "max softmax", "weak touch", "unusual level", "1-NN on raw windo
 """1 − largest probability; minus the mean of all values; its distance from the training part's;
 distance to the nearest training window."""
 COVERAGES = (1.0, 0.95, 0.9, 0.8, 0.7, 0.5)
-"""Shares of known touch that are answered, of which the accuracy is told."""
+"""Shares of known touch that are answered, of which the accuracy is given."""
 RESAMPLES = 200
 """Bootstrap resamples of whole groups. Source: our choice."""
 
@@ -40,7 +40,7 @@ class Auroc:
     interval: tuple[float, float]
     """95 % of `grasps`, whole groups resampled; NaN for the scores beside ours."""
     found_windows: float
-    """Share of the unknown windows that are told to be so, 0…1; NaN beside ours."""
+    """Share of the unknown windows that are rejected as such, 0…1; NaN beside ours."""
     found_grasps: float
     """The same of trials."""
     unknown_windows: int
@@ -92,8 +92,8 @@ class Scored:
     """Shape (n,): empty for the known."""
     group: NDArray[np.str_]
     scores: dict[str, NDArray[np.float64]]
-    """Score → the larger the stranger, shape (n,)."""
-    told_unknown: NDArray[np.bool_]
+    """Score → the larger the more novel, shape (n,)."""
+    rejected: NDArray[np.bool_]
     truth: NDArray[np.str_]
     answer: NDArray[np.str_]
 
@@ -105,7 +105,7 @@ def join_scored(parts: list[Scored]) -> Scored:
         np.concatenate([part.kind for part in parts]),
         np.concatenate([part.group for part in parts]),
         {name: np.concatenate([part.scores[name] for part in parts]) for name in SCORES},
-        np.concatenate([part.told_unknown for part in parts]),
+        np.concatenate([part.rejected for part in parts]),
         np.concatenate([part.truth for part in parts]),
         np.concatenate([part.answer for part in parts]),
     )
@@ -120,10 +120,10 @@ def result_of(target: str, split: str, windows: Scored, grasps: Scored) -> Unkno
         groups=len(set(grasps.group[known])),
         known_windows=int((windows.kind == "").sum()),
         known_grasps=int(known.sum()),
-        rejected_windows=float(windows.told_unknown[windows.kind == ""].mean()),
-        rejected_grasps=float(grasps.told_unknown[known].mean()),
+        rejected_windows=float(windows.rejected[windows.kind == ""].mean()),
+        rejected_grasps=float(grasps.rejected[known].mean()),
         rejected_by_class={
-            str(name): float(grasps.told_unknown[known & (grasps.truth == name)].mean())
+            str(name): float(grasps.rejected[known & (grasps.truth == name)].mean())
             for name in sorted(set(grasps.truth[known]))
         },
         aurocs=tuple(
@@ -140,8 +140,8 @@ def result_of(target: str, split: str, windows: Scored, grasps: Scored) -> Unkno
 
 
 def _auroc(score: str, kind: str, windows: Scored, grasps: Scored) -> Auroc:
-    told = [
-        float(own.told_unknown[own.kind == kind].mean()) if score == OURS else float("nan")
+    found = [
+        float(own.rejected[own.kind == kind].mean()) if score == OURS else float("nan")
         for own in (windows, grasps)
     ]
     return Auroc(
@@ -150,8 +150,8 @@ def _auroc(score: str, kind: str, windows: Scored, grasps: Scored) -> Auroc:
         windows=_area(windows, score, kind),
         grasps=_area(grasps, score, kind),
         interval=_interval(grasps, score, kind) if score == OURS else (np.nan, np.nan),
-        found_windows=told[0],
-        found_grasps=told[1],
+        found_windows=found[0],
+        found_grasps=found[1],
         unknown_windows=len(set(windows.index[windows.kind == kind])),
         unknown_grasps=len(set(grasps.index[grasps.kind == kind])),
     )
@@ -174,7 +174,7 @@ def _interval(scored: Scored, score: str, kind: str) -> Interval:
 
 
 def _curve(scored: Scored, score: str) -> tuple[float, ...]:
-    """Return the accuracy over the least strange shares of the known."""
+    """Return the accuracy over the least novel shares of the known."""
     right = scored.answer == scored.truth
     return tuple(float(right[rows].mean()) for rows in _answered(scored, score))
 
@@ -188,7 +188,7 @@ def _commonest(scored: Scored) -> tuple[float, ...]:
 
 
 def _answered(scored: Scored, score: str) -> list[NDArray[np.intp]]:
-    """Return the rows of the known that are answered, the least strange, one a coverage."""
+    """Return the rows of the known that are answered, the least novel, one a coverage."""
     known = np.flatnonzero(scored.kind == "")
     order = known[np.argsort(scored.scores[score][known], kind="stable")]
     return [order[: max(1, round(share * len(order)))] for share in COVERAGES]

@@ -1,7 +1,7 @@
 // The fleet's table, asked for once a second. Text of stations is only ever set as text.
 
 const rows = document.getElementById("rows");
-const told = document.getElementById("told");
+const state = document.getElementById("state");
 
 /** Exchange the key behind the # for a cookie and take it out of the address bar. */
 async function enter() {
@@ -33,24 +33,24 @@ function row(station) {
   return made;
 }
 
-function tell(text, lost) {
-  told.textContent = text;
-  told.className = lost ? "lost" : "";
+function showState(text, lost) {
+  state.textContent = text;
+  state.className = lost ? "lost" : "";
 }
 
 async function look() {
   try {
     const answer = await fetch("/fleet.json");
     if (!answer.ok) {
-      tell("needed the key: open the address that taxel printed", true);
+      showState("needed the key: open the address that taxel printed", true);
       return;
     }
     const fleet = await answer.json();
     rows.replaceChildren(...fleet.stations.map(row));
     const count = `${fleet.stations.length} stations, broker ${fleet.broker.address}`;
-    tell(fleet.broker.connected ? count : `${count}: ${fleet.broker.why}`, !fleet.broker.connected);
+    showState(fleet.broker.connected ? count : `${count}: ${fleet.broker.why}`, !fleet.broker.connected);
   } catch {
-    tell("taxel fleet does not answer: what is shown is old", true);
+    showState("taxel fleet does not answer: what is shown is old", true);
   }
 }
 

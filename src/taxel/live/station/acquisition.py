@@ -102,8 +102,8 @@ def _pump(
 
 
 def _obey(source: Source, orders: RingReader) -> None:
-    told = orders.newest()
-    order = unpack(told) if told is not None else None
+    content = orders.newest()
+    order = unpack(content) if content is not None else None
     if not isinstance(order, dict) or "grip_n" not in order or not isinstance(source, Gripped):
         return
     if monotonic() < float(order["expires_s"]):

@@ -48,7 +48,7 @@ class SimulatedGrip:
     def hear(self, interlock: Interlock, now_s: float) -> Health:
         return Health("", now_s)
 
-    def tell(self, decision: StabilityDecision, order: Order, now_s: float) -> None:
+    def apply(self, decision: StabilityDecision, order: Order, now_s: float) -> None:
         now_s = max(now_s, self._clock.now_s())
         if order.kind is not OrderKind.GRIP or not order.valid(now_s):
             return
@@ -62,7 +62,7 @@ class SimulatedGrip:
         """The simulated gripper begins anew by itself: the next raise is to be sent whole."""
         self._sent_n = math.nan
 
-    def told(self) -> dict[str, Any]:
+    def snapshot(self) -> dict[str, Any]:
         force_n = self._sent_n if math.isfinite(self._sent_n) else None
         return {"motion": "simulated", "force_n": force_n}
 

@@ -71,7 +71,7 @@ class StallAlarm:
 
     def __init__(self, stall_s: float) -> None:
         self._stall_s = stall_s
-        self._told_s = 0.0
+        self._alarmed_s = 0.0
         self.raised = 0
         """Stalls so far."""
 
@@ -82,12 +82,12 @@ class StallAlarm:
             still_s: How long ago the last tick was, seconds; 0 where none is due.
         """
         if not still_s > self._stall_s:
-            self._told_s = 0.0
+            self._alarmed_s = 0.0
             return ""
-        if self._told_s and still_s - self._told_s < _AGAIN_S:
+        if self._alarmed_s and still_s - self._alarmed_s < _AGAIN_S:
             return ""
-        self.raised += not self._told_s
-        self._told_s = still_s
+        self.raised += not self._alarmed_s
+        self._alarmed_s = still_s
         return stall_words(still_s)
 
 

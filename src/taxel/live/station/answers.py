@@ -1,4 +1,4 @@
-"""What each recogniser of a station has told. Knows nothing about processes or windows."""
+"""The answers of each recogniser of a station. Knows nothing about processes or windows."""
 
 from __future__ import annotations
 
@@ -11,17 +11,17 @@ from taxel.actions.rule_table import RuleTable
 _NO_RULES = RuleTable(())
 
 
-def titles(told: Sequence[dict[str, Any]]) -> list[str]:
+def titles(rows: Sequence[dict[str, Any]]) -> list[str]:
     """Return what each recogniser is called: its target, where two share one also its bundle.
 
     Args:
-        told: For each its target, bundle and, in a station, who it is: one bundle may run twice.
+        rows: For each its target, bundle and, in a station, its name: one bundle may run twice.
     """
-    targets = Counter(answer["target"] for answer in told)
-    own = [", ".join(answer[key] for key in ("bundle", "who") if key in answer) for answer in told]
+    targets = Counter(row["target"] for row in rows)
+    own = [", ".join(row[key] for key in ("bundle", "who") if key in row) for row in rows]
     return [
-        answer["target"] if targets[answer["target"]] == 1 else f"{answer['target']} ({name})"
-        for answer, name in zip(told, own, strict=True)
+        row["target"] if targets[row["target"]] == 1 else f"{row['target']} ({name})"
+        for row, name in zip(rows, own, strict=True)
     ]
 
 
@@ -56,8 +56,8 @@ class Answers:
         self._counts[note["who"]][note["label"]] += 1
         if note["action"]:
             self._actions[note["who"]][note["action"]] += 1
-        told = note["grasp"] if sure is None else f"{note['grasp']} {sure:.2f}"
-        news = f"{note['target']} {told}: {note['action']}"
+        answer = note["grasp"] if sure is None else f"{note['grasp']} {sure:.2f}"
+        news = f"{note['target']} {answer}: {note['action']}"
         return note, news if note["action"] not in ("", before) else ""
 
     def newest(self) -> list[dict[str, Any]]:
@@ -73,7 +73,7 @@ class Answers:
         """Return how many windows of each recogniser had which answer."""
         return [
             {**{key: recogniser[key] for key in ("target", "bundle", "who")},
-             "windows": told.total(), "answers": dict(told.most_common()),
+             "windows": counts.total(), "answers": dict(counts.most_common()),
              "actions": dict(self._actions[recogniser["who"]].most_common())}
-            for recogniser, told in zip(self._recognisers, self._counts.values(), strict=True)
+            for recogniser, counts in zip(self._recognisers, self._counts.values(), strict=True)
         ]  # fmt: skip

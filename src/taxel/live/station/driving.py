@@ -1,4 +1,4 @@
-"""The actuators of a station: heard, told the guard's orders, begun anew at a new grasp.
+"""The actuators of a station: read, given the guard's orders, begun anew at a new grasp.
 
 Knows nothing about processes or models.
 """
@@ -17,7 +17,7 @@ class Driving:
     """All actuators under one guard.
 
     Args:
-        guard: Orders, and is told what is wrong with them.
+        guard: Orders, and receives what is wrong with them.
         least_n: The force at which a grasp begins, newtons.
     """
 
@@ -45,7 +45,7 @@ class Driving:
                 actuator.new_grasp()
 
     def tick(self, now_s: float) -> None:
-        """Hear all actuators, weigh, and tell them what to do: once.
+        """Read all actuators, weigh, and give them their orders: once.
 
         `Guard.wake` comes before it.
         """
@@ -53,7 +53,7 @@ class Driving:
         order = self._guard.tick(now_s)
         self._release(order)
         for actuator in self._actuators:
-            actuator.tell(self._guard.decision, order, now_s)
+            actuator.apply(self._guard.decision, order, now_s)
         self._weigh(faults, now_s)
 
     def recognised(self, answer: dict[str, Any]) -> None:
@@ -62,7 +62,7 @@ class Driving:
             if isinstance(actuator, TakesAnswers):
                 actuator.recognised(answer)
 
-    def told(self) -> dict[str, Any] | None:
+    def snapshot(self) -> dict[str, Any] | None:
         """Return how the gripper does, as the page's link gives it; None without any."""
         if not self._actuators:
             return None
@@ -71,7 +71,7 @@ class Driving:
             "interlock": str(interlock.state), "armed": interlock.armed,
             "commanded_n": interlock.force_n, "force_n": None, "motion": "",
             "note": next(iter(self._faults.values()), interlock.reason),
-            **self._actuators[0].told(),
+            **self._actuators[0].snapshot(),
         }  # fmt: skip
 
     def _release(self, order: Order) -> None:

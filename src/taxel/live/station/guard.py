@@ -77,7 +77,7 @@ class Guard:
         self._monitors: dict[str, _Monitor] = {}
         self._shown = (NO_GRASP, "", 0.0)
         self._doubt = ""
-        self._told = StabilityDecision(
+        self._decision = StabilityDecision(
             Stability.UNKNOWN, REASONS["no input"].say(), math.nan, math.nan
         )
         self._set_n = interlock.force_n
@@ -171,7 +171,7 @@ class Guard:
         silent = self._silent(now_s)
         if self._monitors:
             decision, decided_s = self._joined(silent, now_s)
-            self._told = decision
+            self._decision = decision
             self.alarms.watch(decision, armed=self.interlock.armed, now_s=now_s)
             force_n = self._asked_n(decision, now_s)
             self.interlock.decision(decision.state.name, decided_s, force_n)
@@ -192,7 +192,7 @@ class Guard:
     @property
     def decision(self) -> StabilityDecision:
         """All monitors' decisions as one, as of the last tick."""
-        return self._told
+        return self._decision
 
     @property
     def probability(self) -> float:
@@ -273,7 +273,7 @@ class Guard:
         elif self.interlock.state is InterlockState.STOPPED:
             word, reason = STOP, self.interlock.reason
         else:
-            decision = self._told
+            decision = self._decision
             shown, reason = self.alarms.shown(decision.state), decision.reason
             word = shown.word
             if shown is not decision.state:
@@ -283,7 +283,7 @@ class Guard:
 
 
 def _slip_of(note: dict[str, Any]) -> Slip | None:
-    """Return the slip that a monitor's note tells; None where it tells none that can be read."""
+    """Return the slip in a monitor's note; None where it has none that can be read."""
     try:
         return Slip.from_dict(note["slip"])
     except (KeyError, TypeError, ValueError):

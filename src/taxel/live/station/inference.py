@@ -40,7 +40,7 @@ BEHIND = 3
 _SETTLING_S = 1.0
 """What taking in a new grasp's settled frames at once may take, seconds. Source: our choice."""
 _AGAIN_S = 0.1
-"""How often a state that no new frames give is told again, seconds: its reason says how long, and
+"""How often a state that no new frames give is sent again, seconds: its reason says how long, and
 a decision lives for 0.3 s. Source: our choice, docs/decisions/0030."""
 _LOOK_S = 0.005
 """How often a silent input is looked at: its age makes the state UNKNOWN."""
@@ -122,7 +122,7 @@ class _GraspWatcher:
         self._writer = writer
         self._state: Stability | None = None
         self._why: str | None = None
-        self._told_s = -math.inf
+        self._sent_s = -math.inf
         self._mute = False
         self._skipped = 0
         stability = bundle.contract.stability
@@ -156,7 +156,7 @@ class _GraspWatcher:
                 self._monitor.end()
         self._watch(sets, came, pulse)
         now_s = monotonic()
-        if now_s - self._told_s >= _AGAIN_S:  # frames that make no set: one camera is gone
+        if now_s - self._sent_s >= _AGAIN_S:  # frames that make no set: one camera is gone
             self.silent(now_s)
 
     def spoil(self, value: float = float("nan")) -> None:
@@ -164,24 +164,24 @@ class _GraspWatcher:
         self._monitor.bundle = replace(self._monitor.bundle, head=_FixedHead(value))
 
     def mute(self, on: bool) -> None:
-        """Tell no decision, and live: a drill."""
+        """Send no decision, and live: a drill."""
         self._mute = on
 
     def end(self) -> None:
         """A grasp that is not over has no last answer."""
 
     def silent(self, now_s: float) -> None:
-        """Look at the input's age when nothing came; tell at times, that this is looked at."""
+        """Look at the input's age when nothing came; send the state now and then."""
         decision = self._monitor.at(now_s)
         changed = decision.state is not self._state or kind_of(decision.reason) != self._why
-        if changed or now_s - self._told_s >= _AGAIN_S:
+        if changed or now_s - self._sent_s >= _AGAIN_S:
             self._say(decision, now_s)
 
     def _say(self, decision: StabilityDecision, now_s: float) -> None:
-        """Tell a decision that no frames gave, taken now."""
+        """Send a decision that no frames gave, taken now."""
         self._state, self._why = decision.state, kind_of(decision.reason)
         p, times = decision.probability, {"decided_s": now_s}
-        self._tell(decision.state, decision.reason, decision.since_s, p, times)
+        self._send(decision.state, decision.reason, decision.since_s, p, times)
 
     def _watch(self, sets: list[FrameSet], came: _Came, pulse: Pulse) -> None:
         self._skipped += max(0, len(sets) - BEHIND)
@@ -202,9 +202,9 @@ class _GraspWatcher:
             }
             if decision.slip is not None:
                 times["slip"] = decision.slip.as_dict()
-            self._tell(decision.state, decision.reason, decision.since_s, answer.probability, times)
+            self._send(decision.state, decision.reason, decision.since_s, answer.probability, times)
 
-    def _tell(
+    def _send(
         self, state: Stability, reason: str, since_s: float, p: float, times: dict[str, Any]
     ) -> None:
         note: dict[str, Any] = {
@@ -213,7 +213,7 @@ class _GraspWatcher:
             "since_s": since_s if since_s == since_s else None,
             "p": p if p == p else None, "late": self._monitor.late(), **times,
         }  # fmt: skip
-        self._told_s = times["decided_s"]
+        self._sent_s = times["decided_s"]
         if not self._mute:
             self._writer.put(pack(note))
 
@@ -243,7 +243,7 @@ class _RecogniseWatcher:
             pulse.beat()
             times = {"arrival_s": float(packet.arrival_s[-1]), **came, "began_s": monotonic()}
             for answer in self._recogniser.push(packet):
-                self._tell(answer, times)
+                self._send(answer, times)
             for move in self._recogniser.gate_moves():
                 text = f"{self._target}: {move.words()}"
                 self._writer.put(pack({"kind": "gate", "who": self._who, "text": text}))
@@ -251,9 +251,9 @@ class _RecogniseWatcher:
     def end(self) -> None:
         """Answer the stream's last, padded window, if there is one."""
         for answer in self._recogniser.flush():
-            self._tell(answer, {})
+            self._send(answer, {})
 
-    def _tell(self, answer: Answer, times: dict[str, float]) -> None:
+    def _send(self, answer: Answer, times: dict[str, float]) -> None:
         decision = answer.decision
         voted, confidence = self._vote.add(decision)
         note = {
@@ -328,7 +328,7 @@ def _orders(orders: RingReader, drill: bool, watchers: list[_Watcher]) -> list[P
 
 
 def _ends_grasp(packet: Packet) -> bool:
-    """True for a mark that tells a grasp's outcome; a hand's marks in the same file do not."""
+    """True for a mark that holds a grasp's outcome; a hand's marks in the same file do not."""
     return isinstance(packet, Mark) and "outcome" in packet.labels
 
 

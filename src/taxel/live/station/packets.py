@@ -21,7 +21,7 @@ _FRAME = struct.Struct("<BxHxxxxqddd")
 _KIND_SCANS, _KIND_FRAME, _KIND_MARK, _KIND_NOTE = b"SFMN"
 
 Packet = Samples | Frame | Mark | dict[str, Any]
-"""A dict is a note: what a process tells another, as JSON."""
+"""A dict is a note: what a process sends another, as JSON."""
 
 
 def pack(value: Packet) -> bytes:

@@ -28,7 +28,7 @@ from taxel.live.station.beats import BeatsView
 from taxel.live.station.packets import pack, unpack
 from taxel.live.station.recording import apart
 from taxel.live.station.ring import RingReader, RingWriter
-from taxel.live.station.telling import stalled_snapshot
+from taxel.live.station.snapshots import stalled_snapshot
 from taxel.signals import DEPTH_PNG, CameraInfo, Frame, Samples, SensorInfo
 
 _KEPT_S = 30.0
@@ -36,8 +36,8 @@ _ROW_S = 0.01
 """Time between kept rows of the array: the common grid's, docs/decisions/0003."""
 _MAP_ROWS = 12
 _POINTS_HZ = 50
-_WISH_S = 3.0
-"""How long a wish may take until it is known to be fulfilled, seconds. Our choice."""
+_ANSWER_S = 3.0
+"""How long a request may take until it is known to be fulfilled, seconds. Our choice."""
 _TINY_S = 1e-6
 _DEPTH_S = 0.2
 """How often a depth image is drawn in colours: that takes some milliseconds. Our choice."""
@@ -104,7 +104,7 @@ class StationView:
         self._decisions = [RingReader(name) for name in config.decisions]
         self._status = RingReader(config.status)
         self._requests = RingWriter(config.requests)
-        self._asking = threading.Lock()  # a ring has one writer, and wishes come from threads
+        self._asking = threading.Lock()  # a ring has one writer, and requests come from threads
         self._board = BeatsView(config.beats)
         self._cameras = apart([camera for source in config.sources for camera in source.cameras])
         self._frames: list[tuple[int, bytes] | None] = [None] * len(self._cameras)
@@ -129,11 +129,11 @@ class StationView:
             "consumers": [],
             "latency_ms": {}, "gripper": None, "recording": {}, "do": None, "trial": None,
         }  # fmt: skip
-        told = {key: value for key, value in self._newest.items() if key != "events"}
+        newest = {key: value for key, value in self._newest.items() if key != "events"}
         still_s = self._board.still_s(monotonic())
         if still_s > self._config.stall_s:
-            told |= stalled_snapshot(told, still_s, monotonic())
-        return nothing | told | {
+            newest |= stalled_snapshot(newest, still_s, monotonic())
+        return nothing | newest | {
             "sources": [note | {"kind": note["kind_of"]} for note in self._notes if note],
             "cameras": [
                 {"name": camera.name, "width": camera.width, "height": camera.height}
@@ -180,7 +180,7 @@ class StationView:
         }
 
     def acknowledge(self) -> None:
-        """Tell the supervisor that a person saw the alarms."""
+        """Report to the supervisor that a person saw the alarms."""
         self._ask({"do": "acknowledge"})
 
     def record(self, on: bool, labels: dict[str, str]) -> str:
@@ -190,10 +190,10 @@ class StationView:
                 self._ask({"do": "record", "labels": labels})
             else:
                 self._ask({"do": "end"})
-            until_s = monotonic() + _WISH_S
+            until_s = monotonic() + _ANSWER_S
             while monotonic() < until_s:
-                told = status.newest()
-                note = unpack(told) if told is not None else {}
+                content = status.newest()
+                note = unpack(content) if content is not None else {}
                 found = note.get("recording", {}) if isinstance(note, dict) else {}
                 if found and bool(found.get("on")) == on:
                     return ""
@@ -203,17 +203,17 @@ class StationView:
         return "the recorder does not answer"
 
     def react(self, what: str) -> str:
-        """Tell the supervisor what a person did, or what came of the grasp."""
+        """Report to the supervisor what a person did, or what came of the grasp."""
         self._ask({"do": "react", "what": what})
         return ""
 
     def disarm(self) -> None:
-        """Tell the supervisor that a person wants no more orders."""
+        """Ask the supervisor for no more orders."""
         self._ask({"do": "disarm"})
 
-    def _ask(self, wish: dict[str, Any]) -> None:
+    def _ask(self, request: dict[str, Any]) -> None:
         with self._asking:
-            self._requests.put(pack(wish))
+            self._requests.put(pack(request))
 
     def close(self) -> None:
         """Let go of the rings and the board."""
@@ -222,9 +222,9 @@ class StationView:
             ring.close()
 
     def _refresh(self) -> None:
-        told = self._status.newest()
-        if told is not None:
-            note = unpack(told)
+        content = self._status.newest()
+        if content is not None:
+            note = unpack(content)
             self._newest = note if isinstance(note, dict) else {}
         first = 0
         for number, (seen, reader) in enumerate(

@@ -51,13 +51,13 @@ class Person:
             return
         interlock, decision = self._guard.interlock, self._guard.decision
         if word == STOP:
-            told = self._adviser.push(Advice.HOLD_STILL, now_s, reason)
+            given = self._adviser.push(Advice.HOLD_STILL, now_s, reason)
         else:
             at_limit = interlock.force_n >= interlock.config.max_n
             state = self._guard.alarms.shown(decision.state)
             advice = advise(state, raises=interlock.armed, at_limit=at_limit)
-            told = self._adviser.push(advice, now_s)
-        self._reactions.watch(decision.state, told.advice.value, now_s)
+            given = self._adviser.push(advice, now_s)
+        self._reactions.watch(decision.state, given.advice.value, now_s)
 
     def say(self, what: str, now_s: float) -> None:
         """Hear what the person did, or what came of the grasp.
@@ -84,15 +84,15 @@ class Person:
             self.trials.append(trial)
             self._on_trial(trial)
 
-    def told(self, answers: Sequence[dict[str, Any]]) -> dict[str, Any] | None:
+    def advice(self, answers: Sequence[dict[str, Any]]) -> dict[str, Any] | None:
         """Return what the page says is to be done; None where there is nothing to say.
 
         Args:
             answers: The newest of each recogniser: where no grasp is watched, their actions.
         """
         if self._guard.shown[0] != NO_GRASP:
-            told = self._adviser.told
-            return {"word": told.advice.value, "why": told.why, "since_s": told.since_s}
+            given = self._adviser.given
+            return {"word": given.advice.value, "why": given.why, "since_s": given.since_s}
         own = [answer for answer in answers if answer["action"]]
         if not own:
             return None
@@ -101,4 +101,4 @@ class Person:
 
     def trial(self) -> dict[str, Any] | None:
         """Return the grasp that is watched as the page shows it; None where none is."""
-        return self._reactions.told() if self._guard.shown[0] != NO_GRASP else None
+        return self._reactions.snapshot() if self._guard.shown[0] != NO_GRASP else None

@@ -1,4 +1,4 @@
-"""The recorder as the supervisor sees it: what it is told, what it says, what it leaves undone.
+"""The recorder as the supervisor sees it: its orders, its news, what it leaves undone.
 
 Knows nothing about recordings' bytes.
 
@@ -25,12 +25,12 @@ class RecorderLink:
     """Orders to the recorder's process, and its news.
 
     Args:
-        guard: Is told where a recording fails.
+        guard: Receives where a recording fails.
     """
 
     def __init__(self, guard: Guard) -> None:
         self._guard = guard
-        self.told = dict(_NOTHING)
+        self.newest = dict(_NOTHING)
         """The recorder's newest note."""
         self._to: RingWriter | None = None
         self._news: RingReader | None = None
@@ -60,7 +60,7 @@ class RecorderLink:
         """Take in the recorder's news, oldest first; return them."""
         news = [] if self._news is None else notes_of(self._news.take())
         for note in news:
-            self.told = note
+            self.newest = note
             if note.get("error"):
                 self._guard.trouble("recording", str(note["error"]), now_s)
             elif note.get("lost"):
@@ -70,11 +70,11 @@ class RecorderLink:
 
     def snapshot(self) -> dict[str, Any]:
         """Return how the recording does, as the page's link gives it."""
-        return {key: self.told.get(key) for key in _NOTHING}
+        return {key: self.newest.get(key) for key in _NOTHING}
 
     def keep_slip(self, note: Mapping[str, Any]) -> None:
         """Have a monitor's slip recorded beside the frames, while a recording is on."""
-        if self.told.get("on") and "slip" in note:
+        if self.newest.get("on") and "slip" in note:
             self._order({"do": "slip", "time_s": note["time_s"], "who": note["who"],
                          "slip": note["slip"]})  # fmt: skip
 
@@ -82,13 +82,13 @@ class RecorderLink:
         """Have a grasp's alarm, reaction and outcome logged beside the recording that is on."""
         if self._closing:  # nothing has to be in time any more
             self._late.append(trial)
-        elif self.told.get("on"):
+        elif self.newest.get("on"):
             self._order({"do": "trial", "trial": asdict(trial)})
 
     def closing(self) -> None:
         """Hear that the recorder's process is about to end: grasps are logged by `close`."""
         self._closing = True
-        self._last = Path(self.told["path"]) if self.told.get("on") else None
+        self._last = Path(self.newest["path"]) if self.newest.get("on") else None
 
     def close(self) -> None:
         """Log the grasps that ended late; say so where the recorder left a file incomplete."""
@@ -96,9 +96,9 @@ class RecorderLink:
             for trial in self._late:
                 with contextlib.suppress(OSError):
                     append_trial(log_of(self._last), trial)
-        if self.told.get("on"):
-            path = self.told["path"]
-            self.told["error"] = (
+        if self.newest.get("on"):
+            path = self.newest["path"]
+            self.newest["error"] = (
                 f"needed the recorder to complete {path}; got its end without that; "
                 f"run: taxel recover {path}.part --output {path}."
             )

@@ -1,7 +1,7 @@
 """The process that records what all sources give, bounded and loud.
 
 It follows the rings with room for many seconds; what the disk makes it miss is counted,
-told and kept in the recording's ledger. Knows nothing about models.
+reported and kept in the recording's ledger. Knows nothing about models.
 
 Background of our choices: docs/decisions/0019.
 """
@@ -28,8 +28,8 @@ from taxel.signals import CameraInfo, Frame, Mark, Samples, SensorInfo, SlipNote
 
 _PAUSE_S = 0.01
 """How often the rings are looked at. Source: our choice."""
-_TELL_S = 0.2
-"""How often the supervisor is told how it goes. Source: our choice."""
+_REPORT_S = 0.2
+"""How often it reports to the supervisor. Source: our choice."""
 _STALL_S = 2.0
 """How long the disk may stand still before the recording has failed. Source: our choice."""
 
@@ -109,7 +109,7 @@ def record(job: Recording) -> None:
         resource.setrlimit(resource.RLIMIT_FSIZE, (job.largest_bytes, hard))
     with contextlib.ExitStack() as stack:
         pulse = stack.enter_context(at_work(job.place))
-        # From here on: one that follows a dead recorder must not do what that was told to.
+        # From here on: one that follows a dead recorder must not carry out that one's orders.
         orders = stack.enter_context(RingReader(job.orders))
         news = stack.enter_context(RingWriter(job.news))
         readers = [stack.enter_context(RingReader(source.ring)) for source in job.sources]
@@ -141,7 +141,7 @@ class _Desk:
         self._began_s = 0.0
         self._lost_before = 0
         self._error = ""
-        self._told_s = 0.0
+        self._reported_s = 0.0
         self._kept = 0
         """Packets handed to the recording under way."""
 
@@ -159,7 +159,7 @@ class _Desk:
             self._trial(order)
         elif order.get("do") == "end":
             self.finish("cleanly")
-        self._tell(monotonic())
+        self._report(monotonic())
 
     def _slip(self, order: dict[str, Any]) -> None:
         """Keep the slip that a monitor measured, beside the frames."""
@@ -192,8 +192,8 @@ class _Desk:
         pulse.dropped = self._lost()
         pulse.produced = self._kept
         now_s = monotonic()
-        if now_s - self._told_s >= _TELL_S:
-            self._tell(now_s)
+        if now_s - self._reported_s >= _REPORT_S:
+            self._report(now_s)
         return busy
 
     def finish(self, ended: str) -> None:
@@ -206,7 +206,7 @@ class _Desk:
             recorder.close(f"{ended}; {lost} messages lost before the recorder" if lost else ended)
         except TaxelError as error:
             self._error = str(error)
-        self._tell(monotonic(), recorder.statistics())
+        self._report(monotonic(), recorder.statistics())
 
     def _begin(
         self, path: Path, labels: Mapping[str, str], groups: Mapping[str, str], *, overwrite: bool
@@ -242,13 +242,13 @@ class _Desk:
             self._recorder = None
             with contextlib.suppress(TaxelError):
                 recorder.close("cut short")
-            self._tell(monotonic())
+            self._report(monotonic())
 
     def _lost(self) -> int:
         return sum(reader.lost for reader in self._readers)
 
-    def _tell(self, now_s: float, ledger: Mapping[str, Any] | None = None) -> None:
-        self._told_s = now_s
+    def _report(self, now_s: float, ledger: Mapping[str, Any] | None = None) -> None:
+        self._reported_s = now_s
         recorder = self._recorder
         note: dict[str, Any] = {
             "kind": "recording", "on": recorder is not None, "path": str(self._path or ""),

@@ -14,8 +14,8 @@ import numpy as np
 from taxel.signals import Frame, Samples
 from taxel.sources.contract import Source
 
-TELL_S = 0.25
-"""How often it is told. Source: our choice."""
+REPORT_S = 0.25
+"""How often it is reported. Source: our choice."""
 _SPAN_S = 2.0
 """The rate's span, seconds. Source: our choice."""
 _STALE_S = 0.5
@@ -50,7 +50,7 @@ class SourceNews:
         self._came: deque[tuple[float, int]] = deque()
         self._last: dict[int, int] = {}
         self._produced = self._lost = self._unusable = 0
-        self._heard_s = self._told_s = -np.inf
+        self._heard_s = self._reported_s = -np.inf
 
     def add(self, samples: Samples, frames: list[Frame], now_s: float) -> None:
         """Take in what came."""
@@ -66,12 +66,12 @@ class SourceNews:
         self._produced += len(samples) + len(frames)
 
     def due(self, now_s: float) -> bool:
-        """True when it is time to tell."""
-        return now_s - self._told_s >= TELL_S
+        """True when it is time to report."""
+        return now_s - self._reported_s >= REPORT_S
 
     def note(self, now_s: float) -> dict[str, Any]:
         """Return how it does."""
-        self._told_s = now_s
+        self._reported_s = now_s
         while self._came and now_s - self._came[0][0] > _SPAN_S:
             self._came.popleft()
         span_s = now_s - self._came[0][0] if self._came else 0.0

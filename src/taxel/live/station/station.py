@@ -25,19 +25,19 @@ from taxel.decisions.stability import Stability
 from taxel.live.station.alarm_watch import AlarmWatch, watch
 from taxel.live.station.answers import Answers
 from taxel.live.station.beats import Beats, Work
-from taxel.live.station.crew import Crew, Worker
-from taxel.live.station.crew_watch import CrewWatch
 from taxel.live.station.driving import Driving
 from taxel.live.station.guard import NO_GRASP, Guard
 from taxel.live.station.packets import notes_of, pack, unpack
 from taxel.live.station.page_link import ViewConfig
+from taxel.live.station.page_requests import fulfil
 from taxel.live.station.person import Person
+from taxel.live.station.process_watch import ProcessWatch
+from taxel.live.station.processes import ProcessGroup, Worker
 from taxel.live.station.recorder_link import RecorderLink
 from taxel.live.station.ring import RingReader, RingWriter, wait_for_any
 from taxel.live.station.shared import sweep
-from taxel.live.station.telling import Latencies, consumer_snapshot, guard_snapshot
+from taxel.live.station.snapshots import Latencies, consumer_snapshot, guard_snapshot
 from taxel.live.station.wiring import StationConfig, Wiring
-from taxel.live.station.wishes import grant
 from taxel.live.station.worker import Place, hurry, settle_memory
 
 TICK_S = 0.001
@@ -46,8 +46,8 @@ falls silent, and hears actuators, so much later at most."""
 _REST_S = 0.0002
 """The supervisor sleeps at least so long between two ticks, where nothing waits for it: on a slow
 core a tick takes longer than `TICK_S`, and in real time nobody else would run there. Our choice."""
-_TELL_S = 0.05
-"""How often the page is told. Source: our choice."""
+_STATUS_S = 0.05
+"""How often the page gets the status. Source: our choice."""
 _EVENTS = 200
 UNKNOWN = Stability.UNKNOWN.word
 Listener = Callable[[dict[str, Any]], None]
@@ -72,7 +72,7 @@ class Station:
         self._stack = contextlib.ExitStack()
         sweep()
         self._beats = self._stack.enter_context(Beats())
-        self._crew = Crew(self._beats, patient=config.drill)
+        self._processes = ProcessGroup(self._beats, patient=config.drill)
         limits = config.interlock
         policy = GripPolicy(max(limits.min_n, 0.1), GripPolicyConfig(most_n=limits.max_n))
         self.guard = Guard(Interlock(limits), config.guard, policy)
@@ -86,9 +86,9 @@ class Station:
         self._event_number = 0
         self.skipped = 0
         """Sets of frames that monitors let go because they had fallen behind."""
-        self.refused_wishes = 0
-        """Wishes of the page that were none."""
-        self._told_s = 0.0
+        self.refused_requests = 0
+        """Requests of the page that were refused."""
+        self._status_s = 0.0
         self._said: tuple[str, str | None] = (NO_GRASP, None)
         self._since_s = 0.0
         self._disarms = 0
@@ -110,7 +110,7 @@ class Station:
 
     def workers(self) -> dict[str, BaseProcess]:
         """Return the processes by name, as drills need them."""
-        every = self._crew.workers
+        every = self._processes.workers
         return {worker.name: worker.process for worker in every if worker.process is not None}
 
     def order(self, name: str, note: dict[str, Any]) -> None:
@@ -127,7 +127,7 @@ class Station:
         *,
         overwrite: bool = False,
     ) -> None:
-        """Begin to record all sources; news tell how it goes."""
+        """Begin to record all sources; news say how it goes."""
         self._recorder.begin(path, labels, groups or {}, overwrite=overwrite)
 
     def end_recording(self) -> None:
@@ -137,7 +137,7 @@ class Station:
     @property
     def recording(self) -> dict[str, Any]:
         """The recorder's newest note."""
-        return self._recorder.told
+        return self._recorder.newest
 
     def react(self, what: str) -> None:
         """Log what a person did about the grasp, or what came of it.
@@ -150,9 +150,9 @@ class Station:
         self._happened(now_s, f"the person: {what}")
 
     def new_grasp(self) -> None:
-        """Tell every monitor that the next moments are a new grasp's settled first ones."""
-        for mind in self.wiring.minds:
-            mind.to.put(pack({"do": "new grasp"}))
+        """Announce to every monitor that the next moments are a new grasp's settled first ones."""
+        for monitor in self.wiring.monitors:
+            monitor.to.put(pack({"do": "new grasp"}))
 
     def drive(self, actuator: Actuator) -> None:
         """Give each tick's order to one more actuator, which is connected."""
@@ -182,11 +182,11 @@ class Station:
 
     def ledger(self) -> dict[str, dict[str, int]]:
         """Return, for each process, what it made, took in and lost."""
-        return self._crew.ledger() if self._final is None else self._final
+        return self._processes.ledger() if self._final is None else self._final
 
     def last_beat_s(self, name: str) -> float:
         """Return when a process last gave a sign of life, monotonic seconds."""
-        row = next(worker.row for worker in self._crew.workers if worker.name == name)
+        row = next(worker.row for worker in self._processes.workers if worker.name == name)
         return self._beats.read(row).beat_s
 
     def view_config(self) -> ViewConfig:
@@ -209,7 +209,9 @@ class Station:
             job: Gives what it is to do, from its place.
             ends_itself: It completes its work where this process was killed.
         """
-        return self._crew.opened(self._crew.add(name, entry, job, ends_itself=ends_itself))
+        return self._processes.opened(
+            self._processes.add(name, entry, job, ends_itself=ends_itself)
+        )
 
     # The supervisor.
 
@@ -232,7 +234,7 @@ class Station:
             if all(self._over(feed.worker) for feed in self.wiring.feeds):
                 break
             left_s = max(now_s + TICK_S - monotonic(), _REST_S)
-            wait_for_any([mind.heard for mind in self.wiring.minds], left_s)
+            wait_for_any([monitor.heard for monitor in self.wiring.monitors], left_s)
         self._beats.rest()
 
     def _over(self, worker: Worker) -> bool:
@@ -242,10 +244,10 @@ class Station:
     @property
     def failed(self) -> str:
         """Names of the processes that were given up; empty where none was."""
-        return ", ".join(worker.name for worker in self._crew.workers if worker.given_up)
+        return ", ".join(worker.name for worker in self._processes.workers if worker.given_up)
 
     def tick(self, now_s: float) -> None:
-        """Hear, weigh, act, tell: once.
+        """Read, weigh, act, report: once.
 
         Between two of them this process must not stand still: the alarm watch raises the alarm
         where it does, until `run` returns or the station is closed.
@@ -262,16 +264,16 @@ class Station:
         for note in notes:
             self.latencies.add(note, acted_s)
             self._on_note(note)
-        self._tell_state(now_s)
+        self._log_state(now_s)
         interlock = self.guard.interlock
         if interlock.disarms != self._disarms:
             self._disarms = interlock.disarms
             self._happened(now_s, interlock.reason)
-        if now_s - self._told_s >= _TELL_S:
-            self._told_s = now_s
+        if now_s - self._status_s >= _STATUS_S:
+            self._status_s = now_s
             self._status_to.put(pack(self.snapshot(now_s)))
 
-    def _tell_state(self, now_s: float) -> None:
+    def _log_state(self, now_s: float) -> None:
         """Add what is shown to the events: each new word, and each new kind of reason for it."""
         word, reason, since_s = self.guard.shown
         shown = word, kind_of(reason)
@@ -285,32 +287,38 @@ class Station:
     def snapshot(self, now_s: float) -> dict[str, Any]:
         """Return the state of everything, as the page's link gives it."""
         limits = next(
-            (entry for mind in self.wiring.minds for entry in mind.told if "warn" in entry), {}
+            (
+                entry
+                for monitor in self.wiring.monitors
+                for entry in monitor.bundles
+                if "warn" in entry
+            ),
+            {},
         )
         answers = self.answers.newest()
         return guard_snapshot(self.guard, now_s) | {
             "thresholds": {key: limits[key] for key in ("warn", "unstable") if key in limits},
-            "answers": answers, "do": self.person.told(answers), "trial": self.person.trial(),
+            "answers": answers, "do": self.person.advice(answers), "trial": self.person.trial(),
             "consumers": [
                 consumer_snapshot(worker.name, self._beats.read(worker.row), now_s)
-                for worker in self._crew.workers
+                for worker in self._processes.workers
                 if all(worker is not feed.worker for feed in self.wiring.feeds)
             ],
             "latency_ms": self.latencies.lately_ms(now_s),
-            "gripper": self._driving.told(),
+            "gripper": self._driving.snapshot(),
             "recording": self._recorder.snapshot(),
             "events": [[time_s, text] for _, time_s, text in self.events],
         }  # fmt: skip
 
     def _hear(self, now_s: float) -> list[dict[str, Any]]:
         heard = []
-        for mind in self.wiring.minds:
-            if mind.watches:
+        for monitor in self.wiring.monitors:
+            if monitor.watches:
                 # Before the decisions: one made before this beat is then among them.
-                beat = self._beats.read(mind.worker.row)
-                for who in mind.watchers:
+                beat = self._beats.read(monitor.worker.row)
+                for who in monitor.watchers:
                     self.guard.beat(who, beat.beat_s, beat.patience_s)
-            for note in notes_of(mind.heard.take()):
+            for note in notes_of(monitor.heard.take()):
                 heard.append(note)
                 if note["kind"] == "new grasp":
                     self._driving.new_grasp()
@@ -333,9 +341,9 @@ class Station:
             self._on_note(note)
         for content in self._requests.take():
             try:
-                grant(self, unpack(content))
+                fulfil(self, unpack(content))
             except (ValueError, KeyError, TypeError):
-                self.refused_wishes += 1
+                self.refused_requests += 1
         return heard
 
     def _weigh_late(self, note: dict[str, Any], now_s: float) -> None:
@@ -354,16 +362,16 @@ class Station:
 
     def _start(self) -> None:
         self._stack.callback(hurry, hurry())
-        self.wiring = wiring = Wiring(self.config, self._stack, self._crew)
+        self.wiring = wiring = Wiring(self.config, self._stack, self._processes)
         self._status_to = self._stack.enter_context(RingWriter(wiring.status))
         self._requests = self._stack.enter_context(RingReader(wiring.requests))
         self._recorder.wire(wiring.to_recorder, wiring.news)
-        self._watch = CrewWatch(self._crew, wiring, self._beats, self.guard, self._happened)
+        self._watch = ProcessWatch(self._processes, wiring, self._beats, self.guard, self._happened)
         now_s = monotonic()
-        for mind in wiring.minds:
-            for who in mind.watchers:
+        for monitor in wiring.monitors:
+            for who in monitor.watchers:
                 self.guard.expect(who, now_s)
-        every = [entry for mind in wiring.minds for entry in mind.told]
+        every = [entry for monitor in wiring.monitors for entry in monitor.bundles]
         own = [entry for entry in every if entry["kind"] == "answer"]
         self.answers = Answers(own, self.config.rules)
         stall_s = self.config.interlock.stall_s
@@ -379,10 +387,10 @@ class Station:
             return
         self._beats.rest()
         self._recorder.closing()
-        self._crew.close()
+        self._processes.close()
         with contextlib.suppress(AttributeError):  # where it never came to a start
             self._hear(monotonic())
         self.person.new_grasp(monotonic())
         self._recorder.close()
-        self._final = self._crew.ledger()
+        self._final = self._processes.ledger()
         self._stack.close()

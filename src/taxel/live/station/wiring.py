@@ -20,11 +20,11 @@ from taxel.bundles.signing import Trust
 from taxel.calibration.stored import read_calibration
 from taxel.errors import BadInput, BadSource
 from taxel.live.station.acquisition import Acquisition, acquire
-from taxel.live.station.crew import Crew, Worker
 from taxel.live.station.fitting import misfit
 from taxel.live.station.guard import GuardConfig
 from taxel.live.station.inference import Inference, infer
 from taxel.live.station.page_link import PageSeen, ViewConfig
+from taxel.live.station.processes import ProcessGroup, Worker
 from taxel.live.station.recording import Recording, choose_recorded, record
 from taxel.live.station.ring import Ring, RingReader, RingWriter
 from taxel.live.station.worker import Place
@@ -82,14 +82,14 @@ class Feed:
 
 
 @dataclass(slots=True)
-class Mind:
+class MonitorLink:
     """One inference process."""
 
     worker: Worker
     decisions: str
     heard: RingReader
     to: RingWriter
-    told: list[dict[str, Any]] = field(default_factory=list)
+    bundles: list[dict[str, Any]] = field(default_factory=list)
     """What each bundle is."""
 
     @property
@@ -100,7 +100,7 @@ class Mind:
     @property
     def watchers(self) -> list[str]:
         """Names of those that watch a grasp."""
-        return [entry["who"] for entry in self.told if entry["kind"] == "grasp"]
+        return [entry["who"] for entry in self.bundles if entry["kind"] == "grasp"]
 
 
 class Wiring:
@@ -109,17 +109,19 @@ class Wiring:
     Args:
         config: What runs.
         stack: Ends what is opened here.
-        crew: Starts processes.
+        processes: Starts processes.
 
     Raises:
         BadSource: A source cannot be opened.
         BadBundle: A bundle is damaged, or fits none of the sources.
     """
 
-    def __init__(self, config: StationConfig, stack: contextlib.ExitStack, crew: Crew) -> None:
-        self._config, self._stack, self._crew = config, stack, crew
+    def __init__(
+        self, config: StationConfig, stack: contextlib.ExitStack, processes: ProcessGroup
+    ) -> None:
+        self._config, self._stack, self._processes = config, stack, processes
         self.feeds: list[Feed] = []
-        self.minds: list[Mind] = []
+        self.monitors: list[MonitorLink] = []
         self.unwatched: tuple[str, ...] = ()
         """Sources with cameras that no bundle watches."""
         self.not_recorded = ""
@@ -127,24 +129,24 @@ class Wiring:
         self.status = self.ring()
         """Ring of the station's own snapshots."""
         self.requests = self.ring()
-        """Ring of the page's wishes."""
+        """Ring of the page's requests."""
         for number, url in enumerate(config.sources):
             _check_pace(url)
             self._start_feed(url, number)
         for feed in self.feeds:
-            feed.sensor, feed.cameras = crew.opened(feed.worker)
+            feed.sensor, feed.cameras = processes.opened(feed.worker)
         self._calibrated = self._calibrate(config.calibration)
         for index, paths in self._assign().items():
-            self._start_mind(self.feeds[index], paths, index)
+            self._start_monitor(self.feeds[index], paths, index)
         recorder = self._start_recorder()
-        for mind in self.minds:
-            mind.told = crew.opened(mind.worker)[0]
-        crew.opened(recorder)
+        for monitor in self.monitors:
+            monitor.bundles = processes.opened(monitor.worker)[0]
+        processes.opened(recorder)
 
     @property
     def watches(self) -> bool:
         """True where a grasp is watched."""
-        return any(mind.watches for mind in self.minds)
+        return any(monitor.watches for monitor in self.monitors)
 
     def view_config(self) -> ViewConfig:
         """Return what a page needs to see this station."""
@@ -159,10 +161,10 @@ class Wiring:
                 )
                 for feed in self.feeds
             ),
-            decisions=tuple(mind.decisions for mind in self.minds),
+            decisions=tuple(monitor.decisions for monitor in self.monitors),
             status=self.status,
             requests=self.requests,
-            beats=self._crew.beats_name,
+            beats=self._processes.beats_name,
             stall_s=self._config.interlock.stall_s,
         )
 
@@ -187,13 +189,15 @@ class Wiring:
 
     def send_to(self, name: str) -> RingWriter | None:
         """Return the ring of orders of a source's or a monitor's process."""
-        ends = [(mind.worker, mind.to) for mind in self.minds]
+        ends = [(monitor.worker, monitor.to) for monitor in self.monitors]
         ends += [(feed.worker, feed.to) for feed in self.feeds]
         return next((to for worker, to in ends if worker.name == name), None)
 
     def watchers_of(self, worker: Worker) -> list[str]:
         """Return the names of the grasp monitors in a process."""
-        return [who for mind in self.minds if mind.worker is worker for who in mind.watchers]
+        return [
+            who for monitor in self.monitors if monitor.worker is worker for who in monitor.watchers
+        ]
 
     def _start_feed(self, url: str, number: int) -> None:
         ring, orders = self.ring(_RING_BYTES), self.ring()
@@ -203,7 +207,7 @@ class Wiring:
             return Acquisition(place=place, url=url, ring=ring, orders=orders)
 
         to = self._stack.enter_context(RingWriter(orders))
-        self.feeds.append(Feed(url, ring, to, self._crew.add(name, acquire, job)))
+        self.feeds.append(Feed(url, ring, to, self._processes.add(name, acquire, job)))
 
     def _assign(self) -> dict[int, tuple[Path, ...]]:
         """Return the bundles of each source: each bundle goes to the first that it fits.
@@ -229,7 +233,7 @@ class Wiring:
         )
         return chosen
 
-    def _start_mind(self, feed: Feed, paths: tuple[Path, ...], number: int) -> None:
+    def _start_monitor(self, feed: Feed, paths: tuple[Path, ...], number: int) -> None:
         decisions, orders = self.ring(), self.ring()
         name = f"monitor {number + 1}" if len(self.feeds) > 1 else "monitor"
 
@@ -244,7 +248,9 @@ class Wiring:
 
         heard = self._stack.enter_context(RingReader(decisions))
         to = self._stack.enter_context(RingWriter(orders))
-        self.minds.append(Mind(self._crew.add(name, infer, job), decisions, heard, to))
+        self.monitors.append(
+            MonitorLink(self._processes.add(name, infer, job), decisions, heard, to)
+        )
 
     def _start_recorder(self) -> Worker:
         orders, news = self.ring(), self.ring()
@@ -260,7 +266,7 @@ class Wiring:
                 largest_bytes=self._config.disk_bytes,
             )  # fmt: skip
 
-        return self._crew.add("recorder", record, job, ends_itself=True)
+        return self._processes.add("recorder", record, job, ends_itself=True)
 
     def ring(self, size: int = _NOTE_BYTES) -> str:
         """Make a ring of `size` bytes that is closed with the station, and return its name."""

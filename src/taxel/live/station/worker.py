@@ -111,7 +111,7 @@ class Pulse:
         return self._board.read(row).work
 
     def report(self, *words: object) -> None:
-        """Tell the supervisor what was opened, or that it failed; nobody there is no error."""
+        """Report to the supervisor what was opened, or that it failed; nobody there is no error."""
         with contextlib.suppress(OSError):
             self._place.report.send(words)
 
@@ -122,7 +122,7 @@ class Pulse:
 
 @contextlib.contextmanager
 def at_work(place: Place, *, urgent: int = Rank.ORDINARY) -> Iterator[Pulse]:
-    """Be one process of a station: signals end it cleanly, errors are told, the end is told.
+    """Be one process of a station: signals end it cleanly, errors and the end are reported.
 
     Args:
         place: Where it belongs.
@@ -145,8 +145,8 @@ def at_work(place: Place, *, urgent: int = Rank.ORDINARY) -> Iterator[Pulse]:
         pulse.beat(Work.ENDED)
     except BaseException as error:
         pulse.beat(Work.FAILED)
-        told = error if isinstance(error, TaxelError) else f"{type(error).__name__}: {error}"
-        pulse.report("failed", told)
+        message = error if isinstance(error, TaxelError) else f"{type(error).__name__}: {error}"
+        pulse.report("failed", message)
         raise SystemExit(1) from error
     finally:
         pulse.close()

@@ -140,10 +140,10 @@ def assign_tensors(module: nn.Module, name: str, given: Mapping[str, Tensor], pa
     wanted = backbone_tensors(module)
     given = {k: v for k, v in given.items() if not k.endswith("num_batches_tracked")}
     missing = [key for key in wanted if key not in given]
-    strange = [key for key in given if key not in wanted]
-    if missing or strange:
+    unknown = [key for key in given if key not in wanted]
+    if missing or unknown:
         lacks = f"{len(missing)} missing (first {missing[0]})" if missing else ""
-        extra = f"{len(strange)} unknown (first {strange[0]})" if strange else ""
+        extra = f"{len(unknown)} unknown (first {unknown[0]})" if unknown else ""
         got = ", ".join(part for part in (lacks, extra) if part)
         raise BadInput(f"the weights of {name}", f"{path.name} with {got}", _MEND)
     for key, tensor in wanted.items():

@@ -38,10 +38,10 @@ class About:
 def parse_about(head: Mapping[str, str]) -> About | None:
     """Return what a file's head says; None where it says nothing, or nothing that can be read."""
     try:
-        told = parse_json(head.get(_NAME, "null"))
+        content = parse_json(head.get(_NAME, "null"))
     except BadFile:
         return None
-    if not isinstance(told, dict) or not isinstance(told.get("origin"), str):
+    if not isinstance(content, dict) or not isinstance(content.get("origin"), str):
         return None
     known = [field.name for field in fields(About)]
-    return About(**{name: str(told[name])[:_LONGEST] for name in known if name in told})
+    return About(**{name: str(content[name])[:_LONGEST] for name in known if name in content})

@@ -103,5 +103,5 @@ def _run(command: list[str], folder: Path) -> None:
 def _reason(text: str) -> str:
     """Return the line of a program's complaint that says most."""
     lines = [" ".join(line.split()) for line in text.splitlines() if line.strip()]
-    told = [line for line in lines if line.upper().startswith(("ERROR", "NPM ERR"))]
-    return (told or lines or [""])[0][:_LONGEST_REASON]
+    errors = [line for line in lines if line.upper().startswith(("ERROR", "NPM ERR"))]
+    return (errors or lines or [""])[0][:_LONGEST_REASON]

@@ -87,17 +87,17 @@ def _members(archive: Path, start: str) -> dict[str, bytes]:
     return found
 
 
-def _tensors(told: list[dict[str, Any]], content: bytes) -> dict[str, Tensor]:
+def _tensors(entries: list[dict[str, Any]], content: bytes) -> dict[str, Tensor]:
     """Cut a group's shards, joined, into its arrays."""
     found: dict[str, Tensor] = {}
     place = 0
-    for each in told:
-        shape = tuple(int(side) for side in each["shape"])
-        if each["dtype"] != "float32" or min(shape, default=1) < 0:
-            _refuse(f"{each['name']} of the kind {each['dtype']}, shape {shape}")
+    for entry in entries:
+        shape = tuple(int(side) for side in entry["shape"])
+        if entry["dtype"] != "float32" or min(shape, default=1) < 0:
+            _refuse(f"{entry['name']} of the kind {entry['dtype']}, shape {shape}")
         count = math.prod(shape)
         values = np.frombuffer(content, "<f4", count, place).reshape(shape)
-        found[each["name"]] = torch.from_numpy(values.copy())
+        found[entry["name"]] = torch.from_numpy(values.copy())
         place += 4 * count
     if place != len(content):
         _refuse(f"{len(content):,} bytes for {place:,}")

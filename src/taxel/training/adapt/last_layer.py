@@ -1,7 +1,7 @@
 """A new class from a few grasps: the body stays, the last layer is solved anew.
 
 Each class is a normal distribution in the body's features, all with one covariance, which
-the run's exemplars of the old classes tell; a few grasps are enough to tell a mean. Three
+the run's exemplars of the old classes give; a few grasps are enough for a mean. Three
 corrections make the few grasps count for what they are: the session's own shift is taken
 off where old classes were touched in it too; the part of the new mean that old classes'
 differences do not explain is shrunk by what grasps and sessions scatter (James and Stein);
@@ -37,8 +37,8 @@ SHRINK = 0.3
 """Share of the covariance that is its own mean variance, 0…1. Source: chosen on one simulated
 data set that no reported figure uses, docs/decisions/0028."""
 STANDS_OUT = 0.65
-"""From here on a class's statistics tell more than they scatter: 1 − noise / distance².
-Source: half-way between a class that they tell (0.83) and one that they do not (0.43) on that
+"""From here on a class's statistics carry more signal than noise: 1 − noise / distance².
+Source: half-way between a class that they recognise (0.83) and one that they do not (0.43) on that
 same data set."""
 FeatureKind = Literal["auto", "body", "statistics"]
 """body: what the network learned; statistics: each channel's statistics beside it; auto: the

@@ -24,7 +24,7 @@ from taxel.training.adapt.exemplars import label_of
 from taxel.windows.windower import Windows
 
 _DIGEST_LETTERS = 12
-"""So many of a digest tell data apart by: one chance in 10^14."""
+"""So many characters of a digest tell data apart: one chance in 10^14."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -192,7 +192,7 @@ def _read(path: Path, contract: Contract, touches: TouchLevel | None, by_session
 
 
 def measured_at(
-    tell: Callable[[Windows], NDArray[np.floating]],
+    predict: Callable[[Windows], NDArray[np.floating]],
     contract: Contract,
     test: Path,
     touches: TouchLevel,
@@ -200,7 +200,7 @@ def measured_at(
     """Return class → accuracy at the level as it was and at that of touches, as `by_class` does.
 
     Args:
-        tell: (unscaled windows at the level as it was, n of them) → probabilities (n, classes).
+        predict: (unscaled windows at the level as it was, n of them) → probabilities (n, classes).
         contract: What the bundle or run says of itself.
         test: Labelled recordings of the touches' session.
         touches: Its level.
@@ -211,7 +211,7 @@ def measured_at(
     grasps, known = read_grasps([test], contract, touches), contract.classes
     as_it_was = replace(grasps.windows, values=grasps.windows.values * touches.change)
     before, after = (
-        by_class(tell(windows), known, grasps.label, known)
+        by_class(predict(windows), known, grasps.label, known)
         for windows in (as_it_was, grasps.windows)
     )
     return before, after

@@ -47,7 +47,7 @@ class OnlineConfig:
 
 
 @dataclass(frozen=True, slots=True)
-class Told:
+class GraspAnswer:
     """The answer to one grasp."""
 
     label: str
@@ -98,7 +98,7 @@ class OnlineLearner:
         for row in self._rng.permutation(len(self._data)):
             self._reservoirs[self._data.y[row]].add(int(row), self._rng)
 
-    def answer(self, windows: Windows) -> Told:
+    def answer(self, windows: Windows) -> GraspAnswer:
         """Return what the run predicts for one grasp, as it has learned so far.
 
         Args:
@@ -115,7 +115,7 @@ class OnlineLearner:
             label, confidence = vote.add(
                 decide(probability.astype(np.float32), Quality(), contract.classes, anything)
             )
-        return Told(label, confidence, probabilities)
+        return GraspAnswer(label, confidence, probabilities)
 
     def correct(self, windows: Windows, label: str, grasp: str, session: str) -> None:
         """Learn the right answer of one grasp.

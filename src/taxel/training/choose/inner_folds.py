@@ -219,7 +219,7 @@ def _by_blocks(order: NDArray[np.float64], y: NDArray[np.intp]) -> NDArray[np.in
 
 
 def _order(trial: Trial) -> float:
-    """Return a trial's number where its groups tell one, else 0: then the order stored stays."""
+    """Return a trial's number where its groups give one, else 0: then the order stored stays."""
     for key in ("order", "trial_number", "index", "number"):
         try:
             return float(trial.groups[key])

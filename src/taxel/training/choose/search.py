@@ -1,4 +1,4 @@
-"""Try candidates on inner folds, cheapest and most telling first, and blend what is best.
+"""Try candidates on inner folds, cheapest and most informative first, and blend what is best.
 
 Everything here sees training trials only: the caller hands over which those are. Knows nothing
 about files, screens or test trials.

@@ -1,6 +1,6 @@
 """A plan of trials on the page: the next one, what to do now, how far the plan is.
 
-Fulfils `StationLink`; told by whoever records, from another thread. Images are those of the
+Fulfils `StationLink`; filled by whoever records, from another thread. Images are those of the
 cameras while a trial is read. Knows nothing about HTTP, plans' files or what settles a grasp.
 
 Background of our choices: docs/decisions/0046.
@@ -31,7 +31,7 @@ class PlanLink:
 
     def __init__(self, trials: int, *, asks: bool) -> None:
         self._lock = threading.Lock()
-        self._told: dict[str, Any] = {
+        self._shown: dict[str, Any] = {
             "word": "WAIT", "why": "opening the cameras", "number": None, "of": trials, "done": 0,
             "words": "", "balance": "", "asks": False,
         }  # fmt: skip
@@ -43,7 +43,7 @@ class PlanLink:
 
     # What the recording holds.
 
-    def tell(self, word: str, why: str = "", *, waits: bool = False, **values: Any) -> None:
+    def show(self, word: str, why: str = "", *, waits: bool = False, **values: Any) -> None:
         """Say what to do now.
 
         Args:
@@ -55,7 +55,7 @@ class PlanLink:
         with self._lock:
             more = values | {"word": word, "why": why, "asks": waits and self._asks}
             self._since_s = monotonic()
-            self._told = self._told | more
+            self._shown = self._shown | more
             if not waits:
                 self._steps.clear()
 
@@ -87,7 +87,7 @@ class PlanLink:
                     {"name": camera.name, "width": camera.width, "height": camera.height}
                     for camera in self._cameras
                 ],
-                "array": None, "plan": dict(self._told),
+                "array": None, "plan": dict(self._shown),
             }  # fmt: skip
 
     def frame(self, camera: int) -> tuple[int, bytes] | None:
@@ -102,7 +102,7 @@ class PlanLink:
     def step(self, what: str) -> str:
         """Take a person's step; return why not where nobody waits for one."""
         with self._lock:
-            if not self._told["asks"] or len(self._steps) >= _WAITING:
+            if not self._shown["asks"] or len(self._steps) >= _WAITING:
                 return "nobody waits for that now"
             self._steps.append(what)
         return ""

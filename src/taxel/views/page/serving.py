@@ -125,7 +125,7 @@ class Server:
 
         try:
             asyncio.run(serve())
-        except BaseException as error:  # told by start(); nobody sees this thread
+        except BaseException as error:  # raised by start(); nobody sees this thread
             self._error = error
             logging.getLogger("taxel.page").exception("the server failed")
 

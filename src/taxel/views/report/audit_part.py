@@ -19,7 +19,7 @@ _KIND = {"leak": "bad", "hazard": "bad", "note": "", "clear": "good", "too few":
 
 def audit_part(audit: Audit) -> Html:
     """Return the verdict, a table of what was found, and the names of what was not."""
-    told = [finding for finding in audit.findings if finding.verdict in ("leak", "hazard", "note")]
+    bad = [finding for finding in audit.findings if finding.verdict in ("leak", "hazard", "note")]
     clear = [finding.kind for finding in audit.findings if finding.verdict == "clear"]
     unchecked = [finding for finding in audit.findings if finding.verdict == "not checked"]
     leaks = any(finding.verdict == "leak" for finding in audit.findings)
@@ -37,7 +37,7 @@ def audit_part(audit: Audit) -> Html:
             ),
         ),
     ]
-    if told:
+    if bad:
         parts.append(
             table(
                 [
@@ -48,7 +48,7 @@ def audit_part(audit: Audit) -> Html:
                     "by chance",
                     "what was found, and what to do",
                 ],
-                [_row(finding) for finding in told],
+                [_row(finding) for finding in bad],
                 kind="findings",
             )
         )

@@ -111,7 +111,7 @@ def read_sweep(rows: Any, name: str) -> list[SweepPoint]:
 
 
 def sweep_part(points: Sequence[SweepPoint]) -> Html:
-    """Return robustness curves, a chart a fault; what is told unchanged is a grey line in each."""
+    """Return robustness curves, a chart a fault; what is unchanged is a grey line in each."""
     faults: dict[str, list[SweepPoint]] = {}
     for point in points:
         faults.setdefault(point.fault, []).append(point)
@@ -156,16 +156,16 @@ def _fault_chart(fault: str, own: list[SweepPoint], unchanged: list[SweepPoint])
         Axis(label="share", low=0, high=1),
         size=(300, 220),
     )
-    told = [point for point in own if math.isfinite(point.accuracy)]
-    if not told:
+    known = [point for point in own if math.isfinite(point.accuracy)]
+    if not known:
         return figure(chart, f"{fault}: nothing was answered.")
-    worst = min(told, key=lambda point: point.accuracy)
+    worst = min(known, key=lambda point: point.accuracy)
     said = f"least {percent(worst.accuracy)} {band(worst.low, worst.high)}".rstrip()
     return figure(chart, f"{fault}: {said} at {worst.level:g} {unit}".rstrip())
 
 
 def _unchanged(clean: SweepPoint, own: list[SweepPoint], ends: tuple[float, float]) -> Line:
-    """Return what is told without a fault, of the windows that are left with it."""
+    """Return the accuracy without a fault, of the windows that are left with it."""
     x, y = list(ends), [clean.accuracy] * 2
     if any(math.isfinite(point.base) for point in own):
         x = [point.level for point in own]

@@ -166,9 +166,9 @@ def _sections(page: RunPage, judged: Mapping[str, RunScores]) -> list[tuple[str,
         inside.append(published_beside({n: r for n, r in page.runs.items() if n in judged}, judged))
         parts.append(("results", "Results", join(inside)))
     if page.adapted:
-        told = [join([tag("h3", name) if len(page.runs) > 1 else "", versions_part(result)])
+        shown = [join([tag("h3", name) if len(page.runs) > 1 else "", versions_part(result)])
                 for name, result in page.adapted.items()]  # fmt: skip
-        parts.append(("versions", "Versions", join(told)))
+        parts.append(("versions", "Versions", join(shown)))
     pairs = _pairs(alike)
     if pairs:
         parts.append(("comparison", "Comparison", join(pairs)))

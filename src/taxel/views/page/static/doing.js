@@ -12,9 +12,9 @@ const AGAIN_MS = 6000; // What is urgent is said again after so long.
 /** Return {word, why, tone} of what is to be done, never an old one; null where nothing is. */
 export function doing(view, snapshot) {
   if (view.kind === "LOST") return { word: view.word, why: view.reason, tone: "lost" };
-  const told = snapshot && !snapshot.replay ? snapshot.plan || snapshot.do : null;
-  if (!told) return null;
-  return { word: String(told.word || "–").toUpperCase(), why: told.why || "", tone: TONES[told.word] || "calm" };
+  const advice = snapshot && !snapshot.replay ? snapshot.plan || snapshot.do : null;
+  if (!advice) return null;
+  return { word: String(advice.word || "–").toUpperCase(), why: advice.why || "", tone: TONES[advice.word] || "calm" };
 }
 
 /** Make the buttons; `say` sends a command. */
@@ -32,15 +32,15 @@ export function wirePerson(say) {
   $("plansteps").replaceChildren(...STEPS.map((one) => button(one, "step")));
 }
 
-export function drawDoing(told, snapshot) {
-  show($("dofield"), told !== null && Boolean(snapshot && (snapshot.do || snapshot.plan)));
-  if (told) {
-    if ($("dofield").dataset.tone !== told.tone) $("dofield").dataset.tone = told.tone;
-    if ($("doword").textContent !== told.word) {
-      $("doword").textContent = told.word;
-      $("dofield").style.setProperty("--letters", Math.max(4, told.word.length));
+export function drawDoing(advice, snapshot) {
+  show($("dofield"), advice !== null && Boolean(snapshot && (snapshot.do || snapshot.plan)));
+  if (advice) {
+    if ($("dofield").dataset.tone !== advice.tone) $("dofield").dataset.tone = advice.tone;
+    if ($("doword").textContent !== advice.word) {
+      $("doword").textContent = advice.word;
+      $("dofield").style.setProperty("--letters", Math.max(4, advice.word.length));
     }
-    if ($("dowhy").textContent !== told.why) $("dowhy").textContent = told.why;
+    if ($("dowhy").textContent !== advice.why) $("dowhy").textContent = advice.why;
   }
 }
 
@@ -94,12 +94,12 @@ export class Voice {
   }
 
   /** Say a word when it is new, and what is urgent again; called often. */
-  want(told, nowMs) {
+  want(advice, nowMs) {
     if (!this.on) return;
     this.show();
     const voice = this.own;
-    const word = told ? told.word : "";
-    const again = told && ["danger", "warning", "lost"].includes(told.tone) && nowMs - this.saidMs > AGAIN_MS;
+    const word = advice ? advice.word : "";
+    const again = advice && ["danger", "warning", "lost"].includes(advice.tone) && nowMs - this.saidMs > AGAIN_MS;
     if (word === this.said && !again) return;
     this.said = word;
     this.saidMs = nowMs;

@@ -151,7 +151,7 @@ export class Cameras {
   }
 
   /** Say on each picture whether it is live; `still` where none is expected to move. */
-  tell(nowMs, still) {
+  describe(nowMs, still) {
     for (const one of this.views) {
       const age = nowMs - one.cameMs;
       let text = "";

@@ -125,10 +125,10 @@ function watch() {
   }
   drawState(view, since);
   sound.want(sounding(view, snapshot), now);
-  const told = doing(view, snapshot);
-  drawDoing(told, snapshot);
-  voice.want(told, now);
-  cameras.tell(now, view.kind === "REPLAY" || view.kind === "LOST");
+  const advice = doing(view, snapshot);
+  drawDoing(advice, snapshot);
+  voice.want(advice, now);
+  cameras.describe(now, view.kind === "REPLAY" || view.kind === "LOST");
 }
 
 function draw() {

@@ -144,14 +144,14 @@ export function drawRecording(recording) {
   show($("recmark"), on);
   if (!recording) return;
   const error = recording.error ? `NOT RECORDED: ${recording.error}` : "";
-  const told = on ? `${duration(recording.seconds)}, ${size(recording.bytes)}, ${recording.path}` : recording.path ? `last: ${recording.path}` : "not recording";
-  once("recording", [on, error, told], () => {
+  const info = on ? `${duration(recording.seconds)}, ${size(recording.bytes)}, ${recording.path}` : recording.path ? `last: ${recording.path}` : "not recording";
+  once("recording", [on, error, info], () => {
     $("recmark").textContent = `● REC ${duration(recording.seconds)}`;
     const button = $("record");
     button.dataset.on = String(on);
     button.replaceChildren(on ? "■ Stop recording " : "● Record ", make("kbd", "", "R"));
     for (const field of $("labels").querySelectorAll("input")) field.disabled = on;
-    $("recinfo").textContent = error || told;
+    $("recinfo").textContent = error || info;
     $("recinfo").classList.toggle("bad", error !== "");
   });
 }

@@ -38,18 +38,18 @@ export class Sound {
 
   toggle() {
     // The click that first enables sound does not mute it.
-    if (this.told === "off") this.wake();
+    if (this.shown === "off") this.wake();
     else if (performance.now() - this.wokeMs > 700) this.muted = !this.muted;
     this.show();
   }
 
   show() {
-    this.told = this.ready ? (this.muted ? "muted" : "on") : this.muted ? "muted" : "off";
-    const text = { on: "Sound on", muted: "MUTED", off: "Click to enable sound" }[this.told];
+    this.shown = this.ready ? (this.muted ? "muted" : "on") : this.muted ? "muted" : "off";
+    const text = { on: "Sound on", muted: "MUTED", off: "Click to enable sound" }[this.shown];
     if (this.button.firstChild?.data !== text) {
       this.button.replaceChildren(text, " ", Object.assign(document.createElement("kbd"), { textContent: "M" }));
     }
-    this.button.dataset.sound = this.told;
+    this.button.dataset.sound = this.shown;
     this.button.setAttribute("aria-pressed", String(this.muted));
   }
 
@@ -58,7 +58,7 @@ export class Sound {
     const pattern = PATTERNS[kind];
     const changed = kind !== this.wanted;
     this.wanted = kind;
-    if (this.told === "on" && !this.ready) this.show();
+    if (this.shown === "on" && !this.ready) this.show();
     if (!pattern || this.muted || !this.ready) return;
     if (!changed && nowMs - this.lastMs < pattern.everyMs) return;
     this.lastMs = nowMs;

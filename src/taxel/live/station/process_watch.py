@@ -10,48 +10,48 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from taxel.live.station.beats import Beats, Work
-from taxel.live.station.crew import Crew, Worker
 from taxel.live.station.guard import Guard
+from taxel.live.station.processes import ProcessGroup, Worker
 from taxel.live.station.wiring import Wiring
 
 _SILENT_S = 2.5
-"""Silence of any process that is told, seconds: a simulator may take one second for a grasp. Our
-choice; of a monitor it is told much earlier (`GuardConfig`)."""
+"""Silence of any process that is noted, seconds: a simulator may take one second for a grasp. Our
+choice; of a monitor it is reported much earlier (`GuardConfig`)."""
 _HUNG_S = 5.0
 """Silence after which a monitor's process is ended and started again, seconds. Our choice."""
 
 
-class CrewWatch:
+class ProcessWatch:
     """Looks after the processes of one station.
 
     Args:
-        crew: The processes.
+        processes: The processes.
         wiring: Which of them watch a grasp.
         beats: Their signs of life.
-        guard: Is told what is wrong.
+        guard: Receives what is wrong.
         happened: Called with a moment and words for a person.
     """
 
     def __init__(
         self,
-        crew: Crew,
+        processes: ProcessGroup,
         wiring: Wiring,
         beats: Beats,
         guard: Guard,
         happened: Callable[[float, str], None],
     ) -> None:
-        self._crew, self._wiring, self._beats = crew, wiring, beats
+        self._processes, self._wiring, self._beats = processes, wiring, beats
         self._guard, self._happened = guard, happened
         self._mute: set[str] = set()
         self._coming: list[Worker] = []
 
     def look(self, now_s: float) -> None:
         """See which processes have died; start them again."""
-        for worker, how in self._crew.dead():
+        for worker, how in self._processes.dead():
             for who in self._wiring.watchers_of(worker):
                 self._guard.died(who)
             text = f"{worker.name} ended by {how}"
-            again = self._crew.again(worker)
+            again = self._processes.again(worker)
             if again:
                 self._coming.append(worker)
             else:
@@ -67,14 +67,14 @@ class CrewWatch:
                     self._guard.expect(who, now_s)
 
     def _look_for_silence(self, now_s: float) -> None:
-        """Tell which processes are alive and say nothing; end a monitor that stays so."""
-        silent = {worker.name: worker for worker in self._crew.silent(now_s, _SILENT_S)}
+        """Report which processes are alive and silent; end a monitor that stays so."""
+        silent = {worker.name: worker for worker in self._processes.silent(now_s, _SILENT_S)}
         for name in silent.keys() - self._mute:
             self._guard.trouble(name, f"{name} gives no sign of life", now_s)
             self._happened(now_s, f"{name} gives no sign of life")
         for name in self._mute - silent.keys():
             self._guard.over(name, now_s)
         self._mute = set(silent)
-        for worker in self._crew.silent(now_s, _HUNG_S):
+        for worker in self._processes.silent(now_s, _HUNG_S):
             if self._wiring.watchers_of(worker) and worker.process is not None:
                 worker.process.kill()

@@ -49,7 +49,7 @@ class Worker:
     """It completes its work where the supervisor was killed; others are killed with it."""
 
 
-class Crew:
+class ProcessGroup:
     """All processes, in the order in which they were added.
 
     Args:

@@ -1,4 +1,4 @@
-"""What a station tells of itself: latencies a stage, and the snapshot that the page shows.
+"""A station's state: latencies a stage, and the snapshot that the page shows.
 
 Knows nothing about processes.
 
@@ -93,18 +93,18 @@ def guard_snapshot(guard: Guard, now_s: float) -> dict[str, Any]:
     }  # fmt: skip
 
 
-def stalled_snapshot(told: dict[str, Any], still_s: float, now_s: float) -> dict[str, Any]:
+def stalled_snapshot(newest: dict[str, Any], still_s: float, now_s: float) -> dict[str, Any]:
     """Return what replaces the newest snapshot while the supervisor stands still.
 
     Args:
-        told: The newest snapshot, however old.
+        newest: The newest snapshot, however old.
         still_s: How long ago the supervisor's last tick was, seconds.
         now_s: This moment, monotonic seconds: the page must not take it for stale.
     """
     since_s, text = now_s - still_s, stall_words(still_s)
     alarm = {"kind": STALL, "text": text, "level": str(Level.DANGER), "since_s": since_s,
              "acknowledged": False}  # fmt: skip
-    others = [alarm for alarm in told.get("alarms", []) if alarm["kind"] != STALL]
+    others = [alarm for alarm in newest.get("alarms", []) if alarm["kind"] != STALL]
     return {"time_s": now_s, "state": STOP, "reason": text, "since_s": since_s,
             "alarms": [alarm, *others],
             "do": {"word": Advice.HOLD_STILL.value, "why": text, "since_s": since_s}}  # fmt: skip

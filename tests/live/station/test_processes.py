@@ -14,11 +14,11 @@ import pytest
 from taxel.actions.interlock import Interlock, InterlockConfig
 from taxel.clock import ManualClock
 from taxel.errors import BadSource, TaxelError
-from taxel.live.station import crew as crews
+from taxel.live.station import processes as module
 from taxel.live.station.beats import Beats, Work
-from taxel.live.station.crew import Crew, Worker
-from taxel.live.station.crew_watch import CrewWatch
 from taxel.live.station.guard import Guard
+from taxel.live.station.process_watch import ProcessWatch
+from taxel.live.station.processes import ProcessGroup, Worker
 from taxel.live.station.wiring import Wiring
 
 
@@ -66,13 +66,13 @@ class Rig:
 
     def __init__(self, beats: Beats, clock: ManualClock, *, patient: bool = False) -> None:
         self.beats, self.clock = beats, clock
-        self.crew = Crew(beats, patient=patient)
+        self.processes = ProcessGroup(beats, patient=patient)
         pipe = (Report(), Report())
         context = SimpleNamespace(Pipe=lambda duplex: pipe, Process=Process)
-        self.crew._context = cast("Any", context)
+        self.processes._context = cast("Any", context)
 
     def add(self, name: str) -> Worker:
-        return self.crew.add(name, lambda _: None, lambda place: place)
+        return self.processes.add(name, lambda _: None, lambda place: place)
 
     def running(self, worker: Worker, beat_s: float) -> None:
         """Let it have given its last sign of life then."""
@@ -87,7 +87,7 @@ class Rig:
 @pytest.fixture
 def rig(monkeypatch: pytest.MonkeyPatch) -> Iterator[Rig]:
     clock = ManualClock()
-    monkeypatch.setattr(crews, "monotonic", clock.now_s)
+    monkeypatch.setattr(module, "monotonic", clock.now_s)
     with Beats() as beats:
         yield Rig(beats, clock)
 
@@ -97,12 +97,12 @@ def test_a_process_that_does_not_end_is_killed_and_its_counts_stay(rig: Rig):
     for worker in (ends, hangs):
         rig.running(worker, 1.0)
     cast("Any", hangs.process).ends_when_asked = False
-    rig.crew.close()
+    rig.processes.close()
 
     assert [cast("Any", w.process).exitcode for w in (ends, hangs)] == [0, -9]
     assert rig.beats.read(hangs.row).work is Work.FAILED
     assert rig.beats.read(ends.row).work is Work.RUNNING
-    assert rig.crew.ledger()["monitor"] == {
+    assert rig.processes.ledger()["monitor"] == {
         "produced": 7, "consumed": 5, "dropped": 2, "starts": 1,
     }  # fmt: skip
 
@@ -111,9 +111,9 @@ def test_a_process_that_dies_too_often_within_half_a_minute_is_given_up(rig: Rig
     worker = rig.add("source")
     for _ in range(5):
         rig.clock.advance(5.0)
-        assert rig.crew.again(worker)
+        assert rig.processes.again(worker)
     rig.clock.advance(4.9)
-    assert not rig.crew.again(worker)
+    assert not rig.processes.again(worker)
     assert (worker.given_up, worker.starts) == (True, 6)
     assert rig.beats.read(worker.row).work is Work.FAILED
 
@@ -122,7 +122,7 @@ def test_a_process_that_dies_as_often_but_seldom_is_started_each_time(rig: Rig):
     worker = rig.add("source")
     for _ in range(20):
         rig.clock.advance(6.1)
-        assert rig.crew.again(worker)
+        assert rig.processes.again(worker)
     assert not worker.given_up
 
 
@@ -131,7 +131,7 @@ def test_in_a_drill_a_process_is_started_however_often_it_dies(
 ):
     patient = Rig(rig.beats, rig.clock, patient=True)
     worker = patient.add("source")
-    assert all(patient.crew.again(worker) for _ in range(50))
+    assert all(patient.processes.again(worker) for _ in range(50))
 
 
 @pytest.mark.parametrize(("exitcode", "how"), [(-9, "signal 9"), (1, "an error")])
@@ -140,17 +140,17 @@ def test_the_dead_are_named_with_how_they_ended_and_not_once_given_up(
 ):
     worker, other = rig.add("source"), rig.add("recorder")
     rig.die(worker, exitcode)
-    assert rig.crew.dead() == [(worker, how)]
+    assert rig.processes.dead() == [(worker, how)]
     assert other.process is not None
     worker.given_up = True
-    assert rig.crew.dead() == []
+    assert rig.processes.dead() == []
 
 
 def test_a_process_that_ended_its_work_is_not_dead(rig: Rig):
     worker = rig.add("source")
     rig.beats._view.write(worker.row, Work.ENDED)
     rig.die(worker, 0)
-    assert rig.crew.dead() == []
+    assert rig.processes.dead() == []
 
 
 def test_only_those_that_run_are_silent(rig: Rig):
@@ -158,7 +158,7 @@ def test_only_those_that_run_are_silent(rig: Rig):
     for worker, beat_s in ((silent, 1.0), (dead, 1.0), (lively, 9.5)):
         rig.running(worker, beat_s)
     rig.die(dead)
-    assert rig.crew.silent(10.0, 2.5) == [silent]
+    assert rig.processes.silent(10.0, 2.5) == [silent]
     assert rig.beats.read(starting.row).work is Work.STARTING
 
 
@@ -175,7 +175,7 @@ def test_a_process_that_cannot_start_is_one_line_that_says_why(rig: Rig, report:
     worker = rig.add("recorder")
     worker.report = report
     with pytest.raises(BadSource, match=f"the recorder to start.*{got}"):
-        rig.crew.opened(worker)
+        rig.processes.opened(worker)
 
 
 def test_an_error_that_a_process_reports_is_raised_as_it_is(rig: Rig):
@@ -183,7 +183,7 @@ def test_an_error_that_a_process_reports_is_raised_as_it_is(rig: Rig):
     error = BadSource("a port", "none", "plug it in")
     worker.report = cast("Any", Report(("refused", error)))
     with pytest.raises(TaxelError) as caught:
-        rig.crew.opened(worker)
+        rig.processes.opened(worker)
     assert caught.value is error
 
 
@@ -198,8 +198,8 @@ class Watched:
         wiring = SimpleNamespace(
             watchers_of=lambda worker: ["monitor/0"] if worker is self.monitor else []
         )
-        self.watch = CrewWatch(
-            rig.crew, cast("Wiring", wiring), rig.beats, self.guard,
+        self.watch = ProcessWatch(
+            rig.processes, cast("Wiring", wiring), rig.beats, self.guard,
             lambda _, text: self.words.append(text),
         )  # fmt: skip
         self.guard.expect("monitor/0", 0.0)
@@ -209,7 +209,7 @@ class Watched:
         return found[0] if found else None
 
 
-def test_a_silent_process_is_told_once_and_over_when_it_lives_again(rig: Rig):
+def test_a_silent_process_is_reported_once_and_over_when_it_lives_again(rig: Rig):
     watched = Watched(rig)
     rig.running(watched.recorder, 1.0)
     for now_s in (3.4, 3.6, 3.7):

@@ -16,26 +16,26 @@ if TYPE_CHECKING:
     from taxel.live.station.station import Station
 
 
-def grant(station: Station, wish: Packet) -> None:
+def fulfil(station: Station, request: Packet) -> None:
     """Do what the page asks.
 
     Raises:
-        KeyError, TypeError, ValueError: It is no wish.
+        KeyError, TypeError, ValueError: It is no request.
     """
-    if not isinstance(wish, dict):
-        raise TypeError("a wish is a note")
-    if wish["do"] == "acknowledge":
+    if not isinstance(request, dict):
+        raise TypeError("a request is a note")
+    if request["do"] == "acknowledge":
         station.acknowledge()
-    elif wish["do"] == "disarm":
+    elif request["do"] == "disarm":
         station.disarm("a person at the page")
-    elif wish["do"] == "react":
-        station.react(str(wish["what"]))
-    elif wish["do"] == "record":
-        typed = {str(key): str(value) for key, value in dict(wish["labels"]).items()}
+    elif request["do"] == "react":
+        station.react(str(request["what"]))
+    elif request["do"] == "record":
+        typed = {str(key): str(value) for key, value in dict(request["labels"]).items()}
         config = station.config
         groups = {name: typed.pop(name, value) for name, value in config.groups.items()}
         stamp = datetime.now().strftime("%Y-%m-%d_%H-%M-%S")
         path = config.recordings / f"{stamp}.mcap"
         station.record(path, {**config.labels, **typed}, groups)
-    elif wish["do"] == "end":
+    elif request["do"] == "end":
         station.end_recording()
