@@ -12,13 +12,12 @@ from make_dataset import make_dataset
 from taxel.evaluation import kept_folds
 from taxel.evaluation.crossval import FoldPredictions
 from taxel.evaluation.kept_folds import KeptFolds, folds_folder, forget_folds
-from taxel.evaluation.metrics import score
 from taxel.evaluation.splits import WindowFold
 from taxel.jobs import call
 
 Y = np.array([0, 1, 0])
 SHARES = np.array([[0.9, 0.1], [0.2, 0.8], [0.7, 0.3]])
-RESULT = FoldPredictions("first", np.array([0, 1, 2]), Y, SHARES, score(Y, SHARES))
+RESULT = FoldPredictions("first", np.array([0, 1, 2]), Y, SHARES)
 FOLD = WindowFold("first", np.arange(3, 6), np.arange(3))
 
 

@@ -1,18 +1,22 @@
 """Claims about workers on this machine: a killed one costs its own job a second start only."""
 
 import os
+import subprocess
+import sys
 from collections import Counter
 from pathlib import Path
 
 import pytest
 from work_to_do import (
     always_die,
+    collects,
     count_up,
     die_first,
     fall,
     leave_a_sign,
     own_number,
     refuse,
+    sign_at_the_end,
     square,
     where,
 )
@@ -81,6 +85,30 @@ def test_an_engine_is_used_by_all_that_is_called_in_its_block() -> None:
     assert os.getpid() not in first
     assert len(first | again) <= 2, "the same workers go on"
     assert not shared_out()
+
+
+def test_workers_that_are_not_needed_any_more_end_in_order(tmp_path: Path) -> None:
+    """What is to be done at a process's end is done, though its memory is left to the system."""
+    jobs = [(tmp_path, number) for number in range(4)]
+    side_by_side(sign_at_the_end, jobs, workers=2)
+    assert sorted(path.name.split("-")[0] for path in tmp_path.iterdir()) == ["0", "1", "2", "3"]
+
+
+def test_jobs_collect_garbage_though_a_workers_start_does_not() -> None:
+    assert all(side_by_side(collects, [(0,), (1,)], workers=2))
+
+
+def test_a_worker_brings_no_framework_that_its_jobs_do_not_use() -> None:
+    """PyTorch takes a second and a half to import, scikit-learn one: half of a worker's start."""
+    code = (
+        "import sys\n"
+        "import taxel.sources.pour_folder, taxel.training.feature_jobs\n"
+        "print(sorted({'torch', 'sklearn'} & set(sys.modules)))\n"
+        "import taxel.evaluation.fold_jobs\n"
+        "print(sorted({'torch', 'sklearn'} & set(sys.modules)))\n"
+    )
+    found = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert found.stdout == "[]\n['torch']\n"
 
 
 def test_one_worker_is_this_process(tmp_path: Path) -> None:

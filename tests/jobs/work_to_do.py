@@ -1,5 +1,7 @@
 """Work for the tests of jobs, in a module that worker processes can import."""
 
+import atexit
+import gc
 import os
 import signal
 from collections.abc import Iterator
@@ -29,6 +31,15 @@ def die_first(folder: Path, number: int, dies: bool) -> int:
             return leave_a_sign(folder, number)
         os.kill(os.getpid(), signal.SIGKILL)
     return leave_a_sign(folder, number)
+
+
+def sign_at_the_end(folder: Path, number: int) -> None:
+    """Say in a file that the process ended as processes do."""
+    atexit.register((folder / f"{number}-{os.getpid()}").touch)
+
+
+def collects(_: int) -> bool:
+    return gc.isenabled()
 
 
 def always_die(_: int) -> None:

@@ -1,5 +1,6 @@
 """Claims about features side by side: what is cached is what one process computes."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -7,6 +8,7 @@ import pytest
 
 from taxel.jobs.local import LocalEngine
 from taxel.jobs.running import use_engine
+from taxel.training import feature_jobs
 from taxel.training.extractors import SlipExtractor, open_backbone
 from taxel.training.feature_jobs import StoredBackbone, extract_one, fill_cache, portable
 from taxel.training.features import Progress, extract, kept_path
@@ -30,6 +32,24 @@ def test_a_backbone_travels_as_the_path_of_a_file(few_pours: Path, tmp_path: Pat
     (there,) = extract(pours, backbone, tmp_path / "there")
     (here,) = extract(pours, backbone, tmp_path / "here")
     assert np.array_equal(here.values, there.values)
+
+
+def test_the_longest_recording_is_the_first(
+    few_pours: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Begun last, it would keep one worker busy while the others have nothing to do."""
+    pours = read_camera_recordings(few_pours)[:3]
+    pours = [replace(p, time_s=p.time_s[:n]) for p, n in zip(pours, (20, 40, 30), strict=True)]
+    order: list[str] = []
+
+    def as_done(work: object, jobs: object, names: list[str]) -> list[object]:
+        order.extend(names)
+        return []
+
+    monkeypatch.setattr(feature_jobs, "as_done", as_done)
+    with use_engine(LocalEngine(2)):
+        fill_cache(pours, [SlipExtractor(SETTLE)] * 3, tmp_path)
+    assert order == [pours[1].name, pours[2].name, pours[0].name]
 
 
 @pytest.mark.slow

@@ -32,6 +32,12 @@ CONFIG = FineTuneConfig(seed=5)
 pytest.importorskip("lightning_fabric")
 
 
+@pytest.fixture(scope="module")
+def cache(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Features of the pours, computed once for all that begin with them."""
+    return tmp_path_factory.mktemp("cache")
+
+
 def learnt_head(folder: Path, cache: Path) -> TrainedHead:
     pours = load_camera_set(folder, "change", cache)
     features = extract(pours.pours, open_backbone(EDGE), cache)
@@ -46,10 +52,10 @@ def network(head: TrainedHead) -> EndToEnd:
 
 
 def test_training_lowers_the_loss_and_leaves_normalisation_as_it_was(
-    few_pours: Path, tmp_path: Path
+    few_pours: Path, cache: Path
 ) -> None:
-    pours = load_camera_set(few_pours, "change", tmp_path)
-    tuned = network(learnt_head(few_pours, tmp_path))
+    pours = load_camera_set(few_pours, "change", cache)
+    tuned = network(learnt_head(few_pours, cache))
     before = {name: value.clone() for name, value in tuned.state_dict().items()}
     config = FineTuneConfig(epochs=4, learning_rate=1e-3, accelerator="cpu")
 
@@ -64,14 +70,14 @@ def test_training_lowers_the_loss_and_leaves_normalisation_as_it_was(
     assert not [name for name in changed if "running" in name or name in ("offset", "factor")]
 
 
-def test_a_window_gives_what_cached_features_give(few_pours: Path, tmp_path: Path) -> None:
+def test_a_window_gives_what_cached_features_give(few_pours: Path, cache: Path) -> None:
     """But for the grasp at rest: the median of images here, of features there."""
-    head = learnt_head(few_pours, tmp_path)
+    head = learnt_head(few_pours, cache)
     pour = read_camera_recordings(few_pours)[0]
     images = np.array([[decode_jpeg(f.jpeg, None) for f in frame_set.frames]
                        for frame_set in frame_sets(pour.path, 2)])  # fmt: skip
     rest = np.median(images[9:24], axis=0).astype(np.uint8)
-    (features,) = extract([pour], open_backbone(EDGE), tmp_path)
+    (features,) = extract([pour], open_backbone(EDGE), cache)
     with torch.inference_mode():
         logit = network(head)(torch.from_numpy(images[None, 60 : 60 + K]),
                               torch.from_numpy(rest[None]))  # fmt: skip
@@ -123,10 +129,10 @@ def test_a_process_decodes_its_own_part_of_the_recordings(
 
 
 def test_a_training_that_was_broken_off_goes_on_with_the_same_losses(
-    few_pours: Path, tmp_path: Path
+    few_pours: Path, cache: Path, tmp_path: Path
 ) -> None:
-    pours = load_camera_set(few_pours, "change", tmp_path)
-    head = learnt_head(few_pours, tmp_path)
+    pours = load_camera_set(few_pours, "change", cache)
+    head = learnt_head(few_pours, cache)
     kept = tmp_path / "edge.checkpoint"
     config = FineTuneConfig(epochs=3, learning_rate=1e-3, accelerator="cpu", kept=KeptEpochs(kept))
 
@@ -151,31 +157,33 @@ class Broken(Exception):
     """The training was broken off."""
 
 
-def under_torchrun(folder: Path, output: Path, processes: int, *more: str) -> list[str]:
+def words(folder: Path, cache: Path, output: Path) -> list[str]:
+    return ["train-backbone", str(folder), "--backbone", EDGE, "--epochs", "2", "--frames", "2",
+            "--cache", str(cache), "--output", str(output), "--json"]  # fmt: skip
+
+
+def under_torchrun(words: list[str], *more: str) -> list[str]:
     run = [sys.executable, "-m", "torch.distributed.run", "--standalone",
-           "--nproc-per-node", str(processes), "-m", "taxel.cli.main"]  # fmt: skip
-    return [*run, "train-backbone", str(folder), "--backbone", EDGE, "--epochs", "2",
-            "--frames", "2", "--cache", str(output.parent / "cache"), "--output", str(output),
-            "--json", *more]  # fmt: skip
+           "--nproc-per-node", "2", "-m", "taxel.cli.main"]  # fmt: skip
+    return [*run, *words, *more]
 
 
 @pytest.mark.slow
 def test_two_processes_killed_and_started_again_learn_as_one_does(
-    few_pours: Path, tmp_path: Path
+    few_pours: Path, cache: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """The same loss curve from one process, from two, and from two that were killed."""
-    curves = {}
-    for processes in (1, 2):
-        output = tmp_path / f"{processes}.safetensors"
-        done = subprocess.run(under_torchrun(few_pours, output, processes), capture_output=True,
-                              text=True, timeout=600, check=False)  # fmt: skip
-        assert done.returncode == 0, done.stderr[-2000:]
-        printed = json.loads(done.stdout)
-        assert printed["processes"] == processes
-        curves[processes] = printed["losses"]
+    main(words(few_pours, cache, tmp_path / "1.safetensors"))
+    alone = json.loads(capsys.readouterr().out)
+    done = subprocess.run(under_torchrun(words(few_pours, cache, tmp_path / "2.safetensors")),
+                          capture_output=True, text=True, timeout=600, check=False)  # fmt: skip
+    assert done.returncode == 0, done.stderr[-2000:]
+    both = json.loads(done.stdout)
+    assert (alone["processes"], both["processes"]) == (1, 2)
     output = tmp_path / "killed.safetensors"
     checkpoint = tmp_path / "killed.safetensors.checkpoint"
-    process = subprocess.Popen(under_torchrun(few_pours, output, 2), stdout=subprocess.DEVNULL,
+    killed = words(few_pours, cache, output)
+    process = subprocess.Popen(under_torchrun(killed), stdout=subprocess.DEVNULL,
                                stderr=subprocess.DEVNULL, start_new_session=True)  # fmt: skip
     while not checkpoint.exists():
         assert process.poll() is None
@@ -184,12 +192,12 @@ def test_two_processes_killed_and_started_again_learn_as_one_does(
     os.killpg(process.pid, signal.SIGKILL)
     process.wait(30)
     assert not output.exists()
-    done = subprocess.run(under_torchrun(few_pours, output, 2, "--resume"), capture_output=True,
+    done = subprocess.run(under_torchrun(killed, "--resume"), capture_output=True,
                           text=True, timeout=600, check=False)  # fmt: skip
     assert done.returncode == 0, done.stderr[-2000:]
 
-    assert curves[2] == pytest.approx(curves[1], rel=0.01)
-    assert json.loads(done.stdout)["losses"] == pytest.approx(curves[2], abs=1e-6)
+    assert both["losses"] == pytest.approx(alone["losses"], rel=0.01)
+    assert json.loads(done.stdout)["losses"] == pytest.approx(both["losses"], abs=1e-6)
     assert sorted(path.name for path in tmp_path.glob("*.safe*")) == [
         "1.safetensors", "2.safetensors", "killed.safetensors",
     ]  # fmt: skip

@@ -34,9 +34,13 @@ class FoldPredictions:
     """Shape (m,)."""
     probabilities: NDArray[np.float64]
     """Shape (m, classes)."""
-    scores: Scores
     history: tuple[Epoch, ...] = field(default=(), kw_only=True)
     """How the last network learned, some test windows watched; none of a library's model."""
+
+    @property
+    def scores(self) -> Scores:
+        """The scores of these predictions, computed each time."""
+        return score(self.y, self.probabilities)
 
 
 @dataclass(frozen=True, slots=True)
@@ -83,9 +87,8 @@ def run_fold(
     )
     probabilities = fitted.probabilities(dataset.windows.values[test], dataset.windows.mask[test])
     return FoldResult(
-        fold.name, test, y[test], probabilities, score(y[test], probabilities), fitted,
-        history=tuple(fitted.history),
-    )  # fmt: skip
+        fold.name, test, y[test], probabilities, fitted, history=tuple(fitted.history)
+    )
 
 
 def _watched(

@@ -100,9 +100,8 @@ def fit_fold(job: FoldJob) -> FoldPredictions:
     opened = opened_once(job.source, job.content)
     result = fold_of(opened, job.recipe, job.model, job.number, watch=job.watch)
     return FoldPredictions(
-        result.name, result.test, result.y, result.probabilities, result.scores,
-        history=result.history,
-    )  # fmt: skip
+        result.name, result.test, result.y, result.probabilities, history=result.history
+    )
 
 
 def fold_of(

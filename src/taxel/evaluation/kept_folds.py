@@ -22,7 +22,6 @@ import numpy as np
 
 from taxel.errors import BadFile, RecordingFailed
 from taxel.evaluation.crossval import FoldPredictions
-from taxel.evaluation.metrics import score
 from taxel.evaluation.splits import Fold
 from taxel.foreign.archives import read_arrays
 from taxel.jobs.call import code_digest
@@ -108,8 +107,7 @@ class KeptFolds:
         except (OSError, BadFile, KeyError, TypeError, ValueError):
             return None
         self.used += 1
-        found = score(y, probabilities)
-        return FoldPredictions(fold.name, test, y, probabilities, found, history=history)
+        return FoldPredictions(fold.name, test, y, probabilities, history=history)
 
     def keep(self, model: str, number: int, result: FoldPredictions) -> None:
         """Store a fold that is done, whole or not at all; a shared folder may refuse it.

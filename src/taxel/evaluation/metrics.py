@@ -1,6 +1,7 @@
 """What is said of predictions: accuracy, loss, ROC-AUC, confusion, intervals by group.
 
-Knows nothing about models, splits or files.
+scikit-learn is imported where it is used: a worker that fits folds scores none and starts sooner
+without it. Knows nothing about models, splits or files.
 """
 
 from __future__ import annotations
@@ -9,7 +10,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from sklearn.metrics import confusion_matrix, precision_recall_fscore_support, roc_auc_score
 
 from taxel.evaluation.intervals import ratio_interval
 
@@ -44,6 +44,8 @@ def score(y: NDArray[np.intp], probabilities: NDArray[np.float64]) -> Scores:
         y: True class numbers, shape (n,).
         probabilities: Shape (n, classes).
     """
+    from sklearn.metrics import confusion_matrix, precision_recall_fscore_support
+
     classes = probabilities.shape[1]
     predicted = probabilities.argmax(axis=1)
     precision, recall, f1, _ = precision_recall_fscore_support(
@@ -105,6 +107,8 @@ def by_trial(
 
 
 def _roc_auc(y: NDArray[np.intp], probabilities: NDArray[np.float64]) -> float:
+    from sklearn.metrics import roc_auc_score
+
     present = np.unique(y)
     if len(present) < probabilities.shape[1]:
         return float("nan")

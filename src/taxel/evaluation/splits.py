@@ -3,8 +3,9 @@
 A `TrialFold` moves whole trials, so no window of a trial can stand on both
 sides. A `WindowFold` moves single windows, as the TENG thesis seems to (it names
 no split; its figures fit this one, docs/decisions/0042); its name says that it
-leaks, and every table that uses it prints that name. Knows nothing about models
-or metrics.
+leaks, and every table that uses it prints that name. scikit-learn is imported where it
+shuffles: a worker that holds out whole groups starts sooner without it. Knows nothing
+about models or metrics.
 """
 
 from __future__ import annotations
@@ -13,7 +14,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from sklearn.model_selection import StratifiedGroupKFold, StratifiedKFold
 
 from taxel.errors import BadSplit
 from taxel.windows.dataset import Dataset
@@ -125,6 +125,8 @@ def random_windows(dataset: Dataset, target: str, folds: int, seed: int, test: f
     Raises:
         BadSplit: Fewer than two folds, or a class has fewer windows than folds.
     """
+    from sklearn.model_selection import StratifiedKFold
+
     _check_folds(folds)
     y = dataset.class_numbers(target)
     rest, held = np.arange(len(y)), np.zeros(0, np.intp)
@@ -244,6 +246,8 @@ def _group_folds(
                  for n in names]  # fmt: skip
         if _all_classes(dataset, target, parts):
             return tuple(parts)
+    from sklearn.model_selection import StratifiedGroupKFold
+
     windows = np.flatnonzero(np.isin(dataset.trial, rest))
     y = dataset.class_numbers(target)[windows]
     owners = groups[dataset.trial[windows]]

@@ -9,8 +9,11 @@ Source: docs/decisions/0050.
 
 from __future__ import annotations
 
+import atexit
+import gc
 import os
 import signal
+import sys
 import threading
 from collections.abc import Callable, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
@@ -18,6 +21,7 @@ from contextlib import suppress
 from dataclasses import replace
 from multiprocessing import get_context
 from multiprocessing.connection import Connection
+from typing import NoReturn
 
 from taxel.errors import WorkerLost
 from taxel.jobs.call import Call, Done, perform
@@ -62,6 +66,8 @@ class LocalEngine:
             running = list(self._running)
         for worker in running:
             worker.end()
+        for worker in running:
+            worker.reap()
         self._threads.shutdown(wait=True)
 
     def _perform(self, call: Call) -> Done:
@@ -134,13 +140,12 @@ class _Worker:
         return answer
 
     def end(self) -> None:
-        """End the process: at once where it is busy."""
+        """Let the process end, at once where it is busy; `reap` waits for it."""
         if self._busy:
             self._process.kill()
         else:
             with suppress(OSError):
                 self._pipe.send(None)
-        self.reap()
 
     def reap(self) -> None:
         """Wait for the process's end, not for long."""
@@ -152,21 +157,30 @@ class _Worker:
 
 def _serve(pipe: Connection, parent: int) -> None:
     """Do jobs from a pipe until there are none; the life of a worker process."""
+    gc.disable()  # the first job brings modules, in which there is nothing to be collected
     os.environ.setdefault("OMP_NUM_THREADS", "1")  # a worker a core: docs/decisions/0002
     os.environ.setdefault("OMP_WAIT_POLICY", "PASSIVE")
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent decides what an interrupt ends
     end_with_parent(parent)
-    while True:
-        try:
-            call = pipe.recv()
-        except (EOFError, OSError):
-            return
-        if call is None:
-            return
-        try:
+    with suppress(EOFError, OSError):  # the parent is gone
+        while (call := pipe.recv()) is not None:
+            if not gc.isenabled():
+                gc.freeze()
+                gc.enable()
             _answer(pipe, perform(call))
-        except OSError:  # the parent is gone
-            return
+    _leave()
+
+
+def _leave() -> NoReturn:
+    """End this process as Python does, but leave its memory to the system.
+
+    Taking PyTorch's modules apart takes half a second, and the parent waits for it.
+    """
+    atexit._run_exitfuncs()
+    for stream in (sys.stdout, sys.stderr):
+        with suppress(AttributeError, OSError, ValueError):  # there is none, or it is closed
+            stream.flush()
+    os._exit(0)
 
 
 def _answer(pipe: Connection, done: Done) -> None:

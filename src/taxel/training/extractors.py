@@ -1,6 +1,8 @@
 """What gives features of frames: a backbone in an engine, or quantities of the gel.
 
-Knows nothing about recordings, caches or labels.
+What writes a backbone is imported where it is used: a worker that computes features runs what is
+written already, or none, and starts without PyTorch. Knows nothing about recordings, caches or
+labels.
 """
 
 from __future__ import annotations
@@ -9,16 +11,16 @@ import hashlib
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from taxel.bundles.engine import Engine, EngineName, Precision, open_engine
 from taxel.gel.slip_features import SLIP_FEATURES, SlipFeatures
-from taxel.models.backbones.catalogue import find_backbone
-from taxel.models.export_onnx import export_backbone
-from taxel.models.weights import Weights, find_weights
-from taxel.training.quantising import quantise
+
+if TYPE_CHECKING:
+    from taxel.models.weights import Weights
 
 
 @dataclass(frozen=True, slots=True)
@@ -66,6 +68,11 @@ def open_backbone(
         BadInput: There is no such backbone, the weights do not fit, or int8 lacks images.
         MissingExtra: The engine, or what makes 8-bit numbers, is not installed.
     """
+    from taxel.models.backbones.catalogue import find_backbone
+    from taxel.models.export_onnx import export_backbone
+    from taxel.models.weights import find_weights
+    from taxel.training.quantising import quantise
+
     row = find_backbone(backbone)
     found = find_weights(backbone, weights)
     module = row.build("logits").eval()

@@ -64,6 +64,7 @@ def fill_cache(
         (pour, extractor) for pour, extractor in zip(pours, extractors, strict=True)
         if load_kept(kept_path(cache, extractor, pour), extractor.features) is None
     ]  # fmt: skip
+    left.sort(key=lambda each: -len(each[0]))  # the longest last would keep one worker alone
     jobs = [(pour.path.absolute(), portable(own, cache), cache.absolute()) for pour, own in left]
     frames, seconds, known = 0, 0.0, len(pours) - len(left)
     for number, found in as_done(extract_one, jobs, names=[pour.name for pour, _ in left]):

@@ -208,18 +208,19 @@ def _column(dataset: Dataset, split: Split, job: Job) -> Column:
     assert split.final is not None
     last, history_rows = _last_fit(dataset, split.final, job)
     training_s = perf_counter() - started
-    rows = dict(zip(ROWS, (result.scores.accuracy for result in results), strict=False))
-    rows["Mean K-Fold Acc"] = float(np.mean([result.scores.accuracy for result in results]))
-    rows["Test Accuracy"] = last.scores.accuracy
-    rows["Test Loss"] = last.scores.loss
-    rows["Multi-Class ROC-AUC"] = last.scores.roc_auc
+    accuracies = [result.scores.accuracy for result in results]
+    rows = dict(zip(ROWS, accuracies, strict=False))
+    rows["Mean K-Fold Acc"] = float(np.mean(accuracies))
+    scores = last.scores
+    rows["Test Accuracy"], rows["Test Loss"] = scores.accuracy, scores.loss
+    rows["Multi-Class ROC-AUC"] = scores.roc_auc
     rows["Inference Time (ms/sample)"] = milliseconds_per_window(
         last.fitted, dataset, last.test, job
     )
     noisy = _noisy(dataset, last)
     rows["Noisy Data Accuracy"], rows["Noisy Data Loss"] = noisy
-    rows["Precision"], rows["Recall"] = last.scores.precision, last.scores.recall
-    rows["F1-Score"] = last.scores.f1
+    rows["Precision"], rows["Recall"] = scores.precision, scores.recall
+    rows["F1-Score"] = scores.f1
     rows |= history_rows
     # Under a split by session the test session is one more session predicted blindly.
     seen = [*results, last] if isinstance(split.final, TrialFold) else results
@@ -245,9 +246,7 @@ def _last_fit(dataset: Dataset, fold: Fold, job: Job) -> tuple[FoldResult, dict[
         return float((found.argmax(axis=1) == y[part]).mean())
 
     probabilities = fitted.probabilities(windows.values[test], windows.mask[test])
-    result = FoldResult(
-        fold.name, test, y[test], probabilities, score(y[test], probabilities), fitted
-    )
+    result = FoldResult(fold.name, test, y[test], probabilities, fitted)
     return result, {
         "Training Accuracy": accuracy(train),
         "Validation Accuracy": accuracy(development[watched]),
