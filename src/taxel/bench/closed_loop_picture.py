@@ -56,7 +56,7 @@ def draw(path: Path, learnt: Learnt) -> None:
 
 def _draw_curves(axes: Axes, learnt: Learnt) -> None:
     same = [point for point in learnt.curve if point.stability.raise_s == learnt.stability.raise_s]
-    _draw_curve(axes, [point.scores for point in same], _TAXEL, "taxel, threshold on probability")
+    _draw_curve(axes, [point.scores for point in same], _TAXEL, "taxel, threshold on its forecast")
     _draw_curve(
         axes, [point.scores for point in learnt.pixel_curve], _PIXELS, "difference of pixels"
     )
@@ -71,6 +71,7 @@ def _draw_curves(axes: Axes, learnt: Learnt) -> None:
     axes.set_ylabel("prevented, % of preventable drops")
     axes.set_title(f"training cups held out, {chosen.pours} pours; dotted: the goals")
     axes.set_xscale("symlog", linthresh=1.0)
+    axes.set_xticks([0, 1, 10, 100], ["0", "1", "10", "100"])
     axes.set_xlim(-0.1, 110)
     axes.legend(loc="lower right")
 
