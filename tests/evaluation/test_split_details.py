@@ -10,7 +10,6 @@ from make_dataset import make_dataset
 from sklearn.model_selection import StratifiedGroupKFold, StratifiedKFold
 
 from taxel.errors import BadInput, BadSplit
-from taxel.evaluation import splits
 from taxel.evaluation.splits import TrialFold, by_group, by_order, parse_split, random_windows
 from taxel.windows.config import WindowConfig
 
@@ -59,7 +58,7 @@ class Dealer:
 
 def test_fifty_seeds_are_tried_for_folds_that_are_whole(monkeypatch: pytest.MonkeyPatch) -> None:
     """All classes stand in each training part here; but a fold that tests nothing is no fold."""
-    monkeypatch.setattr(splits, "StratifiedGroupKFold", Dealer)
+    monkeypatch.setattr("sklearn.model_selection.StratifiedGroupKFold", Dealer)
     Dealer.seeds = []
 
     with pytest.raises(BadSplit, match="none of 50 ways to make 3 folds"):
