@@ -59,11 +59,6 @@ def test_a_network_learns_what_can_be_seen(name: str) -> None:
     assert evaluate(network, data)[1] > 0.97
 
 
-UNROLLED = 100
-"""Rows of the longest window for a network whose graph holds each row: to write 400 of them takes
-a dozen seconds more, and each is as the one before."""
-
-
 @pytest.mark.parametrize("name", NETWORKS)
 @pytest.mark.parametrize(("steps", "channels", "classes"), SHAPES[:3])
 def test_the_exported_network_gives_what_pytorch_gives(
@@ -71,8 +66,6 @@ def test_the_exported_network_gives_what_pytorch_gives(
 ) -> None:
     import onnxruntime
 
-    if name == "conv-lstm":
-        steps = min(steps, UNROLLED)
     network = new_network(lambda: MODELS[name].build(steps, channels, classes), 0)
     rng = np.random.default_rng(1)
     known = rng.normal(0.0, 2.0, (60, steps, channels)).astype(np.float32)

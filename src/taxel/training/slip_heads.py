@@ -43,7 +43,11 @@ _NEAR_TIMES: Final = 3.0
 _SETTLED_S: Final = 0.4
 _THIN: Final = 3
 """Of a pour that holds every third row is learned from, and counts three times."""
-_TREES, _LEAVES, _STEP = 140, 16, 0.06
+_BOOSTING: Final[dict[str, Any]] = {
+    "learning_rate": 0.06, "max_iter": 140, "max_leaf_nodes": 16, "min_samples_leaf": 60,
+    "l2_regularization": 1.0, "early_stopping": False,
+}  # fmt: skip
+"""Of both kinds of trees. Source: docs/decisions/0036."""
 _PENALTY_C: Final = 0.3
 _FORECAST_UM: Final = (20.0, 1000.0)
 """Slips that a forecast tells apart, micrometres: below is noise, above all is lost."""
@@ -203,10 +207,7 @@ class BoostingHead:
     """
 
     def __init__(self, seed: int = 0) -> None:
-        self._model = HistGradientBoostingClassifier(
-            learning_rate=_STEP, max_iter=_TREES, max_leaf_nodes=_LEAVES, min_samples_leaf=60,
-            l2_regularization=1.0, early_stopping=False, random_state=seed,
-        )  # fmt: skip
+        self._model = HistGradientBoostingClassifier(**_BOOSTING, random_state=seed)
 
     def fit(self, rows: Rows, labels: NDArray[Any], weights: NDArray[np.float64]) -> None:
         self._model.fit(rows, labels, sample_weight=weights)
@@ -230,10 +231,7 @@ class ForecastHead:
     """
 
     def __init__(self, seed: int = 0) -> None:
-        self._model = HistGradientBoostingRegressor(
-            learning_rate=_STEP, max_iter=_TREES, max_leaf_nodes=_LEAVES, min_samples_leaf=60,
-            l2_regularization=1.0, early_stopping=False, random_state=seed,
-        )  # fmt: skip
+        self._model = HistGradientBoostingRegressor(**_BOOSTING, random_state=seed)
 
     def fit(self, rows: Rows, labels: NDArray[Any], weights: NDArray[np.float64]) -> None:
         self._model.fit(rows, labels, sample_weight=weights)
