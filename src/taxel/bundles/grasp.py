@@ -93,6 +93,11 @@ class GraspContract:
     """What was measured when it was trained, on cups held out; may be empty."""
     software: str
 
+    @property
+    def gives_probability(self) -> bool:
+        """False for a slip warning whose number of 0…1 is only a score: a forecast, the rule."""
+        return self.features != SLIP or self.head not in ("forecast", "rule")
+
     def check_cameras(self, cameras: tuple[CameraInfo, ...]) -> None:
         """Refuse cameras that this bundle was not made for.
 

@@ -42,7 +42,8 @@ def live_grasps(
             reason = f"  {answer.decision.reason}" if answer.decision.reason else ""
             slip = answer.decision.slip
             reason += f"  {slip.words}" if slip is not None and slip.seen else ""
-            what = f"P({visible(opened.contract.rule)}) {answer.probability:.2f}"
+            kind = "P" if opened.contract.gives_probability else "score"
+            what = f"{kind}({visible(opened.contract.rule)}) {answer.probability:.2f}"
             console.print(
                 Text.assemble(
                     f"{answer.time_s - first_s[0]:8.2f} s  ", (f"{name:<8}", _COLOURS[name]),
