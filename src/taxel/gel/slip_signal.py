@@ -13,7 +13,7 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from math import inf, isfinite
+from math import inf, isfinite, nan
 from typing import Any, Final
 
 import numpy as np
@@ -131,6 +131,11 @@ class GelSlip:
         """After the last image."""
         self.features: NDArray[np.float64] = np.zeros(len(TREND_FEATURES))
         """Shape (33,), as `TREND_FEATURES`, after the last image."""
+
+    @property
+    def measured_s(self) -> float:
+        """When the last image in which slip was measured was taken, seconds; NaN before any."""
+        return self._past[-1][0] if self._past else nan
 
     def push(
         self,

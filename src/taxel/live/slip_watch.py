@@ -42,11 +42,27 @@ class SlipWatch:
         self._jpegs: list[bytes] = [b""] * len(cameras)
         self._images: list[Rgb | None] = [None] * len(cameras)
         self._pair = PairSlip(len(cameras))
+        self._taken_s: tuple[float, ...] = (math.nan,) * len(cameras)
+        """When the newest images were taken."""
 
     @property
     def settling(self) -> bool:
         """True until the settled first moments are over."""
         return not self._followers
+
+    def lost(self, longest_s: float) -> int | None:
+        """Return a camera whose gel's slip is older than its newest image by more than a time.
+
+        Its imprint or dots could not be followed since, or its clock was set back. None where all
+        are followed, and while the grasp settles.
+
+        Args:
+            longest_s: That time, seconds.
+        """
+        for camera, (gel, taken_s) in enumerate(zip(self._pair.gels, self._taken_s, strict=True)):
+            if not self.settling and not 0 <= taken_s - gel.measured_s <= longest_s:
+                return camera
+        return None
 
     @property
     def waiting(self) -> int:
@@ -110,7 +126,7 @@ class SlipWatch:
                 pose.object * to_mm, pose.gel * to_mm, pose.spread * to_mm, taken_s[camera],
                 pose.seen,
             )  # fmt: skip
-        self._shown = images
+        self._shown, self._taken_s = images, tuple(taken_s)
         return self._pair.features()
 
 
