@@ -297,7 +297,8 @@ class Station:
         )
         answers = self.answers.newest()
         return guard_snapshot(self.guard, now_s) | {
-            "thresholds": {key: limits[key] for key in ("warn", "unstable") if key in limits},
+            "thresholds": {k: limits[k] for k in ("clear", "warn", "unstable") if k in limits},
+            "scored": limits.get("is_score", False),
             "answers": answers, "do": self.person.advice(answers), "trial": self.person.trial(),
             "consumers": [
                 consumer_snapshot(worker.name, self._beats.read(worker.row), now_s)

@@ -163,3 +163,14 @@ export function toast(text) {
   clearTimeout(toast.timer);
   toast.timer = setTimeout(() => (box.hidden = true), 6000);
 }
+
+/** What the monitor goes by, as `evidence` gives it, and the slip in words. */
+export function drawNumber(evidence, slip) {
+  once("evidence", evidence.name, () => {
+    $("pname").textContent = evidence.name;
+    $("probability").setAttribute("aria-label", evidence.name);
+  });
+  $("pnow").textContent = evidence.now;
+  $("pfrom").textContent = evidence.from;
+  $("slipnow").textContent = slip;
+}

@@ -105,7 +105,7 @@ function line(u, pen, x0, y0, x1, y1, colour, dash) {
   pen.restore();
 }
 
-/** The probability with its thresholds and what happened. */
+/** The probability or score with its thresholds and what happened. */
 export function probabilityTrace(place) {
   let events = [];
   let thresholds = {};

@@ -90,6 +90,13 @@ export function slipWords(slip) {
   return `slip ${number(slip.slip_mm, 2)} mm, ${number(slip.slip_rate_mm_s, 1)} mm/s`;
 }
 
+/** Return the name, the number and the threshold of what a monitor goes by: a probability, or a warning's score. */
+export function evidence(snapshot) {
+  const name = snapshot.scored ? "Warning score" : "Probability of instability";
+  const warn = snapshot.thresholds?.warn;
+  return { name, now: number(snapshot.scored ? snapshot.score : snapshot.probability, 2), from: Number.isFinite(warn) ? `warns from ${number(warn, 2)}` : "" };
+}
+
 export function count(value) {
   return Number.isFinite(value) ? String(value).replace(/\B(?=(\d{3})+$)/g, "\u202f") : "–";
 }
