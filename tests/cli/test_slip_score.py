@@ -24,7 +24,7 @@ def test_a_head_that_learned_whether_it_slips_gives_a_probability(features: str,
     contract = replace(read_grasp_contract(shipped_bundle(CUP_POUR)), features=features, head=head)
 
     assert contract.gives_probability
-    assert number_words(contract, 0.25) == "P(gross-slip) 0.25"
+    assert number_words(contract, 0.25) == "  P(gross-slip) 0.25"
 
 
 def test_a_forecasts_number_is_printed_as_a_score_beside_its_threshold(
@@ -33,8 +33,8 @@ def test_a_forecasts_number_is_printed_as_a_score_beside_its_threshold(
     main(["live", CUP_POUR, "sim://cup-pour?speed=max", "--seconds", "1"])
     printed = capsys.readouterr().out
 
-    assert "score – (warns from 0.84)" in printed  # while the grasp settles
-    assert "slip 0.0" in printed
+    assert "UNKNOWN   learning the settled grasp, 0.4 s left" in printed
+    assert "score 0.00 (warns from 0.84)  slip 0.0" in printed
     assert "P(" not in printed
     assert "nan" not in printed
 

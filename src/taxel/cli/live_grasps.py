@@ -22,11 +22,12 @@ _COLOURS = {"STABLE": "green", "WARNING": "yellow", "UNSTABLE": "red", "UNKNOWN"
 
 
 def number_words(contract: GraspContract, number: float) -> str:
-    """Return a monitor's number in words: a probability, or a score beside its threshold."""
-    now = f"{number:.2f}" if math.isfinite(number) else "–"
+    """Return a monitor's number in words, if it gave one: a probability, or a score."""
+    if not math.isfinite(number):
+        return ""
     if contract.gives_probability:
-        return f"P({visible(contract.rule)}) {now}"
-    return f"score {now} (warns from {contract.stability.warn:.2f})"
+        return f"  P({visible(contract.rule)}) {number:.2f}"
+    return f"  score {number:.2f} (warns from {contract.stability.warn:.2f})"
 
 
 def live_grasps(
@@ -56,7 +57,7 @@ def live_grasps(
             console.print(
                 Text.assemble(
                     f"{answer.time_s - first_s[0]:8.2f} s  ", (f"{name:<8}", _COLOURS[name]),
-                    f"  {what}{visible_line(reason)}",
+                    f"{what}{visible_line(reason)}",
                 ), soft_wrap=True,
             )  # fmt: skip
 

@@ -83,7 +83,7 @@ class Slip:
         """Such as "slip 0.12 mm, 0.3 mm/s"."""
         if not self.seen:
             return "slip unknown"
-        return f"slip {self.distance_mm:.2f} mm, {self.rate_mm_s:.1f} mm/s"
+        return f"slip {self.distance_mm:.2f} mm, {self.rate_mm_s:z.1f} mm/s"
 
     @staticmethod
     def from_dict(values: Mapping[str, Any]) -> Slip:

@@ -113,13 +113,17 @@ export function probabilityTrace(place) {
     const pen = u.ctx;
     const { left, top, width, height } = u.bbox;
     pen.font = font().replace(/\d+/, (n) => Number(n) * (window.devicePixelRatio || 1));
+    const high = parseFloat(pen.font);
+    let before = { y: Infinity, end: left };
     for (const [name, colour] of [["clear", "#5fc3a8"], ["warn", "#f5b301"], ["unstable", "#ff6b5e"]]) {
       if (!Number.isFinite(thresholds[name])) continue;
       const y = u.valToPos(thresholds[name], "y", true);
       line(u, pen, left, y, left + width, y, colour, [6, 4]);
       pen.fillStyle = colour;
       pen.textAlign = "left";
-      pen.fillText(name, left + 4, y - 3);
+      const x = (before.y - y < high ? before.end : left) + 0.4 * high; // beside a name that would be written over
+      pen.fillText(name, x, Math.max(y - 3, top + 0.9 * high));
+      before = { y, end: x + pen.measureText(name).width };
     }
     let free = Infinity;
     for (const event of [...events].reverse()) {

@@ -80,7 +80,7 @@ export function duration(seconds) {
 }
 
 export function number(value, digits = 1) {
-  return Number.isFinite(value) ? value.toFixed(digits) : "–";
+  return Number.isFinite(value) ? value.toFixed(digits).replace(/^-(0(\.0*)?)$/, "$1") : "–"; // not −0.0
 }
 
 /** How far the object has slipped, such as "slip 0.12 mm, 0.3 mm/s"; empty where nothing follows it. */
