@@ -281,6 +281,8 @@ class Station:
             return
         if self._said[0] == UNKNOWN and word != UNKNOWN:
             reason += f"{', ' if reason else ''}after {since_s - self._since_s:.1f} s of {UNKNOWN}"
+        if self.guard.decision.alarm and self.guard.slip is not None:
+            reason = reason or self.guard.slip.words
         self._said, self._since_s = shown, since_s
         self._happened(now_s, f"{word}{': ' if reason else ''}{reason}")
 

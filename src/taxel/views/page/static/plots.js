@@ -4,6 +4,7 @@
 export const SHOWN_S = 30;
 const AXIS = { stroke: "#8b98ab", grid: { stroke: "#1d2530", width: 1 }, ticks: { stroke: "#1d2530", width: 1 } };
 const FINGERS = [["#7cc7f5", "#3a9fdc", "#1f6fa6"], ["#ffc247", "#e69f00", "#a87300"], ["#4fe0b6", "#16b588", "#0d7d5e"], ["#eaa6cb", "#cc79a7", "#94507a"]];
+const STATE = /^(STABLE|WARNING|UNSTABLE|UNKNOWN|NO GRASP|STOP)\b/;
 const MANY = ["#56b4e9", "#e69f00", "#2fd0a5", "#cc79a7", "#f0e442", "#9aa7ff", "#d55e00", "#8fd14f", "#b8c0cc", "#ff8fab", "#6fd6e8", "#c49a6c"];
 
 /** Return a colour for each channel: a finger's joints share a hue. */
@@ -127,17 +128,18 @@ export function probabilityTrace(place) {
     }
     let free = Infinity;
     for (const event of [...events].reverse()) {
+      const text = STATE.exec(event.text)?.[0] ?? event.text; // its reason stands in the large field
       const x = u.valToPos(event.t, "x", true);
       if (x < left || x > left + width) continue;
       line(u, pen, x, top, x, top + height, "#c6d0de", [2, 3]);
-      const wide = pen.measureText(event.text).width + 8;
+      const wide = pen.measureText(text).width + 8;
       if (x + 3 + wide > free || x + wide > left + width + 4) continue;
       pen.textAlign = "left";
       pen.textBaseline = "top";
       pen.fillStyle = "rgba(10,13,18,0.8)";
       pen.fillRect(x + 2, top + 1, wide - 2, 1.3 * parseFloat(pen.font));
       pen.fillStyle = "#c6d0de";
-      pen.fillText(event.text, x + 4, top + 2);
+      pen.fillText(text, x + 4, top + 2);
       pen.textBaseline = "alphabetic";
       free = x;
     }
