@@ -82,6 +82,7 @@ FAULTS: dict[str, Fault] = {
     "cut": lambda frame, _: replace(frame, jpeg=frame.jpeg[:500]),
     "empty": lambda frame, _: replace(frame, jpeg=b""),
     "a clock that was set back": lambda frame, _: replace(frame, device_s=frame.device_s - 100.0),
+    "a clock that stands still": lambda frame, _: replace(frame, device_s=0.7),
 }  # fmt: skip
 
 

@@ -144,19 +144,19 @@ class GelSlip:
         spread: NDArray[np.float64],
         taken_s: float,
         seen: bool = True,
-    ) -> None:
-        """Take in an image's poses.
+    ) -> bool:
+        """Take in an image's poses; return whether slip was measured in it.
 
         Args:
             moved: Shape (3,): the object's x, y (mm) and turn (rad) since the grasp.
             gel: Shape (3,): the same of the gel in contact.
             spread: Shape (3,): standard deviation of the object's less the gel's.
-            taken_s: When the image was taken, seconds; must grow from image to image.
+            taken_s: When the image was taken, seconds; it changes nothing where this has not grown.
             seen: False where the poses could not be followed: they change nothing then.
         """
         if not seen or (self._past and taken_s <= self._past[-1][0]):
             self.slip = _unseen(self.slip) if not seen else self.slip
-            return
+            return False
         x, y, turn = moved - gel
         distance = float(np.sqrt(x * x + y * y + (TURN_MM * turn) ** 2))
         give = float(np.sqrt(gel[0] ** 2 + gel[1] ** 2 + (TURN_MM * gel[2]) ** 2))
@@ -178,6 +178,7 @@ class GelSlip:
         )
         self.features = np.array([*state, *self._rates()])
         self.slip = self._slip_now()
+        return True
 
     def _rates(self) -> list[float]:
         """Return rates over each lag, then readiness; over what there is where that is less."""

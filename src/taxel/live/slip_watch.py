@@ -44,6 +44,8 @@ class SlipWatch:
         self._pair = PairSlip(len(cameras))
         self._taken_s: tuple[float, ...] = (math.nan,) * len(cameras)
         """When the newest images were taken."""
+        self._missed = [False] * len(cameras)
+        """Whether no slip was measured in the newest image."""
 
     @property
     def settling(self) -> bool:
@@ -53,14 +55,15 @@ class SlipWatch:
     def lost(self, longest_s: float) -> int | None:
         """Return a camera whose gel's slip is older than its newest image by more than a time.
 
-        Its imprint or dots could not be followed since, or its clock was set back. None where all
-        are followed, and while the grasp settles.
+        Its imprint or dots could not be followed since, or its clock was set back or stands still.
+        None where all are followed, and while the grasp settles.
 
         Args:
             longest_s: That time, seconds.
         """
-        for camera, (gel, taken_s) in enumerate(zip(self._pair.gels, self._taken_s, strict=True)):
-            if not self.settling and not 0 <= taken_s - gel.measured_s <= longest_s:
+        for camera, gel in enumerate(self._pair.gels):
+            age_s = self._taken_s[camera] - gel.measured_s
+            if self._missed[camera] and not 0 < age_s <= longest_s:
                 return camera
         return None
 
@@ -122,7 +125,7 @@ class SlipWatch:
                 continue
             pose = self._followers[camera].follow(image)
             to_mm = self._to_mm[camera]
-            self._pair.gels[camera].push(
+            self._missed[camera] = not self._pair.gels[camera].push(
                 pose.object * to_mm, pose.gel * to_mm, pose.spread * to_mm, taken_s[camera],
                 pose.seen,
             )  # fmt: skip
