@@ -100,8 +100,8 @@ REASONS: dict[str, Reason] = {
     "slip lost": Reason(
         "the slip over the {camera} gel cannot be followed",
         "For 0.2 s its image has shown no imprint or no dots that fit the settled grasp (covered, "
-        "dark, nothing held any more), or its camera's clock was set back or stands still. An alarm "
-        "that is on stays on.",
+        "dark, nothing held any more), or its camera's clock was set back or stands still. An "
+        "alarm that is on stays on.",
         "Look at the picture of that gel; once it can be seen, press n for a new grasp.",
     ),
     "unusable": Reason(
