@@ -47,6 +47,7 @@ def test_a_datagram_says_all_that_is_documented() -> None:
         "state": "WARNING",
         "reason": "",
         "probability": 0.75,
+        "score": None,
         "slip": None,
         "since_s": 9.5,
         "order": "grip",
@@ -55,6 +56,12 @@ def test_a_datagram_says_all_that_is_documented() -> None:
         "grasp": 1,
     }
     assert second["sequence"] == 2
+
+
+def test_a_warnings_score_is_not_sent_as_a_probability() -> None:
+    action = action_of(replace(WARNING, is_score=True), GRIP, 1, 10.0)
+
+    assert (action.probability, action.score) == (None, 0.75)
 
 
 ANSWER = {"target": "material", "grasp": "glass", "grasp_confidence": 0.93, "action": "glass bin",

@@ -1,22 +1,72 @@
-"""A slip warning's score is not printed as if it were a probability."""
+"""A slip warning's score is not printed as if it were a probability; what a bundle was called."""
+
+from dataclasses import replace
+from pathlib import Path
 
 import pytest
 
-from taxel.bundles.grasp import read_grasp_bundle
-from taxel.bundles.shipped import shipped_bundle
+from taxel.bundles.grasp import read_grasp_bundle, read_grasp_contract
+from taxel.bundles.shipped import CUP_POUR, find_bundle, shipped_bundle
+from taxel.cli.live_grasps import number_words
 from taxel.cli.main import main
+from taxel.errors import BadBundle
+
+
+@pytest.mark.parametrize("name", [CUP_POUR, "slip-rule"])
+def test_what_comes_with_taxel_gives_a_score(name: str) -> None:
+    assert not read_grasp_bundle(shipped_bundle(name)).contract.gives_probability
 
 
 @pytest.mark.parametrize(
-    ("name", "probability"), [("slip-forecast", False), ("slip-rule", False), ("cup-pour", True)]
+    ("features", "head"), [("slip", "boosting"), ("slip", "logistic"), ("gel", "lstm")]
 )
-def test_a_bundle_says_whether_its_number_is_a_probability(name: str, probability: bool) -> None:
-    assert read_grasp_bundle(shipped_bundle(name)).contract.gives_probability == probability
+def test_a_head_that_learned_whether_it_slips_gives_a_probability(features: str, head: str) -> None:
+    contract = replace(read_grasp_contract(shipped_bundle(CUP_POUR)), features=features, head=head)
+
+    assert contract.gives_probability
+    assert number_words(contract, 0.25) == "  P(gross-slip) 0.25"
 
 
-def test_a_forecasts_number_is_printed_as_a_score(capsys: pytest.CaptureFixture[str]) -> None:
-    main(["live", "slip-forecast", "sim://cup-pour?speed=max", "--seconds", "1"])
+def test_a_forecasts_number_is_printed_as_a_score_beside_its_threshold(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    main(["live", CUP_POUR, "sim://cup-pour?speed=max", "--seconds", "1"])
     printed = capsys.readouterr().out
 
-    assert "score(gross-slip)" in printed
-    assert "P(gross-slip)" not in printed
+    assert "UNKNOWN   learning the settled grasp, 0.4 s left" in printed
+    assert "score 0.00 (warns from 0.84)  slip 0.0" in printed
+    assert "P(" not in printed
+    assert "nan" not in printed
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        "live slip-forecast sim://cup-pour --seconds 1",
+        "live cup-pour sim://cup-pour --also slip-forecast --seconds 1",
+        "sweep slip-forecast --data pours",
+        "adapt slip-forecast --history",
+    ],
+)
+def test_its_former_name_is_refused_in_one_line_that_says_the_new(
+    words: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(SystemExit) as ended:
+        main(words.split())
+
+    assert ended.value.code == 2
+    (line,) = capsys.readouterr().err.strip().splitlines()
+    assert "needed cup-pour; got the former name slip-forecast" in line
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_users_own_file_of_that_name_is_theirs(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(BadBundle, match="needed cup-pour"):
+        shipped_bundle("slip-forecast")
+    Path("slip-forecast").touch()
+
+    assert find_bundle(Path("slip-forecast")) == Path("slip-forecast")

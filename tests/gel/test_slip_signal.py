@@ -1,5 +1,7 @@
 """Slip is a length, a rate and a readiness, each with what it is worth."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -38,6 +40,7 @@ def test_a_steady_slide_is_measured_as_distance_and_rate():
     assert gel.slip.distance_mm == pytest.approx(0.3 * 19 * 0.04)
     assert gel.slip.rate_mm_s == pytest.approx(0.3)
     assert gel.slip.words == "slip 0.23 mm, 0.3 mm/s"
+    assert replace(gel.slip, rate_mm_s=-0.04).words == "slip 0.23 mm, 0.0 mm/s"
     for lag in (1, 2, 4, 8, 16):
         assert column(gel.features, f"slip_rate_{lag}") == pytest.approx(0.3)
 

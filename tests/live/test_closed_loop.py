@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-import torch
+from gel_monitor import write_gel_monitor
 
 from taxel.actions.grip_policy import (
     GripPolicy,
@@ -23,10 +23,9 @@ from taxel.bench.closed_loop_tuning import (
     thin,
     tune_loop,
 )
-from taxel.bundles.grasp import GraspBundle, GraspContract, read_grasp_bundle, write_grasp_bundle
-from taxel.decisions.stability import StabilityConfig
+from taxel.bundles.grasp import GraspBundle, read_grasp_bundle
+from taxel.bundles.shipped import CUP_POUR, shipped_bundle
 from taxel.errors import BadInput
-from taxel.gel.slip_features import SLIP_FEATURES
 from taxel.live.closed_loop import (
     GripCommand,
     LoopConfig,
@@ -39,10 +38,8 @@ from taxel.live.closed_loop import (
     run_loop,
 )
 from taxel.live.grasp_monitor import GraspMonitor
-from taxel.models.export_onnx import HeadProbability, export_head
 from taxel.sim.cup_pour import CupPourConfig, list_runs
 from taxel.sim.cups import PourRun
-from taxel.windows.rest import SETTLE
 
 SHORT = LoopConfig(duration_s=3.0)
 DROPS = next(
@@ -52,41 +49,22 @@ DROPS = next(
 )
 """Dropped after 2.6 s without taxel."""
 HOLDS = replace(DROPS, kind="still", flow_g_s=0.0, amount_g=0.0)
-K = 4
-
-
-class SlipHead(torch.nn.Module):
-    """Tells "unstable" once an imprint has parted from its gel by 1.5 pixels, place by place."""
-
-    def forward(self, windows: torch.Tensor) -> torch.Tensor:
-        width = len(SLIP_FEATURES)
-        place = SLIP_FEATURES.index("slip_spread")
-        left, right = windows[:, -1, place], windows[:, -1, width + place]
-        return (torch.maximum(left, right) - 1.5) * 4.0
 
 
 @pytest.fixture(scope="module")
 def bundle(tmp_path_factory: pytest.TempPathFactory) -> GraspBundle:
     """A whole grasp bundle whose head is a rule that can be read."""
-    width = len(SLIP_FEATURES)
-    zeros, ones = (tuple((value,) * width for _ in range(2)) for value in (0.0, 1.0))
-    contract = GraspContract(
-        features="gel", weights="", head="rule", frames=K, tare="change",
-        settle=(SETTLE.start, SETTLE.stop), cameras=2, width=320, height=240, rate_hz=60.0,
-        rule="slip_spread > 1.5 px", offset=zeros, factor=ones, stability=StabilityConfig(),
-        parameters=0, data_digest="", measured={}, software="test",
-    )  # fmt: skip
-    windows = np.random.default_rng(0).normal(1.5, 1.0, size=(5, K, 2, width)).astype(np.float32)
-    with torch.inference_mode():
-        expected = HeadProbability(SlipHead())(torch.from_numpy(windows)).numpy()
     path: Path = tmp_path_factory.mktemp("loop") / "b.taxel"
-    write_grasp_bundle(path, contract, export_head(SlipHead(), K, width), None, windows, expected)
+    write_gel_monitor(path)
     return read_grasp_bundle(path)
 
 
-def close(bundle: GraspBundle, run: PourRun, config: LoopConfig = SHORT) -> LoopTrack:
+def close(
+    bundle: GraspBundle, run: PourRun, config: LoopConfig = SHORT, *, own: bool = False
+) -> LoopTrack:
+    """Pour with the monitor and the grip; `own`: at the bundle's own thresholds."""
     pour = open_pour(run, config)
-    monitor = GraspMonitor(bundle, pour.cameras, stability_at(0.5, 0.05))
+    monitor = GraspMonitor(bundle, pour.cameras, None if own else stability_at(0.5, 0.05))
     return run_loop(pour, MonitoredGrip(monitor, GripPolicy(run.force_n)), config)
 
 
@@ -107,6 +85,17 @@ def test_a_cup_that_drops_without_taxel_is_saved_by_the_monitor_and_the_grip(
     assert raised_s is not None
     assert slips_s is not None
     assert slips_s < raised_s < bare.time_s[-1]
+
+
+def test_the_monitor_that_comes_with_taxel_saves_the_cup_and_leaves_one_that_holds_alone() -> None:
+    """At its own thresholds, which are those of a promise of false alarms."""
+    shipped = read_grasp_bundle(shipped_bundle(CUP_POUR))
+    saved, still = (close(shipped, run, own=True) for run in (DROPS, HOLDS))
+
+    assert not saved.dropped
+    assert saved.raised_s is not None
+    assert still.raised_s is None
+    assert not still.dropped
 
 
 def test_until_the_first_raise_arrives_the_pour_is_the_one_without_taxel(

@@ -10,7 +10,7 @@ from taxel.signals import Samples
 from taxel.sources.opening import open_source
 
 STATES = {
-    "STABLE": ("", 0.08), "WARNING": ("", 0.62), "UNSTABLE": ("", 0.93),
+    "STABLE": ("", 0.08), "WARNING": ("", 0.86), "UNSTABLE": ("", 0.96),
     "UNKNOWN": ("camera right has been frozen for 0.24 s", None),
     "STOP": ("inference gave no beat for 52 ms", None),
     "NO GRASP": ("the grasp has ended: nothing is held", None),
@@ -26,6 +26,8 @@ class SimStation:
         self.said: list[object] = []
         self.alarms: list[dict[str, object]] = []
         self.frozen_s: float | None = None
+        self.scored = True
+        """As the monitor that comes with taxel: a warning's score, no probability."""
         self.events: deque[tuple[float, str]] = deque(maxlen=50)
         self.recording = {"on": False, "path": "", "seconds": 0.0, "bytes": 0, "error": ""}
         self._began_s = self._since_s = time.monotonic()
@@ -81,10 +83,14 @@ class SimStation:
         run_s = max(1e-3, now - self._began_s)
         cameras, scans = self._produced
         late = self.state == "UNKNOWN"
+        number = None if goal is None else self._traced[-1][1]
+        slip_mm = 0.45 * self._p**2
         return {
             "time_s": now, "state": self.state, "reason": reason, "since_s": self._since_s,
-            "probability": None if goal is None else self._traced[-1][1],
-            "thresholds": {"clear": 0.3, "warn": 0.5, "unstable": 0.8},
+            "probability": None if self.scored else number, "scored": self.scored,
+            "score": number if self.scored else None,
+            "slip": {"slip_mm": slip_mm, "slip_rate_mm_s": slip_mm, "slip_seen": goal is not None},
+            "thresholds": {"clear": 0.42, "warn": 0.84, "unstable": 0.92},
             "alarms": self.alarms,
             "answers": [
                 {"target": "shape", "label": "cylinder", "confidence": 0.94, "reason": ""},

@@ -77,6 +77,24 @@ def test_an_unknown_and_a_pause_say_why_and_for_how_long(browser, opened, statio
             STATES[state] = before
 
 
+def test_a_score_is_shown_beside_its_threshold_and_never_called_a_probability(
+    browser, opened, station
+):
+    panel = "document.getElementById('probability')"
+    browser.until(f"{panel}.innerText.includes('Warning score')")
+    words = f"{panel}.querySelector('h2').innerText"
+    browser.until(
+        f"/0\\.\\d\\d[^]*warns from 0\\.84[^]*slip 0\\.\\d\\d mm, 0\\.\\d mm\\/s/.test({words})"
+    )
+    assert not browser.ask("/probab/i.test(document.body.innerText)")
+    assert browser.ask(f"{panel}.getAttribute('aria-label')") == "Warning score"
+
+    station.scored = False
+    browser.until(f"{panel}.innerText.includes('Probability of instability')")
+    browser.until(f"/0\\.\\d\\d/.test({words})")
+    assert browser.ask(f"{panel}.getAttribute('aria-label')") == "Probability of instability"
+
+
 def test_a_state_that_is_no_word_of_ours_is_shown_as_unknown(browser, opened, station):
     STATES["FINE"] = ("", 0.1)
     station.state = "FINE"

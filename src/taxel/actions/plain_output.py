@@ -9,7 +9,9 @@ grasp that is watched: one datagram a tick, UTF-8, one JSON object:
     state        STABLE, WARNING, UNSTABLE or UNKNOWN
                  (UNKNOWN also between two grasps)
     reason       why it is UNKNOWN (docs/reference/unknown.md); empty otherwise
-    probability  of instability, 0…1; null where there is none
+    probability  of instability, 0…1; null where the monitor gives none
+    score        0…1, of a monitor that gives a warning's score and no probability, such as
+                 cup-pour; what it is compared with stands in the bundle; null otherwise
     slip         how far the object has slipped, as an object with slip_mm, slip_rate_mm_s,
                  slip_compliance, the standard deviation of each (…_sd…) and slip_seen; null
                  where the monitor does not follow it
@@ -118,6 +120,7 @@ class Action:
     state: str
     reason: str
     probability: float | None
+    score: float | None
     slip: dict[str, float | bool | None] | None
     since_s: float | None
     order: str
@@ -156,7 +159,8 @@ def action_of(
         time_s=_finite(now_s) or 0.0,
         state=_word(decision.state),
         reason=decision.reason,
-        probability=_finite(decision.probability),
+        probability=None if decision.is_score else _finite(decision.probability),
+        score=_finite(decision.probability) if decision.is_score else None,
         slip=None if decision.slip is None else decision.slip.as_dict(),
         since_s=_finite(decision.since_s),
         order=order.kind.value,

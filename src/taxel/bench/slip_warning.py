@@ -106,7 +106,7 @@ def live_rows() -> list[Row]:
     import cv2
 
     from taxel.bundles.grasp import read_grasp_bundle
-    from taxel.bundles.shipped import shipped_bundle
+    from taxel.bundles.shipped import CUP_POUR, shipped_bundle
     from taxel.frame_codec import decode_jpeg, encode_jpeg
     from taxel.gel.touch_poses import TouchFollower
     from taxel.live.grasp_session import run_grasp_session
@@ -128,7 +128,7 @@ def live_rows() -> list[Row]:
         spent_ms.append((thread_time() - begun_s) * 1e3)
     with tempfile.TemporaryDirectory(prefix="taxel-") as scratch:
         write_run(Path(scratch), run, config, CAMERA_HZ)
-        bundle = read_grasp_bundle(shipped_bundle("slip-rule"))
+        bundle = read_grasp_bundle(shipped_bundle(CUP_POUR))
         steps = []
         for _ in range(ROUNDS):
             with open_source(f"replay://{scratch}/{run.name}.mcap?speed=max") as source:

@@ -135,7 +135,16 @@ class GraspBundle:
     factor: NDArray[np.float32]
 
     def probability(self, window: NDArray[np.float32]) -> float:
-        """Return the probability of "unstable" for scaled features (k, cameras, features)."""
+        """Return the probability of "unstable", or the score, of scaled features.
+
+        Args:
+            window: Shape (k, cameras, features).
+
+        Returns:
+            0…1; NaN where a feature is not finite: trees would give a number all the same.
+        """
+        if not np.isfinite(window).all():
+            return math.nan
         return float(self.head.run(features=window[None])[0])
 
 

@@ -11,7 +11,10 @@ from taxel.errors import BadBundle
 
 _FOLDER = Path(__file__).with_name("ready")
 CUP_POUR = "cup-pour"
-"""Watches `sim://cup-pour`; how it was made stands in docs/decisions/0017."""
+"""Watches two tactile cameras: a forecast of slip, made by `taxel train-slip`. How, and what it is
+worth: docs/decisions/0036."""
+FORMER = {"slip-forecast": CUP_POUR}
+"""Name that a bundle had before → its name."""
 
 
 def shipped_bundle(name: str) -> Path:
@@ -20,6 +23,8 @@ def shipped_bundle(name: str) -> Path:
     Raises:
         BadBundle: There is none of that name.
     """
+    if name in FORMER:
+        raise _renamed(name)
     path = _FOLDER / f"{name}.taxel"
     if not path.exists():
         known = ", ".join(sorted(path.stem for path in _FOLDER.glob("*.taxel"))) or "none"
@@ -32,7 +37,16 @@ def find_bundle(path: Path) -> Path:
 
     A file that exists goes first; a name that is neither is returned as it is, so that reading
     it says what is wrong.
+
+    Raises:
+        BadBundle: It is a name that a bundle of taxel's had before.
     """
     ready = _FOLDER / f"{path.name}.taxel"
-    bare = path.parent == Path() and not path.suffix
-    return ready if bare and not path.exists() and ready.exists() else path
+    bare = path.parent == Path() and not path.suffix and not path.exists()
+    if bare and path.name in FORMER:
+        raise _renamed(path.name)
+    return ready if bare and ready.exists() else path
+
+
+def _renamed(name: str) -> BadBundle:
+    return BadBundle(FORMER[name], f"the former name {name}", "write it so")

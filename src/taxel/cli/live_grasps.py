@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -11,12 +12,22 @@ from taxel.cli.printing import console, print_json, say
 from taxel.plain_text import visible, visible_line
 
 if TYPE_CHECKING:
+    from taxel.bundles.grasp import GraspContract
     from taxel.bundles.signing import Trust
     from taxel.live.grasp_monitor import GraspAnswer
 
 _COLOURS = {"STABLE": "green", "WARNING": "yellow", "UNSTABLE": "red", "UNKNOWN": "dim",
     "NO GRASP": "dim",
 }  # fmt: skip
+
+
+def number_words(contract: GraspContract, number: float) -> str:
+    """Return a monitor's number in words, if it gave one: a probability, or a score."""
+    if not math.isfinite(number):
+        return ""
+    if contract.gives_probability:
+        return f"  P({visible(contract.rule)}) {number:.2f}"
+    return f"  score {number:.2f} (warns from {contract.stability.warn:.2f})"
 
 
 def live_grasps(
@@ -42,12 +53,11 @@ def live_grasps(
             reason = f"  {answer.decision.reason}" if answer.decision.reason else ""
             slip = answer.decision.slip
             reason += f"  {slip.words}" if slip is not None and slip.seen else ""
-            kind = "P" if opened.contract.gives_probability else "score"
-            what = f"{kind}({visible(opened.contract.rule)}) {answer.probability:.2f}"
+            what = number_words(opened.contract, answer.probability)
             console.print(
                 Text.assemble(
                     f"{answer.time_s - first_s[0]:8.2f} s  ", (f"{name:<8}", _COLOURS[name]),
-                    f"  {what}{visible_line(reason)}",
+                    f"{what}{visible_line(reason)}",
                 ), soft_wrap=True,
             )  # fmt: skip
 

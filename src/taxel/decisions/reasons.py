@@ -62,7 +62,7 @@ REASONS: dict[str, Reason] = {
         "weighing the first answers, {left_s:.1f} s left",
         "The model answers; a state is given once its answers have agreed for long enough, "
         "also after lost input.",
-        "Wait. If it stays, the answers contradict each other: look at the probability.",
+        "Wait. If it stays, the answers contradict each other: look at the number on the page.",
     ),
     "grasp over": Reason(
         "the grasp has ended: nothing is held",
@@ -97,6 +97,13 @@ REASONS: dict[str, Reason] = {
         "cameras do not send; it was not decoded.",
         "Check cable and hub. In a replay: where does the recording come from?",
     ),
+    "slip lost": Reason(
+        "the slip over the {camera} gel cannot be followed",
+        "For 0.2 s its image has shown no imprint or no dots that fit the settled grasp (covered, "
+        "dark, nothing held any more), or its camera's clock was set back or stands still. An "
+        "alarm that is on stays on.",
+        "Look at the picture of that gel; once it can be seen, press n for a new grasp.",
+    ),
     "unusable": Reason(
         "the images cannot be used",
         "The frames of this window were marked as not to be trusted.",
@@ -128,8 +135,8 @@ REASONS: dict[str, Reason] = {
         "Start the monitor again; check the bundle with taxel info.",
     ),
     "no probability": Reason(
-        "the model gave no probability",
-        "The network's answer lies outside 0 to 1.",
+        "the model gave no number within 0 and 1",
+        "The model's answer is no probability and no score.",
         "Start the monitor again; check the bundle with taxel info.",
     ),
     "monitor ended": Reason(

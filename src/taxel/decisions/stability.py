@@ -1,5 +1,7 @@
 """From a stream of probabilities to the state of a grasp: hysteresis, debounce, UNKNOWN.
 
+A warning's score of 0…1, which is no probability, goes the same way.
+
 The same class runs live and over recorded tracks. Knows nothing about models, images,
 sources, screens or wall time: every moment is passed in.
 """
@@ -90,6 +92,8 @@ class StabilityDecision:
     """The newest probability of instability, 0…1; NaN where it cannot be used."""
     slip: Slip | None = None
     """How far the object has slipped; None where nothing follows it."""
+    is_score: bool = False
+    """True where `probability` is a warning's score against its thresholds, and no probability."""
 
     @property
     def alarm(self) -> bool:

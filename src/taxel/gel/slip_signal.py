@@ -13,7 +13,7 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from math import inf, isfinite
+from math import inf, isfinite, nan
 from typing import Any, Final
 
 import numpy as np
@@ -83,7 +83,7 @@ class Slip:
         """Such as "slip 0.12 mm, 0.3 mm/s"."""
         if not self.seen:
             return "slip unknown"
-        return f"slip {self.distance_mm:.2f} mm, {self.rate_mm_s:.1f} mm/s"
+        return f"slip {self.distance_mm:.2f} mm, {self.rate_mm_s:z.1f} mm/s"
 
     @staticmethod
     def from_dict(values: Mapping[str, Any]) -> Slip:
@@ -132,6 +132,11 @@ class GelSlip:
         self.features: NDArray[np.float64] = np.zeros(len(TREND_FEATURES))
         """Shape (33,), as `TREND_FEATURES`, after the last image."""
 
+    @property
+    def measured_s(self) -> float:
+        """When the last image in which slip was measured was taken, seconds; NaN before any."""
+        return self._past[-1][0] if self._past else nan
+
     def push(
         self,
         moved: NDArray[np.float64],
@@ -139,19 +144,19 @@ class GelSlip:
         spread: NDArray[np.float64],
         taken_s: float,
         seen: bool = True,
-    ) -> None:
-        """Take in an image's poses.
+    ) -> bool:
+        """Take in an image's poses; return whether slip was measured in it.
 
         Args:
             moved: Shape (3,): the object's x, y (mm) and turn (rad) since the grasp.
             gel: Shape (3,): the same of the gel in contact.
             spread: Shape (3,): standard deviation of the object's less the gel's.
-            taken_s: When the image was taken, seconds; must grow from image to image.
+            taken_s: When the image was taken, seconds; it changes nothing where this has not grown.
             seen: False where the poses could not be followed: they change nothing then.
         """
         if not seen or (self._past and taken_s <= self._past[-1][0]):
             self.slip = _unseen(self.slip) if not seen else self.slip
-            return
+            return False
         x, y, turn = moved - gel
         distance = float(np.sqrt(x * x + y * y + (TURN_MM * turn) ** 2))
         give = float(np.sqrt(gel[0] ** 2 + gel[1] ** 2 + (TURN_MM * gel[2]) ** 2))
@@ -173,6 +178,7 @@ class GelSlip:
         )
         self.features = np.array([*state, *self._rates()])
         self.slip = self._slip_now()
+        return True
 
     def _rates(self) -> list[float]:
         """Return rates over each lag, then readiness; over what there is where that is less."""

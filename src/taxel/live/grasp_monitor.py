@@ -186,7 +186,7 @@ class GraspMonitor:
         elif self._rest is None or len(self._ring) < self.bundle.contract.frames:
             decision = self._monitor.doubt(self._waiting(), now)
         else:
-            decision = self._monitor.push(probability, found.time_s, True, now_s)
+            decision = self._weighed(probability, found.time_s, now_s)
         gels: tuple[Slip, ...] = ()
         if self._watch is not None:
             gels = self._watch.gels
@@ -206,6 +206,17 @@ class GraspMonitor:
     def late(self) -> dict[str, float]:
         """Return the cameras that deliver clearly later than the others: name, seconds."""
         return self._health.late()
+
+    def _weighed(self, probability: float, time_s: float, now_s: float | None) -> StabilityDecision:
+        """Return the state by the newest number: never STABLE where slip is not followed."""
+        decision = self._monitor.push(probability, time_s, True, now_s)
+        lost = None
+        if self._watch is not None:
+            lost = self._watch.lost(self._config.largest_age_s)
+        if lost is None or decision.alarm or probability >= self._config.warn:
+            return decision
+        reason = REASONS["slip lost"].say(camera=self._cameras[lost].name)
+        return self._monitor.doubt(reason, time_s if now_s is None else now_s)
 
     def _waiting(self) -> str:
         """Return what is waited for before the first answer, and how long it will take."""

@@ -42,11 +42,30 @@ class SlipWatch:
         self._jpegs: list[bytes] = [b""] * len(cameras)
         self._images: list[Rgb | None] = [None] * len(cameras)
         self._pair = PairSlip(len(cameras))
+        self._taken_s: tuple[float, ...] = (math.nan,) * len(cameras)
+        """When the newest images were taken."""
+        self._missed = [False] * len(cameras)
+        """Whether no slip was measured in the newest image."""
 
     @property
     def settling(self) -> bool:
         """True until the settled first moments are over."""
         return not self._followers
+
+    def lost(self, longest_s: float) -> int | None:
+        """Return a camera whose gel's slip is older than its newest image by more than a time.
+
+        Its imprint or dots could not be followed since, or its clock was set back or stands still.
+        None where all are followed, and while the grasp settles.
+
+        Args:
+            longest_s: That time, seconds.
+        """
+        for camera, gel in enumerate(self._pair.gels):
+            age_s = self._taken_s[camera] - gel.measured_s
+            if self._missed[camera] and not 0 < age_s <= longest_s:
+                return camera
+        return None
 
     @property
     def waiting(self) -> int:
@@ -106,11 +125,11 @@ class SlipWatch:
                 continue
             pose = self._followers[camera].follow(image)
             to_mm = self._to_mm[camera]
-            self._pair.gels[camera].push(
+            self._missed[camera] = not self._pair.gels[camera].push(
                 pose.object * to_mm, pose.gel * to_mm, pose.spread * to_mm, taken_s[camera],
                 pose.seen,
             )  # fmt: skip
-        self._shown = images
+        self._shown, self._taken_s = images, tuple(taken_s)
         return self._pair.features()
 
 

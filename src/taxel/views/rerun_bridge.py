@@ -125,7 +125,8 @@ class _Bridge:
             rerun.log(f"answers/{note['target']}", rerun.TextLog(note["label"]))
             return
         if note["p"] is not None:
-            rerun.log("grasp/probability", rerun.Scalars([note["p"]]))
+            kind = "score" if note.get("is_score") else "probability"
+            rerun.log(f"grasp/{kind}", rerun.Scalars([note["p"]]))
         if note.get("slip", {}).get("slip_seen"):
             rerun.log("grasp/slip_mm", rerun.Scalars([note["slip"]["slip_mm"]]))
             rerun.log("grasp/slip_rate_mm_s", rerun.Scalars([note["slip"]["slip_rate_mm_s"]]))

@@ -10,6 +10,7 @@ from taxel.actions.grip_policy import GripPolicy, GripPolicyConfig
 from taxel.actions.interlock import Interlock, InterlockConfig, InterlockState, OrderKind
 from taxel.gel.slip_signal import Slip
 from taxel.live.station.guard import Guard, GuardConfig
+from taxel.live.station.snapshots import guard_snapshot
 
 LIMIT_S = GuardConfig().silent_s
 
@@ -62,6 +63,15 @@ def test_a_monitor_that_has_said_nothing_is_unknown_never_stable():
     rig = Rig("left")
     rig.run(0.5)
     assert rig.guard.shown[:2] == ("UNKNOWN", "no input yet")
+
+
+def test_a_score_and_a_probability_are_not_compared_with_each_other():
+    rig = Rig("forecast", "head")
+    rig.decide("forecast", note("STABLE", p=0.7, is_score=True))
+    rig.decide("head", note("STABLE", p=0.2))
+    rig.run(0.1)
+    assert (rig.guard.score, rig.guard.probability) == (0.7, 0.2)
+    assert guard_snapshot(rig.guard, rig.now_s)["score"] == 0.7
 
 
 @pytest.mark.parametrize(

@@ -14,6 +14,7 @@ from typing import Any, cast
 import pytest
 
 from taxel.actions.rule_table import Rule, RuleTable
+from taxel.gel.slip_signal import Slip
 from taxel.live.station.answers import Answers
 from taxel.live.station.packets import pack, unpack
 from taxel.live.station.ring import Ring, RingReader, RingWriter
@@ -268,3 +269,14 @@ def test_how_long_the_state_was_unknown_is_said_when_it_is_known_again(make: Any
         rig.hear(now_s)
         rig.station._log_state(now_s)
     assert rig.words == ["UNKNOWN", "STABLE: after 2.5 s of UNKNOWN"]
+
+
+def test_a_warning_is_logged_with_how_far_and_how_fast_it_slips(make: Any):
+    rig = make()
+    slip = Slip(0.114, 0.41, 0.2, 0.01, 0.02, 0.1, True).as_dict()
+    for now_s, state in ((1.0, "STABLE"), (1.1, "WARNING")):
+        rig.grasp(now_s, state, slip=slip)
+        rig.hear(now_s)
+        rig.station._log_state(now_s)
+
+    assert rig.words == ["STABLE", "WARNING: slip 0.11 mm, 0.4 mm/s"]

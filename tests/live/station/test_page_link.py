@@ -224,6 +224,14 @@ def test_a_monitors_probability_is_drawn_where_it_was_measured(make: Any):
     assert rig.view.traces(3.0)["probability"]["t"] == [1.0, 2.0]  # another clock: all anew
 
 
+def test_a_trace_of_scores_holds_no_probability(make: Any):
+    rig = make((NONE, (LEFT,)))
+    rig.supervisor.put(pack({"time_s": 0.5, "scored": True}))
+    rig.monitor.put(pack({"kind": "grasp", "time_s": 1.0, "p": 0.2, "is_score": True}))
+    rig.monitor.put(pack({"kind": "grasp", "time_s": 2.0, "p": 0.9, "is_score": False}))
+    assert rig.view.traces(-math.inf)["probability"] == {"t": [1.0], "p": [0.2]}
+
+
 def test_before_a_station_reports_anything_the_page_claims_nothing(make: Any):
     rig = make((NONE, (LEFT,)))
     for content in (None, b"N[1]"):

@@ -10,9 +10,11 @@ import sys
 from pathlib import Path
 from time import monotonic, sleep
 from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
+from gel_monitor import write_gel_monitor
 from station_rig import WAIT_S, until
 
 from taxel.bundles.shipped import CUP_POUR, shipped_bundle
@@ -231,13 +233,19 @@ def _lives(pid: int) -> bool:
 
 
 def test_two_monitors_of_one_source_are_told_apart(pour: Path, tmp_path: Path):
+    """A forecast of slip, and a head over windows of gel features."""
     other = tmp_path / "other.taxel"
-    other.write_bytes(shipped_bundle(CUP_POUR).read_bytes())
+    write_gel_monitor(other)
     config = StationConfig(sources=(f"replay://{pour}",), bundles=(shipped_bundle(CUP_POUR), other))
-    heard: set[str] = set()
-    with Station(config, on_note=lambda note: heard.add(note.get("who", ""))) as station:
-        station.run(2.0)
-    assert {"monitor/0", "monitor/1"} <= heard
+    heard: dict[str, list[dict[str, Any]]] = {"monitor/0": [], "monitor/1": []}
+    with Station(config, lambda note: heard.get(note.get("who", ""), []).append(note)) as station:
+        station.run(2.5)
+        snapshot = station.snapshot(monotonic())
+    for notes, is_score in zip(heard.values(), (True, False), strict=True):
+        assert {note["is_score"] for note in notes} == {is_score}
+        assert any(note["p"] is not None for note in notes)
+    assert snapshot["scored"] is True
+    assert set(snapshot["thresholds"]) == {"clear", "warn", "unstable"}
 
 
 def test_a_source_at_another_speed_is_refused(pour: Path):

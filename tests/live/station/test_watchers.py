@@ -75,8 +75,9 @@ class Rig:
         patch.setattr(inference, "GraspMonitor", Monitor)
         patch.setattr(inference, "is_grasp_bundle", lambda _: True)
         contract = SimpleNamespace(
-            rule="gross-slip", stability=SimpleNamespace(warn=0.5, unstable=0.8)
-        )
+            rule="gross-slip", gives_probability=False,
+            stability=SimpleNamespace(clear=0.3, warn=0.5, unstable=0.8),
+        )  # fmt: skip
         made = lambda *_, **__: Bundle(contract=contract)  # noqa: E731  # one line, used once
         patch.setattr(inference, "read_grasp_bundle", made)
         ring = stack.enter_context(Ring(2**16)).name
@@ -135,6 +136,11 @@ def test_of_many_sets_that_wait_only_the_newest_three_are_watched_and_the_rest_c
     assert rig.monitor.asked == [f"push {i / 60:g}" for i in (2, 3, 4)]
     assert [note["skipped"] for note in notes] == [2, 2, 2]
     assert (notes[-1]["state"], notes[-1]["p"]) == ("STABLE", None)
+
+
+def test_a_number_that_is_no_probability_is_called_a_score(rig: Rig):
+    assert rig.watcher.what["is_score"] is True
+    assert [note["is_score"] for note in rig.take(*pair(1.0))] == [True]
 
 
 def test_the_frames_before_an_outcome_belong_to_the_grasp_that_ends(rig: Rig):

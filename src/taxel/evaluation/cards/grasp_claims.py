@@ -124,7 +124,7 @@ def _model_claims(model: TransitionModel, table: str) -> list[Claim]:
 
 def _grasp_text() -> ClaimsOfPart:
     lite = "rule change, EfficientNet-Lite0 + LSTM"
-    gross = "gross slip > 300 µm, gel features + LSTM, every cup held out"
+    warning = "slip warning, forecast"
     step = grasp_row("densenet121+lstm", FRAMES, STEP)
     return ClaimsOfPart(
         title="Grasp transitions: text",
@@ -153,13 +153,13 @@ def _grasp_text() -> ClaimsOfPart:
                 where="5.2, figure 8",
                 what="instability is identified before slippage: median warning before gross slip",
                 claimed="before (no number)",
-                honest=(Link(f"{gross}: median warning before"),),
+                honest=(Link(f"{warning}: median lead before 300 um, cups never seen"),),
             ),
             Claim(
                 where="5.2",
                 what="false alarms while the grasp holds",
                 claimed="none said",
-                honest=(Link(f"{gross}: false alarms on pours that hold"),),
+                honest=(Link(f"{warning}: false alarms"),),
             ),
             Claim(
                 where="5.2",

@@ -118,6 +118,7 @@ class Guard:
             math.nan if since_s is None else float(since_s),
             math.nan if p is None else float(p),
             _slip_of(note),
+            note.get("is_score") is True,
         )
 
     def beat(self, name: str, beat_s: float, patience_s: float = 0.0) -> None:
@@ -197,15 +198,23 @@ class Guard:
     @property
     def probability(self) -> float:
         """The largest probability of instability that a monitor gave; NaN without any."""
-        found = [m.decision.probability for m in self._monitors.values()]
-        usable = [p for p in found if math.isfinite(p)]
-        return max(usable) if usable else math.nan
+        return self._largest(is_score=False)
+
+    @property
+    def score(self) -> float:
+        """The largest score of a monitor that gives no probability; NaN without any."""
+        return self._largest(is_score=True)
 
     @property
     def slip(self) -> Slip | None:
         """The largest slip that a monitor gave; None where none follows it."""
         found = [m.decision.slip for m in self._monitors.values() if m.decision.slip is not None]
         return max(found, key=lambda slip: (slip.seen, slip.distance_mm), default=None)
+
+    def _largest(self, *, is_score: bool) -> float:
+        decisions = [monitor.decision for monitor in self._monitors.values()]
+        found = [d.probability for d in decisions if d.is_score is is_score]
+        return max((p for p in found if math.isfinite(p)), default=math.nan)
 
     def _asked_n(self, decision: StabilityDecision, now_s: float) -> float | None:
         """Return the force that the policy asks for; it begins at the force that is set."""

@@ -126,9 +126,11 @@ class _GraspWatcher:
         self._mute = False
         self._skipped = 0
         stability = bundle.contract.stability
+        self._is_score = not bundle.contract.gives_probability
         self.what = {
             "kind": "grasp", "who": self._who, "bundle": str(path), "rule": bundle.contract.rule,
-            "warn": stability.warn, "unstable": stability.unstable,
+            "clear": stability.clear, "warn": stability.warn, "unstable": stability.unstable,
+            "is_score": self._is_score,
         }  # fmt: skip
 
     def take(self, packets: list[Packet], came: _Came, pulse: Pulse) -> None:
@@ -211,7 +213,8 @@ class _GraspWatcher:
             "kind": "grasp", "who": self._who, "state": state.name, "reason": reason,
             "skipped": self._skipped,
             "since_s": since_s if since_s == since_s else None,
-            "p": p if p == p else None, "late": self._monitor.late(), **times,
+            "p": p if p == p else None, "is_score": self._is_score, "late": self._monitor.late(),
+            **times,
         }  # fmt: skip
         self._sent_s = times["decided_s"]
         if not self._mute:

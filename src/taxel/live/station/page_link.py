@@ -235,9 +235,14 @@ class StationView:
         for reader in self._decisions:
             for content in reader.take():
                 note = unpack(content)
-                if isinstance(note, dict) and note.get("kind") == "grasp" and "time_s" in note:
+                if isinstance(note, dict) and self._draws(note):
                     p = note.get("p")
                     self._p.append((note["time_s"], math.nan if p is None else p))
+
+    def _draws(self, note: dict[str, Any]) -> bool:
+        """True for a decision about frames; scores and probabilities are not mixed in one trace."""
+        alike = bool(note.get("is_score")) is bool(self._newest.get("scored"))
+        return note.get("kind") == "grasp" and "time_s" in note and alike
 
     def _follow(self, number: int, reader: RingReader, first_camera: int) -> None:
         for content in reader.take():

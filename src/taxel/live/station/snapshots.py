@@ -80,10 +80,11 @@ class Latencies:
 def guard_snapshot(guard: Guard, now_s: float) -> dict[str, Any]:
     """Return state and alarms as the page's link gives them."""
     word, reason, since_s = guard.shown
-    p = guard.probability
+    p, score = guard.probability, guard.score
     return {
         "time_s": now_s, "state": word, "reason": reason, "since_s": since_s,
         "probability": p if math.isfinite(p) else None,
+        "score": score if math.isfinite(score) else None,
         "slip": None if guard.slip is None else guard.slip.as_dict(),
         "alarms": [
             {"kind": a.kind, "text": a.text, "level": str(a.level), "since_s": a.since_s,

@@ -281,6 +281,8 @@ class Station:
             return
         if self._said[0] == UNKNOWN and word != UNKNOWN:
             reason += f"{', ' if reason else ''}after {since_s - self._since_s:.1f} s of {UNKNOWN}"
+        if self.guard.decision.alarm and self.guard.slip is not None:
+            reason = reason or self.guard.slip.words
         self._said, self._since_s = shown, since_s
         self._happened(now_s, f"{word}{': ' if reason else ''}{reason}")
 
@@ -297,7 +299,8 @@ class Station:
         )
         answers = self.answers.newest()
         return guard_snapshot(self.guard, now_s) | {
-            "thresholds": {key: limits[key] for key in ("warn", "unstable") if key in limits},
+            "thresholds": {k: limits[k] for k in ("clear", "warn", "unstable") if k in limits},
+            "scored": limits.get("is_score", False),
             "answers": answers, "do": self.person.advice(answers), "trial": self.person.trial(),
             "consumers": [
                 consumer_snapshot(worker.name, self._beats.read(worker.row), now_s)

@@ -33,6 +33,8 @@ class StationLink(Protocol):
                 page says STALE after 0.5 s.
             state: one of `STATES`; reason: why, in a few words; since_s: when it began;
             probability: of instability 0…1, or None;
+            scored (may be left out): True where the monitor gives no probability but a warning's
+                score, 0…1 or None, in the field score;
             slip: {slip_mm, slip_rate_mm_s, …, slip_seen}, or None where nothing follows it;
             thresholds (may be left out): {warn, clear, unstable}, 0…1;
             alarms: list of {kind, text, level ("warning" or "danger"), since_s, acknowledged};
@@ -73,7 +75,7 @@ class StationLink(Protocol):
 
         Returns:
             time_s: of the newest value;
-            probability: {t: [n], p: [n]}, seconds and 0…1;
+            probability: {t: [n], p: [n]}, seconds and 0…1, of the score where there is one;
             sensors: {t: [n], values: [a list of n for each channel]}, in the array's unit;
             map: the newest rows of the array, oldest first, 0…1, or None;
             events: list of {t, text}.

@@ -4,11 +4,11 @@ import { Cameras, drawHand, drawMap, fingers } from "./images.js";
 import { OUTCOMES, REACTIONS, Voice, doing, drawDoing, drawPerson, drawPlan, wirePerson } from "./doing.js";
 import { wireKeys } from "./keys.js";
 import { Link } from "./link.js";
-import { $, drawAlarms, drawAnswers, drawGripper, drawLatency, drawPills, drawRecording, drawState, drawStreams, make, show, toast } from "./panels.js";
+import { $, drawAlarms, drawAnswers, drawGripper, drawLatency, drawNumber, drawPills, drawRecording, drawState, drawStreams, make, show, toast } from "./panels.js";
 import { colours, probabilityTrace, sensorTrace } from "./plots.js";
 import { Replay } from "./replay.js";
 import { Sound } from "./sound.js";
-import { Freshness, duration, number, slipWords, shown, sounding } from "./state.js";
+import { Freshness, duration, evidence, slipWords, shown, sounding } from "./state.js";
 
 const TABLES_MS = 250; // Tables of figures change at most so often: faster cannot be read.
 const fresh = new Freshness();
@@ -139,8 +139,7 @@ function draw() {
   drawAlarms(snapshot.alarms || [], snapshot.time_s);
   drawPerson(snapshot.trial);
   drawPlan(snapshot.plan);
-  $("pnow").textContent = number(snapshot.probability, 2);
-  $("slipnow").textContent = slipWords(snapshot.slip);
+  drawNumber(evidence(snapshot), slipWords(snapshot.slip));
   probability?.draw();
   sensors?.draw();
   replay.draw(snapshot.replay, now);

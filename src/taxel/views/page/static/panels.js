@@ -89,7 +89,7 @@ export function drawStreams(sources, consumers) {
       made.title = one.url || "";
       return made;
     });
-    const second = consumers.map((one) => row([[`→ ${one.name}`, "name"], [mark(one.state), tone(one.state)], [one.beat_age_s === null || one.beat_age_s === undefined ? "" : `beat ${number(one.beat_age_s * 1000, 0)} ms`, "n"], [count(one.consumed), "n"], [count(one.dropped), "n"], [one.dropped ? "lost: dropped as too slow" : "", "wide"]]));
+    const second = consumers.map((one) => row([[`→ ${one.name}`, "name"], [mark(one.state), tone(one.state)], [one.beat_age_s === null || one.beat_age_s === undefined ? "" : `beat ${number(Math.max(0, one.beat_age_s) * 1000, 0)} ms`, "n"], [count(one.consumed), "n"], [count(one.dropped), "n"], [one.dropped ? "lost: dropped as too slow" : "", "wide"]]));
     $("streamrows").replaceChildren(...first, ...second);
   });
 }
@@ -162,4 +162,15 @@ export function toast(text) {
   box.hidden = false;
   clearTimeout(toast.timer);
   toast.timer = setTimeout(() => (box.hidden = true), 6000);
+}
+
+/** What the monitor goes by, as `evidence` gives it, and the slip in words. */
+export function drawNumber(evidence, slip) {
+  once("evidence", evidence.name, () => {
+    $("pname").textContent = evidence.name;
+    $("probability").setAttribute("aria-label", evidence.name);
+  });
+  $("pnow").textContent = evidence.now;
+  $("pfrom").textContent = evidence.from;
+  $("slipnow").textContent = slip;
 }

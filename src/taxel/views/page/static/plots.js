@@ -4,6 +4,7 @@
 export const SHOWN_S = 30;
 const AXIS = { stroke: "#8b98ab", grid: { stroke: "#1d2530", width: 1 }, ticks: { stroke: "#1d2530", width: 1 } };
 const FINGERS = [["#7cc7f5", "#3a9fdc", "#1f6fa6"], ["#ffc247", "#e69f00", "#a87300"], ["#4fe0b6", "#16b588", "#0d7d5e"], ["#eaa6cb", "#cc79a7", "#94507a"]];
+const STATE = /^(STABLE|WARNING|UNSTABLE|UNKNOWN|NO GRASP|STOP)\b/;
 const MANY = ["#56b4e9", "#e69f00", "#2fd0a5", "#cc79a7", "#f0e442", "#9aa7ff", "#d55e00", "#8fd14f", "#b8c0cc", "#ff8fab", "#6fd6e8", "#c49a6c"];
 
 /** Return a colour for each channel: a finger's joints share a hue. */
@@ -105,7 +106,7 @@ function line(u, pen, x0, y0, x1, y1, colour, dash) {
   pen.restore();
 }
 
-/** The probability with its thresholds and what happened. */
+/** The probability or score with its thresholds and what happened. */
 export function probabilityTrace(place) {
   let events = [];
   let thresholds = {};
@@ -113,27 +114,32 @@ export function probabilityTrace(place) {
     const pen = u.ctx;
     const { left, top, width, height } = u.bbox;
     pen.font = font().replace(/\d+/, (n) => Number(n) * (window.devicePixelRatio || 1));
+    const high = parseFloat(pen.font);
+    let before = { y: Infinity, end: left };
     for (const [name, colour] of [["clear", "#5fc3a8"], ["warn", "#f5b301"], ["unstable", "#ff6b5e"]]) {
       if (!Number.isFinite(thresholds[name])) continue;
       const y = u.valToPos(thresholds[name], "y", true);
       line(u, pen, left, y, left + width, y, colour, [6, 4]);
       pen.fillStyle = colour;
       pen.textAlign = "left";
-      pen.fillText(name, left + 4, y - 3);
+      const x = (before.y - y < high ? before.end : left) + 0.4 * high; // beside a name that would be written over
+      pen.fillText(name, x, Math.max(y - 3, top + 0.9 * high));
+      before = { y, end: x + pen.measureText(name).width };
     }
     let free = Infinity;
     for (const event of [...events].reverse()) {
+      const text = STATE.exec(event.text)?.[0] ?? event.text; // its reason stands in the large field
       const x = u.valToPos(event.t, "x", true);
       if (x < left || x > left + width) continue;
       line(u, pen, x, top, x, top + height, "#c6d0de", [2, 3]);
-      const wide = pen.measureText(event.text).width + 8;
+      const wide = pen.measureText(text).width + 8;
       if (x + 3 + wide > free || x + wide > left + width + 4) continue;
       pen.textAlign = "left";
       pen.textBaseline = "top";
       pen.fillStyle = "rgba(10,13,18,0.8)";
       pen.fillRect(x + 2, top + 1, wide - 2, 1.3 * parseFloat(pen.font));
       pen.fillStyle = "#c6d0de";
-      pen.fillText(event.text, x + 4, top + 2);
+      pen.fillText(text, x + 4, top + 2);
       pen.textBaseline = "alphabetic";
       free = x;
     }

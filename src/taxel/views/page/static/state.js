@@ -80,7 +80,7 @@ export function duration(seconds) {
 }
 
 export function number(value, digits = 1) {
-  return Number.isFinite(value) ? value.toFixed(digits) : "–";
+  return Number.isFinite(value) ? value.toFixed(digits).replace(/^-(0(\.0*)?)$/, "$1") : "–"; // not −0.0
 }
 
 /** How far the object has slipped, such as "slip 0.12 mm, 0.3 mm/s"; empty where nothing follows it. */
@@ -88,6 +88,13 @@ export function slipWords(slip) {
   if (!slip) return "";
   if (!slip.slip_seen) return "slip unknown";
   return `slip ${number(slip.slip_mm, 2)} mm, ${number(slip.slip_rate_mm_s, 1)} mm/s`;
+}
+
+/** Return the name, the number and the threshold of what a monitor goes by: a probability, or a warning's score. */
+export function evidence(snapshot) {
+  const name = snapshot.scored ? "Warning score" : "Probability of instability";
+  const warn = snapshot.thresholds?.warn;
+  return { name, now: number(snapshot.scored ? snapshot.score : snapshot.probability, 2), from: Number.isFinite(warn) ? `warns from ${number(warn, 2)}` : "" };
 }
 
 export function count(value) {
