@@ -15,7 +15,7 @@ demo: $(INSTALLED)
 	$(BIN)/taxel demo --seconds 60
 
 test: $(INSTALLED)
-	$(BIN)/python -m pytest -n 2
+	$(BIN)/python -m pytest -n 2 --dist worksteal
 
 check: lint types imports test examples
 
