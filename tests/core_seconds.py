@@ -1,4 +1,4 @@
-"""Processor time of each test, ended children included: `pytest -p tests.core_seconds`.
+"""Processor time of each test, children included: `pytest -p tests.core_seconds`.
 
 On a machine that others use as well, this says what a test costs, where a clock would not. Each
 process of pytest writes what it ran to `TAXEL_CORE_SECONDS`, a folder, as a table: test, seconds of
@@ -11,16 +11,22 @@ import sys
 import time
 from collections import Counter
 from collections.abc import Generator
+from contextlib import suppress
 from pathlib import Path
 
+import psutil
 import pytest
 
 rows: list[tuple[str, float, float]] = []
 
 
 def used_s() -> float:
-    """Processor seconds of this process and of those that it started and that have ended."""
-    return sum(os.times()[:4])
+    """Processor seconds of this process and of those that it started, ended or not."""
+    used = sum(os.times()[:4])
+    for child in psutil.Process().children(recursive=True):
+        with suppress(psutil.Error):
+            used += sum(child.cpu_times()[:4])
+    return used
 
 
 @pytest.hookimpl(wrapper=True)
