@@ -3,6 +3,8 @@ PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 INSTALLED := $(VENV)/.installed-dev
+# Processes that tests run in, side by side.
+TEST_WORKERS ?= 2
 
 .PHONY: demo test check lint types imports size examples bench docs dist try-wheel licences sbom mutants coverage clean
 
@@ -15,7 +17,7 @@ demo: $(INSTALLED)
 	$(BIN)/taxel demo --seconds 60
 
 test: $(INSTALLED)
-	$(BIN)/python -m pytest -n 2
+	$(BIN)/python -m pytest -n $(TEST_WORKERS) --dist worksteal
 
 check: lint types imports test examples
 

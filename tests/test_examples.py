@@ -1,12 +1,10 @@
 """Every example runs as a reader would run it."""
 
-import os
 import re
-import subprocess
-import sys
 from pathlib import Path
 
 import pytest
+from forked import Forked
 
 EXAMPLES = sorted((Path(__file__).parents[1] / "examples").glob("[0-9][0-9]_*.py"))
 LONGEST = 40
@@ -31,18 +29,9 @@ def test_an_example_is_short_and_says_what_it_shows(path: Path):
 
 @pytest.mark.slow
 @pytest.mark.parametrize("path", EXAMPLES, ids=lambda path: path.stem)
-def test_an_example_runs_and_prints_something(path: Path, tmp_path: Path):
-    done = subprocess.run(
-        [sys.executable, str(path)],
-        cwd=tmp_path,
-        env={**os.environ, "OMP_NUM_THREADS": "1", "PYTHONIOENCODING": "utf-8"},
-        capture_output=True,
-        text=True,
-        encoding="utf-8",
-        timeout=300,
-        check=False,
-    )
+def test_an_example_runs_and_prints_something(path: Path, tmp_path: Path, forked: Forked):
+    done = forked.run([], tmp_path, 300, path)
 
-    assert done.returncode == 0, done.stderr
-    assert done.stdout.strip()
+    assert done.code == 0, done.err
+    assert done.out.strip()
     assert list(tmp_path.iterdir()) == [], "an example leaves nothing behind"

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import BinaryIO
 
 import pytest
+from forked import Forked
 
 from taxel.errors import BadInput, RecordingFailed
 from taxel.held import REPLACED, only_writer, scratch_folder, sweep
@@ -188,11 +189,9 @@ def test_what_was_begun_in_another_folder_by_a_relative_path_is_finished_all_the
 
 
 @pytest.mark.slow
-def test_a_killed_simulate_leaves_nothing_after_the_next(tmp_path: Path):
-    program = "import sys; from taxel.cli.main import main; main(sys.argv[1:])"
+def test_a_killed_simulate_leaves_nothing_after_the_next(tmp_path: Path, forked: Forked):
     words = "simulate teng --output set --scans-per-class 20000 --json"
-    command = [sys.executable, "-c", program, *words.split()]
-    process = subprocess.Popen(command, cwd=tmp_path, stdout=subprocess.DEVNULL)
+    process = forked.start(words.split(), tmp_path, Path(os.devnull), Path(os.devnull))
     while not list(tmp_path.glob(".*/**/*.mcap*")):  # until a first recording is begun
         assert process.poll() is None
         with pytest.raises(subprocess.TimeoutExpired):

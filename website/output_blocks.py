@@ -15,11 +15,13 @@ import re
 import subprocess
 import sys
 import tempfile
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from difflib import unified_diff
 from pathlib import Path
 
+Run = Callable[[Sequence[str], Path], list[str]]
+"""Runs commands in a folder; returns what each printed, in order."""
 WIDTH = 110
 """Letters of the terminal for which commands print. Our choice: what a page shows unwrapped."""
 LEARNED = frozenset({"train", "evaluate", "bundle", "live", "adapt", "demo", "reproduce", "sweep"})
@@ -116,9 +118,14 @@ def run(commands: Sequence[str], folder: Path) -> list[str]:
         )  # fmt: skip
         if done.returncode:
             raise RuntimeError(f"{command}\nended with {done.returncode}: {done.stderr}")
-        lines = [line.rstrip() for line in done.stdout.strip("\n").splitlines()]
-        printed.append("\n".join([*lines, ""]))
+        printed.append(plain(done.stdout))
     return printed
+
+
+def plain(text: str) -> str:
+    """Return what a command printed as a block shows it: no spaces at ends of lines."""
+    lines = [line.rstrip() for line in text.strip("\n").splitlines()]
+    return "\n".join([*lines, ""])
 
 
 def matches(shown: str, printed: str, *, learned: bool = False) -> bool:
@@ -181,16 +188,21 @@ def _near(first: float, second: float) -> bool:
     return off <= (COUNT if whole else POINTS)
 
 
-def stale(page: Path) -> list[str]:
-    """Run a page's commands; return a difference for each block that is no longer right."""
-    return [text for _, text in _differences(page)]
+def stale(page: Path, run: Run = run) -> list[str]:
+    """Run a page's commands; return a difference for each block that is no longer right.
+
+    Args:
+        page: A file of Markdown.
+        run: How; each in a shell unless given.
+    """
+    return [text for _, text in _differences(page, run)]
 
 
 def renew(page: Path) -> int:
     """Write what the commands print now into a page's blocks; return how many changed."""
     text = page.read_text("utf-8")
     changed = 0
-    for block, printed in reversed(_printed(page)):
+    for block, printed in reversed(_printed(page, run)):
         if not _same(block, printed):
             end = block.start + len(block.text)
             text = text[: block.start] + printed + text[end:]
@@ -204,7 +216,7 @@ def _same(block: Block, printed: str) -> bool:
     return matches(block.text, printed, learned=learned)
 
 
-def _printed(page: Path) -> list[tuple[Block, str]]:
+def _printed(page: Path, run: Run) -> list[tuple[Block, str]]:
     """Return a page's blocks, each with what its commands print now."""
     found = []
     with tempfile.TemporaryDirectory() as name:
@@ -214,8 +226,8 @@ def _printed(page: Path) -> list[tuple[Block, str]]:
     return found
 
 
-def _differences(page: Path) -> Iterator[tuple[Block, str]]:
-    for block, printed in _printed(page):
+def _differences(page: Path, run: Run) -> Iterator[tuple[Block, str]]:
+    for block, printed in _printed(page, run):
         if not _same(block, printed):
             lines = unified_diff(
                 block.text.splitlines(),

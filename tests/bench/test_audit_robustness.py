@@ -63,7 +63,7 @@ def test_the_commonest_class_stands_beside_the_accuracy(grasps: bool):
 def test_a_fault_has_no_goal_and_says_where_nothing_is_answered():
     base = FaultPoint(
         fault=CLEAN, level=0.0, unit="", accuracy=0.9, low=0.8, high=1.0, answered=1.0, windows=9,
-        grasps=0.9, told=1.0, outside=0.0,
+        grasps=0.9, grasps_answered=1.0, outside=0.0,
     )  # fmt: skip
     silent = replace(base, fault="missing", unit="channels", level=1.0, accuracy=float("nan"),
                      answered=0.0)  # fmt: skip

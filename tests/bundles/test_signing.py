@@ -219,22 +219,11 @@ def test_openssh_itself_verifies_a_bundle_by_the_commands_of_the_docs(tmp_path, 
 
 
 def test_live_refuses_in_one_line_what_it_does_not_trust(tmp_path, key, capsys):
-    """Array bundle, grasp bundle or station: before any of it is opened."""
-    public = key.with_name("key.pub")
+    """A grasp bundle or a station's: before anything else is opened, as no such source could be."""
+    words = ["live", CUP_POUR, "sim://nothing", "--trust", str(key.with_name("key.pub"))]
     for more in ([], ["--record", str(tmp_path / "r.mcap")]):
         with pytest.raises(SystemExit) as ended:
-            main(
-                [
-                    "live",
-                    CUP_POUR,
-                    "sim://cup-pour",
-                    "--trust",
-                    str(public),
-                    "--seconds",
-                    "1",
-                    *more,
-                ]
-            )
+            main([*words, "--seconds", "1", *more])
         said = capsys.readouterr().err.splitlines()
         assert ended.value.code == 2
         (line,) = [line for line in said if line.startswith("taxel: ")]

@@ -248,14 +248,19 @@ def _refuse(errors: list[str]) -> Callable[[str], None]:
     return fail
 
 
+@cache
+def _below(module: ModuleType) -> list[tuple[str, Any]]:
+    """Return the names of a verb's module for which something stands in, with what they are."""
+    named = list(vars(module).items())
+    return [(key, value) for key, value in named if _stand_in(key, value, []) is not value]
+
+
 def _replace(patch: pytest.MonkeyPatch, log: list[str]) -> None:
     """Put stand-ins where verbs look: their modules' names, printing, and imports within them."""
     for name, module in list(sys.modules.items()):
         if name.startswith("taxel.cli") and name != "taxel.cli.main":
-            for key, value in list(vars(module).items()):
-                stand_in = _stand_in(key, value, log)
-                if stand_in is not value:
-                    patch.setattr(module, key, stand_in)
+            for key, value in _below(module):
+                patch.setattr(module, key, _stand_in(key, value, log))
             for key in ("say", "say_aside", "print_json", "console", "progress", "ask"):
                 if key in vars(module) and name != "taxel.cli.printing":
                     patch.setattr(module, key, Fake(key, log))

@@ -2,13 +2,13 @@
 
 import json
 import subprocess
-import sys
 import time
 from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 import torch
+from forked import Forked, Started
 from threadpoolctl import threadpool_limits
 
 from taxel.cli.main import main
@@ -16,7 +16,6 @@ from taxel.sim.teng_hand import TengHandConfig
 from taxel.sources.data_sets import write_sessions
 from taxel.training.run import load_run
 
-PROGRAM = "import sys; from taxel.cli.main import main; main(sys.argv[1:])"
 TRAIN = ["--epochs", "2", "--fold-count", "3", "--json"]
 
 
@@ -47,10 +46,16 @@ def whole(data: Path) -> Path:
     return output
 
 
-def killed_after(data: Path, output: Path, folds: int, verb: str = "train") -> list[Path]:
+def begun(forked: Forked, words: list[str]) -> Started:
+    """Start a real run."""
+    return forked.start(words, Path.cwd(), Path("/dev/null"), Path("/dev/null"))
+
+
+def killed_after(
+    forked: Forked, data: Path, output: Path, folds: int, verb: str = "train"
+) -> list[Path]:
     """Kill a real run once so many folds are stored; return them."""
-    words = [verb, str(data), "--output", str(output), *TRAIN]
-    process = subprocess.Popen([sys.executable, "-c", PROGRAM, *words], stdout=subprocess.DEVNULL)
+    process = begun(forked, [verb, str(data), "--output", str(output), *TRAIN])
     kept = output.with_name(f"{output.name}.folds")
     until_s = time.monotonic() + 300
     while len(found := sorted(kept.glob("*.npz"))) < folds:
@@ -71,10 +76,10 @@ def results(run: Path) -> tuple[object, ...]:
 
 
 def test_a_run_killed_after_a_fold_goes_on_from_it_and_ends_with_the_same_bits(
-    data: Path, whole: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    forked: Forked, data: Path, whole: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ):
     output = tmp_path / "run"
-    kept = killed_after(data, output, 1)
+    kept = killed_after(forked, data, output, 1)
     stamps = {path.name: path.stat().st_mtime_ns for path in kept}
     assert not output.exists()
     capsys.readouterr()
@@ -85,10 +90,10 @@ def test_a_run_killed_after_a_fold_goes_on_from_it_and_ends_with_the_same_bits(
 
 
 def test_folds_of_another_recipe_other_data_or_damaged_ones_are_not_used(
-    data: Path, whole: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    forked: Forked, data: Path, whole: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ):
     output = tmp_path / "run"
-    first, *_ = killed_after(data, output, 1)
+    first, *_ = killed_after(forked, data, output, 1)
     content = first.read_bytes()
 
     def used(*words: str, at: Path = data) -> int:
@@ -110,8 +115,8 @@ def test_folds_of_another_recipe_other_data_or_damaged_ones_are_not_used(
 
 
 @pytest.mark.slow
-def test_an_evaluation_keeps_its_folds_too(data: Path, tmp_path: Path):
-    kept = killed_after(data, tmp_path / "checked", 2, verb="evaluate")
+def test_an_evaluation_keeps_its_folds_too(forked: Forked, data: Path, tmp_path: Path):
+    kept = killed_after(forked, data, tmp_path / "checked", 2, verb="evaluate")
     main(["evaluate", str(data), "--output", str(tmp_path / "checked"), *TRAIN])
     assert len(kept) >= 2
     assert sorted(path.name for path in tmp_path.iterdir()) == ["checked"]
@@ -120,11 +125,11 @@ def test_an_evaluation_keeps_its_folds_too(data: Path, tmp_path: Path):
 
 @pytest.mark.parametrize("verb", ["train", "evaluate"])
 def test_a_second_run_to_the_same_output_is_refused_while_the_first_lives(
-    verb: str, data: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    verb: str, forked: Forked, data: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ):
     output = tmp_path / "run"
     words = ["train", str(data), "--output", str(output), "--epochs", "50", "--json"]
-    first = subprocess.Popen([sys.executable, "-c", PROGRAM, *words], stdout=subprocess.DEVNULL)
+    first = begun(forked, words)
     until_s = time.monotonic() + 120
     while not (tmp_path / ".run.lock").exists() or not (tmp_path / ".run.lock").read_text():
         assert first.poll() is None

@@ -1,9 +1,8 @@
-"""The demo's main path, on a tenth of its scans and one epoch of its table."""
+"""The demo's main path, as the README shows it, with one epoch of its table."""
 
 import io
 import json
 from contextlib import redirect_stdout
-from functools import partial
 from pathlib import Path
 
 import pytest
@@ -11,24 +10,13 @@ import pytest
 from taxel.cli.demo import Demo
 from taxel.cli.main import main
 from taxel.errors import BadInput
-from taxel.evaluation.teng import table_4_1
 from taxel.sim.teng_constants import MATERIALS, SHAPES
-from taxel.training.loop import TrainConfig
 
 
 @pytest.mark.slow
-def test_the_demo_leaves_a_report_recordings_and_recognisers_that_run(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    monkeypatch.setattr(
-        table_4_1, "TengTableConfig",
-        partial(table_4_1.TengTableConfig, train=TrainConfig(epochs=1), workers=1),
-    )  # fmt: skip
-    monkeypatch.chdir(tmp_path)
-    words = "demo --output out --scans-per-class 30000 --live-seconds 12 --seconds 0"
-    main(words.split())
-    text = capsys.readouterr().out
-    flat = " ".join(text.split())
+def test_the_demo_leaves_a_report_recordings_and_recognisers_that_run(demo_made_once: Path) -> None:
+    text = (demo_made_once / "printed.txt").read_text("utf-8")
+    flat, out = " ".join(text.split()), demo_made_once / "demo"
 
     steps = [line[0] for line in text.splitlines() if line[1:3] == ". " and " · " in line]
     assert steps == ["1", "2", "3", "4", "5"]
@@ -36,15 +24,15 @@ def test_the_demo_leaves_a_report_recordings_and_recognisers_that_run(
         for task in ("shape", "material"):
             assert f"Table 4.1 · {task} · preset honest · split: {split}" in flat
     assert "channel gain is" in flat
-    assert "Table 4.1" in Path("out/report.html").read_text()
-    names = sorted(path.name for path in Path("out/honest").glob("*.mcap"))
+    assert "Table 4.1" in (out / "report.html").read_text()
+    names = sorted(path.name for path in (out / "honest").glob("*.mcap"))
     assert names == [f"session-{number}.mcap" for number in range(1, 7)]
     for task, answers in (("shape", set(SHAPES)),
                           ("material", set(MATERIALS))):  # fmt: skip
-        with redirect_stdout(io.StringIO()) as out:
-            main(["live", f"out/{task}.taxel", "sim://teng?seed=1&rate_hz=500&speed=max",
+        with redirect_stdout(io.StringIO()) as printed:
+            main(["live", str(out / f"{task}.taxel"), "sim://teng?seed=1&rate_hz=500&speed=max",
                   "--seconds", "6", "--json"])  # fmt: skip
-        (found,) = json.loads(out.getvalue())
+        (found,) = json.loads(printed.getvalue())
         assert found["windows"] > 3
         assert set(found["answers"]) <= answers | {"UNKNOWN"}
 

@@ -1,12 +1,15 @@
 """Whatever file is given to whatever verb: one plain line, exit code 2, little memory, soon.
 
-Each case runs the command in a process of its own, whose largest memory the system tells.
+Each case runs the command in a process of its own, whose largest memory the system tells: it begins
+with what such commands import of others, which counts as its own.
 """
 
 import signal
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
+from forked import WITHOUT_TORCH, Forked
 
 from taxel.bench.hostile_cases import ALONE, GROWTH_MB, MOST_MB, RESIDENT, make_world
 from taxel.bench.watched_commands import DEADLINE_S, forget_peak, peak_mb, run_alone
@@ -29,11 +32,19 @@ def world(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return world
 
 
+@pytest.fixture(scope="module")
+def forked() -> Iterator[Forked]:
+    with Forked(WITHOUT_TORCH, {"OMP_NUM_THREADS": "1"}) as found:
+        yield found
+
+
 @pytest.mark.parametrize("name", ALONE)
-def test_one_plain_line_exit_code_2_and_little_memory(name: str, world: Path) -> None:
+def test_one_plain_line_exit_code_2_and_little_memory(
+    name: str, world: Path, forked: Forked
+) -> None:
     found = sorted(world.iterdir())
 
-    ended = run_alone(ALONE[name].split(), world)
+    ended = forked.run(ALONE[name].split(), world, DEADLINE_S)
 
     assert ended.refused, ended
     assert ended.memory_mb <= MOST_MB, ended
@@ -66,9 +77,8 @@ def test_verbs_that_need_pytorch_refuse_alike(
     assert sorted(world.iterdir()) == found, "something was written"
 
 
-def test_the_memory_is_measured(world: Path) -> None:
-    """An honest command gives a figure that a process of Python has."""
-    ended = run_alone(["info", "honest"], world)
-
-    assert ended.code == 0
-    assert 20 < ended.memory_mb < MOST_MB
+def test_the_memory_is_measured(world: Path, forked: Forked) -> None:
+    """An honest command gives a figure that a process of Python has, forked or begun anew."""
+    for ended in (forked.run(["info", "honest"], world), run_alone(["info", "honest"], world)):
+        assert ended.code == 0
+        assert 20 < ended.memory_mb < MOST_MB

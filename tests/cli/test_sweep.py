@@ -13,7 +13,7 @@ from taxel.cli.train import Train
 from taxel.errors import BadBundle, BadInput, RecordingFailed
 
 KEYS = {"fault", "level", "unit", "accuracy", "low", "high", "answered", "windows", "grasps",
-        "told", "outside", "draws", "base"}  # fmt: skip
+        "grasps_answered", "outside", "draws", "base"}  # fmt: skip
 
 
 @pytest.fixture(scope="module")

@@ -29,7 +29,7 @@ def test_the_reaction_time_runs_from_the_first_alarm_to_the_first_act() -> None:
     trial = reactions.end(16.0, "gross slip")
 
     assert trial == GraspTrial(
-        number=1, began_s=10.0, ended_s=16.0, alarm="danger", alarm_s=12.0, told="GRIP HARDER",
+        number=1, began_s=10.0, ended_s=16.0, alarm="danger", alarm_s=12.0, advice="GRIP HARDER",
         acknowledged_s=12.5, reaction="pour stopped", reaction_s=12.8, outcome="held",
         outcome_by="person",
     )  # fmt: skip
@@ -92,7 +92,7 @@ def test_what_is_no_word_of_ours_is_refused() -> None:
 TRIALS = [
     GraspTrial(number=1, began_s=1.0, ended_s=7.25, outcome="held", outcome_by="source"),
     GraspTrial(
-        number=2, began_s=7.5, ended_s=13.0, alarm="warning", alarm_s=9.125, told="GRIP HARDER",
+        number=2, began_s=7.5, ended_s=13.0, alarm="warning", alarm_s=9.125, advice="GRIP HARDER",
         reaction="grip changed", reaction_s=10.0, acknowledged_s=None,
     ),
 ]  # fmt: skip
@@ -106,6 +106,16 @@ def test_a_log_gives_back_what_was_written_line_by_line(tmp_path: Path) -> None:
     assert path.name == "pour.trials.csv"
     assert read_trial_log(path) == TRIALS
     assert path.read_text().splitlines()[0] == ",".join(COLUMNS)
+
+
+def test_a_log_that_was_written_before_is_read_and_gone_on_with(tmp_path: Path) -> None:
+    """Its column of advice has another name."""
+    path = tmp_path / "pour.trials.csv"
+    path.write_text(",".join(COLUMNS).replace("advice", "told") + "\n")
+    for trial in TRIALS:
+        append_trial(path, trial)
+
+    assert read_trial_log(path) == TRIALS
 
 
 @pytest.mark.parametrize(

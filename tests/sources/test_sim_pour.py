@@ -1,5 +1,6 @@
 """Claims about the simulated pour as a live source."""
 
+import os
 import threading
 
 import numpy as np
@@ -116,6 +117,28 @@ def test_the_end_of_a_grasp_is_reported_while_the_next_cup_is_still_made(
     assert waiting == 2 * 60
     assert ended_s - max(frame.arrival_s for frame in frames[:waiting]) < 0.05
     assert (len(frames), len(marks)) == (2 * waiting, 2)
+
+
+@pytest.mark.skipif(not hasattr(os, "getpriority"), reason="no niceness here")
+@pytest.mark.parametrize("address", ["sim://cup-pour?runs=1", "sim://cup-pour?runs=2&speed=max"])
+def test_a_cup_that_is_waited_for_stands_back_for_nobody(
+    address: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The first one, and all of them where nothing else is done meanwhile."""
+    priorities: list[int] = []
+    make = SimPour._make
+
+    def make_noted(self: SimPour, number: int) -> tuple[PourRun, SteppedPour]:
+        priorities.append(os.getpriority(os.PRIO_PROCESS, threading.get_native_id()))
+        return make(self, number)
+
+    monkeypatch.setattr(SimPour, "_make", make_noted)
+    with open_source(address) as source:
+        assert isinstance(source, SimPour)
+        source._made.result()
+
+    own = os.getpriority(os.PRIO_PROCESS, threading.get_native_id())
+    assert priorities == [own] * (2 if "max" in address else 1)
 
 
 def test_cameras_whose_gels_are_untouched_at_first_say_so() -> None:

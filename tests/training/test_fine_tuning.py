@@ -1,17 +1,18 @@
 """Claims about training end to end: it learns, keeps normalisation, and shares windows out."""
 
 import json
-import os
-import signal
 import subprocess
 import sys
 from copy import deepcopy
+from importlib.util import find_spec
 from pathlib import Path
 
 import numpy as np
 import pytest
 import torch
+from forked import Forked, Started
 
+from taxel.bench.real_mosquitto import free_port
 from taxel.cli.main import main
 from taxel.evaluation.transitions.data import load_camera_set
 from taxel.frame_codec import decode_jpeg
@@ -29,7 +30,10 @@ from taxel.windows.sequence import window_starts
 EDGE = "edge"
 K, STRIDE = 3, 30
 CONFIG = FineTuneConfig(seed=5)
-pytest.importorskip("lightning_fabric")
+if find_spec("lightning_fabric") is None:
+    pytest.skip(
+        "lightning-fabric is not installed: pip install 'taxel[fine-tune]'", allow_module_level=True
+    )
 
 
 @pytest.fixture(scope="module")
@@ -162,17 +166,32 @@ def words(folder: Path, cache: Path, output: Path) -> list[str]:
             "--cache", str(cache), "--output", str(output), "--json"]  # fmt: skip
 
 
-def under_torchrun(words: list[str], *more: str) -> list[str]:
+def under_torchrun(words: list[str]) -> list[str]:
     run = [sys.executable, "-m", "torch.distributed.run", "--standalone",
            "--nproc-per-node", "2", "-m", "taxel.cli.main"]  # fmt: skip
-    return [*run, *words, *more]
+    return [*run, *words]
+
+
+def two(forked: Forked, words: list[str], out: Path) -> list[Started]:
+    """Start two processes with the variables by which torchrun tells each its place."""
+    both = {"WORLD_SIZE": "2", "LOCAL_WORLD_SIZE": "2", "GROUP_RANK": "0", "GROUP_WORLD_SIZE": "1",
+            "TORCHELASTIC_RUN_ID": "two", "MASTER_ADDR": "127.0.0.1",
+            "MASTER_PORT": str(free_port())}  # fmt: skip
+    return [
+        forked.start(words, out.parent, out.with_name(f"{out.name}-{rank}"), out.parent / "err",
+                     variables=both | {"RANK": str(rank), "LOCAL_RANK": str(rank)})
+        for rank in range(2)
+    ]  # fmt: skip
 
 
 @pytest.mark.slow
 def test_two_processes_killed_and_started_again_learn_as_one_does(
-    few_pours: Path, cache: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    """The same loss curve from one process, from two, and from two that were killed."""
+    few_pours: Path, cache: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str],
+    forked: Forked,
+) -> None:  # fmt: skip
+    """The same loss curve from one process, from two under torchrun, and from two that were
+    killed and started again.
+    """
     main(words(few_pours, cache, tmp_path / "1.safetensors"))
     alone = json.loads(capsys.readouterr().out)
     done = subprocess.run(under_torchrun(words(few_pours, cache, tmp_path / "2.safetensors")),
@@ -183,21 +202,24 @@ def test_two_processes_killed_and_started_again_learn_as_one_does(
     output = tmp_path / "killed.safetensors"
     checkpoint = tmp_path / "killed.safetensors.checkpoint"
     killed = words(few_pours, cache, output)
-    process = subprocess.Popen(under_torchrun(killed), stdout=subprocess.DEVNULL,
-                               stderr=subprocess.DEVNULL, start_new_session=True)  # fmt: skip
+    processes = two(forked, killed, tmp_path / "killed")
     while not checkpoint.exists():
-        assert process.poll() is None
+        assert [process.poll() for process in processes] == [None, None]
         with pytest.raises(subprocess.TimeoutExpired):
-            process.wait(0.02)
-    os.killpg(process.pid, signal.SIGKILL)
-    process.wait(30)
+            processes[0].wait(0.02)
+    for process in processes:
+        process.kill()
+    for process in processes:
+        process.wait(30)
     assert not output.exists()
-    done = subprocess.run(under_torchrun(killed, "--resume"), capture_output=True,
-                          text=True, timeout=600, check=False)  # fmt: skip
-    assert done.returncode == 0, done.stderr[-2000:]
+    codes = [
+        process.wait(600) for process in two(forked, [*killed, "--resume"], tmp_path / "again")
+    ]
+    assert codes == [0, 0], (tmp_path / "err").read_text()[-2000:]
+    again = json.loads((tmp_path / "again-0").read_text())
 
     assert both["losses"] == pytest.approx(alone["losses"], rel=0.01)
-    assert json.loads(done.stdout)["losses"] == pytest.approx(both["losses"], abs=1e-6)
+    assert again["losses"] == pytest.approx(both["losses"], abs=1e-6)
     assert sorted(path.name for path in tmp_path.glob("*.safe*")) == [
         "1.safetensors", "2.safetensors", "killed.safetensors",
     ]  # fmt: skip

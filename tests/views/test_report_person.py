@@ -35,7 +35,7 @@ def test_a_log_becomes_reaction_times_and_outcomes(tmp_path: Path) -> None:
             log,
             GraspTrial(
                 number=number, began_s=0.0, ended_s=6.0, alarm="danger", alarm_s=2.0,
-                told="PUT DOWN", reaction="put down" if after_s else "",
+                advice="PUT DOWN", reaction="put down" if after_s else "",
                 reaction_s=2.0 + after_s if after_s else None,
                 outcome="held" if after_s else "dropped", outcome_by="source",
             ),

@@ -12,7 +12,7 @@ from taxel.views.sweep_table import sweep_table
 NAN = float("nan")
 BASE = FaultPoint(
     fault=CLEAN, level=0.0, unit="", accuracy=0.95, low=0.93, high=0.97, answered=1.0,
-    windows=1660, grasps=0.91, told=0.95, outside=0.8,
+    windows=1660, grasps=0.91, grasps_answered=0.95, outside=0.8,
 )  # fmt: skip
 NOISE = [
     replace(BASE, fault="noise", unit="dB", level=level, accuracy=accuracy)
@@ -20,7 +20,7 @@ NOISE = [
 ]
 SILENT = replace(
     BASE, fault="missing", unit="channels", level=1.0, accuracy=NAN, low=NAN, high=NAN,
-    answered=0.0, grasps=0.0, told=0.0,
+    answered=0.0, grasps=0.0, grasps_answered=0.0,
 )  # fmt: skip
 
 
@@ -46,7 +46,8 @@ def test_the_table_says_level_interval_change_and_where_five_points_are_gone():
 
 
 def test_the_table_says_how_many_draws_are_pooled_and_where_little_is_answered():
-    dead = [replace(BASE, fault="dead", unit="channels", level=level, draws=4, told=share)
+    dead = [replace(BASE, fault="dead", unit="channels", level=level, draws=4,
+                    grasps_answered=share)
             for level, share in ((1.0, 0.9), (2.0, 0.3), (3.0, 0.2))]  # fmt: skip
     text = printed([BASE, *dead])
 

@@ -1,9 +1,12 @@
 """Output blocks: found where they stand, compared as a reader would, stale ones refused."""
 
+import shlex
+from collections.abc import Sequence
 from pathlib import Path
 
 import pytest
-from website.output_blocks import blocks, matches, renew, stale
+from forked import Forked
+from website.output_blocks import WIDTH, blocks, matches, plain, renew, stale
 
 ROOT = Path(__file__).parents[2]
 PAGE = """# Title
@@ -85,8 +88,25 @@ def test_a_stale_block_is_found_and_renewed(tmp_path):
 
 
 @pytest.mark.slow
+@pytest.mark.longest
 @pytest.mark.parametrize("page", ["README.md", "docs/tutorial.md"])
-def test_every_block_is_what_its_command_prints(page):
+def test_every_block_is_what_its_command_prints(page, forked: Forked, request):
     """Renew them with: python -m website.output_blocks --write PAGE."""
+
+    def run(commands: Sequence[str], folder: Path) -> list[str]:
+        own = {"COLUMNS": str(WIDTH), "XDG_CACHE_HOME": str(folder / ".cache")}
+        printed = []
+        for command in commands:
+            name, *words = shlex.split(command)
+            assert name == "taxel"
+            if words == ["demo", "--seconds", "0"]:
+                made: Path = request.getfixturevalue("demo_made_once")
+                printed.append(plain((made / "printed.txt").read_text("utf-8")))
+                continue
+            done = forked.run(words, folder, variables=own)
+            assert done.code == 0, f"{command}: {done.err}"
+            printed.append(plain(done.out))
+        return printed
+
     assert blocks((ROOT / page).read_text("utf-8"))
-    assert "\n".join(stale(ROOT / page)) == ""
+    assert "\n".join(stale(ROOT / page, run)) == ""

@@ -183,7 +183,8 @@ def _base_row(what: str, plain: _Swept, robust: _Swept, grasps: bool) -> Row:
     note = (
         f"majority {majority:.3f}; "
         f"{PLAIN}: {before.grasps if grasps else before.accuracy:.3f}; grasps answered "
-        f"{after.told:.3f} against {before.told:.3f}; thesis, section 4.4: above {LEAST:g}"
+        f"{after.grasps_answered:.3f} against {before.grasps_answered:.3f}; "
+        f"thesis, section 4.4: above {LEAST:g}"
     )
     return _plain_row(f"sim, new sessions, {what}, {ROBUST}: 23 °C, clean and still", value,
                       "accuracy", note)  # fmt: skip

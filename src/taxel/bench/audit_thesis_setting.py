@@ -56,7 +56,7 @@ def _clean_row(target: str, clean: SessionAnswers) -> Row:
     return Row(
         name=f"sim, new sessions, {target} by windows, {SETTING}: 23 °C, clean and still",
         value=point.accuracy, unit="accuracy", goal="", ok=None,
-        note=f"majority {majority:.3f}; grasps with an answer {point.told:.3f}",
+        note=f"majority {majority:.3f}; grasps with an answer {point.grasps_answered:.3f}",
     )  # fmt: skip
 
 

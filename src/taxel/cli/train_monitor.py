@@ -74,12 +74,12 @@ class TrainMonitor:
         from taxel.evaluation.early_warning.learn_monitor import learn_monitor, write_monitor
         from taxel.training.extractors import BackboneExtractor
 
+        config = head_config(self.labels.rule, self.fit, self.head)
         with self.work.open(), progress() as bar:
             pours = load_set(self.labels, self.data, bar)
             extractor = open_features(self.features, pours, self.weights, self.engine)
             features = extract_features(extractor, self.features, pours, self.labels.folder(), bar)
             task = bar.add_task("training", total=None)
-            config = head_config(self.labels.rule, self.fit, self.head)
             learnt = learn_monitor(
                 pours, features, config,
                 on_step=lambda line: bar.update(task, description=f"training, {line}", advance=1),

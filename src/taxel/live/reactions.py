@@ -55,7 +55,7 @@ class Reactions:
             return
         trial = self._trial
         if trial.alarm_s is None:
-            trial = replace(trial, alarm_s=now_s, told=advice)
+            trial = replace(trial, alarm_s=now_s, advice=advice)
         if LEVELS.index(level) > LEVELS.index(trial.alarm):
             trial = replace(trial, alarm=level)
         self._trial = trial

@@ -44,8 +44,8 @@ class GraspTrial:
     """The worst level, one of `LEVELS`; empty where none came."""
     alarm_s: float | None = None
     """When the first alarm of this grasp came."""
-    told: str = ""
-    """What the person was told to do at the alarm."""
+    advice: str = ""
+    """What the page told the person to do at the alarm."""
     acknowledged_s: float | None = None
     """When a person acknowledged it."""
     reaction: str = ""
@@ -66,6 +66,8 @@ class GraspTrial:
 
 
 COLUMNS = tuple(field.name for field in fields(GraspTrial))
+_FORMER = {"told": "advice"}
+"""Columns of logs written before → their name today."""
 
 
 def log_of(recording: Path) -> Path:
@@ -97,7 +99,7 @@ def read_trial_log(path: Path) -> list[GraspTrial]:
         OSError: It is not there.
     """
     rows = list(csv.reader(line for line in lines_of(path, 16 * MIB) if line.strip()))
-    if not rows or tuple(rows[0]) != COLUMNS:
+    if not rows or tuple(_FORMER.get(name, name) for name in rows[0]) != COLUMNS:
         raise BadTable(
             "a log of trials as taxel live writes it beside a recording, NAME.trials.csv",
             f"another table in {path}", "name that file",

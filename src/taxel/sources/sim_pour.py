@@ -14,7 +14,7 @@ import os
 import threading
 from collections import deque
 from collections.abc import Iterator
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from itertools import count
 from typing import get_args
@@ -94,17 +94,21 @@ class SimPour(PacedSource):
         self._frames: deque[Frame] = deque()
         self._pour: SteppedPour | None = None
         self._number = -1
+        # Only where time passes meanwhile is there anything to report while the next cup is made.
+        self._meanwhile = speed != float("inf") and isinstance(clock, SystemClock)
         # The next cup's gels are made while this one is held: that takes most of a second, and
-        # between two cups there is only half of one.
-        self._maker = ThreadPoolExecutor(1, "taxel next cup", _stand_back)
-        self._made = self._maker.submit(self._make, 0)
+        # between two cups there is only half of one. What is waited for, such as the first cup,
+        # stands back for nobody: on a busy machine that took ten times as long.
+        self._maker = ThreadPoolExecutor(
+            1, "taxel next cup", _stand_back if self._meanwhile else None
+        )
+        self._made: Future[tuple[PourRun, SteppedPour]] = Future()
+        self._made.set_result(self._make(0))
         self._left = 0
         """Moments of this grasp that are not simulated yet."""
         self._events = self._simulate()
         self._cameras: tuple[CameraInfo, ...] = ()
         self._more()
-        # Only where time passes meanwhile is there anything to report while the next cup is made.
-        self._meanwhile = speed != float("inf") and isinstance(clock, SystemClock)
         info = sensor_info(_FRAME_HZ, self._choice.gel, self._choice.scene)
         pacer = Pacer(
             self._stretches(), len(info.channels), clock, speed,

@@ -53,7 +53,7 @@ def sweep_table(
                 _percent(point.answered),
                 f"{point.windows:,}",
                 _percent(point.grasps),
-                _percent(point.told),
+                _percent(point.grasps_answered),
                 "–" if math.isnan(point.outside) else f"{point.outside:.1f}",
                 style=_style(change),
             )
@@ -76,10 +76,13 @@ def _falls(points: Sequence[FaultPoint]) -> list[Text]:
 
 def _silence(own: Sequence[FaultPoint], base: FaultPoint) -> str:
     """Return from which level on less than half is answered of what is without the fault."""
-    few = [point for point in own if point.told < base.told / 2]
+    few = [point for point in own if point.grasps_answered < base.grasps_answered / 2]
     if not few or math.isnan(few[0].accuracy):  # that nothing is answered is said already
         return ""
-    return f"; at {few[0].level:g} {few[0].unit} only {_percent(few[0].told)} with an answer"
+    first = few[0]
+    return (
+        f"; at {first.level:g} {first.unit} only {_percent(first.grasps_answered)} with an answer"
+    )
 
 
 def _notes(points: Sequence[FaultPoint], cameras: bool) -> list[Text]:

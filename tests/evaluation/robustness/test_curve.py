@@ -18,7 +18,7 @@ from taxel.evaluation.robustness.curve import (
 def point(level: float, accuracy: float) -> FaultPoint:
     return FaultPoint(
         fault="f", level=level, unit="u", accuracy=accuracy, low=0.0, high=1.0, answered=1.0,
-        windows=10, grasps=0.5, told=1.0, outside=0.0,
+        windows=10, grasps=0.5, grasps_answered=1.0, outside=0.0,
     )  # fmt: skip
 
 
@@ -44,7 +44,7 @@ def test_accuracy_is_of_what_was_answered_and_silent_grasps_are_not_right():
     assert found.accuracy == pytest.approx(2 / 3)
     assert found.answered == 0.75
     assert found.grasps == pytest.approx(2 / 5)
-    assert found.told == pytest.approx(3 / 5)
+    assert found.grasps_answered == pytest.approx(3 / 5)
     assert found.windows == 4
     assert found.outside == 1.5
 

@@ -2,17 +2,18 @@
 
 import json
 import os
-import signal
 import sqlite3
 import subprocess
-import sys
 import time
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
 import pytest
+from forked import Forked
 
-pytest.importorskip("optuna", reason="optuna is not installed: pip install 'taxel[tune]'")
+if find_spec("optuna") is None:
+    pytest.skip("optuna is not installed: pip install 'taxel[tune]'", allow_module_level=True)
 
 from taxel.cli.main import main
 from taxel.errors import BadSplit
@@ -71,18 +72,13 @@ def tune(sessions: Path, output: Path) -> list[str]:
 
 @pytest.mark.slow
 def test_a_tune_killed_and_started_again_ends_as_an_unbroken_one(
-    sessions: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    sessions: Path, tmp_path: Path, forked: Forked
 ) -> None:
     """It loses at most the trial that ran; its result is a run that can be compared."""
-    environment = os.environ | {"OMP_NUM_THREADS": "1", "TAXEL_WORKERS": "1"}
-    program = "import sys; from taxel.cli.main import main; main(sys.argv[1:])"
-    for path in filter(None, sys.path):
-        environment["PYTHONPATH"] = os.pathsep.join([environment.get("PYTHONPATH", ""), path])
-    command = [sys.executable, "-c", program]
-    whole = subprocess.run([*command, *tune(sessions, tmp_path / "whole")], env=environment,
-                           capture_output=True, text=True, check=True)  # fmt: skip
-    process = subprocess.Popen([*command, *tune(sessions, tmp_path / "broken")], env=environment,
-                               stdout=subprocess.DEVNULL)  # fmt: skip
+    whole = forked.run(tune(sessions, tmp_path / "whole"), tmp_path)
+    assert whole.code == 0, whole.err
+    nowhere = Path(os.devnull)
+    process = forked.start(tune(sessions, tmp_path / "broken"), tmp_path, nowhere, nowhere)
     database = tmp_path / "broken.tune.db"
     until_s = time.monotonic() + 120
     while states(database).count("COMPLETE") < 2:
@@ -90,16 +86,16 @@ def test_a_tune_killed_and_started_again_ends_as_an_unbroken_one(
         assert time.monotonic() < until_s
         with pytest.raises(subprocess.TimeoutExpired):
             process.wait(0.02)
-    process.send_signal(signal.SIGKILL)
+    process.kill()
     process.wait(30)
     finished = states(database).count("COMPLETE")
-    again = subprocess.run([*command, *tune(sessions, tmp_path / "broken")], env=environment,
-                           capture_output=True, text=True, check=True)  # fmt: skip
+    again = forked.run(tune(sessions, tmp_path / "broken"), tmp_path)
+    assert again.code == 0, again.err
 
     assert finished >= 2
     assert states(database).count("FAIL") <= 1
     assert states(database).count("COMPLETE") + states(database).count("PRUNED") == 9
-    assert without_places(again.stdout) == without_places(whole.stdout)
+    assert without_places(again.out) == without_places(whole.out)
     runs = [load_run(tmp_path / name) for name in ("whole", "broken")]
     assert compare_runs(*runs, None).difference == 0.0
     main(["report", str(tmp_path / "broken"), "--output", str(tmp_path / "page.html")])

@@ -106,7 +106,7 @@ def test_a_slipping_grasp_is_logged_with_its_outcome_where_a_recording_is_on(mak
     (order,) = rig.ordered()
     trial = order["trial"]
     assert order["do"] == "trial"
-    assert (trial["alarm"], trial["alarm_s"], trial["told"]) == ("warning", 1.2, "GRIP HARDER")
+    assert (trial["alarm"], trial["alarm_s"], trial["advice"]) == ("warning", 1.2, "GRIP HARDER")
     assert (trial["reaction"], trial["reaction_s"]) == ("put down", 1.7)
     assert (trial["outcome"], trial["outcome_by"], trial["ended_s"]) == ("held", "source", 2.0)
 

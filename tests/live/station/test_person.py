@@ -42,7 +42,7 @@ def test_a_slip_is_reported_and_logged_with_the_persons_reaction() -> None:
     station.person.new_grasp(3.0, "hold")
 
     (trial,) = station.trials
-    assert (trial.alarm, trial.told, trial.outcome) == ("danger", "GRIP HARDER", "held")
+    assert (trial.alarm, trial.advice, trial.outcome) == ("danger", "GRIP HARDER", "held")
     assert list(station.person.trials) == [trial]
 
 

@@ -44,7 +44,7 @@ class FaultPoint:
     """Share right of all grasps, each by its answered windows joined; one of which nothing was
     answered is not right. Of cameras: share of the slips that were warned of in time. NaN where
     there is none."""
-    told: float
+    grasps_answered: float
     """Share of the grasps (of cameras: recordings) of which anything was answered, 0…1."""
     outside: float
     """Windows cut where nothing was touched, a minute of recording; of cameras: false alarms a
@@ -218,7 +218,7 @@ def point_of(
         answered=_mean(answered),
         windows=len(answered),
         grasps=int(whole.sum()) / grasps if grasps else float("nan"),
-        told=len(whole) / grasps if grasps else float("nan"),
+        grasps_answered=len(whole) / grasps if grasps else float("nan"),
         outside=answers.outside / answers.minutes if answers.minutes else float("nan"),
         draws=draws,
         base=base,

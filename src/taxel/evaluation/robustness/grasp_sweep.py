@@ -274,7 +274,7 @@ def grasp_point(watched: Sequence[Watched], fault: str, level: float, unit: str)
         answered=answered / moments if moments else float("nan"),
         windows=moments,
         grasps=float(np.mean([not event.missed for event in events])) if events else float("nan"),
-        told=float(
+        grasps_answered=float(
             np.mean(
                 [(watched_grasp.states != Stability.UNKNOWN).any() for watched_grasp in watched]
             )

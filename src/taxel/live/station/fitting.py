@@ -2,14 +2,23 @@
 
 from __future__ import annotations
 
-from functools import partial
 from pathlib import Path
 
-from taxel.bundles.grasp import is_grasp_bundle, read_grasp_contract
+from taxel.bundles.contract import Contract
+from taxel.bundles.grasp import GraspContract, is_grasp_bundle, read_grasp_contract
 from taxel.bundles.reader import read_contract
 from taxel.bundles.signing import Trust
 from taxel.errors import BadBundle
 from taxel.signals import CameraInfo, SensorInfo
+
+
+def read_own_contract(path: Path, trust: Trust | None = None) -> Contract | GraspContract:
+    """Return the contract of an array's bundle, or of one that watches a grasp.
+
+    Raises:
+        BadBundle: The bundle cannot be read, or is not signed by a key of `trust`.
+    """
+    return read_grasp_contract(path, trust) if is_grasp_bundle(path) else read_contract(path, trust)
 
 
 def misfit(
@@ -23,13 +32,12 @@ def misfit(
     Raises:
         BadBundle: The bundle cannot be read, or is not signed by a key of `trust`.
     """
-    if is_grasp_bundle(path):
-        grasp = read_grasp_contract(path, trust)
-        check = partial(grasp.check_cameras, cameras)
-    else:
-        check = partial(read_contract(path, trust).check_sensor, sensor)
+    contract = read_own_contract(path, trust)
     try:
-        check()
+        if isinstance(contract, GraspContract):
+            contract.check_cameras(cameras)
+        else:
+            contract.check_sensor(sensor)
     except BadBundle as error:
         return error
     return None

@@ -20,7 +20,7 @@ from taxel.bundles.signing import Trust
 from taxel.calibration.stored import read_calibration
 from taxel.errors import BadInput, BadSource
 from taxel.live.station.acquisition import Acquisition, acquire
-from taxel.live.station.fitting import misfit
+from taxel.live.station.fitting import misfit, read_own_contract
 from taxel.live.station.guard import GuardConfig
 from taxel.live.station.inference import Inference, infer
 from taxel.live.station.page_link import PageSeen, ViewConfig
@@ -130,6 +130,8 @@ class Wiring:
         """Ring of the station's own snapshots."""
         self.requests = self.ring()
         """Ring of the page's requests."""
+        for path in config.bundles:  # before anything is opened
+            read_own_contract(path, config.trust)
         for number, url in enumerate(config.sources):
             _check_pace(url)
             self._start_feed(url, number)
