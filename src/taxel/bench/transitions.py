@@ -54,7 +54,9 @@ def full_steps(data: Path | None) -> list[tuple[str, Measure]]:
         *table_steps(),
         ("the paper's set, tables, warnings", paper_set),
         ("slips", lambda: slips(data)),
+        ("slip signal of real touch", lambda: slip_signal(data)),
         ("slip warning", slip_warning),
+        ("warnings on gel 2", warnings_on_layers),
         ("warnings by kind", warnings_by_kind),
         ("start of a grasp", grasp_starts),
         ("markers' residual", lambda: gel_shear.residual_rows(data)),
@@ -227,7 +229,7 @@ def paper_set() -> list[Row]:
 
 
 def slips(data: Path | None) -> list[Row]:
-    """gelsight-slip by object: the default recogniser, and the slip signal without any label."""
+    """gelsight-slip by object: the default recogniser."""
     from taxel.bench.slip_trials import missing_rows, slip_rows
 
     if data is None or not (data / "gelsight-slip").exists():
@@ -235,7 +237,16 @@ def slips(data: Path | None) -> list[Row]:
     folder = data / "gelsight-slip"
     found = _taxel("evaluate-trials", str(folder), "--target", "outcome", "--split",
                    "group:object", "--json")  # fmt: skip
-    return slip_rows(found, folder)
+    return slip_rows(found)
+
+
+def slip_signal(data: Path | None) -> list[Row]:
+    """gelsight-slip ranked by the slip signal, from which no model learns."""
+    from taxel.bench.slip_trials import missing_signal_rows, signal_rows
+
+    if data is None or not (data / "gelsight-slip").exists():
+        return missing_signal_rows("no recordings: name their folder with --data")
+    return signal_rows(data / "gelsight-slip")
 
 
 def slip_live_path() -> list[Row]:
@@ -250,6 +261,13 @@ def slip_warning() -> list[Row]:
     from taxel.bench.slip_warning import slip_warning_rows
 
     return slip_warning_rows()
+
+
+def warnings_on_layers() -> list[Row]:
+    """Warn of slip with gels that shear as layers, learned on either version."""
+    from taxel.bench.gel_warning import gel_warning_rows
+
+    return gel_warning_rows()
 
 
 def warnings_by_kind() -> list[Row]:

@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 from taxel.frame_codec import decode_jpeg, encode_jpeg
 from taxel.gel.touch_poses import TouchFollower
 from taxel.recordings.whole import write_whole
-from taxel.sim.cup_pour import CupPourConfig, PourTrack, list_runs
+from taxel.sim.cup_pour import CupPourConfig, Gel, PourTrack, list_runs, simulate_pour
 from taxel.sim.cups import MOVING_KINDS, OTHER_KINDS, Kind, Position, PourRun, draw_cup, draw_run
 from taxel.sim.gelsight import CameraTimes, camera_times
 from taxel.sim.grip_limits import GRAVITY_M_S2, load_ratio, pour_less
@@ -174,12 +174,20 @@ def noise_runs(cup: int) -> list[PourRun]:
     return pours[cup % 3 :: 3][:1] or pours[:1]
 
 
-def true_pours(runs: Sequence[PourRun]) -> list[PourRows]:
-    """Return pours' exact poses at the moments when their cameras took images."""
-    return [
-        _true_rows(run, track)
-        for run, track in zip(runs, simulate_pours(runs, FRAME_HZ * FINE, DURATION_S), strict=True)
-    ]
+def true_pours(runs: Sequence[PourRun], gel: Gel = 1) -> list[PourRows]:
+    """Return pours' exact poses at the moments when their cameras took images.
+
+    Args:
+        runs: What is tried.
+        gel: How the gels shear. With 2 the gel's motion is that of the layer's face, weighed by
+            load, and pours are simulated one by one: 0.4 s each.
+    """
+    tracks = (
+        simulate_pours(runs, FRAME_HZ * FINE, DURATION_S)
+        if gel == 1
+        else [simulate_pour(run, FRAME_HZ * FINE, DURATION_S, gel, FINE) for run in runs]
+    )
+    return [_true_rows(run, track) for run, track in zip(runs, tracks, strict=True)]
 
 
 def _true_rows(run: PourRun, fine: PourTrack) -> PourRows:
@@ -196,9 +204,14 @@ def _true_rows(run: PourRun, fine: PourTrack) -> PourRows:
     )
 
 
-def seen_pour(run: PourRun) -> PourRows:
-    """Return a pour's poses as they are followed in rendered, JPEG-coded images."""
-    track, videos = simulate_videos(run, CAMERA_HZ, FRAME_HZ, DURATION_S)
+def seen_pour(run: PourRun, gel: Gel = 1) -> PourRows:
+    """Return a pour's poses as they are followed in rendered, JPEG-coded images.
+
+    Args:
+        run: What is tried.
+        gel: How the gels shear.
+    """
+    track, videos = simulate_videos(run, CAMERA_HZ, FRAME_HZ, DURATION_S, gel)
     last = _last_moment(track)
     rows = [_seen_rows(video, last) for video in videos]
     part = slice(0, last + 1)
@@ -268,9 +281,9 @@ def gel_about_middle(motion: GelMotion) -> NDArray[np.float64]:
     return np.column_stack([motion.object_mm + turned, motion.gel_rad])
 
 
-def seen_pours(runs: Sequence[PourRun]) -> list[PourRows]:
+def seen_pours(runs: Sequence[PourRun], gel: Gel = 1) -> list[PourRows]:
     """Return pours' poses as they are followed in rendered, JPEG-coded images."""
-    return [seen_pour(run) for run in runs]
+    return [seen_pour(run, gel) for run in runs]
 
 
 def keep_runs(

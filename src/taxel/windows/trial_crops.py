@@ -63,6 +63,10 @@ BAR: Final = ("step", "since")
 """What the bar's forest sees of `PIXELS`."""
 SLIP: Final[tuple[str, ...]] = ("slip_mm", "slip_rate_mm_s", "slip_seen", *TREND_FEATURES)
 """Of each frame: the slip signal of `taxel.gel.slip_signal` and its features."""
+MOVES: Final[tuple[str, ...]] = (
+    "object_x_mm", "object_y_mm", "object_turn", "gel_x_mm", "gel_y_mm", "gel_turn", "seen",
+)  # fmt: skip
+"""Of each frame: how object and gel have moved since the crop's first frames, turns in radians."""
 STILLS: Final = THUMB[0] * THUMB[1] + _GRID[0] * _GRID[1] * (_EDGES + 3)
 """Columns of a still: grey thumb, edges by direction and place, colour by place."""
 
@@ -226,6 +230,16 @@ def _slip(scene: Scene) -> NDArray[np.float32]:
     return np.nan_to_num(np.array(rows, np.float32))
 
 
+def _moves(scene: Scene) -> NDArray[np.float32]:
+    follower = TouchFollower(scene.images[:REFERENCE_FRAMES])
+    to_mm = np.array([scene.mm_per_px, scene.mm_per_px, 1.0])
+    rows = []
+    for image in scene.images:
+        pose = follower.follow(image)
+        rows.append(np.concatenate([pose.object * to_mm, pose.gel * to_mm, [float(pose.seen)]]))
+    return np.stack(rows).astype(np.float32)
+
+
 def _stills(scene: Scene) -> NDArray[np.float32]:
     """Return the look of the first, the middle and the last frame."""
     last = len(scene.images) - 1
@@ -329,6 +343,7 @@ FAMILIES: Final[dict[str, Family]] = {
         "slip-1-" + hashlib.sha256(",".join(SLIP).encode()).hexdigest()[:8],
     ),
     "stills": Family(STILLS, _stills, _looks, "stills-1"),
+    "moves": Family(len(MOVES), _moves, _courses, "moves-1"),
 }  # fmt: skip
-"""Name → what is looked at: grey differences and flow, the slip signal, and how the crop's first,
-middle and last frame look."""
+"""Name → what is looked at: grey differences and flow, the slip signal, how the crop's first,
+middle and last frame look, and where object and gel went."""

@@ -1,7 +1,9 @@
 """How well the slip signal alone ranks trials: nothing is learned, labels only score it.
 
 A trial is as suspicious as its crops in the mean: how fast the object moves over the gel beside how
-fast the gel moves, and how fast it once moved at most. Knows nothing about models or folds.
+fast the gel moves, and how fast it once moved at most. Which of some formulas that is was chosen
+on every other object, so that the rest have an AUC of their own. Knows nothing about models or
+folds.
 
 Source: docs/decisions/0041, which lists the formulas that were looked at.
 """
@@ -18,16 +20,18 @@ from numpy.typing import NDArray
 
 from taxel.evaluation.camera_trials.crossval import CameraTrialScores, score_trials
 from taxel.evaluation.camera_trials.trial_set import load_trial_set
+from taxel.evaluation.intervals import Interval
+from taxel.gel.slip_signal import TURN_MM
 from taxel.training.trial_blend import mean_of_crops
 from taxel.windows.camera_trials import read_camera_trials
-from taxel.windows.trial_crops import SLIP
+from taxel.windows.trial_crops import MOVES
 
 _SOFT_MM_S: Final = 0.05
 """Added to a rate before its logarithm: the noise of one. Source: our choice."""
-_LAGS: Final = (2, 4)
-"""Images over which rates are taken. Source: our choice, decision 41."""
+_LAG: Final = 2
+"""Images over which rates are taken. Source: our choice on half of the objects, decision 41."""
 _SHARE: Final = 0.25
-"""How much the largest rate counts beside the ratio. Source: decision 41."""
+"""How much the largest rate counts beside the ratio. Source: likewise."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -36,35 +40,53 @@ class SignalScore:
 
     name: str
     auc: float
-    interval: tuple[float, float]
+    """By trial, all objects."""
+    interval: Interval
     """95 %, whole objects resampled."""
+    apart_auc: float
+    """Of the objects on which no formula was chosen."""
+    apart_interval: Interval
+    apart: tuple[int, int]
+    """Those objects and their trials."""
     others: Mapping[str, float]
-    """Plainer summaries and controls → AUC."""
+    """Plainer summaries and controls → AUC, all objects."""
 
 
-def signal_of(shown: NDArray[np.float32]) -> dict[str, NDArray[np.float64]]:
+def signal_of(
+    shown: NDArray[np.float32], rate_hz: NDArray[np.float64]
+) -> dict[str, NDArray[np.float64]]:
     """Return summaries of crops by name, each of shape (n,): the larger, the more like slip.
 
     Args:
-        shown: Shape (n, frames, cameras, columns), columns as `SLIP`.
+        shown: Shape (n, frames, cameras, columns), columns as `MOVES`.
+        rate_hz: Shape (n,): frames a second.
     """
-    column = {name: number for number, name in enumerate(SLIP)}
+    column = {name: number for number, name in enumerate(MOVES)}
 
-    def logs(name: str) -> NDArray[np.float64]:
-        return np.log(np.abs(shown[..., column[name]].astype(np.float64)) + _SOFT_MM_S)
+    def motion(part: str) -> NDArray[np.float64]:
+        names = (f"{part}_x_mm", f"{part}_y_mm", f"{part}_turn")
+        return shown[..., [column[name] for name in names]].astype(np.float64) * (1, 1, TURN_MM)
 
-    ratio = np.mean(
-        [(logs(f"slip_rate_{lag}") - logs(f"gel_rate_{lag}")).mean(axis=1) for lag in _LAGS], axis=0
+    per_s = rate_hz[:, None, None] / _LAG
+    gel = motion("gel")
+    slip = motion("object") - gel
+    slips, gives = (
+        np.linalg.norm(moved[:, _LAG:] - moved[:, :-_LAG], axis=-1) * per_s for moved in (slip, gel)
     )
-    most = logs("slip_rate_mm_s").max(axis=1)
-    furthest = logs("slip_mm").max(axis=1)
+    ratio = (np.log(slips + _SOFT_MM_S) - np.log(gives + _SOFT_MM_S)).mean(axis=1)
+    most = np.log(slips.max(axis=1) + _SOFT_MM_S)
     each = {
         "slip rate over gel rate, and largest rate": ratio + _SHARE * most,
         "slip rate over gel rate": ratio,
         "largest rate": most,
-        "largest slip": furthest,
+        "largest slip": np.linalg.norm(slip, axis=-1).max(axis=1),
     }
     return {name: values.mean(axis=1) for name, values in each.items()}
+
+
+def chosen_on(objects: NDArray[np.str_]) -> NDArray[np.bool_]:
+    """Return which trials the formula was chosen on: every other object by name, the first too."""
+    return np.isin(objects, np.unique(objects)[::2])
 
 
 def signal_auc(folder: Path, cache: Path, positive: str = "slip") -> SignalScore:
@@ -75,22 +97,33 @@ def signal_auc(folder: Path, cache: Path, positive: str = "slip") -> SignalScore
         cache: Folder for features.
         positive: The outcome that should rank high.
     """
-    trials = load_trial_set(
-        read_camera_trials(folder), "outcome", cache, views=("pixels", "slip", "stills")
-    )
+    read = read_camera_trials(folder)
+    trials = load_trial_set(read, "outcome", cache, views=("moves", "stills"))
     y = (trials.y == trials.classes.index(positive)).astype(np.intp)
     objects = np.array([own["object"] for own in trials.groups])
-    found = signal_of(trials.cut.shown["slip"])
-    first, *plainer = found
-    best = _scored(_by_trial(found[first], trials.cut.trial), y, objects)
-    others = {
-        name: _scored(_by_trial(found[name], trials.cut.trial), y, objects).auc for name in plainer
+    rate_hz = np.array([trial.rate_hz for trial in read])[trials.cut.trial]
+    found = {
+        name: _by_trial(values, trials.cut.trial)
+        for name, values in signal_of(trials.cut.shown["moves"], rate_hz).items()
     }
+    first, *plainer = found
+    whole = _scored(found[first], y, objects)
+    left = ~chosen_on(objects)
+    apart = _scored(found[first][left], y[left], objects[left])
+    others = {name: _scored(found[name], y, objects).auc for name in plainer}
     others["control: the trial's length"] = _scored(-trials.lengths.astype(float), y, objects).auc
     still = trials.cut.shown["stills"][trials.cut.place == 0, 0, :, :48].std(axis=2).mean(axis=1)
-    apart = _scored(still.astype(float), y, objects).auc
-    others["control: the first frame's contrast"] = max(apart, 1 - apart)
-    return SignalScore(name=first, auc=best.auc, interval=best.auc_interval, others=others)
+    contrast = _scored(still.astype(float), y, objects).auc
+    others["control: the first frame's contrast"] = max(contrast, 1 - contrast)
+    return SignalScore(
+        name=first,
+        auc=whole.auc,
+        interval=whole.auc_interval,
+        apart_auc=apart.auc,
+        apart_interval=apart.auc_interval,
+        apart=(len(np.unique(objects[left])), int(left.sum())),
+        others=others,
+    )
 
 
 def _by_trial(crops: NDArray[np.float64], trial: NDArray[np.intp]) -> NDArray[np.float64]:

@@ -16,10 +16,10 @@ from taxel.evaluation.camera_trials.crossval import TrialSet
 from taxel.labels.class_order import in_order
 from taxel.training.trial_features import trial_rows
 from taxel.windows.camera_trials import CameraTrial
-from taxel.windows.trial_crops import FAMILIES, choose_layout
+from taxel.windows.trial_crops import choose_layout
 
-VIEWS: Final = tuple(FAMILIES)
-"""All of them."""
+VIEWS: Final = ("pixels", "slip", "stills")
+"""Those that recognisers learn from."""
 
 
 def load_trial_set(

@@ -1,0 +1,93 @@
+"""Claims about the rows on warnings with gels that shear as layers."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from taxel.bench import gel_warning
+from taxel.bench.gel_warning import Warner, judge_rows, rendered
+from taxel.evaluation.early_warning.learn_slip_warning import rule_drive
+from taxel.sim.cup_pour import Gel
+from taxel.training.slip_cups import (
+    TEST_CUPS,
+    GelRows,
+    PourRows,
+    keep_runs,
+    paper_part,
+    paper_runs,
+    true_pours,
+)
+from taxel.training.slip_heads import PourFeatures, features_of
+
+
+def slides(cup: int, by_mm: float, gives_mm: float) -> PourRows:
+    """Return a pour whose cup slides evenly from 1 s on, over gels that give so much with it."""
+    run = replace(paper_runs(cup)[0], kind="pour")
+    taken_s, time_s = np.arange(125) / 25.0, np.arange(300) / 60.0
+    share = np.clip(taken_s - 1.0, 0.0, 1.0)[:, None] * [0.0, 1.0, 0.0]
+    gel = GelRows(
+        taken_s=taken_s, object=(by_mm + gives_mm) * share, gel=gives_mm * share,
+        spread=np.zeros((125, 3)), seen=np.ones(125, np.bool_),
+        shown=np.minimum(np.arange(300) * 25 // 60, 124),
+    )  # fmt: skip
+    slip_um = 1000.0 * by_mm * np.clip(time_s - 1.0, 0.0, 1.0)
+    return PourRows(run, time_s, slip_um, np.zeros(300, np.bool_), (gel, gel))
+
+
+def test_both_gels_are_judged_on_the_same_pours_and_only_one_row_pair_has_goals():
+    pours = [slides(TEST_CUPS[number], by_mm, 0.1) for number, by_mm in enumerate((1.0, 0.0))]
+    found: dict[Gel, list[PourFeatures]] = {
+        gel: [features_of(pour) for pour in pours] for gel in (1, 2)
+    }
+    names = ("learned on gel 1, as shipped", "learned on gel 2")
+    rows = judge_rows([Warner(name, rule_drive, 0.3, "") for name in names], found)
+    named = {row.name: row for row in rows}
+
+    assert {name for name, row in named.items() if row.ok is not None} == {
+        "slip warning, learned on gel 2, on gel 2: median lead before 300 um",
+        "slip warning, learned on gel 2, on gel 2: false alarms",
+    }
+    for name in names:
+        one, two = (named[f"slip warning, {name}, on gel {gel}: missed"] for gel in (1, 2))
+        assert one.value == two.value == 0.0
+        assert named[f"slip warning, {name}, on gel 2: false alarms"].value == 0.0
+        lead = named[f"slip warning, {name}, on gel 2: median lead before 300 um"].value
+        assert lead is not None
+        assert lead > 0.05
+
+
+def test_only_parts_that_are_kept_with_both_gels_count(tmp_path):
+    cup = TEST_CUPS[0]
+    runs = paper_part(cup, 0)
+    pours = [replace(slides(cup, 0.0, 0.1), run=run) for run in runs]
+    keep_runs(tmp_path / f"{cup}-paper-0.npz", runs, lambda _: pours)
+    assert rendered(tmp_path) == {1: [], 2: []}
+
+    keep_runs(tmp_path / f"{cup}-paper-0-gel-2.npz", runs, lambda _: pours)
+    found = rendered(tmp_path)
+    assert [each.pour.run for each in found[1]] == [each.pour.run for each in found[2]] == runs
+
+
+def test_nothing_rendered_is_no_row_with_a_value():
+    (row,) = judge_rows([], {1: [], 2: []})
+    assert row.value is None
+
+
+def test_a_layer_changes_what_the_gel_does_and_neither_the_cup_nor_what_happens():
+    runs = paper_runs(31_000)[:1]
+    (first,), (second,) = true_pours(runs), true_pours(runs, gel=2)
+
+    assert second.slip_um == pytest.approx(first.slip_um, abs=1e-6)
+    for one, two in zip(first.gels, second.gels, strict=True):
+        assert two.object == pytest.approx(one.object, abs=1e-6)
+        assert np.array_equal(one.shown, two.shown)
+        assert np.abs(two.gel - one.gel).max() > 0.005
+
+
+def test_the_shipped_warning_is_taken_as_it_is():
+    warner = gel_warning.shipped_warner()
+    found = features_of(slides(TEST_CUPS[0], 1.0, 0.1))
+    drive = warner.drive(found)
+    assert drive.shape == found.at.shape
+    assert drive.max() > warner.threshold > drive[0]
