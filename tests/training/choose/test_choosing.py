@@ -13,11 +13,12 @@ from taxel.evaluation.expert import Task, train_expert
 from taxel.models.blend import Blend, read_plan
 from taxel.models.touchnet import TouchNet
 from taxel.recordings.importing import ImportRow, import_rows, import_table
-from taxel.training.choose.blending import fit_sharpness, losses, mix, softmax
+from taxel.training.choose.blending import fit_last, fit_sharpness, losses, mix, softmax
 from taxel.training.choose.budget import Budget
-from taxel.training.choose.candidates import Candidate
+from taxel.training.choose.candidates import Candidate, discriminant
 from taxel.training.choose.choice import Member, read_choice, write_choice
 from taxel.training.choose.fit_choice import fit_choice
+from taxel.training.choose.fitting import fit_head, head_logits
 from taxel.training.choose.inner_folds import Held
 from taxel.training.choose.joining import fit_joining, join
 from taxel.training.choose.kept_tries import KeptTries
@@ -47,6 +48,54 @@ def test_few_trials_without_an_error_do_not_make_a_recogniser_certain():
     logits = np.eye(2)[np.zeros(10, int)] * 30.0
 
     assert softmax(fit_sharpness(logits, np.zeros(10, np.intp)) * logits)[0, 0] < 0.99
+
+
+def mean_of_two_that_err_apart() -> tuple[np.ndarray, np.ndarray]:
+    """Return logarithms and classes: each member is right four times in five, rarely both wrong."""
+    rng = np.random.default_rng(2)
+    y = rng.integers(0, 3, 3000)
+    found = np.zeros((3000, 3))
+    for half in (0, 1):
+        wrong = (rng.random(3000) < 0.4) & (np.arange(3000) % 2 == half)
+        named = np.where(wrong, (y + 1) % 3, y)
+        found += 0.5 * np.where(np.eye(3)[named] > 0, np.where(wrong, 0.5, 0.9)[:, None], 0.05)
+    return np.log(found), y
+
+
+def test_a_blend_is_as_sure_as_it_is_right_where_groups_are_held_out():
+    logits, y = mean_of_two_that_err_apart()
+    right = (logits.argmax(axis=1) == y).mean()
+
+    last = fit_last(logits, y, 3000, later=False)
+
+    assert softmax(logits).max(axis=1).mean() < right - 0.05
+    assert softmax(last * logits).max(axis=1).mean() == pytest.approx(right, abs=0.02)
+
+
+def test_errors_that_were_made_take_the_place_of_doubt_and_none_leave_it():
+    """Of twelve trials one wrong: no more doubt is added; none wrong: as if one might be."""
+    y = np.repeat(np.arange(3), 40)
+    named = np.where(np.arange(120) % 12 == 0, (y + 1) % 3, y)
+    erring, flawless = 3.0 * np.eye(3)[named], 3.0 * np.eye(3)[y]
+
+    assert fit_last(erring, y, 12, later=True) > fit_sharpness(erring, y, 12)
+    for later in (True, False):
+        sure = softmax(fit_last(flawless, y, 12, later=later) * flawless).max(axis=1).mean()
+        assert 0.9 < sure < 0.96
+
+
+def test_a_winsorised_discriminant_says_no_more_of_what_is_further_away():
+    rng = np.random.default_rng(0)
+    y = np.arange(200) % 2
+    x = rng.normal(size=(200, 5)).astype(np.float32)
+    x[:, 0] += 2.0 * y
+    plain, cut = (fit_head(discriminant(name, 0.3), x, y, 2) for name in ("means", "all"))
+    near, far = x[:20].copy(), x[:20].copy()
+    near[:, 1], far[:, 1] = 3.0, 40.0
+
+    assert np.array_equal(head_logits(cut, near), head_logits(cut, far))
+    assert not np.allclose(head_logits(plain, near), head_logits(plain, far), atol=0.01)
+    assert (head_logits(cut, x).argmax(axis=1) == y).mean() > 0.75
 
 
 def test_kinds_that_do_about_as_well_are_averaged_and_one_far_behind_is_not():

@@ -77,7 +77,11 @@ def fit_sharpness(
     Source:
         Guo et al., "On calibration of modern neural networks", ICML 2017.
     """
-    doubt = 1.0 / ((len(y) if trials is None else trials) + 2.0)
+    return _least_loss(logits, y, 1.0 / ((len(y) if trials is None else trials) + 2.0))
+
+
+def _least_loss(logits: NDArray[np.float64], y: NDArray[np.intp], doubt: float) -> float:
+    """Return the factor of least loss where a share of the truth is spread over all classes."""
     each = []
     for factor in SHARPNESS:
         scaled = factor * logits
@@ -86,6 +90,36 @@ def fit_sharpness(
         likely = (1.0 - doubt) * log[np.arange(len(y)), y] + doubt * log.mean(axis=1)
         each.append(-likely.mean())
     return float(SHARPNESS[int(np.argmin(each))])
+
+
+def fit_last(
+    logits: NDArray[np.float64], y: NDArray[np.intp], trials: int, *, later: bool
+) -> float:
+    """Return what a blend's logarithms are multiplied by.
+
+    Members' errors are on other windows, so that their mean is less sure than it is right. Errors
+    that were made take the place of the doubt that a flawless fit needs. And where groups to come
+    are held out, the blend is at least as sure in the mean as it is right on inner folds: these
+    learn from fewer groups than what is trained in the end. Later trials may be unlike all before.
+
+    Args:
+        logits: Logarithms of the blend's probabilities out of fold, shape (n, classes).
+        y: Shape (n,).
+        trials: How many trials they come from.
+        later: Whether later trials are held out.
+
+    Source:
+        Ranjan and Gneiting, "Combining probability forecasts", JRSS B 72(1), 2010; decision 0039.
+    """
+    right = float((logits.argmax(axis=1) == y).mean())
+    doubt = 1.0 / (trials + 2.0)
+    left = max(doubt - (1.0 - right), 0.0)
+    found = _least_loss(logits, y, left)
+    if later:
+        return found
+    sure = [softmax(factor * logits).max(axis=1).mean() for factor in SHARPNESS]
+    enough = int(np.argmin(np.abs(np.array(sure) - right * (1.0 - doubt))))
+    return max(found, float(SHARPNESS[enough]))
 
 
 def mix(

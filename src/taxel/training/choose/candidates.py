@@ -43,7 +43,8 @@ Source: our choice, 0039."""
 
 
 MODELS_BY_FREEDOM = (
-    "discriminant", "logistic", "extra-trees", "random-forest", "perceptron", "touchnet"
+    "winsorised-discriminant", "discriminant", "logistic", "extra-trees", "random-forest",
+    "perceptron", "touchnet",
 )  # fmt: skip
 """The least free first."""
 
@@ -111,6 +112,17 @@ def feature_sets(steps: int, channels: int) -> dict[str, tuple[str, ...]]:
     return found
 
 
+def discriminant(features: str, shrink: float) -> Candidate:
+    """Return a linear discriminant: winsorised, unless it sees each channel's level alone.
+
+    Args:
+        features: A key of `FEATURE_SETS`.
+        shrink: Of its covariance, 0…1.
+    """
+    model = "discriminant" if features == PLAIN else "winsorised-discriminant"
+    return Candidate("discriminant", model, features, shrink)
+
+
 def first_round(sets: dict[str, tuple[str, ...]], steps: int) -> list[Candidate]:
     """Return one of each kind, then quick models on every set, which say what carries over.
 
@@ -121,7 +133,7 @@ def first_round(sets: dict[str, tuple[str, ...]], steps: int) -> list[Candidate]
 
     def quick(name: str) -> list[Candidate]:
         strength = 1.0 if name == PLAIN else 0.03
-        return [Candidate("discriminant", "discriminant", name, 0.3),
+        return [discriminant(name, 0.3),
                 Candidate("linear", "logistic", name, strength),
                 Candidate("trees", "extra-trees", name, 2)]  # fmt: skip
 
@@ -133,11 +145,11 @@ def first_round(sets: dict[str, tuple[str, ...]], steps: int) -> list[Candidate]
     return found + [candidate for name in late for candidate in quick(name)]
 
 
-def second_round(discriminant: list[str], linear: list[str], trees: list[str]) -> list[Candidate]:
+def second_round(steady: list[str], linear: list[str], trees: list[str]) -> list[Candidate]:
     """Return finer models on the sets that did best, the most promising first.
 
     Args:
-        discriminant: Feature sets that suit discriminants, the best first.
+        steady: Feature sets that suit discriminants, the best first.
         linear: Those that suit logistic regression.
         trees: Those that suit trees.
     """
@@ -147,7 +159,7 @@ def second_round(discriminant: list[str], linear: list[str], trees: list[str]) -
         names = [linear[0]]
     found = [Candidate("perceptron", "perceptron", name, 3.0) for name in names]
     found += [Candidate("linear", "logistic", name, c) for c in (0.003, 0.3) for name in names]
-    found += [Candidate("discriminant", "discriminant", discriminant[0], s) for s in (0.1, 0.6)]
+    found += [discriminant(steady[0], shrink) for shrink in (0.1, 0.6)]
     if trees[0] not in names:
         found += [Candidate("perceptron", "perceptron", trees[0], 3.0)]
     found += [Candidate("trees", "extra-trees", trees[0], leaf) for leaf in (10, 1)]

@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 from taxel.decisions.joining import Joining
 from taxel.training.choose.blending import (
     LEAST,
+    fit_last,
     fit_sharpness,
     joined,
     losses,
@@ -344,7 +345,7 @@ class Found:
         groups = groups_of(self.base.trials, self.held)[trial]
         found = mix(probabilities, kinds, camps, freedom, y, groups)
         whole = np.log(np.maximum(joined(probabilities, found), LEAST))
-        last = fit_sharpness(whole, y, len(set(trial)))
+        last = fit_last(whole, y, len(set(trial)), later=self.held.ordered)
         final = softmax(last * whole)
         weight = {id(tried[i]): w for i, w in zip(found.members, found.weights, strict=True)}
         single = len(set(trial)) == len(trial)
