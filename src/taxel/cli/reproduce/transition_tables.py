@@ -44,7 +44,7 @@ class TransitionTables:
     single_split: bool = False
     """Only the paper's split, one cup held out."""
     steps: bool = True
-    """Time a step of each model too; never of weights trained on images of another size."""
+    """Time a step of each model too."""
     json: bool = False
     """Print JSON."""
     labels: Annotated[LabelOptions, tyro.conf.arg(name="")] = field(default_factory=LabelOptions)
@@ -80,7 +80,7 @@ class TransitionTables:
                 weights = extractor.weights  # type: ignore[union-attr]
                 seen[name] = BackboneSeen(weights.label, found, weights.origin)
                 for plan in plans:
-                    if not self.steps or weights.side_px is not None:
+                    if not self.steps:
                         break
                     if plan.model.startswith(f"{name}+") and plan.frames == FRAMES:
                         times[plan.model] = time_step(
