@@ -99,7 +99,7 @@ $(TABLES)/efficientnet-b0.safetensors: | $(TABLES)/other-cups
 	$(DISTIL) --backbone efficientnet-b0 --epochs 4 --output $@
 
 $(TABLES)/resnet101.safetensors: | $(TABLES)/other-cups
-	$(DISTIL) --backbone resnet101 --epochs 2 --output $@
+	$(DISTIL) --backbone resnet101 --epochs 1 --output $@
 
 # Mutation testing of six places, an hour at most, not in CI. The tool that draws the mutants stands
 # in an environment of its own: it brings 25 distributions that nothing else needs.

@@ -93,7 +93,8 @@ class Distil:
             plain = agreement(student.module, unseen, plain=True)
             altered = agreement(student.module, unseen, plain=False) if self.copies > 1 else None
         objects = len({video.object for video in learn})
-        about = self._about(teacher, student, f"{len(lessons)} images of {objects} objects", plain)
+        seen = f"{len(lessons)} images of {objects} objects"
+        about = self._about(teacher, student, seen, altered or plain)
         save_backbone_weights(student.module, self.output, about.head())
         checkpoint.unlink(missing_ok=True)
         self._print(losses, plain, altered, about.trained)
@@ -149,7 +150,7 @@ class Distil:
                             bf16=self.bf16, seed=self.seed)  # fmt: skip
 
     def _about(
-        self, teacher: BackboneExtractor, student: Student, seen: str, plain: Agreement
+        self, teacher: BackboneExtractor, student: Student, seen: str, unseen: Agreement
     ) -> Any:
         """Return what the file of weights says of itself."""
         from taxel.models.published.about import About
@@ -157,8 +158,9 @@ class Distil:
         return About(
             origin="taxel distil",
             trained=f"answers of {self.teacher}, {teacher.weights.words}, learned on touch, "
-            f"{seen}, {self.side_px} px, {self.epochs} epochs, from {student.start}; same first "
-            f"answer on unseen objects {plain.words}",
+            f"{seen}, {self.side_px} px, {self.epochs} epoch(s), from {student.start}; same first "
+            f"answer on {'changed ' if self.copies > 1 else ''}images of unseen objects "
+            f"{unseen.words}",
             side_px=str(self.side_px),
         )
 
@@ -174,8 +176,7 @@ class Distil:
             return
         say(f"{self.output}: {self.backbone}, {words}")
         say(f"loss of each epoch: {', '.join(f'{loss:.3f}' for loss in losses)}")
-        if altered:
-            say(f"same first answer on changed images of unseen objects: {altered.words}")
+        say(f"same first answer on images of unseen objects as they are: {plain.words}")
         further = command("taxel", "reproduce", "transition-tables", "--backbones", self.backbone,
                           "--weights", self.output)  # fmt: skip
         say(f"next: {further}")
