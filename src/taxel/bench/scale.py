@@ -51,7 +51,7 @@ def full_steps(data: Path | None) -> list[tuple[str, Measure]]:
         ("overhead: Dask", lambda: [overhead_row("Dask", "dask", None)]),
         ("memory of many pours", scale_folders.memory_rows),
         ("a search killed", scale_tune.search_rows),
-        ("two cores against one", scale_speed.speed_rows),
+        *scale_speed.full_steps(),
         *scale_bus.quick_steps(),
         *scale_formats.full_steps(data),
     ]

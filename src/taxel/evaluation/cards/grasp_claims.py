@@ -130,7 +130,7 @@ def _model_claims(model: TransitionModel, table: str) -> list[Claim]:
 def _grasp_text() -> ClaimsOfPart:
     lite = "rule change, EfficientNet-Lite0 + LSTM"
     gross = "gross slip > 300 µm, gel features + LSTM, every cup held out"
-    step = "DenseNet121 + LSTM, streaming step, 2 threads, onnxruntime f32"
+    step = grasp_row("densenet121+lstm", FRAMES, STEP)
     return ClaimsOfPart(
         title="Grasp transitions: text",
         about=(
