@@ -6,7 +6,7 @@ INSTALLED := $(VENV)/.installed-dev
 # Processes that tests run in, side by side.
 TEST_WORKERS ?= 2
 
-.PHONY: demo test check lint types imports size examples bench docs dist try-wheel licences sbom mutants coverage clean
+.PHONY: demo test check lint types imports size examples bench paper-tables docs dist try-wheel licences sbom mutants coverage clean
 
 $(INSTALLED): pyproject.toml constraints-cpu.txt
 	test -x $(BIN)/python || $(PYTHON) -m venv $(VENV)
@@ -73,6 +73,35 @@ try-wheel: dist
 
 bench: $(INSTALLED)
 	$(BIN)/taxel bench teng
+
+# Tables 1 to 3 of the grasp-transition paper with trained networks, and the claims card: ResNet50's
+# ImageNet weights are fetched, the other three backbones learn from it on touch images of other
+# objects than the tables' cups (docs/decisions/0057). Broken off, it goes on where it was; more than
+# an hour of two cores. SLIP: the folder of gelsight-slip.
+SLIP ?= ../shared/data/gelsight-slip
+TABLES := build/paper-tables
+FAST := --engine openvino --precision bf16
+DISTIL = $(BIN)/taxel distil $(SLIP) $(TABLES)/other-cups $(FAST) --bf16 --resume
+
+paper-tables: $(TABLES)/densenet121.safetensors $(TABLES)/efficientnet-b0.safetensors $(TABLES)/resnet101.safetensors $(TABLES)/cups
+	TAXEL_WEIGHTS=$(TABLES) $(BIN)/taxel reproduce transition-tables --data $(TABLES)/cups --backbones paper $(FAST) --no-steps --json > $(TABLES)/tables.json
+	$(BIN)/taxel report --claims docs/reference/claims.md --keep $(TABLES)/tables.json
+
+$(TABLES)/cups: | $(INSTALLED)
+	$(BIN)/taxel simulate cup-pour --output $@
+
+$(TABLES)/other-cups: | $(INSTALLED)
+	$(BIN)/taxel weights fetch resnet50 densenet121-typefaces
+	$(BIN)/taxel simulate cup-pour --output $@ --seed 57 --first-cup 1000 --cups 10 --camera-hz 2
+
+$(TABLES)/densenet121.safetensors: | $(TABLES)/other-cups
+	$(DISTIL) --backbone densenet121 --epochs 5 --output $@
+
+$(TABLES)/efficientnet-b0.safetensors: | $(TABLES)/other-cups
+	$(DISTIL) --backbone efficientnet-b0 --epochs 4 --output $@
+
+$(TABLES)/resnet101.safetensors: | $(TABLES)/other-cups
+	$(DISTIL) --backbone resnet101 --epochs 1 --output $@
 
 # Mutation testing of six places, an hour at most, not in CI. The tool that draws the mutants stands
 # in an environment of its own: it brings 25 distributions that nothing else needs.

@@ -198,7 +198,7 @@ def test_a_claim_without_a_row_says_so_and_why():
     said = card.claims_card(rows=[])
 
     assert "98.90 % | not measured" in said
-    assert "no trained weights" in said
+    assert "its weights can be distilled (taxel distil), no row is stored yet" in said
     assert "sees no light" in said
 
 
@@ -278,3 +278,26 @@ def test_a_network_without_trained_weights_has_no_accuracy_on_the_card(
 
     assert card.keep_for_claims({"t.json": tables}) == 1
     assert [row.unit for row in card.all_stored()] == ["ms"]
+
+
+def test_a_distilled_networks_accuracy_says_so_on_the_card(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
+    """And its row says how it was trained, and what computed its features."""
+    monkeypatch.setattr(card, "STORE", tmp_path)
+    monkeypatch.setattr("taxel.bench.rows.STORE", tmp_path)
+    scores = {"accuracy": 0.97, "interval": [0.9, 0.99]}
+    row = {"plan": {"model": "resnet101+lstm", "frames": 8}, "weights": "file:a.safetensors",
+           "origin": "taxel distil, answers of resnet50", "single": scores,
+           "every_cup": None}  # fmt: skip
+    tables = {"rule": "change", "rows": [row], "baselines": [], "steps": [],
+              "features": "openvino bf16"}  # fmt: skip
+    card.keep_for_claims({"t.json": tables})
+
+    (kept,) = card.all_stored()
+    assert kept.note.endswith(
+        "weights file:a.safetensors taxel distil, answers of resnet50; features by openvino bf16"
+    )
+    (line,) = (line for line in card.claims_card().splitlines()
+               if "resnet101 + lstm: accuracy" in line)  # fmt: skip
+    assert "| 95.58 % | distilled 97.0 % | – |" in line

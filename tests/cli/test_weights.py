@@ -11,7 +11,7 @@ import pytest
 from taxel.cli.main import main
 from taxel.models.backbones.catalogue import BACKBONES
 from taxel.models.published import registries
-from taxel.models.published.origins import ORIGINS
+from taxel.models.published.origins import ORIGINS, STARTS
 from taxel.models.published.registries import Unreachable
 
 
@@ -28,7 +28,9 @@ def test_every_backbone_is_listed_with_its_places_licences_and_training(
     main(["weights", "--json"])
     rows = {row["backbone"]: row for row in json.loads(capsys.readouterr().out)}
 
-    assert list(rows) == list(BACKBONES)
+    assert list(rows) == [*BACKBONES, *STARTS]
+    assert rows["densenet121-typefaces"]["here"] == "nothing"
+    assert "typefaces" in rows["densenet121-typefaces"]["places"][0]["trained"]
     assert rows["resnet50"]["here"] == "RANDOM"
     assert [place["origin"].split()[0] for place in rows["resnet50"]["places"]] == [
         "publisher", "npm",

@@ -13,6 +13,7 @@ from safetensors.torch import load_file, save_file
 from taxel.errors import BadInput
 from taxel.models.backbones.catalogue import BACKBONES
 from taxel.models.backbones.weight_files import load_backbone_weights, save_backbone_weights
+from taxel.models.published.about import About
 from taxel.models.published.origins import ORIGINS
 from taxel.models.weights import RANDOM, VARIABLE, find_weights
 
@@ -197,3 +198,15 @@ def test_other_kinds_of_files_are_refused(tmp_path: Path) -> None:
     assert ".safetensors, .h5, .pth" in _refusal("edge", tmp_path / "a.onnx")
     assert "only efficientnet-lite0, efficientnet-lite1, " in _refusal("edge", tmp_path / "a.pth")
     assert "no file" in _refusal("edge", tmp_path / "b.pth")
+
+
+@pytest.mark.parametrize(
+    ("said", "side_px"), [("96", 96), ("", None), ("8", None), ("-96", None), ("9" * 400, None)]
+)
+def test_a_file_may_say_the_size_of_image_that_it_was_trained_on(
+    said: str, side_px: int | None, tmp_path: Path
+) -> None:
+    path = tmp_path / "edge.safetensors"
+    save_backbone_weights(_edge(), path, About(origin="a lab", side_px=said).head())
+
+    assert find_weights("edge", path).side_px == side_px

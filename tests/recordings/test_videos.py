@@ -8,6 +8,7 @@ import pytest
 
 from taxel.errors import BadTable
 from taxel.frame_codec import decode_jpeg
+from taxel.recordings.footage import Video
 from taxel.recordings.known import KNOWN_VIDEOS
 from taxel.recordings.reader import iterate_frames, read_manifest
 from taxel.recordings.summary import summarise
@@ -161,3 +162,14 @@ def test_the_public_slip_set_is_understood() -> None:
     assert len(rows) == 150
     assert len({row.groups["object"] for row in rows}) == 29
     assert sum(row.labels["outcome"] == "slip" for row in rows) == 65
+
+
+def test_some_frames_of_a_video_are_those_of_all_of_them(tmp_path: Path) -> None:
+    path = write(tmp_path / "a.avi")
+    every = list(Video(path).frames())
+
+    some = list(Video(path).frames_at([0, 7, 19]))
+
+    assert all(np.array_equal(a, every[n]) for a, n in zip(some, (0, 7, 19), strict=True))
+    with pytest.raises(BadTable, match="frame 25"):
+        list(Video(path).frames_at([25]))

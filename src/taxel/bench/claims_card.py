@@ -38,6 +38,8 @@ MEASURED_FOR_CLAIMS = "claims"
 """Name of the store of rows that no bench holds: each value of the papers' tables."""
 COMMAND = "taxel report --claims docs/reference/claims.md"
 _NONE = "not measured"
+_DISTILLED = "distilled"
+"""Stands before the value of a row whose weights `taxel distil` made."""
 _WIDTH = 110
 """Letters in a line of text."""
 
@@ -178,6 +180,7 @@ def _table_rows(sections: Sequence[Mapping[str, Any]], stamp: str) -> list[Row]:
 
 def _transition_rows(data: Mapping[str, Any], stamp: str) -> list[Row]:
     rows = []
+    ran = f"; features by {data['features']}" if data.get("features") else ""
     for row in data["rows"]:
         if row["weights"] == "RANDOM":
             continue  # its accuracy says nothing of a trained backbone
@@ -187,7 +190,7 @@ def _transition_rows(data: Mapping[str, Any], stamp: str) -> list[Row]:
                 rows.append(Row(name=grasp_row(row["plan"]["model"], row["plan"]["frames"], what),
                                 value=scores["accuracy"], unit="accuracy", goal="", ok=None,
                                 note=f"95 % {low:.3f} … {high:.3f}; rule {data['rule']}; weights "
-                                f"{row['weights']} {row.get('origin', '')}".rstrip(),
+                                f"{row['weights']} {row.get('origin', '')}".rstrip() + ran,
                                 stamp=stamp))  # fmt: skip
     for step in data["steps"]:
         rows.append(Row(name=grasp_row(step["model"], step["frames"], STEP),
@@ -247,7 +250,8 @@ def _values(links: Sequence[Link], known: Mapping[str, Row]) -> str:
         row = find(link, known)
         if row is not None and row.value is not None:
             shown = f"{100 * row.value:.1f} %" if link.percent else _value(row)
-            said.append(f"{link.label} {shown}".strip())
+            label = link.label or (_DISTILLED if "taxel distil" in row.note else "")
+            said.append(f"{label} {shown}".strip())
     return ", ".join(said)
 
 

@@ -27,6 +27,7 @@ from taxel.errors import BadInput
 
 if TYPE_CHECKING:
     from taxel.models.published.about import About
+    from taxel.models.weights import Weights
     from taxel.training.fine_tuning import FineTuned
 
 _MOST_EPOCHS = 1000
@@ -93,7 +94,7 @@ class TrainBackbone:
             )  # fmt: skip
         if not done.first:
             return
-        about = self._about(len(pours.pours), extractor.weights.words)
+        about = self._about(len(pours.pours), extractor.weights)
         save_backbone_weights(network.features.backbone, self.output, about.head())
         checkpoint.unlink(missing_ok=True)
         self._print(done)
@@ -110,14 +111,15 @@ class TrainBackbone:
             raise BadInput("--output NAME.safetensors: a backbone's weights", str(self.output),
                            f"name a file such as {self.backbone}.safetensors")  # fmt: skip
 
-    def _about(self, recordings: int, start: str) -> About:
+    def _about(self, recordings: int, start: Weights) -> About:
         """Return what the file of weights says of itself."""
         from taxel.models.published.about import About
 
         return About(
             origin="taxel train-backbone",
             trained=f"end to end, {self.epochs} epochs, {recordings} recordings, rule "
-            f"{self.labels.rule}, from {start}",
+            f"{self.labels.rule}, from {start.words}",
+            side_px=str(start.side_px or ""),
         )
 
     def _print(self, done: FineTuned) -> None:

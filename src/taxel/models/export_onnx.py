@@ -48,6 +48,8 @@ def export_backbone(
     name: str,
     height_px: int = FRAME_HEIGHT_PX,
     width_px: int = FRAME_WIDTH_PX,
+    *,
+    side_px: int | None = None,
 ) -> bytes:
     """Return an ONNX model: frames, uint8 (n, h, w, 3), R G B → features (n, features).
 
@@ -56,12 +58,13 @@ def export_backbone(
         name: Its name there.
         height_px: Of the camera's frame, pixels.
         width_px: As above.
+        side_px: Height and width that the network takes, pixels; its own unless given.
 
     Raises:
         BadBundle: ONNX Runtime gives other features than PyTorch.
     """
     noise = np.random.default_rng(0).integers(0, 256, (2, height_px, width_px, 3), np.uint8)
-    return _export(FrameFeatures(module, name), noise, "frames", "features")
+    return _export(FrameFeatures(module, name, side_px), noise, "frames", "features")
 
 
 def export_head(head: nn.Module, k: int, features: int) -> bytes:

@@ -19,13 +19,14 @@ class FrameFeatures(nn.Module):
     Args:
         backbone: A module that `BACKBONES[name].build` made.
         name: Its name there, for the size that it takes.
+        side_px: Height and width to resize to, pixels; the backbone's own unless given.
     """
 
-    def __init__(self, backbone: nn.Module, name: str) -> None:
+    def __init__(self, backbone: nn.Module, name: str, side_px: int | None = None) -> None:
         super().__init__()
         row = find_backbone(name)
         self.backbone = backbone
-        self.size_px = (row.height_px, row.width_px)
+        self.size_px = (side_px or row.height_px, side_px or row.width_px)
 
     def forward(self, frames: Tensor) -> Tensor:
         """Return features, shape (n, features), of frames (n, h, w, 3), R G B, uint8."""

@@ -31,6 +31,9 @@ RANDOM = "RANDOM"
 """Label of weights that were trained on nothing."""
 IMAGENET = "ImageNet"
 """Label of weights that are known, by a pinned sum, to be ImageNet's."""
+LEAST_SIDE_PX, MOST_SIDE_PX = 32, 512
+"""Height and width of images that a network may be trained on, pixels: below, a backbone that
+halves five times has no map left. Source: our choice, docs/decisions/0057."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -48,6 +51,9 @@ class Weights:
     """Where they come from; what the file itself says unless its sum is pinned."""
     seed: int = 0
     """Of random weights."""
+    side_px: int | None = None
+    """Height and width of the images that they were trained on, pixels; the backbone's own unless
+    the file says another."""
 
     @property
     def words(self) -> str:
@@ -157,13 +163,23 @@ def _describe(backbone: str, path: Path, *, own: bool = False) -> Weights:
     for origin in origins_of(backbone):
         pinned = sha256 == origin.member_sha256 or (origin.md5 and md5 == origin.md5)
         if pinned or (digest and _is_converted(origin, digest, about if own else None)):
+            label = IMAGENET if origin.imagenet else f"file:{path.name}"
             return Weights(
-                backbone=backbone, label=IMAGENET, digest=sha256, path=path, origin=origin.words
+                backbone=backbone, label=label, digest=sha256, path=path, origin=origin.words
             )
     stated = ", ".join(part for part in (about.origin, about.trained) if part) if about else ""
     return Weights(
-        backbone=backbone, label=f"file:{path.name}", digest=sha256, path=path, origin=stated
-    )
+        backbone=backbone, label=f"file:{path.name}", digest=sha256, path=path, origin=stated,
+        side_px=_side_px(about),
+    )  # fmt: skip
+
+
+def _side_px(about: About | None) -> int | None:
+    """Return the side of the images that a file says it was trained on, pixels."""
+    said = about.side_px if about else ""
+    if not said.isdigit() or not LEAST_SIDE_PX <= int(said) <= MOST_SIDE_PX:
+        return None
+    return int(said)
 
 
 def _look_into(path: Path) -> tuple[About | None, str]:

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import hashlib
 import re
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import TypeVar
 
@@ -89,6 +89,23 @@ class Video:
                 raise BadTable(
                     f"the {self.count} frames that {self.path} says it has",
                     f"{number}: it is cut short", "copy it again, or cut it at a whole frame",
+                )  # fmt: skip
+            _same_size(self, bgr)
+            yield np.asarray(cv2.cvtColor(bgr, cv2.COLOR_BGR2RGB), np.uint8)
+
+    def frames_at(self, numbers: Sequence[int]) -> Iterator[NDArray[np.uint8]]:
+        """Yield some frames by their numbers from 0, shape (height, width, 3), red first.
+
+        Raises:
+            BadTable: One is not there, or has another size.
+        """
+        for number in numbers:
+            self._capture.set(cv2.CAP_PROP_POS_FRAMES, number)
+            read, bgr = self._capture.read()
+            if not read:
+                raise BadTable(
+                    f"frame {number} of {self.path}, which says it has {self.count}",
+                    "none: it is cut short", "copy it again, or cut it at a whole frame",
                 )  # fmt: skip
             _same_size(self, bgr)
             yield np.asarray(cv2.cvtColor(bgr, cv2.COLOR_BGR2RGB), np.uint8)

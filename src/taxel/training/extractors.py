@@ -77,7 +77,7 @@ def open_backbone(
     found = find_weights(backbone, weights)
     module = row.build("logits").eval()
     found.load_into(module)
-    model = export_backbone(module, backbone, *size_px)
+    model = export_backbone(module, backbone, *size_px, side_px=found.side_px)
     label = "random" if found.path is None else "trained"
     key = f"{backbone}-{label}-{found.digest[:12]}-{engine}-{precision}-{size_px[1]}x{size_px[0]}"
     if precision == "int8":

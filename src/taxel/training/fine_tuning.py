@@ -90,11 +90,14 @@ class EndToEnd(nn.Module):
         backbone: What `BACKBONES[name].build` made, with its weights.
         name: Its name there.
         head: Trained on this backbone's features, with their scaling.
+        side_px: Height and width of its images, pixels; the backbone's own unless given.
     """
 
-    def __init__(self, backbone: nn.Module, name: str, head: TrainedHead) -> None:
+    def __init__(
+        self, backbone: nn.Module, name: str, head: TrainedHead, side_px: int | None = None
+    ) -> None:
         super().__init__()
-        self.features = FrameFeatures(backbone, name)
+        self.features = FrameFeatures(backbone, name, side_px)
         self.head = head.module
         self.tare = head.config.tare
         self.offset: Tensor
@@ -145,7 +148,7 @@ def begin_end_to_end(
     head = fit_head(tracks_of(features, labels), config)
     module = find_backbone(extractor.backbone).build("logits")
     extractor.weights.load_into(module)
-    return EndToEnd(module, extractor.backbone, head)
+    return EndToEnd(module, extractor.backbone, head, extractor.weights.side_px)
 
 
 def fine_tune(

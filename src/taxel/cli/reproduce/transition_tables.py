@@ -43,6 +43,8 @@ class TransitionTables:
     """Names of backbones, or "paper" for the paper's four."""
     single_split: bool = False
     """Only the paper's split, one cup held out."""
+    steps: bool = True
+    """Time a step of each model too."""
     json: bool = False
     """Print JSON."""
     labels: Annotated[LabelOptions, tyro.conf.arg(name="")] = field(default_factory=LabelOptions)
@@ -78,6 +80,8 @@ class TransitionTables:
                 weights = extractor.weights  # type: ignore[union-attr]
                 seen[name] = BackboneSeen(weights.label, found, weights.origin)
                 for plan in plans:
+                    if not self.steps:
+                        break
                     if plan.model.startswith(f"{name}+") and plan.frames == FRAMES:
                         times[plan.model] = time_step(
                             plan.model, extractor=extractor,  # type: ignore[arg-type]
@@ -101,6 +105,7 @@ class TransitionTables:
             print_json(
                 {
                     "rule": rule,
+                    "features": f"{engine.engine} {engine.precision}",
                     "unstable": unstable,
                     "rows": [asdict(row) for row in rows],
                     "baselines": [asdict(row) for row in baselines],

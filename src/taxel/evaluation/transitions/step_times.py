@@ -34,7 +34,8 @@ class StepTime:
     """All frames of the window through the backbone again, then the head."""
     limit_gflops: float | None = None
     """Of a large matrix product in the same engine, format and threads, 10⁹ operations a second,
-    measured just before and after the steps; None for 8-bit numbers."""
+    measured just before and after the steps; None for 8-bit numbers, and where the weights take
+    images of another size than their backbone's."""
 
     @property
     def ratio(self) -> float:
@@ -79,13 +80,15 @@ def time_step(
     head = open_engine(
         export_head(find_head(row.head).build(size, frames).eval(), frames, size), threads=threads
     )
-    limit = ProductLimit(engine, precision, threads) if precision != "int8" else None
+    side_px = backbone.weights.side_px
+    known = precision != "int8" and side_px is None  # the catalogue's operations are of its size
+    limit = ProductLimit(engine, precision, threads) if known else None
     before = limit.gflops() if limit else 0.0
     stream, window = _time_both(backbone.engine, head, (frames, size), repeats)
     return StepTime(
         model=model,
         frames=frames,
-        engine=f"{engine} {precision}",
+        engine=f"{engine} {precision}" + (f", images of {side_px} px" if side_px else ""),
         threads=threads,
         stream_ms=float(np.median(stream)) * 1e3,
         window_ms=float(np.median(window)) * 1e3,

@@ -29,6 +29,9 @@ class About:
     """Of the archive that they were converted from."""
     tensors: str = ""
     """Sum over them (`tensor_digest`)."""
+    side_px: str = ""
+    """Height and width of the images that they were trained on, pixels; the backbone's own where
+    empty."""
 
     def head(self) -> dict[str, str]:
         """Return what is stored in a file's head."""

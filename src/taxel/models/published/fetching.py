@@ -22,6 +22,7 @@ from taxel.foreign.archives import read_members
 from taxel.foreign.files import MIB, open_file, size_of
 from taxel.held import scratch_folder
 from taxel.models.backbones.catalogue import find_backbone
+from taxel.models.backbones.random_start import fill_randomly
 from taxel.models.backbones.weight_files import (
     assign_tensors,
     backbone_tensors,
@@ -31,7 +32,8 @@ from taxel.models.backbones.weight_files import (
 )
 from taxel.models.published import registries
 from taxel.models.published.about import About
-from taxel.models.published.origins import Origin, Place, find_origins
+from taxel.models.published.origins import Origin, Place, find_origins, network_of
+from taxel.models.published.pickled import arrays_in_order
 from taxel.models.published.registries import Progress, Unreachable
 from taxel.models.published.resnet_names import resnet_tensors
 from taxel.models.published.tfjs import read_layers_model
@@ -113,7 +115,7 @@ def _check_sum(origin: Origin, path: Path, on_progress: Progress) -> None:
 
 def _convert(backbone: str, origin: Origin, archive: Path, made: Path) -> None:
     """Write what a place handed out as the weights of a backbone."""
-    module = find_backbone(backbone).build("logits")
+    module = find_backbone(network_of(backbone)).build("logits")
     _fill(module, backbone, origin, archive, made.parent)
     digest = tensor_digest(backbone_tensors(module))
     if origin.tensors and digest != origin.tensors:
@@ -138,6 +140,16 @@ def _fill(module: nn.Module, backbone: str, origin: Origin, archive: Path, scrat
             held = read_members(file, wanted, _MOST_PACKED)
         if origin.member not in held:
             raise BadFile(f"{origin.member} in {archive.name}", "none", "fetch it again")
+        if not origin.imagenet:
+            _fill_start(module, network_of(backbone), held[origin.member])
+            return
         archive = scratch / origin.file_name
         archive.write_bytes(held[origin.member])
     load_backbone_weights(module, backbone, archive)
+
+
+def _fill_start(module: nn.Module, backbone: str, pickled: bytes) -> None:
+    """Fill all but the top from a network that was pickled whole; the top stays random."""
+    fill_randomly(module, backbone, seed=0)
+    below = {k: v for k, v in module.state_dict().items() if not k.startswith("predictions")}
+    module.load_state_dict(arrays_in_order(pickled, below), strict=False)

@@ -10,8 +10,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from taxel.models.backbones.catalogue import BACKBONES, find_backbone
-from taxel.models.published.origins import origins_of
-from taxel.models.weights import find_weights
+from taxel.models.published.origins import STARTS, network_of, origins_of
+from taxel.models.weights import Weights, fetched_weights, find_weights
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -45,23 +45,30 @@ class ListedWeights:
     """Best first; none where nothing was published."""
 
 
+_NOTHING = Weights(backbone="", label="nothing", digest="", path=None)
+"""What is here of a start that was not fetched."""
+
+
 def list_weights(backbones: Sequence[str] = (), folder: Path | None = None) -> list[ListedWeights]:
     """Return what weights there are.
 
     Args:
-        backbones: Names; all unless given.
+        backbones: Names, of starts too; all unless given.
         folder: Of fetched weights; the user's cache unless given.
 
     Raises:
         BadInput: There is no such backbone.
     """
     for name in backbones:
-        find_backbone(name)
-    return [_listed(name, folder) for name in backbones or BACKBONES]
+        find_backbone(network_of(name))
+    return [_listed(name, folder) for name in backbones or (*BACKBONES, *STARTS)]
 
 
 def _listed(backbone: str, folder: Path | None) -> ListedWeights:
-    found = find_weights(backbone, cache=folder)
+    if backbone in STARTS:
+        found = fetched_weights(backbone, folder) or _NOTHING
+    else:
+        found = find_weights(backbone, cache=folder)
     places = tuple(
         Offer(
             origin=origin.words, megabytes=origin.megabytes,

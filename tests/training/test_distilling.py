@@ -1,0 +1,147 @@
+"""A student learns a teacher's answers; a run that was broken off ends as an unbroken one."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+from numpy.typing import NDArray
+from torch import Tensor, nn
+
+from taxel.errors import BadInput
+from taxel.models.backbones.keras_layers import KerasClassifier, batch_norm
+from taxel.training.distilling import DistilConfig, agreement, distil, fit_top, settle_norms
+from taxel.training.fine_tuning import KeptEpochs
+from taxel.training.lessons import Lessons
+
+CONFIG = DistilConfig(epochs=3, batch=16, learning_rate=3e-3, seed=4)
+
+
+class Small(nn.Module):
+    """A network of images with a 1000-way top."""
+
+    def __init__(self, seed: int, width: int = 12) -> None:
+        super().__init__()
+        torch.manual_seed(seed)
+        self.first = nn.Conv2d(3, width, 5, stride=3)
+        self.norm = batch_norm(width, 1e-3)
+        self.predictions = KerasClassifier(width, 1000, "logits")
+
+    def forward(self, images: Tensor) -> Tensor:
+        logits: Tensor = self.predictions(self.norm(self.first(images / 255)).relu())
+        return logits
+
+
+def _images(count: int, seed: int) -> NDArray[np.uint8]:
+    """Return blobs of one colour on another."""
+    draw = np.random.default_rng(seed)
+    images = np.repeat(draw.integers(0, 256, (count, 1, 1, 3), np.uint8), 16, 1).repeat(16, 2)
+    images[:, 4:10, 4:10] = draw.integers(0, 256, (count, 1, 1, 3), np.uint8)
+    return images
+
+
+def _lessons(count: int = 90, seed: int = 0) -> Lessons:
+    """Return images answered by a network that sees colours, so that answers differ."""
+    teacher = Small(7).eval()
+    with torch.no_grad():
+        usual, answers = (
+            teacher(torch.from_numpy(images).permute(0, 3, 1, 2).float()).numpy()
+            for images in (_images(200, 99), _images(count, seed))
+        )
+    answers = (answers - usual.mean(axis=0)) / usual.std(axis=0) * 3
+    return Lessons(_images(count, seed), answers, np.arange(count) % 2 == 0)
+
+
+def test_a_student_agrees_more_often_after_learning_and_on_images_it_never_saw() -> None:
+    lessons, unseen = _lessons(300), _lessons(200, seed=1)
+    student = Small(1)
+    before = agreement(student, unseen, plain=True)
+
+    losses = distil(student, lessons, DistilConfig(epochs=12, batch=16, learning_rate=3e-3))
+
+    after = agreement(student, unseen, plain=True)
+    assert losses[-1] < losses[0]
+    assert after.share > before.share + 0.3
+    assert after.share > after.commonest + 0.2
+
+
+def test_the_closed_form_finds_a_top_that_is_there_to_be_found() -> None:
+    """A student with the teacher's own features gives its logits before any epoch."""
+    lessons = _lessons(400)
+    student = Small(7)
+    nn.init.normal_(student.predictions.weight)
+    norm = {key: value.clone() for key, value in student.norm.state_dict().items()}
+
+    fit_top(student, lessons, CONFIG)
+
+    assert all(torch.equal(value, student.norm.state_dict()[key]) for key, value in norm.items())
+    with torch.no_grad():
+        images = torch.from_numpy(lessons.images).permute(0, 3, 1, 2).float()
+        rest = torch.from_numpy(lessons.answers) - student(images)
+    wanted = torch.from_numpy(lessons.answers)
+    assert rest.square().mean() < 0.1 * (wanted - wanted.mean(dim=0)).square().mean()
+
+
+def test_normalisation_takes_the_statistics_of_these_images() -> None:
+    lessons, student = _lessons(96), Small(1)
+
+    settle_norms(student, lessons, CONFIG)
+
+    with torch.no_grad():
+        maps = student.first(torch.from_numpy(lessons.images).permute(0, 3, 1, 2).float() / 255)
+    assert torch.allclose(student.norm.running_mean, maps.mean(dim=(0, 2, 3)), atol=1e-4)
+
+
+def test_agreement_counts_first_answers_and_the_commonest() -> None:
+    answers = np.zeros((5, 1000), np.float32)
+    answers[range(5), [3, 3, 3, 8, 9]] = 1
+
+    class Always(nn.Module):
+        def forward(self, images: Tensor) -> Tensor:
+            return torch.nn.functional.one_hot(torch.full((len(images),), 8), 1000).float()
+
+    lessons = Lessons(np.zeros((5, 8, 8, 3), np.uint8), answers, np.array([1, 1, 0, 1, 1], bool))
+    found = agreement(Always(), lessons, plain=True)
+    assert (found.share, found.commonest, found.images) == (0.25, 0.5, 4)
+
+
+class Broken(Exception):
+    """The training was broken off."""
+
+
+@pytest.mark.parametrize("break_at", [3, 8, 14])
+def test_a_run_broken_off_loses_one_epoch_at_most_and_ends_as_an_unbroken_one(
+    break_at: int, tmp_path: Path
+) -> None:
+    lessons = _lessons()
+    kept = KeptEpochs(tmp_path / "s.checkpoint")
+    whole = Small(1)
+    losses = distil(whole, lessons, CONFIG)
+    done: list[int] = []
+
+    def look(step: int, _of: int, _loss: float) -> None:
+        done.append(step)
+        if len(done) == break_at:
+            raise Broken
+
+    with pytest.raises(Broken):
+        distil(Small(1), lessons, CONFIG, kept=kept, on_step=look)
+    again = Small(2)
+    resumed = distil(again, lessons, CONFIG, kept=kept, on_step=look)
+
+    steps = len(lessons) // CONFIG.batch
+    assert done[break_at] == break_at // steps * steps + 1
+    assert len(done) - CONFIG.epochs * steps < steps
+    if break_at >= steps:
+        assert resumed == losses
+        other = again.state_dict()
+        assert all(torch.equal(other[key], value) for key, value in whole.state_dict().items())
+
+
+def test_a_checkpoint_of_other_images_is_refused(tmp_path: Path) -> None:
+    kept = KeptEpochs(tmp_path / "s.checkpoint")
+    distil(Small(1), _lessons(), CONFIG, kept=kept)
+    with pytest.raises(BadInput, match="other data"):
+        distil(Small(1), _lessons(seed=5), CONFIG, kept=kept)
