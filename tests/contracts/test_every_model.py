@@ -5,12 +5,19 @@ import pytest
 import torch
 
 from taxel.bundles.writer import Classifier, export_onnx
+from taxel.models import forest
 from taxel.models.catalogue import MODELS, Baseline, Network, count_parameters
 from taxel.training.loop import Labelled, TrainConfig, evaluate, fit, new_network, predict
 
 NETWORKS = [name for name, model in MODELS.items() if isinstance(model, Network)]
 BASELINES = [name for name, model in MODELS.items() if isinstance(model, Baseline)]
 SHAPES = [(12, 12, 3), (21, 69, 10), (400, 8, 10), (9, 1, 2)]
+
+
+@pytest.fixture(autouse=True)
+def _few_trees(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A hundred trees are exported, learn and repeat themselves as a thousand do."""
+    monkeypatch.setattr(forest, "TREES", 100)
 
 
 def separable(n: int = 120, steps: int = 12, channels: int = 12) -> Labelled:
@@ -68,9 +75,9 @@ def test_the_exported_network_gives_what_pytorch_gives(
 
     network = new_network(lambda: MODELS[name].build(steps, channels, classes), 0)
     rng = np.random.default_rng(1)
-    known = rng.normal(0.0, 2.0, (60, steps, channels)).astype(np.float32)
-    y = (np.arange(60) % classes).astype(np.intp)
-    fit(network, Labelled(known, np.ones((60, steps), bool), y), TrainConfig(epochs=1))
+    known = rng.normal(0.0, 2.0, (20, steps, channels)).astype(np.float32)
+    y = (np.arange(20) % classes).astype(np.intp)
+    fit(network, Labelled(known, np.ones((20, steps), bool), y), TrainConfig(epochs=1))
     session = onnxruntime.InferenceSession(export_onnx(Classifier((network,)), steps, channels))
     rng = np.random.default_rng(0)
     values = rng.random((7, steps, channels), dtype=np.float32)
