@@ -54,6 +54,8 @@ def full_steps(data: Path | None) -> list[tuple[str, Measure]]:
         *table_steps(),
         ("the paper's set, tables, warnings", paper_set),
         ("slips", lambda: slips(data)),
+        ("touch encoder: cost", encoder_cost),
+        ("touch encoder: probe", lambda: encoder_probe(data)),
         ("slip warning", slip_warning),
         ("warnings by kind", warnings_by_kind),
         ("start of a grasp", grasp_starts),
@@ -236,6 +238,20 @@ def slips(data: Path | None) -> list[Row]:
     found = _taxel("evaluate-trials", str(folder), "--target", "outcome", "--split",
                    "group:object", "--json")  # fmt: skip
     return slip_rows(found, folder)
+
+
+def encoder_cost() -> list[Row]:
+    """Count and time the touch encoder beside Lite0 and ResNet50."""
+    from taxel.bench.touch_encoder import cost_rows
+
+    return cost_rows()
+
+
+def encoder_probe(data: Path | None) -> list[Row]:
+    """Pretrain the touch encoder without the test objects, and probe it beside others."""
+    from taxel.bench.touch_encoder import probe_rows
+
+    return probe_rows(data)
 
 
 def slip_live_path() -> list[Row]:

@@ -67,6 +67,7 @@ VERBS = {
     "train-trials": "train a recogniser on camera trials: a label for a whole video",
     "train-slip": "train a slip warning on simulated cups",
     "train-backbone": "train an image network end to end on tactile cameras",
+    "train-encoder": "pretrain the backbone touch on videos of touch, without labels",
     "evaluate": "cross-validate a recipe, or score a bundle, on recordings",
     "learning-curve": "measure accuracy against the amount of training data",
     "evaluate-trials": "cross-validate a recogniser of camera trials, or score its bundle",
