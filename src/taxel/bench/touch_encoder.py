@@ -1,11 +1,12 @@
 """Rows on the touch encoder: what it costs, and its linear probe on objects never seen.
 
 Knows nothing about how rows are printed.
+
+Background of our choices: docs/decisions/0058.
 """
 
 from __future__ import annotations
 
-import tempfile
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from time import perf_counter
@@ -85,9 +86,7 @@ def _image_times(names: Sequence[str]) -> dict[str, list[float]]:
     return times
 
 
-def probe_rows(
-    data: Path | None, on_step: Callable[[str], None] = lambda line: None
-) -> list[Row]:
+def probe_rows(data: Path | None, on_step: Callable[[str], None] = lambda line: None) -> list[Row]:
     """Pretrain without the test objects' images, and probe beside the others."""
     goal = f"> 0, p < {LEVEL:g}"
     if data is None or not (data / "gelsight-slip").exists():
@@ -122,14 +121,15 @@ def probe_rows(
 
 
 def simulated_videos() -> list[TouchVideo]:
-    """Simulate what the encoder is pretrained on, and return its videos."""
+    """Simulate what the encoder is pretrained on, once, and return its videos."""
     from taxel.bench.transitions import _taxel
     from taxel.training.encoder.videos import read_touch_videos
+    from taxel.training.features import default_cache
 
-    with tempfile.TemporaryDirectory(prefix="taxel-") as scratch:
-        folder = Path(scratch) / "cup-pour"
+    folder = default_cache() / "encoders" / "cup-pour"
+    if not folder.exists():
         _taxel(*SIMULATED, "--output", str(folder), "--json")
-        return read_touch_videos(folder)
+    return read_touch_videos(folder)
 
 
 def _probe_set(folder: Path) -> ProbeSet:

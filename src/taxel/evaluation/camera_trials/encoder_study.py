@@ -28,7 +28,7 @@ from taxel.training.encoder.fit import EncoderConfig, fit_encoder
 from taxel.training.encoder.videos import TouchVideo, data_digest
 from taxel.training.trial_blend import Learning
 
-FIRST: Final = EncoderConfig(epochs=4, steps=100)
+FIRST: Final = EncoderConfig(epochs=5, steps=100)
 """In simulation. Source: our choice, for two cores."""
 FURTHER: Final = EncoderConfig(epochs=2, steps=75, learning_rate=1e-3)
 """From there on simulated and real images."""
@@ -78,10 +78,10 @@ def kept_encoder(
         load_weights(path, module)
         return module
     folder.mkdir(parents=True, exist_ok=True)
-    module, _ = fit_encoder(
+    module = fit_encoder(
         videos, config, start=start, checkpoint=path.with_suffix(".checkpoint"), resume=True,
         on_step=lambda step, of, loss: on_step(f"pretraining {step}/{of}, loss {loss:.3f}"),
-    )  # fmt: skip
+    ).encoder  # fmt: skip
     save_weights(path, module, {})
     path.with_suffix(".checkpoint").unlink(missing_ok=True)
     return module
@@ -106,6 +106,7 @@ def encoder_rows(
     start = backbone_tensors(first)
     further = []
     for fold in range(len(probed.split.folds)):
+
         def told(line: str, fold: int = fold) -> None:
             on_step(f"fold {fold + 1}, {line}")
 

@@ -104,9 +104,7 @@ def probe(
     return Probed(name=name, probabilities=found, inner=tuple(inner))
 
 
-def probe_once(
-    learning: Learning, test: Learning, seed: int
-) -> tuple[NDArray[np.float64], float]:
+def probe_once(learning: Learning, test: Learning, seed: int) -> tuple[NDArray[np.float64], float]:
     """Fit on some trials; return the others' probabilities and the log-loss of inner folds.
 
     Ranks and directions are those of all that is learned from; labels enter by fold.
@@ -151,7 +149,9 @@ def less_than(
     names, index = np.unique(groups, return_inverse=True)
     right = _right(ours, y).astype(float) - _right(other, y)
     loss = _losses(ours, y) - _losses(other, y)
-    by_group = [np.bincount(index, weights=values, minlength=len(names)) for values in (right, loss)]
+    by_group = [
+        np.bincount(index, weights=values, minlength=len(names)) for values in (right, loss)
+    ]
     return LessThan(
         float(right.mean()), sign_flip(by_group[0]), float(loss.mean()), sign_flip(by_group[1])
     )

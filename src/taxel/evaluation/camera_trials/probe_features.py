@@ -68,7 +68,9 @@ def crop_features(
         lacking = [at for at, values in enumerate(kept) if values is None]
         images = _images(trial) if lacking else []
         for at in lacking:
-            rows = np.concatenate([_look(extractors[at], own) for camera in images for own in camera])
+            rows = np.concatenate(
+                [_look(extractors[at], own) for camera in images for own in camera]
+            )
             save_kept(files[at], rows.astype(np.float32))
             kept[at] = rows
         for at, values in enumerate(kept):

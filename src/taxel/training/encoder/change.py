@@ -1,6 +1,8 @@
 """What changed between two images of a gel, by place: what the touch encoder learns to predict.
 
 Computed from the images alone: optical flow and differences of grey. Knows nothing about networks.
+
+Background of our choices: docs/decisions/0058.
 """
 
 from __future__ import annotations

@@ -56,6 +56,15 @@ class PretextLoss:
     loss: float
 
 
+@dataclass(frozen=True, slots=True)
+class Pretrained:
+    """What pretraining gave."""
+
+    encoder: TouchEncoder
+    losses: list[float]
+    """Of each epoch, mean over its steps."""
+
+
 def fit_encoder(
     videos: Sequence[TouchVideo],
     config: EncoderConfig,
@@ -64,7 +73,7 @@ def fit_encoder(
     checkpoint: Path | None = None,
     resume: bool = False,
     on_step: Callable[[int, int, float], None] = lambda step, of, loss: None,
-) -> tuple[TouchEncoder, list[float]]:
+) -> Pretrained:
     """Return an encoder and each epoch's mean loss.
 
     Args:
@@ -82,7 +91,7 @@ def fit_encoder(
     if not videos:
         raise BadDataset("at least one video to pretrain on", "none", "name another folder")
     torch.manual_seed(config.seed)
-    network = Pretext()
+    network: Pretext = Pretext().to(memory_format=torch.channels_last)
     if start is not None:
         network.encoder.load_state_dict(dict(start), strict=False)
     optimiser = torch.optim.AdamW(
@@ -96,7 +105,7 @@ def fit_encoder(
         history.append(PretextLoss(_epoch(network, optimiser, videos, config, epoch, on_step)))
         if checkpoint is not None:
             save_checkpoint(checkpoint, network, optimiser, config, history, job)
-    return network.encoder.eval(), [epoch.loss for epoch in history]
+    return Pretrained(network.encoder.eval(), [epoch.loss for epoch in history])
 
 
 def _epoch(
@@ -131,7 +140,11 @@ def _epoch(
 
 def _share(done: float) -> float:
     """Return the share of the largest step size at a share of the way, 0…1."""
-    return done / _WARM if done < _WARM else 0.5 * (1 + math.cos(math.pi * (done - _WARM) / (1 - _WARM)))
+    return (
+        done / _WARM
+        if done < _WARM
+        else 0.5 * (1 + math.cos(math.pi * (done - _WARM) / (1 - _WARM)))
+    )
 
 
 def _draw(

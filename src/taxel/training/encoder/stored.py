@@ -5,20 +5,63 @@ Knows nothing about videos' pixels.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
 
 import torch
 from torch import Tensor, nn
 
-from taxel.models.backbones.weight_files import backbone_tensors
+from taxel.errors import BadFile, BadInput
+from taxel.foreign.files import MIB, read_text
+from taxel.foreign.json_text import parse_json
+from taxel.models.backbones.touch import TouchEncoder
+from taxel.models.backbones.weight_files import backbone_tensors, load_backbone_weights
 from taxel.models.published.about import About
 from taxel.training.encoder.fit import EncoderConfig
 from taxel.training.encoder.videos import TouchVideo
 
 
+@dataclass(frozen=True, slots=True)
+class StoredEncoder:
+    """What is written of an encoder."""
+
+    tensors: dict[str, Tensor]
+    about: About
+
+
+@dataclass(frozen=True, slots=True)
+class ReadEncoder:
+    """An encoder to begin from, and what it saw."""
+
+    tensors: dict[str, Tensor]
+    card: Mapping[str, object]
+
+
+def read_encoder(path: Path) -> ReadEncoder:
+    """Return an encoder that `taxel train-encoder` wrote, with the card beside it.
+
+    Raises:
+        BadInput: One of the files is missing, damaged or another network's.
+    """
+    module = TouchEncoder()
+    load_backbone_weights(module, "touch", path)
+    place = path.with_suffix(".json")
+    try:
+        card = parse_json(read_text(place, MIB))
+    except (OSError, BadFile) as error:
+        card = error
+    if not isinstance(card, dict):
+        raise BadInput(
+            f"the card of {path.name}, which says what it saw", f"none that can be read in {place}",
+            "give weights that train-encoder wrote",
+        )  # fmt: skip
+    return ReadEncoder(backbone_tensors(module), card)
+
+
 def halved(
     encoder: nn.Module, videos: Sequence[TouchVideo], config: EncoderConfig
-) -> tuple[dict[str, Tensor], About]:
+) -> StoredEncoder:
     """Return an encoder's tensors in 16 bits, and where they come from.
 
     Args:
@@ -34,4 +77,4 @@ def halved(
         licence="as taxel",
         trained=f"without labels, {config.epochs} epochs, {len(videos)} videos of {folders}",
     )
-    return tensors, about
+    return StoredEncoder(tensors, about)

@@ -17,7 +17,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from taxel.errors import BadDataset
+from taxel.errors import BadDataset, BadInput
 from taxel.models.backbones.touch import HEIGHT_PX, WIDTH_PX
 from taxel.windows.camera_trials import CameraTrial, read_camera_trials
 
@@ -62,6 +62,35 @@ def read_touch_videos(
         found += _videos_of(folder.name, trial)
         on_trial(done, len(trials))
     return found
+
+
+def read_folders(
+    folders: Sequence[Path],
+    left_out: Sequence[str] = (),
+    on_trial: Callable[[int, int], None] = lambda done, of: None,
+) -> list[TouchVideo]:
+    """Return the videos of several folders.
+
+    Args:
+        folders: Of different names.
+        left_out: Values of groups, such as objects, whose videos are left out.
+        on_trial: Called with trials done and in all, of each folder.
+
+    Raises:
+        BadInput: Two folders have one name, or nothing is called like what is left out.
+        BadDataset: A trial is too short.
+    """
+    names = [folder.resolve().name for folder in folders]
+    if len(set(names)) < len(names):
+        raise BadInput("folders of different names", " ".join(names),
+                       "rename one: the card lists them by name")  # fmt: skip
+    videos: list[TouchVideo] = []
+    for folder in folders:
+        videos += read_touch_videos(folder.resolve(), on_trial)
+    known = {value for video in videos for value in video.groups.values()}
+    if unknown := sorted(set(left_out) - known):
+        raise BadInput("--without of groups that are there", unknown[0], "check its spelling")
+    return without(videos, left_out)
 
 
 def chosen_frames(frames: int, rate_hz: float) -> NDArray[np.intp]:
@@ -113,7 +142,10 @@ def _videos_of(folder: str, trial: CameraTrial) -> list[TouchVideo]:
         each = [small(images[at]) for at in chosen.ravel().tolist()]
         videos.append(
             TouchVideo(
-                folder=folder, trial=trial.name, groups=trial.groups, digest=trial.digest,
+                folder=folder,
+                trial=trial.name,
+                groups=trial.groups,
+                digest=trial.digest,
                 images=np.stack(each).reshape(*chosen.shape, HEIGHT_PX, WIDTH_PX, 3),
                 slip_um=slip_um,
             )  # fmt: skip
