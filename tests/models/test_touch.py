@@ -1,4 +1,4 @@
-"""Claims about the touch encoder that comes with taxel: its size, its one set of weights, its card."""
+"""Claims about the touch encoder that comes with taxel: its size, its weights, its card."""
 
 import json
 from pathlib import Path

@@ -121,7 +121,7 @@ def test_without_videos_nothing_is_learned() -> None:
 def test_videos_of_objects_left_out_are_not_seen_nor_listed() -> None:
     videos = [video(0), video(1, "b"), video(2, "b", "can")]
 
-    assert [one.trial for one in without(videos, ["can"])] == ["mug-0", "mug-1"]
+    assert [kept.trial for kept in without(videos, ["can"])] == ["mug-0", "mug-1"]
     assert [seen.groups for seen in seen_of(videos)] == [
         {"object": ["mug"]}, {"object": ["can", "mug"]}
     ]  # fmt: skip
@@ -146,8 +146,8 @@ def test_the_command_writes_weights_of_16_bits_and_a_card_of_all_that_was_seen(
 
 @pytest.mark.parametrize(
     "words",
-    ["--output out.taxel", "--output out.safetensors --epochs 0", "--output o.safetensors --steps 0",
-     "--output o.safetensors --seed -1"],
+    ["--output out.taxel", "--output o.safetensors --epochs 0",
+     "--output o.safetensors --steps 0", "--output o.safetensors --seed -1"],
 )  # fmt: skip
 def test_options_that_make_no_sense_end_in_one_line(
     words: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]

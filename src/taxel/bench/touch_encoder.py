@@ -109,8 +109,8 @@ def probe_rows(data: Path | None, on_step: Callable[[str], None] = lambda line: 
     chosen = chosen_by_inner(variants, [found[name] for name in variants])
     found |= probe_all(probed, {TOUCH: chosen}, on_step)
     forest, accuracy = _forest(folder, probed)
-    few = {name: few_objects(probed, own)
-           for name, own in {TOUCH: chosen, LITE0: others[LITE0], RESNET: others[RESNET]}.items()}  # fmt: skip
+    compared = {TOUCH: chosen, LITE0: others[LITE0], RESNET: others[RESNET]}
+    few = {name: few_objects(probed, own) for name, own in compared.items()}
     beside = "; ".join(f"{name} {value:.3f}" for name, (value, _) in few.items() if name != TOUCH)
     return [
         *_table(probed, found),
@@ -199,7 +199,10 @@ def _less(probed: ProbeSet, found: Mapping[str, Probed], other: str, goal: str) 
     from taxel.evaluation.camera_trials.probe import less_than
 
     less = less_than(found[TOUCH], found[other], probed.y, probed.objects)
-    note = f"paired over objects: p {less.p_accuracy:.3g}; log-loss {less.loss:+.3f}, p {less.p_loss:.3g}"
+    note = (
+        f"paired over objects: p {less.p_accuracy:.3g}; log-loss {less.loss:+.3f}, "
+        f"p {less.p_loss:.3g}"
+    )
     return Row(name=f"{NAME}: touch encoder less {other}", value=less.accuracy, unit="accuracy",
                goal=goal, ok=less.accuracy > 0 and less.p_accuracy < LEVEL, note=note)  # fmt: skip
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
+
 import tyro
 
 from taxel.cli.printing import command, print_json, progress, say
@@ -32,6 +33,8 @@ class TrainEncoder:
     """Epochs of --steps steps."""
     steps: int = 100
     """Steps of an epoch, 48 pairs of images each."""
+    learning_rate: float = 2e-3
+    """Largest step size of the optimiser."""
     seed: int = 0
     """Seed of everything random."""
     resume: bool = False
@@ -50,7 +53,9 @@ class TrainEncoder:
 
         self._check()
         begun = read_encoder(self.start) if self.start else None
-        config = EncoderConfig(epochs=self.epochs, steps=self.steps, seed=self.seed)
+        config = EncoderConfig(
+            epochs=self.epochs, steps=self.steps, learning_rate=self.learning_rate, seed=self.seed
+        )
         checkpoint = self.output.with_name(f"{self.output.name}.checkpoint")
         with progress() as bar:
             task = bar.add_task("reading", total=None)
@@ -88,6 +93,9 @@ class TrainEncoder:
         ):  # fmt: skip
             if not 1 <= value <= most:
                 raise BadInput(f"--{name} within 1 and {most}", str(value), "choose another")
+        if not 0 < self.learning_rate <= 1:
+            raise BadInput("a --learning-rate above 0, at most 1", f"{self.learning_rate:g}",
+                           "choose another, such as 0.001")  # fmt: skip
         if not 0 <= self.seed < 2**31:
             raise BadInput("a --seed of at least 0", str(self.seed), "choose another")
         if self.output.is_dir() or self.output.suffix != ".safetensors":

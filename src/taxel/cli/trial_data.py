@@ -62,8 +62,12 @@ class TrialOptions:
             bar.update(task, description="features of trials", completed=done, total=of)
 
         trials = load_trial_set(
-            found, self.target, self.cache or default_cache(), crop=self.crop,
-            views=(*USUAL, *(("touch",) if self.touch else ())), on_trial=show,
+            found,
+            self.target,
+            self.cache or default_cache(),
+            crop=self.crop,
+            views=(*USUAL, *(("touch",) if self.touch else ())),
+            on_trial=show,
         )
         return trials, self._split(trials), found
 

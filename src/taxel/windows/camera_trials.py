@@ -53,7 +53,7 @@ class CameraTrial:
     read: Callable[[int], Iterator[Image]]
     """Camera's number → its images in order, shape (height, width, 3), red first."""
     slip_um: NDArray[np.float32] | None = None
-    """Shape (frames,): how far the object has slipped since the grasp, where a simulator says it."""
+    """Shape (frames,): how far the object has slipped, where a simulator says it."""
 
     def images(self, camera: int, wanted: Sequence[int]) -> dict[int, Image]:
         """Return some of a camera's images by their number; memory is that of those."""

@@ -71,5 +71,6 @@ def test_the_better_probe_has_a_difference_above_zero_and_a_small_p() -> None:
 
     assert found.accuracy == pytest.approx(0.25)
     assert found.p_accuracy == pytest.approx(2 / 2**12)
-    assert found.loss < 0 and found.p_loss < 0.01
+    assert found.loss < 0
+    assert found.p_loss < 0.01
     assert less_than(good, good, y, names).p_accuracy == 1.0

@@ -30,7 +30,7 @@ from taxel.training.trial_blend import Learning
 
 FIRST: Final = EncoderConfig(epochs=5, steps=100)
 """In simulation. Source: our choice, for two cores."""
-FURTHER: Final = EncoderConfig(epochs=2, steps=75, learning_rate=1e-3)
+FURTHER: Final = EncoderConfig(epochs=2, steps=50, learning_rate=1e-3)
 """From there on simulated and real images."""
 FEW, DRAWS = 5, 5
 """Labelled objects, and how often they are drawn a fold. Source: issue 17; our choice."""
@@ -107,11 +107,11 @@ def encoder_rows(
     further = []
     for fold in range(len(probed.split.folds)):
 
-        def told(line: str, fold: int = fold) -> None:
+        def announce(line: str, fold: int = fold) -> None:
             on_step(f"fold {fold + 1}, {line}")
 
         own = [*simulated, *probed.seen(fold)]
-        further.append(probed.rows_of(kept_encoder(folder, own, FURTHER, start, told)))
+        further.append(probed.rows_of(kept_encoder(folder, own, FURTHER, start, announce)))
     return {
         "touch, simulation only": [alone] * len(further),
         "touch, simulation and training objects": further,

@@ -84,7 +84,7 @@ def probe(
 
     Args:
         name: Of what is probed.
-        rows: Of each fold (`pooled`): a network that was pretrained fold by fold has others in each.
+        rows: Of each fold (`pooled`): a network pretrained fold by fold has others in each.
         trial: Shape (n,): each row's trial.
         y: Shape (trials,): class.
         groups: Shape (trials,): what is held out whole.

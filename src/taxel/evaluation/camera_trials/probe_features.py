@@ -1,7 +1,8 @@
 """Features of camera trials' crops by several image networks and by plainer things, for a probe.
 
-Eight images of each crop, 0.24 s apart, the same for all: those that the touch encoder is pretrained
-on (`taxel.training.encoder.videos`). Kept on disk, a file a trial. Knows nothing about labels.
+Eight images of each crop, 0.24 s apart, the same for all: those that the touch encoder is
+pretrained on (`taxel.training.encoder.videos`). Kept on disk, a file a trial. Knows nothing about
+labels.
 """
 
 from __future__ import annotations

@@ -56,8 +56,8 @@ def changes(first: NDArray[np.uint8], second: NDArray[np.uint8]) -> Change:
     """
     dense = cv2.DISOpticalFlow.create(cv2.DISOPTICAL_FLOW_PRESET_ULTRAFAST)
     flows, greys, sizes = [], [], []
-    for one, two in zip(first, second, strict=True):
-        before, after = (cv2.cvtColor(image, cv2.COLOR_RGB2GRAY) for image in (one, two))
+    for image, later in zip(first, second, strict=True):
+        before, after = (cv2.cvtColor(image, cv2.COLOR_RGB2GRAY) for image in (image, later))
         moved = np.asarray(dense.calc(before, after, np.zeros((*before.shape, 2), np.float32)))
         grey = after.astype(np.float32) - before
         flows.append(_by_place(moved, FLOW_PLACES) / FLOW_PX)

@@ -139,15 +139,15 @@ def _videos_of(folder: str, trial: CameraTrial) -> list[TouchVideo]:
     videos = []
     for camera in range(len(trial.cameras)):
         images = trial.images(camera, chosen.ravel().tolist())
-        each = [small(images[at]) for at in chosen.ravel().tolist()]
+        each = np.stack([small(images[at]) for at in chosen.ravel().tolist()])
         videos.append(
             TouchVideo(
                 folder=folder,
                 trial=trial.name,
                 groups=trial.groups,
                 digest=trial.digest,
-                images=np.stack(each).reshape(*chosen.shape, HEIGHT_PX, WIDTH_PX, 3),
+                images=each.reshape(*chosen.shape, HEIGHT_PX, WIDTH_PX, 3),
                 slip_um=slip_um,
-            )  # fmt: skip
+            )
         )
     return videos
