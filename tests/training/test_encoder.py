@@ -141,7 +141,9 @@ def test_the_command_writes_weights_of_16_bits_and_a_card_of_all_that_was_seen(
     assert card["seen"][0]["simulated"]
     with safe_open(output, framework="pt") as file:
         assert {file.get_tensor(key).dtype for key in file.keys()} == {torch.float16}  # noqa: SIM118
-    assert sorted(path.name for path in output.parent.iterdir()) == ["own.json", "own.safetensors"]
+    assert sorted(path.name for path in output.parent.iterdir()) == [
+        "own.json", "own.onnx", "own.safetensors",
+    ]  # fmt: skip
 
 
 @pytest.mark.parametrize(

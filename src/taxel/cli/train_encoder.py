@@ -24,11 +24,12 @@ class TrainEncoder:
     folders: tyro.conf.Positional[tuple[Path, ...]]
     """Folders of camera trials or recordings of tactile cameras; each is drawn from as often."""
     output: Path
-    """The weights to write, NAME.safetensors; the card is NAME.json."""
+    """The weights to write, NAME.safetensors; the card is NAME.json, beside it NAME.onnx."""
     without: tuple[str, ...] = ()
     """Values of groups, such as objects, of which no image may be seen."""
     start: Path | None = None
-    """Weights of this backbone to begin from; drawn anew unless given."""
+    """Weights of this backbone to begin from, or touch for those that come with taxel; drawn anew
+    unless given."""
     epochs: int = 4
     """Epochs of --steps steps."""
     steps: int = 100
@@ -46,9 +47,10 @@ class TrainEncoder:
     def run(self) -> None:
         """Read, pretrain and write."""
         from taxel.models.backbones.weight_files import save_tensors
+        from taxel.recordings.whole import write_whole
         from taxel.training.encoder.card import write_card
         from taxel.training.encoder.fit import EncoderConfig, fit_encoder
-        from taxel.training.encoder.stored import halved, read_encoder
+        from taxel.training.encoder.stored import encoder_onnx, halved, read_encoder
         from taxel.training.encoder.videos import read_folders
 
         self._check()
@@ -72,6 +74,7 @@ class TrainEncoder:
             )  # fmt: skip
         stored = halved(found.encoder, videos, config)
         save_tensors(self.output, stored.tensors, stored.about.head())
+        write_whole(self.output.with_suffix(".onnx"), encoder_onnx(stored.tensors))
         card = write_card(
             self.output.with_suffix(".json"), videos, config, found.losses, begun and begun.card
         )

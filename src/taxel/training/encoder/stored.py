@@ -15,9 +15,11 @@ from torch import Tensor, nn
 from taxel.errors import BadFile, BadInput
 from taxel.foreign.files import MIB, read_text
 from taxel.foreign.json_text import parse_json
-from taxel.models.backbones.touch import TouchEncoder
+from taxel.models.backbones.touch import HEIGHT_PX, WIDTH_PX, TouchEncoder
 from taxel.models.backbones.weight_files import backbone_tensors, load_backbone_weights
+from taxel.models.export_onnx import export_backbone
 from taxel.models.published.about import About
+from taxel.models.weights import shipped_weights
 from taxel.training.encoder.fit import EncoderConfig
 from taxel.training.encoder.videos import TouchVideo
 
@@ -41,9 +43,15 @@ class ReadEncoder:
 def read_encoder(path: Path) -> ReadEncoder:
     """Return an encoder that `taxel train-encoder` wrote, with the card beside it.
 
+    Args:
+        path: Its file; touch names the one that comes with taxel.
+
     Raises:
         BadInput: One of the files is missing, damaged or another network's.
     """
+    shipped = shipped_weights("touch")
+    if path == Path("touch") and shipped is not None and shipped.path is not None:
+        path = shipped.path
     module = TouchEncoder()
     load_backbone_weights(module, "touch", path)
     place = path.with_suffix(".json")
@@ -57,6 +65,17 @@ def read_encoder(path: Path) -> ReadEncoder:
             "give weights that train-encoder wrote",
         )  # fmt: skip
     return ReadEncoder(backbone_tensors(module), card)
+
+
+def encoder_onnx(tensors: Mapping[str, Tensor]) -> bytes:
+    """Return an encoder as ONNX: frames, uint8 (n, 120, 160, 3), R G B → features (n, 192).
+
+    Raises:
+        BadBundle: ONNX Runtime gives other features than PyTorch.
+    """
+    module = TouchEncoder().eval()
+    module.load_state_dict(dict(tensors), strict=False)
+    return export_backbone(module, "touch", HEIGHT_PX, WIDTH_PX)
 
 
 def halved(
