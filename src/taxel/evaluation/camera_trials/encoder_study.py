@@ -32,8 +32,6 @@ FIRST: Final = EncoderConfig(epochs=5, steps=100)
 """In simulation. Source: our choice, for two cores."""
 FURTHER: Final = EncoderConfig(epochs=2, steps=50, learning_rate=1e-3)
 """From there on simulated and real images."""
-FEW, DRAWS = 5, 5
-"""Labelled objects, and how often they are drawn a fold. Source: issue 17; our choice."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -142,21 +140,25 @@ def probe_all(
     }  # fmt: skip
 
 
-def few_objects(probed: ProbeSet, rows: Sequence[Rows], seed: int = 0) -> tuple[float, float]:
+def few_objects(
+    probed: ProbeSet, rows: Sequence[Rows], objects: int, draws: int, seed: int = 0
+) -> tuple[float, float]:
     """Return accuracy and its deviation over draws, each fold's probe fitted on few objects.
 
     Args:
         probed: The trials.
         rows: Of each fold.
+        objects: Labelled ones; every class is among them.
+        draws: How often they are drawn.
         seed: Of the draws.
     """
-    right = np.zeros((DRAWS, len(probed.y)))
+    right = np.zeros((draws, len(probed.y)))
     for own, fold in zip(rows, probed.split.folds, strict=True):
         learning = Learning(own, probed.trial, probed.y, probed.objects, int(probed.y.max()) + 1)
         test = learning.part(fold.test_rows)
-        for draw in range(DRAWS):
+        for draw in range(draws):
             random = np.random.default_rng((seed, draw))
-            part = learning.part(_few(probed, fold.train_rows, random))
+            part = learning.part(_few(probed, fold.train_rows, objects, random))
             found, _ = probe_once(part, test, seed)
             right[draw, fold.test_rows] = found.argmax(axis=1) == test.y
     by_draw = right.mean(axis=1)
@@ -164,12 +166,12 @@ def few_objects(probed: ProbeSet, rows: Sequence[Rows], seed: int = 0) -> tuple[
 
 
 def _few(
-    probed: ProbeSet, train: NDArray[np.intp], random: np.random.Generator
+    probed: ProbeSet, train: NDArray[np.intp], objects: int, random: np.random.Generator
 ) -> NDArray[np.intp]:
     """Return the trials of some objects in which every class is there."""
     names = np.unique(probed.objects[train])
     while True:
-        drawn = random.choice(names, min(FEW, len(names)), replace=False)
+        drawn = random.choice(names, min(objects, len(names)), replace=False)
         kept = train[np.isin(probed.objects[train], drawn)]
         if len(set(probed.y[kept].tolist())) == len(set(probed.y.tolist())):
             return kept
