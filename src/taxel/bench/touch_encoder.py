@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from taxel.evaluation.camera_trials.encoder_study import ProbeSet
     from taxel.evaluation.camera_trials.probe import Probed, Rows
     from taxel.training.encoder.videos import TouchVideo
+    from taxel.training.features import Extractor
 
 TOUCH, LITE0, RESNET = "touch", "efficientnet-lite0", "resnet50"
 ROUNDS, REPEATS = 5, 30
@@ -169,7 +170,7 @@ def _rows_of_others(folder: Path, probed: ProbeSet) -> dict[str, list[Rows]]:
     from taxel.training.features import default_cache
     from taxel.windows.camera_trials import read_camera_trials
 
-    extractors = {
+    extractors: dict[str, Extractor] = {
         LITE0: open_backbone(LITE0),
         RESNET: open_backbone(RESNET),
         "gel features": gel_features(),

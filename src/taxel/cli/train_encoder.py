@@ -66,7 +66,7 @@ class TrainEncoder:
                 lambda done, of: bar.update(task, completed=done, total=of),
             )  # fmt: skip
             found = fit_encoder(
-                videos, config, start=begun and begun.tensors, checkpoint=checkpoint,
+                videos, config, start=begun.tensors if begun else None, checkpoint=checkpoint,
                 resume=self.resume,
                 on_step=lambda step, of, loss: bar.update(
                     task, description=f"pretraining, loss {loss:.3f}", completed=step, total=of
@@ -76,7 +76,11 @@ class TrainEncoder:
         save_tensors(self.output, stored.tensors, stored.about.head())
         write_whole(self.output.with_suffix(".onnx"), encoder_onnx(stored.tensors))
         card = write_card(
-            self.output.with_suffix(".json"), videos, config, found.losses, begun and begun.card
+            self.output.with_suffix(".json"),
+            videos,
+            config,
+            found.losses,
+            begun.card if begun else None,
         )
         checkpoint.unlink(missing_ok=True)
         if self.json:

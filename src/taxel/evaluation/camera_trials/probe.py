@@ -115,7 +115,7 @@ def probe_once(learning: Learning, test: Learning, seed: int) -> tuple[NDArray[n
     # No more directions than rows: the regression's answer lies in them, so that nothing is lost.
     turned = np.linalg.svd(learned - middle, full_matrices=False)[2].T
     learned, tested = (learned - middle) @ turned, (tested - middle) @ turned
-    own = Learning(learned, learning.trial, learning.y, learning.groups, learning.classes)  # type: ignore[arg-type]
+    own = Learning(learned, learning.trial, learning.y, learning.groups, learning.classes)
     losses = _inner_losses(own, seed)
     best = min(losses, key=lambda penalty: losses[penalty]) if losses else _MIDDLE
     crops = _fitted(own, best, tested)
@@ -139,7 +139,7 @@ def _inner_losses(own: Learning, seed: int) -> dict[float, float]:
 
 def _fitted(own: Learning, penalty: float, rows: NDArray[np.floating]) -> NDArray[np.float64]:
     model = LogisticRegression(C=penalty, max_iter=300).fit(own.rows, own.y[own.trial])
-    return proba_of(model, rows, own.classes)  # type: ignore[arg-type]
+    return proba_of(model, rows, own.classes)
 
 
 def less_than(
@@ -150,7 +150,8 @@ def less_than(
     right = _right(ours, y).astype(float) - _right(other, y)
     loss = _losses(ours, y) - _losses(other, y)
     by_group = [
-        np.bincount(index, weights=values, minlength=len(names)) for values in (right, loss)
+        np.bincount(index, weights=values, minlength=len(names)).astype(np.float64)
+        for values in (right, loss)
     ]
     return LessThan(
         float(right.mean()), sign_flip(by_group[0]), float(loss.mean()), sign_flip(by_group[1])

@@ -8,6 +8,7 @@ Background of our choices: docs/decisions/0058.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import cv2
 import numpy as np
@@ -72,7 +73,7 @@ def slip_size(before_um: NDArray[np.float32], after_um: NDArray[np.float32]) -> 
     return np.asarray(np.log1p(np.abs(after_um - before_um) / _SLIP_UM), np.float32)
 
 
-def _by_place(values: NDArray[np.float32], places: tuple[int, int]) -> NDArray[np.float32]:
+def _by_place(values: NDArray[Any], places: tuple[int, int]) -> NDArray[np.float32]:
     small = cv2.resize(values, (places[1], places[0]), interpolation=cv2.INTER_AREA)
     return np.asarray(small, np.float32).ravel()
 

@@ -91,7 +91,8 @@ def fit_encoder(
     if not videos:
         raise BadDataset("at least one video to pretrain on", "none", "name another folder")
     torch.manual_seed(config.seed)
-    network: Pretext = Pretext().to(memory_format=torch.channels_last)
+    network = Pretext()
+    network.to(memory_format=torch.channels_last)  # type: ignore[call-overload]
     if start is not None:
         network.encoder.load_state_dict(dict(start), strict=False)
     optimiser = torch.optim.AdamW(
