@@ -47,15 +47,15 @@ def cost_rows() -> list[Row]:
     from taxel.models.backbones.catalogue import find_backbone
     from taxel.models.counting import keras_parameters
     from taxel.models.weights import shipped_weights
+    from taxel.windows.touch_view import MODEL
 
     numbers = keras_parameters(find_backbone(TOUCH).build("logits"))
     found = shipped_weights(TOUCH)
-    size = (
-        missing("touch encoder: weights that come with taxel", "MB", f"<= {MOST_MB:g}", "none")
-        if found is None or found.path is None
-        else row("touch encoder: weights that come with taxel", found.path.stat().st_size / 1e6,
-                 "MB", "<=", MOST_MB)
-    )  # fmt: skip
+    name, most = "touch encoder: weights that come with taxel", f"<= {MOST_MB:g}"
+    size = missing(name, "MB", most, "none")
+    if found is not None and found.path is not None:
+        megabytes = (found.path.stat().st_size + MODEL.stat().st_size) / 1e6
+        size = row(name, megabytes, "MB", "<=", MOST_MB, "16 bits; and ONNX, 32 bits")
     rounds = _image_times((TOUCH, LITE0, RESNET))
     how = "ONNX Runtime f32, one thread, 320×240 in, resize included"
     rows = [

@@ -14,6 +14,9 @@ from taxel.recordings.whole import write_whole
 from taxel.training.encoder.fit import EncoderConfig
 from taxel.training.encoder.videos import TouchVideo, data_digest
 
+_SINGLE = ("trial", "run", "recording")
+"""Groups that name each trial."""
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Seen:
@@ -71,7 +74,8 @@ def write_card(
 
 
 def _seen(folder: str, videos: Sequence[TouchVideo]) -> Seen:
-    keys = sorted({key for video in videos for key in video.groups} - {"trial", "run", "start_s"})
+    keys = sorted(key for key in {key for video in videos for key in video.groups}
+                  if key not in _SINGLE and not key.endswith("_s"))  # fmt: skip
     return Seen(
         folder=folder,
         trials=len({video.trial for video in videos}),
