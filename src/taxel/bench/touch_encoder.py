@@ -66,7 +66,7 @@ def cost_rows() -> list[Row]:
     for other, most in MOST_OF.items():
         ratio = float(np.median(spent[TOUCH]) / np.median(spent[other]))
         note = (
-            f"time of the processor, which neighbours lengthen little: {np.median(spent[TOUCH]):.2f} "
+            f"time of the processor, which others lengthen little: {np.median(spent[TOUCH]):.2f} "
             f"and {np.median(spent[other]):.1f} ms, medians of {ROUNDS} rounds in turn; {how}"
         )
         rows.append(row(f"touch encoder: time of an image, of {other}'s", ratio,
