@@ -83,6 +83,10 @@ LINES: dict[str, tuple[str, ...]] = {
         "train-backbone d --backbone edge --output w.safetensors --paper-settings",
     ),
     "distil": ("distil d --backbone densenet121 --output w.safetensors",),
+    "train-encoder": (
+        "train-encoder d --output w.safetensors",
+        "train-encoder d --output w.safetensors --json",
+    ),
     "train-trials": ("train-trials d --output out", "train-trials d --output out --no-check"),
     "evaluate-trials": ("evaluate-trials d",),
     "learning-curve": ("learning-curve d", "learning-curve d --split order:trial:3"),

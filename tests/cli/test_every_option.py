@@ -82,6 +82,7 @@ VALUES = {
     "unseen": "object",
     "fold-count": "4",
     "negatives": "0.5",
+    "learning-rate": "0.01",
     "kinds": "lift",
     "crop": "60",
     "flash firmware": "fw",

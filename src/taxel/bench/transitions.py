@@ -55,6 +55,8 @@ def full_steps(data: Path | None) -> list[tuple[str, Measure]]:
         ("the paper's set, tables, warnings", paper_set),
         ("slips", lambda: slips(data)),
         ("slip signal of real touch", lambda: slip_signal(data)),
+        ("touch encoder: cost", encoder_cost),
+        ("touch encoder: probe", lambda: encoder_probe(data)),
         ("slip warning", slip_warning),
         ("warnings on gel 2", warnings_on_layers),
         ("warnings by kind", warnings_by_kind),
@@ -247,6 +249,20 @@ def slip_signal(data: Path | None) -> list[Row]:
     if data is None or not (data / "gelsight-slip").exists():
         return missing_signal_rows("no recordings: name their folder with --data")
     return signal_rows(data / "gelsight-slip")
+
+
+def encoder_cost() -> list[Row]:
+    """Count and time the touch encoder beside Lite0 and ResNet50."""
+    from taxel.bench.touch_encoder import cost_rows
+
+    return cost_rows()
+
+
+def encoder_probe(data: Path | None) -> list[Row]:
+    """Pretrain the touch encoder without the test objects, and probe it beside others."""
+    from taxel.bench.touch_encoder import probe_rows
+
+    return probe_rows(data)
 
 
 def slip_live_path() -> list[Row]:

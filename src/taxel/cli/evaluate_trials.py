@@ -33,7 +33,7 @@ class EvaluateTrials:
 
     RULES: ClassVar = (
         Only(
-            ("target", "split", "folds", "test", "fold-count", "crop", "cache", "seed"),
+            ("target", "split", "folds", "test", "fold-count", "crop", "touch", "cache", "seed"),
             "trials without a bundle (it is scored as it is)",
             lambda verb: verb.data is None,
         ),

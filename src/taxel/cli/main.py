@@ -68,6 +68,7 @@ VERBS = {
     "train-slip": "train a slip warning on simulated cups",
     "train-backbone": "train an image network end to end on tactile cameras",
     "distil": "train an image network to answer as a trained one does, without labels",
+    "train-encoder": "pretrain the backbone touch on videos of touch, without labels",
     "evaluate": "cross-validate a recipe, or score a bundle, on recordings",
     "learning-curve": "measure accuracy against the amount of training data",
     "evaluate-trials": "cross-validate a recogniser of camera trials, or score its bundle",

@@ -37,6 +37,8 @@ class TrialOptions:
     """Trials of their own that are only tested on: a table, or a folder of recordings."""
     crop: int | None = None
     """Frames in a crop; as many as the shortest trial has, at most 48, unless given."""
+    touch: bool = False
+    """Look through the touch encoder too; some 2 ms more for each image that it sees."""
     cache: Path | None = None
     """Folder for features; $TAXEL_CACHE or ~/.cache/taxel unless given."""
     seed: int = 0
@@ -50,6 +52,7 @@ class TrialOptions:
         """
         from taxel.evaluation.camera_trials.trial_set import load_trial_set
         from taxel.training.features import default_cache
+        from taxel.windows.trial_crops import USUAL
 
         self._check()
         task = bar.add_task("reading trials", total=None)
@@ -59,7 +62,12 @@ class TrialOptions:
             bar.update(task, description="features of trials", completed=done, total=of)
 
         trials = load_trial_set(
-            found, self.target, self.cache or default_cache(), crop=self.crop, on_trial=show
+            found,
+            self.target,
+            self.cache or default_cache(),
+            crop=self.crop,
+            views=(*USUAL, *(("touch",) if self.touch else ())),
+            on_trial=show,
         )
         return trials, self._split(trials), found
 

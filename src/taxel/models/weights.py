@@ -2,7 +2,8 @@
 
 Order: an explicit path, the environment variable TAXEL_WEIGHTS (a file, or a
 folder of files named after backbones), an installed package that carries them,
-what `taxel weights fetch` brought, and at last random numbers, labelled RANDOM.
+what comes with taxel, what `taxel weights fetch` brought, and at last random
+numbers, labelled RANDOM.
 Nothing is downloaded here. Knows nothing about training or features.
 """
 
@@ -11,7 +12,7 @@ from __future__ import annotations
 import hashlib
 import os
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from importlib.util import find_spec
 from pathlib import Path
 
@@ -34,6 +35,9 @@ IMAGENET = "ImageNet"
 LEAST_SIDE_PX, MOST_SIDE_PX = 32, 512
 """Height and width of images that a network may be trained on, pixels: below, a backbone that
 halves five times has no map left. Source: our choice, docs/decisions/0057."""
+SHIPPED = "taxel"
+"""Label of weights that come with taxel."""
+_READY = Path(__file__).with_name("backbones") / "ready"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -42,7 +46,7 @@ class Weights:
 
     backbone: str
     label: str
-    """"ImageNet", "file:NAME", or "RANDOM", which every table must show."""
+    """"ImageNet", "taxel", "file:NAME", or "RANDOM", which every table must show."""
     digest: str
     """SHA-256 of the file; of backbone and seed where the weights are random."""
     path: Path | None
@@ -105,7 +109,14 @@ def find_weights(
             return _describe(backbone, found)
     if packaged := _packaged(backbone):
         return _describe(backbone, packaged)
-    return fetched_weights(backbone, cache) or _random(backbone, seed)
+    own = shipped_weights(backbone) or fetched_weights(backbone, cache)
+    return own or _random(backbone, seed)
+
+
+def shipped_weights(backbone: str) -> Weights | None:
+    """Return the weights that come with taxel; None where none do."""
+    path = _READY / f"{backbone}.safetensors"
+    return replace(_describe(backbone, path), label=SHIPPED) if path.is_file() else None
 
 
 def fetched_path(backbone: str, cache: Path | None = None) -> Path:

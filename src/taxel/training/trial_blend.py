@@ -172,6 +172,10 @@ MEMBERS: Final[tuple[TrialMember, ...]] = (
         name="logistic on stills", views={"stills": ()},
         make=lambda seed, trees: Logistic(0.003), prior=0.0,
     ),
+    TrialMember(
+        name="logistic on the touch encoder", views={"touch": ()},
+        make=lambda seed, trees: Logistic(0.001), prior=0.0,
+    ),
 )  # fmt: skip
 """What is blended. The first three see movement only; the others enter by what they are worth on
 inner folds. Source: docs/decisions/0041, also for each C and the share of shrinking."""

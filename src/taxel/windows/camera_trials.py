@@ -24,6 +24,7 @@ from taxel.recordings.reader import list_recordings, read_manifest
 from taxel.recordings.table_columns import read_cells
 from taxel.recordings.video_rows import VideoRow, names_videos, read_video_rows
 from taxel.recordings.videos import same_length, same_rate
+from taxel.sim.pour_state import has_truth
 from taxel.windows.camera_recordings import CameraRecording, frame_sets, read_camera_recordings
 
 Image = NDArray[np.uint8]
@@ -51,6 +52,8 @@ class CameraTrial:
     """SHA-256 over all images, hexadecimal."""
     read: Callable[[int], Iterator[Image]]
     """Camera's number → its images in order, shape (height, width, 3), red first."""
+    slip_um: NDArray[np.float32] | None = None
+    """Shape (frames,): how far the object has slipped, where a simulator says it."""
 
     def images(self, camera: int, wanted: Sequence[int]) -> dict[int, Image]:
         """Return some of a camera's images by their number; memory is that of those."""
@@ -161,4 +164,5 @@ def _of_pour(pour: CameraRecording) -> CameraTrial:
         mm_per_px=first.mm_per_px,
         digest=pour.digest,
         read=read,
+        slip_um=pour.beside[:, 0] if has_truth(pour.sensor.channels) else None,
     )

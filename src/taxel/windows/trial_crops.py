@@ -22,6 +22,9 @@ from numpy.typing import NDArray
 from taxel.errors import BadDataset, BadInput
 from taxel.gel.slip_signal import TREND_FEATURES, USUAL_MM_PER_PX, GelSlip
 from taxel.gel.touch_poses import TouchFollower
+from taxel.windows.touch_view import FEATURES as TOUCH_FEATURES
+from taxel.windows.touch_view import VERSION as TOUCH_VERSION
+from taxel.windows.touch_view import look_through_touch, touch_courses
 
 Image = NDArray[np.uint8]
 LONGEST_CROP: Final = 48
@@ -246,6 +249,10 @@ def _stills(scene: Scene) -> NDArray[np.float32]:
     return np.stack([_look_of(scene.images[at]) for at in (0, last // 2, last)])
 
 
+def _touch(scene: Scene) -> NDArray[np.float32]:
+    return look_through_touch(scene.images)
+
+
 def _look_of(image: Image) -> NDArray[np.float32]:
     grey = _small_grey(image)
     thumb = cv2.resize(grey.astype(np.float32), (THUMB[1], THUMB[0]), interpolation=cv2.INTER_AREA)
@@ -344,6 +351,10 @@ FAMILIES: Final[dict[str, Family]] = {
     ),
     "stills": Family(STILLS, _stills, _looks, "stills-1"),
     "moves": Family(len(MOVES), _moves, _courses, "moves-1"),
+    "touch": Family(TOUCH_FEATURES, _touch, touch_courses, TOUCH_VERSION),
 }  # fmt: skip
 """Name → what is looked at: grey differences and flow, the slip signal, how the crop's first,
-middle and last frame look, and where object and gel went."""
+middle and last frame look, where object and gel went; touch, only where it is asked for, is the
+touch encoder."""
+USUAL: Final = ("pixels", "slip", "stills")
+"""The families that every recogniser learns from."""

@@ -7,7 +7,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Final
 
 import numpy as np
 
@@ -16,10 +15,7 @@ from taxel.evaluation.camera_trials.crossval import TrialSet
 from taxel.labels.class_order import in_order
 from taxel.training.trial_features import trial_rows
 from taxel.windows.camera_trials import CameraTrial
-from taxel.windows.trial_crops import choose_layout
-
-VIEWS: Final = ("pixels", "slip", "stills")
-"""Those that recognisers learn from."""
+from taxel.windows.trial_crops import USUAL, choose_layout
 
 
 def load_trial_set(
@@ -28,7 +24,7 @@ def load_trial_set(
     cache: Path,
     *,
     crop: int | None = None,
-    views: Sequence[str] = VIEWS,
+    views: Sequence[str] = USUAL,
     on_trial: Callable[[int, int], None] = lambda done, of: None,
 ) -> TrialSet:
     """Return trials with their label, cut and looked at.

@@ -22,6 +22,8 @@ from taxel.models.backbones.efficientnet_lite import LITES, EfficientNetLite
 from taxel.models.backbones.keras_layers import Top
 from taxel.models.backbones.mobilenet_v2 import MobileNetV2
 from taxel.models.backbones.resnet import build_resnet50, build_resnet101
+from taxel.models.backbones.touch import FEATURES as TOUCH_FEATURES
+from taxel.models.backbones.touch import HEIGHT_PX, WIDTH_PX, TouchEncoder
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -48,6 +50,10 @@ class Backbone:
 
 def _build_edge(_top: Top) -> nn.Module:
     return EdgeCnn()
+
+
+def _build_touch(_top: Top) -> nn.Module:
+    return TouchEncoder()
 
 
 _LITE_FLOPS = (770_375_104, 1_200_370_464, 1_719_472_544)
@@ -131,6 +137,16 @@ BACKBONES: dict[str, Backbone] = {
         scaling="(pixel − 127.5) ÷ 63.75",
         features=EDGE_FEATURES,
         flops=33_855_488,
+    ),
+    "touch": Backbone(
+        summary="small CNN over a 160×120 frame, pretrained on touch; its weights come with taxel",
+        source="ours",
+        build=_build_touch,
+        height_px=HEIGHT_PX,
+        width_px=WIDTH_PX,
+        scaling="(pixel − 127.5) ÷ 63.75",
+        features=TOUCH_FEATURES,
+        flops=97_551_360,
     ),
 }
 """Name → backbone."""
