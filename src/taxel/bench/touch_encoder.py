@@ -51,8 +51,8 @@ def cost_rows() -> list[Row]:
 
     numbers = keras_parameters(find_backbone(TOUCH).build("logits"))
     found = shipped_weights(TOUCH)
-    name, most = "touch encoder: weights that come with taxel", f"<= {MOST_MB:g}"
-    size = missing(name, "MB", most, "none")
+    name = "touch encoder: weights that come with taxel"
+    size = missing(name, "MB", f"<= {MOST_MB:g}", "none")
     if found is not None and found.path is not None:
         megabytes = (found.path.stat().st_size + MODEL.stat().st_size) / 1e6
         size = row(name, megabytes, "MB", "<=", MOST_MB, "16 bits; and ONNX, 32 bits")

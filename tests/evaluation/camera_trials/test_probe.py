@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from taxel.evaluation.camera_trials.probe import Probed, less_than, pooled, probe
+from taxel.evaluation.camera_trials.probe import Labelled, Probed, less_than, pooled, probe
 from taxel.evaluation.camera_trials.sides import TrialSplit, split_trials
 
 CROPS = 3
@@ -36,7 +36,7 @@ def test_what_differs_between_classes_is_found_and_noise_is_not() -> None:
     trial = np.arange(len(y)).repeat(CROPS)
 
     def accuracy(apart: float) -> float:
-        found = probe("x", [rows(y, apart)] * len(split.folds), trial, y, names, split)
+        found = probe("x", [rows(y, apart)] * len(split.folds), Labelled(trial, y, names), split)
         return float((found.probabilities.argmax(axis=1) == y).mean())
 
     assert accuracy(3.0) == 1.0
@@ -52,7 +52,7 @@ def test_a_test_trial_changes_nothing_of_what_is_said_of_others() -> None:
     own = np.isin(trial, held)
     moved[own] += 7.0
     one, two = (
-        probe("x", [own_rows] + [first] * (len(split.folds) - 1), trial, y, names, split)
+        probe("x", [own_rows] + [first] * (len(split.folds) - 1), Labelled(trial, y, names), split)
         for own_rows in (first, moved)
     )
     others = np.setdiff1d(np.arange(len(y)), held)

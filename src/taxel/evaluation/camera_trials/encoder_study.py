@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 from torch import Tensor, nn
 
-from taxel.evaluation.camera_trials.probe import Probed, Rows, pooled, probe, probe_once
+from taxel.evaluation.camera_trials.probe import Labelled, Probed, Rows, pooled, probe, probe_once
 from taxel.evaluation.camera_trials.probe_features import network_features
 from taxel.evaluation.camera_trials.sides import TrialSplit
 from taxel.models.backbones.touch import TouchEncoder
@@ -133,11 +133,11 @@ def probe_all(
         rows: Name → rows of each fold.
         on_step: Called with a line before each fold.
     """
+    labelled = Labelled(probed.trial, probed.y, probed.objects)
     return {
-        name: probe(name, own, probed.trial, probed.y, probed.objects, probed.split,
-                    on_step=on_step)
+        name: probe(name, own, labelled, probed.split, on_step=on_step)
         for name, own in rows.items()
-    }  # fmt: skip
+    }
 
 
 def few_objects(

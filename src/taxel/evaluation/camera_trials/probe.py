@@ -29,6 +29,18 @@ _MIDDLE: Final = 1e-3
 """Where there are too few groups for inner folds."""
 
 
+@dataclass(frozen=True, slots=True)
+class Labelled:
+    """What rows are of."""
+
+    trial: NDArray[np.intp]
+    """Shape (rows,): each row's trial."""
+    y: NDArray[np.intp]
+    """Shape (trials,): class."""
+    groups: NDArray[np.str_]
+    """Shape (trials,): what is held out whole."""
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Probed:
     """What a probe says of trials that it was not fitted on."""
@@ -73,9 +85,7 @@ def pooled(features: NDArray[np.floating]) -> Rows:
 def probe(
     name: str,
     rows: Sequence[Rows],
-    trial: NDArray[np.intp],
-    y: NDArray[np.intp],
-    groups: NDArray[np.str_],
+    labelled: Labelled,
     split: TrialSplit,
     seed: int = 0,
     on_step: Callable[[str], None] = lambda line: None,
@@ -85,13 +95,12 @@ def probe(
     Args:
         name: Of what is probed.
         rows: Of each fold (`pooled`): a network pretrained fold by fold has others in each.
-        trial: Shape (n,): each row's trial.
-        y: Shape (trials,): class.
-        groups: Shape (trials,): what is held out whole.
+        labelled: What the rows are of.
         split: The folds.
         seed: Of inner folds.
         on_step: Called with a line before each fold.
     """
+    trial, y, groups = labelled.trial, labelled.y, labelled.groups
     classes = int(y.max()) + 1
     found, inner = np.full((len(y), classes), np.nan), []
     for own, fold in zip(rows, split.folds, strict=True):
