@@ -85,8 +85,9 @@ def test_a_layer_changes_what_the_gel_does_and_neither_the_cup_nor_what_happens(
         assert np.abs(two.gel - one.gel).max() > 0.005
 
 
-def test_the_shipped_warning_is_taken_as_it_is():
-    warner = gel_warning.shipped_warner()
+@pytest.mark.parametrize("name", gel_warning.SHIPPED)
+def test_a_shipped_warning_is_taken_as_it_is(name):
+    warner = gel_warning.shipped_warner(name)
     found = features_of(slides(TEST_CUPS[0], 1.0, 0.1))
     drive = warner.drive(found)
     assert drive.shape == found.at.shape
