@@ -8,6 +8,7 @@ import pytest
 from taxel.bench import gel_warning
 from taxel.bench.gel_warning import Warner, judge_rows, rendered
 from taxel.evaluation.early_warning.learn_slip_warning import rule_drive
+from taxel.gel.slip_signal import TURN_MM
 from taxel.sim.cup_pour import Gel
 from taxel.training.slip_cups import (
     TEST_CUPS,
@@ -21,11 +22,11 @@ from taxel.training.slip_cups import (
 from taxel.training.slip_heads import PourFeatures, features_of
 
 
-def slides(cup: int, by_mm: float, gives_mm: float) -> PourRows:
-    """Return a pour whose cup slides evenly from 1 s on, over gels that give so much with it."""
+def turns(cup: int, by_mm: float, gives_mm: float) -> PourRows:
+    """Return a pour whose cup turns evenly from 1 s on, by so much at the patch's lever."""
     run = replace(paper_runs(cup)[0], kind="pour")
     taken_s, time_s = np.arange(125) / 25.0, np.arange(300) / 60.0
-    share = np.clip(taken_s - 1.0, 0.0, 1.0)[:, None] * [0.0, 1.0, 0.0]
+    share = np.clip(taken_s - 1.0, 0.0, 1.0)[:, None] * [0.0, 0.0, 1.0 / TURN_MM]
     gel = GelRows(
         taken_s=taken_s, object=(by_mm + gives_mm) * share, gel=gives_mm * share,
         spread=np.zeros((125, 3)), seen=np.ones(125, np.bool_),
@@ -36,7 +37,7 @@ def slides(cup: int, by_mm: float, gives_mm: float) -> PourRows:
 
 
 def test_both_gels_are_judged_on_the_same_pours_and_only_one_row_pair_has_goals():
-    pours = [slides(TEST_CUPS[number], by_mm, 0.1) for number, by_mm in enumerate((1.0, 0.0))]
+    pours = [turns(TEST_CUPS[number], by_mm, 0.1) for number, by_mm in enumerate((1.0, 0.0))]
     found: dict[Gel, list[PourFeatures]] = {
         gel: [features_of(pour) for pour in pours] for gel in (1, 2)
     }
@@ -60,7 +61,7 @@ def test_both_gels_are_judged_on_the_same_pours_and_only_one_row_pair_has_goals(
 def test_only_parts_that_are_kept_with_both_gels_count(tmp_path):
     cup = TEST_CUPS[0]
     runs = paper_part(cup, 0)
-    pours = [replace(slides(cup, 0.0, 0.1), run=run) for run in runs]
+    pours = [replace(turns(cup, 0.0, 0.1), run=run) for run in runs]
     keep_runs(tmp_path / f"{cup}-paper-0.npz", runs, lambda _: pours)
     assert rendered(tmp_path) == {1: [], 2: []}
 
@@ -85,9 +86,22 @@ def test_a_layer_changes_what_the_gel_does_and_neither_the_cup_nor_what_happens(
         assert np.abs(two.gel - one.gel).max() > 0.005
 
 
-def test_the_shipped_warning_is_taken_as_it_is():
-    warner = gel_warning.shipped_warner()
-    found = features_of(slides(TEST_CUPS[0], 1.0, 0.1))
+@pytest.mark.parametrize("name", gel_warning.SHIPPED)
+def test_a_shipped_warning_is_taken_as_it_is(name):
+    warner = gel_warning.shipped_warner(name)
+    found = features_of(turns(TEST_CUPS[0], 1.0, 0.1))
     drive = warner.drive(found)
     assert drive.shape == found.at.shape
+    assert drive.max() > warner.threshold > drive[0]
+
+
+def test_the_shipped_rule_warns_of_a_straight_slide_too():
+    """An object that is pulled out without turning, 1 mm in a second."""
+    turned = turns(TEST_CUPS[0], 1.0, 0.1)
+    straight = tuple(
+        replace(rows, object=rows.object[:, [2, 2, 0]] * [0.0, TURN_MM, 0.0])
+        for rows in turned.gels
+    )
+    warner = gel_warning.shipped_warner("slip-rule")
+    drive = warner.drive(features_of(replace(turned, gels=straight)))
     assert drive.max() > warner.threshold > drive[0]
