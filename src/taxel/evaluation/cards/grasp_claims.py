@@ -53,7 +53,7 @@ def _grasp_tables() -> tuple[ClaimsOfPart, ...]:
         "all rows. Where “Lite0” stands, EfficientNet-Lite0 (ImageNet) "
         "takes DenseNet121's place. Sizes: ours as 32-bit floats, then with the backbone "
         "twice and the head once, which is what the published sizes fit (decision 42). "
-        "Times: the paper calls 31.84 ms both one inference step and a whole video; ours is a step, "
+        "Times: the paper calls 31.84 ms both one inference step and a whole video; ours is a step "
         "of images at each backbone's own 224 × 224 pixels."
     )
     command = "taxel reproduce transition-tables"
