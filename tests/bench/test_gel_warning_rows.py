@@ -95,13 +95,14 @@ def test_a_shipped_warning_is_taken_as_it_is(name):
     assert drive.max() > warner.threshold > drive[0]
 
 
-def test_the_shipped_rule_warns_of_a_straight_slide_too():
+@pytest.mark.parametrize("name", gel_warning.SHIPPED)
+def test_a_shipped_warning_warns_of_a_straight_slide_too(name):
     """An object that is pulled out without turning, 1 mm in a second."""
     turned = turns(TEST_CUPS[0], 1.0, 0.1)
     straight = tuple(
         replace(rows, object=rows.object[:, [2, 2, 0]] * [0.0, TURN_MM, 0.0])
         for rows in turned.gels
     )
-    warner = gel_warning.shipped_warner("slip-rule")
+    warner = gel_warning.shipped_warner(name)
     drive = warner.drive(features_of(replace(turned, gels=straight)))
     assert drive.max() > warner.threshold > drive[0]

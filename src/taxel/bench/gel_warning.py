@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 from taxel.bench.rows import Row, missing, row
 from taxel.bench.slip_warning import poses_folder
 from taxel.bundles.grasp import read_grasp_bundle
-from taxel.bundles.shipped import shipped_bundle
+from taxel.bundles.shipped import CUP_POUR, shipped_bundle
 from taxel.evaluation.early_warning.learn_slip_warning import (
     fit_head,
     head_drive,
@@ -70,7 +70,7 @@ PER_MIN: Final = 0.4
 """False alarms a minute that are promised; the goal is 0.5. Source: our choice, before any pour
 of version 2 was looked at."""
 SHIPPED: Final = {
-    "slip-forecast": "learned on gel 1, as shipped",
+    CUP_POUR: "learned on gel 1, as shipped",
     "slip-rule": "the rule without learning, as shipped",
 }
 """What warns without having seen version 2, head and threshold as they come with taxel → its name

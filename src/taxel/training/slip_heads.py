@@ -18,9 +18,9 @@ from sklearn.ensemble import HistGradientBoostingClassifier, HistGradientBoostin
 from sklearn.linear_model import LogisticRegression
 
 from taxel.errors import BadInput
-from taxel.gel.slip_signal import pair_features
+from taxel.gel.slip_signal import PAIR_FEATURES, pair_features
 from taxel.training.slip_cups import GROSS_UM, PourRows, is_learned_from
-from taxel.training.slip_onnx import slip_model, trees_model
+from taxel.training.slip_onnx import SMALLEST_SHARE, slip_model, trees_model
 
 Rows = NDArray[np.float32]
 HeadName = Literal["forecast", "boosting", "logistic"]
@@ -54,6 +54,8 @@ _FORECAST_UM: Final = (20.0, 1000.0)
 _STEEPNESS: Final = 4.0
 """By how much a forecast's logit grows as the slip grows e-fold. Source: our choice: 0.6 mm, twice
 gross slip, gives 0.94."""
+_SLIP_MM: Final = "slip_mean"
+"""The slip that is there, mean of both gels, millimetres."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -226,6 +228,9 @@ class ForecastHead:
     one that slides 0.32 mm. What it gives is no probability but a score of 0…1, which is one half
     where gross slip, 0.3 mm, is forecast.
 
+    What is forecast is never less than the slip that is there (mean of both gels). The trees learn
+    from cups, which turn as they slip, and forecast nothing of an object that slides out straight.
+
     Args:
         seed: Of the binning's sample.
     """
@@ -238,15 +243,20 @@ class ForecastHead:
 
     def slip_um(self, rows: Rows) -> NDArray[np.float64]:
         """Return the slip that is forecast for half a second later, micrometres, shape (n,)."""
-        return np.asarray(GROSS_UM * np.exp(self._model.predict(rows)), np.float64)
+        return np.asarray(GROSS_UM * np.exp(self._forecast(rows)), np.float64)
 
     def probability(self, rows: Rows) -> NDArray[np.float32]:
         """Return the score, shape (n,)."""
-        forecast = self._model.predict(rows)
-        return np.asarray(1 / (1 + np.exp(-_STEEPNESS * forecast)), np.float32)
+        return np.asarray(1 / (1 + np.exp(-_STEEPNESS * self._forecast(rows))), np.float32)
 
     def to_onnx(self) -> bytes:
-        return trees_model(self._model, _STEEPNESS)
+        return trees_model(self._model, _STEEPNESS, least=(_SLIP_MM, GROSS_UM / 1000))
+
+    def _forecast(self, rows: Rows) -> NDArray[np.float64]:
+        """Return the logarithm of the forecast over gross slip, shape (n,)."""
+        share = rows[:, PAIR_FEATURES.index(_SLIP_MM)] / (GROSS_UM / 1000)
+        there = np.log(np.maximum(share, SMALLEST_SHARE))
+        return np.asarray(np.maximum(self._model.predict(rows), there), np.float64)
 
 
 def _signed_root(rows: Rows) -> Rows:

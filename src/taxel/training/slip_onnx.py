@@ -16,10 +16,14 @@ from sklearn.ensemble import HistGradientBoostingClassifier, HistGradientBoostin
 from taxel.gel.slip_signal import PAIR_FEATURES
 
 _OPSET: Final = 18
+SMALLEST_SHARE: Final = 1e-6
+"""Of a unit: below, a logarithm is not taken."""
 Trees: TypeAlias = HistGradientBoostingClassifier | HistGradientBoostingRegressor
 
 
-def trees_model(model: Trees, factor: float = 1.0) -> bytes:
+def trees_model(
+    model: Trees, factor: float = 1.0, *, least: tuple[str, float] | None = None
+) -> bytes:
     """Return boosted trees as tables that are looked up level by level.
 
     ONNX has an operator for trees; a bundle holds plain ones only (docs/decisions/0033).
@@ -27,6 +31,8 @@ def trees_model(model: Trees, factor: float = 1.0) -> bytes:
     Args:
         model: Trained.
         factor: Their sum times this is the logit.
+        least: A feature's name and a unit: the sum is never below the logarithm of that feature
+            over that unit.
     """
     from onnx import helper
 
@@ -42,13 +48,28 @@ def trees_model(model: Trees, factor: float = 1.0) -> bytes:
     nodes += [
         helper.make_node("Gather", ["value", f"place{depth}"], ["votes"]),
         helper.make_node("ReduceSum", ["votes", "one"], ["sum"], keepdims=0),
-        helper.make_node("Add", ["sum", "baseline"], ["total"]),
-        helper.make_node("Mul", ["total", "factor"], ["logit"]),
+        helper.make_node("Add", ["sum", "baseline"], ["learned"]),
     ]
     constants = {
         "zero": np.array([0]), "one": np.array([1]), "baseline": np.array(baseline),
         "factor": np.array(factor),
     }  # fmt: skip
+    total = "learned"
+    if least is not None:
+        total = "total"
+        name, unit = least
+        nodes += [
+            helper.make_node("Gather", ["rows", "least_column"], ["least_of"], axis=1),
+            helper.make_node("Div", ["least_of", "least_unit"], ["least_share"]),
+            helper.make_node("Max", ["least_share", "least_share_of_all"], ["least_positive"]),
+            helper.make_node("Log", ["least_positive"], ["least"]),
+            helper.make_node("Max", ["learned", "least"], [total]),
+        ]
+        constants |= {
+            "least_column": np.array(PAIR_FEATURES.index(name), np.int64),
+            "least_unit": np.array(unit), "least_share_of_all": np.array(SMALLEST_SHARE),
+        }  # fmt: skip
+    nodes.append(helper.make_node("Mul", [total, "factor"], ["logit"]))
     return slip_model(nodes, constants | tables)
 
 
