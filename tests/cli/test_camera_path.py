@@ -4,8 +4,8 @@ Once for the gel monitor and once for a backbone, the smallest that there is, ov
 """
 
 import io
-import re
 import json
+import re
 from collections.abc import Iterator
 from contextlib import redirect_stdout
 from dataclasses import dataclass
