@@ -97,8 +97,8 @@ def test_a_shipped_warning_is_taken_as_it_is(name):
 
 @pytest.mark.parametrize("name", gel_warning.SHIPPED)
 def test_a_shipped_warning_warns_of_a_straight_slide_too(name):
-    """An object that is pulled out without turning, 1 mm in a second."""
-    turned = turns(TEST_CUPS[0], 1.0, 0.1)
+    """An object that is pulled out without turning, 3 mm in a second."""
+    turned = turns(TEST_CUPS[0], 3.0, 0.1)
     straight = tuple(
         replace(rows, object=rows.object[:, [2, 2, 0]] * [0.0, TURN_MM, 0.0])
         for rows in turned.gels

@@ -56,6 +56,9 @@ _STEEPNESS: Final = 4.0
 gross slip, gives 0.94."""
 _SLIP_MM: Final = "slip_mean"
 """The slip that is there, mean of both gels, millimetres."""
+_SURE_MM: Final = 0.66
+"""Slip that is there from which on gross slip is forecast whatever the trees say, millimetres.
+Source: our choice, docs/decisions/0036: a threshold of 0.84 then answers to 1 mm."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -228,7 +231,7 @@ class ForecastHead:
     one that slides 0.32 mm. What it gives is no probability but a score of 0…1, which is one half
     where gross slip, 0.3 mm, is forecast.
 
-    What is forecast is never less than the slip that is there (mean of both gels). The trees learn
+    Slip that is there (mean of both gels) raises the score whatever is forecast. The trees learn
     from cups, which turn as they slip, and forecast nothing of an object that slides out straight.
 
     Args:
@@ -250,11 +253,11 @@ class ForecastHead:
         return np.asarray(1 / (1 + np.exp(-_STEEPNESS * self._forecast(rows))), np.float32)
 
     def to_onnx(self) -> bytes:
-        return trees_model(self._model, _STEEPNESS, least=(_SLIP_MM, GROSS_UM / 1000))
+        return trees_model(self._model, _STEEPNESS, least=(_SLIP_MM, _SURE_MM))
 
     def _forecast(self, rows: Rows) -> NDArray[np.float64]:
         """Return the logarithm of the forecast over gross slip, shape (n,)."""
-        share = rows[:, PAIR_FEATURES.index(_SLIP_MM)] / (GROSS_UM / 1000)
+        share = rows[:, PAIR_FEATURES.index(_SLIP_MM)] / _SURE_MM
         there = np.log(np.maximum(share, SMALLEST_SHARE))
         return np.asarray(np.maximum(self._model.predict(rows), there), np.float64)
 
