@@ -1,4 +1,4 @@
-"""`taxel distil`: an image network learns to answer as a trained one does, on touch."""
+"""`taxel distil`: train an image network to give a trained one's outputs on touch images."""
 
 from __future__ import annotations
 
@@ -25,42 +25,42 @@ _MOST_EPOCHS, _MOST_FRAMES, _MOST_COPIES = 1000, 1000, 100
 
 @dataclass(frozen=True, kw_only=True)
 class Distil:
-    """Let a backbone without trained weights learn a trained one's 1000 answers, on touch images.
+    """Train a backbone (the student) to give a trained one's 1000 outputs on touch images.
 
-    No labels are needed. One object in five is kept aside, to measure how often both give the same
-    first answer. What is written says how it was trained.
+    No labels are needed. One object in five is kept out of training, to measure how often both
+    name the same class first. The written file states how it was trained.
     """
 
     data: tyro.conf.Positional[tuple[Path, ...]]
-    """Folders of recordings of tactile cameras with the group object or cup; gelsight-slip is read
-    as it was published."""
+    """Folders of recordings of tactile cameras, with the group object or cup; the data set
+    gelsight-slip is read as it was published."""
     backbone: str
     """The student, such as densenet121."""
     output: Path
     """The weights to write, NAME.safetensors."""
     teacher: str = "resnet50"
-    """A backbone whose trained weights are at hand."""
+    """The trained backbone whose outputs are learned; its weights must be here."""
     start: Path | None = None
-    """Weights of the student to begin with; unless given those of a relative that is at hand
-    (resnet101: resnet50, efficientnet-b0: efficientnet-lite0) or of what else was fetched
-    (densenet121-typefaces), else random numbers."""
+    """Weights that the student begins with. Unless given, those of a similar network, where they
+    are here (resnet101: resnet50, efficientnet-b0: efficientnet-lite0, densenet121:
+    densenet121-typefaces), else random numbers."""
     side_px: int = 96
     """Height and width of the student's images, pixels; multiples of 32 fit all backbones."""
     frames: int = 2
-    """Images from each video, over its whole time."""
+    """Images from each video, spread over its whole length."""
     copies: int = 3
-    """Of each image, itself counted; the others are cut, turned, and changed in colour."""
+    """Versions of each image: itself, the others cropped, turned and changed in colour."""
     epochs: int = 4
     """Passes over all images."""
     bf16: bool = False
-    """Learn in 16 bits (bfloat16): quicker on processors that multiply these."""
+    """Train in 16 bits (bfloat16): faster on processors that multiply bfloat16."""
     resume: bool = False
     """Continue an interrupted training from its last whole epoch; the checkpoint is kept
     beside --output as NAME.safetensors.checkpoint."""
     seed: int = 0
     """Seed of everything random."""
     cache: Path | None = None
-    """Folder for the teacher's answers; $TAXEL_CACHE or ~/.cache/taxel unless given."""
+    """Folder for the teacher's outputs; $TAXEL_CACHE or ~/.cache/taxel unless given."""
     json: bool = False
     """Print JSON."""
     engine: Annotated[EngineOptions, tyro.conf.arg(name="")] = field(default_factory=EngineOptions)

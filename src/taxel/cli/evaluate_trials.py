@@ -18,13 +18,14 @@ from taxel.errors import BadInput
 class EvaluateTrials:
     """Measure a recogniser of camera trials on trials it has not seen, beside trivial ones.
 
-    TRIALS is a table (CSV) with a row a trial: left and right, or camera:NAME for each camera
-    (a video, or a folder of images), label:NAME, group:NAME and, where wanted, split; or a
-    folder of recordings of tactile cameras.
+    The first PATH is a table (CSV) with one row for each trial, or a folder of recordings of
+    tactile cameras. The table's columns: left and right, or camera:NAME for each camera (a video,
+    or a folder of images); label:NAME; group:NAME; and, where wanted, split.
     """
 
     trials: tyro.conf.Positional[Path]
-    """A table of camera trials or a folder of recordings; or a bundle, to be scored on DATA."""
+    """A table of camera trials or a folder of recordings; or a bundle, to be scored on the
+    second PATH."""
     data: tyro.conf.Positional[Path | None] = None
     """With a bundle: the trials that it is scored on."""
     json: bool = False

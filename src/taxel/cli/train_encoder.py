@@ -15,25 +15,27 @@ _MOST_EPOCHS, _MOST_STEPS = 1000, 1_000_000
 
 @dataclass(frozen=True, kw_only=True)
 class TrainEncoder:
-    """Pretrain the backbone touch: it learns to predict what changes between two images of a gel.
+    """Pretrain the touch encoder, the backbone touch, on videos of gels.
 
-    Labels are not looked at; where a simulator wrote how far the object slipped, that is predicted
-    too. A card beside the weights lists all that was seen.
+    It learns to predict what changes between two images. Labels are not used; where a simulator
+    recorded how far the object slipped, that is predicted too. A card beside the weights lists
+    all that was trained on.
     """
 
     folders: tyro.conf.Positional[tuple[Path, ...]]
-    """Folders of camera trials or recordings of tactile cameras; each is drawn from as often."""
+    """Folders of camera trials or recordings of tactile cameras; each gets an equal
+    share of training."""
     output: Path
-    """The weights to write, NAME.safetensors; the card is NAME.json, beside it NAME.onnx."""
+    """The weights to write, NAME.safetensors; beside them NAME.onnx, and the card, NAME.json."""
     without: tuple[str, ...] = ()
-    """Values of groups, such as objects, of which no image may be seen."""
+    """Values of groups, such as names of objects, that are left out of training."""
     start: Path | None = None
-    """Weights of this backbone to begin from, or touch for those that come with taxel; drawn anew
-    unless given."""
+    """Weights of this backbone to begin with, or touch for those that come with taxel; random
+    numbers unless given."""
     epochs: int = 4
-    """Epochs of --steps steps."""
+    """Number of epochs, each of --steps steps."""
     steps: int = 100
-    """Steps of an epoch, 48 pairs of images each."""
+    """Steps in an epoch, each on 48 pairs of images."""
     learning_rate: float = 2e-3
     """Largest step size of the optimiser."""
     seed: int = 0

@@ -21,9 +21,9 @@ _MOST_PER_MIN = 60.0
 
 @dataclass(frozen=True, kw_only=True)
 class TrainSlip:
-    """Train a warning of slip on simulated cups; its threshold keeps a rate of false alarms.
+    """Train a slip warning on simulated cups; its threshold is set for a rate of false alarms.
 
-    What is written is the bundle that runs live. The threshold comes from training cups held out.
+    What is written is the bundle that runs live. The threshold is set on training cups held out.
     """
 
     poses: tyro.conf.Positional[Path]
@@ -32,9 +32,9 @@ class TrainSlip:
     """The bundle to write, NAME.taxel; an older one there is replaced."""
     head: Literal["forecast", "boosting", "logistic", "rule"] = "forecast"
     """What is learned: forecast, how far the object will slip within 0.5 s; boosting and logistic,
-    whether it slips within 1 s; rule learns nothing: slip and its rate against a threshold."""
+    whether it slips within 1 s; rule: nothing but the threshold for slip and its rate."""
     false_alarms: float = 0.3
-    """False alarms a minute of grasps that hold, at most, as a median over cups held out."""
+    """Most false alarms per minute of grasps that hold, as a median over cups held out."""
     seed: int = 0
     """Seed of learning."""
     json: bool = False

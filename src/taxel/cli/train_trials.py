@@ -25,18 +25,18 @@ if TYPE_CHECKING:
 class TrainTrials:
     """Train a recogniser of camera trials; its accuracy is measured first.
 
-    TRIALS is a table (CSV) with a row a trial: left and right, or camera:NAME for each camera
-    (a video, or a folder of images), label:NAME, group:NAME and, where wanted, split; or a
-    folder of recordings of tactile cameras.
+    PATH is a table (CSV) with one row for each trial, or a folder of recordings of tactile
+    cameras. The table's columns: left and right, or camera:NAME for each camera (a video, or a
+    folder of images); label:NAME; group:NAME; and, where wanted, split.
     """
 
     trials: tyro.conf.Positional[Path]
     """A table of camera trials, or a folder of recordings."""
     output: Path | None = None
-    """Folder to write the run to, its bundle in it; named for the data unless given, an older run
-    there is replaced."""
+    """Folder to write the run and its bundle to; an older run there is replaced. Named for the
+    data unless given."""
     check: bool = True
-    """Measure accuracy first, so that the run knows it."""
+    """Measure accuracy first, and store it with the run."""
     json: bool = False
     """Print JSON."""
     options: Annotated[TrialOptions, tyro.conf.arg(name="")] = field(default_factory=TrialOptions)

@@ -25,7 +25,7 @@ class TrialOptions:
     """Which trials, which label, and which of them are tested."""
 
     target: str | None = None
-    """The label to predict; the only one of the data unless given."""
+    """The label to predict; needed only where the data have more than one."""
     split: str | None = None
     """Which trials are tested: group:KEY (held out in turn), order:KEY:LAST, random, or split for
     the column of that name, which is the default where it names test trials."""
@@ -34,11 +34,11 @@ class TrialOptions:
     folds: Path | None = None
     """A table of folds (CSV: recording or group:KEY, fold or side) instead of --split."""
     test: Path | None = None
-    """Trials of their own that are only tested on: a table, or a folder of recordings."""
+    """Further trials, used only for testing: a table, or a folder of recordings."""
     crop: int | None = None
     """Frames in a crop; as many as the shortest trial has, at most 48, unless given."""
     touch: bool = False
-    """Look through the touch encoder too; some 2 ms more for each image that it sees."""
+    """Use features of the touch encoder too; takes about 2 ms more for each image."""
     cache: Path | None = None
     """Folder for features; $TAXEL_CACHE or ~/.cache/taxel unless given."""
     seed: int = 0

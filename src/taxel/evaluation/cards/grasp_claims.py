@@ -44,12 +44,12 @@ def _grasp_tables() -> tuple[ClaimsOfPart, ...]:
     second = [TRANSITION_MODELS[f"densenet121+{head}"] for head in ("lstm", "lstm2", "lstm4")]
     about = (
         "Their split: one of five cups held out, simulated pours, the paper's labels (rule "
-        "change). Honest: every cup held out in turn. A difference of pixels alone solves these "
-        "labels (98 %), so they measure parity with the paper, not a warning of slip. Of the "
-        "paper's four backbones, ResNet50's ImageNet weights lie in a registry (`taxel weights "
-        "fetch resnet50`), the others' at Keras' alone. “Distilled” is such a backbone that "
-        "learned ResNet50's 1000 answers on touch images of other objects (`taxel distil`), 96 × "
-        "96 pixels, and was frozen then; the paper trained end to end. `make paper-tables` makes "
+        "change). Honest: every cup held out in turn. A difference of pixels alone predicts these "
+        "labels (98 %), so accuracy here shows parity with the paper, not early warning of slip. "
+        "ResNet50 has ImageNet weights (`taxel weights fetch resnet50`). Those of the paper's "
+        "other three backbones are published on Keras' server only; here they are “distilled”: "
+        "trained to give ResNet50's 1000 outputs on touch images of other objects, 96 × 96 pixels "
+        "(`taxel distil`), then frozen. The paper trained end to end. `make paper-tables` makes "
         "all rows. Where “Lite0” stands, EfficientNet-Lite0 (ImageNet) "
         "takes DenseNet121's place. Sizes: ours as 32-bit floats, then with the backbone "
         "twice and the head once, which is what the published sizes fit (decision 42). "
@@ -135,8 +135,8 @@ def _grasp_text() -> ClaimsOfPart:
     return ClaimsOfPart(
         title="Grasp transitions: text",
         about=(
-            "The paper warns when images begin to change; ours also by physics: a warning before "
-            "the cup has slid 300 µm."
+            "The paper's warning comes when the images begin to change. Ours is also measured "
+            "against the true slip: a warning counts if it comes before the cup has slid 300 µm."
         ),
         command="taxel bench transitions --full",
         claims=(
