@@ -12,6 +12,7 @@ from rich.progress import Progress as Bar
 from taxel.cli.camera_options import EngineOptions
 from taxel.cli.printing import command, print_json, progress, say
 from taxel.errors import BadInput
+from taxel.recordings.whole import check_place
 
 if TYPE_CHECKING:
     from taxel.models.students import Student
@@ -67,14 +68,17 @@ class Distil:
 
     def run(self) -> None:
         """Gather images and answers, train, test and write."""
+        self._check()  # before PyTorch is loaded: a slip of the pen is told at once
+
         from taxel.models.backbones.weight_files import save_backbone_weights
         from taxel.models.students import begin_student, check_student
         from taxel.training.distilling import agreement, distil
         from taxel.training.fine_tuning import KeptEpochs
         from taxel.training.touch_images import find_videos, split_objects
 
-        self._check()
         check_student(self.backbone, self.teacher, self.side_px)
+        if self.start is not None:  # refused before images are read, which can take hours
+            begin_student(self.backbone, self.start, self.seed)
         checkpoint = self.output.with_name(f"{self.output.name}.checkpoint")
         with progress() as bar:
             videos = [video for folder in self.data for video in find_videos(folder)]
@@ -112,10 +116,11 @@ class Distil:
         if self.engine.precision == "int8":
             raise BadInput("--precision f32 or bf16 for a teacher", "int8", "choose another")
         if not 0 <= self.seed < 2**31:
-            raise BadInput("a --seed of at least 0", str(self.seed), "choose another")
+            raise BadInput(f"--seed within 0 and {2**31 - 1}", str(self.seed), "choose another")
         if self.output.is_dir() or not self.output.name.endswith(".safetensors"):
             raise BadInput("--output NAME.safetensors: a backbone's weights", str(self.output),
                            f"name a file such as {self.backbone}.safetensors")  # fmt: skip
+        check_place(self.output)
 
     def _open_teacher(self) -> BackboneExtractor:
         from taxel.models.weights import RANDOM

@@ -9,6 +9,7 @@ import tyro
 
 from taxel.cli.printing import command, print_json, progress, say
 from taxel.errors import BadInput
+from taxel.recordings.whole import check_place, write_whole
 
 _MOST_EPOCHS, _MOST_STEPS = 1000, 1_000_000
 
@@ -48,14 +49,14 @@ class TrainEncoder:
 
     def run(self) -> None:
         """Read, pretrain and write."""
+        self._check()  # before PyTorch is loaded: a slip of the pen is told at once
+
         from taxel.models.backbones.weight_files import save_tensors
-        from taxel.recordings.whole import write_whole
         from taxel.training.encoder.card import write_card
         from taxel.training.encoder.fit import EncoderConfig, fit_encoder
         from taxel.training.encoder.stored import encoder_onnx, halved, read_encoder
         from taxel.training.encoder.videos import read_folders
 
-        self._check()
         begun = read_encoder(self.start) if self.start else None
         config = EncoderConfig(
             epochs=self.epochs, steps=self.steps, learning_rate=self.learning_rate, seed=self.seed
@@ -106,7 +107,9 @@ class TrainEncoder:
             raise BadInput("a --learning-rate above 0, at most 1", f"{self.learning_rate:g}",
                            "choose another, such as 0.001")  # fmt: skip
         if not 0 <= self.seed < 2**31:
-            raise BadInput("a --seed of at least 0", str(self.seed), "choose another")
+            raise BadInput(f"--seed within 0 and {2**31 - 1}", str(self.seed), "choose another")
         if self.output.is_dir() or self.output.suffix != ".safetensors":
             raise BadInput("--output NAME.safetensors: the encoder's weights", str(self.output),
                            "name a file such as touch.safetensors")  # fmt: skip
+        for suffix in (".safetensors", ".onnx", ".json"):
+            check_place(self.output.with_suffix(suffix))

@@ -24,6 +24,20 @@ def write_whole(path: Path, data: bytes | str) -> None:
         temporary.write_bytes(data.encode("utf-8") if isinstance(data, str) else data)
 
 
+def check_place(path: Path) -> None:
+    """Refuse, before long work, a file that could not be written at its end; nothing is made.
+
+    Raises:
+        BadInput: It is a folder, or the nearest folder above it that is there is none or is closed.
+    """
+    if path.is_dir():
+        raise BadInput(f"a file to write, {path.name}", f"the folder {path}", "name another")
+    above = next(place for place in path.absolute().parents if place.exists())
+    if not above.is_dir() or not os.access(above, os.W_OK | os.X_OK):
+        got = "which may not be written" if above.is_dir() else "which is a file"
+        raise BadInput(f"a folder to write {path.name} in", f"{above}, {got}", "name another")
+
+
 @contextmanager
 def whole_file(path: Path) -> Iterator[Path]:
     """Give a file to fill, which gets its name when the block ends well, and else goes.

@@ -84,17 +84,17 @@ def load_checkpoint(
             "train into another folder, or delete the checkpoint",
         )
     _put(path, network, _below("weights.", tensors))
-    state: dict[int, dict[str, torch.Tensor]] = {}
-    for name, value in _below("adam.", tensors).items():
-        index, key = name.split(".", 1)
-        state.setdefault(int(index), {})[key] = value
-    optimiser.load_state_dict({**optimiser.state_dict(), "state": state})
     try:
+        state: dict[int, dict[str, torch.Tensor]] = {}
+        for name, value in _below("adam.", tensors).items():
+            index, key = name.split(".", 1)
+            state.setdefault(int(index), {})[key] = value
+        optimiser.load_state_dict({**optimiser.state_dict(), "state": state})
         history = parse_json(about.get("history", ""))
         return [record_of(record, epoch, finite=False) for epoch in history]
     except (TypeError, ValueError) as error:
         raise BadInput(
-            f"a whole checkpoint {path.name}", f"one without its history ({error})",
+            f"a whole checkpoint {path.name}", f"one with damaged history or steps ({error})",
             "delete it and train again",
         ) from error  # fmt: skip
 

@@ -56,7 +56,8 @@ def find_videos(folder: Path) -> list[TouchVideo]:
         BadTable: gelsight-slip lacks its trials.
     """
     if not folder.is_dir():
-        raise BadDataset("a folder of recordings, or gelsight-slip", f"no {folder}", "check it")
+        got = f"{folder}, which is a file" if folder.exists() else f"no {folder}"
+        raise BadDataset("a folder of recordings, or gelsight-slip", got, "check it")
     if (folder / "trials").is_dir():
         return [
             TouchVideo(f"{row.name}-{side}", f"{folder.name}/{row.groups['object']}",
@@ -86,6 +87,11 @@ def split_objects(
         own = [name for name in objects if name.partition("/")[0] == folder]
         order = np.random.default_rng([17, seed]).permutation(len(own))
         kept |= {own[i] for i in order[: len(own) // EVERY]}
+    if not kept:
+        raise BadDataset(
+            f"at least {EVERY} objects in one of the folders", f"{len(objects)} over several",
+            "put recordings of one kind in one folder",
+        )  # fmt: skip
     learn = [video for video in videos if video.object not in kept]
     return learn, [video for video in videos if video.object in kept]
 
