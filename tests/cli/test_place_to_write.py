@@ -33,8 +33,8 @@ def test_it_is_refused_before_anything_is_read(
     with pytest.raises(SystemExit) as ended:
         main(words.split())
     assert ended.value.code == 2
-    told = capsys.readouterr().err.strip()
-    assert len(told.splitlines()) == 1
-    assert needed in told
+    printed = capsys.readouterr().err.strip()
+    assert len(printed.splitlines()) == 1
+    assert needed in printed
     assert sorted(path.name for path in tmp_path.iterdir()) == ["card.json", "d", "file"]
     assert (tmp_path / "file").read_text() == "mine"
