@@ -12,10 +12,11 @@ from taxel.cli.main import main
 @pytest.mark.parametrize(
     ("words", "needed"),
     [
-        ("distil d --backbone densenet121 --output file/x.safetensors", "which is a file"),
-        ("train-encoder d --output file/more/x.safetensors", "which is a file"),
+        ("distil d --backbone densenet121 --output file/x.safetensors", "which is no folder"),
+        ("train-encoder d --output file/more/x.safetensors", "which is no folder"),
         ("train-encoder d --output card.safetensors", "the folder card.json"),
         ("distil d --backbone densenet121 --output x.safetensors --start no", "no no"),
+        ("distil d --backbone densenet121 --output x.safetensors --cache file", "no folder"),
         ("distil file --backbone densenet121 --output x.safetensors", "file, which is a file"),
         ("distil d --backbone densenet121 --output x.safetensors --seed 99999999999", "within 0"),
         ("train-encoder d --output x.safetensors --seed 99999999999", "--seed within 0 and"),
@@ -32,8 +33,8 @@ def test_it_is_refused_before_anything_is_read(
     with pytest.raises(SystemExit) as ended:
         main(words.split())
     assert ended.value.code == 2
-    told = capsys.readouterr().err.strip()
-    assert len(told.splitlines()) == 1
-    assert needed in told
+    printed = capsys.readouterr().err.strip()
+    assert len(printed.splitlines()) == 1
+    assert needed in printed
     assert sorted(path.name for path in tmp_path.iterdir()) == ["card.json", "d", "file"]
     assert (tmp_path / "file").read_text() == "mine"

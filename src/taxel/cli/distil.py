@@ -121,6 +121,8 @@ class Distil:
             raise BadInput("--output NAME.safetensors: a backbone's weights", str(self.output),
                            f"name a file such as {self.backbone}.safetensors")  # fmt: skip
         check_place(self.output)
+        if self.cache is not None:
+            check_place(self.cache / "answers")
 
     def _open_teacher(self) -> BackboneExtractor:
         from taxel.models.weights import RANDOM

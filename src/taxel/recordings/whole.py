@@ -32,9 +32,9 @@ def check_place(path: Path) -> None:
     """
     if path.is_dir():
         raise BadInput(f"a file to write, {path.name}", f"the folder {path}", "name another")
-    above = next(place for place in path.absolute().parents if place.exists())
+    above = next(place for place in path.absolute().parents if os.path.lexists(place))
     if not above.is_dir() or not os.access(above, os.W_OK | os.X_OK):
-        got = "which may not be written" if above.is_dir() else "which is a file"
+        got = "which may not be written" if above.is_dir() else "which is no folder"
         raise BadInput(f"a folder to write {path.name} in", f"{above}, {got}", "name another")
 
 
