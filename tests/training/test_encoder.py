@@ -17,6 +17,7 @@ from taxel.training.encoder.change import FLOW_PLACES, FLOW_PX, changes, slip_si
 from taxel.training.encoder.fit import EncoderConfig, fit_encoder
 from taxel.training.encoder.pretext import regularity
 from taxel.training.encoder.videos import TouchVideo, chosen_frames, without
+from taxel.training.fine_tuning import KeptEpochs
 from taxel.windows.trial_crops import Layout
 
 SHORT = EncoderConfig(epochs=2, steps=2, batch=4, seed=3)
@@ -97,8 +98,8 @@ def test_a_training_that_goes_on_equals_an_unbroken_one(tmp_path: Path) -> None:
             raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
-        fit_encoder(videos, SHORT, checkpoint=checkpoint, on_step=stop)
-    again = fit_encoder(videos, SHORT, checkpoint=checkpoint, resume=True)
+        fit_encoder(videos, SHORT, kept=KeptEpochs(checkpoint), on_step=stop)
+    again = fit_encoder(videos, SHORT, kept=KeptEpochs(checkpoint))
 
     assert again.losses == whole.losses
     for name, tensor in whole.encoder.state_dict().items():
@@ -107,10 +108,10 @@ def test_a_training_that_goes_on_equals_an_unbroken_one(tmp_path: Path) -> None:
 
 def test_a_checkpoint_of_other_data_is_refused(tmp_path: Path) -> None:
     once = replace(SHORT, epochs=1, steps=1)
-    fit_encoder([video(0)], once, checkpoint=tmp_path / "c")
+    fit_encoder([video(0)], once, kept=KeptEpochs(tmp_path / "c"))
 
     with pytest.raises(BadInput, match="another configuration or other data"):
-        fit_encoder([video(1)], once, checkpoint=tmp_path / "c", resume=True)
+        fit_encoder([video(1)], once, kept=KeptEpochs(tmp_path / "c"))
 
 
 def test_without_videos_nothing_is_learned() -> None:

@@ -13,18 +13,18 @@ from numpy.typing import NDArray
 from taxel.errors import BadDataset
 from taxel.training import lessons as lessons_module
 from taxel.training.lessons import LessonConfig, gather_lessons
-from taxel.training.touch_images import TouchVideo, changed, find_videos, split_objects
+from taxel.training.touch_images import ImageSource, changed, find_videos, split_objects
 
 CONFIG = LessonConfig(side_px=32, frames=3, copies=2, seed=1)
 
 
-def _video(name: str, number: int = 0) -> TouchVideo:
+def _video(name: str, number: int = 0) -> ImageSource:
     def images(count: int) -> Iterator[NDArray[np.uint8]]:
         for index in range(count):
             draw = np.random.default_rng([number, index])
             yield draw.integers(0, 256, (240, 320, 3), np.uint8)
 
-    return TouchVideo(f"{name}-{number}", name, images)
+    return ImageSource(f"{name}-{number}", name, images)
 
 
 class Teacher:

@@ -112,6 +112,7 @@ def probe_rows(data: Path | None, on_step: Callable[[str], None] = lambda line: 
         few_objects,
         probe_all,
     )
+    from taxel.evaluation.camera_trials.probe import commonest
     from taxel.training.features import default_cache
 
     folder = data / "gelsight-slip"
@@ -121,6 +122,7 @@ def probe_rows(data: Path | None, on_step: Callable[[str], None] = lambda line: 
     found = probe_all(probed, {**variants, **others}, on_step)
     chosen = chosen_by_inner(variants, [found[name] for name in variants])
     found |= probe_all(probed, {TOUCH: chosen}, on_step)
+    found["commonest class"] = commonest(probed.labelled, probed.split)
     return [
         *_table(probed, found),
         *(_less(probed, found, other, goal) for other in MOST_OF),
@@ -202,12 +204,13 @@ def _table(probed: ProbeSet, found: Mapping[str, Probed]) -> list[Row]:
     rows = []
     for name, own in found.items():
         scores = score_trials(probed.y, own.probabilities, probed.objects)
+        inner = f"; inner log-loss {np.mean(own.inner):.3f}" if own.inner else ""
         low, high = scores.accuracy_interval
         label = "touch encoder, the variant chosen in each fold" if name == TOUCH else name
         rows.append(
             Row(name=f"{NAME}: {label}", value=scores.accuracy, unit="accuracy", goal="", ok=None,
                 note=f"95 % CI over objects [{low:.3f}, {high:.3f}]; AUC {scores.auc:.3f}; "
-                f"log-loss {scores.loss:.3f}; inner log-loss {np.mean(own.inner):.3f}")
+                f"log-loss {scores.loss:.3f}{inner}")
         )  # fmt: skip
     return rows
 

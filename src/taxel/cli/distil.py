@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from taxel.training.distilling import Agreement, DistilConfig
     from taxel.training.extractors import BackboneExtractor
     from taxel.training.lessons import Lessons
-    from taxel.training.touch_images import TouchVideo
+    from taxel.training.touch_images import ImageSource
 
 _MOST_EPOCHS, _MOST_FRAMES, _MOST_COPIES = 1000, 1000, 100
 
@@ -138,7 +138,7 @@ class Distil:
             )  # fmt: skip
         return teacher
 
-    def _gather(self, videos: list[TouchVideo], teacher: BackboneExtractor, bar: Bar) -> Lessons:
+    def _gather(self, videos: list[ImageSource], teacher: BackboneExtractor, bar: Bar) -> Lessons:
         from taxel.training.features import default_cache
         from taxel.training.lessons import LessonConfig, gather_lessons
 

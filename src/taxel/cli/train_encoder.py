@@ -56,6 +56,7 @@ class TrainEncoder:
         from taxel.training.encoder.fit import EncoderConfig, fit_encoder
         from taxel.training.encoder.stored import encoder_onnx, halved, read_encoder
         from taxel.training.encoder.videos import read_folders
+        from taxel.training.fine_tuning import KeptEpochs
 
         begun = read_encoder(self.start) if self.start else None
         config = EncoderConfig(
@@ -69,8 +70,8 @@ class TrainEncoder:
                 lambda done, of: bar.update(task, completed=done, total=of),
             )  # fmt: skip
             found = fit_encoder(
-                videos, config, start=begun.tensors if begun else None, checkpoint=checkpoint,
-                resume=self.resume,
+                videos, config, start=begun.tensors if begun else None,
+                kept=KeptEpochs(checkpoint, self.resume),
                 on_step=lambda step, of, loss: bar.update(
                     task, description=f"pretraining, loss {loss:.3f}", completed=step, total=of
                 ),

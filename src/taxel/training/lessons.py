@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from taxel.errors import BadDataset
 from taxel.training.features import BATCH, Extractor, load_kept, save_kept
-from taxel.training.touch_images import Image, TouchVideo, changed
+from taxel.training.touch_images import Image, ImageSource, changed
 
 CHUNK = 256
 """Images whose answers lie in one file. Source: our choice: 59 MB of pixels, half a minute."""
@@ -62,7 +62,7 @@ class LessonConfig:
 
 
 def gather_lessons(
-    videos: Sequence[TouchVideo],
+    videos: Sequence[ImageSource],
     teacher: Extractor,
     config: LessonConfig,
     cache: Path,
@@ -97,7 +97,7 @@ def gather_lessons(
     return Lessons(np.stack(small), np.concatenate(answers), np.array(plain))
 
 
-def _copies(videos: Sequence[TouchVideo], config: LessonConfig) -> Iterator[tuple[Image, bool]]:
+def _copies(videos: Sequence[ImageSource], config: LessonConfig) -> Iterator[tuple[Image, bool]]:
     for number, video in enumerate(videos):
         draw = np.random.default_rng([19, config.seed, number])
         for image in video.images(config.frames):

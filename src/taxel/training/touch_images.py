@@ -34,7 +34,7 @@ Image = NDArray[np.uint8]
 
 
 @dataclass(frozen=True, slots=True)
-class TouchVideo:
+class ImageSource:
     """One recording, or one camera's file: where images come from."""
 
     name: str
@@ -44,7 +44,7 @@ class TouchVideo:
     """How many → as many, or fewer, images over its whole time, shape (240, 320, 3)."""
 
 
-def find_videos(folder: Path) -> list[TouchVideo]:
+def find_videos(folder: Path) -> list[ImageSource]:
     """Return what a folder holds, in order.
 
     Args:
@@ -60,20 +60,20 @@ def find_videos(folder: Path) -> list[TouchVideo]:
         raise BadDataset("a folder of recordings, or gelsight-slip", got, "check it")
     if (folder / "trials").is_dir():
         return [
-            TouchVideo(f"{row.name}-{side}", f"{folder.name}/{row.groups['object']}",
+            ImageSource(f"{row.name}-{side}", f"{folder.name}/{row.groups['object']}",
                        partial(_of_file, path))
             for row in gelsight_slip_rows(folder)
             for side, path in row.files.items()
         ]  # fmt: skip
     return [
-        TouchVideo(pour.name, f"{folder.name}/{_object(pour)}", partial(_of_recording, pour))
+        ImageSource(pour.name, f"{folder.name}/{_object(pour)}", partial(_of_recording, pour))
         for pour in read_camera_recordings(folder)
     ]
 
 
 def split_objects(
-    videos: Sequence[TouchVideo], seed: int
-) -> tuple[list[TouchVideo], list[TouchVideo]]:
+    videos: Sequence[ImageSource], seed: int
+) -> tuple[list[ImageSource], list[ImageSource]]:
     """Return videos to learn from and those of objects that are kept for testing.
 
     Raises:

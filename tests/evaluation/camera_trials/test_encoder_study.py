@@ -16,7 +16,7 @@ from taxel.evaluation.camera_trials.encoder_study import (
     few_objects,
     probe_all,
 )
-from taxel.evaluation.camera_trials.probe import Probed
+from taxel.evaluation.camera_trials.probe import Probed, commonest
 from taxel.evaluation.camera_trials.sides import split_trials
 from taxel.training.encoder.fit import EncoderConfig
 from taxel.training.encoder.videos import TouchVideo
@@ -90,6 +90,16 @@ def test_brightness_is_found_by_the_probe_and_from_few_objects_too(probed: Probe
 
     assert (found.probabilities.argmax(axis=1) == probed.y).all()
     assert few_objects(probed, rows, 4, 2)[0] == 1.0
+
+
+def test_the_commonest_class_is_counted_on_each_folds_training_side(probed: ProbeSet) -> None:
+    found = commonest(probed.labelled, probed.split)
+
+    for fold in probed.split.folds:
+        share = probed.y[fold.train_rows].mean()
+        assert found.probabilities[fold.test_rows] == pytest.approx(
+            np.tile([1 - share, share], (len(fold.test_rows), 1))
+        )
 
 
 def test_each_fold_takes_the_variant_whose_inner_loss_is_least() -> None:

@@ -22,10 +22,11 @@ from taxel.evaluation.camera_trials.probe import Labelled, Probed, Rows, pooled,
 from taxel.evaluation.camera_trials.probe_features import network_features
 from taxel.evaluation.camera_trials.sides import TrialSplit
 from taxel.models.backbones.touch import TouchEncoder
-from taxel.models.backbones.weight_files import backbone_tensors
+from taxel.models.backbones.weight_files import backbone_tensors, tensor_digest
 from taxel.training.checkpoints import load_weights, save_weights
 from taxel.training.encoder.fit import EncoderConfig, fit_encoder
 from taxel.training.encoder.videos import TouchVideo, data_digest
+from taxel.training.fine_tuning import KeptEpochs
 from taxel.training.trial_blend import Learning
 
 FIRST: Final = EncoderConfig(epochs=5, steps=100)
@@ -49,6 +50,11 @@ class ProbeSet:
         """Shape (rows,): each pooled row's trial."""
         return np.repeat(np.arange(len(self.y)), len(self.videos[0].images))
 
+    @property
+    def labelled(self) -> Labelled:
+        """What pooled rows are of."""
+        return Labelled(self.trial, self.y, self.objects)
+
     def rows_of(self, module: nn.Module) -> Rows:
         """Return a network's pooled rows."""
         found = network_features(module, self.videos)
@@ -68,20 +74,21 @@ def kept_encoder(
     on_step: Callable[[str], None],
 ) -> TouchEncoder:
     """Return an encoder from a folder, or pretrain it and keep it there."""
-    start_sum = "" if start is None else f"{float(sum(t.sum() for t in start.values())):.6g}"
-    name = f"{data_digest(videos)[:16]}-{config}-{start_sum}".replace(" ", "")
+    begun = tensor_digest(start)[:16] if start else ""
+    name = f"{data_digest(videos)[:16]}-{config}-{begun}".replace(" ", "")
     path = folder / f"{name}.safetensors"
     module = TouchEncoder().eval()
     if path.exists():
         load_weights(path, module)
         return module
     folder.mkdir(parents=True, exist_ok=True)
+    checkpoint = path.with_suffix(".checkpoint")
     module = fit_encoder(
-        videos, config, start=start, checkpoint=path.with_suffix(".checkpoint"), resume=True,
+        videos, config, start=start, kept=KeptEpochs(checkpoint),
         on_step=lambda step, of, loss: on_step(f"pretraining {step}/{of}, loss {loss:.3f}"),
     ).encoder  # fmt: skip
     save_weights(path, module, {})
-    path.with_suffix(".checkpoint").unlink(missing_ok=True)
+    checkpoint.unlink(missing_ok=True)
     return module
 
 
@@ -133,9 +140,8 @@ def probe_all(
         rows: Name → rows of each fold.
         on_step: Called with a line before each fold.
     """
-    labelled = Labelled(probed.trial, probed.y, probed.objects)
     return {
-        name: probe(name, own, labelled, probed.split, on_step=on_step)
+        name: probe(name, own, probed.labelled, probed.split, on_step=on_step)
         for name, own in rows.items()
     }
 

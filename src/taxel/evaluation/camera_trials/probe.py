@@ -113,6 +113,17 @@ def probe(
     return Probed(name=name, probabilities=found, inner=tuple(inner))
 
 
+def commonest(labelled: Labelled, split: TrialSplit) -> Probed:
+    """Return what naming each fold's shares of classes in training says: the least of all bars."""
+    y = labelled.y
+    classes = int(y.max()) + 1
+    found = np.full((len(y), classes), np.nan)
+    for fold in split.folds:
+        counts = np.bincount(y[fold.train_rows], minlength=classes)
+        found[fold.test_rows] = counts / counts.sum()
+    return Probed(name="commonest class", probabilities=found, inner=())
+
+
 def probe_once(learning: Learning, test: Learning, seed: int) -> tuple[NDArray[np.float64], float]:
     """Fit on some trials; return the others' probabilities and the log-loss of inner folds.
 

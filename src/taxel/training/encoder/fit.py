@@ -12,7 +12,6 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 import torch
@@ -21,10 +20,12 @@ from torch import Tensor
 
 from taxel.errors import BadDataset
 from taxel.models.backbones.touch import TouchEncoder
+from taxel.models.backbones.weight_files import tensor_digest
 from taxel.training.checkpoints import load_checkpoint, save_checkpoint
 from taxel.training.encoder.change import changes, slip_size
 from taxel.training.encoder.pretext import Pretext, Targets
 from taxel.training.encoder.videos import TouchVideo, data_digest
+from taxel.training.fine_tuning import EpochLoss, KeptEpochs
 
 Image = NDArray[np.uint8]
 _GAIN, _LEVEL, _JITTER, _NOISE = 0.15, 12.0, 0.02, 2.0
@@ -50,13 +51,6 @@ class EncoderConfig:
 
 
 @dataclass(frozen=True, slots=True)
-class PretextLoss:
-    """What an epoch gave, as a checkpoint keeps it."""
-
-    loss: float
-
-
-@dataclass(frozen=True, slots=True)
 class Pretrained:
     """What pretraining gave."""
 
@@ -70,8 +64,7 @@ def fit_encoder(
     config: EncoderConfig,
     *,
     start: Mapping[str, Tensor] | None = None,
-    checkpoint: Path | None = None,
-    resume: bool = False,
+    kept: KeptEpochs | None = None,
     on_step: Callable[[int, int, float], None] = lambda step, of, loss: None,
 ) -> Pretrained:
     """Return an encoder and each epoch's mean loss.
@@ -80,8 +73,7 @@ def fit_encoder(
         videos: What it may see; each folder is drawn from as often, whatever its size.
         config: How.
         start: An encoder's tensors to begin with; drawn anew unless given.
-        checkpoint: Written after each epoch; none unless given.
-        resume: Go on from the checkpoint, if it is there.
+        kept: Where a run that is broken off goes on from; None keeps nothing.
         on_step: Called with the step's number, how many there are and its loss.
 
     Raises:
@@ -98,14 +90,14 @@ def fit_encoder(
     optimiser = torch.optim.AdamW(
         network.parameters(), lr=config.learning_rate, weight_decay=_DECAY
     )
-    job = f"touch encoder {data_digest(videos)} {_sum_of(start)}"
-    history: list[PretextLoss] = []
-    if resume and checkpoint is not None and checkpoint.exists():
-        history = load_checkpoint(checkpoint, network, optimiser, config, PretextLoss, job)
+    job = f"touch encoder {data_digest(videos)} {tensor_digest(start) if start else ''}"
+    history: list[EpochLoss] = []
+    if kept is not None and kept.resume and kept.path.exists():
+        history = load_checkpoint(kept.path, network, optimiser, config, EpochLoss, job)
     for epoch in range(len(history), config.epochs):
-        history.append(PretextLoss(_epoch(network, optimiser, videos, config, epoch, on_step)))
-        if checkpoint is not None:
-            save_checkpoint(checkpoint, network, optimiser, config, history, job)
+        history.append(EpochLoss(_epoch(network, optimiser, videos, config, epoch, on_step)))
+        if kept is not None:
+            save_checkpoint(kept.path, network, optimiser, config, history, job)
     return Pretrained(network.encoder.eval(), [epoch.loss for epoch in history])
 
 
@@ -186,9 +178,3 @@ def _seen(images: Image, random: np.random.Generator) -> Tensor:
     grain = torch.from_numpy(random.standard_normal(pixels.shape, np.float32))
     seen = pixels * gain.float() + _NOISE * grain
     return seen.contiguous(memory_format=torch.channels_last)
-
-
-def _sum_of(start: Mapping[str, Tensor] | None) -> str:
-    from taxel.models.backbones.weight_files import tensor_digest
-
-    return "" if start is None else tensor_digest(start)
