@@ -1,8 +1,8 @@
 """A recogniser of camera trials: several models on several views, weighed by inner folds.
 
-Forests, sums of ranks and a discriminant see grey differences, flow, the slip signal or stills; the
-weight of each comes from trials of groups that it was not fitted on, as does the mean's sharpness.
-Knows nothing about images, files or outer folds.
+Forests, sums of ranks and a discriminant see grey differences, flow, the slip signal or stills; how
+sharp each is, its weight, and the mean's sharpness come from trials of groups that it was not
+fitted on. Knows nothing about images, files or outer folds.
 
 Source: docs/decisions/0041.
 """
@@ -36,10 +36,15 @@ LEAST_WEIGHT: Final = 0.04
 """A member below it is left out. Source: our choice."""
 CERTAINTY: Final = 3.0
 """What a discriminant's logits, of unit spread where it learned, are multiplied by; inner folds
-make the blend sharper or blunter. Source: our choice, decision 41."""
+make it sharper or blunter. Source: our choice, decision 41."""
+MEMBER_DOUBT: Final = 1.0
+BLEND_DOUBT: Final = 3.0
+"""What a squared logarithm of a power adds to the summed log-loss under which it is found, nats:
+few trials leave a member's, and the blend's, near 1. Source: our choice, decision 41."""
 _ROUNDS: Final = 200
-_BLUNTEST, _SHARPEST, _POWERS = 0.5, 6.0, 31
-_LEAST: Final = 1e-6
+_BLUNTEST, _SHARPEST, _POWERS = 0.2, 6.0, 41
+LEAST: Final = 1e-6
+"""Least probability that is raised to a power, or whose logarithm is taken."""
 _TRIES: Final = 50
 
 
@@ -124,7 +129,7 @@ class TrialMember:
     """View → its columns; all of them where none is named."""
     make: Callable[[int, int], Any]
     """Seed and number of trees → a scikit-learn classifier."""
-    prior: float
+    prior: float = 1.0
     """How much it is drawn on before any trial is seen; 0 leaves that to the inner folds."""
 
     def columns(self, cameras: int, widths: Mapping[str, int]) -> NDArray[np.intp]:
@@ -154,31 +159,25 @@ SLIP_PARTS: Final = (
 )  # fmt: skip
 """What members see of the slip signal. Source: our choice, before any score, decision 41."""
 MEMBERS: Final[tuple[TrialMember, ...]] = (
-    TrialMember(
-        name="forest on differences", views={"pixels": DIFFERENCES}, make=forest, prior=1.0
-    ),
-    TrialMember(
-        name="logistic on differences", views={"pixels": DIFFERENCES},
-        make=lambda seed, trees: Logistic(0.1), prior=1.0,
-    ),
+    TrialMember(name="forest on differences", views={"pixels": DIFFERENCES}, make=forest),
     TrialMember(
         name="discriminant on differences and slip",
         views={"pixels": DIFFERENCES, "slip": SLIP_PARTS},
-        make=lambda seed, trees: Steady(0.5), prior=1.0,
+        make=lambda seed, trees: Steady(0.5),
     ),
-    TrialMember(name="extra-trees on pixels", views={"pixels": ()}, make=extra, prior=0.0),
-    TrialMember(name="extra-trees on stills", views={"stills": ()}, make=extra, prior=0.0),
     TrialMember(
-        name="logistic on stills", views={"stills": ()},
-        make=lambda seed, trees: Logistic(0.003), prior=0.0,
+        name="extra-trees on everything", views={"pixels": (), "slip": (), "stills": ()}, make=extra
+    ),
+    TrialMember(name="extra-trees on stills", views={"stills": ()}, make=extra),
+    TrialMember(
+        name="logistic on stills", views={"stills": ()}, make=lambda seed, trees: Logistic(0.003)
     ),
     TrialMember(
         name="logistic on the touch encoder", views={"touch": ()},
         make=lambda seed, trees: Logistic(0.001), prior=0.0,
     ),
 )  # fmt: skip
-"""What is blended. The first three see movement only; the others enter by what they are worth on
-inner folds. Source: docs/decisions/0041, also for each C and the share of shrinking."""
+"""What is blended. Source: docs/decisions/0041, also for each C and the share of shrinking."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -213,6 +212,8 @@ class TrialBlend:
     members: tuple[TrialMember, ...]
     fitted: tuple[Any, ...]
     columns: tuple[NDArray[np.intp], ...]
+    powers: NDArray[np.float64]
+    """Shape (members,): what a member's probabilities of a crop are raised to."""
     weights: NDArray[np.float64]
     """Shape (members,), summing to 1."""
     sharpness: float
@@ -227,8 +228,10 @@ class TrialBlend:
     def crops(self, rows: Rows) -> NDArray[np.float64]:
         """Return the members' weighted mean, shape (n, classes), of crops."""
         each = [
-            weight * proba_of(model, rows[:, columns], self.classes)
-            for model, columns, weight in zip(self.fitted, self.columns, self.weights, strict=True)
+            weight * sharpened(proba_of(model, rows[:, columns], self.classes), power)
+            for model, columns, power, weight in zip(
+                self.fitted, self.columns, self.powers, self.weights, strict=True
+            )
         ]
         return np.asarray(np.sum(each, axis=0), np.float64)
 
@@ -258,17 +261,24 @@ def fit_blend(
     members = [member for member in members if set(member.views) <= set(widths)]
     columns = [member.columns(cameras, widths) for member in members]
     held, novelty = _held_out(learning, members, columns, seed, on_step)
-    tested = np.isfinite(held[:, 0, 0])
-    y = learning.y[tested]
-    weights = np.array([member.prior for member in members])
-    weights = weights / weights.sum() if weights.any() else np.full(len(members), 1 / len(members))
-    sharpness, inner = 1.0, {}
-    if tested.any():
-        weights = weigh(held[tested], y, np.array([member.prior for member in members]))
-        sharpness = sharpen(_mixed(held[tested], weights), y)
-        each = {m.name: log_loss(held[tested][:, i], y) for i, m in enumerate(members)}
-        blended = sharpened(_mixed(held[tested], weights), sharpness)
-        inner = each | {"blend": log_loss(blended, y)}
+    prior = np.array([member.prior for member in members])
+    weights = prior / prior.sum() if prior.any() else np.full(len(members), 1 / len(members))
+    powers, sharpness, inner = np.ones(len(members)), 1.0, {}
+    if held is not None:
+        y, trial = learning.y, learning.trial
+        powers = np.array([sharpen(own, y, MEMBER_DOUBT, trial) for own in held])
+        each = np.stack(
+            [
+                mean_of_crops(sharpened(own, power), trial)
+                for own, power in zip(held, powers, strict=True)
+            ],
+            axis=1,
+        )
+        weights = weigh(each, y, prior)
+        mixed = np.asarray(np.einsum("tmc,m->tc", each, weights), np.float64)
+        sharpness = sharpen(mixed, y, BLEND_DOUBT)
+        inner = {member.name: log_loss(each[:, i], y) for i, member in enumerate(members)}
+        inner["blend"] = log_loss(sharpened(mixed, sharpness), y)
     kept = np.flatnonzero(weights >= min(LEAST_WEIGHT, weights.max()))
     on_step("all trials")
     return TrialBlend(
@@ -280,6 +290,7 @@ def fit_blend(
             for i in kept
         ),
         columns=tuple(columns[i] for i in kept),
+        powers=powers[kept],
         weights=weights[kept] / weights[kept].sum(),
         sharpness=sharpness,
         classes=learning.classes,
@@ -317,26 +328,29 @@ def _held_out(
     columns: Sequence[NDArray[np.intp]],
     seed: int,
     on_step: Callable[[str], None],
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return what members say of trials they were not fitted on, and how novel those were.
+) -> tuple[NDArray[np.float64] | None, NDArray[np.float64]]:
+    """Return what members say of crops they were not fitted on, and how novel those trials were.
+
+    Where no folds over groups can be made (a class of one group only), trials are held out.
 
     Returns:
-        Shapes (trials, members, classes) and (trials,); NaN where a trial was never held out.
+        Shapes (members, crops, classes), None where nothing could be held out, and (trials,).
     """
-    found = np.full((len(learning.y), len(members), learning.classes), np.nan)
+    found = np.full((len(members), len(learning.rows), learning.classes), np.nan)
     novelty = np.full(len(learning.y), np.nan)
-    parts = inner_folds(learning.y, learning.groups, seed)
+    alone = np.arange(len(learning.y)).astype(str)
+    parts = inner_folds(learning.y, learning.groups, seed) or inner_folds(learning.y, alone, seed)
     for number, (train, test) in enumerate(parts, start=1):
         own, other = learning.part(train), learning.part(test)
+        tested = np.isin(learning.trial, test)
         on_step(f"inner fold {number}")
         for index, member in enumerate(members):
             model = member.make(seed, INNER_TREES).fit(
                 own.rows[:, columns[index]], own.y[own.trial]
             )
-            crops = proba_of(model, other.rows[:, columns[index]], learning.classes)
-            found[test, index] = mean_of_crops(crops, other.trial)
+            found[index, tested] = proba_of(model, other.rows[:, columns[index]], learning.classes)
         novelty[test] = held_out_novelty(own.rows, other.rows, other.trial)
-    return found, novelty
+    return found if parts else None, novelty
 
 
 def proba_of(model: Any, rows: Rows, classes: int) -> NDArray[np.float64]:
@@ -365,7 +379,7 @@ def weigh(
         y: Shape (trials,).
         prior: Shape (members,).
     """
-    right = np.maximum(held[np.arange(len(y)), :, y], _LEAST)
+    right = np.maximum(held[np.arange(len(y)), :, y], LEAST)
     count, members = right.shape
     drawn = PRIOR * count * prior / prior.sum() if prior.any() else np.zeros(members)
     weights = np.full(members, 1 / members)
@@ -377,22 +391,35 @@ def weigh(
     return weights
 
 
-def sharpen(mixed: NDArray[np.float64], y: NDArray[np.intp]) -> float:
-    """Return the power that makes probabilities likeliest, shape (trials, classes)."""
-    powers = np.geomspace(_BLUNTEST, _SHARPEST, _POWERS)
-    return float(min(powers, key=lambda power: log_loss(sharpened(mixed, power), y)))
+def sharpen(
+    probabilities: NDArray[np.float64],
+    y: NDArray[np.intp],
+    doubt: float,
+    trial: NDArray[np.intp] | None = None,
+) -> float:
+    """Return the power that makes probabilities likeliest, drawn towards 1.
+
+    Args:
+        probabilities: Shape (n, classes): of trials, or of crops.
+        y: Shape (trials,).
+        doubt: What a squared logarithm of the power adds to the summed log-loss, nats.
+        trial: Shape (n,): which trial each crop is of; None where they are trials.
+    """
+
+    def cost(power: float) -> float:
+        found = sharpened(probabilities, power)
+        whole = found if trial is None else mean_of_crops(found, trial)
+        return len(y) * log_loss(whole, y) + doubt * float(np.log(power)) ** 2
+
+    return float(min(np.geomspace(_BLUNTEST, _SHARPEST, _POWERS), key=cost))
 
 
 def sharpened(probabilities: NDArray[np.float64], power: float) -> NDArray[np.float64]:
     """Return probabilities raised to a power and made to sum to 1."""
-    raised = np.maximum(probabilities, _LEAST) ** power
+    raised = np.maximum(probabilities, LEAST) ** power
     return np.asarray(raised / raised.sum(axis=-1, keepdims=True), np.float64)
 
 
 def log_loss(probabilities: NDArray[np.float64], y: NDArray[np.intp]) -> float:
     """Return the mean negative logarithm of the true class's probability, nats."""
-    return float(-np.log(np.maximum(probabilities[np.arange(len(y)), y], _LEAST)).mean())
-
-
-def _mixed(held: NDArray[np.float64], weights: NDArray[np.float64]) -> NDArray[np.float64]:
-    return np.asarray(np.einsum("tmc,m->tc", held, weights), np.float64)
+    return float(-np.log(np.maximum(probabilities[np.arange(len(y)), y], LEAST)).mean())
