@@ -1,8 +1,8 @@
 """A recogniser of camera trials: several models on several views, weighed by inner folds.
 
-Forests, sums of ranks and a discriminant see grey differences, flow, the slip signal or stills; how
-sharp each is, its weight, and the mean's sharpness come from trials of groups that it was not
-fitted on. Knows nothing about images, files or outer folds.
+Forests, sums of ranks and a discriminant see grey differences, flow, the slip signal or stills; the
+weight of each comes from trials of groups that it was not fitted on, as does the mean's sharpness.
+Knows nothing about images, files or outer folds.
 
 Source: docs/decisions/0041.
 """
@@ -32,15 +32,17 @@ INNER_TREES: Final = 150
 INNER_FOLDS: Final = 5
 PRIOR: Final = 0.5
 """Weight of the members' priors beside the trials, as a share of their number. Our choice."""
+TRUST: Final = 0.75
+"""Observations that a held-out group is worth where members' priors are parted by their log-loss.
+Source: our choice, decision 41."""
 LEAST_WEIGHT: Final = 0.04
 """A member below it is left out. Source: our choice."""
 CERTAINTY: Final = 3.0
 """What a discriminant's logits, of unit spread where it learned, are multiplied by; inner folds
-make it sharper or blunter. Source: our choice, decision 41."""
-MEMBER_DOUBT: Final = 1.0
-BLEND_DOUBT: Final = 3.0
+make the blend sharper or blunter. Source: our choice, decision 41."""
+DOUBT: Final = 2.0
 """What a squared logarithm of a power adds to the summed log-loss under which it is found, nats:
-few trials leave a member's, and the blend's, near 1. Source: our choice, decision 41."""
+few trials leave it near 1. Source: our choice, decision 41."""
 _ROUNDS: Final = 200
 _BLUNTEST, _SHARPEST, _POWERS = 0.2, 6.0, 41
 LEAST: Final = 1e-6
@@ -161,6 +163,10 @@ SLIP_PARTS: Final = (
 MEMBERS: Final[tuple[TrialMember, ...]] = (
     TrialMember(name="forest on differences", views={"pixels": DIFFERENCES}, make=forest),
     TrialMember(
+        name="logistic on differences", views={"pixels": DIFFERENCES},
+        make=lambda seed, trees: Logistic(0.1),
+    ),
+    TrialMember(
         name="discriminant on differences and slip",
         views={"pixels": DIFFERENCES, "slip": SLIP_PARTS},
         make=lambda seed, trees: Steady(0.5),
@@ -170,14 +176,12 @@ MEMBERS: Final[tuple[TrialMember, ...]] = (
     ),
     TrialMember(name="extra-trees on stills", views={"stills": ()}, make=extra),
     TrialMember(
-        name="logistic on stills", views={"stills": ()}, make=lambda seed, trees: Logistic(0.003)
-    ),
-    TrialMember(
         name="logistic on the touch encoder", views={"touch": ()},
         make=lambda seed, trees: Logistic(0.001), prior=0.0,
     ),
 )  # fmt: skip
-"""What is blended. Source: docs/decisions/0041, also for each C and the share of shrinking."""
+"""What is blended: the first three see movement only. Source: docs/decisions/0041, also for each C
+and the share of shrinking."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -212,8 +216,6 @@ class TrialBlend:
     members: tuple[TrialMember, ...]
     fitted: tuple[Any, ...]
     columns: tuple[NDArray[np.intp], ...]
-    powers: NDArray[np.float64]
-    """Shape (members,): what a member's probabilities of a crop are raised to."""
     weights: NDArray[np.float64]
     """Shape (members,), summing to 1."""
     sharpness: float
@@ -228,10 +230,8 @@ class TrialBlend:
     def crops(self, rows: Rows) -> NDArray[np.float64]:
         """Return the members' weighted mean, shape (n, classes), of crops."""
         each = [
-            weight * sharpened(proba_of(model, rows[:, columns], self.classes), power)
-            for model, columns, power, weight in zip(
-                self.fitted, self.columns, self.powers, self.weights, strict=True
-            )
+            weight * proba_of(model, rows[:, columns], self.classes)
+            for model, columns, weight in zip(self.fitted, self.columns, self.weights, strict=True)
         ]
         return np.asarray(np.sum(each, axis=0), np.float64)
 
@@ -263,23 +263,18 @@ def fit_blend(
     held, novelty = _held_out(learning, members, columns, seed, on_step)
     prior = np.array([member.prior for member in members])
     weights = prior / prior.sum() if prior.any() else np.full(len(members), 1 / len(members))
-    powers, sharpness, inner = np.ones(len(members)), 1.0, {}
+    sharpness, inner = 1.0, {}
     if held is not None:
-        y, trial = learning.y, learning.trial
-        powers = np.array([sharpen(own, y, MEMBER_DOUBT, trial) for own in held])
-        each = np.stack(
-            [
-                mean_of_crops(sharpened(own, power), trial)
-                for own, power in zip(held, powers, strict=True)
-            ],
-            axis=1,
-        )
-        weights = weigh(each, y, prior)
-        mixed = np.asarray(np.einsum("tmc,m->tc", each, weights), np.float64)
-        sharpness = sharpen(mixed, y, BLEND_DOUBT)
-        inner = {member.name: log_loss(each[:, i], y) for i, member in enumerate(members)}
+        y = learning.y
+        groups = len(set(learning.groups.tolist()))
+        weights = weigh(held, y, trusted(held, y, groups, prior))
+        weights[weights < min(LEAST_WEIGHT, weights.max())] = 0.0
+        weights /= weights.sum()
+        mixed = np.asarray(np.einsum("tmc,m->tc", held, weights), np.float64)
+        sharpness = sharpen(mixed, y)
+        inner = {member.name: log_loss(held[:, i], y) for i, member in enumerate(members)}
         inner["blend"] = log_loss(sharpened(mixed, sharpness), y)
-    kept = np.flatnonzero(weights >= min(LEAST_WEIGHT, weights.max()))
+    kept = np.flatnonzero(weights)
     on_step("all trials")
     return TrialBlend(
         members=tuple(members[i] for i in kept),
@@ -290,8 +285,7 @@ def fit_blend(
             for i in kept
         ),
         columns=tuple(columns[i] for i in kept),
-        powers=powers[kept],
-        weights=weights[kept] / weights[kept].sum(),
+        weights=weights[kept],
         sharpness=sharpness,
         classes=learning.classes,
         inner=inner,
@@ -329,26 +323,26 @@ def _held_out(
     seed: int,
     on_step: Callable[[str], None],
 ) -> tuple[NDArray[np.float64] | None, NDArray[np.float64]]:
-    """Return what members say of crops they were not fitted on, and how novel those trials were.
+    """Return what members say of trials they were not fitted on, and how novel those were.
 
     Where no folds over groups can be made (a class of one group only), trials are held out.
 
     Returns:
-        Shapes (members, crops, classes), None where nothing could be held out, and (trials,).
+        Shapes (trials, members, classes), None where nothing could be held out, and (trials,).
     """
-    found = np.full((len(members), len(learning.rows), learning.classes), np.nan)
+    found = np.full((len(learning.y), len(members), learning.classes), np.nan)
     novelty = np.full(len(learning.y), np.nan)
     alone = np.arange(len(learning.y)).astype(str)
     parts = inner_folds(learning.y, learning.groups, seed) or inner_folds(learning.y, alone, seed)
     for number, (train, test) in enumerate(parts, start=1):
         own, other = learning.part(train), learning.part(test)
-        tested = np.isin(learning.trial, test)
         on_step(f"inner fold {number}")
         for index, member in enumerate(members):
             model = member.make(seed, INNER_TREES).fit(
                 own.rows[:, columns[index]], own.y[own.trial]
             )
-            found[index, tested] = proba_of(model, other.rows[:, columns[index]], learning.classes)
+            crops = proba_of(model, other.rows[:, columns[index]], learning.classes)
+            found[test, index] = mean_of_crops(crops, other.trial)
         novelty[test] = held_out_novelty(own.rows, other.rows, other.trial)
     return found if parts else None, novelty
 
@@ -391,25 +385,36 @@ def weigh(
     return weights
 
 
-def sharpen(
-    probabilities: NDArray[np.float64],
-    y: NDArray[np.intp],
-    doubt: float,
-    trial: NDArray[np.intp] | None = None,
-) -> float:
-    """Return the power that makes probabilities likeliest, drawn towards 1.
+def trusted(
+    held: NDArray[np.float64], y: NDArray[np.intp], groups: int, prior: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """Return priors parted by how well members predict trials held out, as likelihoods part models.
+
+    Trials of a group are alike: each group counts as `TRUST` observations, whatever its trials'
+    number. A member's log-loss is taken at its own best sharpness.
 
     Args:
-        probabilities: Shape (n, classes): of trials, or of crops.
+        held: Shape (trials, members, classes).
         y: Shape (trials,).
-        doubt: What a squared logarithm of the power adds to the summed log-loss, nats.
-        trial: Shape (n,): which trial each crop is of; None where they are trials.
+        groups: How many the trials are of.
+        prior: Shape (members,).
+
+    Source:
+        Pseudo-Bayesian model averaging, Yao et al., Bayesian Analysis 13(3), 2018, with groups in
+        place of trials; docs/decisions/0041.
     """
+    each = (held[:, member] for member in range(held.shape[1]))
+    loss = np.array([log_loss(sharpened(own, sharpen(own, y)), y) for own in each])
+    behind = loss - loss.min()
+    return np.asarray(prior * np.exp(-TRUST * groups * behind), np.float64)
+
+
+def sharpen(probabilities: NDArray[np.float64], y: NDArray[np.intp]) -> float:
+    """Return the power that makes probabilities likeliest, shape (trials, classes), near 1."""
 
     def cost(power: float) -> float:
-        found = sharpened(probabilities, power)
-        whole = found if trial is None else mean_of_crops(found, trial)
-        return len(y) * log_loss(whole, y) + doubt * float(np.log(power)) ** 2
+        loss = log_loss(sharpened(probabilities, power), y)
+        return len(y) * loss + DOUBT * float(np.log(power)) ** 2
 
     return float(min(np.geomspace(_BLUNTEST, _SHARPEST, _POWERS), key=cost))
 

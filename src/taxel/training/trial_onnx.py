@@ -15,7 +15,7 @@ from onnx import TensorProto, helper, numpy_helper
 from taxel.models.forest import tables_of
 from taxel.training.ranked import Ranked
 from taxel.training.squeezed import REACH, Squeezed
-from taxel.training.trial_blend import LEAST, Logistic, Steady, TrialBlend
+from taxel.training.trial_blend import Logistic, Steady, TrialBlend
 from taxel.training.trial_novelty import Novelty
 
 _OPSET: Final = 18
@@ -25,14 +25,11 @@ def blend_to_onnx(blend: TrialBlend, columns: int) -> bytes:
     """Return a model: rows (n, columns) → (n, classes + 1): mean probabilities, then novelty."""
     graph = _Graph()
     parts = []
-    for model, own, power, weight in zip(
-        blend.fitted, blend.columns, blend.powers, blend.weights, strict=True
-    ):
+    for model, own, weight in zip(blend.fitted, blend.columns, blend.weights, strict=True):
         seen = graph.add("Gather", "rows", graph.const(own.astype(np.int32)), axis=1)
         output = (_logistic if isinstance(model, Logistic | Steady) else _forest)(
             graph, seen, model, blend.classes
         )
-        output = _sharpened(graph, output, float(power))
         parts.append(graph.add("Mul", output, graph.const(np.float32(weight))))
     mean = parts[0] if len(parts) == 1 else graph.add("Sum", *parts)
     graph.add("Concat", mean, _novelty(graph, blend.novelty), axis=1, output="told")
@@ -96,14 +93,6 @@ def _logistic(graph: _Graph, seen: str, model: Logistic | Steady, classes: int) 
     second = graph.add("Sigmoid", drive)
     first = graph.add("Sub", graph.const(np.float32(1)), second)
     return graph.add("Concat", first, second, axis=1)
-
-
-def _sharpened(graph: _Graph, probabilities: str, power: float) -> str:
-    """Add probabilities raised to a power and made to sum to 1, (n, classes)."""
-    floored = graph.add("Max", probabilities, graph.const(np.float32(LEAST)))
-    raised = graph.add("Pow", floored, graph.const(np.float32(power)))
-    whole = graph.add("ReduceSum", raised, graph.const(np.array([1])), keepdims=1)
-    return graph.add("Div", raised, whole)
 
 
 def _ranked(graph: _Graph, rows: str, ranked: Ranked) -> str:
