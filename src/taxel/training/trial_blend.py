@@ -30,11 +30,12 @@ TREES: Final = 400
 INNER_TREES: Final = 150
 """Of a forest that is kept, and of one on an inner fold. Source: our choice, decision 41."""
 INNER_FOLDS: Final = 5
-PRIOR: Final = 0.5
-"""Weight of the members' priors beside the trials, as a share of their number. Our choice."""
-TRUST: Final = 0.75
-"""Observations that a held-out group is worth where members' priors are parted by their log-loss.
-Source: our choice, decision 41."""
+PRIOR: Final = 2.0
+"""Weight of the members' priors beside the trials, as a multiple of their number: few trials part
+members of a kind badly. Source: our choice, decision 41."""
+TRUST: Final = 1.0
+"""Observations that a held-out group is worth where its trials part the two kinds of members, those
+that see movement only and those that see stills too. Source: our choice, decision 41."""
 LEAST_WEIGHT: Final = 0.04
 """A member below it is left out. Source: our choice."""
 CERTAINTY: Final = 3.0
@@ -132,7 +133,13 @@ class TrialMember:
     make: Callable[[int, int], Any]
     """Seed and number of trees → a scikit-learn classifier."""
     prior: float = 1.0
-    """How much it is drawn on before any trial is seen; 0 leaves that to the inner folds."""
+    """How much of its kind's weight it has before any trial is seen; 0 leaves that to the inner
+    folds."""
+
+    @property
+    def sees_look(self) -> bool:
+        """Whether it sees stills too, and not movement only."""
+        return not set(self.views) <= {"pixels", "slip"}
 
     def columns(self, cameras: int, widths: Mapping[str, int]) -> NDArray[np.intp]:
         """Return which columns of all views, side by side in their order, it sees."""
@@ -161,7 +168,9 @@ SLIP_PARTS: Final = (
 )  # fmt: skip
 """What members see of the slip signal. Source: our choice, before any score, decision 41."""
 MEMBERS: Final[tuple[TrialMember, ...]] = (
-    TrialMember(name="forest on differences", views={"pixels": DIFFERENCES}, make=forest),
+    TrialMember(
+        name="forest on differences", views={"pixels": DIFFERENCES}, make=forest, prior=1.5
+    ),
     TrialMember(
         name="logistic on differences", views={"pixels": DIFFERENCES},
         make=lambda seed, trees: Logistic(0.1),
@@ -180,8 +189,8 @@ MEMBERS: Final[tuple[TrialMember, ...]] = (
         make=lambda seed, trees: Logistic(0.001), prior=0.0,
     ),
 )  # fmt: skip
-"""What is blended: the first three see movement only. Source: docs/decisions/0041, also for each C
-and the share of shrinking."""
+"""What is blended. The forest, of the bar's kind, counts more: it often ranks objects held out best.
+Source: docs/decisions/0041, also for each C and the share of shrinking."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -266,8 +275,9 @@ def fit_blend(
     sharpness, inner = 1.0, {}
     if held is not None:
         y = learning.y
+        look = np.array([member.sees_look for member in members])
         groups = len(set(learning.groups.tolist()))
-        weights = weigh(held, y, trusted(held, y, groups, prior))
+        weights = weigh(held, y, trusted(held, y, groups, prior, look))
         weights[weights < min(LEAST_WEIGHT, weights.max())] = 0.0
         weights /= weights.sum()
         mixed = np.asarray(np.einsum("tmc,m->tc", held, weights), np.float64)
@@ -386,27 +396,39 @@ def weigh(
 
 
 def trusted(
-    held: NDArray[np.float64], y: NDArray[np.intp], groups: int, prior: NDArray[np.float64]
+    held: NDArray[np.float64],
+    y: NDArray[np.intp],
+    groups: int,
+    prior: NDArray[np.float64],
+    look: NDArray[np.bool_],
 ) -> NDArray[np.float64]:
-    """Return priors parted by how well members predict trials held out, as likelihoods part models.
+    """Return priors of which each kind of members has the share that its predictions deserve.
 
-    Trials of a group are alike: each group counts as `TRUST` observations, whatever its trials'
-    number. A member's log-loss is taken at its own best sharpness.
+    The two kinds' means are compared as models are by their likelihoods on trials held out. Trials
+    of a group are alike: each group counts as `TRUST` observations, whatever its trials' number. A
+    mean's log-loss is taken at its own best sharpness.
 
     Args:
         held: Shape (trials, members, classes).
         y: Shape (trials,).
         groups: How many the trials are of.
-        prior: Shape (members,).
+        prior: Shape (members,): shares within a kind.
+        look: Shape (members,): which are of the kind that sees stills too.
 
     Source:
         Pseudo-Bayesian model averaging, Yao et al., Bayesian Analysis 13(3), 2018, with groups in
         place of trials; docs/decisions/0041.
     """
-    each = (held[:, member] for member in range(held.shape[1]))
-    loss = np.array([log_loss(sharpened(own, sharpen(own, y)), y) for own in each])
-    behind = loss - loss.min()
-    return np.asarray(prior * np.exp(-TRUST * groups * behind), np.float64)
+    shares = [np.where(kind, prior, 0.0) for kind in (look, ~look)]
+    shares = [share / share.sum() for share in shares if share.any()]
+    if not shares:
+        return prior
+    losses = []
+    for share in shares:
+        mean = np.asarray(np.einsum("tmc,m->tc", held, share), np.float64)
+        losses.append(log_loss(sharpened(mean, sharpen(mean, y)), y))
+    behind = np.array(losses) - min(losses)
+    return np.asarray(np.exp(-TRUST * groups * behind) @ np.stack(shares), np.float64)
 
 
 def sharpen(probabilities: NDArray[np.float64], y: NDArray[np.intp]) -> float:
