@@ -189,7 +189,7 @@ MEMBERS: Final[tuple[TrialMember, ...]] = (
         make=lambda seed, trees: Logistic(0.001), prior=0.0,
     ),
 )  # fmt: skip
-"""What is blended. The forest, of the bar's kind, counts more: it often ranks best what is held out.
+"""What is blended. The forest, as the bar is, counts more: on objects apart it is often best.
 Source: docs/decisions/0041, also for each C and the share of shrinking."""
 
 
