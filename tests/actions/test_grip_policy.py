@@ -13,6 +13,7 @@ from taxel.actions.grip_policy import (
 )
 from taxel.decisions.stability import Stability, StabilityDecision
 from taxel.errors import BadInput
+from taxel.gel.slip_signal import Slip
 
 STEPS = GripPolicyConfig(most_n=50, warning_step_n=10, unstable_step_n=20, hold_s=0.3)
 
@@ -41,6 +42,41 @@ def test_a_warning_that_worsens_does_not_wait() -> None:
     assert policy.push(decided(Stability.UNSTABLE), 1.02) == 45.0
     assert policy.push(decided(Stability.UNSTABLE), 1.04) == 45.0
     assert policy.push(decided(Stability.UNSTABLE), 1.40) == 50.0
+
+
+def slipped(mm: float, *, seen: bool = True, state: Stability = Stability.UNSTABLE):
+    slip = Slip(
+        distance_mm=mm, rate_mm_s=0.0, compliance=0.0, distance_sd_mm=0.01, rate_sd_mm_s=0.1,
+        compliance_sd=0.1, seen=seen,
+    )  # fmt: skip
+    return StabilityDecision(state, "", 0.0, 0.95, slip, is_score=True)
+
+
+def test_where_slip_is_measured_the_grip_is_raised_only_while_the_object_slips_further() -> None:
+    policy = GripPolicy(15.0)
+    moments = [(1.0, 0.25), (1.3, 0.27), (2.0, 0.34), (2.1, 0.36), (2.15, 0.50), (2.21, 0.50)]
+    forces = [policy.push(slipped(mm), t) for t, mm in moments]
+    assert forces == [25.0, 25.0, 25.0, 35.0, 35.0, 45.0]
+
+
+def test_an_object_that_is_nearly_lost_gets_all_there_is_at_once() -> None:
+    policy = GripPolicy(15.0)
+    assert policy.push(slipped(1.0, state=Stability.WARNING), 1.0) == 50.0
+
+
+def test_after_a_monitor_that_began_anew_slip_counts_from_its_own_zero() -> None:
+    policy = GripPolicy(15.0)
+    assert policy.push(slipped(0.6), 1.0) == 25.0
+    assert policy.push(slipped(0.0, state=Stability.STABLE), 1.5) == 25.0
+    assert policy.push(slipped(0.09), 2.0) == 25.0
+    assert policy.push(slipped(0.11), 2.1) == 35.0
+
+
+@pytest.mark.parametrize("lost", [slipped(0.3, seen=False), slipped(math.nan)])
+def test_slip_that_cannot_be_followed_softens_nothing(lost: StabilityDecision) -> None:
+    policy = GripPolicy(15.0)
+    assert policy.push(slipped(0.2), 1.0) == 25.0
+    assert policy.push(lost, 1.4) == 50.0
 
 
 @pytest.mark.parametrize("after", [Stability.STABLE, Stability.UNKNOWN])
@@ -86,6 +122,10 @@ def test_a_new_grasp_starts_at_its_own_force() -> None:
         {"warning_step_n": 0.0},
         {"unstable_step_n": 5.0},
         {"hold_s": -1.0},
+        {"slip_hold_s": -1.0},
+        {"slip_step_n": 0.0},
+        {"slip_advance_mm": math.nan},
+        {"lost_mm": math.inf},
         {"most_n": math.inf},
         {"most_n": math.nan},
     ],

@@ -15,10 +15,9 @@ from taxel.actions.grip_policy import (
 )
 from taxel.bench.closed_loop_scores import LoopCase, LoopScores, score_loops
 from taxel.bench.closed_loop_tuning import (
-    LoopGoal,
     RunProbabilities,
     choose,
-    commands_of,
+    play_alarms,
     stability_at,
     thin,
     tune_loop,
@@ -218,19 +217,22 @@ def test_a_thinned_track_scores_the_same() -> None:
 
 def scored(prevented: float, needless: float) -> LoopScores:
     (scores,) = [score_loops([LoopCase(bare=STILL, full=STILL, held=STILL)])]
-    return replace(scores, prevented_share=prevented, needless_share=needless)
+    return replace(
+        scores, preventable=100, prevented=round(100 * prevented), holds=100,
+        needless=round(100 * needless), prevented_share=prevented, needless_share=needless,
+    )  # fmt: skip
 
 
 def test_the_middle_of_the_best_plateau_is_chosen() -> None:
     curve = [scored(1.0, 0.2), *[scored(1.0, 0.01)] * 5, scored(0.9, 0.0)]
-    assert choose(curve, LoopGoal()) == 3
+    assert choose(curve) == 3
 
 
 def test_the_middle_is_that_of_the_debounce_with_the_widest_plateau() -> None:
     good, bad = scored(1.0, 0.01), scored(0.9, 0.0)
     family = [0.0] * 5 + [0.1] * 5
     curve = [good, good, bad, bad, bad, bad, good, good, good, bad]
-    assert choose(curve, LoopGoal(), family) == 7
+    assert choose(curve, None, family) == 7
 
 
 def test_tuning_finds_the_threshold_that_saves_the_cup_and_leaves_the_other_alone() -> None:
@@ -250,10 +252,22 @@ def test_tuning_finds_the_threshold_that_saves_the_cup_and_leaves_the_other_alon
     assert loose.needless == 1
 
 
-def test_commands_follow_the_monitor_and_the_policy() -> None:
-    time_s = np.arange(60) / 60
-    probabilities = np.where(time_s < 0.5, 0.1, 0.99)
-    track = RunProbabilities(run=DROPS, time_s=time_s, probabilities=probabilities)
-    (command,) = commands_of(track, stability_at(0.5, 0.0), LoopConfig(), GripPolicyConfig())
-    assert command.force_n == 50.0
-    assert command.time_s == pytest.approx(0.5 + 0.004 + 0.020)
+def test_the_grip_is_raised_at_the_alarm_and_then_follows_the_slip_as_played() -> None:
+    time_s = np.arange(360) / 60
+    track = RunProbabilities(
+        run=DROPS, time_s=time_s, probabilities=np.where(time_s < 1.5, 0.1, 0.99)
+    )
+    config, policy = LoopConfig(), GripPolicyConfig()
+    ((held, person),) = play_alarms(track, [stability_at(0.5, 0.0)], config, policy)
+    first = held.held.commands[0]
+    assert first.time_s == pytest.approx(1.5 + 0.004 + 0.020)
+    assert first.force_n == DROPS.force_n + policy.slip_step_n
+    assert held.preventable
+    assert not held.held.dropped
+    assert person.held.commands == ()
+
+
+def test_of_two_thresholds_the_one_that_leaves_the_person_time_is_chosen() -> None:
+    curve = [scored(1.0, 0.01), scored(1.0, 0.0)]
+    assert choose(curve) == 1
+    assert choose(curve, [scored(0.9, 0.0), scored(0.5, 0.0)]) == 0

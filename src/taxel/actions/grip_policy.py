@@ -35,21 +35,38 @@ class GripPolicyConfig:
     hold_s: float = 0.3
     """Time that a raise is given to act before the next one of the same state, seconds. A
     state that worsens from WARNING to UNSTABLE does not wait."""
+    slip_step_n: float = 10.0
+    """Where the monitor measures slip: raise by this on WARNING and UNSTABLE alike, newtons."""
+    slip_advance_mm: float = 0.1
+    """The next raise then waits until the object has slipped so much further, millimetres."""
+    slip_hold_s: float = 0.1
+    """And at least so long, seconds: the gripper's answer takes 0.05 to 0.1 s."""
+    lost_mm: float = 1.0
+    """From this slip on nothing waits: the largest force, millimetres."""
 
     def __post_init__(self) -> None:
-        steps = (self.warning_step_n, self.unstable_step_n, self.most_n)
+        steps = (
+            self.warning_step_n, self.unstable_step_n, self.most_n, self.slip_step_n,
+            self.slip_advance_mm, self.lost_mm,
+        )  # fmt: skip
         if not all(0 < step < math.inf for step in steps):
-            raise BadInput("steps and a limit above 0 N", f"{steps}", "give newtons")
-        if self.warning_step_n > self.unstable_step_n or not 0 <= self.hold_s < math.inf:
+            raise BadInput("steps and limits above 0", f"{steps}", "give newtons and millimetres")
+        holds = (self.hold_s, self.slip_hold_s)
+        if self.warning_step_n > self.unstable_step_n or not all(0 <= t < math.inf for t in holds):
             raise BadInput(
-                "warning_step_n <= unstable_step_n and hold_s of at least 0 s",
-                f"{self.warning_step_n}, {self.unstable_step_n} and {self.hold_s}",
+                "warning_step_n <= unstable_step_n, hold_s and slip_hold_s of at least 0 s",
+                f"{self.warning_step_n}, {self.unstable_step_n}, {self.hold_s} and "
+                f"{self.slip_hold_s}",
                 "mend them",
             )
 
 
 class GripPolicy:
-    """Raise the grip on WARNING, more on UNSTABLE; hold it on STABLE and UNKNOWN.
+    """Raise the grip on WARNING and UNSTABLE; hold it on STABLE and UNKNOWN.
+
+    Where the decision carries a slip that is followed, the grip is raised step by step for as
+    long as the object slips further, and to the limit once it is nearly lost. Without it, a
+    small step on WARNING and a large one on UNSTABLE, each again as long as the state lasts.
 
     Args:
         start_n: Force at which the grasp begins, newtons. More than the limit is kept, and
@@ -72,6 +89,7 @@ class GripPolicy:
         """When it was raised first, the decisions' clock, seconds; None: not yet."""
         self._last_s = -math.inf
         self._last_state = Stability.STABLE
+        self._last_mm = -math.inf
 
     @property
     def exhausted(self) -> bool:
@@ -86,22 +104,41 @@ class GripPolicy:
             time_s: When it was made, on one clock, seconds. A clock that was set back, or
                 that says nothing, never holds a raise up.
         """
-        state = decision.state
+        state, slip = decision.state, decision.slip
+        slip_mm = slip.distance_mm if slip is not None and slip.seen else math.nan
+        followed = math.isfinite(slip_mm)
+        if followed:  # an object that comes back, or a monitor that began anew, counts from there
+            self._last_mm = min(self._last_mm, slip_mm)
         if state not in (Stability.WARNING, Stability.UNSTABLE) or self.exhausted:
             return self.force_n
-        worse = state is Stability.UNSTABLE and self._last_state is not Stability.UNSTABLE
-        if not worse and 0 <= time_s - self._last_s < self._config.hold_s:
+        step_n = self._by_slip(slip_mm, time_s) if followed else self._by_state(state, time_s)
+        if not step_n:
             return self.force_n
-        step_n = (
-            self._config.unstable_step_n
-            if state is Stability.UNSTABLE
-            else self._config.warning_step_n
-        )
         self.force_n = min(self.force_n + step_n, self._config.most_n)
         self._last_s, self._last_state = time_s, state
+        if followed:
+            self._last_mm = slip_mm
         if self.raised_s is None:
             self.raised_s = time_s
         return self.force_n
+
+    def _by_slip(self, slip_mm: float, time_s: float) -> float:
+        """Return by how much to raise now that the object has slipped so far, newtons."""
+        config = self._config
+        if slip_mm >= config.lost_mm:
+            return config.most_n
+        waits = 0 <= time_s - self._last_s < config.slip_hold_s
+        if waits or slip_mm < self._last_mm + config.slip_advance_mm:
+            return 0.0
+        return config.slip_step_n
+
+    def _by_state(self, state: Stability, time_s: float) -> float:
+        """Return by how much to raise in such a state, newtons."""
+        config = self._config
+        worse = state is Stability.UNSTABLE and self._last_state is not Stability.UNSTABLE
+        if not worse and 0 <= time_s - self._last_s < config.hold_s:
+            return 0.0
+        return config.unstable_step_n if state is Stability.UNSTABLE else config.warning_step_n
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

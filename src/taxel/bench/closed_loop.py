@@ -22,7 +22,15 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from taxel.actions.grip_policy import GripPolicy, PixelDifference, PixelDifferenceConfig
-from taxel.bench.closed_loop_scores import LoopCase, LoopScores, score_loops
+from taxel.bench.closed_loop_scores import (
+    NEEDLESS,
+    PERSON_PREVENTED,
+    PERSON_S,
+    PREVENTED,
+    LoopCase,
+    LoopScores,
+    score_loops,
+)
 from taxel.bench.closed_loop_tuning import thin
 from taxel.bench.rows import Row, missing, row
 from taxel.bundles.grasp import GraspBundle, read_grasp_bundle
@@ -45,7 +53,7 @@ from taxel.sim.cups import PourRun
 if TYPE_CHECKING:
     from taxel.bench.closed_loop_training import Learnt
 
-UNSEEN = CupPourConfig(cups=42, first_cup=5000, forces_n=(15.0, 25.0, 40.0), negatives=0.25)
+UNSEEN = CupPourConfig(cups=42, first_cup=5100, forces_n=(15.0, 25.0, 40.0), negatives=0.25)
 """Cups to judge on, fixed before any of them was looked at; at 50 N there is nothing to raise."""
 HARD = replace(
     UNSEEN, kinds=("grip drop", "late slip", "bump"), positions=("middle",), negatives=0.0
@@ -53,12 +61,8 @@ HARD = replace(
 """The same cups, with failing grips, sudden slips and pushes: of these only drops that full force
 would have prevented are played, which is found without taxel."""
 FAILING = ("grip drop", "late slip")
-PERSON_S = 0.5
-"""How long after an alarm a person stops pouring. Source: our choice."""
-PREVENTED, LEAST_PREVENTED, NEEDLESS = 0.98, 0.93, 0.02
-"""Goals: share prevented, the lower end of its interval, and share raised needlessly."""
-PERSON_PREVENTED, FAILING_PREVENTED = 0.8, 0.5
-"""Goals: by a person who stops to pour, and of failing grips and sudden slips."""
+LEAST_PREVENTED, FAILING_PREVENTED = 0.93, 0.5
+"""Goals: the lower end of the interval of the share prevented; failing grips and sudden slips."""
 FORCE_N = 31.1
 """Goal: mean grip force stays below that of the monitor before this one, newtons."""
 Measure = Callable[[], list[Row]]

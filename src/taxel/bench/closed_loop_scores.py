@@ -20,6 +20,13 @@ from taxel.errors import BadInput
 from taxel.evaluation.intervals import Interval, ratio_interval
 from taxel.live.closed_loop import LoopTrack
 
+PERSON_S = 0.5
+"""How long after an alarm a person stops pouring. Source: our choice."""
+PREVENTED, NEEDLESS = 0.98, 0.02
+"""Goals: share of preventable drops prevented, and of pours that hold raised needlessly."""
+PERSON_PREVENTED = 0.8
+"""Goal: share prevented by a person who stops to pour."""
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LoopCase:

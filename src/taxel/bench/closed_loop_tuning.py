@@ -1,11 +1,11 @@
-"""Choose when a monitor's probability raises the grip: on training cups, by what it prevents.
+"""Choose when a monitor's score raises the grip: on training cups, by what it prevents.
 
-Give it probabilities of cups that the model was *not* fitted on (out of fold, within the
-training cups). Each threshold's alarms become commands, and the pours are played again
-with them: what counts is whether the cup is saved, not how early a label was met. After the
-first raise the pictures would differ from those that gave the probabilities; a policy's
-later steps are therefore approximate here, and exact where it is judged. Knows nothing
-about models, files or screens.
+Give it scores of cups that the model was *not* fitted on (out of fold, within the training
+cups). Each threshold's alarms go to the policy, and the pours are played again with what it
+commands: what counts is whether the cup is saved, not how early a label was met. After the
+first raise the images would differ from those that gave the scores, so an alarm stands as it
+would have without the raise, and the policy's next steps follow the slip of the pour as
+played. Exact is where it is judged. Knows nothing about models, files or screens.
 
 Source: docs/decisions/0017.
 """
@@ -18,21 +18,39 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.stats import beta
 
 from taxel.actions.grip_policy import GripPolicy, GripPolicyConfig, PixelDifferenceConfig
-from taxel.bench.closed_loop_scores import LoopCase, LoopScores, score_loops
-from taxel.decisions.stability import StabilityConfig, StabilityMonitor
+from taxel.bench.closed_loop_scores import (
+    NEEDLESS,
+    PERSON_PREVENTED,
+    PERSON_S,
+    PREVENTED,
+    LoopCase,
+    LoopScores,
+    score_loops,
+)
+from taxel.decisions.stability import StabilityConfig, StabilityDecision, StabilityMonitor
+from taxel.gel.slip_signal import Slip
 from taxel.jobs.running import side_by_side
 from taxel.live.closed_loop import GripCommand, LoopConfig, LoopTrack, at_full_force, replay_loop
 from taxel.sim.cups import PourRun
 from taxel.sources.pour_sets import ARRIVAL_S
 
-WARN = (0.1, 0.3, 0.5, 0.7, 0.8, 0.9, 0.95, 0.98, 0.99)
+WARN = (0.1, 0.3, 0.5, 0.7, 0.8, 0.85, 0.9, 0.92, 0.94, 0.96, 0.98, 0.99)
 """Thresholds that are tried, 0…1."""
 RAISE_S = (0.0, 0.05)
 """Debounces that are tried, seconds."""
 PIXELS = (1.0, 2.0, 4.0, 6.0, 8.0, 10.0, 12.0, 14.0, 16.0, 20.0)
 """Thresholds on a difference of pixels that are tried, per cent of the brightness."""
+NOISE_MM = 0.008
+"""What measured slip is off by (RMS), millimetres. Source: docs/decisions/0036."""
+_LEAST_LOG = -700.0
+"""Below this all chances are alike."""
+_NO_SLIP = Slip(
+    distance_mm=0.0, rate_mm_s=0.0, compliance=0.0, distance_sd_mm=NOISE_MM, rate_sd_mm_s=0.0,
+    compliance_sd=0.0, seen=True,
+)  # fmt: skip
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -52,6 +70,8 @@ class CurvePoint:
 
     stability: StabilityConfig
     scores: LoopScores
+    person: LoopScores
+    """Nothing is raised; the person stops pouring `PERSON_S` after the alarm."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -62,42 +82,37 @@ class PixelPoint:
     scores: LoopScores
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class LoopGoal:
-    """Limits to keep. Source: our choice: half of what is promised, docs/decisions/0017."""
-
-    lost_share: float = 0.025
-    """Preventable drops that still happen, 0…1."""
-    needless_share: float = 0.025
-    """Pours that hold and are raised, 0…1."""
-
-
 def tune_loop(
     tracks: Sequence[RunProbabilities],
     config: LoopConfig | None = None,
     policy: GripPolicyConfig | None = None,
-    goal: LoopGoal | None = None,
     workers: int | None = None,
 ) -> tuple[StabilityConfig, list[CurvePoint]]:
-    """Return the thresholds that come nearest to the goal, and the whole curve.
+    """Return the thresholds that most likely keep all promises, and the whole curve.
 
     Args:
         tracks: Training pours.
         config: What lies between cup and decision.
         policy: What follows the monitor.
-        goal: The limits.
         workers: Processes side by side.
     """
-    config, policy, goal = config or LoopConfig(), policy or GripPolicyConfig(), goal or LoopGoal()
+    config, policy = config or LoopConfig(), policy or GripPolicyConfig()
     grid = [stability_at(warn, raise_s) for raise_s in RAISE_S for warn in WARN]
-    jobs = [
-        (track.run, [commands_of(track, settings, config, policy) for settings in grid], config)
-        for track in tracks
+    played = side_by_side(
+        play_alarms, [(track, grid, config, policy) for track in tracks], workers=workers
+    )
+    curve = [
+        CurvePoint(
+            stability=stability,
+            scores=score_loops([cases[place][0] for cases in played]),
+            person=score_loops([cases[place][1] for cases in played]),
+        )
+        for place, stability in enumerate(grid)
     ]
-    scores = _scores(jobs, workers)
-    curve = [CurvePoint(stability=a, scores=b) for a, b in zip(grid, scores, strict=True)]
     point = choose(
-        [point.scores for point in curve], goal, [point.stability.raise_s for point in curve]
+        [point.scores for point in curve],
+        [point.person for point in curve],
+        [point.stability.raise_s for point in curve],
     )
     return curve[point].stability, curve
 
@@ -106,19 +121,17 @@ def tune_pixels(
     tracks: Sequence[RunProbabilities],
     base: PixelDifferenceConfig | None = None,
     config: LoopConfig | None = None,
-    goal: LoopGoal | None = None,
     workers: int | None = None,
 ) -> tuple[PixelDifferenceConfig, list[PixelPoint]]:
-    """Return the threshold on a difference of pixels that comes nearest to the goal.
+    """Return the threshold on a difference of pixels that most likely keeps the promises.
 
     Args:
         tracks: Training pours; their "probabilities" are differences, per cent.
         base: Debounce and force; the threshold is tuned.
         config: What lies between cup and decision.
-        goal: The limits.
         workers: Processes side by side.
     """
-    config, goal, base = config or LoopConfig(), goal or LoopGoal(), base or PixelDifferenceConfig()
+    config, base = config or LoopConfig(), base or PixelDifferenceConfig()
     grid = [replace(base, threshold=threshold) for threshold in PIXELS]
     jobs = [
         (track.run, [_pixel_commands(track, settings, config) for settings in grid], config)
@@ -126,7 +139,7 @@ def tune_pixels(
     ]
     scores = _scores(jobs, workers)
     curve = [PixelPoint(pixels=a, scores=b) for a, b in zip(grid, scores, strict=True)]
-    return curve[choose([point.scores for point in curve], goal)].pixels, curve
+    return curve[choose([point.scores for point in curve])].pixels, curve
 
 
 def _scores(
@@ -150,31 +163,44 @@ def stability_at(warn: float, raise_s: float) -> StabilityConfig:
 
 
 def choose(
-    scores: Sequence[LoopScores], goal: LoopGoal, family: Sequence[float] | None = None
+    scores: Sequence[LoopScores],
+    persons: Sequence[LoopScores] | None = None,
+    family: Sequence[float] | None = None,
 ) -> int:
-    """Return which alternative exceeds the goal least; then, which errs least.
+    """Return which alternative most likely keeps all promises; then, which errs least.
 
-    Among equals the middle of the family with most of them: its neighbours on both sides do
-    as well, so that cups never seen are least likely to fall off the plateau.
+    Each share's chance to be within its goal is that of a beta distribution over what was
+    counted (Jeffreys' prior); the chances are multiplied. Among equals the middle of the family
+    with most of them: its neighbours on both sides do as well, so that cups never seen are least
+    likely to fall off the plateau.
 
     Args:
         scores: Of each alternative, in order of its threshold within a family.
-        goal: The limits.
-        family: Which family each belongs to, such as its debounce; one by default.
+        persons: Of each, with a person who stops pouring in place of the grip; not promised
+            unless given.
+        family: Which family each belongs to, such as its debounce; the same for all by default.
     """
 
-    def merit(scores: LoopScores) -> tuple[float, float]:
-        lost = 1.0 - scores.prevented_share
-        excess = max(lost - goal.lost_share, 0.0) / goal.lost_share
-        excess += max(scores.needless_share - goal.needless_share, 0.0) / goal.needless_share
-        return round(excess, 9), round(lost + scores.needless_share, 9)
+    def merit(place: int) -> tuple[float, float]:
+        own = scores[place]
+        chance = _at_least(PREVENTED, own.prevented, own.preventable)
+        chance += _at_least(1 - NEEDLESS, own.holds - own.needless, own.holds)
+        if persons is not None:
+            person = persons[place]
+            chance += _at_least(PERSON_PREVENTED, person.prevented, person.preventable)
+        return -round(chance, 9), round(1.0 - own.prevented_share + own.needless_share, 9)
 
-    best = min(merit(score) for score in scores)
-    equals = [place for place, score in enumerate(scores) if merit(score) == best]
+    merits = [merit(place) for place in range(len(scores))]
+    equals = [place for place, found in enumerate(merits) if found == min(merits)]
     if family is not None:
         largest = Counter(family[place] for place in equals).most_common(1)[0][0]
         equals = [place for place in equals if family[place] == largest]
     return equals[(len(equals) - 1) // 2]
+
+
+def _at_least(goal: float, hits: int, total: int) -> float:
+    """Return the logarithm of the chance that a share is at least its goal."""
+    return max(float(beta.logsf(goal, hits + 0.5, total - hits + 0.5)), _LEAST_LOG)
 
 
 def play(
@@ -201,23 +227,68 @@ def play(
     ]
 
 
-def commands_of(
+def play_alarms(
     track: RunProbabilities,
-    stability: StabilityConfig,
+    grid: Sequence[StabilityConfig],
     config: LoopConfig,
     policy: GripPolicyConfig,
-) -> tuple[GripCommand, ...]:
-    """Return what the monitor and the policy would command."""
-    monitor, grip = StabilityMonitor(stability), GripPolicy(track.run.force_n, policy)
-    commands: list[GripCommand] = []
-    force_n = grip.force_n
-    for time_s, probability in zip(track.time_s.tolist(), track.probabilities, strict=True):
-        now_n = grip.push(monitor.push(float(probability), time_s), time_s)
-        if now_n != force_n:
-            force_n = now_n
-            given_s = time_s + ARRIVAL_S + config.inference_s
-            commands.append(GripCommand(time_s=given_s, force_n=force_n))
-    return tuple(commands)
+) -> list[tuple[LoopCase, LoopCase]]:
+    """Return one training pour under each monitor: with the policy, and with a person instead.
+
+    As in `play`, what is not dropped without taxel is not played again.
+    """
+    bare = replay_loop(track.run, config)
+    full = at_full_force(track.run, config) if bare.dropped else bare
+    known: dict[tuple[bool, ...], tuple[LoopTrack, LoopTrack]] = {}
+    found = []
+    for stability in grid:
+        decisions = _decisions(track, stability)
+        alarms = tuple(decision.alarm for decision in decisions)
+        if not any(alarms):
+            known[alarms] = bare, bare
+        elif alarms not in known and bare.dropped:
+            held = _held(track, decisions, config, policy)
+            stop_s = (held.raised_s or np.inf) + PERSON_S
+            known[alarms] = held, replay_loop(track.run, config, stop_pouring_s=stop_s)
+        elif alarms not in known:
+            first_s = float(track.time_s[alarms.index(True)]) + ARRIVAL_S + config.inference_s
+            command = GripCommand(time_s=first_s, force_n=policy.most_n)
+            known[alarms] = replace(bare, commands=(command,)), bare
+        found.append(known[alarms])
+    return [
+        (
+            LoopCase(bare=thin(bare), full=thin(full), held=thin(held)),
+            LoopCase(bare=thin(bare), full=thin(full), held=thin(person)),
+        )
+        for held, person in found
+    ]
+
+
+def _decisions(track: RunProbabilities, stability: StabilityConfig) -> list[StabilityDecision]:
+    monitor = StabilityMonitor(stability)
+    return [
+        monitor.push(float(probability), time_s)
+        for time_s, probability in zip(track.time_s.tolist(), track.probabilities, strict=True)
+    ]
+
+
+def _held(
+    track: RunProbabilities,
+    decisions: Sequence[StabilityDecision],
+    config: LoopConfig,
+    policy: GripPolicyConfig,
+) -> LoopTrack:
+    """Return the pour with the grip that a policy commands on these decisions."""
+    grip, random = GripPolicy(track.run.force_n, policy), np.random.default_rng(track.run.seed)
+
+    def ask(time_s: float, seen_mm: float) -> float:
+        place = int(np.searchsorted(track.time_s, time_s + 1e-6)) - 1
+        if place < 0:
+            return grip.force_n
+        slip = replace(_NO_SLIP, distance_mm=seen_mm + random.normal(0.0, NOISE_MM))
+        return grip.push(replace(decisions[place], slip=slip), time_s)
+
+    return replay_loop(track.run, config, ask=ask)
 
 
 def _pixel_commands(

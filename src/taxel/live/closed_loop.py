@@ -10,7 +10,7 @@ Source: docs/decisions/0017.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from time import perf_counter
 from typing import Protocol
@@ -32,6 +32,8 @@ SLIP_UM = 100.0
 """Slip from which a raise is counted, micrometres: the rule "slip", docs/decisions/0013."""
 HOLDS_UM = 300.0
 """A pour that slips no further, and is not dropped, holds: gross slip, docs/decisions/0013."""
+SEEN_S = 0.06
+"""How old the slip that a monitor measures is, seconds: image, arrival and the camera's clock."""
 _SLIP, _DROPPED = TRUTH_CHANNELS.index("slip"), TRUTH_CHANNELS.index("dropped")
 
 
@@ -205,6 +207,7 @@ def replay_loop(
     config: LoopConfig,
     commands: Sequence[GripCommand] = (),
     stop_pouring_s: float = float("inf"),
+    ask: Callable[[float, float], float] | None = None,
 ) -> LoopTrack:
     """Return how a pour goes with given commands, without pictures.
 
@@ -215,7 +218,10 @@ def replay_loop(
         config: What lies between cup and decision.
         commands: Oldest first.
         stop_pouring_s: When the person stops, seconds since the grasp.
+        ask: Called each frame with its time since the grasp, seconds, and the slip `SEEN_S`
+            before, millimetres; returns the force to hold, newtons. Given late, as in `run_loop`.
     """
+    commanded_n = run.force_n
     pour, notes, waiting = GrippedPour(run, config.response), _Notes(run), list(commands)
     for index in range(round(config.duration_s * config.frame_hz)):
         for _ in range(FINE if index else 0):
@@ -227,6 +233,13 @@ def replay_loop(
         while waiting and waiting[0].time_s < next_s:
             pour.gripper.command(waiting[0].force_n, max(waiting[0].time_s - time_s, 0.0))
             notes.commands.append(waiting.pop(0))
+        if ask is not None:
+            seen_mm = notes.slip_um(max(index - round(SEEN_S * config.frame_hz), 0)) / 1000
+            force_n = ask(time_s, seen_mm)
+            if force_n != commanded_n:
+                commanded_n, after_s = force_n, ARRIVAL_S + config.inference_s
+                pour.gripper.command(force_n, after_s)
+                notes.commands.append(GripCommand(time_s=time_s + after_s, force_n=force_n))
         if time_s >= stop_pouring_s:
             pour.sim.pour(False)
     return notes.track(config)
@@ -249,6 +262,10 @@ class _Notes:
     @property
     def dropped(self) -> bool:
         return bool(self._truth and self._truth[-1][_DROPPED] > 0)
+
+    def slip_um(self, index: int) -> float:
+        """The slip at a moment that has been, micrometres."""
+        return float(self._truth[index][_SLIP])
 
     def add(self, truth: NDArray[np.float32], force_n: float) -> None:
         self._truth.append(truth)

@@ -347,3 +347,17 @@ def test_a_note_whose_slip_cannot_be_read_reports_none_and_stops_nothing(broken:
 
     assert rig.guard.slip is None
     assert rig.guard.shown[0] == "STABLE"
+
+
+def test_slip_that_one_monitor_measures_softens_nothing_that_another_warns_of():
+    """The monitor of slip asks for a step, the other for the large one: the larger is given."""
+    for other, least_n in ((None, 25.0), (note("UNSTABLE"), 50.0)):
+        rig = Rig("one", "two")
+        for name in rig.names:
+            rig.decide(name, note("STABLE"))
+        rig.run(0.2)
+        assert rig.guard.interlock.arm(rig.now_s) == ()
+        rig.decide("one", note("UNSTABLE", slip=slip(0.3)))
+        if other is not None:
+            rig.decide("two", other)
+        assert rig.run(0.5).force_n == least_n

@@ -172,7 +172,7 @@ class Guard:
         silent = self._silent(now_s)
         if self._monitors:
             decision, decided_s = self._joined(silent, now_s)
-            self._decision = decision
+            self._decision = replace(decision, slip=self.slip)
             self.alarms.watch(decision, armed=self.interlock.armed, now_s=now_s)
             force_n = self._asked_n(decision, now_s)
             self.interlock.decision(decision.state.name, decided_s, force_n)
@@ -248,7 +248,7 @@ class Guard:
         return not -config.stall_s <= age_s <= config.decision_s + patience_s
 
     def _joined(self, silent: str, now_s: float) -> tuple[StabilityDecision, float]:
-        """Return the worst of all monitors' decisions, and when the oldest was decided.
+        """Return the worst of all monitors' decisions, with its own slip, and when the oldest was.
 
         For a monitor in a long step that it announced the guard itself says UNKNOWN, now.
         """
@@ -262,8 +262,7 @@ class Guard:
             else:
                 every.append(monitor.decision)
                 oldest_s = min(oldest_s, monitor.decided_s)
-        worst = max(every, key=lambda decision: _WORST.index(decision.state))
-        return replace(worst, slip=self.slip), oldest_s
+        return max(every, key=_severity), oldest_s
 
     def _alarm_of_silence(self, silent: str, now_s: float) -> None:
         if silent and not self._doubt:
@@ -289,6 +288,13 @@ class Guard:
                 reason = REASONS["alarm"].say()
         since_s = self._shown[2] if word == self._shown[0] else now_s
         self._shown = (word, reason, since_s)
+
+
+def _severity(decision: StabilityDecision) -> tuple[int, float]:
+    """Order decisions: by state; of equal ones the one without slip, as nothing softens it."""
+    slip = decision.slip
+    followed = slip is not None and slip.seen and math.isfinite(slip.distance_mm)
+    return _WORST.index(decision.state), slip.distance_mm if slip and followed else math.inf
 
 
 def _slip_of(note: dict[str, Any]) -> Slip | None:
