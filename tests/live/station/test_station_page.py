@@ -56,8 +56,8 @@ def test_a_supervisor_that_stands_still_is_a_stop_on_the_page_although_it_report
         assert any(alarm.kind == "supervisor" for alarm in station.guard.alarms.alarms)
 
 
-def test_with_a_calibration_the_page_shows_newtons_and_other_sensors_are_refused(tmp_path: Path):
-    """Nothing else changes: what is recorded and judged stays in volts."""
+def write_calibration_of_seed_4(path: Path) -> None:
+    """Calibrate `sim://teng?seed=4&rate_hz=250` on a simulated gauge."""
     hand = TengHandConfig(seed=4, rate_hz=250.0)
     gauge = ForceGauge(hand, GaugeConfig(forces_n=(0.5, 1.0, 2.0), rounds=1))
     parts, marks = [], []
@@ -66,8 +66,13 @@ def test_with_a_calibration_the_page_shows_newtons_and_other_sensors_are_refused
         marks += own
     script = script_of_marks(marks, gauge.info)
     taken = Taken(samples=Samples.join(parts), script=script, rate_hz=250.0)
-    path = tmp_path / "c.json"
     write_calibration(path, document_of(characterise([taken], gauge.info), [], {}))
+
+
+def test_with_a_calibration_the_page_shows_newtons_and_other_sensors_are_refused(tmp_path: Path):
+    """Nothing else changes: what is recorded and judged stays in volts."""
+    path = tmp_path / "c.json"
+    write_calibration_of_seed_4(path)
     config = StationConfig(sources=("sim://teng?seed=4&rate_hz=250",), bundles=(), calibration=path)
     with Station(config) as station, closing(StationView(station.view_config())) as view:
         station.run(WAIT_S, lambda: len(view.traces(-math.inf)["sensors"]["t"]) > 20)
@@ -78,6 +83,16 @@ def test_with_a_calibration_the_page_shows_newtons_and_other_sensors_are_refused
     other = replace(config, sources=("sim://teng?seed=5&rate_hz=250",))
     with pytest.raises(BadInput, match="the sensors that were calibrated"), Station(other):
         pass
+
+
+def test_of_two_arrays_the_calibrated_one_is_shown_in_newtons_wherever_it_stands(tmp_path: Path):
+    path, own, other = tmp_path / "c.json", "sim://teng?seed=4&rate_hz=250", "sim://teng?seed=5"
+    write_calibration_of_seed_4(path)
+    for sources in ((own, other), (other, own)):
+        config = StationConfig(sources=sources, bundles=(), calibration=path)
+        with Station(config) as station:
+            seen = {source.url: source.calibration for source in station.view_config().sources}
+        assert seen == {own: path, other: None}
 
 
 def test_the_page_disarms_and_cannot_arm():
