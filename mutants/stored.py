@@ -97,7 +97,8 @@ def page(stored: Mapping[str, Any]) -> str:
 
 
 def _code(text: str) -> str:
-    return "`" + " ".join(text.split()).replace("|", "\\|") + "`"
+    words = " ".join(text.split()).replace("|", "\\|")
+    return f"`{words}`" if words else "(removed)"
 
 
 def _shown(mutant: Mapping[str, str]) -> dict[str, str]:

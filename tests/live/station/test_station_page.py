@@ -17,13 +17,16 @@ from taxel.calibration.presses import script_of_marks
 from taxel.calibration.results import Taken
 from taxel.calibration.stored import document_of, write_calibration
 from taxel.errors import BadInput
+from taxel.frame_codec import encode_jpeg
 from taxel.live.station.packets import pack
 from taxel.live.station.page_link import StationView
 from taxel.live.station.ring import RingWriter
 from taxel.live.station.station import Station
 from taxel.live.station.wiring import StationConfig
+from taxel.recordings.manifest import NO_ARRAY, Manifest
 from taxel.recordings.reader import read_recording
-from taxel.signals import Samples
+from taxel.recordings.writer import Recorder
+from taxel.signals import CameraInfo, Frame, Samples
 from taxel.sim.force_gauge import ForceGauge, GaugeConfig
 from taxel.sim.teng_hand import TengHandConfig
 
@@ -82,6 +85,23 @@ def test_with_a_calibration_the_page_shows_newtons_and_other_sensors_are_refused
         assert np.nanmin(shown) == 0.0
     other = replace(config, sources=("sim://teng?seed=5&rate_hz=250",))
     with pytest.raises(BadInput, match="the sensors that were calibrated"), Station(other):
+        pass
+
+
+def test_a_calibration_beside_tactile_cameras_only_is_refused(tmp_path: Path):
+    calibration, path = tmp_path / "c.json", tmp_path / "cameras.mcap"
+    write_calibration_of_seed_4(calibration)
+    left = CameraInfo(name="left", width=32, height=24, rate_hz=60.0)
+    recorder = Recorder(path, Manifest.started_now(NO_ARRAY, {}, {}, cameras=(left,)))
+    image = encode_jpeg(np.full((24, 32, 3), 90, np.uint8))
+    for number in range(3):
+        recorder.frame(
+            Frame(camera=0, jpeg=image, counter=number, device_s=float("nan"),
+                  arrival_s=number / 60, fitted_s=number / 60)
+        )  # fmt: skip
+    recorder.close()
+    config = StationConfig(sources=(f"replay://{path}",), bundles=(), calibration=calibration)
+    with pytest.raises(BadInput, match="an array beside a calibration"), Station(config):
         pass
 
 
