@@ -71,6 +71,7 @@ def test_touch_for_less_than_half_of_the_time_moves_nothing():
 def test_the_gate_stays_within_its_limits_and_says_so():
     _, moves = in_calls(FOLLOWS, samples(resting(30.0, 3.0)), 100)
     assert moves[-1].after == LIMITS[1] * 1.0
+    assert LIMITS == (0.5, 2.0)  # decision 0047
     assert moves[-1].limited
     assert "it goes no further" in moves[-1].words()
 
