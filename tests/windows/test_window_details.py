@@ -3,11 +3,14 @@
 import numpy as np
 import pytest
 
+from taxel.errors import BadInput
 from taxel.labels.trials import Trial
-from taxel.windows import trial_crops
-from taxel.windows.checks import filled_note, rare_note
+from taxel.signals import Samples, SensorInfo, Validity
+from taxel.windows import gaps, grid, trial_crops, windower
+from taxel.windows.checks import filled_note, grid_note, rare_note
 from taxel.windows.config import FULL_SCALE_V, WindowConfig
-from taxel.windows.windower import Windows
+from taxel.windows.following import RecentRest
+from taxel.windows.windower import Rows, Windower, Windows
 
 
 def trials(**counts: int) -> list[Trial]:
@@ -50,3 +53,56 @@ def test_a_small_image_has_the_height_nearest_to_its_own_shape():
     image = np.zeros((3 * wide - 1, 4 * wide, 3), np.uint8)
     assert trial_crops._small_grey(image).shape == (round((3 * wide - 1) / 4), wide)
     assert (3 * wide - 1) / 4 > round((3 * wide - 1) // 4) + 0.5
+
+
+def test_a_short_gap_is_five_rows_of_75_and_none_of_12():
+    assert gaps.SHORT == 1 / 15
+
+
+@pytest.mark.parametrize("fill", [-0.1, 1.0, 1.5])
+def test_a_window_is_never_filled_as_a_whole(fill: float):
+    with pytest.raises(ValueError, match="at least 0 and below 1 for fill"):
+        WindowConfig(fill=fill)
+
+
+@pytest.mark.parametrize(("grid_hz", "said"), [(99.0, True), (100.0, False), (None, False)])
+def test_a_grid_below_a_third_of_the_sensors_rate_is_said(grid_hz: float | None, said: bool):
+    sensor = SensorInfo(name="a", channels=("one",), units=("V",), rate_hz=300.0)
+    assert bool(grid_note(sensor, WindowConfig(grid_hz=grid_hz))) is said
+
+
+def test_scans_days_apart_are_refused_before_the_ticks_between_are_made():
+    most = 2_000_000 + 100 * 3
+    grid._refuse_jump(most, 3, 0.01)
+    for ticks in (most + 1, 10 * most):
+        with pytest.raises(BadInput, match="3 of them over"):
+            grid._refuse_jump(ticks, 3, 0.01)
+
+
+def test_rest_is_measured_after_ten_seconds_and_then_each_second():
+    rest = RecentRest(20.0, 10.0)
+    due = [row for row in range(1, 151) if rest.add(np.full((1, 2), 0.1)) is not None]
+    assert due == [100, 110, 120, 130, 140, 150]
+
+
+def test_a_rehearsal_sees_by_the_gate_that_has_followed():
+    sensor = SensorInfo(name="a", channels=("one",), units=("V",), rate_hz=100.0)
+    config = WindowConfig(
+        gate=1.0, gate_follow_s=20.0, steps=1, stride=1, grid_hz=None, max_gap_s=99.0
+    )
+    given = Windower(config, sensor)
+    resting = np.random.default_rng(0).normal(0.4, 0.01, (3000, 1)).astype(np.float32)
+    given.push(Samples.from_values(resting, np.arange(3000) / 100))
+    for level_v, windows in ((1.2, 0), (1.6, 10)):
+        touch = np.full((10, 1), level_v, np.float32)
+        found = given.rehearse(Samples.from_values(touch, 30.0 + np.arange(10) / 100))
+        assert len(found) == windows
+
+
+def test_of_a_padded_window_the_channel_most_often_saturated_counts():
+    flags = np.zeros((4, 2), np.uint8)
+    flags[0, 0] = flags[0, 1] = flags[1, 1] = Validity.SATURATED
+    rows = Rows(np.arange(4) / 100, np.ones((4, 2), np.float32), flags)
+    found = windower._padded_window(rows, 6)
+    assert found.saturated.tolist() == [0.5]
+    assert found.mask.sum() == 4
