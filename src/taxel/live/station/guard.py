@@ -135,8 +135,7 @@ class Guard:
 
     def died(self, name: str) -> None:
         """Hear that a monitor's process has ended."""
-        if name in self._monitors:
-            self._monitors[name].dead = True
+        self._monitors[name].dead = True
 
     def trouble(self, kind: str, text: str, now_s: float, *, danger: bool = True) -> None:
         """Raise an alarm that is not about the grasp, such as a full disk."""
