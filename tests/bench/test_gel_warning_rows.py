@@ -10,6 +10,7 @@ from taxel.bench.gel_warning import Warner, judge_rows, rendered
 from taxel.evaluation.early_warning.learn_slip_warning import rule_drive
 from taxel.gel.slip_signal import TURN_MM
 from taxel.sim.cup_pour import Gel
+from taxel.training.layer_poses import layer_pours
 from taxel.training.slip_cups import (
     TEST_CUPS,
     GelRows,
@@ -77,7 +78,7 @@ def test_nothing_rendered_is_no_row_with_a_value():
 
 def test_a_layer_changes_what_the_gel_does_and_neither_the_cup_nor_what_happens():
     runs = paper_runs(31_000)[:1]
-    (first,), (second,) = true_pours(runs), true_pours(runs, gel=2)
+    (first,), (second,) = true_pours(runs), layer_pours(runs)
 
     assert second.slip_um == pytest.approx(first.slip_um, abs=1e-6)
     for one, two in zip(first.gels, second.gels, strict=True):

@@ -43,6 +43,7 @@ from taxel.evaluation.early_warning.slip_warnings import (
 )
 from taxel.sim.cup_pour import Gel
 from taxel.sim.cups import PourRun
+from taxel.training.layer_poses import layer_pours
 from taxel.training.pose_noise import GelNoise, fit_noise
 from taxel.training.slip_cups import (
     NOISE_CUPS,
@@ -54,7 +55,6 @@ from taxel.training.slip_cups import (
     paper_part,
     paper_runs,
     seen_pours,
-    true_pours,
 )
 from taxel.training.slip_heads import PourFeatures, features_of
 
@@ -131,11 +131,11 @@ def layer_poses(
         on_step(f"images of training cup {cup}, gel 2")
         runs = noise_runs(cup)
         seen += keep_runs(folder / f"{cup}-noise-gel-2.npz", runs, _follow(2))
-        exact += keep_runs(folder / f"{cup}-noise-true-gel-2.npz", runs, _exact)
+        exact += keep_runs(folder / f"{cup}-noise-layers.npz", runs, layer_pours)
     pours: list[PourRows] = []
     for cup in TRAINING_CUPS[:cups]:
         on_step(f"layers of training cup {cup}")
-        pours += keep_runs(folder / f"{cup}-training-gel-2.npz", paper_runs(cup), _exact)
+        pours += keep_runs(folder / f"{cup}-layers.npz", paper_runs(cup), layer_pours)
     return pours, fit_noise(seen, exact)
 
 
@@ -253,6 +253,3 @@ def _file(folder: Path, cup: int, part: int, gel: Gel) -> Path:
 
 def _follow(gel: Gel) -> Callable[[Sequence[PourRun]], list[PourRows]]:
     return partial(seen_pours, gel=gel)
-
-
-_exact = partial(true_pours, gel=2)

@@ -92,6 +92,26 @@ class TouchFollower:
             seen=imprint.seen and fitted is not None,
         )
 
+    @property
+    def dots(self) -> NDArray[np.float32]:
+        """Shape (m, 2): centres (x, y) of the reference's dots, px of the image."""
+        return self._tracker.reference
+
+    def carried(self, moved: NDArray[np.float64], seen: NDArray[np.bool_], imprint: Pose) -> Pose:
+        """Return the gel's pose where the dots' and the imprint's motion is known, as in `follow`.
+
+        Args:
+            moved: Shape (m, 2): where `dots` are now, px of the image.
+            seen: Shape (m,): False for those that do not show.
+            imprint: Shape (3,): its pose since the reference, as `TouchPose.object`.
+        """
+        middle, shape = self._imprint.placed(imprint)
+        known = ImprintPose(imprint, np.zeros(3), True, middle, shape)
+        fitted = self._fit(MarkerFlow(self.dots, moved.astype(np.float32), seen), known)
+        if fitted is not None:
+            self._gel = fitted[0]
+        return self._gel.copy()
+
     def _fit(self, dots: MarkerFlow, imprint: ImprintPose) -> tuple[Pose, Pose] | None:
         """Return the rigid motion of the dots inside the contact, and its spread."""
         before = (dots.reference - self._middle) * self._scale

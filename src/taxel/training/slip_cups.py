@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 from taxel.frame_codec import decode_jpeg, encode_jpeg
 from taxel.gel.touch_poses import TouchFollower
 from taxel.recordings.whole import write_whole
-from taxel.sim.cup_pour import CupPourConfig, Gel, PourTrack, list_runs, simulate_pour
+from taxel.sim.cup_pour import CupPourConfig, Gel, PourTrack, list_runs
 from taxel.sim.cups import MOVING_KINDS, OTHER_KINDS, Kind, Position, PourRun, draw_cup, draw_run
 from taxel.sim.gelsight import CameraTimes, camera_times
 from taxel.sim.grip_limits import GRAVITY_M_S2, load_ratio, pour_less
@@ -174,19 +174,12 @@ def noise_runs(cup: int) -> list[PourRun]:
     return pours[cup % 3 :: 3][:1] or pours[:1]
 
 
-def true_pours(runs: Sequence[PourRun], gel: Gel = 1) -> list[PourRows]:
+def true_pours(runs: Sequence[PourRun]) -> list[PourRows]:
     """Return pours' exact poses at the moments when their cameras took images.
 
-    Args:
-        runs: What is tried.
-        gel: How the gels shear. With 2 the gel's motion is that of the layer's face, weighed by
-            load, and pours are simulated one by one: 0.4 s each.
+    The gels are rigid pieces; for gels that shear see `taxel.training.layer_poses`.
     """
-    tracks = (
-        simulate_pours(runs, FRAME_HZ * FINE, DURATION_S)
-        if gel == 1
-        else [simulate_pour(run, FRAME_HZ * FINE, DURATION_S, gel, FINE) for run in runs]
-    )
+    tracks = simulate_pours(runs, FRAME_HZ * FINE, DURATION_S)
     return [_true_rows(run, track) for run, track in zip(runs, tracks, strict=True)]
 
 
@@ -195,12 +188,23 @@ def _true_rows(run: PourRun, fine: PourTrack) -> PourRows:
     for side, motion in enumerate(fine.motions):
         times = camera_times(CAMERA_HZ, FRAME_HZ, DURATION_S, run.seed * 2 + side)
         gels.append(true_rows(motion_at(motion, fine.time_s, times.taken_s), times))
+    return pour_rows(run, fine, (gels[0], gels[1]))
+
+
+def pour_rows(run: PourRun, fine: PourTrack, gels: tuple[GelRows, GelRows]) -> PourRows:
+    """Return a pour's rows at the video's moments.
+
+    Args:
+        run: What was tried.
+        fine: Its track, `FINE` moments a frame of the video.
+        gels: What the cameras see.
+    """
     return PourRows(
         run=run,
         time_s=fine.time_s[::FINE],
         slip_um=fine.truth[::FINE, _SLIP],
         dropped=fine.truth[::FINE, _DROPPED] > 0,
-        gels=(gels[0], gels[1]),
+        gels=gels,
     )
 
 
