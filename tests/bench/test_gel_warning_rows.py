@@ -20,7 +20,7 @@ from taxel.training.slip_cups import (
     paper_runs,
     true_pours,
 )
-from taxel.training.slip_heads import PourFeatures, features_of
+from taxel.training.slip_heads import features_of
 
 
 def turns(cup: int, by_mm: float, gives_mm: float) -> PourRows:
@@ -31,7 +31,7 @@ def turns(cup: int, by_mm: float, gives_mm: float) -> PourRows:
     gel = GelRows(
         taken_s=taken_s, object=(by_mm + gives_mm) * share, gel=gives_mm * share,
         spread=np.zeros((125, 3)), seen=np.ones(125, np.bool_),
-        shown=np.minimum(np.arange(300) * 25 // 60, 124),
+        shown=np.minimum(np.arange(300) * 25 // 60, 124), rim=gives_mm * share / 2,
     )  # fmt: skip
     slip_um = 1000.0 * by_mm * np.clip(time_s - 1.0, 0.0, 1.0)
     return PourRows(run, time_s, slip_um, np.zeros(300, np.bool_), (gel, gel))
@@ -39,9 +39,7 @@ def turns(cup: int, by_mm: float, gives_mm: float) -> PourRows:
 
 def test_both_gels_are_judged_on_the_same_pours_and_only_one_row_pair_has_goals():
     pours = [turns(TEST_CUPS[number], by_mm, 0.1) for number, by_mm in enumerate((1.0, 0.0))]
-    found: dict[Gel, list[PourFeatures]] = {
-        gel: [features_of(pour) for pour in pours] for gel in (1, 2)
-    }
+    found: dict[Gel, list[PourRows]] = {1: pours, 2: pours}
     names = ("learned on gel 1, as shipped", "learned on gel 2")
     rows = judge_rows([Warner(name, rule_drive, 0.3, "") for name in names], found)
     named = {row.name: row for row in rows}
@@ -63,12 +61,12 @@ def test_only_parts_that_are_kept_with_both_gels_count(tmp_path):
     cup = TEST_CUPS[0]
     runs = paper_part(cup, 0)
     pours = [replace(turns(cup, 0.0, 0.1), run=run) for run in runs]
-    keep_runs(tmp_path / f"{cup}-paper-0.npz", runs, lambda _: pours)
+    keep_runs(tmp_path / f"{cup}-paper-0-rim.npz", runs, lambda _: pours)
     assert rendered(tmp_path) == {1: [], 2: []}
 
-    keep_runs(tmp_path / f"{cup}-paper-0-gel-2.npz", runs, lambda _: pours)
+    keep_runs(tmp_path / f"{cup}-paper-0-rim-gel-2.npz", runs, lambda _: pours)
     found = rendered(tmp_path)
-    assert [each.pour.run for each in found[1]] == [each.pour.run for each in found[2]] == runs
+    assert [each.run for each in found[1]] == [each.run for each in found[2]] == runs
 
 
 def test_nothing_rendered_is_no_row_with_a_value():

@@ -59,7 +59,8 @@ def _gel_rows(run: PourRun, track: PourTrack, side: int) -> GelRows:
     camera = GelCamera(track.shapes[side], sensor, seed)
     view = LayerView(track.layer, FRAME_HZ, side)
     rows = true_rows(motion, times)
-    return replace(rows, gel=_gel_at_dots(camera, sensor, side, motion, times, view, rows.object))
+    gel, rim = _gel_at_dots(camera, sensor, side, motion, times, view, rows.object)
+    return replace(rows, gel=gel, rim=rim)
 
 
 def _gel_at_dots(
@@ -71,7 +72,9 @@ def _gel_at_dots(
     view: LayerView,
     handle: NDArray[np.float64],
 ) -> NDArray[np.float64]:
-    """Return the rigid motion of the face at the dots, shape (images, 3), mm and rad.
+    """Return the rigid motion of the face at the dots, in the contact and around its rim.
+
+    Shape (2, images, 3), mm and rad.
 
     The follower's weights go with the imprint, and so with the handle's exact pose.
     """
@@ -85,10 +88,10 @@ def _gel_at_dots(
     to_px = 1.0 / sensor.mm_per_px
     printed = face_place(rest, (follower.dots - _MIDDLE_PX) * sensor.mm_per_px)
     to_poses = np.array([to_px, to_px, 1.0])
-    found = np.empty((len(times.taken_s), 3))
+    found = np.empty((2, len(times.taken_s), 3))
     for index, taken_s in enumerate(times.taken_s):
         moved = (printed + face_moved(view.at(float(taken_s)), printed)) * to_px
         inside = np.asarray((np.abs(moved) < _MIDDLE_PX - _EDGE_PX).all(axis=1), np.bool_)
         pose = (handle[index] - handle[reference]) * to_poses
-        found[index] = follower.carried(moved + _MIDDLE_PX, inside, pose)
+        found[:, index] = follower.carried(moved + _MIDDLE_PX, inside, pose)
     return np.asarray(found / to_poses)

@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import io
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Final
 
@@ -66,6 +66,8 @@ class GelRows:
     """Shape (images,): False where poses could not be followed."""
     shown: NDArray[np.int64]
     """Shape (moments,): which image each moment of the video shows."""
+    rim: NDArray[np.float64]
+    """Shape (images, 3): as `gel`, around the contact's rim; of a rigid gel the same motion."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -231,13 +233,15 @@ def seen_pour(run: PourRun, gel: Gel = 1) -> PourRows:
 def true_rows(motion: GelMotion, times: CameraTimes) -> GelRows:
     """Return the exact poses of one gel's motion at its camera's images."""
     count = len(times.taken_s)
+    gel = gel_about_middle(motion)
     return GelRows(
         taken_s=times.taken_s,
         object=np.column_stack([motion.object_mm, motion.object_rad]),
-        gel=gel_about_middle(motion),
+        gel=gel,
         spread=np.zeros((count, 3)),
         seen=np.ones(count, np.bool_),
         shown=times.shown,
+        rim=gel.copy(),
     )
 
 
@@ -248,7 +252,10 @@ def _seen_rows(video: SimulatedVideo, last: int) -> GelRows:
     ]
     settled = sorted(set(shown[SETTLE].tolist()))
     follower = TouchFollower([images[i] for i in settled])
-    poses = [follower.follow(image) for image in images]
+    poses, rims = [], []
+    for image in images:
+        poses.append(follower.follow(image))
+        rims.append(follower.rim())
     to_mm = np.array([video.info.mm_per_px, video.info.mm_per_px, 1.0])
     return GelRows(
         taken_s=video.times.taken_s[: len(images)],
@@ -257,7 +264,17 @@ def _seen_rows(video: SimulatedVideo, last: int) -> GelRows:
         spread=np.stack([pose.spread for pose in poses]) * to_mm,
         seen=np.array([pose.seen for pose in poses]),
         shown=shown[: last + 1],
+        rim=np.stack(rims) * to_mm,
     )
+
+
+def by_rim(pours: Sequence[PourRows]) -> list[PourRows]:
+    """Return pours whose gel's motion is that of the contact's rim."""
+    found = []
+    for pour in pours:
+        first, second = (replace(rows, gel=rows.rim) for rows in pour.gels)
+        found.append(replace(pour, gels=(first, second)))
+    return found
 
 
 def _until(video: SimulatedVideo, count: int) -> Iterator[NDArray[np.uint8]]:
@@ -316,17 +333,16 @@ def keep_runs(
 
 
 def read_runs(path: Path, runs: Sequence[PourRun]) -> list[PourRows]:
-    """Return the pours that `keep_runs` has written."""
+    """Return the pours that `keep_runs` has written.
+
+    Poses kept before rims were followed have the gel's motion in place of the rim's.
+    """
     with np.load(path, allow_pickle=False) as stored:
         arrays = dict(stored)
-    return [
-        _from_arrays(run, {key: arrays[f"{number}/{key}"] for key in _KEYS})
-        for number, run in enumerate(runs)
-    ]
+    return [_from_arrays(run, arrays, number) for number, run in enumerate(runs)]
 
 
-_GEL_KEYS = ("taken_s", "object", "gel", "spread", "seen", "shown")
-_KEYS = ("time_s", "slip_um", "dropped", *(f"{side}_{key}" for side in "01" for key in _GEL_KEYS))
+_GEL_KEYS = ("taken_s", "object", "gel", "spread", "seen", "shown", "rim")
 
 
 def _as_arrays(pour: PourRows) -> dict[str, NDArray[Any]]:
@@ -336,8 +352,12 @@ def _as_arrays(pour: PourRows) -> dict[str, NDArray[Any]]:
     return arrays
 
 
-def _from_arrays(run: PourRun, arrays: dict[str, NDArray[Any]]) -> PourRows:
-    first, second = (
-        GelRows(**{key: arrays[f"{side}_{key}"] for key in _GEL_KEYS}) for side in "01"
-    )
-    return PourRows(run, arrays["time_s"], arrays["slip_um"], arrays["dropped"], (first, second))
+def _from_arrays(run: PourRun, arrays: dict[str, NDArray[Any]], number: int) -> PourRows:
+    def gel(side: int) -> GelRows:
+        own = {key: arrays.get(f"{number}/{side}_{key}") for key in _GEL_KEYS}
+        if own["rim"] is None:
+            own["rim"] = own["gel"]
+        return GelRows(**own)
+
+    time_s, slip_um, dropped = (arrays[f"{number}/{k}"] for k in ("time_s", "slip_um", "dropped"))
+    return PourRows(run, time_s, slip_um, dropped, (gel(0), gel(1)))
