@@ -140,7 +140,7 @@ def layer_poses(
     """Return training pours' exact poses on layers, and those of a few as images give them.
 
     Args:
-        folder: Where poses are kept; what is not there is simulated, three minutes of one core.
+        folder: Where poses are kept; what is not there is simulated, five minutes of one core.
         cups: How many of `TRAINING_CUPS`.
         on_step: Called with a line before each cup.
     """
