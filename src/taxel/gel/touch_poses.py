@@ -153,7 +153,8 @@ class TouchFollower:
     def _far(self, dots: MarkerFlow, imprint: ImprintPose) -> NDArray[np.float64]:
         """Return how far each dot is from the imprint's middle, in its standard deviations."""
         off = (dots.moved - self._middle) * self._scale - imprint.middle
-        return np.sqrt(np.einsum("ij,jk,ik->i", off, np.linalg.inv(imprint.shape), off))
+        square = np.einsum("ij,jk,ik->i", off, np.linalg.inv(imprint.shape), off)
+        return np.asarray(np.sqrt(square), np.float64)
 
     def _moved_by(self, dots: MarkerFlow, weights: NDArray[np.float64]) -> tuple[Pose, Pose]:
         before = (dots.reference - self._middle) * self._scale

@@ -354,10 +354,9 @@ def _as_arrays(pour: PourRows) -> dict[str, NDArray[Any]]:
 
 def _from_arrays(run: PourRun, arrays: dict[str, NDArray[Any]], number: int) -> PourRows:
     def gel(side: int) -> GelRows:
-        own = {key: arrays.get(f"{number}/{side}_{key}") for key in _GEL_KEYS}
-        if own["rim"] is None:
-            own["rim"] = own["gel"]
-        return GelRows(**own)
+        before = f"{number}/{side}_"
+        own = {key: arrays[before + key] for key in _GEL_KEYS if before + key in arrays}
+        return GelRows(**({"rim": own["gel"]} | own))
 
     time_s, slip_um, dropped = (arrays[f"{number}/{k}"] for k in ("time_s", "slip_um", "dropped"))
     return PourRows(run, time_s, slip_um, dropped, (gel(0), gel(1)))
