@@ -59,6 +59,7 @@ def full_steps(data: Path | None) -> list[tuple[str, Measure]]:
         ("touch encoder: probe", lambda: encoder_probe(data)),
         ("slip warning", slip_warning),
         ("warnings on gel 2", warnings_on_layers),
+        ("warnings on both gels", warnings_on_both_gels),
         ("warnings by kind", warnings_by_kind),
         ("start of a grasp", grasp_starts),
         ("markers' residual", lambda: gel_shear.residual_rows(data)),
@@ -280,7 +281,14 @@ def slip_warning() -> list[Row]:
 
 
 def warnings_on_layers() -> list[Row]:
-    """Warn of slip with gels that shear as layers, learned on either version."""
+    """Warn of slip with gels that shear as layers."""
+    from taxel.bench.gel_warning import gel_warning_rows
+
+    return gel_warning_rows((2,))
+
+
+def warnings_on_both_gels() -> list[Row]:
+    """Warn of slip in the same pours with both versions of the gel, learned on either or both."""
     from taxel.bench.gel_warning import gel_warning_rows
 
     return gel_warning_rows()
