@@ -57,6 +57,7 @@ def full_steps(data: Path | None) -> list[tuple[str, Measure]]:
         ("slip signal of real touch", lambda: slip_signal(data)),
         ("touch encoder: cost", encoder_cost),
         ("touch encoder: probe", lambda: encoder_probe(data)),
+        ("sim to real", lambda: sim_to_real(data)),
         ("slip warning", slip_warning),
         ("warnings on gel 2", warnings_on_layers),
         ("warnings by kind", warnings_by_kind),
@@ -263,6 +264,13 @@ def encoder_probe(data: Path | None) -> list[Row]:
     from taxel.bench.touch_encoder import probe_rows
 
     return probe_rows(data)
+
+
+def sim_to_real(data: Path | None) -> list[Row]:
+    """Learn slip from simulated trials, alone and beside real objects, and test on real ones."""
+    from taxel.bench.sim_to_real import sim_to_real_rows
+
+    return sim_to_real_rows(data)
 
 
 def slip_live_path() -> list[Row]:

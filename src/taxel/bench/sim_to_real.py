@@ -1,0 +1,284 @@
+"""Rows on how far labels of simulated trials carry to gelsight-slip, and what changes them.
+
+Knows nothing about how rows are printed.
+
+Background of our choices: docs/decisions/0059.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from time import process_time
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from taxel.bench.rows import Row, missing
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+    from torch import nn
+
+    from taxel.evaluation.camera_trials.encoder_study import ProbeSet
+    from taxel.evaluation.camera_trials.probe import Rows
+    from taxel.evaluation.camera_trials.sim_to_real import Found, Ranking
+    from taxel.evaluation.camera_trials.simulated_trials import SimulatedTrial
+    from taxel.training.trial_blend import Learning
+
+NAME = "gelsight-slip by object, sim to real"
+FIRST_CUP, CUPS, MOST = 300, 20, 5
+"""Cups, and trials of each outcome that a cup may give. Source: our choice, decision 59."""
+FEW, DRAWS = (1, 5), 5
+"""Labelled objects, and how often they are drawn a fold."""
+MIDDLE_CROP = 1
+"""Painted by the generator: one of a trial's three."""
+
+
+@dataclass(frozen=True, slots=True)
+class _Domains:
+    """Trials of both worlds, seen by one kind of features."""
+
+    real: Learning
+    simulated: Learning
+    changed: Learning
+    """The same trials, and a plainly changed copy of each."""
+
+
+def sim_to_real_rows(
+    data: Path | None, on_step: Callable[[str], None] = lambda line: None
+) -> list[Row]:
+    """Learn from simulated trials, alone and beside few or all real objects; test by object."""
+    name = f"{NAME}: simulation alone"
+    if data is None or not (data / "gelsight-slip").exists():
+        return [missing(name, "accuracy", "", "no recordings: name their folder with --data")]
+    from taxel.bench.touch_encoder import _probe_set
+    from taxel.evaluation.camera_trials.probe import commonest
+    from taxel.evaluation.camera_trials.simulated_trials import choose_trials, simulated_rows
+
+    folder = data / "gelsight-slip"
+    probed, encoder = _probe_set(folder), _encoder()
+    real = _real_rows(folder, probed, encoder)
+    trials = choose_trials(FIRST_CUP, CUPS, MOST)
+    cache = _cache(encoder)
+    plain = simulated_rows(trials, encoder, cache)
+    copies = simulated_rows(trials, encoder, cache, change=1)
+    bar = commonest(probed.labelled, probed.split).probabilities
+    rows = [_row(probed, "commonest class", bar[None], "")]
+    domains = {}
+    for feature, own in real.items():
+        domains[feature] = _Domains(
+            _learning(own, probed.y, probed.objects),
+            _of_simulated(trials, plain[feature]),
+            _of_simulated(trials, plain[feature], copies[feature]),
+        )
+        rows += _feature_rows(probed, feature, domains[feature], on_step)
+    return rows + _painted(probed, trials, domains, encoder, cache, on_step)
+
+
+def _feature_rows(
+    probed: ProbeSet, feature: str, domains: _Domains, on_step: Callable[[str], None]
+) -> list[Row]:
+    """Return the rows of one kind of features."""
+    from taxel.evaluation.camera_trials.sim_to_real import transfer
+
+    def learnt(
+        simulated: Learning | None, objects: int | None, ranking: Ranking = "by domain"
+    ) -> Found:
+        return transfer(
+            simulated, domains.real, probed.split, objects, ranking=ranking,
+            draws=DRAWS if objects else 1,
+            on_step=lambda line: on_step(f"{feature}, {objects} objects, {line}"),
+        )  # fmt: skip
+
+    trained = _on_training_objects(probed, domains)
+    alone = learnt(domains.simulated, 0)
+    rows = [
+        _row(probed, f"{feature}, simulation alone", alone, trained["by domain"]),
+        _row(probed, f"{feature}, simulation alone, ranks of simulation",
+             learnt(domains.simulated, 0, "together"), trained["together"]),
+        _row(probed, f"{feature}, simulation alone, with changed copies",
+             learnt(domains.changed, 0), "", ("without", alone)),
+    ]  # fmt: skip
+    for objects in (*FEW, None):
+        count = "all" if objects is None else str(objects)
+        many = "" if objects == 1 else "s"
+        real = learnt(None, objects)
+        both = learnt(domains.simulated, objects)
+        rows += [
+            _row(probed, f"{feature}, {count} real training object{many}", real, ""),
+            _row(probed, f"{feature}, simulation and {count} real training object{many}", both,
+                 "", ("real alone", real)),
+        ]  # fmt: skip
+    ends = f"{feature}, simulation and all real training objects"
+    return [
+        *rows,
+        _row(probed, f"{ends}, ranks together", learnt(domains.simulated, None, "together"), "",
+             ("real alone", real)),
+        _row(probed, f"{ends}, with changed copies", learnt(domains.changed, None), "",
+             ("real alone", real)),
+    ]  # fmt: skip
+
+
+def _on_training_objects(probed: ProbeSet, domains: _Domains) -> dict[Ranking, str]:
+    """Return what either ranking gives on the training objects, which nothing is chosen by."""
+    from taxel.evaluation.camera_trials.sim_to_real import transfer_once
+    from taxel.evaluation.rank_area import area
+
+    rankings: tuple[Ranking, ...] = ("by domain", "together")
+    found: dict[Ranking, str] = {}
+    for ranking in rankings:
+        each = []
+        for fold in probed.split.folds:
+            known = domains.real.part(fold.train_rows)
+            said = transfer_once(domains.simulated, None, known.rows, known, ranking)
+            each.append(area(known.y, said))
+        found[ranking] = f"AUC on the training objects, mean of folds, {np.mean(each):.3f}"
+    return found
+
+
+def _painted(
+    probed: ProbeSet,
+    trials: Sequence[SimulatedTrial],
+    domains: Mapping[str, _Domains],
+    encoder: nn.Module,
+    cache: Path,
+    on_step: Callable[[str], None],
+) -> list[Row]:
+    """Return what the generator of tactile-mnist adds, beside our own images of the same crops."""
+    from taxel.evaluation.camera_trials.cycle_gan import WHEEL, paint, painted_rows, read_generator
+    from taxel.evaluation.camera_trials.sim_to_real import transfer
+    from taxel.training.features import default_cache
+
+    wheel = default_cache() / "wheels" / WHEEL
+    if not wheel.is_file():
+        why = f"no wheels/{WHEEL} in the cache: pip download --no-deps tactile-mnist==0.13"
+        return [missing(f"{NAME}: CycleGAN images alone", "accuracy", "", why)]
+    generator = read_generator(wheel)
+    started = process_time()
+    paint(generator, np.zeros((2, 120, 160), np.float32))
+    spent_s = (process_time() - started) / 2
+    kept = _one_of_each(trials)
+    images = painted_rows(
+        generator, [trials[at] for at in kept], MIDDLE_CROP, encoder, cache,
+        lambda done, of: on_step(f"painting {done}/{of}"),
+    )  # fmt: skip
+    y = np.array([trials[at].slipped for at in kept]).astype(np.intp)
+    cups = np.array([trials[at].cup for at in kept])
+    rows = []
+    for feature, painted in images.items():
+        own = domains[feature]
+        ours = own.simulated.rows.reshape(len(trials), -1, painted.shape[1])[kept, MIDDLE_CROP]
+        sets = {"our images": _learning(ours, y, cups), "CycleGAN": _learning(painted, y, cups)}
+        for objects, beside in ((0, "alone"), (None, "and all real training objects")):
+            found = {
+                name: transfer(learning, own.real, probed.split, objects)
+                for name, learning in sets.items()
+            }
+            what = f"{feature}, {len(kept)} simulated crops {beside}"
+            note = f"{2 * 8 * len(kept)} images, {spent_s:.2f} s of the processor each"
+            rows += [
+                _row(probed, f"{what}, our images", found["our images"], ""),
+                _row(probed, f"{what}, CycleGAN", found["CycleGAN"], note,
+                     ("our images", found["our images"])),
+            ]  # fmt: skip
+    return rows
+
+
+def _one_of_each(trials: Sequence[SimulatedTrial]) -> NDArray[np.intp]:
+    """Return the first trial of each cup and outcome."""
+    first: dict[tuple[str, bool], int] = {}
+    for at, trial in enumerate(trials):
+        first.setdefault((trial.cup, trial.slipped), at)
+    return np.array(sorted(first.values()), np.intp)
+
+
+def _row(
+    probed: ProbeSet, what: str, found: Found, note: str, than: tuple[str, Found] | None = None
+) -> Row:
+    from taxel.evaluation.camera_trials.sim_to_real import gain, score_draws
+
+    scores = score_draws(probed.y, found, probed.objects)
+    low, high = scores.accuracy_interval
+    least, most = scores.auc_interval
+    text = (
+        f"95 % CI over objects [{low:.3f}, {high:.3f}]; AUC {scores.auc:.3f} "
+        f"[{least:.3f}, {most:.3f}]"
+    )
+    if than is not None:
+        more = gain(probed.y, found, than[1], probed.objects)
+        text += (
+            f"; less {than[0]}: accuracy {more.accuracy:+.3f} [{more.accuracy_interval[0]:+.3f}, "
+            f"{more.accuracy_interval[1]:+.3f}], AUC {more.auc:+.3f} "
+            f"[{more.auc_interval[0]:+.3f}, {more.auc_interval[1]:+.3f}]"
+        )
+    text += f"; {note}" if note else ""
+    return Row(name=f"{NAME}: {what}", value=scores.accuracy, unit="accuracy", goal="", ok=None,
+               note=text)  # fmt: skip
+
+
+def _learning(rows: Rows, y: NDArray[np.intp], groups: NDArray[np.str_]) -> Learning:
+    from taxel.training.trial_blend import Learning
+
+    trial = np.repeat(np.arange(len(y)), len(rows) // len(y))
+    return Learning(rows, trial, y, groups, 2)
+
+
+def _of_simulated(trials: Sequence[SimulatedTrial], *copies: Rows) -> Learning:
+    """Return simulated trials, each with the crops of all its copies."""
+    y = np.array([trial.slipped for trial in trials]).astype(np.intp)
+    each = [rows.reshape(len(trials), -1, rows.shape[1]) for rows in copies]
+    together = np.concatenate(each, axis=1)
+    cups = np.array([trial.cup for trial in trials])
+    return _learning(together.reshape(-1, together.shape[2]), y, cups)
+
+
+def _real_rows(folder: Path, probed: ProbeSet, encoder: nn.Module) -> dict[str, Rows]:
+    """Return feature → rows of gelsight-slip, shape (trials · crops, columns)."""
+    from taxel.evaluation.camera_trials.probe import pooled
+    from taxel.evaluation.camera_trials.probe_features import crop_features, gel_features
+    from taxel.evaluation.camera_trials.simulated_trials import CROP, GEL, GREY, TOUCH, grey_part
+    from taxel.training.features import default_cache
+    from taxel.training.trial_features import trial_rows
+    from taxel.windows.camera_trials import read_camera_trials
+    from taxel.windows.trial_crops import choose_layout
+
+    trials = read_camera_trials(folder)
+    layout = choose_layout([trial.frames for trial in trials])
+    assert layout.crop == CROP
+    cut = trial_rows(trials, layout, ("pixels",), default_cache())
+    gel = crop_features(trials, [gel_features()], default_cache())[0]
+    return {
+        TOUCH: probed.rows_of(encoder),
+        GEL: pooled(gel),
+        GREY: grey_part(cut.rows["pixels"]),
+    }
+
+
+def _encoder() -> nn.Module:
+    """Return the touch encoder as it comes with taxel: pretrained in simulation alone."""
+    from taxel.models.backbones.touch import TouchEncoder
+    from taxel.training.encoder.stored import read_encoder
+
+    module = TouchEncoder()
+    module.load_state_dict(read_encoder(Path("touch")).tensors, strict=False)
+    return module.eval()
+
+
+def _cache(encoder: nn.Module) -> Path:
+    """Return the folder for what simulated trials show under these versions."""
+    from taxel.evaluation.camera_trials import simulated_trials
+    from taxel.evaluation.camera_trials.probe_features import gel_features
+    from taxel.models.backbones.weight_files import backbone_tensors, tensor_digest
+    from taxel.sim.cup_pour import SIM_VERSION
+    from taxel.sim.gel_shear_constants import GEL_VERSION
+    from taxel.training.features import default_cache
+    from taxel.windows.trial_crops import FAMILIES
+
+    what = (
+        SIM_VERSION, GEL_VERSION, tensor_digest(backbone_tensors(encoder)), gel_features().key,
+        FAMILIES["pixels"].key, simulated_trials.SEED, simulated_trials.SLIPPED_UM,
+    )  # fmt: skip
+    return default_cache() / "sim-to-real" / hashlib.sha256(repr(what).encode()).hexdigest()[:16]

@@ -1,0 +1,86 @@
+"""Claims about the rows on simulated trials: they say what is missing, and what stands beside."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from taxel.bench import sim_to_real
+from taxel.bench.sim_to_real import _Domains, _feature_rows, _one_of_each, sim_to_real_rows
+from taxel.evaluation.camera_trials.encoder_study import ProbeSet
+from taxel.evaluation.camera_trials.sides import split_trials
+from taxel.evaluation.camera_trials.simulated_trials import SimulatedTrial
+from taxel.sim.cup_pour import CupPourConfig, list_runs
+from taxel.training.trial_blend import Learning
+
+OBJECTS, EACH = 10, 4
+
+
+def made(level: float, seed: int, crops: int = 3) -> Learning:
+    random = np.random.default_rng(seed)
+    y = np.tile([0, 1], OBJECTS * EACH // 2).astype(np.intp)
+    trial = np.repeat(np.arange(len(y)), crops)
+    rows = level + random.normal(size=(len(trial), 5)) + 3 * y[trial][:, None]
+    names = np.repeat([f"object {i}" for i in range(OBJECTS)], EACH)
+    return Learning(rows.astype(np.float32), trial, y, names, 2)
+
+
+def test_without_recordings_the_row_says_so() -> None:
+    (row,) = sim_to_real_rows(None)
+
+    assert row.value is None
+    assert "--data" in row.note
+
+
+def test_each_training_set_has_a_row_and_gains_stand_beside(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(sim_to_real, "DRAWS", 2)
+    monkeypatch.setattr("taxel.evaluation.camera_trials.sim_to_real.PENALTIES", (1e-2,))
+    real = made(50.0, 0)
+    groups = [{"object": str(name)} for name in real.groups]
+    split = split_trials(groups, real.y, "group:object", 2, 0)
+    probed = ProbeSet(y=real.y, objects=real.groups, split=split, videos=())
+
+    rows = _feature_rows(
+        probed, "made", _Domains(real, made(0.0, 1), made(0.0, 2, crops=6)), lambda line: None
+    )
+
+    names = [row.name.removeprefix(f"{sim_to_real.NAME}: made, ") for row in rows]
+    assert names == [
+        "simulation alone",
+        "simulation alone, ranks of simulation",
+        "simulation alone, with changed copies",
+        "1 real training object",
+        "simulation and 1 real training object",
+        "5 real training objects",
+        "simulation and 5 real training objects",
+        "all real training objects",
+        "simulation and all real training objects",
+        "simulation and all real training objects, ranks together",
+        "simulation and all real training objects, with changed copies",
+    ]
+    assert rows[0].value is not None
+    assert rows[0].value > 0.9
+    assert "AUC on the training objects" in rows[0].note
+    assert all("less real alone" in row.note for row in rows[4::2])
+
+
+def test_one_trial_of_each_cup_and_outcome_is_painted() -> None:
+    runs = list_runs(CupPourConfig(cups=2, forces_n=(15.0,), kinds=("pour",)))
+    trials = [SimulatedTrial(run, 1, at % 2 == 0) for at, run in enumerate(runs)]
+
+    assert _one_of_each(trials).tolist() == [0, 1, 3, 4]
+
+
+def test_nothing_is_fetched_where_the_wheel_is_missing(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("TAXEL_CACHE", str(tmp_path))
+    real = made(0.0, 0)
+    probed = ProbeSet(y=real.y, objects=real.groups, split=None, videos=())  # type: ignore[arg-type]
+
+    (row,) = sim_to_real._painted(probed, [], {}, None, tmp_path, lambda line: None)  # type: ignore[arg-type]
+
+    assert row.value is None
+    assert "pip download" in row.note
