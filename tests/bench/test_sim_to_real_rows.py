@@ -66,11 +66,13 @@ def test_each_training_set_has_a_row_and_gains_stand_beside(
     assert all("less real alone" in row.note for row in rows[4::2])
 
 
-def test_one_trial_of_each_cup_and_outcome_is_painted() -> None:
-    runs = list_runs(CupPourConfig(cups=2, forces_n=(15.0,), kinds=("pour",)))
+def test_one_trial_of_each_outcome_of_the_first_cups_is_painted() -> None:
+    runs = list_runs(CupPourConfig(cups=2, first_cup=300, forces_n=(15.0,), kinds=("pour",)))
     trials = [SimulatedTrial(run, 1, at % 2 == 0) for at, run in enumerate(runs)]
 
     assert _one_of_each(trials).tolist() == [0, 1, 3, 4]
+    later = list_runs(CupPourConfig(cups=1, first_cup=310, forces_n=(15.0,), kinds=("pour",)))
+    assert not len(_one_of_each([SimulatedTrial(run, 1, True) for run in later]))
 
 
 def test_nothing_is_fetched_where_the_wheel_is_missing(

@@ -27,14 +27,15 @@ if TYPE_CHECKING:
     from taxel.evaluation.camera_trials.sim_to_real import Found, Ranking
     from taxel.evaluation.camera_trials.simulated_trials import SimulatedTrial
     from taxel.training.trial_blend import Learning
+    from taxel.windows.camera_trials import CameraTrial
 
 NAME = "gelsight-slip by object, sim to real"
-FIRST_CUP, CUPS, MOST = 300, 20, 5
+FIRST_CUP, CUPS, MOST = 300, 16, 4
 """Cups, and trials of each outcome that a cup may give. Source: our choice, decision 59."""
-FEW, DRAWS = (1, 5), 5
+FEW, DRAWS = (1, 5), 3
 """Labelled objects, and how often they are drawn a fold."""
-MIDDLE_CROP = 1
-"""Painted by the generator: one of a trial's three."""
+MIDDLE_CROP, PAINTED_CUPS = 1, 10
+"""Painted by the generator: one of a trial's three crops, of the first cups."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,17 +55,19 @@ def sim_to_real_rows(
     name = f"{NAME}: simulation alone"
     if data is None or not (data / "gelsight-slip").exists():
         return [missing(name, "accuracy", "", "no recordings: name their folder with --data")]
-    from taxel.bench.touch_encoder import _probe_set
     from taxel.evaluation.camera_trials.probe import commonest
-    from taxel.evaluation.camera_trials.simulated_trials import choose_trials, simulated_rows
+    from taxel.evaluation.camera_trials.simulated_trials import (
+        choose_trials,
+        real_rows,
+        simulated_rows,
+    )
+    from taxel.windows.camera_trials import read_camera_trials
 
-    folder = data / "gelsight-slip"
-    probed, encoder = _probe_set(folder), _encoder()
-    real = _real_rows(folder, probed, encoder)
-    trials = choose_trials(FIRST_CUP, CUPS, MOST)
+    found, encoder = read_camera_trials(data / "gelsight-slip"), _encoder()
     cache = _cache(encoder)
-    plain = simulated_rows(trials, encoder, cache)
-    copies = simulated_rows(trials, encoder, cache, change=1)
+    trials = choose_trials(FIRST_CUP, CUPS, MOST, cache)
+    plain, copies = simulated_rows(trials, encoder, cache)
+    real, probed = real_rows(found, encoder, cache), _probed(found)
     bar = commonest(probed.labelled, probed.split).probabilities
     rows = [_row(probed, "commonest class", bar[None], "")]
     domains = {}
@@ -188,10 +191,11 @@ def _painted(
 
 
 def _one_of_each(trials: Sequence[SimulatedTrial]) -> NDArray[np.intp]:
-    """Return the first trial of each cup and outcome."""
+    """Return the first trial of each outcome of the first cups."""
     first: dict[tuple[str, bool], int] = {}
     for at, trial in enumerate(trials):
-        first.setdefault((trial.cup, trial.slipped), at)
+        if trial.run.cup.index - FIRST_CUP < PAINTED_CUPS:
+            first.setdefault((trial.cup, trial.slipped), at)
     return np.array(sorted(first.values()), np.intp)
 
 
@@ -235,26 +239,17 @@ def _of_simulated(trials: Sequence[SimulatedTrial], *copies: Rows) -> Learning:
     return _learning(together.reshape(-1, together.shape[2]), y, cups)
 
 
-def _real_rows(folder: Path, probed: ProbeSet, encoder: nn.Module) -> dict[str, Rows]:
-    """Return feature → rows of gelsight-slip, shape (trials · crops, columns)."""
-    from taxel.evaluation.camera_trials.probe import pooled
-    from taxel.evaluation.camera_trials.probe_features import crop_features, gel_features
-    from taxel.evaluation.camera_trials.simulated_trials import CROP, GEL, GREY, TOUCH, grey_part
-    from taxel.training.features import default_cache
-    from taxel.training.trial_features import trial_rows
-    from taxel.windows.camera_trials import read_camera_trials
-    from taxel.windows.trial_crops import choose_layout
+def _probed(trials: Sequence[CameraTrial]) -> ProbeSet:
+    """Return labels, objects and folds of gelsight-slip."""
+    from taxel.evaluation.camera_trials.encoder_study import ProbeSet
+    from taxel.evaluation.camera_trials.sides import split_trials
 
-    trials = read_camera_trials(folder)
-    layout = choose_layout([trial.frames for trial in trials])
-    assert layout.crop == CROP
-    cut = trial_rows(trials, layout, ("pixels",), default_cache())
-    gel = crop_features(trials, [gel_features()], default_cache())[0]
-    return {
-        TOUCH: probed.rows_of(encoder),
-        GEL: pooled(gel),
-        GREY: grey_part(cut.rows["pixels"]),
-    }
+    y = np.array([trial.labels["outcome"] == "slip" for trial in trials]).astype(np.intp)
+    groups = [trial.groups for trial in trials]
+    return ProbeSet(
+        y=y, objects=np.array([own["object"] for own in groups]),
+        split=split_trials(groups, y, "group:object", 5, 0), videos=(),
+    )  # fmt: skip
 
 
 def _encoder() -> nn.Module:

@@ -29,11 +29,16 @@ from taxel.evaluation.camera_trials.simulated_trials import (
     SimulatedTrial,
     changed,
     choose_trials,
+    grey_rows,
     images_of,
+    real_rows,
     simulated_rows,
 )
 from taxel.models.backbones.touch import FEATURES
 from taxel.sim.cup_pour import simulate_pour
+from taxel.training.trial_blend import DIFFERENCES
+from taxel.windows.camera_trials import CameraTrial
+from taxel.windows.trial_crops import Scene, look_at, numbers_of, row_of
 
 
 class Mean(nn.Module):
@@ -104,10 +109,9 @@ def test_features_are_kept_and_changed_copies_are_kept_apart(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     monkeypatch.setattr(simulated_trials, "images_of", lambda trial: images)
-    plain = simulated_rows(trials[:1], Mean(), tmp_path)
-    other = simulated_rows(trials[:1], Mean(), tmp_path, change=1)
+    plain, other = simulated_rows(trials[:1], Mean(), tmp_path)
     monkeypatch.setattr(simulated_trials, "images_of", lambda trial: pytest.fail("looked again"))
-    again = simulated_rows(trials[:1], Mean(), tmp_path)
+    again, _ = simulated_rows(trials[:1], Mean(), tmp_path)
 
     assert {name: rows.shape for name, rows in plain.items()} == {
         name: (3, width) for name, width in WIDTHS.items()
@@ -115,6 +119,35 @@ def test_features_are_kept_and_changed_copies_are_kept_apart(
     for name, rows in plain.items():
         assert np.array_equal(rows, again[name])
         assert not np.array_equal(rows, other[name])
+
+
+def test_grey_differences_are_those_of_the_view_of_pixels(
+    images: list[list[NDArray[np.uint8]]],
+) -> None:
+    scenes = [Scene(own[:48], 25.0, 0.06) for own in images]
+    pixels = row_of(look_at(["pixels"], scenes))["pixels"]
+
+    expected = pixels[numbers_of("pixels", DIFFERENCES, 2)]
+
+    assert grey_rows(images)[0] == pytest.approx(expected, rel=1e-4, abs=1e-4)
+
+
+def test_real_trials_are_looked_at_as_simulated_ones_are(
+    images: list[list[NDArray[np.uint8]]], trials: list[SimulatedTrial], tmp_path: Path
+) -> None:
+    real = CameraTrial(
+        name="real", labels={}, groups={}, cameras=("left", "right"), frames=150, width=320,
+        height=240, rate_hz=25.0, mm_per_px=None, digest="0" * 64,
+        read=lambda camera: iter(images[camera]),
+    )  # fmt: skip
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(simulated_trials, "images_of", lambda trial: images)
+        simulated, _ = simulated_rows(trials[:1], Mean(), tmp_path)
+
+    found = real_rows([real], Mean(), tmp_path)
+
+    for name, rows in simulated.items():
+        assert np.array_equal(found[name], rows)
 
 
 def test_a_generator_sees_place_and_depth_and_its_image_has_our_cameras_size() -> None:

@@ -20,7 +20,6 @@ from torch import nn
 
 from taxel.evaluation.camera_trials.probe import Rows, pooled
 from taxel.evaluation.camera_trials.probe_features import gel_features, network_features
-from taxel.gel.slip_signal import USUAL_MM_PER_PX
 from taxel.models.backbones.touch import FEATURES as TOUCH_FEATURES
 from taxel.sim.cup_pour import CupPourConfig, Gel, list_runs, simulate_pour
 from taxel.sim.cups import Kind, Position, PourRun
@@ -28,7 +27,8 @@ from taxel.sources.pour_sets import simulate_videos
 from taxel.training.encoder.videos import STRETCHES, TouchVideo, chosen_frames, small
 from taxel.training.features import load_kept, save_kept
 from taxel.training.trial_blend import DIFFERENCES
-from taxel.windows.trial_crops import STATISTICS, Layout, Scene, look_at, numbers_of, row_of
+from taxel.windows.camera_trials import CameraTrial
+from taxel.windows.trial_crops import FAMILIES, LAG, STATISTICS, Layout, small_grey
 
 Image = NDArray[np.uint8]
 SEED: Final = 59
@@ -79,7 +79,9 @@ class SimulatedTrial:
         return f"{self.run.name}_gel-{self.gel}"
 
 
-def choose_trials(first_cup: int, cups: int, most: int) -> list[SimulatedTrial]:
+def choose_trials(
+    first_cup: int, cups: int, most: int, cache: Path | None = None
+) -> list[SimulatedTrial]:
     """Return trials of which each cup has as many that slipped as that held.
 
     Even cups have gels of version 1, odd ones of version 2: a cup moves alike in both.
@@ -88,6 +90,7 @@ def choose_trials(first_cup: int, cups: int, most: int) -> list[SimulatedTrial]:
         first_cup: Its number.
         cups: How many.
         most: Trials of each outcome that a cup may give.
+        cache: Folder to keep in how far each candidate slipped; None keeps nothing.
     """
     chosen = []
     for index in range(first_cup, first_cup + cups):
@@ -98,9 +101,9 @@ def choose_trials(first_cup: int, cups: int, most: int) -> list[SimulatedTrial]:
         runs = list_runs(config)
         order = np.random.default_rng((SEED, index)).permutation(len(runs))
         found: dict[bool, list[PourRun]] = {False: [], True: []}
+        slip_um = _slips(runs, None if cache is None else cache / f"slip-{index}.npy")
         for at in order.tolist():
-            truth = simulate_pour(runs[at], RATE_HZ, DURATION_S).truth
-            found[bool(truth[:, 0].max() > SLIPPED_UM)].append(runs[at])
+            found[bool(slip_um[at] > SLIPPED_UM)].append(runs[at])
         count = min(most, *(len(own) for own in found.values()))
         gel: Gel = 2 if index % 2 else 1
         chosen += [
@@ -109,6 +112,17 @@ def choose_trials(first_cup: int, cups: int, most: int) -> list[SimulatedTrial]:
             for run in own[:count]
         ]
     return chosen
+
+
+def _slips(runs: Sequence[PourRun], file: Path | None) -> NDArray[np.float32]:
+    """Return how far the cup slid at most in each run, micrometres."""
+    kept = None if file is None else load_kept(file, 1)
+    if kept is None or len(kept) != len(runs):
+        tracks = (simulate_pour(run, RATE_HZ, DURATION_S) for run in runs)
+        kept = np.array([[track.truth[:, 0].max()] for track in tracks], np.float32)
+        if file is not None:
+            save_kept(file, kept)
+    return kept[:, 0]
 
 
 def images_of(trial: SimulatedTrial) -> list[list[Image]]:
@@ -144,15 +158,17 @@ def _another_sensor(
     order = random.permutation(3) if random.random() < _REORDERED else np.arange(3)
     blur = random.uniform(0.3, _BLUR_PX) if random.random() < _BLURRED else 0.0
     height, width = images[0].shape[:2]
-    grain = random.normal(0, _NOISE, (height + _SPARE_PX, width + _SPARE_PX, 3)).astype(np.float32)
+    grain = random.normal(0, _NOISE, (height + _SPARE_PX, width + _SPARE_PX, 3)).astype(np.int16)
+    levels = np.arange(256)[:, None]
     for image in images:
-        own = np.flip(image, flips)[..., order].astype(np.float32)
-        own *= (gain * np.exp(_JITTER * random.normal())).astype(np.float32)
+        table = levels * gain * np.exp(_JITTER * random.normal()) + level
+        own = np.ascontiguousarray(np.flip(image, flips)[..., order])
+        own = np.asarray(cv2.LUT(own, table.clip(0, 255).astype(np.uint8)[None]), np.uint8)
         if blur:
-            own = np.asarray(cv2.GaussianBlur(own, (0, 0), blur), np.float32)
+            own = np.asarray(cv2.GaussianBlur(own, (0, 0), blur), np.uint8)
         top, left = random.integers(0, _SPARE_PX, 2)
-        own += grain[top : top + height, left : left + width] + np.float32(level)
-        yield np.asarray(own.clip(0, 255), np.uint8)
+        noise = grain[top : top + height, left : left + width]
+        yield np.asarray(cv2.add(own, noise, dtype=cv2.CV_8U), np.uint8)
 
 
 def eight_moments(frames: int) -> NDArray[np.intp]:
@@ -192,51 +208,93 @@ def gel_rows(eight: Sequence[Sequence[Sequence[Image]]]) -> Rows:
 
 
 def grey_rows(cameras: Sequence[Sequence[Image]]) -> Rows:
-    """Return crops as grey differences, shape (crops, columns): what the blend's members see."""
-    layout = Layout(CROP, STRETCHES)
+    """Return crops as grey differences, shape (crops, columns): what the blend's members see.
+
+    The same numbers as `DIFFERENCES` of the view "pixels", without its flow, which takes most of
+    its time.
+    """
     rows = []
-    for start in layout.starts(len(cameras[0])):
-        scenes = [
-            Scene(images[start : start + CROP], RATE_HZ, USUAL_MM_PER_PX) for images in cameras
-        ]
-        rows.append(row_of(look_at(["pixels"], scenes))["pixels"])
-    return grey_part(np.stack(rows))
+    for start in Layout(CROP, STRETCHES).starts(len(cameras[0])):
+        courses = [_differences(images[start : start + CROP]) for images in cameras]
+        each = FAMILIES["pixels"].sum_up(np.stack(courses, axis=1))
+        rows.append(np.stack([each.max(axis=0), each.min(axis=0)]).ravel())
+    return np.stack(rows).astype(np.float32)
 
 
-def grey_part(pixels: Rows) -> Rows:
-    """Return the grey differences among the numbers of the view "pixels" of two cameras."""
-    return pixels[:, numbers_of("pixels", DIFFERENCES, 2)]
+def _differences(images: Sequence[Image]) -> NDArray[np.float32]:
+    """Return grey differences to the frame before, to the first and to the fifth before, shape
+    (frames, 3), 0…255.
+    """
+    greys = [small_grey(image) for image in images]
+    each = [
+        [cv2.absdiff(grey, greys[max(0, other)]).mean() for other in (at - 1, 0, at - LAG)]
+        for at, grey in enumerate(greys)
+    ]
+    return np.array(each, np.float32)
+
+
+def trial_rows_of(images: Sequence[Sequence[Image]], module: nn.Module) -> Rows:
+    """Return a trial's crops seen by all features side by side, in the order of `WIDTHS`.
+
+    Args:
+        images: A list a camera.
+        module: The touch encoder.
+    """
+    eight = eight_of(images)
+    return np.hstack([touch_rows(eight, module), gel_rows(eight), grey_rows(images)])
+
+
+def parted(rows: Sequence[Rows]) -> dict[str, Rows]:
+    """Return feature → rows of all trials, of what `trial_rows_of` gave of each."""
+    ends = np.cumsum(list(WIDTHS.values()))[:-1]
+    return dict(zip(WIDTHS, np.split(np.concatenate(rows), ends, axis=1), strict=True))
 
 
 def simulated_rows(
     trials: Sequence[SimulatedTrial],
     module: nn.Module,
     cache: Path,
-    change: int = 0,
     on_trial: Callable[[int, int], None] = lambda done, of: None,
-) -> dict[str, Rows]:
-    """Return feature → rows, shape (trials · crops, columns), kept on disk.
+) -> tuple[dict[str, Rows], dict[str, Rows]]:
+    """Return feature → rows, shape (trials · crops, columns), as they are and plainly changed.
 
     Args:
         trials: What to look at.
         module: The touch encoder.
         cache: Folder of this encoder, this version of the simulator and these features.
-        change: Number of the plainly changed copy; 0 leaves images as they are.
         on_trial: Called with trials done and in all.
     """
+    found: tuple[list[Rows], list[Rows]] = [], []
+    width = sum(WIDTHS.values())
+    for done, trial in enumerate(trials, start=1):
+        file = cache / f"{trial.name}.npy"
+        both = load_kept(file, width)
+        if both is None:
+            images = images_of(trial)
+            copy = changed(images, (SEED, trial.run.seed))
+            both = np.concatenate([trial_rows_of(each, module) for each in (images, copy)])
+            save_kept(file, both)
+        for kept, rows in zip(found, np.split(both, 2), strict=True):
+            kept.append(rows)
+        on_trial(done, len(trials))
+    return parted(found[0]), parted(found[1])
+
+
+def real_rows(
+    trials: Sequence[CameraTrial],
+    module: nn.Module,
+    cache: Path,
+    on_trial: Callable[[int, int], None] = lambda done, of: None,
+) -> dict[str, Rows]:
+    """Return feature → rows of real trials at 25 images a second, as `simulated_rows` does."""
     found = []
     for done, trial in enumerate(trials, start=1):
-        file = cache / f"{trial.name}-{change}.npy"
+        file = cache / f"{trial.digest[:32]}.npy"
         rows = load_kept(file, sum(WIDTHS.values()))
         if rows is None:
-            images = images_of(trial)
-            if change:
-                images = changed(images, (SEED, trial.run.seed, change))
-            eight = eight_of(images)
-            rows = np.hstack([touch_rows(eight, module), gel_rows(eight), grey_rows(images)])
+            images = [list(trial.read(camera)) for camera in range(len(trial.cameras))]
+            rows = trial_rows_of(images, module)
             save_kept(file, rows)
         found.append(rows)
         on_trial(done, len(trials))
-    ends = np.cumsum(list(WIDTHS.values()))[:-1]
-    parts = np.split(np.concatenate(found), ends, axis=1)
-    return dict(zip(WIDTHS, parts, strict=True))
+    return parted(found)
