@@ -4,9 +4,19 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from torch import nn
 
 from taxel.bench import sim_to_real
-from taxel.bench.sim_to_real import _Domains, _feature_rows, _one_of_each, sim_to_real_rows
+from taxel.bench.sim_to_real import (
+    _Domains,
+    _feature_rows,
+    _one_of_each,
+    _painted,
+    _Study,
+    painted_study_rows,
+    sim_to_real_rows,
+)
+from taxel.evaluation.camera_trials import cycle_gan
 from taxel.evaluation.camera_trials.encoder_study import ProbeSet
 from taxel.evaluation.camera_trials.sides import split_trials
 from taxel.evaluation.camera_trials.simulated_trials import SimulatedTrial
@@ -79,10 +89,37 @@ def test_nothing_is_fetched_where_the_wheel_is_missing(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv("TAXEL_CACHE", str(tmp_path))
-    real = made(0.0, 0)
-    probed = ProbeSet(y=real.y, objects=real.groups, split=None, videos=())  # type: ignore[arg-type]
 
-    (row,) = sim_to_real._painted(probed, [], {}, None, tmp_path, lambda line: None)  # type: ignore[arg-type]
+    (row,) = painted_study_rows(None)
 
     assert row.value is None
     assert "pip download" in row.note
+
+
+def test_painted_crops_stand_beside_our_own_of_the_same_crops(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    runs = list_runs(CupPourConfig(cups=3, first_cup=300, forces_n=(15.0,), kinds=("pour",)))
+    trials = [SimulatedTrial(run, 1, at % 2 == 0) for at, run in enumerate(runs)]
+    real, simulated = made(50.0, 0), made(0.0, 1)
+    groups = [{"object": str(name)} for name in real.groups]
+    split = split_trials(groups, real.y, "group:object", 2, 0)
+    probed = ProbeSet(y=real.y, objects=real.groups, split=split, videos=())
+    own = Learning(
+        simulated.rows[: 3 * len(trials)], np.repeat(np.arange(len(trials)), 3),
+        np.array([trial.slipped for trial in trials]).astype(np.intp),
+        np.array([trial.cup for trial in trials]), 2,
+    )  # fmt: skip
+    study = _Study(probed, trials, {"made": _Domains(real, own, own)}, nn.Identity(), tmp_path)
+    kept = _one_of_each(trials)
+    monkeypatch.setattr(cycle_gan, "read_generator", lambda wheel: nn.Identity())
+    monkeypatch.setattr(cycle_gan, "paint", lambda generator, depths: depths)
+    monkeypatch.setattr(
+        cycle_gan, "painted_rows", lambda *_: {"made": own.rows.reshape(-1, 3, 5)[kept, 1]}
+    )
+
+    rows = _painted(study, tmp_path, lambda line: None)
+
+    assert [row.name.split(", ")[-1] for row in rows] == ["our images", "CycleGAN"] * 2
+    assert rows[0].value == rows[1].value
+    assert f"{16 * len(kept)} images" in rows[1].note

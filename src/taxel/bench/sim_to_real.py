@@ -34,8 +34,9 @@ FIRST_CUP, CUPS, MOST = 300, 16, 4
 """Cups, and trials of each outcome that a cup may give. Source: our choice, decision 59."""
 FEW, DRAWS = (1, 5), 3
 """Labelled objects, and how often they are drawn a fold."""
-MIDDLE_CROP, PAINTED_CUPS = 1, 10
+MIDDLE_CROP, PAINTED_CUPS = 1, 6
 """Painted by the generator: one of a trial's three crops, of the first cups."""
+NO_DATA = "no recordings: name their folder with --data"
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,14 +49,56 @@ class _Domains:
     """The same trials, and a plainly changed copy of each."""
 
 
+@dataclass(frozen=True, slots=True)
+class _Study:
+    """All that is learned from and tested on."""
+
+    probed: ProbeSet
+    trials: Sequence[SimulatedTrial]
+    domains: Mapping[str, _Domains]
+    """By kind of features."""
+    encoder: nn.Module
+    cache: Path
+
+
 def sim_to_real_rows(
     data: Path | None, on_step: Callable[[str], None] = lambda line: None
 ) -> list[Row]:
     """Learn from simulated trials, alone and beside few or all real objects; test by object."""
-    name = f"{NAME}: simulation alone"
-    if data is None or not (data / "gelsight-slip").exists():
-        return [missing(name, "accuracy", "", "no recordings: name their folder with --data")]
     from taxel.evaluation.camera_trials.probe import commonest
+
+    study = _study(data)
+    if study is None:
+        return [missing(f"{NAME}: simulation alone", "accuracy", "", NO_DATA)]
+    probed = study.probed
+    bar = commonest(probed.labelled, probed.split).probabilities
+    rows = [_row(probed, "commonest class", bar[None], "")]
+    for feature, domains in study.domains.items():
+        rows += _feature_rows(probed, feature, domains, on_step)
+    return rows
+
+
+def painted_study_rows(
+    data: Path | None, on_step: Callable[[str], None] = lambda line: None
+) -> list[Row]:
+    """The same from images that the generator of tactile-mnist paints, where its wheel is there."""
+    from taxel.evaluation.camera_trials.cycle_gan import WHEEL
+    from taxel.training.features import default_cache
+
+    name, wheel = f"{NAME}: CycleGAN images alone", default_cache() / "wheels" / WHEEL
+    if not wheel.is_file():
+        why = f"no wheels/{WHEEL} in the cache: pip download --no-deps tactile-mnist==0.13"
+        return [missing(name, "accuracy", "", why)]
+    study = _study(data)
+    if study is None:
+        return [missing(name, "accuracy", "", NO_DATA)]
+    return _painted(study, wheel, on_step)
+
+
+def _study(data: Path | None) -> _Study | None:
+    """Return the study's trials as rows; None without the recordings."""
+    if data is None or not (data / "gelsight-slip").exists():
+        return None
     from taxel.evaluation.camera_trials.simulated_trials import (
         choose_trials,
         real_rows,
@@ -68,17 +111,15 @@ def sim_to_real_rows(
     trials = choose_trials(FIRST_CUP, CUPS, MOST, cache)
     plain, copies = simulated_rows(trials, encoder, cache)
     real, probed = real_rows(found, encoder, cache), _probed(found)
-    bar = commonest(probed.labelled, probed.split).probabilities
-    rows = [_row(probed, "commonest class", bar[None], "")]
-    domains = {}
-    for feature, own in real.items():
-        domains[feature] = _Domains(
+    domains = {
+        feature: _Domains(
             _learning(own, probed.y, probed.objects),
             _of_simulated(trials, plain[feature]),
             _of_simulated(trials, plain[feature], copies[feature]),
         )
-        rows += _feature_rows(probed, feature, domains[feature], on_step)
-    return rows + _painted(probed, trials, domains, encoder, cache, on_step)
+        for feature, own in real.items()
+    }
+    return _Study(probed, trials, domains, encoder, cache)
 
 
 def _feature_rows(
@@ -142,37 +183,26 @@ def _on_training_objects(probed: ProbeSet, domains: _Domains) -> dict[Ranking, s
     return found
 
 
-def _painted(
-    probed: ProbeSet,
-    trials: Sequence[SimulatedTrial],
-    domains: Mapping[str, _Domains],
-    encoder: nn.Module,
-    cache: Path,
-    on_step: Callable[[str], None],
-) -> list[Row]:
-    """Return what the generator of tactile-mnist adds, beside our own images of the same crops."""
-    from taxel.evaluation.camera_trials.cycle_gan import WHEEL, paint, painted_rows, read_generator
+def _painted(study: _Study, wheel: Path, on_step: Callable[[str], None]) -> list[Row]:
+    """Return what the generator's images are worth, beside our own images of the same crops."""
+    from taxel.evaluation.camera_trials.cycle_gan import paint, painted_rows, read_generator
     from taxel.evaluation.camera_trials.sim_to_real import transfer
-    from taxel.training.features import default_cache
 
-    wheel = default_cache() / "wheels" / WHEEL
-    if not wheel.is_file():
-        why = f"no wheels/{WHEEL} in the cache: pip download --no-deps tactile-mnist==0.13"
-        return [missing(f"{NAME}: CycleGAN images alone", "accuracy", "", why)]
+    probed, trials = study.probed, study.trials
     generator = read_generator(wheel)
     started = process_time()
     paint(generator, np.zeros((2, 120, 160), np.float32))
     spent_s = (process_time() - started) / 2
     kept = _one_of_each(trials)
     images = painted_rows(
-        generator, [trials[at] for at in kept], MIDDLE_CROP, encoder, cache,
+        generator, [trials[at] for at in kept], MIDDLE_CROP, study.encoder, study.cache,
         lambda done, of: on_step(f"painting {done}/{of}"),
     )  # fmt: skip
     y = np.array([trials[at].slipped for at in kept]).astype(np.intp)
     cups = np.array([trials[at].cup for at in kept])
     rows = []
     for feature, painted in images.items():
-        own = domains[feature]
+        own = study.domains[feature]
         ours = own.simulated.rows.reshape(len(trials), -1, painted.shape[1])[kept, MIDDLE_CROP]
         sets = {"our images": _learning(ours, y, cups), "CycleGAN": _learning(painted, y, cups)}
         for objects, beside in ((0, "alone"), (None, "and all real training objects")):

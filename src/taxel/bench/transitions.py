@@ -57,7 +57,8 @@ def full_steps(data: Path | None) -> list[tuple[str, Measure]]:
         ("slip signal of real touch", lambda: slip_signal(data)),
         ("touch encoder: cost", encoder_cost),
         ("touch encoder: probe", lambda: encoder_probe(data)),
-        ("sim to real", lambda: sim_to_real(data)),
+        ("sim to real: labels", lambda: sim_to_real(data)),
+        ("sim to real: CycleGAN", lambda: sim_to_real_painted(data)),
         ("slip warning", slip_warning),
         ("warnings on gel 2", warnings_on_layers),
         ("warnings by kind", warnings_by_kind),
@@ -271,6 +272,13 @@ def sim_to_real(data: Path | None) -> list[Row]:
     from taxel.bench.sim_to_real import sim_to_real_rows
 
     return sim_to_real_rows(data)
+
+
+def sim_to_real_painted(data: Path | None) -> list[Row]:
+    """The same from simulated gels that somebody else's CycleGAN paints."""
+    from taxel.bench.sim_to_real import painted_study_rows
+
+    return painted_study_rows(data)
 
 
 def slip_live_path() -> list[Row]:
