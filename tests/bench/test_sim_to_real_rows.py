@@ -8,6 +8,7 @@ from torch import nn
 
 from taxel.bench import sim_to_real
 from taxel.bench.sim_to_real import (
+    _Both,
     _Domains,
     _feature_rows,
     _one_of_each,
@@ -16,7 +17,7 @@ from taxel.bench.sim_to_real import (
     painted_study_rows,
     sim_to_real_rows,
 )
-from taxel.evaluation.camera_trials import cycle_gan
+from taxel.evaluation.camera_trials import cycle_gan, simulated_trials
 from taxel.evaluation.camera_trials.encoder_study import ProbeSet
 from taxel.evaluation.camera_trials.sides import split_trials
 from taxel.evaluation.camera_trials.simulated_trials import SimulatedTrial
@@ -36,7 +37,7 @@ def made(level: float, seed: int, crops: int = 3) -> Learning:
 
 
 def test_without_recordings_the_row_says_so() -> None:
-    (row,) = sim_to_real_rows(None)
+    (row,) = sim_to_real_rows("touch encoder", None)
 
     assert row.value is None
     assert "--data" in row.note
@@ -110,7 +111,8 @@ def test_painted_crops_stand_beside_our_own_of_the_same_crops(
         np.array([trial.slipped for trial in trials]).astype(np.intp),
         np.array([trial.cup for trial in trials]), 2,
     )  # fmt: skip
-    study = _Study(probed, trials, {"made": _Domains(real, own, own)}, nn.Identity(), tmp_path)
+    study = _Study(probed, [], trials, {"made": _Both(own.rows, own.rows)}, nn.Identity(), tmp_path)
+    monkeypatch.setattr(simulated_trials, "real_rows", lambda *_: real.rows)
     kept = _one_of_each(trials)
     monkeypatch.setattr(cycle_gan, "read_generator", lambda wheel: nn.Identity())
     monkeypatch.setattr(cycle_gan, "paint", lambda generator, depths: depths)

@@ -10,6 +10,7 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
 from time import process_time
 from typing import TYPE_CHECKING
@@ -51,31 +52,56 @@ class _Domains:
 
 @dataclass(frozen=True, slots=True)
 class _Study:
-    """All that is learned from and tested on."""
+    """Who is tested, and what is learned from."""
 
     probed: ProbeSet
+    found: Sequence[CameraTrial]
     trials: Sequence[SimulatedTrial]
-    domains: Mapping[str, _Domains]
+    simulated: Mapping[str, _Both]
     """By kind of features."""
     encoder: nn.Module
     cache: Path
 
+    def domains(self, features: str) -> _Domains:
+        """Return both worlds seen by some features; real images are looked at once and kept."""
+        from taxel.evaluation.camera_trials.simulated_trials import real_rows
+
+        own = self.simulated[features]
+        real = real_rows(self.found, features, self.encoder, self.cache)
+        return _Domains(
+            _learning(real, self.probed.y, self.probed.objects),
+            _of_simulated(self.trials, own.plain),
+            _of_simulated(self.trials, own.plain, own.changed),
+        )
+
+
+@dataclass(frozen=True, slots=True)
+class _Both:
+    """Rows of simulated trials, as they are and changed."""
+
+    plain: Rows
+    changed: Rows
+
 
 def sim_to_real_rows(
-    data: Path | None, on_step: Callable[[str], None] = lambda line: None
+    features: str, data: Path | None, on_step: Callable[[str], None] = lambda line: None
 ) -> list[Row]:
-    """Learn from simulated trials, alone and beside few or all real objects; test by object."""
+    """Learn from simulated trials, alone and beside few or all real objects; test by object.
+
+    Args:
+        features: "touch encoder", "gel features" or "grey differences".
+        data: Folder that holds gelsight-slip; None says that it is missing.
+        on_step: Called with a line at each fold.
+    """
     from taxel.evaluation.camera_trials.probe import commonest
 
     study = _study(data)
     if study is None:
-        return [missing(f"{NAME}: simulation alone", "accuracy", "", NO_DATA)]
+        return [missing(f"{NAME}: {features}, simulation alone", "accuracy", "", NO_DATA)]
     probed = study.probed
     bar = commonest(probed.labelled, probed.split).probabilities
-    rows = [_row(probed, "commonest class", bar[None], "")]
-    for feature, domains in study.domains.items():
-        rows += _feature_rows(probed, feature, domains, on_step)
-    return rows
+    rows = _feature_rows(probed, features, study.domains(features), on_step)
+    return [_row(probed, "commonest class", bar[None], ""), *rows]
 
 
 def painted_study_rows(
@@ -95,31 +121,20 @@ def painted_study_rows(
     return _painted(study, wheel, on_step)
 
 
+@cache
 def _study(data: Path | None) -> _Study | None:
-    """Return the study's trials as rows; None without the recordings."""
+    """Return the study's trials; None without the recordings."""
     if data is None or not (data / "gelsight-slip").exists():
         return None
-    from taxel.evaluation.camera_trials.simulated_trials import (
-        choose_trials,
-        real_rows,
-        simulated_rows,
-    )
+    from taxel.evaluation.camera_trials.simulated_trials import choose_trials, simulated_rows
     from taxel.windows.camera_trials import read_camera_trials
 
     found, encoder = read_camera_trials(data / "gelsight-slip"), _encoder()
-    cache = _cache(encoder)
-    trials = choose_trials(FIRST_CUP, CUPS, MOST, cache)
-    plain, copies = simulated_rows(trials, encoder, cache)
-    real, probed = real_rows(found, encoder, cache), _probed(found)
-    domains = {
-        feature: _Domains(
-            _learning(own, probed.y, probed.objects),
-            _of_simulated(trials, plain[feature]),
-            _of_simulated(trials, plain[feature], copies[feature]),
-        )
-        for feature, own in real.items()
-    }
-    return _Study(probed, trials, domains, encoder, cache)
+    folder = _cache(encoder)
+    trials = choose_trials(FIRST_CUP, CUPS, MOST, folder)
+    plain, copies = simulated_rows(trials, encoder, folder)
+    both = {features: _Both(rows, copies[features]) for features, rows in plain.items()}
+    return _Study(_probed(found), found, trials, both, encoder, folder)
 
 
 def _feature_rows(
@@ -202,7 +217,7 @@ def _painted(study: _Study, wheel: Path, on_step: Callable[[str], None]) -> list
     cups = np.array([trials[at].cup for at in kept])
     rows = []
     for feature, painted in images.items():
-        own = study.domains[feature]
+        own = study.domains(feature)
         ours = own.simulated.rows.reshape(len(trials), -1, painted.shape[1])[kept, MIDDLE_CROP]
         sets = {"our images": _learning(ours, y, cups), "CycleGAN": _learning(painted, y, cups)}
         for objects, beside in ((0, "alone"), (None, "and all real training objects")):

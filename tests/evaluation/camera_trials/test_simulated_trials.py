@@ -133,21 +133,25 @@ def test_grey_differences_are_those_of_the_view_of_pixels(
 
 
 def test_real_trials_are_looked_at_as_simulated_ones_are(
-    images: list[list[NDArray[np.uint8]]], trials: list[SimulatedTrial], tmp_path: Path
+    images: list[list[NDArray[np.uint8]]],
+    trials: list[SimulatedTrial],
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     real = CameraTrial(
         name="real", labels={}, groups={}, cameras=("left", "right"), frames=150, width=320,
         height=240, rate_hz=25.0, mm_per_px=None, digest="0" * 64,
         read=lambda camera: iter(images[camera]),
     )  # fmt: skip
+    monkeypatch.setenv("TAXEL_CACHE", str(tmp_path))
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(simulated_trials, "images_of", lambda trial: images)
         simulated, _ = simulated_rows(trials[:1], Mean(), tmp_path)
 
-    found = real_rows([real], Mean(), tmp_path)
-
     for name, rows in simulated.items():
-        assert np.array_equal(found[name], rows)
+        found = real_rows([real], name, Mean(), tmp_path)
+        assert found == pytest.approx(rows, rel=1e-4, abs=1e-4)
+        assert np.array_equal(found, real_rows([real], name, Mean(), tmp_path))
 
 
 def test_a_generator_sees_place_and_depth_and_its_image_has_our_cameras_size() -> None:

@@ -19,16 +19,21 @@ from numpy.typing import NDArray
 from torch import nn
 
 from taxel.evaluation.camera_trials.probe import Rows, pooled
-from taxel.evaluation.camera_trials.probe_features import gel_features, network_features
+from taxel.evaluation.camera_trials.probe_features import (
+    crop_features,
+    gel_features,
+    network_features,
+)
 from taxel.models.backbones.touch import FEATURES as TOUCH_FEATURES
 from taxel.sim.cup_pour import CupPourConfig, Gel, list_runs, simulate_pour
 from taxel.sim.cups import Kind, Position, PourRun
 from taxel.sources.pour_sets import simulate_videos
 from taxel.training.encoder.videos import STRETCHES, TouchVideo, chosen_frames, small
-from taxel.training.features import load_kept, save_kept
+from taxel.training.features import default_cache, load_kept, save_kept
 from taxel.training.trial_blend import DIFFERENCES
+from taxel.training.trial_features import trial_rows
 from taxel.windows.camera_trials import CameraTrial
-from taxel.windows.trial_crops import FAMILIES, LAG, STATISTICS, Layout, small_grey
+from taxel.windows.trial_crops import FAMILIES, LAG, STATISTICS, Layout, numbers_of, small_grey
 
 Image = NDArray[np.uint8]
 SEED: Final = 59
@@ -282,19 +287,37 @@ def simulated_rows(
 
 def real_rows(
     trials: Sequence[CameraTrial],
+    features: str,
     module: nn.Module,
     cache: Path,
     on_trial: Callable[[int, int], None] = lambda done, of: None,
-) -> dict[str, Rows]:
-    """Return feature → rows of real trials at 25 images a second, as `simulated_rows` does."""
+) -> Rows:
+    """Return one kind of features of real trials at 25 images a second, as of simulated ones.
+
+    Args:
+        trials: None shorter than a crop.
+        features: In `WIDTHS`.
+        module: The touch encoder.
+        cache: As for `simulated_rows`.
+        on_trial: Called with trials done and in all.
+    """
+    if features == GREY:
+        cut = trial_rows(trials, Layout(CROP, STRETCHES), ("pixels",), default_cache(), on_trial)
+        return cut.rows["pixels"][:, numbers_of("pixels", DIFFERENCES, 2)]
+    if features == GEL:
+        return pooled(crop_features(trials, [gel_features()], default_cache(), on_trial)[0])
     found = []
     for done, trial in enumerate(trials, start=1):
-        file = cache / f"{trial.digest[:32]}.npy"
-        rows = load_kept(file, sum(WIDTHS.values()))
+        file = cache / f"{trial.digest[:32]}-touch.npy"
+        rows = load_kept(file, WIDTHS[TOUCH])
         if rows is None:
-            images = [list(trial.read(camera)) for camera in range(len(trial.cameras))]
-            rows = trial_rows_of(images, module)
+            chosen = chosen_frames(trial.frames, trial.rate_hz)
+            eight = []
+            for camera in range(len(trial.cameras)):
+                images = trial.images(camera, chosen.ravel().tolist())
+                eight.append([[images[at] for at in own] for own in chosen.tolist()])
+            rows = touch_rows(eight, module)
             save_kept(file, rows)
         found.append(rows)
         on_trial(done, len(trials))
-    return parted(found)
+    return np.concatenate(found)
