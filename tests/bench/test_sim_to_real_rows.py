@@ -77,6 +77,25 @@ def test_each_training_set_has_a_row_and_gains_stand_beside(
     assert all("less real alone" in row.note for row in rows[4::2])
 
 
+def test_the_commonest_class_stands_first(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    real, simulated = made(50.0, 0), made(0.0, 1)
+    groups = [{"object": str(name)} for name in real.groups]
+    split = split_trials(groups, real.y, "group:object", 2, 0)
+    probed = ProbeSet(y=real.y, objects=real.groups, split=split, videos=())
+    runs = list_runs(CupPourConfig(cups=1, forces_n=(15.0,), kinds=("pour",)))
+    trials = [SimulatedTrial(runs[0], 1, bool(slipped)) for slipped in simulated.y]
+    both = {"made": _Both(simulated.rows, simulated.rows)}
+    study = _Study(probed, [], trials, both, nn.Identity(), tmp_path)
+    monkeypatch.setattr(sim_to_real, "_study", lambda data: study)
+    monkeypatch.setattr(sim_to_real, "_feature_rows", lambda *_: [])
+    monkeypatch.setattr(simulated_trials, "real_rows", lambda *_: real.rows)
+
+    (row,) = sim_to_real_rows("made", tmp_path)
+
+    assert row.name.endswith("commonest class")
+    assert row.value == 0.5
+
+
 def test_one_trial_of_each_outcome_of_the_first_cups_is_painted() -> None:
     runs = list_runs(CupPourConfig(cups=2, first_cup=300, forces_n=(15.0,), kinds=("pour",)))
     trials = [SimulatedTrial(run, 1, at % 2 == 0) for at, run in enumerate(runs)]

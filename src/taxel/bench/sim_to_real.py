@@ -93,13 +93,14 @@ def sim_to_real_rows(
         data: Folder that holds gelsight-slip; None says that it is missing.
         on_step: Called with a line at each fold.
     """
-    from taxel.evaluation.camera_trials.probe import commonest
+    from taxel.evaluation.camera_trials.probe import Labelled, commonest
 
     study = _study(data)
     if study is None:
         return [missing(f"{NAME}: {features}, simulation alone", "accuracy", "", NO_DATA)]
     probed = study.probed
-    bar = commonest(probed.labelled, probed.split).probabilities
+    labelled = Labelled(np.arange(len(probed.y)), probed.y, probed.objects)
+    bar = commonest(labelled, probed.split).probabilities
     rows = _feature_rows(probed, features, study.domains(features), on_step)
     return [_row(probed, "commonest class", bar[None], ""), *rows]
 
