@@ -20,7 +20,7 @@ from taxel.bench.sim_to_real import (
 from taxel.evaluation.camera_trials import cycle_gan, simulated_trials
 from taxel.evaluation.camera_trials.encoder_study import ProbeSet
 from taxel.evaluation.camera_trials.sides import split_trials
-from taxel.evaluation.camera_trials.simulated_trials import SimulatedTrial
+from taxel.evaluation.camera_trials.simulated_trials import GEL, GREY, SimulatedTrial
 from taxel.sim.cup_pour import CupPourConfig, list_runs
 from taxel.training.trial_blend import Learning
 
@@ -77,21 +77,24 @@ def test_each_training_set_has_a_row_and_gains_stand_beside(
     assert all("less real alone" in row.note for row in rows[4::2])
 
 
-def test_the_commonest_class_stands_first(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+def test_the_commonest_class_stands_in_one_step_only(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
     real, simulated = made(50.0, 0), made(0.0, 1)
     groups = [{"object": str(name)} for name in real.groups]
     split = split_trials(groups, real.y, "group:object", 2, 0)
     probed = ProbeSet(y=real.y, objects=real.groups, split=split, videos=())
     runs = list_runs(CupPourConfig(cups=1, forces_n=(15.0,), kinds=("pour",)))
     trials = [SimulatedTrial(runs[0], 1, bool(slipped)) for slipped in simulated.y]
-    both = {"made": _Both(simulated.rows, simulated.rows)}
+    both = dict.fromkeys((GREY, GEL), _Both(simulated.rows, simulated.rows))
     study = _Study(probed, [], trials, both, nn.Identity(), tmp_path)
     monkeypatch.setattr(sim_to_real, "_study", lambda data: study)
     monkeypatch.setattr(sim_to_real, "_feature_rows", lambda *_: [])
     monkeypatch.setattr(simulated_trials, "real_rows", lambda *_: real.rows)
 
-    (row,) = sim_to_real_rows("made", tmp_path)
+    (row,) = sim_to_real_rows(GREY, tmp_path)
 
+    assert not sim_to_real_rows(GEL, tmp_path)
     assert row.name.endswith("commonest class")
     assert row.value == 0.5
 

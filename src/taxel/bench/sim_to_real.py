@@ -94,15 +94,18 @@ def sim_to_real_rows(
         on_step: Called with a line at each fold.
     """
     from taxel.evaluation.camera_trials.probe import Labelled, commonest
+    from taxel.evaluation.camera_trials.simulated_trials import GREY
 
     study = _study(data)
     if study is None:
         return [missing(f"{NAME}: {features}, simulation alone", "accuracy", "", NO_DATA)]
     probed = study.probed
+    rows = _feature_rows(probed, features, study.domains(features), on_step)
+    if features != GREY:
+        return rows
     labelled = Labelled(np.arange(len(probed.y)), probed.y, probed.objects)
     bar = commonest(labelled, probed.split).probabilities
-    rows = _feature_rows(probed, features, study.domains(features), on_step)
-    return [_row(probed, "commonest class", bar[None], ""), *rows]
+    return [_row(probed, "commonest class", bar[None], ""), *rows]  # once, beside the first
 
 
 def painted_study_rows(
