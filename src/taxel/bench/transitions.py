@@ -57,6 +57,10 @@ def full_steps(data: Path | None) -> list[tuple[str, Measure]]:
         ("slip signal of real touch", lambda: slip_signal(data)),
         ("touch encoder: cost", encoder_cost),
         ("touch encoder: probe", lambda: encoder_probe(data)),
+        ("sim to real: grey differences", lambda: sim_to_real("grey differences", data)),
+        ("sim to real: touch encoder", lambda: sim_to_real("touch encoder", data)),
+        ("sim to real: gel features", lambda: sim_to_real("gel features", data)),
+        ("sim to real: CycleGAN", lambda: sim_to_real_painted(data)),
         ("slip warning", slip_warning),
         ("warnings on gel 2", warnings_on_layers),
         ("warnings on both gels", warnings_on_both_gels),
@@ -264,6 +268,20 @@ def encoder_probe(data: Path | None) -> list[Row]:
     from taxel.bench.touch_encoder import probe_rows
 
     return probe_rows(data)
+
+
+def sim_to_real(features: str, data: Path | None) -> list[Row]:
+    """Learn slip from simulated trials, alone and beside real objects, and test on real ones."""
+    from taxel.bench.sim_to_real import sim_to_real_rows
+
+    return sim_to_real_rows(features, data)
+
+
+def sim_to_real_painted(data: Path | None) -> list[Row]:
+    """The same from simulated gels that somebody else's CycleGAN paints."""
+    from taxel.bench.sim_to_real import painted_study_rows
+
+    return painted_study_rows(data)
 
 
 def slip_live_path() -> list[Row]:

@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 from torch import Tensor, nn
 
+from taxel.errors import BadDataset
 from taxel.evaluation.camera_trials.probe import Labelled, Probed, Rows, pooled, probe, probe_once
 from taxel.evaluation.camera_trials.probe_features import network_features
 from taxel.evaluation.camera_trials.sides import TrialSplit
@@ -33,6 +34,8 @@ FIRST: Final = EncoderConfig(epochs=5, steps=100)
 """In simulation. Source: our choice, for two cores."""
 FURTHER: Final = EncoderConfig(epochs=2, steps=50, learning_rate=1e-3)
 """From there on simulated and real images."""
+_TRIES: Final = 1000
+"""Draws of objects before it is said that none has every class. Source: our choice."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -157,6 +160,9 @@ def few_objects(
         objects: Labelled ones; every class is among them.
         draws: How often they are drawn.
         seed: Of the draws.
+
+    Raises:
+        BadDataset: No draw of so many objects has every class.
     """
     right = np.zeros((draws, len(probed.y)))
     for own, fold in zip(rows, probed.split.folds, strict=True):
@@ -164,20 +170,42 @@ def few_objects(
         test = learning.part(fold.test_rows)
         for draw in range(draws):
             random = np.random.default_rng((seed, draw))
-            part = learning.part(_few(probed, fold.train_rows, objects, random))
+            part = learning.part(
+                few_trials(probed.y, probed.objects, fold.train_rows, objects, random)
+            )
             found, _ = probe_once(part, test, seed)
             right[draw, fold.test_rows] = found.argmax(axis=1) == test.y
     by_draw = right.mean(axis=1)
     return float(by_draw.mean()), float(by_draw.std())
 
 
-def _few(
-    probed: ProbeSet, train: NDArray[np.intp], objects: int, random: np.random.Generator
+def few_trials(
+    y: NDArray[np.intp],
+    groups: NDArray[np.str_],
+    train: NDArray[np.intp],
+    objects: int,
+    random: np.random.Generator,
 ) -> NDArray[np.intp]:
-    """Return the trials of some objects in which every class is there."""
-    names = np.unique(probed.objects[train])
-    while True:
+    """Return the trials of some objects drawn among which every class is.
+
+    Args:
+        y: Shape (trials,): class.
+        groups: Shape (trials,): object.
+        train: Trials to draw from.
+        objects: How many; all of them where there are fewer.
+        random: What is drawn from.
+
+    Raises:
+        BadDataset: No such draw has every class.
+    """
+    names, classes = np.unique(groups[train]), set(y.tolist())
+    for _ in range(_TRIES):
         drawn = random.choice(names, min(objects, len(names)), replace=False)
-        kept = train[np.isin(probed.objects[train], drawn)]
-        if len(set(probed.y[kept].tolist())) == len(set(probed.y.tolist())):
+        kept = train[np.isin(groups[train], drawn)]
+        if set(y[kept].tolist()) == classes:
             return kept
+    raise BadDataset(
+        f"{objects} objects that have every class between them",
+        f"none in {_TRIES} draws from the {len(names)} objects of a training side",
+        "draw more objects, or record the missing class",
+    )
