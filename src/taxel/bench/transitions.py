@@ -259,7 +259,7 @@ def encoder_cost() -> list[Row]:
 
 
 def encoder_probe(data: Path | None) -> list[Row]:
-    """Pretrain the touch encoder without the test objects, and probe it beside others."""
+    """Probe the touch encoder that comes with taxel beside others."""
     from taxel.bench.touch_encoder import probe_rows
 
     return probe_rows(data)
