@@ -90,6 +90,7 @@ class Generator(nn.Module):
         self.model = nn.Sequential(*layers)
 
     def forward(self, images: Tensor) -> Tensor:
+        """Return images painted anew, of the same shape and range."""
         painted: Tensor = self.model(images)
         return painted
 

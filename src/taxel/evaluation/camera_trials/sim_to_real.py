@@ -79,7 +79,6 @@ def transfer(
     *,
     draws: int = 1,
     ranking: Ranking = "by domain",
-    seed: int = 0,
     on_step: Callable[[str], None] = lambda line: None,
 ) -> Found:
     """Return what is said of each fold's test trials, draw by draw.
@@ -92,7 +91,6 @@ def transfer(
         draws: How often few objects are drawn.
         ranking: Whose ranks columns are turned into. By domain, those of real rows come from all
             images of the fold's training objects, whose labels that does not need.
-        seed: Of draws and inner folds.
         on_step: Called with a line before each fold.
 
     Raises:
@@ -107,11 +105,11 @@ def transfer(
             if objects is None:
                 labelled = known
             elif objects:
-                random = np.random.default_rng((seed, draw))
+                random = np.random.default_rng((0, draw))
                 few = few_trials(real.y, real.groups, fold.train_rows, objects, random)
                 labelled = real.part(few)
             found[draw, fold.test_rows] = transfer_once(
-                simulated, labelled, known.rows, test, ranking, seed
+                simulated, labelled, known.rows, test, ranking
             )
     return found
 
