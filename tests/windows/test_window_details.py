@@ -51,7 +51,7 @@ def test_windows_have_a_row_and_move_on_by_one_at_least(steps: int, stride: int)
 def test_a_small_image_has_the_height_nearest_to_its_own_shape():
     wide = trial_crops._WIDTH
     image = np.zeros((3 * wide - 1, 4 * wide, 3), np.uint8)
-    assert trial_crops._small_grey(image).shape == (round((3 * wide - 1) / 4), wide)
+    assert trial_crops.small_grey(image).shape == (round((3 * wide - 1) / 4), wide)
     assert (3 * wide - 1) / 4 > round((3 * wide - 1) // 4) + 0.5
 
 
