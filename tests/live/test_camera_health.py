@@ -1,6 +1,5 @@
 """Claims about the watchers of cameras: frozen, gone and late are told in time, health never is."""
 
-
 import numpy as np
 import pytest
 

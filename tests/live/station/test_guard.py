@@ -376,3 +376,16 @@ def test_slip_that_one_monitor_measures_softens_nothing_that_another_warns_of():
         if other is not None:
             rig.decide("two", other)
         assert rig.run(0.5).force_n == least_n
+
+
+def test_a_still_slip_of_one_monitor_hides_no_advancing_slip_of_another():
+    rig = Rig("one", "two")
+    for name in rig.names:
+        rig.decide(name, note("STABLE"))
+    rig.run(0.2)
+    assert rig.guard.interlock.arm(rig.now_s) == ()
+    rig.decide("one", note("UNSTABLE", slip=slip(0.9)))
+    for number in range(6):
+        rig.decide("two", note("WARNING", slip=slip(0.12 * number)))
+        order = rig.run(0.2)
+    assert order.force_n == 50.0
