@@ -45,11 +45,16 @@ def store_mutants() -> None:
     _write(stored)
 
 
-def store_branches(found: Mapping[str, tuple[int, int]]) -> None:
-    """Store each part's branches, taken and of how many, and write the page."""
+def store_branches(found: Mapping[str, tuple[int, int]], command: str) -> None:
+    """Store each part's branches, taken and of how many, and write the page.
+
+    Args:
+        found: Of the parts that were measured; what is stored of others stays.
+        command: What measured them.
+    """
     stored = _read()
-    stored["branches"] = {
-        name: {"taken": taken, "of": of, "command": "make coverage", "commit": _commit()}
+    stored["branches"] |= {
+        name: {"taken": taken, "of": of, "command": command, "commit": _commit()}
         for name, (taken, of) in found.items()
     }
     _write(stored)
@@ -92,7 +97,8 @@ def page(stored: Mapping[str, Any]) -> str:
 
 
 def _code(text: str) -> str:
-    return "`" + " ".join(text.split()).replace("|", "\\|") + "`"
+    words = " ".join(text.split()).replace("|", "\\|")
+    return f"`{words}`" if words else "(removed)"
 
 
 def _shown(mutant: Mapping[str, str]) -> dict[str, str]:

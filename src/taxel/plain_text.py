@@ -12,6 +12,7 @@ from __future__ import annotations
 import hashlib
 import html
 import json
+import math
 import shlex
 from collections.abc import Sequence
 from typing import Any
@@ -85,6 +86,17 @@ def json_text(data: Any, indent: int | None = None) -> str:
         return text
     return "".join(c if c.isprintable() or c == "\n" else json.dumps(c)[1:-1] if c != "\x7f"
                    else "\\u007f" for c in text)  # fmt: skip
+
+
+def finite(data: Any) -> Any:
+    """Return data for `json_text`: each number that is not finite is None."""
+    if isinstance(data, float):
+        return data if math.isfinite(data) else None
+    if isinstance(data, dict):
+        return {key: finite(value) for key, value in data.items()}
+    if isinstance(data, list | tuple):
+        return [finite(value) for value in data]
+    return data
 
 
 def shell_words(*words: object) -> str:

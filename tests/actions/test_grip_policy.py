@@ -44,9 +44,11 @@ def test_a_warning_that_worsens_does_not_wait() -> None:
     assert policy.push(decided(Stability.UNSTABLE), 1.40) == 50.0
 
 
-def slipped(mm: float, *, seen: bool = True, state: Stability = Stability.UNSTABLE):
+def slipped(
+    mm: float, *, seen: bool = True, state: Stability = Stability.UNSTABLE, sd: float = 0.01
+) -> StabilityDecision:
     slip = Slip(
-        distance_mm=mm, rate_mm_s=0.0, compliance=0.0, distance_sd_mm=0.01, rate_sd_mm_s=0.1,
+        distance_mm=mm, rate_mm_s=0.0, compliance=0.0, distance_sd_mm=sd, rate_sd_mm_s=0.1,
         compliance_sd=0.1, seen=seen,
     )  # fmt: skip
     return StabilityDecision(state, "", 0.0, 0.95, slip, is_score=True)
@@ -64,15 +66,30 @@ def test_an_object_that_is_nearly_lost_gets_all_there_is_at_once() -> None:
     assert policy.push(slipped(1.0, state=Stability.WARNING), 1.0) == 50.0
 
 
-def test_after_a_monitor_that_began_anew_slip_counts_from_its_own_zero() -> None:
+def test_an_object_that_slides_back_or_a_monitor_that_begins_anew_holds_no_raise_up() -> None:
     policy = GripPolicy(15.0)
-    assert policy.push(slipped(0.6), 1.0) == 25.0
-    assert policy.push(slipped(0.0, state=Stability.STABLE), 1.5) == 25.0
-    assert policy.push(slipped(0.09), 2.0) == 25.0
-    assert policy.push(slipped(0.11), 2.1) == 35.0
+    forces = [policy.push(slipped(mm), t) for t, mm in ((1.0, 0.6), (1.2, 0.55), (1.4, 0.48))]
+    assert forces == [25.0, 25.0, 35.0]
+    assert policy.push(slipped(0.02), 2.0) == 45.0
 
 
-@pytest.mark.parametrize("lost", [slipped(0.3, seen=False), slipped(math.nan)])
+def test_each_alarm_raises_at_once_although_nothing_slipped_since_the_one_before() -> None:
+    policy = GripPolicy(15.0)
+    assert policy.push(slipped(0.2), 1.0) == 25.0
+    assert policy.push(slipped(0.2, state=Stability.STABLE), 2.0) == 25.0
+    assert policy.push(slipped(0.2), 3.0) == 35.0
+
+
+@pytest.mark.parametrize("time_s", [0.2, math.nan])
+def test_a_clock_set_back_or_broken_holds_no_raise_by_slip_up(time_s: float) -> None:
+    policy = GripPolicy(15.0)
+    policy.push(slipped(0.2), 1.0)
+    assert policy.push(slipped(0.31), time_s) == 35.0
+
+
+@pytest.mark.parametrize(
+    "lost", [slipped(0.3, seen=False), slipped(math.nan), slipped(0.2, sd=math.inf)]
+)
 def test_slip_that_cannot_be_followed_softens_nothing(lost: StabilityDecision) -> None:
     policy = GripPolicy(15.0)
     assert policy.push(slipped(0.2), 1.0) == 25.0

@@ -10,6 +10,7 @@ from taxel.bench.gel_warning import Warner, judge_rows, rendered
 from taxel.evaluation.early_warning.learn_slip_warning import rule_drive
 from taxel.gel.slip_signal import TURN_MM
 from taxel.sim.cup_pour import Gel
+from taxel.training.layer_poses import layer_pours
 from taxel.training.slip_cups import (
     TEST_CUPS,
     GelRows,
@@ -19,7 +20,7 @@ from taxel.training.slip_cups import (
     paper_runs,
     true_pours,
 )
-from taxel.training.slip_heads import PourFeatures, features_of
+from taxel.training.slip_heads import features_of
 
 
 def turns(cup: int, by_mm: float, gives_mm: float) -> PourRows:
@@ -30,7 +31,7 @@ def turns(cup: int, by_mm: float, gives_mm: float) -> PourRows:
     gel = GelRows(
         taken_s=taken_s, object=(by_mm + gives_mm) * share, gel=gives_mm * share,
         spread=np.zeros((125, 3)), seen=np.ones(125, np.bool_),
-        shown=np.minimum(np.arange(300) * 25 // 60, 124),
+        shown=np.minimum(np.arange(300) * 25 // 60, 124), rim=gives_mm * share / 2,
     )  # fmt: skip
     slip_um = 1000.0 * by_mm * np.clip(time_s - 1.0, 0.0, 1.0)
     return PourRows(run, time_s, slip_um, np.zeros(300, np.bool_), (gel, gel))
@@ -38,9 +39,7 @@ def turns(cup: int, by_mm: float, gives_mm: float) -> PourRows:
 
 def test_both_gels_are_judged_on_the_same_pours_and_only_one_row_pair_has_goals():
     pours = [turns(TEST_CUPS[number], by_mm, 0.1) for number, by_mm in enumerate((1.0, 0.0))]
-    found: dict[Gel, list[PourFeatures]] = {
-        gel: [features_of(pour) for pour in pours] for gel in (1, 2)
-    }
+    found: dict[Gel, list[PourRows]] = {1: pours, 2: pours}
     names = ("learned on gel 1, as shipped", "learned on gel 2")
     rows = judge_rows([Warner(name, rule_drive, 0.3, "") for name in names], found)
     named = {row.name: row for row in rows}
@@ -62,12 +61,12 @@ def test_only_parts_that_are_kept_with_both_gels_count(tmp_path):
     cup = TEST_CUPS[0]
     runs = paper_part(cup, 0)
     pours = [replace(turns(cup, 0.0, 0.1), run=run) for run in runs]
-    keep_runs(tmp_path / f"{cup}-paper-0.npz", runs, lambda _: pours)
+    keep_runs(tmp_path / f"{cup}-paper-0-rim.npz", runs, lambda _: pours)
     assert rendered(tmp_path) == {1: [], 2: []}
 
-    keep_runs(tmp_path / f"{cup}-paper-0-gel-2.npz", runs, lambda _: pours)
+    keep_runs(tmp_path / f"{cup}-paper-0-rim-gel-2.npz", runs, lambda _: pours)
     found = rendered(tmp_path)
-    assert [each.pour.run for each in found[1]] == [each.pour.run for each in found[2]] == runs
+    assert [each.run for each in found[1]] == [each.run for each in found[2]] == runs
 
 
 def test_nothing_rendered_is_no_row_with_a_value():
@@ -77,7 +76,7 @@ def test_nothing_rendered_is_no_row_with_a_value():
 
 def test_a_layer_changes_what_the_gel_does_and_neither_the_cup_nor_what_happens():
     runs = paper_runs(31_000)[:1]
-    (first,), (second,) = true_pours(runs), true_pours(runs, gel=2)
+    (first,), (second,) = true_pours(runs), layer_pours(runs)
 
     assert second.slip_um == pytest.approx(first.slip_um, abs=1e-6)
     for one, two in zip(first.gels, second.gels, strict=True):

@@ -57,6 +57,7 @@ def _slides(kind_number: int, by_mm: float) -> PourRows:
     gel = GelRows(
         taken_s=taken_s, object=moved, gel=np.zeros((125, 3)), spread=np.zeros((125, 3)),
         seen=np.ones(125, np.bool_), shown=np.minimum(np.arange(300) * 25 // 60, 124),
+        rim=np.zeros((125, 3)),
     )  # fmt: skip
     slip_um = 1000.0 * by_mm * np.clip(time_s - 1.0, 0.0, 1.0)
     return PourRows(run, time_s, slip_um, np.zeros(300, np.bool_), (gel, gel))

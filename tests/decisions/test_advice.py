@@ -24,6 +24,11 @@ def test_each_state_has_its_word(
     assert advise(state, raises=raises, at_limit=at_limit) is advice
 
 
+def test_of_a_gripper_of_which_no_limit_is_known_more_force_is_awaited() -> None:
+    assert advise(Stability.WARNING, raises=True) is Advice.HOLD_STILL
+    assert advise(Stability.WARNING) is Advice.GRIP_HARDER
+
+
 def test_a_graver_word_comes_at_once_and_a_milder_one_after_a_calm_stretch() -> None:
     adviser = Adviser()
     assert adviser.push(Advice.HOLD, 0.0).advice is Advice.HOLD

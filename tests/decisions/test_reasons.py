@@ -2,7 +2,11 @@
 
 import ast
 import re
+import runpy
+import warnings
 from pathlib import Path
+
+import pytest
 
 import taxel
 from taxel.decisions.reasons import REASONS, SIMULATED, kind_of, reference
@@ -26,6 +30,15 @@ def test_the_page_of_reference_is_that_of_the_table() -> None:
     page = ROOT.parents[1] / "docs" / "reference" / "unknown.md"
 
     assert page.read_text(encoding="utf-8") == reference()
+
+
+def test_the_command_that_the_page_names_writes_it(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    assert "`python -m taxel.decisions.reasons >" in reference()
+    with warnings.catch_warnings(action="ignore"):  # it is imported already
+        runpy.run_module("taxel.decisions.reasons", run_name="__main__")
+    assert capsys.readouterr().out == reference()
 
 
 def test_no_unknown_decision_is_made_with_words_of_its_own() -> None:

@@ -27,6 +27,18 @@ def test_a_clear_window_is_answered() -> None:
     assert found.confidence == pytest.approx(0.8)
 
 
+def test_a_window_of_which_nothing_is_said_is_whole() -> None:
+    assert Quality() == Quality(usable=1.0, saturated=0.0, span_s=(0.0, 0.0), filled=0.0)
+
+
+def test_of_several_contacts_each_ones_probabilities_add_up_to_one() -> None:
+    mean = np.log([[0.2, 0.3, 0.5], [0.6, 0.2, 0.2]])
+    joined = Joining().of_means(mean, np.array([1.0, 4.0]))
+    np.testing.assert_allclose(joined, np.exp(mean))
+    surer = Joining(power=1.0).of_means(mean, np.array([1.0, 2.0]))
+    np.testing.assert_allclose(surer[1], np.array([0.36, 0.04, 0.04]) / 0.44)
+
+
 @pytest.mark.parametrize(
     ("p", "usable", "saturated", "reason"),
     [

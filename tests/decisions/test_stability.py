@@ -42,6 +42,16 @@ def test_stable_is_earned() -> None:
     assert run([0.1, 0.11, 0.12, 0.13]) == [UNKNOWN, UNKNOWN, STABLE, STABLE]
 
 
+def test_what_a_monitor_weighs_is_a_probability_unless_somebody_says_that_it_is_a_score() -> None:
+    assert not calm().push(0.1, 0.3).is_score
+
+
+def test_a_probability_at_the_warning_limit_is_not_calm() -> None:
+    """Stable needs 0.2 s below 0.5: at 0.5 the calm stretch has ended."""
+    assert run([0.4, 0.41, 0.5, 0.42, 0.43]) == [UNKNOWN] * 5
+    assert run([0.4, 0.41, 0.49, 0.42, 0.43])[2:] == [STABLE] * 3
+
+
 def test_raising_waits_for_the_debounce() -> None:
     """0.2 s at or above 0.5, one glitch does not count."""
     assert run([0.1, 0.1, 0.1, 0.9, 0.1, 0.5, 0.6, 0.5])[3:] == [

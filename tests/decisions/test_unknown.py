@@ -71,6 +71,12 @@ def test_level_variance_and_change_are_what_they_are_called():
     np.testing.assert_allclose(np.exp(found[2]), change + 1e-6)
 
 
+def test_a_window_of_two_rows_has_the_change_between_them():
+    rows = np.array([[3.0, 4.0], [5.0, 4.5]])
+    found = Summary(plain(2, lag=1), 2, np.float64).of(rows).reshape(3, 2)
+    np.testing.assert_allclose(np.exp(found[2]), [2.0, 0.5], atol=2e-6)
+
+
 def test_a_window_of_one_row_has_no_change():
     found = Summary(plain(2, lag=4), 1, np.float64).of(np.array([[3.0, 4.0]])).reshape(3, 2)
     np.testing.assert_allclose(np.sinh(found[0]), [3.0, 4.0])
@@ -120,6 +126,11 @@ def test_several_labels_share_the_promise():
     one, two = NoveltyTest(level_only()), NoveltyTest(level_only(labels=("shape", "material")))
     assert one.p_window([96.5]) == pytest.approx(0.04)
     assert two.p_window([96.5, 1.0]) == pytest.approx(0.08)
+
+
+def test_for_what_is_usual_by_every_label_p_is_one_and_no_more():
+    two = NoveltyTest(level_only(labels=("shape", "material")))
+    assert two.p_window([1.0, 2.0]) == two.p_contact([0.05, 0.05], 4) == 1.0
 
 
 def test_a_contact_is_measured_against_contacts_of_at_most_as_many_windows():

@@ -89,6 +89,16 @@ def test_the_class_with_one_group_is_named_although_others_have_more() -> None:
         by_group(dataset, "shape", "session", 3, seed=0)
 
 
+def test_a_class_with_one_group_is_named_also_where_it_is_the_first_by_name() -> None:
+    dataset = make_dataset(sessions=5, one_session_a_class=True)
+    trials = tuple(
+        replace(trial, labels={"shape": trial.labels["shape"].replace("c2", "b2")})
+        for trial in dataset.trials
+    )
+    with pytest.raises(BadSplit, match=r"one \(s2\) for 'b2'"):
+        by_group(replace(dataset, trials=trials), "shape", "session", 3, seed=0)
+
+
 def test_windows_at_random_take_the_seed_and_the_one_after() -> None:
     dataset = make_dataset()
     y = dataset.class_numbers("shape")

@@ -18,15 +18,17 @@ SIZE = (60, 80)
 Write = Callable[[Path, list[NDArray[np.uint8]]], str]
 
 
-def trial_images(slips: bool, frames: int, seed: int, brightness: int) -> list[NDArray[np.uint8]]:
-    """One camera's images, shape (60, 80, 3), red first."""
+def trial_images(
+    slips: bool, frames: int, seed: int, brightness: int, speed: float = 1.2
+) -> list[NDArray[np.uint8]]:
+    """One camera's images, shape (60, 80, 3), red first; `speed` of a slip, pixels a frame."""
     rng = np.random.default_rng(seed)
     y, x = np.mgrid[: SIZE[0], : SIZE[1]].astype(np.float32)
     phase = rng.uniform(0, 6)
     images = []
     for number in range(frames):
         shake = 0.6 * np.sin(number / 3 + phase)
-        moved = max(0.0, number - frames / 2) * 1.2 if slips else 0.0
+        moved = max(0.0, number - frames / 2) * speed if slips else 0.0
         ground = brightness + 25 * np.sin((x + shake) / 2.5) * np.cos(y / 3)
         at = np.exp(-(((x - 30 - shake - moved) / 9) ** 2 + ((y - 30) / 12) ** 2))
         grey = ground + 70 * at + rng.normal(0, 1.0, SIZE)

@@ -264,6 +264,10 @@ def test_the_grip_is_raised_at_the_alarm_and_then_follows_the_slip_as_played() -
     assert first.force_n == DROPS.force_n + policy.slip_step_n
     assert held.preventable
     assert not held.held.dropped
+    deaf = replace(policy, slip_advance_mm=1e6, lost_mm=1e6)
+    ((once, _),) = play_alarms(track, [stability_at(0.5, 0.0)], config, deaf)
+    assert len(held.held.commands) > len(once.held.commands) == 1
+    assert held.held.slip_um < 0.6 * once.held.slip_um
     assert person.held.commands == ()
 
 

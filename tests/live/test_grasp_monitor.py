@@ -13,6 +13,7 @@ from taxel.bundles.grasp import (
     read_grasp_bundle,
     write_grasp_bundle,
 )
+from taxel.decisions.reasons import REASONS
 from taxel.decisions.stability import Stability, StabilityConfig
 from taxel.errors import BadBundle
 from taxel.live.grasp_monitor import GraspMonitor
@@ -120,6 +121,22 @@ def test_input_that_cannot_be_trusted_is_unknown(edge, fault: str) -> None:
         if fault != "frozen":
             assert state is Stability.UNKNOWN
     assert state is Stability.UNKNOWN
+
+
+class NoNumber:
+    """A network that has gone wrong: whatever it sees, its answer is not a number."""
+
+    def run(self, **_: np.ndarray) -> np.ndarray:
+        return np.full(1, np.nan, np.float32)
+
+
+def test_a_model_that_gives_no_number_is_unknown_with_that_reason(edge) -> None:
+    bundle, _, _, pours = edge
+    monitor = GraspMonitor(replace(bundle, head=NoNumber()), pours[0].cameras)
+    sets = list(frame_sets(pours[0].path, 2))[:60]
+    decisions = [monitor.push(frame_set).decision for frame_set in sets]
+    assert {decision.state for decision in decisions} == {Stability.UNKNOWN}
+    assert decisions[-1].reason == REASONS["nan"].say()
 
 
 def test_a_new_grasp_starts_afresh(edge) -> None:

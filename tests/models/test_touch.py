@@ -77,3 +77,10 @@ def test_the_card_and_the_page_list_all_that_it_saw() -> None:
         assert folder["folder"] in page
         assert folder["sha256"][:12] in page
         assert all(thing in page for thing in folder["groups"].get("object", ()))
+
+
+def test_it_saw_no_real_image_so_that_its_probe_on_real_objects_is_on_unseen_ones() -> None:
+    card = json.loads((READY / "touch.json").read_text())
+
+    assert card["began_from"] is None
+    assert all(folder["simulated"] for folder in card["seen"])

@@ -135,6 +135,7 @@ def test_a_sign_is_found_wherever_a_part_ends(at: int, tmp_path: Path, monkeypat
         assert recovery._find(found, b"SIGN", 0, at + 3) == -1
         assert recovery._find(found, b"SIGN", 0, at + 4) == at
         assert recovery._find(found, b"SIGN", 0, 10_000) == at
+        assert {recovery._find(found, b"SIGN", start) for start in range(at + 1)} == {at}
 
 
 def test_a_payload_is_given_where_its_record_fits_into_the_file(tmp_path: Path):
@@ -163,6 +164,7 @@ def index(count: int, size: int) -> bytes:
     (Opcode.FOOTER, bytes(19), False), (Opcode.SUMMARY_OFFSET, bytes(17), True),
     (Opcode.SUMMARY_OFFSET, bytes(16), False), (Opcode.MESSAGE, bytes(9), False),
     (Opcode.METADATA, bytes(9), True), (Opcode.METADATA, recovery._CHUNK_SIGN, False),
+    (Opcode.HEADER, recovery._CHUNK_SIGN, False), (Opcode.CHANNEL, recovery._CHUNK_SIGN, False),
     (Opcode.CHUNK_INDEX, recovery._CHUNK_SIGN, True), (200, bytes(9), False), (0, b"", False),
 ])  # fmt: skip
 def test_a_record_without_a_crc_is_sound_where_its_lengths_agree(opcode, payload, sound):
@@ -240,3 +242,39 @@ def test_what_follows_a_first_recording_s_end_is_saved_too(finished, tmp_path: P
     assert report.was_complete
     assert 0 < shares[0] < shares[-1] <= 1
     assert np.all(np.diff(shares) > 0)
+
+
+def test_a_first_recording_whose_last_bytes_are_gone_hides_no_second(finished, tmp_path: Path):
+    """Its footer is sound; what follows is zeros, as a disk leaves them, and no end of the file."""
+    content = finished.read_bytes()
+    (tmp_path / "a.mcap").write_bytes(content[: -len(MAGIC)] + bytes(100) + content)
+    report = recover(tmp_path / "a.mcap", tmp_path / "b.mcap")
+
+    assert (report.scans, report.marks, report.chunks) == (240, 2, 14)
+    assert report.was_complete
+
+
+def test_what_a_killed_recovery_left_is_in_nobody_s_way(finished, tmp_path: Path):
+    (tmp_path / "b.recovering").write_bytes(b"half")
+    assert recover(finished, tmp_path / "b.mcap").scans == 120
+    assert not (tmp_path / "b.recovering").exists()
+
+
+def test_a_recovery_that_is_interrupted_ends_by_that_and_leaves_nothing(finished, tmp_path: Path):
+    def interrupt(share: float) -> None:
+        raise KeyboardInterrupt
+
+    folder = tmp_path / "new"
+    folder.mkdir()
+    with pytest.raises(KeyboardInterrupt):
+        recover(finished, folder / "b.mcap", progress=interrupt)
+    assert list(folder.iterdir()) == []
+
+
+def test_one_byte_too_many_before_a_chunk_costs_that_byte_alone(finished, tmp_path: Path):
+    content = finished.read_bytes()
+    start = content.index(recovery._CHUNK_SIGN) - recovery._SIGN_AT
+    (tmp_path / "a.mcap").write_bytes(content[:start] + b"\xff" + content[start:])
+    report = recover(tmp_path / "a.mcap", tmp_path / "b.mcap")
+
+    assert (report.scans, report.damaged_stretches, report.bytes_skipped) == (120, 1, 1)

@@ -6,11 +6,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from taxel.errors import BadDataset
+from taxel.errors import BadDataset, BadTable
 from taxel.frame_codec import decode_jpeg, encode_jpeg
 from taxel.recordings.manifest import NO_ARRAY, Manifest
 from taxel.recordings.writer import Recorder
 from taxel.signals import CameraInfo, Frame, Mark, Samples, SensorInfo
+from taxel.windows import camera_trials
 from taxel.windows.camera_recordings import read_camera_recording, read_camera_recordings
 from taxel.windows.camera_trials import are_camera_trials, read_camera_trials
 
@@ -141,3 +142,16 @@ def test_a_table_names_folders_of_images(tmp_path: Path):
                   f"{other},,ball,25")  # fmt: skip
     with pytest.raises(ValueError, match="camera"):
         read_camera_trials(mixed)
+
+
+def test_a_folder_is_tried_as_each_public_data_set_in_turn(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
+    def other(path: Path) -> list[object]:
+        raise BadTable("a data set's folder", str(path), "name another")
+
+    readers = {"first": other, "second": lambda path: [path], "third": other}
+    monkeypatch.setattr(camera_trials, "KNOWN_VIDEOS", readers)
+    assert camera_trials._known(tmp_path) == [tmp_path]
+    monkeypatch.setattr(camera_trials, "KNOWN_VIDEOS", {"first": other})
+    assert camera_trials._known(tmp_path) == []

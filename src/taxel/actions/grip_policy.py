@@ -38,7 +38,8 @@ class GripPolicyConfig:
     slip_step_n: float = 10.0
     """Where the monitor measures slip: raise by this on WARNING and UNSTABLE alike, newtons."""
     slip_advance_mm: float = 0.1
-    """The next raise then waits until the object has slipped so much further, millimetres."""
+    """The next raise of the same alarm then waits until the object has slipped by so much,
+    further or back, millimetres."""
     slip_hold_s: float = 0.1
     """And at least so long, seconds: the gripper's answer takes 0.05 to 0.1 s."""
     lost_mm: float = 1.0
@@ -65,7 +66,7 @@ class GripPolicy:
     """Raise the grip on WARNING and UNSTABLE; hold it on STABLE and UNKNOWN.
 
     Where the decision carries a slip that is followed, the grip is raised step by step for as
-    long as the object slips further, and to the limit once it is nearly lost. Without it, a
+    long as the object slips, to or fro, and to the limit once it is nearly lost. Without it, a
     small step on WARNING and a large one on UNSTABLE, each again as long as the state lasts.
 
     Args:
@@ -89,7 +90,12 @@ class GripPolicy:
         """When it was raised first, the decisions' clock, seconds; None: not yet."""
         self._last_s = -math.inf
         self._last_state = Stability.STABLE
-        self._last_mm = -math.inf
+        self._last_mm = math.inf
+        """Slip at the last raise of this alarm, mm; infinity before it."""
+
+    def twin(self) -> GripPolicy:
+        """Return another with the same steps and limits, at the same force."""
+        return GripPolicy(self.force_n, self._config)
 
     @property
     def exhausted(self) -> bool:
@@ -104,13 +110,14 @@ class GripPolicy:
             time_s: When it was made, on one clock, seconds. A clock that was set back, or
                 that says nothing, never holds a raise up.
         """
-        state, slip = decision.state, decision.slip
-        slip_mm = slip.distance_mm if slip is not None and slip.seen else math.nan
-        followed = math.isfinite(slip_mm)
-        if followed:  # an object that comes back, or a monitor that began anew, counts from there
-            self._last_mm = min(self._last_mm, slip_mm)
-        if state not in (Stability.WARNING, Stability.UNSTABLE) or self.exhausted:
+        state, slip_mm = decision.state, _followed_mm(decision, self._config.slip_advance_mm)
+        if state not in (Stability.WARNING, Stability.UNSTABLE):
+            if state is Stability.STABLE:  # the next alarm is a new one
+                self._last_mm = math.inf
             return self.force_n
+        if self.exhausted:
+            return self.force_n
+        followed = math.isfinite(slip_mm)
         step_n = self._by_slip(slip_mm, time_s) if followed else self._by_state(state, time_s)
         if not step_n:
             return self.force_n
@@ -128,7 +135,7 @@ class GripPolicy:
         if slip_mm >= config.lost_mm:
             return config.most_n
         waits = 0 <= time_s - self._last_s < config.slip_hold_s
-        if waits or slip_mm < self._last_mm + config.slip_advance_mm:
+        if waits or abs(slip_mm - self._last_mm) < config.slip_advance_mm:
             return 0.0
         return config.slip_step_n
 
@@ -139,6 +146,16 @@ class GripPolicy:
         if not worse and 0 <= time_s - self._last_s < config.hold_s:
             return 0.0
         return config.unstable_step_n if state is Stability.UNSTABLE else config.warning_step_n
+
+
+def _followed_mm(decision: StabilityDecision, advance_mm: float) -> float:
+    """Return the slip that a decision carries, mm; NaN where it is not known well enough to wait
+    for its advance: it is not followed, or its standard deviation is as large as that.
+    """
+    slip = decision.slip
+    if slip is None or not slip.seen or not slip.distance_sd_mm < advance_mm:
+        return math.nan
+    return slip.distance_mm
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

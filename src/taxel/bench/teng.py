@@ -13,11 +13,11 @@ from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from time import perf_counter
-from typing import Any
 
 import numpy as np
 
 from taxel.bench.kill_recorder import kill_often
+from taxel.bench.other_processes import run_code
 from taxel.bench.rows import Row, missing, quietest, row, row_within
 from taxel.bench.weak import weak_accuracies, weak_paper_accuracies
 from taxel.evaluation.checked import check_recipe
@@ -107,7 +107,7 @@ def table_time() -> list[Row]:
         "{x.task+', '+x.split+', '+c.model:c.pooled.scores.accuracy "
         "for x in s for c in x.columns.values()}]))"
     )
-    seconds, memory_mb, accuracies = _child(code)
+    seconds, memory_mb, accuracies = run_code(code)
     rows = [
         row("Table 4.1, both networks, shape and material, both splits: all of it", seconds,
             "s", "<=", 90.0),
@@ -137,7 +137,7 @@ def live_path() -> list[Row]:
         command = [sys.executable, "-m", "taxel.cli.main", "live", str(bundle), "sim://teng"]
         at_once, paced = [], []
         for _ in range(ROUNDS):
-            at_once.append(_child(code))
+            at_once.append(run_code(code))
             done = subprocess.run(
                 [*command, "--seconds", "20", "--json"], check=True, capture_output=True, text=True
             )
@@ -173,7 +173,7 @@ def recording_memory() -> list[Row]:
             "    m.append(p.memory_info().rss) if i%1200==1199 else None\n"
             "r.close();print(json.dumps((m[-1]-m[0])/2**20))"
         )
-        grown = float(_child(code))
+        grown = float(run_code(code))
     return [row("a 10-minute recording at 1 kHz: memory grown after a minute", grown, "MiB",
                 "<=", 5.0, "12,000 chunks of 50 ms")]  # fmt: skip
 
@@ -291,9 +291,3 @@ def _bundle_and_recording(scratch: Path, rate_hz: float) -> tuple[Path, Path]:
     contract = contract_of(dataset, "shape", "cnn2d", (network,), scaling, {})
     write_bundle(scratch / "b.taxel", (network,), contract, windows.values, windows.mask)
     return scratch / "b.taxel", scratch / "set" / "session-1.mcap"
-
-
-def _child(code: str) -> Any:
-    """Run Python code in a process of its own and return the JSON that it prints."""
-    done = subprocess.run([sys.executable, "-c", code], check=True, capture_output=True, text=True)
-    return json.loads(done.stdout)

@@ -21,7 +21,6 @@ from taxel.bench.slip_trials import NAME as TRIALS
 if TYPE_CHECKING:
     from taxel.evaluation.camera_trials.encoder_study import ProbeSet
     from taxel.evaluation.camera_trials.probe import Probed, Rows
-    from taxel.training.encoder.videos import TouchVideo
     from taxel.training.features import Extractor
 
 TOUCH, LITE0, RESNET = "touch", "efficientnet-lite0", "resnet50"
@@ -35,11 +34,6 @@ FEW, DRAWS = 5, 5
 LEVEL = 0.05
 """Of the paired test."""
 NAME = "gelsight-slip by object, linear probe"
-SIMULATED = (
-    "simulate", "cup-pour", "--cups", "8", "--first-cup", "100", "--forces-n", "15", "30",
-    "--kinds", "pour", "lift", "tilt", "collision", "grip-drop", "--camera-hz", "5", "--seed", "58",
-)  # fmt: skip
-"""What the encoder is pretrained on: 240 recordings of eight cups that no other set of ours has."""
 
 
 def cost_rows() -> list[Row]:
@@ -100,33 +94,24 @@ def _image_times(
 
 
 def probe_rows(data: Path | None, on_step: Callable[[str], None] = lambda line: None) -> list[Row]:
-    """Pretrain without the test objects' images, and probe beside the others."""
+    """Probe the encoder that comes with taxel beside the others; it never saw a real image."""
     goal = f"> 0, p < {LEVEL:g}"
     if data is None or not (data / "gelsight-slip").exists():
         why = "no recordings: name their folder with --data"
         return [missing(f"{NAME}: touch encoder less {other}", "accuracy", goal, why)
                 for other in MOST_OF]  # fmt: skip
-    from taxel.evaluation.camera_trials.encoder_study import (
-        chosen_by_inner,
-        encoder_rows,
-        few_objects,
-        probe_all,
-    )
+    from taxel.evaluation.camera_trials.encoder_study import few_objects, probe_all
     from taxel.evaluation.camera_trials.probe import commonest
-    from taxel.training.features import default_cache
 
     folder = data / "gelsight-slip"
     probed = _probe_set(folder)
-    others = _rows_of_others(folder, probed)
-    variants = encoder_rows(probed, simulated_videos(), default_cache() / "encoders", on_step)
-    found = probe_all(probed, {**variants, **others}, on_step)
-    chosen = chosen_by_inner(variants, [found[name] for name in variants])
-    found |= probe_all(probed, {TOUCH: chosen}, on_step)
+    rows = {TOUCH: _rows_of_ours(probed), **_rows_of_others(folder, probed)}
+    found = probe_all(probed, rows, on_step)
     found["commonest class"] = commonest(probed.labelled, probed.split)
     return [
         *_table(probed, found),
         *(_less(probed, found, other, goal) for other in MOST_OF),
-        _few_row(few_objects(probed, chosen, FEW, DRAWS)),
+        _few_row(few_objects(probed, rows[TOUCH], FEW, DRAWS)),
     ]  # fmt: skip
 
 
@@ -137,18 +122,6 @@ def _few_row(few: tuple[float, float]) -> Row:
     if forest is None:
         return Row(name=name, value=few[0], unit="accuracy", goal="", ok=None, note=note)
     return row(name, few[0], "accuracy", ">=", forest, note)
-
-
-def simulated_videos() -> list[TouchVideo]:
-    """Simulate what the encoder is pretrained on, once, and return its videos."""
-    from taxel.bench.transitions import _taxel
-    from taxel.training.encoder.videos import read_touch_videos
-    from taxel.training.features import default_cache
-
-    folder = default_cache() / "encoders" / "cup-pour"
-    if not folder.exists():
-        _taxel(*SIMULATED, "--output", str(folder), "--json")
-    return read_touch_videos(folder)
 
 
 def _probe_set(folder: Path) -> ProbeSet:
@@ -166,6 +139,20 @@ def _probe_set(folder: Path) -> ProbeSet:
         split=split_trials(groups, y, "group:object", 5, 0),
         videos=read_touch_videos(folder),
     )
+
+
+def _rows_of_ours(probed: ProbeSet) -> list[Rows]:
+    """Return the rows of the encoder that comes with taxel, pretrained in simulation alone."""
+    from taxel.models.backbones.touch import TouchEncoder
+    from taxel.models.backbones.weight_files import load_backbone_weights
+    from taxel.models.weights import shipped_weights
+
+    found = shipped_weights(TOUCH)
+    assert found is not None, "it lies in the package"
+    assert found.path is not None
+    module = TouchEncoder().eval()
+    load_backbone_weights(module, TOUCH, found.path)
+    return [probed.rows_of(module)] * len(probed.split.folds)
 
 
 def _rows_of_others(folder: Path, probed: ProbeSet) -> dict[str, list[Rows]]:
@@ -206,7 +193,7 @@ def _table(probed: ProbeSet, found: Mapping[str, Probed]) -> list[Row]:
         scores = score_trials(probed.y, own.probabilities, probed.objects)
         inner = f"; inner log-loss {np.mean(own.inner):.3f}" if own.inner else ""
         low, high = scores.accuracy_interval
-        label = "touch encoder, the variant chosen in each fold" if name == TOUCH else name
+        label = "touch, simulation only" if name == TOUCH else name
         rows.append(
             Row(name=f"{NAME}: {label}", value=scores.accuracy, unit="accuracy", goal="", ok=None,
                 note=f"95 % CI over objects [{low:.3f}, {high:.3f}]; AUC {scores.auc:.3f}; "

@@ -6,19 +6,15 @@ Knows nothing about how they are printed.
 from __future__ import annotations
 
 import hashlib
-import json
-import os
-import subprocess
-import sys
 import tempfile
 from collections.abc import Callable
-from contextlib import suppress
 from importlib.util import find_spec
 from pathlib import Path
-from time import perf_counter, sleep
-from typing import TYPE_CHECKING, Any
+from time import perf_counter
+from typing import TYPE_CHECKING
 
 from taxel.bench import gel_shear
+from taxel.bench.other_processes import most_memory_mb, run_code, run_verb
 from taxel.bench.rows import Row, missing, quietest, row
 from taxel.bench.table_steps import table_steps
 from taxel.bundles.engine import EngineName, Precision
@@ -41,7 +37,7 @@ def quick_steps() -> list[tuple[str, Measure]]:
     return [
         ("parameter counts", parameter_counts),
         ("simulator", simulator_speed),
-        ("gel as a layer", lambda: gel_shear.speed(_child)),
+        ("gel as a layer", lambda: gel_shear.speed(run_code)),
         ("steps", steps),
         ("live path", live_path),
         ("slip's live path", slip_live_path),
@@ -57,8 +53,13 @@ def full_steps(data: Path | None) -> list[tuple[str, Measure]]:
         ("slip signal of real touch", lambda: slip_signal(data)),
         ("touch encoder: cost", encoder_cost),
         ("touch encoder: probe", lambda: encoder_probe(data)),
+        ("sim to real: grey differences", lambda: sim_to_real("grey differences", data)),
+        ("sim to real: touch encoder", lambda: sim_to_real("touch encoder", data)),
+        ("sim to real: gel features", lambda: sim_to_real("gel features", data)),
+        ("sim to real: CycleGAN", lambda: sim_to_real_painted(data)),
         ("slip warning", slip_warning),
         ("warnings on gel 2", warnings_on_layers),
+        ("warnings on both gels", warnings_on_both_gels),
         ("warnings by kind", warnings_by_kind),
         ("start of a grasp", grasp_starts),
         ("markers' residual", lambda: gel_shear.residual_rows(data)),
@@ -86,7 +87,7 @@ def simulator_speed() -> list[Row]:
         "        t=perf_counter();n+=sum(1 for _ in video.images);s+=perf_counter()-t\n"
         "print(json.dumps(n/s))"
     )
-    return [row("sim://cup-pour, 320×240 with markers, one core", float(_child(code)), "frames/s",
+    return [row("sim://cup-pour, 320×240 with markers, one core", float(run_code(code)), "frames/s",
                 ">=", 500.0)]  # fmt: skip
 
 
@@ -171,7 +172,7 @@ def _live_steps() -> tuple[float, list[float], int, float]:
             "print(json.dumps([float(np.median(m)),float(np.percentile(m,99)),len(m),"
             "int(open('/proc/self/status').read().split('VmHWM:')[1].split()[0])/1024]))"
         )
-        found = [_child(code) for _ in range(ROUNDS)]
+        found = [run_code(code) for _ in range(ROUNDS)]
     return (
         min(each[0] for each in found),
         [each[1] for each in found],
@@ -186,16 +187,16 @@ def paper_set() -> list[Row]:
     with tempfile.TemporaryDirectory(prefix="taxel-") as scratch:
         cups = Path(scratch) / "cups"
         started = perf_counter()
-        _taxel("simulate", "cup-pour", "--output", str(cups), "--json")
+        run_verb("simulate", "cup-pour", "--output", str(cups), "--json")
         rows.append(row("the paper's 60 videos, both cameras, recorded", perf_counter() - started,
                         "s", "<=", 300.0))  # fmt: skip
         words = ("reproduce", "transition-tables", "--data", str(cups), "--json", "--cache",
                  str(Path(scratch) / "cache"))  # fmt: skip
-        peak_mb = _most_memory_mb(*words, "--single-split")
+        peak_mb = most_memory_mb(*words, "--single-split")
         rows.append(row("features of 60 videos and training: memory, all processes", peak_mb, "MiB",
                         "<=", 3072.0))  # fmt: skip
         started = perf_counter()
-        tables = _taxel(*words)
+        tables = run_verb(*words)
         rows.append(
             row("Tables 1 to 3, EfficientNet-Lite0, features cached, every cup held out",
                 perf_counter() - started, "s", "<=", 900.0,
@@ -210,7 +211,7 @@ def paper_set() -> list[Row]:
             rows.append(
                 row(f"{name}, {split}", lstm[key]["accuracy"], "accuracy", ">=", 0.98, note)
             )
-        warned, *trivially = _taxel(
+        warned, *trivially = run_verb(
             "reproduce", "grasp-warnings", "--data", str(cups), "--rule", "gross-slip",
             "--features", "gel", "--frames", "30", "--json",
         )  # fmt: skip
@@ -237,7 +238,7 @@ def slips(data: Path | None) -> list[Row]:
     if data is None or not (data / "gelsight-slip").exists():
         return missing_rows("no recordings: name their folder with --data")
     folder = data / "gelsight-slip"
-    found = _taxel("evaluate-trials", str(folder), "--target", "outcome", "--split",
+    found = run_verb("evaluate-trials", str(folder), "--target", "outcome", "--split",
                    "group:object", "--json")  # fmt: skip
     return slip_rows(found)
 
@@ -259,10 +260,24 @@ def encoder_cost() -> list[Row]:
 
 
 def encoder_probe(data: Path | None) -> list[Row]:
-    """Pretrain the touch encoder without the test objects, and probe it beside others."""
+    """Probe the touch encoder that comes with taxel beside others."""
     from taxel.bench.touch_encoder import probe_rows
 
     return probe_rows(data)
+
+
+def sim_to_real(features: str, data: Path | None) -> list[Row]:
+    """Learn slip from simulated trials, alone and beside real objects, and test on real ones."""
+    from taxel.bench.sim_to_real import sim_to_real_rows
+
+    return sim_to_real_rows(features, data)
+
+
+def sim_to_real_painted(data: Path | None) -> list[Row]:
+    """The same from simulated gels that somebody else's CycleGAN paints."""
+    from taxel.bench.sim_to_real import painted_study_rows
+
+    return painted_study_rows(data)
 
 
 def slip_live_path() -> list[Row]:
@@ -280,7 +295,14 @@ def slip_warning() -> list[Row]:
 
 
 def warnings_on_layers() -> list[Row]:
-    """Warn of slip with gels that shear as layers, learned on either version."""
+    """Warn of slip with gels that shear as layers."""
+    from taxel.bench.gel_warning import gel_warning_rows
+
+    return gel_warning_rows((2,))
+
+
+def warnings_on_both_gels() -> list[Row]:
+    """Warn of slip in the same pours with both versions of the gel, learned on either or both."""
     from taxel.bench.gel_warning import gel_warning_rows
 
     return gel_warning_rows()
@@ -339,41 +361,3 @@ def _untrained_bundle(folder: Path) -> tuple[Path, Path]:
     write_grasp_bundle(folder / "b.taxel", contract, export_head(head, 8, 1000), backbone.model,
                        windows, expected)  # fmt: skip
     return folder / "b.taxel", folder / f"{run.name}.mcap"
-
-
-def _taxel(*words: str) -> Any:
-    """Run a verb in a process of its own and return the JSON that it prints."""
-    done = subprocess.run(
-        [sys.executable, "-m", "taxel.cli.main", *words], check=True, capture_output=True, text=True
-    )
-    return json.loads(done.stdout)
-
-
-def _most_memory_mb(*words: str) -> float:
-    """Run a verb and return the most memory that it and its processes held together, MiB."""
-    import psutil
-
-    command = [sys.executable, "-m", "taxel.cli.main", *words]
-    with subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL) as child:
-        most = 0
-        while child.poll() is None:
-            held = 0
-            with suppress(psutil.NoSuchProcess):
-                tree = psutil.Process(child.pid)
-                for process in [tree, *tree.children(recursive=True)]:
-                    with suppress(psutil.NoSuchProcess):
-                        held += process.memory_info().rss
-            most = max(most, held)
-            sleep(0.1)
-        if child.returncode:
-            raise subprocess.CalledProcessError(child.returncode, command)
-    return most / 2**20
-
-
-def _child(code: str) -> Any:
-    """Run Python code in a process of its own and return the JSON that it prints."""
-    environment = {**os.environ, "OMP_NUM_THREADS": "1"}
-    done = subprocess.run(
-        [sys.executable, "-c", code], check=True, capture_output=True, text=True, env=environment
-    )
-    return json.loads(done.stdout)

@@ -27,8 +27,8 @@ class Audit:
     """
 
     data: tyro.conf.Positional[Path]
-    """A folder of recordings of an array or of cameras, or of a public data set's own files
-    (teng-glove, icub-grasp, gelsight-slip)."""
+    """A folder of recordings of an array or of cameras, a table (CSV) of camera trials, or the
+    folder of a public data set's own files (teng-glove, icub-grasp, gelsight-slip)."""
     target: str | None = None
     """The label to predict; the first with two classes unless given."""
     split: str | None = None
@@ -38,7 +38,7 @@ class Audit:
     and if need be start_s, end_s and label_s (seconds on the recording's clock) and view (one
     camera or finger)."""
     test: Path | None = None
-    """Another folder that is tested, all of the first being trained on."""
+    """Another folder or table that is tested, all of the first being trained on."""
     unseen: tuple[str, ...] = ()
     """Groups that the split claims to hold out, such as object; group:KEY claims its own."""
     trained: Annotated[Path | None, tyro.conf.arg(name="run")] = None

@@ -7,7 +7,6 @@ writes to the output (tests/test_plain_text.py).
 
 from __future__ import annotations
 
-import math
 import sys
 from typing import Any
 
@@ -15,7 +14,7 @@ from rich.progress import Progress
 from rich.style import Style
 from rich.text import Text
 
-from taxel.plain_text import json_text, shell_words, visible_line, without_controls
+from taxel.plain_text import finite, json_text, shell_words, visible_line, without_controls
 from taxel.views.console import error_console, output_console, progress_on
 
 console = output_console()
@@ -48,7 +47,7 @@ def print_json(data: Any, indent: int | None = 1) -> None:
         data: What `json.dumps` takes.
         indent: Spaces a level; None prints one line.
     """
-    sys.stdout.write(json_text(_finite(data), indent) + "\n")
+    sys.stdout.write(json_text(finite(data), indent) + "\n")
 
 
 def progress() -> Progress:
@@ -58,13 +57,3 @@ def progress() -> Progress:
 
 def _line(parts: tuple[object, ...]) -> str:
     return visible_line(" ".join(map(str, parts)))
-
-
-def _finite(data: Any) -> Any:
-    if isinstance(data, float):
-        return data if math.isfinite(data) else None
-    if isinstance(data, dict):
-        return {key: _finite(value) for key, value in data.items()}
-    if isinstance(data, list | tuple):
-        return [_finite(value) for value in data]
-    return data

@@ -103,7 +103,7 @@ class TrainTrials:
             f"frames, learned from {about['learned_trials']} trials; bundle {about['bytes']:,} "
             f"bytes, equal to training within {about['parity']:.1e}"
         )
-        live = command("taxel", "live", output / IN_RUN, "replay://RECORDING")
+        live = command("taxel", "live", output / IN_RUN, self.options.test or self.trials)
         say(f"next: {live}")
         if not results:
             return

@@ -117,10 +117,18 @@ class ImprintFollower:
                 self._key, self._key_pose = fresh, pose
         return ImprintPose(pose.copy(), spread, True, middle, shape)
 
+    def placed(self, pose: Pose) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Return the imprint's middle, shape (2,), px, and covariance, (2, 2), px², at a pose.
+
+        Args:
+            pose: Since the reference, shape (3,).
+        """
+        if self._key is None:
+            return np.zeros(2), np.eye(2) * (_WIDTH / 6.0) ** 2
+        return self._key.placed(_after(pose, _inverse(self._key_pose)))
+
     def _lost(self) -> ImprintPose:
-        middle, shape = np.zeros(2), np.eye(2) * (_WIDTH / 6.0) ** 2
-        if self._key is not None:
-            middle, shape = self._key.placed(_after(self._last, _inverse(self._key_pose)))
+        middle, shape = self.placed(self._last)
         return ImprintPose(self._last.copy(), np.full(3, np.inf), False, middle, shape)
 
     def _prepare(self, rgb: Rgb) -> NDArray[np.float32]:

@@ -209,6 +209,11 @@ class MarkerTracker:
     def __len__(self) -> int:
         return len(self._reference)
 
+    @property
+    def reference(self) -> Points:
+        """Shape (m, 2): x, y of each dot in the reference frame, px."""
+        return self._reference
+
     def track(self, rgb: Rgb) -> MarkerFlow:
         """Return where the dots are in the next frame.
 

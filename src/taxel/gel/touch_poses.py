@@ -22,6 +22,11 @@ _WHOLE, _NONE = 1.2, 1.7
 """Standard deviations of the imprint's places within which a dot counts fully, and beyond which
 not at all: the gel follows the contact less and less outside it, and an imprint that is an even
 ellipse ends at 2. Source: our choice on training cups, docs/decisions/0036."""
+_RIM: Final = (1.0, 1.4, 2.0, 2.5)
+"""Standard deviations between which dots count towards the rim's motion: from none to full, full,
+to none. On gels that shear as layers dots within 1.2 move with what sticks until gross slip,
+those from 1.7 to 2.2 carry 0.75 of the turn at 20 um of slip and 0.50 at 300 um. Source: 24
+rendered training pours, docs/decisions/0037."""
 _FEWEST_DOTS = 4
 _DOT_PX = 0.03
 """Noise of one dot's centre, px: measured on still gels. Floor of the robust scale."""
@@ -63,7 +68,8 @@ class TouchFollower:
         self._middle = np.array([(width - 1) / 2, (height - 1) / 2])
         self._imprint = ImprintFollower(reference)
         self._tracker = MarkerTracker(reference)
-        self._gel = np.zeros(3)
+        self._gel, self._rim = np.zeros(3), np.zeros(3)
+        self._newest: tuple[MarkerFlow, ImprintPose] | None = None
 
     def follow(self, rgb: Rgb) -> TouchPose:
         """Return the next image's poses.
@@ -76,6 +82,7 @@ class TouchFollower:
         """
         dots = self._tracker.track(rgb)
         imprint = self._imprint.follow(rgb)
+        self._newest = dots, imprint
         fitted = self._fit(dots, imprint)
         spread = np.full(3, np.inf)
         if fitted is not None:
@@ -92,18 +99,66 @@ class TouchFollower:
             seen=imprint.seen and fitted is not None,
         )
 
+    @property
+    def dots(self) -> NDArray[np.float32]:
+        """Shape (m, 2): centres (x, y) of the reference's dots, px of the image."""
+        return self._tracker.reference
+
+    def rim(self) -> Pose:
+        """Return the gel's rigid motion around the contact's rim in the newest image, shape (3,).
+
+        Where gels shear, slip begins there. Units as `TouchPose.gel`; the last known where too few
+        dots show.
+        """
+        if self._newest is not None:
+            dots, imprint = self._newest
+            far = self._far(dots, imprint)
+            begin, full, fade, end = _RIM
+            near = np.clip((far - begin) / (full - begin), 0, 1)
+            weights = near * np.clip((end - far) / (end - fade), 0, 1) * dots.seen
+            if (weights > 0.5).sum() >= _FEWEST_DOTS:
+                self._rim, _ = self._moved_by(dots, weights)
+        return self._rim.copy()
+
+    def carried(
+        self, moved: NDArray[np.float64], seen: NDArray[np.bool_], imprint: Pose
+    ) -> tuple[Pose, Pose]:
+        """Return poses of gel and rim where the dots' and the imprint's motion is known.
+
+        Args:
+            moved: Shape (m, 2): where `dots` are now, px of the image.
+            seen: Shape (m,): False for those that do not show.
+            imprint: Shape (3,): its pose since the reference, as `TouchPose.object`.
+        """
+        middle, shape = self._imprint.placed(imprint)
+        known = ImprintPose(imprint, np.zeros(3), True, middle, shape)
+        dots = MarkerFlow(self.dots, moved.astype(np.float32), seen)
+        self._newest = dots, known
+        fitted = self._fit(dots, known)
+        if fitted is not None:
+            self._gel = fitted[0]
+        return self._gel.copy(), self.rim()
+
     def _fit(self, dots: MarkerFlow, imprint: ImprintPose) -> tuple[Pose, Pose] | None:
         """Return the rigid motion of the dots inside the contact, and its spread."""
-        before = (dots.reference - self._middle) * self._scale
-        now = (dots.moved - self._middle) * self._scale
-        off = now - imprint.middle
-        far = np.sqrt(np.einsum("ij,jk,ik->i", off, np.linalg.inv(imprint.shape), off))
+        far = self._far(dots, imprint)
         weights = np.clip((_NONE - far) / (_NONE - _WHOLE), 0, 1) * dots.seen
         if (weights > 0.5).sum() < _FEWEST_DOTS:
             if dots.seen.sum() < _FEWEST_DOTS:
                 return None
             ranked = np.sort(far[dots.seen])
             weights = (dots.seen & (far <= ranked[_FEWEST_DOTS - 1])).astype(np.float64)
+        return self._moved_by(dots, weights)
+
+    def _far(self, dots: MarkerFlow, imprint: ImprintPose) -> NDArray[np.float64]:
+        """Return how far each dot is from the imprint's middle, in its standard deviations."""
+        off = (dots.moved - self._middle) * self._scale - imprint.middle
+        square = np.einsum("ij,jk,ik->i", off, np.linalg.inv(imprint.shape), off)
+        return np.asarray(np.sqrt(square), np.float64)
+
+    def _moved_by(self, dots: MarkerFlow, weights: NDArray[np.float64]) -> tuple[Pose, Pose]:
+        before = (dots.reference - self._middle) * self._scale
+        now = (dots.moved - self._middle) * self._scale
         return _rigid(before, now, weights)
 
 

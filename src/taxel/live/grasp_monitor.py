@@ -190,7 +190,10 @@ class GraspMonitor:
         gels: tuple[Slip, ...] = ()
         if self._watch is not None:
             gels = self._watch.gels
-            decision = replace(decision, slip=self._watch.slip)
+            slip = self._watch.slip
+            if self._watch.lost(self._config.largest_age_s) is not None:
+                slip = replace(slip, seen=False)  # one gel's is older than its image: no measure
+            decision = replace(decision, slip=slip)
         latency_s = perf_counter() - started
         return GraspAnswer(decision, probability, found.time_s, latency_s, gels, began)
 

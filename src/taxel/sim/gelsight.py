@@ -92,17 +92,22 @@ class GelCamera:
         np.maximum(image, 0, out=image)
         return np.asarray(cv2.convertScaleAbs(image, alpha=factor, beta=offset), np.uint8)
 
-    def _light(self, motion: GelMotion, index: int, shear: FaceShear | None) -> NDArray[np.float32]:
-        """Return the image without noise, grey levels, shape (240, 320, 3)."""
+    def face(
+        self, motion: GelMotion, index: int, shear: FaceShear | None = None
+    ) -> tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.float32]]:
+        """Return the gel's face before it is coloured: its slopes (along x, along y), shape
+        (120, 160) each, mm per mm, and what its markers leave of the light, shape (240, 320, 3).
+
+        Args:
+            motion: How handle and gel move.
+            index: Which moment of `motion`.
+            shear: As for `frame`.
+        """
         depth_mm = float(motion.depth_mm[index])
         middle_mm, turned_rad = motion.object_mm[index], float(motion.object_rad[index])
         seen = None if shear is None else self._shear.look(shear)
         free = None if seen is None else seen[2:]
         slopes = self._surface.slopes(depth_mm, middle_mm, turned_rad, free)
-        change = self._shading.render(*slopes)
-        cv2.multiply(change, self._relative_light, dst=change)
-        image = cv2.resize(change, _SIZE, interpolation=cv2.INTER_LINEAR)
-        cv2.add(image, self._still, dst=image)
         moved = self._markers.displacement_px(
             depth_mm=depth_mm,
             middle_mm=middle_mm,
@@ -112,4 +117,13 @@ class GelCamera:
             gel_rad=float(motion.gel_rad[index]),
             face_mm=None if seen is None else seen[:2],
         )
-        return np.asarray(cv2.multiply(image, self._markers.light(*moved), dst=image), np.float32)
+        return *slopes, np.asarray(self._markers.light(*moved), np.float32)
+
+    def _light(self, motion: GelMotion, index: int, shear: FaceShear | None) -> NDArray[np.float32]:
+        """Return the image without noise, grey levels, shape (240, 320, 3)."""
+        right, down, markers = self.face(motion, index, shear)
+        change = self._shading.render(right, down)
+        cv2.multiply(change, self._relative_light, dst=change)
+        image = cv2.resize(change, _SIZE, interpolation=cv2.INTER_LINEAR)
+        cv2.add(image, self._still, dst=image)
+        return np.asarray(cv2.multiply(image, markers, dst=image), np.float32)

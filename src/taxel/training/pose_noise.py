@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taxel.errors import BadDataset
-from taxel.training.slip_cups import GelRows, PourRows
+from taxel.training.slip_cups import GelRows, PourRows, by_rim
 from taxel.windows.rest import SETTLE
 
 DRIFT_S: Final = 0.7
@@ -97,6 +97,29 @@ def add_noise(pour: PourRows, noises: Sequence[GelNoise], random: np.random.Gene
         for rows in pour.gels
     )
     return replace(pour, gels=(first, second))
+
+
+def add_rim_noise(
+    pour: PourRows,
+    noises: Sequence[GelNoise],
+    at_rim: Sequence[GelNoise],
+    random: np.random.Generator,
+) -> PourRows:
+    """Return a pour's poses, the rim's too, as images might have given them.
+
+    Args:
+        pour: With its own poses.
+        noises: Of which each gel draws one.
+        at_rim: Of the same gels, with the rim's motion as the gel's: see `slip_cups.by_rim`.
+        random: Where numbers come from.
+    """
+    gels = []
+    for rows, around in zip(pour.gels, by_rim([pour])[0].gels, strict=True):
+        drawn = int(random.integers(len(noises)))
+        inside = _worsen(settle(rows), noises[drawn], random)
+        rim = _worsen(settle(around), at_rim[drawn], random)
+        gels.append(replace(inside, rim=rim.gel))
+    return replace(pour, gels=(gels[0], gels[1]))
 
 
 def _fit_gel(rows: GelRows, own: GelRows, truth: PourRows) -> GelNoise | None:

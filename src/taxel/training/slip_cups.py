@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import io
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Final
 
@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 from taxel.frame_codec import decode_jpeg, encode_jpeg
 from taxel.gel.touch_poses import TouchFollower
 from taxel.recordings.whole import write_whole
-from taxel.sim.cup_pour import CupPourConfig, Gel, PourTrack, list_runs, simulate_pour
+from taxel.sim.cup_pour import CupPourConfig, Gel, PourTrack, list_runs
 from taxel.sim.cups import MOVING_KINDS, OTHER_KINDS, Kind, Position, PourRun, draw_cup, draw_run
 from taxel.sim.gelsight import CameraTimes, camera_times
 from taxel.sim.grip_limits import GRAVITY_M_S2, load_ratio, pour_less
@@ -66,6 +66,8 @@ class GelRows:
     """Shape (images,): False where poses could not be followed."""
     shown: NDArray[np.int64]
     """Shape (moments,): which image each moment of the video shows."""
+    rim: NDArray[np.float64]
+    """Shape (images, 3): as `gel`, around the contact's rim; of a rigid gel the same motion."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -174,19 +176,12 @@ def noise_runs(cup: int) -> list[PourRun]:
     return pours[cup % 3 :: 3][:1] or pours[:1]
 
 
-def true_pours(runs: Sequence[PourRun], gel: Gel = 1) -> list[PourRows]:
+def true_pours(runs: Sequence[PourRun]) -> list[PourRows]:
     """Return pours' exact poses at the moments when their cameras took images.
 
-    Args:
-        runs: What is tried.
-        gel: How the gels shear. With 2 the gel's motion is that of the layer's face, weighed by
-            load, and pours are simulated one by one: 0.4 s each.
+    The gels are rigid pieces; for gels that shear see `taxel.training.layer_poses`.
     """
-    tracks = (
-        simulate_pours(runs, FRAME_HZ * FINE, DURATION_S)
-        if gel == 1
-        else [simulate_pour(run, FRAME_HZ * FINE, DURATION_S, gel, FINE) for run in runs]
-    )
+    tracks = simulate_pours(runs, FRAME_HZ * FINE, DURATION_S)
     return [_true_rows(run, track) for run, track in zip(runs, tracks, strict=True)]
 
 
@@ -195,12 +190,23 @@ def _true_rows(run: PourRun, fine: PourTrack) -> PourRows:
     for side, motion in enumerate(fine.motions):
         times = camera_times(CAMERA_HZ, FRAME_HZ, DURATION_S, run.seed * 2 + side)
         gels.append(true_rows(motion_at(motion, fine.time_s, times.taken_s), times))
+    return pour_rows(run, fine, (gels[0], gels[1]))
+
+
+def pour_rows(run: PourRun, fine: PourTrack, gels: tuple[GelRows, GelRows]) -> PourRows:
+    """Return a pour's rows at the video's moments.
+
+    Args:
+        run: What was tried.
+        fine: Its track, `FINE` moments a frame of the video.
+        gels: What the cameras see.
+    """
     return PourRows(
         run=run,
         time_s=fine.time_s[::FINE],
         slip_um=fine.truth[::FINE, _SLIP],
         dropped=fine.truth[::FINE, _DROPPED] > 0,
-        gels=(gels[0], gels[1]),
+        gels=gels,
     )
 
 
@@ -227,13 +233,15 @@ def seen_pour(run: PourRun, gel: Gel = 1) -> PourRows:
 def true_rows(motion: GelMotion, times: CameraTimes) -> GelRows:
     """Return the exact poses of one gel's motion at its camera's images."""
     count = len(times.taken_s)
+    gel = gel_about_middle(motion)
     return GelRows(
         taken_s=times.taken_s,
         object=np.column_stack([motion.object_mm, motion.object_rad]),
-        gel=gel_about_middle(motion),
+        gel=gel,
         spread=np.zeros((count, 3)),
         seen=np.ones(count, np.bool_),
         shown=times.shown,
+        rim=gel.copy(),
     )
 
 
@@ -244,7 +252,10 @@ def _seen_rows(video: SimulatedVideo, last: int) -> GelRows:
     ]
     settled = sorted(set(shown[SETTLE].tolist()))
     follower = TouchFollower([images[i] for i in settled])
-    poses = [follower.follow(image) for image in images]
+    poses, rims = [], []
+    for image in images:
+        poses.append(follower.follow(image))
+        rims.append(follower.rim())
     to_mm = np.array([video.info.mm_per_px, video.info.mm_per_px, 1.0])
     return GelRows(
         taken_s=video.times.taken_s[: len(images)],
@@ -253,7 +264,17 @@ def _seen_rows(video: SimulatedVideo, last: int) -> GelRows:
         spread=np.stack([pose.spread for pose in poses]) * to_mm,
         seen=np.array([pose.seen for pose in poses]),
         shown=shown[: last + 1],
+        rim=np.stack(rims) * to_mm,
     )
+
+
+def by_rim(pours: Sequence[PourRows]) -> list[PourRows]:
+    """Return pours whose gel's motion is that of the contact's rim."""
+    found = []
+    for pour in pours:
+        first, second = (replace(rows, gel=rows.rim) for rows in pour.gels)
+        found.append(replace(pour, gels=(first, second)))
+    return found
 
 
 def _until(video: SimulatedVideo, count: int) -> Iterator[NDArray[np.uint8]]:
@@ -312,17 +333,16 @@ def keep_runs(
 
 
 def read_runs(path: Path, runs: Sequence[PourRun]) -> list[PourRows]:
-    """Return the pours that `keep_runs` has written."""
+    """Return the pours that `keep_runs` has written.
+
+    Poses kept before rims were followed have the gel's motion in place of the rim's.
+    """
     with np.load(path, allow_pickle=False) as stored:
         arrays = dict(stored)
-    return [
-        _from_arrays(run, {key: arrays[f"{number}/{key}"] for key in _KEYS})
-        for number, run in enumerate(runs)
-    ]
+    return [_from_arrays(run, arrays, number) for number, run in enumerate(runs)]
 
 
-_GEL_KEYS = ("taken_s", "object", "gel", "spread", "seen", "shown")
-_KEYS = ("time_s", "slip_um", "dropped", *(f"{side}_{key}" for side in "01" for key in _GEL_KEYS))
+_GEL_KEYS = ("taken_s", "object", "gel", "spread", "seen", "shown", "rim")
 
 
 def _as_arrays(pour: PourRows) -> dict[str, NDArray[Any]]:
@@ -332,8 +352,11 @@ def _as_arrays(pour: PourRows) -> dict[str, NDArray[Any]]:
     return arrays
 
 
-def _from_arrays(run: PourRun, arrays: dict[str, NDArray[Any]]) -> PourRows:
-    first, second = (
-        GelRows(**{key: arrays[f"{side}_{key}"] for key in _GEL_KEYS}) for side in "01"
-    )
-    return PourRows(run, arrays["time_s"], arrays["slip_um"], arrays["dropped"], (first, second))
+def _from_arrays(run: PourRun, arrays: dict[str, NDArray[Any]], number: int) -> PourRows:
+    def gel(side: int) -> GelRows:
+        before = f"{number}/{side}_"
+        own = {key: arrays[before + key] for key in _GEL_KEYS if before + key in arrays}
+        return GelRows(**({"rim": own["gel"]} | own))
+
+    time_s, slip_um, dropped = (arrays[f"{number}/{k}"] for k in ("time_s", "slip_um", "dropped"))
+    return PourRows(run, time_s, slip_um, dropped, (gel(0), gel(1)))

@@ -24,12 +24,13 @@ from taxel.training.slip_onnx import SMALLEST_SHARE, slip_model, trees_model
 
 Rows = NDArray[np.float32]
 HeadName = Literal["forecast", "boosting", "logistic"]
-Goal = Literal["slip in 0.5 s", "within 1 s", "ever", "within 0.5 s"]
-"""What a row is labelled by: the largest slip until half a second later, or whether gross slip
+Goal = Literal["slip in 0.5 s", "slip in 0.75 s", "within 1 s", "ever", "within 0.5 s"]
+"""What a row is labelled by: the largest slip until some time later, or whether gross slip
 comes within a time, or at any time in this grasp."""
 
 GOALS_S: Final[dict[Goal, float]] = {
-    "slip in 0.5 s": 0.5, "within 1 s": 1.0, "within 0.5 s": 0.5, "ever": np.inf,
+    "slip in 0.5 s": 0.5, "slip in 0.75 s": 0.75, "within 1 s": 1.0, "within 0.5 s": 0.5,
+    "ever": np.inf,
 }  # fmt: skip
 USUAL_GOALS: Final[dict[HeadName, Goal]] = {
     "forecast": "slip in 0.5 s", "boosting": "within 1 s", "logistic": "within 1 s",
@@ -103,7 +104,7 @@ def learning_rows(
         goal: What a row is labelled by.
 
     Returns:
-        Shapes (n, 66), (n,) and (n,). A label is 0 or 1; of the goal "slip in 0.5 s" it is the
+        Shapes (n, 66), (n,) and (n,). A label is 0 or 1; of the goals "slip in …" it is the
         natural logarithm of the largest slip over gross slip.
     """
     rows, labels, weights = [], [], []
@@ -128,7 +129,7 @@ def learning_rows(
 
 def _labels(pour: PourRows, time_s: NDArray[np.float64], goal: Goal) -> NDArray[Any]:
     """Return the label of each row, shape (n,)."""
-    if goal == "slip in 0.5 s":
+    if goal.startswith("slip in"):
         lowest, highest = _FORECAST_UM
         slip = np.clip(np.where(pour.dropped, highest, pour.slip_um), lowest, highest)
         later = np.searchsorted(pour.time_s, time_s + GOALS_S[goal])

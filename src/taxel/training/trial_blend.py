@@ -15,13 +15,10 @@ from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import softmax
 from sklearn.ensemble import ExtraTreesClassifier, RandomForestClassifier
-from sklearn.linear_model import LogisticRegression
 from sklearn.model_selection import StratifiedGroupKFold
 
-from taxel.training.discriminant import Discriminant, fit_discriminant
-from taxel.training.ranked import Ranked
+from taxel.training.rank_sums import Logistic, Steady
 from taxel.training.trial_novelty import Novelty, held_out_novelty, novelty_threshold
 from taxel.windows.trial_crops import numbers_of
 
@@ -30,89 +27,22 @@ TREES: Final = 400
 INNER_TREES: Final = 150
 """Of a forest that is kept, and of one on an inner fold. Source: our choice, decision 41."""
 INNER_FOLDS: Final = 5
-PRIOR: Final = 0.5
-"""Weight of the members' priors beside the trials, as a share of their number. Our choice."""
+PRIOR: Final = 2.0
+"""Weight of the members' priors beside the trials, as a multiple of their number: few trials part
+members of a kind badly. Source: our choice, decision 41."""
+TRUST: Final = 1.0
+"""Observations that a held-out group is worth where its trials part the two kinds of members, those
+that see movement only and those that see stills too. Source: our choice, decision 41."""
 LEAST_WEIGHT: Final = 0.04
 """A member below it is left out. Source: our choice."""
-CERTAINTY: Final = 3.0
-"""What a discriminant's logits, of unit spread where it learned, are multiplied by; inner folds
-make the blend sharper or blunter. Source: our choice, decision 41."""
+DOUBT: Final = 2.0
+"""What a squared logarithm of a power adds to the summed log-loss under which it is found, nats:
+few trials leave it near 1. Source: our choice, decision 41."""
 _ROUNDS: Final = 200
-_BLUNTEST, _SHARPEST, _POWERS = 0.5, 6.0, 31
-_LEAST: Final = 1e-6
+_BLUNTEST, _SHARPEST, _POWERS = 0.2, 6.0, 41
+LEAST: Final = 1e-6
+"""Least probability that is raised to a power, or whose logarithm is taken."""
 _TRIES: Final = 50
-
-
-class Logistic:
-    """A logistic regression on each column's rank.
-
-    Args:
-        penalty: C; small where columns outnumber rows.
-    """
-
-    def __init__(self, penalty: float) -> None:
-        self._model = LogisticRegression(C=penalty, max_iter=300)
-        self.ranked: Ranked | None = None
-
-    def fit(self, rows: Rows, y: NDArray[np.intp]) -> Logistic:
-        self.ranked = Ranked.of(rows)
-        self._model.fit(self.ranked.apply(rows), y)
-        return self
-
-    def predict_proba(self, rows: Rows) -> NDArray[np.float64]:
-        """Return shape (n, classes), as scikit-learn's classifiers do."""
-        assert self.ranked is not None
-        return np.asarray(self._model.predict_proba(self.ranked.apply(rows)), np.float64)
-
-    @property
-    def classes_(self) -> NDArray[np.intp]:
-        """Class numbers that were learned, shape (classes,), ascending."""
-        return np.asarray(self._model.classes_, np.intp)
-
-    @property
-    def slopes(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Slope of each column and level, shapes (classes or 1, columns) and (classes or 1,)."""
-        return self._model.coef_, self._model.intercept_
-
-
-class Steady:
-    """A shrunk linear discriminant on each column's rank.
-
-    Args:
-        shrink: Of the within-class covariance, 0…1.
-    """
-
-    def __init__(self, shrink: float) -> None:
-        self._shrink = shrink
-        self._found: Discriminant | None = None
-        self._middle: NDArray[np.float64] = np.zeros(0)
-        self.ranked: Ranked | None = None
-
-    def fit(self, rows: Rows, y: NDArray[np.intp]) -> Steady:
-        self.ranked = Ranked.of(rows)
-        ranks = self.ranked.apply(rows).astype(np.float64)
-        self._middle = ranks.mean(axis=0)
-        self._found = fit_discriminant(ranks - self._middle, y, self._shrink)
-        return self
-
-    def predict_proba(self, rows: Rows) -> NDArray[np.float64]:
-        """Return shape (n, classes), as scikit-learn's classifiers do."""
-        assert self.ranked is not None
-        slopes, levels = self.slopes
-        return np.asarray(softmax(self.ranked.apply(rows) @ slopes.T + levels, axis=1), np.float64)
-
-    @property
-    def classes_(self) -> NDArray[np.intp]:
-        """Class numbers that were learned, shape (classes,), ascending."""
-        assert self._found is not None
-        return self._found.classes
-
-    @property
-    def slopes(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Slope of each column and level, shapes (classes, columns) and (classes,)."""
-        assert self._found is not None
-        weight, bias = self._found.weight, self._found.bias
-        return CERTAINTY * weight, CERTAINTY * (bias - weight @ self._middle)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -124,8 +54,14 @@ class TrialMember:
     """View → its columns; all of them where none is named."""
     make: Callable[[int, int], Any]
     """Seed and number of trees → a scikit-learn classifier."""
-    prior: float
-    """How much it is drawn on before any trial is seen; 0 leaves that to the inner folds."""
+    prior: float = 1.0
+    """How much of its kind's weight it has before any trial is seen; 0 leaves that to the inner
+    folds."""
+
+    @property
+    def sees_look(self) -> bool:
+        """Whether it sees stills too, and not movement only."""
+        return not set(self.views) <= {"pixels", "slip"}
 
     def columns(self, cameras: int, widths: Mapping[str, int]) -> NDArray[np.intp]:
         """Return which columns of all views, side by side in their order, it sees."""
@@ -155,30 +91,28 @@ SLIP_PARTS: Final = (
 """What members see of the slip signal. Source: our choice, before any score, decision 41."""
 MEMBERS: Final[tuple[TrialMember, ...]] = (
     TrialMember(
-        name="forest on differences", views={"pixels": DIFFERENCES}, make=forest, prior=1.0
+        name="forest on differences", views={"pixels": DIFFERENCES}, make=forest, prior=1.5
     ),
     TrialMember(
         name="logistic on differences", views={"pixels": DIFFERENCES},
-        make=lambda seed, trees: Logistic(0.1), prior=1.0,
+        make=lambda seed, trees: Logistic(0.1),
     ),
     TrialMember(
         name="discriminant on differences and slip",
         views={"pixels": DIFFERENCES, "slip": SLIP_PARTS},
-        make=lambda seed, trees: Steady(0.5), prior=1.0,
+        make=lambda seed, trees: Steady(0.5),
     ),
-    TrialMember(name="extra-trees on pixels", views={"pixels": ()}, make=extra, prior=0.0),
-    TrialMember(name="extra-trees on stills", views={"stills": ()}, make=extra, prior=0.0),
     TrialMember(
-        name="logistic on stills", views={"stills": ()},
-        make=lambda seed, trees: Logistic(0.003), prior=0.0,
+        name="extra-trees on everything", views={"pixels": (), "slip": (), "stills": ()}, make=extra
     ),
+    TrialMember(name="extra-trees on stills", views={"stills": ()}, make=extra),
     TrialMember(
         name="logistic on the touch encoder", views={"touch": ()},
         make=lambda seed, trees: Logistic(0.001), prior=0.0,
     ),
 )  # fmt: skip
-"""What is blended. The first three see movement only; the others enter by what they are worth on
-inner folds. Source: docs/decisions/0041, also for each C and the share of shrinking."""
+"""What is blended. The forest, as the bar is, counts more: on objects apart it is often best.
+Source: docs/decisions/0041, also for each C and the share of shrinking."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -258,18 +192,21 @@ def fit_blend(
     members = [member for member in members if set(member.views) <= set(widths)]
     columns = [member.columns(cameras, widths) for member in members]
     held, novelty = _held_out(learning, members, columns, seed, on_step)
-    tested = np.isfinite(held[:, 0, 0])
-    y = learning.y[tested]
-    weights = np.array([member.prior for member in members])
-    weights = weights / weights.sum() if weights.any() else np.full(len(members), 1 / len(members))
+    prior = np.array([member.prior for member in members])
+    weights = prior / prior.sum() if prior.any() else np.full(len(members), 1 / len(members))
     sharpness, inner = 1.0, {}
-    if tested.any():
-        weights = weigh(held[tested], y, np.array([member.prior for member in members]))
-        sharpness = sharpen(_mixed(held[tested], weights), y)
-        each = {m.name: log_loss(held[tested][:, i], y) for i, m in enumerate(members)}
-        blended = sharpened(_mixed(held[tested], weights), sharpness)
-        inner = each | {"blend": log_loss(blended, y)}
-    kept = np.flatnonzero(weights >= min(LEAST_WEIGHT, weights.max()))
+    if held is not None:
+        y = learning.y
+        look = np.array([member.sees_look for member in members])
+        groups = len(set(learning.groups.tolist()))
+        weights = weigh(held, y, trusted(held, y, groups, prior, look))
+        weights[weights < min(LEAST_WEIGHT, weights.max())] = 0.0
+        weights /= weights.sum()
+        mixed = np.asarray(np.einsum("tmc,m->tc", held, weights), np.float64)
+        sharpness = sharpen(mixed, y)
+        inner = {member.name: log_loss(held[:, i], y) for i, member in enumerate(members)}
+        inner["blend"] = log_loss(sharpened(mixed, sharpness), y)
+    kept = np.flatnonzero(weights)
     on_step("all trials")
     return TrialBlend(
         members=tuple(members[i] for i in kept),
@@ -280,7 +217,7 @@ def fit_blend(
             for i in kept
         ),
         columns=tuple(columns[i] for i in kept),
-        weights=weights[kept] / weights[kept].sum(),
+        weights=weights[kept],
         sharpness=sharpness,
         classes=learning.classes,
         inner=inner,
@@ -317,15 +254,18 @@ def _held_out(
     columns: Sequence[NDArray[np.intp]],
     seed: int,
     on_step: Callable[[str], None],
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+) -> tuple[NDArray[np.float64] | None, NDArray[np.float64]]:
     """Return what members say of trials they were not fitted on, and how novel those were.
 
+    Where no folds over groups can be made (a class of one group only), trials are held out.
+
     Returns:
-        Shapes (trials, members, classes) and (trials,); NaN where a trial was never held out.
+        Shapes (trials, members, classes), None where nothing could be held out, and (trials,).
     """
     found = np.full((len(learning.y), len(members), learning.classes), np.nan)
     novelty = np.full(len(learning.y), np.nan)
-    parts = inner_folds(learning.y, learning.groups, seed)
+    alone = np.arange(len(learning.y)).astype(str)
+    parts = inner_folds(learning.y, learning.groups, seed) or inner_folds(learning.y, alone, seed)
     for number, (train, test) in enumerate(parts, start=1):
         own, other = learning.part(train), learning.part(test)
         on_step(f"inner fold {number}")
@@ -336,7 +276,7 @@ def _held_out(
             crops = proba_of(model, other.rows[:, columns[index]], learning.classes)
             found[test, index] = mean_of_crops(crops, other.trial)
         novelty[test] = held_out_novelty(own.rows, other.rows, other.trial)
-    return found, novelty
+    return found if parts else None, novelty
 
 
 def proba_of(model: Any, rows: Rows, classes: int) -> NDArray[np.float64]:
@@ -365,7 +305,7 @@ def weigh(
         y: Shape (trials,).
         prior: Shape (members,).
     """
-    right = np.maximum(held[np.arange(len(y)), :, y], _LEAST)
+    right = np.maximum(held[np.arange(len(y)), :, y], LEAST)
     count, members = right.shape
     drawn = PRIOR * count * prior / prior.sum() if prior.any() else np.zeros(members)
     weights = np.full(members, 1 / members)
@@ -377,22 +317,58 @@ def weigh(
     return weights
 
 
-def sharpen(mixed: NDArray[np.float64], y: NDArray[np.intp]) -> float:
-    """Return the power that makes probabilities likeliest, shape (trials, classes)."""
-    powers = np.geomspace(_BLUNTEST, _SHARPEST, _POWERS)
-    return float(min(powers, key=lambda power: log_loss(sharpened(mixed, power), y)))
+def trusted(
+    held: NDArray[np.float64],
+    y: NDArray[np.intp],
+    groups: int,
+    prior: NDArray[np.float64],
+    look: NDArray[np.bool_],
+) -> NDArray[np.float64]:
+    """Return priors of which each kind of members has the share that its predictions deserve.
+
+    The two kinds' means are compared as models are by their likelihoods on trials held out. Trials
+    of a group are alike: each group counts as `TRUST` observations, whatever its trials' number. A
+    mean's log-loss is taken at its own best sharpness.
+
+    Args:
+        held: Shape (trials, members, classes).
+        y: Shape (trials,).
+        groups: How many the trials are of.
+        prior: Shape (members,): shares within a kind.
+        look: Shape (members,): which are of the kind that sees stills too.
+
+    Source:
+        Pseudo-Bayesian model averaging, Yao et al., Bayesian Analysis 13(3), 2018, with groups in
+        place of trials; docs/decisions/0041.
+    """
+    shares = [np.where(kind, prior, 0.0) for kind in (look, ~look)]
+    shares = [share / share.sum() for share in shares if share.any()]
+    if not shares:
+        return prior
+    losses = []
+    for share in shares:
+        mean = np.asarray(np.einsum("tmc,m->tc", held, share), np.float64)
+        losses.append(log_loss(sharpened(mean, sharpen(mean, y)), y))
+    behind = np.array(losses) - min(losses)
+    return np.asarray(np.exp(-TRUST * groups * behind) @ np.stack(shares), np.float64)
+
+
+def sharpen(probabilities: NDArray[np.float64], y: NDArray[np.intp]) -> float:
+    """Return the power that makes probabilities likeliest, shape (trials, classes), near 1."""
+
+    def cost(power: float) -> float:
+        loss = log_loss(sharpened(probabilities, power), y)
+        return len(y) * loss + DOUBT * float(np.log(power)) ** 2
+
+    return float(min(np.geomspace(_BLUNTEST, _SHARPEST, _POWERS), key=cost))
 
 
 def sharpened(probabilities: NDArray[np.float64], power: float) -> NDArray[np.float64]:
     """Return probabilities raised to a power and made to sum to 1."""
-    raised = np.maximum(probabilities, _LEAST) ** power
+    raised = np.maximum(probabilities, LEAST) ** power
     return np.asarray(raised / raised.sum(axis=-1, keepdims=True), np.float64)
 
 
 def log_loss(probabilities: NDArray[np.float64], y: NDArray[np.intp]) -> float:
     """Return the mean negative logarithm of the true class's probability, nats."""
-    return float(-np.log(np.maximum(probabilities[np.arange(len(y)), y], _LEAST)).mean())
-
-
-def _mixed(held: NDArray[np.float64], weights: NDArray[np.float64]) -> NDArray[np.float64]:
-    return np.asarray(np.einsum("tmc,m->tc", held, weights), np.float64)
+    return float(-np.log(np.maximum(probabilities[np.arange(len(y)), y], LEAST)).mean())

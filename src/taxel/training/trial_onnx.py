@@ -13,9 +13,10 @@ from numpy.typing import NDArray
 from onnx import TensorProto, helper, numpy_helper
 
 from taxel.models.forest import tables_of
+from taxel.training.rank_sums import Logistic, Steady
 from taxel.training.ranked import Ranked
 from taxel.training.squeezed import REACH, Squeezed
-from taxel.training.trial_blend import Logistic, Steady, TrialBlend
+from taxel.training.trial_blend import TrialBlend
 from taxel.training.trial_novelty import Novelty
 
 _OPSET: Final = 18

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import asdict
 from typing import Any
 
+import numpy as np
 from rich.box import SIMPLE_HEAD
 from rich.console import Group, RenderableType
 from rich.table import Table
@@ -73,14 +74,17 @@ def _head(trials: TrialSet, split: TrialSplit, ours: TrialResult) -> str:
     )
     more = f", and {len(trials.classes) - 8} more classes" if len(trials.classes) > 8 else ""
     layout = trials.layout
-    crops = "the first, the middle and the last" if layout.places > 1 else "all"
-    shortest, longest = trials.lengths.min(), trials.lengths.max()
+    frames = f"{layout.crop} frames each, seen whole"
+    if layout.places > 1:
+        frames = (
+            f"{trials.lengths.min()} to {trials.lengths.max()} frames, of each the first, the "
+            f"middle and the last {layout.crop}"
+        )
     return (
         f"{len(trials.y)} trials of {trials.cameras} camera{'s' if trials.cameras > 1 else ''}, "
-        f"{visible(trials.target)}: {counts}{more}; {shortest} to {longest} frames, of each "
-        f"{crops} {layout.crop}. {split.name}: {len(split.folds)} fold"
-        f"{'s' if len(split.folds) > 1 else ''}, {ours.whole.trials} trials tested. Nothing is "
-        "chosen on a test trial."
+        f"{visible(trials.target)}: {counts}{more}; {frames}. "
+        f"{split.name}: {len(split.folds)} fold{'s' if len(split.folds) > 1 else ''}, "
+        f"{ours.whole.trials} trials tested. Nothing is chosen on a test trial."
     )
 
 
@@ -135,7 +139,7 @@ def trial_json(
     results: Sequence[TrialResult],
     differences: Sequence[Difference],
 ) -> dict[str, Any]:
-    """Return what was measured, for printing."""
+    """Return what was measured, for printing: predictions of tested trials only."""
 
     def row(result: TrialResult) -> dict[str, Any]:
         places = {place: asdict(s) for place, s in zip(PLACES, result.places, strict=False)}
@@ -160,5 +164,6 @@ def trial_json(
         "predictions": [
             {"trial": name, "truth": trials.classes[y], "probabilities": p.tolist()}
             for name, y, p in zip(trials.names, trials.y, results[0].probabilities, strict=True)
+            if np.isfinite(p).all()
         ],
     }

@@ -36,7 +36,7 @@ PLACES: Final[tuple[str, ...]] = ("first", "middle", "last")
 """The crops of each trial; a set whose trials all have a crop's length has the first alone."""
 REFERENCE_FRAMES: Final = 3
 """Frames at a crop's start whose median is its reference: 0.12 s at 25 frames a second."""
-_LAG: Final = 5
+LAG: Final = 5
 """Frames of the slower difference: 0.2 s at 25 frames a second. Source: our choice."""
 _WIDTH: Final = 160
 """Pixels of a row in which grey differences and flow are taken. Source: our choice."""
@@ -196,12 +196,12 @@ def numbers_of(view: str, names: Sequence[str], cameras: int) -> NDArray[np.intp
 
 def _pixels(scene: Scene) -> NDArray[np.float32]:
     flow = cv2.DISOpticalFlow.create(cv2.DISOPTICAL_FLOW_PRESET_ULTRAFAST)
-    greys = [_small_grey(image) for image in scene.images]
+    greys = [small_grey(image) for image in scene.images]
     rows = []
     for index, grey in enumerate(greys):
         before = greys[max(0, index - 1)]
         step, since = (cv2.absdiff(grey, other) for other in (before, greys[0]))
-        lagged = cv2.absdiff(grey, greys[max(0, index - _LAG)])
+        lagged = cv2.absdiff(grey, greys[max(0, index - LAG)])
         moved = np.zeros((*grey.shape, 2), np.float32)
         if index:
             moved = np.asarray(flow.calc(before, grey, moved), np.float32)
@@ -254,7 +254,7 @@ def _touch(scene: Scene) -> NDArray[np.float32]:
 
 
 def _look_of(image: Image) -> NDArray[np.float32]:
-    grey = _small_grey(image)
+    grey = small_grey(image)
     thumb = cv2.resize(grey.astype(np.float32), (THUMB[1], THUMB[0]), interpolation=cv2.INTER_AREA)
     colour = cv2.resize(
         image.astype(np.float32), (_GRID[1], _GRID[0]), interpolation=cv2.INTER_AREA
@@ -280,7 +280,8 @@ def _edges(grey: Image) -> NDArray[np.float32]:
     return np.sqrt(found / grey.size).astype(np.float32)
 
 
-def _small_grey(image: Image) -> Image:
+def small_grey(image: Image) -> Image:
+    """Return an image in grey, 160 pixels wide."""
     grey = cv2.cvtColor(image, cv2.COLOR_RGB2GRAY)
     height = max(8, round(_WIDTH * grey.shape[0] / grey.shape[1]))
     return np.asarray(cv2.resize(grey, (_WIDTH, height), interpolation=cv2.INTER_AREA), np.uint8)

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from trial_makers import Write, as_avi, as_folder, write_trials
 
 from taxel.errors import BadDataset
 from taxel.evaluation.audit.audit import audit, make_case
@@ -208,3 +209,15 @@ def test_a_machines_repeats_of_one_touch_are_a_note_and_a_noisy_copy_of_one_a_le
     rows[1] = np.asarray(1.3 * rows[0] + 2.0 + noise, np.float32)
     near, _, _ = near_copies(replace(touch, rows=tuple(rows), time_s=time_s), {})
     assert list(near) == [(0, 1)]
+
+
+@pytest.mark.parametrize("write", [as_avi, as_folder])
+def test_a_table_of_videos_is_audited_in_place(tmp_path: Path, write: Write) -> None:
+    """No import is asked for, and nothing is written beside it."""
+    table = write_trials(tmp_path, objects=3, each=4, frames=12, write=write)
+    before = sorted(tmp_path.rglob("*"))
+    touch = read_touch(table, None, lambda what, done, of: None)
+    assert (touch.kind, touch.target, len(touch.trials)) == ("camera", "slipped", 12)
+    assert {rows.shape for rows in touch.rows} == {(12, 48)}
+    assert touch.group("object") is not None
+    assert sorted(tmp_path.rglob("*")) == before

@@ -320,9 +320,21 @@ def test_weights_favour_the_member_that_is_right_and_sum_to_one() -> None:
     y = np.arange(40) % 2
     good = np.where(y[:, None] == [0, 1], 0.9, 0.1)
     blind = np.full((40, 2), 0.5)
-    weights = weigh(np.stack([blind, good], axis=1), y, np.ones(2))
-    assert weights.sum() == pytest.approx(1.0)
-    assert weights[1] > 0.7
+    held = np.stack([blind, good], axis=1)
+    drawn, free = weigh(held, y, np.ones(2)), weigh(held, y, np.zeros(2))
+    assert drawn.sum() == pytest.approx(1.0)
+    assert 0.5 < drawn[1] < free[1]
+    assert free[1] > 0.9
+
+
+def test_a_class_of_a_single_group_still_leaves_trials_to_weigh_by() -> None:
+    """Where no group can be held out with all classes left, trials are."""
+    trials = some_trials()
+    learning = replace(
+        trials.learning(trials.rows, "object"), groups=np.array([f"o{k}" for k in trials.y])
+    )
+    blend = fit_blend(learning, trials.cameras, trials.widths, 0, MEMBERS[:2])
+    assert np.isfinite(blend.inner["blend"])
 
 
 def test_what_is_far_from_all_learned_is_novel() -> None:

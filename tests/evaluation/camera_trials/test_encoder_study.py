@@ -1,24 +1,17 @@
-"""Claims about how the touch encoder is judged: nothing of a test object is seen before."""
-
-from collections.abc import Callable
-from pathlib import Path
+"""Claims about how the touch encoder is judged: every network has the same probe."""
 
 import numpy as np
 import pytest
 import torch
 from torch import nn
 
-from taxel.evaluation.camera_trials import encoder_study
 from taxel.evaluation.camera_trials.encoder_study import (
     ProbeSet,
-    chosen_by_inner,
-    encoder_rows,
     few_objects,
     probe_all,
 )
-from taxel.evaluation.camera_trials.probe import Probed, commonest
+from taxel.evaluation.camera_trials.probe import commonest
 from taxel.evaluation.camera_trials.sides import split_trials
-from taxel.training.encoder.fit import EncoderConfig
 from taxel.training.encoder.videos import TouchVideo
 
 OBJECTS, EACH, CAMERAS = 8, 2, 2
@@ -56,34 +49,6 @@ def probed() -> ProbeSet:
     return ProbeSet(y=y, objects=names, split=split, videos=videos)
 
 
-def test_what_a_fold_pretrains_on_holds_no_image_of_its_test_objects(
-    probed: ProbeSet, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    short = EncoderConfig(epochs=1, steps=1, batch=2)
-    monkeypatch.setattr(encoder_study, "FIRST", short)
-    monkeypatch.setattr(encoder_study, "FURTHER", short)
-    seen: list[set[str]] = []
-    really: Callable[..., nn.Module] = encoder_study.kept_encoder
-
-    def note(folder: Path, videos: list[TouchVideo], *rest: object) -> nn.Module:
-        seen.append({video.groups["object"] for video in videos if video.folder == "real"})
-        really(folder, videos[:2], *rest)
-        return Colours()
-
-    monkeypatch.setattr(encoder_study, "kept_encoder", note)
-    simulated = [probed.videos[0].__class__(
-        folder="sim", trial="s", groups={"object": "cup"}, digest="s",
-        images=probed.videos[0].images, slip_um=probed.videos[0].slip_um,
-    )]  # fmt: skip
-    rows = encoder_rows(probed, simulated * 2, tmp_path, lambda line: None)
-
-    assert [len(own) for own in rows.values()] == [len(probed.split.folds)] * 2
-    assert seen[0] == set()
-    for own, fold in zip(seen[1:], probed.split.folds, strict=True):
-        assert own == set(probed.objects[fold.train_rows])
-        assert not own & set(probed.objects[fold.test_rows])
-
-
 def test_brightness_is_found_by_the_probe_and_from_few_objects_too(probed: ProbeSet) -> None:
     rows = [probed.rows_of(Colours())] * len(probed.split.folds)
     found = probe_all(probed, {"colours": rows}, lambda line: None)["colours"]
@@ -100,14 +65,3 @@ def test_the_commonest_class_is_counted_on_each_folds_training_side(probed: Prob
         assert found.probabilities[fold.test_rows] == pytest.approx(
             np.tile([1 - share, share], (len(fold.test_rows), 1))
         )
-
-
-def test_each_fold_takes_the_variant_whose_inner_loss_is_least() -> None:
-    first, second = (np.full((1, 1), value, np.float32) for value in (1, 2))
-    variants = {"a": [first] * 3, "b": [second] * 3}
-    found = [
-        Probed(name=name, probabilities=np.zeros((1, 2)), inner=inner)
-        for name, inner in (("a", (0.1, 0.5, 0.3)), ("b", (0.2, 0.4, 0.4)))
-    ]
-
-    assert [float(own[0, 0]) for own in chosen_by_inner(variants, found)] == [1, 2, 1]

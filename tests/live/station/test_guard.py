@@ -6,8 +6,10 @@ from typing import Any
 
 import pytest
 
+from taxel.actions.alarm import Level
 from taxel.actions.grip_policy import GripPolicy, GripPolicyConfig
 from taxel.actions.interlock import Interlock, InterlockConfig, InterlockState, OrderKind
+from taxel.decisions.reasons import REASONS
 from taxel.gel.slip_signal import Slip
 from taxel.live.station.guard import Guard, GuardConfig
 from taxel.live.station.snapshots import guard_snapshot
@@ -133,6 +135,19 @@ def test_a_silent_monitor_stops_within_the_limit_and_alarms_although_it_said_sta
     assert order.kind is OrderKind.STOP
     assert rig.guard.interlock.state is InterlockState.STOPPED
     assert [a.kind for a in rig.guard.alarms.alarms if a.kind == "monitor"] == ["monitor"]
+
+
+def test_while_any_input_is_lost_nothing_is_called_stable_however_sure_the_monitors_are():
+    """An input alarm may be raised by others too, such as who watches a cable."""
+    rig = Rig("one")
+    rig.decide("one", note("STABLE"))
+    rig.run(0.1)
+    rig.guard.alarms.set("cable", Level.DANGER, "a cable is out", rig.now_s, input=True)
+    rig.run(0.01)
+    assert rig.guard.shown[:2] == ("UNKNOWN", REASONS["alarm"].say())
+    rig.guard.alarms.clear("cable", rig.now_s)
+    rig.run(0.01)
+    assert rig.guard.shown[:2] == ("STABLE", "")
 
 
 def test_a_dead_monitor_stops_at_the_next_tick():
@@ -361,3 +376,16 @@ def test_slip_that_one_monitor_measures_softens_nothing_that_another_warns_of():
         if other is not None:
             rig.decide("two", other)
         assert rig.run(0.5).force_n == least_n
+
+
+def test_a_still_slip_of_one_monitor_hides_no_advancing_slip_of_another():
+    rig = Rig("one", "two")
+    for name in rig.names:
+        rig.decide(name, note("STABLE"))
+    rig.run(0.2)
+    assert rig.guard.interlock.arm(rig.now_s) == ()
+    rig.decide("one", note("UNSTABLE", slip=slip(0.9)))
+    for number in range(6):
+        rig.decide("two", note("WARNING", slip=slip(0.12 * number)))
+        order = rig.run(0.2)
+    assert order.force_n == 50.0

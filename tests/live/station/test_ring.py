@@ -6,6 +6,7 @@ import multiprocessing
 import os
 import signal
 from collections.abc import Iterator
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -13,8 +14,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from taxel.errors import BadInput
+from taxel.live.station import ring as module
 from taxel.live.station.packets import pack, unpack
-from taxel.live.station.ring import Ring, RingReader, RingWriter
+from taxel.live.station.ring import Ring, RingReader, RingWriter, bytes_of
+from taxel.live.station.shared import create_shared
 from taxel.signals import Frame, Mark, Samples
 
 
@@ -80,6 +83,69 @@ def test_the_newest_is_reported_and_those_before_it_count_as_lost(ring: Ring):
 def test_a_message_too_large_is_refused_in_one_line(ring: Ring):
     with RingWriter(ring.name) as writer, pytest.raises(BadInput, match="at most 2048 bytes"):
         writer.put(bytes(2048))
+
+
+@pytest.mark.parametrize("size", [56, 60, 65])
+def test_a_ring_that_is_too_small_or_no_multiple_of_8_is_refused(size: int):
+    with pytest.raises(BadInput, match=f"multiple of 8.*{size}"):
+        Ring(size)
+
+
+def test_a_ring_for_which_there_is_no_shared_memory_is_refused_before_it_is_made(
+    monkeypatch: pytest.MonkeyPatch,
+):
+    """Writing to it would end the process by a signal, as in a container with 64 MiB."""
+    monkeypatch.setattr(module, "_SHARED", SimpleNamespace(exists=lambda: True))
+    monkeypatch.setattr(module.shutil, "disk_usage", lambda _: SimpleNamespace(free=3 * 2**20))
+    with Ring(2 * 2**20):
+        pass
+    with pytest.raises(BadInput, match=r"4 MiB of shared memory.*3 MiB free.*--shm-size"):
+        Ring(4 * 2**20)
+
+
+def test_shared_memory_that_was_closed_is_refused_in_words():
+    memory = create_shared(64)
+    memory.close()
+    memory.unlink()
+    with pytest.raises(ValueError, match="got a closed one"):
+        bytes_of(memory)
+
+
+@pytest.mark.parametrize(
+    ("at", "value"), [(3, 0x7F), (4, 0xA5), (24, 0x20)], ids=["length", "check sum", "content"]
+)
+def test_a_message_with_damaged_bytes_is_never_given_out_and_counts_as_lost(
+    ring: Ring, at: int, value: int
+):
+    with RingWriter(ring.name) as writer, RingReader(ring.name) as reader:
+        writer.put(b"damaged")
+        assert writer._bytes[at] != value
+        writer._bytes[at] = value
+        assert reader.take() == []
+        writer.put(b"whole")
+        assert reader.take() == [b"whole"]
+        assert (reader.taken, reader.lost) == (1, 1)
+
+
+def test_a_reader_that_is_overtaken_while_it_reads_gives_out_nothing_torn(
+    ring: Ring, monkeypatch: pytest.MonkeyPatch
+):
+    """The writer goes once around the ring between two bytes of one message."""
+    old, new = b"old" * 100, b"new" * 100
+    with RingWriter(ring.name) as writer, RingReader(ring.name) as reader:
+        writer.put(old)
+        read = reader._read
+
+        def slow(position: int, length: int) -> bytes:
+            if writer.written == 1:
+                for _ in range(20):
+                    writer.put(new)
+            return read(position, length)
+
+        monkeypatch.setattr(reader, "_read", slow)
+        found = reader.take()
+        assert set(found) == {new}
+        assert reader.taken + reader.lost == writer.written == 21
 
 
 def _write_for_ever(name: str) -> None:

@@ -60,6 +60,10 @@ def test_a_process_number_that_was_given_again_is_another_owner(tmp_path: Path):
     assert len(list(tmp_path.iterdir())) == 4
 
 
+def test_where_shared_memory_has_no_names_nothing_is_swept(tmp_path: Path):
+    assert sweep(tmp_path / "shm") == []
+
+
 def test_names_differ_and_a_name_that_is_taken_is_passed_over():
     first, second = create_shared(64), create_shared(64)
     taken = second.name.rpartition("_")

@@ -6,6 +6,7 @@ import math
 from typing import Any
 
 import pytest
+from station_rig import Idle
 
 from taxel.actions.gripper import ForceRange
 from taxel.actions.interlock import Interlock, InterlockConfig, InterlockState, Order, OrderKind
@@ -168,6 +169,37 @@ def test_a_new_grasp_that_slips_at_once_keeps_the_force():
     rig.begin()
     rig.driving.new_grasp()
     rig.run("WARNING", 0.1)
+    rig.run("STABLE", 1.0)
+    assert rig.guard.interlock.force_n == 50.0
+
+
+class Robot(Idle):
+    """Another robot's program, which wants to know what is in the hand."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.heard: list[dict[str, Any]] = []
+
+    def recognised(self, answer: dict[str, Any]) -> None:
+        self.heard.append(answer)
+
+
+def test_an_answer_reaches_each_actuator_that_takes_answers_and_no_other():
+    guard = Guard(Interlock(InterlockConfig(min_n=15.0, max_n=50.0)))
+    driving, robots = Driving(guard, 15.0), (Robot(), Robot())
+    for actuator in (robots[0], Idle(), robots[1]):
+        driving.add(actuator)
+    driving.recognised({"grasp": "ball"})
+    assert [robot.heard for robot in robots] == [[{"grasp": "ball"}]] * 2
+
+
+def test_at_a_new_grasp_a_gripper_that_is_not_simulated_keeps_its_force():
+    """Only of the simulated cup is it known that nobody holds anything then."""
+    rig = Grasping()
+    rig.driving = Driving(rig.guard, 15.0)
+    rig.driving.add(Idle())
+    rig.begin()
+    rig.driving.new_grasp()
     rig.run("STABLE", 1.0)
     assert rig.guard.interlock.force_n == 50.0
 

@@ -17,13 +17,16 @@ from taxel.calibration.presses import script_of_marks
 from taxel.calibration.results import Taken
 from taxel.calibration.stored import document_of, write_calibration
 from taxel.errors import BadInput
+from taxel.frame_codec import encode_jpeg
 from taxel.live.station.packets import pack
 from taxel.live.station.page_link import StationView
 from taxel.live.station.ring import RingWriter
 from taxel.live.station.station import Station
 from taxel.live.station.wiring import StationConfig
+from taxel.recordings.manifest import NO_ARRAY, Manifest
 from taxel.recordings.reader import read_recording
-from taxel.signals import Samples
+from taxel.recordings.writer import Recorder
+from taxel.signals import CameraInfo, Frame, Samples
 from taxel.sim.force_gauge import ForceGauge, GaugeConfig
 from taxel.sim.teng_hand import TengHandConfig
 
@@ -56,8 +59,8 @@ def test_a_supervisor_that_stands_still_is_a_stop_on_the_page_although_it_report
         assert any(alarm.kind == "supervisor" for alarm in station.guard.alarms.alarms)
 
 
-def test_with_a_calibration_the_page_shows_newtons_and_other_sensors_are_refused(tmp_path: Path):
-    """Nothing else changes: what is recorded and judged stays in volts."""
+def write_calibration_of_seed_4(path: Path) -> None:
+    """Calibrate `sim://teng?seed=4&rate_hz=250` on a simulated gauge."""
     hand = TengHandConfig(seed=4, rate_hz=250.0)
     gauge = ForceGauge(hand, GaugeConfig(forces_n=(0.5, 1.0, 2.0), rounds=1))
     parts, marks = [], []
@@ -66,8 +69,13 @@ def test_with_a_calibration_the_page_shows_newtons_and_other_sensors_are_refused
         marks += own
     script = script_of_marks(marks, gauge.info)
     taken = Taken(samples=Samples.join(parts), script=script, rate_hz=250.0)
-    path = tmp_path / "c.json"
     write_calibration(path, document_of(characterise([taken], gauge.info), [], {}))
+
+
+def test_with_a_calibration_the_page_shows_newtons_and_other_sensors_are_refused(tmp_path: Path):
+    """Nothing else changes: what is recorded and judged stays in volts."""
+    path = tmp_path / "c.json"
+    write_calibration_of_seed_4(path)
     config = StationConfig(sources=("sim://teng?seed=4&rate_hz=250",), bundles=(), calibration=path)
     with Station(config) as station, closing(StationView(station.view_config())) as view:
         station.run(WAIT_S, lambda: len(view.traces(-math.inf)["sensors"]["t"]) > 20)
@@ -78,6 +86,33 @@ def test_with_a_calibration_the_page_shows_newtons_and_other_sensors_are_refused
     other = replace(config, sources=("sim://teng?seed=5&rate_hz=250",))
     with pytest.raises(BadInput, match="the sensors that were calibrated"), Station(other):
         pass
+
+
+def test_a_calibration_beside_tactile_cameras_only_is_refused(tmp_path: Path):
+    calibration, path = tmp_path / "c.json", tmp_path / "cameras.mcap"
+    write_calibration_of_seed_4(calibration)
+    left = CameraInfo(name="left", width=32, height=24, rate_hz=60.0)
+    recorder = Recorder(path, Manifest.started_now(NO_ARRAY, {}, {}, cameras=(left,)))
+    image = encode_jpeg(np.full((24, 32, 3), 90, np.uint8))
+    for number in range(3):
+        recorder.frame(
+            Frame(camera=0, jpeg=image, counter=number, device_s=float("nan"),
+                  arrival_s=number / 60, fitted_s=number / 60)
+        )  # fmt: skip
+    recorder.close()
+    config = StationConfig(sources=(f"replay://{path}",), bundles=(), calibration=calibration)
+    with pytest.raises(BadInput, match="an array beside a calibration"), Station(config):
+        pass
+
+
+def test_of_two_arrays_the_calibrated_one_is_shown_in_newtons_wherever_it_stands(tmp_path: Path):
+    path, own, other = tmp_path / "c.json", "sim://teng?seed=4&rate_hz=250", "sim://teng?seed=5"
+    write_calibration_of_seed_4(path)
+    for sources in ((own, other), (other, own)):
+        config = StationConfig(sources=sources, bundles=(), calibration=path)
+        with Station(config) as station:
+            seen = {source.url: source.calibration for source in station.view_config().sources}
+        assert seen == {own: path, other: None}
 
 
 def test_the_page_disarms_and_cannot_arm():

@@ -228,6 +228,13 @@ def test_in_a_drill_the_model_gives_what_it_is_told(rig: Rig, order: dict[str, A
     np.testing.assert_array_equal(given, np.array([value], np.float32))
 
 
+def test_in_a_drill_an_order_that_is_no_drill_is_handed_on(rig: Rig):
+    before = rig.monitor.bundle
+    assert obey(rig, {"do": "new grasp"}) == [{"do": "new grasp"}]
+    assert rig.monitor.bundle is before
+    assert len(rig.take(*pair(1.0))) == 1
+
+
 def test_outside_a_drill_such_orders_change_nothing_and_others_are_handed_on(rig: Rig):
     orders = ({"do": "mute", "on": True}, {"do": "nan"}, {"do": "hang"}, {"do": "new grasp"})
     before = rig.monitor.bundle

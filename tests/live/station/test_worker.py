@@ -1,4 +1,4 @@
-"""Ranks: who runs before whom, in real time or by niceness, and back again."""
+"""A process of a station: how it ends and what it says of that; its rank, and back again."""
 
 from __future__ import annotations
 
@@ -7,9 +7,12 @@ import os
 from multiprocessing.connection import Connection
 
 import pytest
+from station_rig import WAIT_S
 
+from taxel.errors import BadBundle
 from taxel.live.station import worker
-from taxel.live.station.worker import Rank, hurry, may_run_in_real_time
+from taxel.live.station.beats import Beats, Work
+from taxel.live.station.worker import Place, Rank, at_work, hurry, may_run_in_real_time
 
 CONTEXT = multiprocessing.get_context("spawn")
 State = tuple[int, int, int]
@@ -82,3 +85,42 @@ def test_where_only_low_ranks_are_permitted_nobody_is_in_real_time(monkeypatch: 
     assert not worker._schedule(Rank.MODEL)
     assert not may_run_in_real_time()
     assert max(given, default=0) == 0
+
+
+def _fail(place: Place, error: Exception | None) -> None:
+    with at_work(place) as pulse:
+        pulse.produced = 3
+        pulse.beat()
+        if error is not None:
+            raise error
+
+
+REFUSAL = BadBundle("a bundle", "a picture", "train one")
+
+
+@pytest.mark.parametrize(
+    ("error", "code", "work", "words"),
+    [
+        (None, 0, Work.ENDED, None),
+        (ZeroDivisionError("by no touch"), 1, Work.FAILED, "ZeroDivisionError: by no touch"),
+        (REFUSAL, 1, Work.FAILED, REFUSAL),
+    ],
+    ids=["nothing", "an error", "a refusal"],
+)
+def test_a_process_that_fails_says_why_and_that_it_failed(
+    error: Exception | None, code: int, work: Work, words: object
+):
+    """As a model that raises does: the supervisor must not wait for what will never come."""
+    mine, theirs = CONTEXT.Pipe(duplex=False)
+    with Beats() as beats:
+        place = Place(name="monitor", beats=beats.name, row=4, parent=os.getpid(), report=theirs)
+        process = CONTEXT.Process(target=_fail, args=(place, error))
+        process.start()
+        theirs.close()
+        process.join(WAIT_S)
+        beat = beats.read(4)
+        assert (process.exitcode, beat.work, beat.produced) == (code, work, 3)
+        heard = mine.recv() if mine.poll() and error is not None else ("failed", None)
+    assert heard[0] == "failed"
+    assert str(heard[1]) == str(words)
+    assert type(heard[1]) is type(words)

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import tempfile
 from collections.abc import Callable, Iterator, Sequence
+from contextlib import closing
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -16,15 +17,16 @@ from numpy.typing import NDArray
 
 from taxel.errors import BadDataset, BadTable
 from taxel.evaluation.audit.touch_set import TouchSet, checked, joined
-from taxel.jpeg_head import check_size
 from taxel.labels.trials import Trial, trials_of
+from taxel.recordings.footage import open_footage
 from taxel.recordings.importing import import_rows
 from taxel.recordings.known import KNOWN, KNOWN_VIDEOS
 from taxel.recordings.manifest import NO_ARRAY, Manifest
 from taxel.recordings.reader import list_recordings, read_recording
-from taxel.recordings.video_rows import VideoRow
+from taxel.recordings.video_rows import VideoRow, read_video_rows
 from taxel.signals import CameraInfo, Mark
 from taxel.windows.camera_recordings import frame_sets
+from taxel.windows.camera_trials import TABLES, are_camera_trials
 
 SQUARES = (6, 8)
 """Rows and columns that a camera's frame is shrunk to. Source: the first-frame control of
@@ -63,10 +65,10 @@ class _Read:
 def read_touch(
     path: Path, target: str | None, on_progress: Progress, *, least: bool = True
 ) -> TouchSet:
-    """Read a folder of recordings, or the own files of a data set that taxel knows.
+    """Read a folder of recordings, a table of videos, or the own files of a data set taxel knows.
 
     Args:
-        path: The folder.
+        path: The folder or table.
         target: The label to be predicted; the first one with two classes unless given.
         on_progress: Called with what is read, how many are done, and how many there are.
         least: Refuse too few trials or classes for a statement.
@@ -118,6 +120,9 @@ def _announced(paths: Sequence[Path], what: str, on_progress: Progress) -> Itera
 
 
 def _known_videos(path: Path) -> list[VideoRow] | None:
+    """Return the rows of a table of videos, or of a known set's folder; None for all else."""
+    if path.is_file() and path.suffix.lower() in TABLES and are_camera_trials(path):
+        return read_video_rows(path, path.parent)
     if not path.is_dir() or any(path.glob("*.mcap*")):
         return None
     for rows in KNOWN_VIDEOS.values():
@@ -237,7 +242,7 @@ def _read_videos(rows: list[VideoRow], on_progress: Progress) -> list[_Read]:
         count = min(map(len, greys))
         if not count:
             raise BadTable("videos with frames", f"none in {row.name}", "copy them again")
-        files = {f"{name}: bytes of a frame": f"{file.stat().st_size / count:.0f}"
+        files = {f"{name}: bytes of a frame": f"{_bytes_of(file) / count:.0f}"
                  for name, file in row.files.items()}  # fmt: skip
         reads.append(
             _Read(
@@ -256,15 +261,18 @@ def _read_videos(rows: list[VideoRow], on_progress: Progress) -> list[_Read]:
 def _small_video(path: Path) -> NDArray[np.float32]:
     import cv2
 
-    video = cv2.VideoCapture(str(path))
-    rows = []
-    width, height = video.get(cv2.CAP_PROP_FRAME_WIDTH), video.get(cv2.CAP_PROP_FRAME_HEIGHT)
-    if video.isOpened():
-        check_size(int(width), int(height))
-    while (read := video.read())[0]:
-        rows.append(_small(np.asarray(cv2.cvtColor(read[1], cv2.COLOR_BGR2GRAY), np.uint8)))
-    video.release()
+    with closing(open_footage(path)) as footage:
+        rows = [
+            _small(np.asarray(cv2.cvtColor(image, cv2.COLOR_RGB2GRAY), np.uint8))
+            for image in footage.frames()
+        ]
     return np.array(rows, np.float32).reshape(len(rows), _SQUARES)
+
+
+def _bytes_of(path: Path) -> int:
+    """Return the bytes of a video, or of a folder's images."""
+    files = [path] if path.is_file() else path.iterdir()
+    return sum(file.stat().st_size for file in files)
 
 
 def _assemble(

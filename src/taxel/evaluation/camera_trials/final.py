@@ -19,7 +19,7 @@ from taxel import __version__
 from taxel.bundles.trials import IN_RUN, TrialContract, trial_bundle_bytes
 from taxel.evaluation.camera_trials.crossval import TrialSet
 from taxel.evaluation.camera_trials.sides import TrialSplit
-from taxel.plain_text import json_text
+from taxel.plain_text import finite, json_text
 from taxel.recordings.whole import whole_folder, write_whole
 from taxel.training.trial_blend import fit_blend
 from taxel.training.trial_onnx import blend_to_onnx
@@ -127,5 +127,5 @@ def save_trial_run(output: Path, final: Final, result: Mapping[str, Any]) -> dic
     }
     with whole_folder(output) as made:
         write_whole(made / IN_RUN, final.bundle)
-        write_whole(made / "run.json", json_text(about, 1))
+        write_whole(made / "run.json", json_text(finite(about), 1))
     return about

@@ -9,6 +9,7 @@ Background of our choices: docs/decisions/0030.
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -61,7 +62,8 @@ class Guard:
     Args:
         interlock: Before the actuator.
         config: Times.
-        policy: From decisions to the force asked for; the interlock's largest without one.
+        policy: From decisions to the force asked for, a twin for each monitor; the interlock's
+            largest without one.
     """
 
     def __init__(
@@ -72,6 +74,7 @@ class Guard:
     ) -> None:
         self.interlock = interlock
         self._policy = policy
+        self._policies: dict[str, GripPolicy] = {}
         self.alarms = AlarmLatch()
         self._config = config or GuardConfig()
         self._monitors: dict[str, _Monitor] = {}
@@ -92,8 +95,7 @@ class Guard:
 
     def new_grasp(self) -> None:
         """Begin another grasp, at the force that is set now."""
-        if self._policy is not None:
-            self._policy.reset(max(self.interlock.force_n, _LEAST_N))
+        self._begin_at(self.interlock.force_n)
 
     def decide(self, name: str, note: dict[str, Any]) -> None:
         """Take in a monitor's newest note.
@@ -135,8 +137,7 @@ class Guard:
 
     def died(self, name: str) -> None:
         """Hear that a monitor's process has ended."""
-        if name in self._monitors:
-            self._monitors[name].dead = True
+        self._monitors[name].dead = True
 
     def trouble(self, kind: str, text: str, now_s: float, *, danger: bool = True) -> None:
         """Raise an alarm that is not about the grasp, such as a full disk."""
@@ -171,10 +172,11 @@ class Guard:
         self.wake(now_s)
         silent = self._silent(now_s)
         if self._monitors:
-            decision, decided_s = self._joined(silent, now_s)
-            self._decision = replace(decision, slip=self.slip)
+            every, decided_s = self._weighed(silent, now_s)
+            worst = max(every.values(), key=lambda decision: _WORST.index(decision.state))
+            decision = self._decision = replace(worst, slip=self.slip)
             self.alarms.watch(decision, armed=self.interlock.armed, now_s=now_s)
-            force_n = self._asked_n(decision, now_s)
+            force_n = self._asked_n(every, now_s)
             self.interlock.decision(decision.state.name, decided_s, force_n)
             self._alarm_of_silence(silent, now_s)
             if not silent:
@@ -216,19 +218,31 @@ class Guard:
         found = [d.probability for d in decisions if d.is_score is is_score]
         return max((p for p in found if math.isfinite(p)), default=math.nan)
 
-    def _asked_n(self, decision: StabilityDecision, now_s: float) -> float | None:
-        """Return the force that the policy asks for; it begins at the force that is set."""
-        policy, set_n = self._policy, self.interlock.force_n
+    def _asked_n(self, every: Mapping[str, StabilityDecision], now_s: float) -> float | None:
+        """Return the largest force that any monitor's policy asks for.
+
+        Each follows its own monitor's slip, and all begin at the force that is set.
+        """
+        set_n = self.interlock.force_n
         lowered, self._set_n = set_n < self._set_n, set_n
-        if policy is None:
+        if self._policy is None:
             return None
+        if not self.interlock.armed or lowered:
+            # Lowered: the robot's own program took over with less, and raises begin there.
+            self._begin_at(set_n)
         if not self.interlock.armed:
-            policy.reset(max(set_n, _LEAST_N))
             return None
-        if lowered:  # the robot's own program took over with less: raises begin there
-            policy.reset(max(set_n, _LEAST_N))
-        policy.force_n = max(policy.force_n, set_n)
-        return policy.push(decision, now_s)
+        asked_n = set_n
+        for name, decision in every.items():
+            policy = self._policies.setdefault(name, self._policy.twin())
+            policy.force_n = max(policy.force_n, set_n)
+            asked_n = max(asked_n, policy.push(decision, now_s))
+        return asked_n
+
+    def _begin_at(self, force_n: float) -> None:
+        if self._policy is not None:
+            for policy in (self._policy, *self._policies.values()):
+                policy.reset(max(force_n, _LEAST_N))
 
     def _silent(self, now_s: float) -> str:
         for name, monitor in self._monitors.items():
@@ -247,22 +261,24 @@ class Guard:
         age_s = now_s - monitor.decided_s
         return not -config.stall_s <= age_s <= config.decision_s + patience_s
 
-    def _joined(self, silent: str, now_s: float) -> tuple[StabilityDecision, float]:
-        """Return the worst of all monitors' decisions, with its own slip, and when the oldest was.
+    def _weighed(self, silent: str, now_s: float) -> tuple[dict[str, StabilityDecision], float]:
+        """Return what counts of each monitor, and when the oldest of it was decided.
 
-        For a monitor in a long step that it announced the guard itself says UNKNOWN, now.
+        For a monitor in a long step that it announced, and where any is silent, the guard itself
+        says UNKNOWN, now.
         """
-        if silent:
-            return StabilityDecision(Stability.UNKNOWN, silent, now_s, math.nan), now_s
-        every, oldest_s = [], now_s
+        every, oldest_s = {}, now_s
         for name, monitor in self._monitors.items():
-            if self._overdue(monitor, now_s):
-                doubt = REASONS["long step"].say(who=name)
-                every.append(StabilityDecision(Stability.UNKNOWN, doubt, now_s, math.nan))
+            overdue = (
+                "" if not self._overdue(monitor, now_s) else REASONS["long step"].say(who=name)
+            )
+            if silent or overdue:
+                doubt = silent or overdue
+                every[name] = StabilityDecision(Stability.UNKNOWN, doubt, now_s, math.nan)
             else:
-                every.append(monitor.decision)
+                every[name] = monitor.decision
                 oldest_s = min(oldest_s, monitor.decided_s)
-        return max(every, key=_severity), oldest_s
+        return every, oldest_s
 
     def _alarm_of_silence(self, silent: str, now_s: float) -> None:
         if silent and not self._doubt:
@@ -288,13 +304,6 @@ class Guard:
                 reason = REASONS["alarm"].say()
         since_s = self._shown[2] if word == self._shown[0] else now_s
         self._shown = (word, reason, since_s)
-
-
-def _severity(decision: StabilityDecision) -> tuple[int, float]:
-    """Order decisions: by state; of equal ones the one without slip, as nothing softens it."""
-    slip = decision.slip
-    followed = slip is not None and slip.seen and math.isfinite(slip.distance_mm)
-    return _WORST.index(decision.state), slip.distance_mm if slip and followed else math.inf
 
 
 def _slip_of(note: dict[str, Any]) -> Slip | None:

@@ -13,7 +13,6 @@ import gc
 import os
 import signal
 import sys
-import threading
 from collections.abc import Iterator
 from dataclasses import dataclass
 from enum import IntEnum
@@ -132,12 +131,11 @@ def at_work(place: Place, *, urgent: int = Rank.ORDINARY) -> Iterator[Pulse]:
     signal_at_parents_end(place.parent, at_the_end)
     pulse = Pulse(place)
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the terminal's Ctrl-C is the supervisor's
-    if threading.current_thread() is threading.main_thread():
-        signal.signal(signal.SIGTERM, pulse.end_here)
-        if hasattr(signal, "SIGHUP"):
-            signal.signal(signal.SIGHUP, signal.SIG_IGN)
-            # Ctrl-Z stops the supervisor alone: page and alarm must be there to say so.
-            signal.signal(signal.SIGTSTP, signal.SIG_IGN)
+    signal.signal(signal.SIGTERM, pulse.end_here)
+    if hasattr(signal, "SIGHUP"):
+        signal.signal(signal.SIGHUP, signal.SIG_IGN)
+        # Ctrl-Z stops the supervisor alone: page and alarm must be there to say so.
+        signal.signal(signal.SIGTSTP, signal.SIG_IGN)
     hurry(Rank(urgent))
     pulse.beat(Work.STARTING)
     try:

@@ -1,0 +1,84 @@
+"""Sets unlike gelsight-slip: short trials of a single camera, three classes, test trials apart."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from trial_makers import as_avi, trial_images, write_trials
+
+import taxel.training.trial_blend as blending
+from taxel.cli.evaluate_trials import EvaluateTrials
+from taxel.cli.train_trials import TrainTrials
+from taxel.cli.trial_data import TrialOptions
+from taxel.training.trial_blend import trusted
+
+SPEEDS = {"holds": 0.0, "creeps": 0.25, "slides": 1.2}
+"""What an object does → pixels of a slip in a frame."""
+
+
+def write_short_trials(folder: Path, classes: int, objects: int = 8) -> Path:
+    """Write 21 frames of one camera a trial and their table; each object has each class twice."""
+    folder.mkdir()
+    lines = ["left,label:what,group:object"]
+    names = list(SPEEDS) if classes == 3 else ["holds", "slides"]
+    for number in range(2 * classes * objects):
+        thing, name = number % objects, names[number // objects % classes]
+        speed = SPEEDS[name] * (1 + 0.1 * (thing % 3))
+        images = trial_images(speed > 0, 21, number, 80 + 9 * thing, speed)
+        lines.append(f"{as_avi(folder / f't{number}', images)},{name},object {thing}")
+    (folder / "trials.csv").write_text("\n".join(lines) + "\n")
+    return folder / "trials.csv"
+
+
+@pytest.mark.parametrize("classes", [2, 3])
+def test_the_default_is_ahead_of_the_forest_on_short_trials_of_one_camera(
+    classes: int,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    """Where movement decides, the default is right as often as its bar, and surer."""
+    monkeypatch.setattr(blending, "TREES", 40)
+    monkeypatch.setattr(blending, "INNER_TREES", 20)
+    table = write_short_trials(tmp_path / "a", classes)
+    options = TrialOptions(fold_count=2, cache=tmp_path / "cache")
+    EvaluateTrials(trials=table, options=options, json=True).run()
+    found = json.loads(capsys.readouterr().out)
+    assert (found["cameras"], found["crop"], found["crops_a_trial"]) == (1, 21, 1)
+    assert len(found["classes"]) == classes
+    ours, bar = (row["trials"] for row in found["rows"][:2])
+    assert ours["accuracy"] >= max(0.9, bar["accuracy"])
+    assert ours["auc"] >= bar["auc"]
+    assert ours["loss"] <= bar["loss"]
+
+
+def test_test_trials_of_their_own_without_a_class_give_a_run_and_a_report(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Untested trials and an AUC of a missing class stand in no file as NaN."""
+    monkeypatch.setattr(blending, "TREES", 12)
+    monkeypatch.setattr(blending, "INNER_TREES", 6)
+    table = write_trials(tmp_path / "a", objects=3, each=4, frames=10)
+    others = write_trials(tmp_path / "b", objects=2, each=1, frames=10)
+    options = TrialOptions(test=others, cache=tmp_path / "cache")
+    TrainTrials(trials=table, output=tmp_path / "run", options=options).run()
+    capsys.readouterr()
+    about = json.loads((tmp_path / "run" / "run.json").read_text())
+    assert len(about["predictions"]) == about["rows"][0]["trials"]["trials"] == 2
+    assert about["learned_trials"] == 12
+
+
+def test_the_kind_of_members_that_predicts_better_is_preferred_the_more_groups_say_so() -> None:
+    """Within a kind priors stay as they are, whoever of it was right."""
+    y = np.arange(40) % 2
+    good, blind = np.where(y[:, None] == [0, 1], 0.9, 0.1), np.full((40, 2), 0.5)
+    held = np.stack([good, blind, blind, good], axis=1)
+    prior, look = np.array([2.0, 1.0, 1.0, 0.0]), np.array([False, False, True, True])
+    few, many = (trusted(held, y, groups, prior, look) for groups in (3, 30))
+    for found in (few, many):
+        assert found[0] == pytest.approx(2 * found[1])
+        assert found[3] == 0.0
+    assert many[2] / many[1] < few[2] / few[1] < 3.0

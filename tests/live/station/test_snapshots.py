@@ -1,0 +1,45 @@
+"""How long the stages of a decision took, as the page and the benches see it."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from taxel.live.station.snapshots import STAGES, Latencies
+
+TOOK_MS = (10.0, 1.0, 2.0, 3.0, 8.0, 0.5)
+"""One number a stage."""
+
+
+def taken_in(latencies: Latencies, factor: float = 1.0) -> None:
+    at = 1.0 + np.concatenate([[0.0], np.cumsum(TOOK_MS)]) * factor / 1000.0
+    names = ("time_s", "arrival_s", "put_s", "taken_s", "began_s", "decided_s")
+    latencies.add(dict(zip(names, at[:-1].tolist(), strict=True)), float(at[-1]))
+
+
+def test_each_stage_takes_from_the_end_of_the_one_before_to_its_own():
+    latencies = Latencies()
+    taken_in(latencies)
+    latencies.add({"kind": "grasp", "decided_s": 5.0}, 6.0)  # no frames, so no time of theirs
+    found = {stage: values[0] for stage, values in latencies.percentiles_ms().items()}
+    assert found == pytest.approx(dict(zip(STAGES, TOOK_MS, strict=True)))
+    assert latencies.whole_ms() == pytest.approx([sum(TOOK_MS)])
+    assert latencies.overhead_ms() == pytest.approx([1.0 + 2.0 + 3.0 + 0.5])
+
+
+def test_percentiles_are_computed_once_a_second():
+    latencies = Latencies()
+    taken_in(latencies)
+    first = latencies.lately_ms(10.0)
+    taken_in(latencies, factor=9.0)
+    assert latencies.lately_ms(11.0) == first
+    assert latencies.lately_ms(11.1)["model"][2] > 3 * first["model"][2]
+
+
+def test_what_a_start_took_can_be_forgotten():
+    latencies = Latencies()
+    taken_in(latencies, factor=100.0)
+    latencies.clear()
+    assert latencies.percentiles_ms() == {}
+    taken_in(latencies)
+    assert latencies.whole_ms() == pytest.approx([sum(TOOK_MS)])
