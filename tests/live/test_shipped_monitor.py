@@ -104,6 +104,8 @@ def test_what_cannot_be_followed_is_never_stable(bundle, held, name: str) -> Non
     assert Stability.STABLE not in {decision.state for decision in late}
     doubts = {kind_of(d.reason) for d in late if d.state is Stability.UNKNOWN}
     assert doubts <= {"slip lost", "bad image", "frozen"}
+    unseen = [d.slip for d in late if d.slip is not None and kind_of(d.reason) == "slip lost"]
+    assert not any(slip.seen for slip in unseen)
 
 
 def test_a_feature_that_is_no_number_gives_no_score(bundle) -> None:
