@@ -58,7 +58,6 @@ def full_steps(data: Path | None) -> list[tuple[str, Measure]]:
         ("sim to real: gel features", lambda: sim_to_real("gel features", data)),
         ("sim to real: CycleGAN", lambda: sim_to_real_painted(data)),
         ("slip warning", slip_warning),
-        ("warnings on gel 2", warnings_on_layers),
         ("warnings on both gels", warnings_on_both_gels),
         ("warnings by kind", warnings_by_kind),
         ("start of a grasp", grasp_starts),
@@ -292,13 +291,6 @@ def slip_warning() -> list[Row]:
     from taxel.bench.slip_warning import slip_warning_rows
 
     return slip_warning_rows()
-
-
-def warnings_on_layers() -> list[Row]:
-    """Warn of slip with gels that shear as layers."""
-    from taxel.bench.gel_warning import gel_warning_rows
-
-    return gel_warning_rows((2,))
 
 
 def warnings_on_both_gels() -> list[Row]:

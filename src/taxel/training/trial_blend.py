@@ -203,7 +203,8 @@ def fit_blend(
         weights[weights < min(LEAST_WEIGHT, weights.max())] = 0.0
         weights /= weights.sum()
         mixed = np.asarray(np.einsum("tmc,m->tc", held, weights), np.float64)
-        sharpness = sharpen(mixed, y)
+        if inner_folds(y, learning.groups, seed):  # else a group is on both sides: too sure
+            sharpness = sharpen(mixed, y)
         inner = {member.name: log_loss(held[:, i], y) for i, member in enumerate(members)}
         inner["blend"] = log_loss(sharpened(mixed, sharpness), y)
     kept = np.flatnonzero(weights)
