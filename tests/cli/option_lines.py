@@ -77,7 +77,11 @@ LINES: dict[str, tuple[str, ...]] = {
         "train-monitor d --output m.taxel --features edge",
         "train-monitor d --output m.taxel --paper-settings",
     ),
-    "train-slip": ("train-slip d --output m.taxel", "train-slip d --output m.taxel --head rule"),
+    "train-slip": (
+        "train-slip d --output m.taxel",
+        "train-slip d --output m.taxel --head rule",
+        "train-slip d --output m.taxel --gel 2",
+    ),
     "train-backbone": (
         "train-backbone d --backbone edge --output w.safetensors",
         "train-backbone d --backbone edge --output w.safetensors --paper-settings",

@@ -1,36 +1,49 @@
 """Live slip is the slip of the recording, and a bundle that warns of it runs live."""
 
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 import pytest
 
-from taxel.bundles.grasp import read_grasp_bundle
+from taxel.bundles.grasp import contract_from_json, contract_to_json, read_grasp_bundle
+from taxel.errors import BadBundle
 from taxel.evaluation.early_warning.learn_slip_warning import (
     ReadyWarning,
     rule_model,
     rule_probability,
     write_warning,
 )
+from taxel.gel.rim_slip import WITH_RIM, RimSlip
 from taxel.gel.slip_signal import PAIR_FEATURES, GelSlip, PairSlip
 from taxel.live.grasp_monitor import GraspMonitor
 from taxel.live.slip_watch import SlipWatch, mm_per_px_of, taken_of
 from taxel.sources.stepped_pour import SteppedPour
 from taxel.training.pose_noise import settle
+from taxel.training.rim_features import rim_features
 from taxel.training.slip_cups import paper_runs, seen_pour, true_pours
+from taxel.training.slip_onnx import linear_model
 from taxel.windows.pairs import FramePairer
+
+CLOCK_S = 10.0
+"""By how much the simulated cameras' own clocks are ahead."""
+
+
+@cache
+def pour_on(gel):
+    run = next(run for run in paper_runs(31_000) if run.kind == "pour")
+    batch = seen_pour(run, gel)
+    stepped, pairer, sets = SteppedPour(run, gel=gel), FramePairer(2), []
+    for _ in range(len(batch.time_s)):
+        frames, _ = stepped.step()
+        sets += [found for frame in frames if (found := pairer.push(frame)) is not None]
+    return stepped.cameras, sets, batch
 
 
 @pytest.fixture(scope="module")
 def pour():
     """A pour that slips, its moments as sets of frames, and its batch poses."""
-    run = next(run for run in paper_runs(31_000) if run.kind == "pour")
-    batch = seen_pour(run)
-    stepped, pairer, sets = SteppedPour(run), FramePairer(2), []
-    for _ in range(len(batch.time_s)):
-        frames, _ = stepped.step()
-        sets += [found for frame in frames if (found := pairer.push(frame)) is not None]
-    return stepped.cameras, sets, batch
+    return pour_on(1)
 
 
 @pytest.fixture(scope="module")
@@ -68,6 +81,58 @@ def test_live_equals_batch_to_the_last_bit(pour):
     assert len(live) == len(offline) == len(sets)
     assert np.array_equal(np.stack(live), np.stack(offline))
     assert watch.slip == pair.slip
+
+
+@pytest.mark.parametrize("gel", [1, 2])
+def test_with_the_rims_live_equals_what_was_learned_from(gel, tmp_path):
+    """To the last bit, through a bundle that says that its windows have 74 columns."""
+    cameras, sets, batch = pour_on(gel)
+    gels = tuple(
+        replace(rows, taken_s=np.array([CLOCK_S + taken_s for taken_s in rows.taken_s]))
+        for rows in batch.gels
+    )
+    (learned,) = rim_features([replace(batch, gels=gels)])
+    watch, live = SlipWatch(cameras, rim=True), []
+    for found in sets:
+        live += watch.see(found)
+
+    assert all(rows.seen.all() for rows in batch.gels)
+    assert np.array_equal(np.stack(live), learned.rows[learned.at])
+
+    column = np.zeros(len(WITH_RIM))
+    column[WITH_RIM.index("rim_slip_ahead")] = 1.0
+    ahead = learned.rows[:, -1]
+    path = tmp_path / "rim.taxel"
+    expected = np.clip(ahead, 0.0, 1.0)
+    warning = ReadyWarning(
+        model=linear_model(column), threshold=0.2, check=learned.rows, expected=expected
+    )
+    write_warning(path, "logistic", warning, {})
+    bundle = read_grasp_bundle(path)
+    monitor = GraspMonitor(bundle, cameras)
+    answers = [monitor.push(found).probability for found in sets]
+
+    assert bundle.contract.features == "slip-rim"
+    assert bundle.offset.shape == (1, 74)
+    settled = np.isfinite(answers)
+    assert settled.sum() > len(sets) - 30
+    assert np.array(answers)[settled] == pytest.approx(expected[learned.at][settled], abs=1e-6)
+
+
+def test_a_moment_of_an_older_clock_changes_nothing_of_the_rim():
+    trend, pair = RimSlip(), np.full(len(PAIR_FEATURES), 0.1, np.float32)
+    for moment in range(100):
+        before = trend.push(pair * (moment / 100), 0.001 * moment, 0.0, moment / 50)
+    again = trend.push(pair * 9, 0.5, 0.5, 1.0)
+
+    assert np.array_equal(again, before)
+    assert np.isfinite(before).all()
+
+
+def test_a_bundle_whose_columns_are_not_those_it_names_is_refused(bundle):
+    text = contract_to_json(bundle.contract).replace('"slip"', '"slip-rim"')
+    with pytest.raises(BadBundle):
+        contract_from_json(text)
 
 
 def test_the_monitor_warns_before_gross_slip(pour, bundle):

@@ -5,9 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from taxel.gel.rim_slip import RIM_FEATURES
 from taxel.gel.slip_signal import PAIR_FEATURES
 from taxel.training.pose_noise import GelNoise, add_rim_noise
-from taxel.training.rim_features import RIM_FEATURES, rim_features
+from taxel.training.rim_features import rim_features
 from taxel.training.slip_cups import GelRows, PourRows, by_rim, paper_runs
 from taxel.training.slip_heads import features_of
 

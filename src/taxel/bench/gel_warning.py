@@ -24,10 +24,15 @@ from taxel.bench.rows import Row, missing, row
 from taxel.bench.slip_warning import poses_folder
 from taxel.bundles.grasp import read_grasp_bundle
 from taxel.bundles.shipped import CUP_POUR, shipped_bundle
+from taxel.evaluation.early_warning.learn_layer_warning import (
+    GOAL,
+    LayerPoses,
+    layer_features,
+    layer_poses,
+)
 from taxel.evaluation.early_warning.learn_slip_warning import (
     fit_head,
     head_drive,
-    noisy_features,
     out_of_fold,
     promised,
     rule_drive,
@@ -43,20 +48,8 @@ from taxel.evaluation.early_warning.slip_warnings import (
 )
 from taxel.sim.cup_pour import Gel
 from taxel.sim.cups import PourRun
-from taxel.training.layer_poses import layer_pours
-from taxel.training.pose_noise import add_rim_noise, fit_noise
 from taxel.training.rim_features import rim_features
-from taxel.training.slip_cups import (
-    NOISE_CUPS,
-    TEST_CUPS,
-    TRAINING_CUPS,
-    PourRows,
-    by_rim,
-    keep_runs,
-    noise_runs,
-    paper_part,
-    seen_pours,
-)
+from taxel.training.slip_cups import TEST_CUPS, PourRows, keep_runs, paper_part, seen_pours
 from taxel.training.slip_heads import USUAL_GOALS, Goal, PourFeatures, features_of
 
 PARTS: Final = 1
@@ -65,11 +58,6 @@ TESTED: Final = TEST_CUPS[:54]
 """Test cups whose pours are rendered with version 2. Source: our choice: time."""
 CUPS: Final = 20
 """Training cups of version 1 for what learns on both. Source: our choice: time."""
-LAYER_CUPS: Final = 120
-"""Training cups of version 2, three of the paper's pours into each: many cups say more than many
-pours. Source: our choice: time."""
-GOAL: Final[Goal] = "slip in 0.75 s"
-"""What is learned on version 2. Source: training cups out of fold, decision 37."""
 PER_MIN: Final = 0.4
 """False alarms a minute that are promised; the goal is 0.5. Source: our choice, before any pour
 of version 2 was looked at."""
@@ -120,62 +108,6 @@ def rendered(folder: Path, gels: Sequence[Gel] = _GELS) -> dict[Gel, list[PourRo
                 for gel, file in zip(gels, files, strict=True):
                     found[gel] += keep_runs(file, paper_part(cup, part))
     return found
-
-
-@dataclass(frozen=True, slots=True)
-class LayerPoses:
-    """Training pours on gels that shear as layers."""
-
-    pours: list[PourRows]
-    """Exact poses, to learn from."""
-    seen: list[PourRows]
-    """A pour of each of some cups, as it is followed in images."""
-    exact: list[PourRows]
-    """The same pours' exact poses."""
-
-
-def layer_poses(
-    folder: Path, cups: int = LAYER_CUPS, on_step: Callable[[str], None] = lambda _: None
-) -> LayerPoses:
-    """Return training pours' exact poses on layers, and those of a few as images give them.
-
-    Args:
-        folder: Where poses are kept; what is not there is simulated, five minutes of one core.
-        cups: How many of `TRAINING_CUPS`.
-        on_step: Called with a line before each cup.
-    """
-    seen: list[PourRows] = []
-    exact: list[PourRows] = []
-    for cup in NOISE_CUPS:
-        on_step(f"images of training cup {cup}, gel 2")
-        runs = noise_runs(cup)
-        seen += keep_runs(folder / f"{cup}-noise-rim-gel-2.npz", runs, _follow(2))
-        exact += keep_runs(folder / f"{cup}-noise-layers.npz", runs, layer_pours)
-    pours: list[PourRows] = []
-    for cup in TRAINING_CUPS[:cups]:
-        on_step(f"layers of training cup {cup}")
-        runs = paper_part(cup, 0)
-        pours += keep_runs(folder / f"{cup}-layers-0.npz", runs, layer_pours)
-    return LayerPoses(pours, seen, exact)
-
-
-def layer_features(poses: LayerPoses, *, rim: bool) -> list[PourFeatures]:
-    """Return training pours on layers as images would give them.
-
-    Args:
-        poses: What `layer_poses` gave.
-        rim: True gives `RIM_FEATURES` too.
-    """
-    noises = fit_noise(poses.seen, poses.exact)
-    if not rim:
-        return noisy_features(poses.pours, noises)
-    at_rim = fit_noise(by_rim(poses.seen), by_rim(poses.exact))
-    return rim_features(
-        [
-            add_rim_noise(pour, noises, at_rim, np.random.default_rng([0, pour.run.seed]))
-            for pour in poses.pours
-        ]
-    )
 
 
 def gel_warning_rows(

@@ -43,6 +43,8 @@ from taxel.decisions.stability import StabilityConfig
 from taxel.errors import BadBundle, BadFile
 from taxel.foreign.json_text import Fields, parse_json
 from taxel.foreign.records import record_of
+from taxel.gel.rim_slip import WITH_RIM
+from taxel.gel.slip_signal import PAIR_FEATURES
 from taxel.models.devices import CPU
 from taxel.recordings.whole import write_whole
 from taxel.signals import CameraInfo
@@ -53,7 +55,11 @@ GEL = "gel"
 """Features that markers and imprint give (`taxel.gel.slip_features`), without a backbone."""
 SLIP = "slip"
 """Features of slip over all gels (`taxel.gel.slip_signal`): offset and factor have one row."""
-OWN_FEATURES = (GEL, SLIP)
+SLIP_RIM = "slip-rim"
+"""The same, then those of the contacts' rims (`taxel.gel.rim_slip`); one row too."""
+SLIP_COLUMNS = {SLIP: len(PAIR_FEATURES), SLIP_RIM: len(WITH_RIM)}
+"""What watches slip → how many columns its windows have."""
+OWN_FEATURES = (GEL, *SLIP_COLUMNS)
 """What needs no backbone."""
 _MOST_CAMERAS, _MOST_FRAMES, _LARGEST_SIDE = 16, 10_000, 8192
 """Bounds of what a contract may say. Source: our choice."""
@@ -65,7 +71,7 @@ class GraspContract:
     """What a grasp bundle needs and gives."""
 
     features: str
-    """Name of the backbone, "gel", or "slip"."""
+    """Name of the backbone, "gel", "slip", or "slip-rim"."""
     weights: str
     """ImageNet, file:NAME or RANDOM, and where they come from; empty for "gel"."""
     head: str
@@ -83,7 +89,7 @@ class GraspContract:
     rule: str
     """What "unstable" means."""
     offset: tuple[tuple[float, ...], ...]
-    """Shape (cameras, features), one row for "slip"; taken from what the head sees."""
+    """Shape (cameras, features), one row for slip; taken from what the head sees."""
     factor: tuple[tuple[float, ...], ...]
     """Shape (cameras, features), times which it sees them."""
     stability: StabilityConfig
@@ -96,7 +102,7 @@ class GraspContract:
     @property
     def gives_probability(self) -> bool:
         """False for a slip warning whose number of 0…1 is only a score: a forecast, the rule."""
-        return self.features != SLIP or self.head not in ("forecast", "rule")
+        return self.features not in SLIP_COLUMNS or self.head not in ("forecast", "rule")
 
     def check_cameras(self, cameras: tuple[CameraInfo, ...]) -> None:
         """Refuse cameras that this bundle was not made for.
@@ -286,13 +292,14 @@ def _contract(given: Fields) -> GraspContract:
     if not 0 <= first < last <= _MOST_FRAMES or first % 1 or last % 1:
         raise ValueError("settle is not the first and last of some frames")
     cameras = given.count("cameras", 1, _MOST_CAMERAS)
-    rows = 1 if given.any("features") == SLIP else cameras
-    offset, factor = (given.array(name, (rows, None)) for name in ("offset", "factor"))
+    features = given.text("features")
+    rows, columns = (1, SLIP_COLUMNS[features]) if features in SLIP_COLUMNS else (cameras, None)
+    offset, factor = (given.array(name, (rows, columns)) for name in ("offset", "factor"))
     if offset.shape != factor.shape:
         raise ValueError("offset and factor differ in length")
     tare: Tare = given.choice("tare", get_args(Tare))  # type: ignore[assignment]
     return GraspContract(
-        features=given.text("features"),
+        features=features,
         weights=given.text("weights"),
         head=given.text("head"),
         frames=given.count("frames", 1, _MOST_FRAMES),

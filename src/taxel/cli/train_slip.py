@@ -31,8 +31,12 @@ class TrainSlip:
     output: Path
     """The bundle to write, NAME.taxel; an older one there is replaced."""
     head: Literal["forecast", "boosting", "logistic", "rule"] = "forecast"
-    """What is learned: forecast, how far the object will slip within 0.5 s; boosting and logistic,
-    whether it slips within 1 s; rule: nothing but the threshold for slip and its rate."""
+    """What is learned: forecast, how far the object will slip within 0.5 s (0.75 s with --gel 2);
+    boosting and logistic, whether it slips within 1 s; rule: nothing but the threshold for slip
+    and its rate."""
+    gel: Literal[1, 2] = 1
+    """How the simulated gels shear: 1, as rigid pieces; 2, as elastic layers, with features of the
+    contacts' rims. From nothing 1 takes ten minutes of one core, 2 takes five."""
     false_alarms: float = 0.3
     """Most false alarms per minute of grasps that hold, as a median over cups held out."""
     seed: int = 0
@@ -46,6 +50,7 @@ class TrainSlip:
 
     def run(self) -> None:
         """Learn, write the bundle and print what it is worth."""
+        from taxel.evaluation.early_warning import learn_layer_warning as layers
         from taxel.evaluation.early_warning import learn_slip_warning as learn
         from taxel.evaluation.early_warning.slip_warnings import score_warnings
 
@@ -56,9 +61,16 @@ class TrainSlip:
             def on_step(line: str) -> None:
                 bar.update(task, description=line, advance=1)
 
-            pours, _ = learn.training_features(self.poses, on_step=on_step)
+            goal, learned_on = None, learn.LEARNED_ON
+            if self.gel == 1:
+                pours, _ = learn.training_features(self.poses, on_step=on_step)
+            else:
+                poses = layers.layer_poses(self.poses, on_step=on_step)
+                pours = layers.layer_features(poses, rim=self.head != "rule")
+                goal = layers.GOAL if self.head == "forecast" else None
+                learned_on = layers.LEARNED_ON
             warning, promise, tracks = learn.make_warning(
-                pours, self.head, self.false_alarms, seed=self.seed, on_step=on_step
+                pours, self.head, self.false_alarms, goal, seed=self.seed, on_step=on_step
             )
         scores, _ = score_warnings(learn.promised(tracks), promise.threshold)
         measured = {
@@ -66,14 +78,15 @@ class TrainSlip:
             "missed": scores.events.missed_share,
             "false alarms a minute": scores.events.false_alarms_per_min,
         }
-        parity = learn.write_warning(self.output, self.head, warning, measured)
+        parity = learn.write_warning(self.output, self.head, warning, measured, learned_on)
         if self.json:
-            print_json({"bundle": str(self.output), "head": self.head, "parity": parity,
-                        "promise": asdict(promise), "leads": scores.leads, "near": scores.near,
+            print_json({"bundle": str(self.output), "head": self.head, "gel": self.gel,
+                        "parity": parity, "promise": asdict(promise), "leads": scores.leads,
+                        "near": scores.near,
                         "alarms_by_slip": scores.alarms_by_slip,
                         "events": scores.events.as_dict()})  # fmt: skip
             return
-        _print(self.output, self.head, promise, scores, parity)
+        _print(self, promise, scores, parity)
 
     def _check(self) -> None:
         """Refuse, before anything is simulated, what cannot be meant."""
@@ -89,12 +102,12 @@ class TrainSlip:
             raise BadInput("a folder to keep simulated poses in", str(self.poses), "name another")
 
 
-def _print(output: Path, name: str, promise: Promise, scores: WarningScores, parity: float) -> None:
-    events = scores.events
+def _print(verb: TrainSlip, promise: Promise, scores: WarningScores, parity: float) -> None:
+    events, output = scores.events, verb.output
     low, high = promise.found_interval
     console.print(
-        f"{output}: slip + {name}, warns of slip above 0.3 mm; the bundle's probabilities differ "
-        f"from the trained head's by at most {parity:.1e}",
+        f"{output}: slip + {verb.head}, warns of slip above 0.3 mm; the bundle's "
+        f"probabilities differ from the trained head's by at most {parity:.1e}",
         soft_wrap=True,
     )
     console.print(
@@ -113,5 +126,6 @@ def _print(output: Path, name: str, promise: Promise, scores: WarningScores, par
     alarms = ", ".join(f"{what}: {count}" for what, count in scores.alarms_by_slip.items())
     console.print(f"  grasps that hold but slip, a minute: {near}", soft_wrap=True)
     console.print(f"  false alarms by how far their grasp slipped: {alarms}", soft_wrap=True)
-    watch = command("taxel", "live", output, "sim://cup-pour", "--seconds", "20")
+    source = "sim://cup-pour" if verb.gel == 1 else f"sim://cup-pour?gel={verb.gel}"
+    watch = command("taxel", "live", output, source, "--seconds", "20")
     console.print(f"next: {watch}", markup=False, soft_wrap=True)

@@ -14,7 +14,7 @@ from time import perf_counter
 import numpy as np
 from numpy.typing import NDArray
 
-from taxel.bundles.grasp import SLIP, GraspBundle
+from taxel.bundles.grasp import SLIP_COLUMNS, SLIP_RIM, GraspBundle
 from taxel.decisions.reasons import REASONS
 from taxel.decisions.stability import StabilityConfig, StabilityDecision, StabilityMonitor
 from taxel.errors import BadSource
@@ -99,7 +99,10 @@ class GraspMonitor:
         contract = self.bundle.contract
         self._monitor = StabilityMonitor(self._config)
         self._ring = FeatureRing(contract.frames, *self.bundle.offset.shape)
-        self._watch = SlipWatch(self._cameras, self._settle) if contract.features == SLIP else None
+        self._watch: SlipWatch | None = None
+        if contract.features in SLIP_COLUMNS:
+            rim = contract.features == SLIP_RIM
+            self._watch = SlipWatch(self._cameras, self._settle, rim)
         self._eyes = [_Eye(camera) for camera in self._cameras]
         self._over = False
         self._slips: list[SlipFeatures] | None = None
@@ -291,7 +294,8 @@ class GraspMonitor:
     ) -> NDArray[np.float32] | None:
         """Take in a moment's slip; return the scaled window that ends with it."""
         window = None
-        for row in watch.push(images, [taken_of(frame) for frame in found.frames]):
+        taken_s = [taken_of(frame) for frame in found.frames]
+        for row in watch.push(images, taken_s, found.time_s):
             self._rest = self._rows
             window = self._ring.push((row - self.bundle.offset) * self.bundle.factor)
         return window

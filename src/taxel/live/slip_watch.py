@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from taxel.frame_codec import decode_jpeg
 from taxel.gel.markers import Rgb
+from taxel.gel.rim_slip import RimSlip
 from taxel.gel.slip_signal import USUAL_MM_PER_PX, PairSlip, Slip
 from taxel.gel.touch_poses import TouchFollower
 from taxel.signals import CameraInfo, Frame
@@ -30,18 +31,24 @@ class SlipWatch:
     Args:
         cameras: The source's; one that does not state its mm a px is taken for a GelSight Mini.
         settle: Which moments are the settled grasp.
+        rim: True gives the features of the contacts' rims too: 74 columns instead of 66.
     """
 
-    def __init__(self, cameras: Sequence[CameraInfo], settle: slice = SETTLE) -> None:
+    def __init__(
+        self, cameras: Sequence[CameraInfo], settle: slice = SETTLE, rim: bool = False
+    ) -> None:
         self._to_mm = [np.array([mm, mm, 1.0]) for mm in map(mm_per_px_of, cameras)]
         self._settle = settle
         self._cameras = tuple(cameras)
         self._followers: list[TouchFollower] = []
-        self._early: list[tuple[tuple[Rgb, ...], tuple[float, ...]]] = []
+        self._early: list[tuple[tuple[Rgb, ...], tuple[float, ...], float]] = []
         self._shown: tuple[Rgb, ...] = ()
         self._jpegs: list[bytes] = [b""] * len(cameras)
         self._images: list[Rgb | None] = [None] * len(cameras)
         self._pair = PairSlip(len(cameras))
+        self._rim = RimSlip() if rim else None
+        self._rim_rad = np.zeros((len(cameras), 2))
+        """Turn of each gel's rim, and of the object less the rim, as sizes."""
         self._taken_s: tuple[float, ...] = (math.nan,) * len(cameras)
         """When the newest images were taken."""
         self._missed = [False] * len(cameras)
@@ -82,7 +89,9 @@ class SlipWatch:
         """Of each gel."""
         return tuple(gel.slip for gel in self._pair.gels)
 
-    def push(self, images: Sequence[Rgb], taken_s: Sequence[float]) -> list[NDArray[np.float32]]:
+    def push(
+        self, images: Sequence[Rgb], taken_s: Sequence[float], time_s: float
+    ) -> list[NDArray[np.float32]]:
         """Take in what each camera shows now; return the features of the moments that are ready.
 
         None before the settled grasp is over, then those of all waiting moments, then of this one.
@@ -90,21 +99,22 @@ class SlipWatch:
         Args:
             images: One a camera; the very same object again is no new image.
             taken_s: When each was taken, seconds: see `taken_of`.
+            time_s: This moment on a clock that the cameras share, seconds.
 
         Raises:
             BadSource: An image has another shape than those before.
         """
         if self._followers:
-            return [self._step(tuple(images), taken_s)]
-        self._early.append((tuple(images), tuple(taken_s)))
+            return [self._step(tuple(images), taken_s, time_s)]
+        self._early.append((tuple(images), tuple(taken_s), time_s))
         if len(self._early) < self._settle.stop:
             return []
         early, self._early = self._early, []
         for camera in range(len(self._to_mm)):
-            part = [shown[camera] for shown, _ in early[self._settle]]
+            part = [shown[camera] for shown, _, _ in early[self._settle]]
             fresh = [image for i, image in enumerate(part) if i == 0 or image is not part[i - 1]]
             self._followers.append(TouchFollower(fresh))
-        return [self._step(shown, times) for shown, times in early]
+        return [self._step(*moment) for moment in early]
 
     def see(self, found: FrameSet) -> list[NDArray[np.float32]]:
         """Take in a set of frames as it came; return as `push` does.
@@ -117,20 +127,34 @@ class SlipWatch:
                 self._images[camera] = decode_jpeg(frame.jpeg, self._cameras[camera])
                 self._jpegs[camera] = frame.jpeg
         images = [image for image in self._images if image is not None]
-        return self.push(images, [taken_of(frame) for frame in found.frames])
+        return self.push(images, [taken_of(frame) for frame in found.frames], found.time_s)
 
-    def _step(self, images: tuple[Rgb, ...], taken_s: Sequence[float]) -> NDArray[np.float32]:
+    def _step(
+        self, images: tuple[Rgb, ...], taken_s: Sequence[float], time_s: float
+    ) -> NDArray[np.float32]:
+        fresh = False
         for camera, image in enumerate(images):
             if self._shown and image is self._shown[camera]:
                 continue
+            fresh = True
             pose = self._followers[camera].follow(image)
             to_mm = self._to_mm[camera]
             self._missed[camera] = not self._pair.gels[camera].push(
                 pose.object * to_mm, pose.gel * to_mm, pose.spread * to_mm, taken_s[camera],
                 pose.seen,
             )  # fmt: skip
+            if self._rim is not None:
+                rim_rad = float(self._followers[camera].rim()[2])
+                if not self._missed[camera]:
+                    self._rim_rad[camera] = abs(rim_rad), abs(float(pose.object[2]) - rim_rad)
         self._shown, self._taken_s = images, tuple(taken_s)
-        return self._pair.features()
+        pair = self._pair.features()
+        if self._rim is None:
+            return pair
+        if fresh:
+            rim, slip = self._rim_rad.mean(axis=0).astype(np.float32)
+            self._rim.push(pair, float(rim), float(slip), time_s)
+        return np.concatenate([pair, self._rim.features])
 
 
 def taken_of(frame: Frame) -> float:

@@ -1,6 +1,7 @@
 """Heads that turn slip's features into how likely gross slip is to follow, and their ONNX.
 
-Each learns from rows of `taxel.gel.slip_signal.PAIR_FEATURES` of whole training cups. Knows
+Each learns from rows of whole training cups, whose first columns are
+`taxel.gel.slip_signal.PAIR_FEATURES`. Knows
 nothing about images, thresholds or test cups.
 
 Source: docs/decisions/0036.
@@ -68,7 +69,7 @@ class PourFeatures:
 
     pour: PourRows
     rows: Rows
-    """Shape (n, 66)."""
+    """Shape (n, 66), or with `RIM_FEATURES` (n, 74)."""
     at: NDArray[np.int64]
     """Shape (moments,): the row that each moment of the video sees."""
 
@@ -104,7 +105,7 @@ def learning_rows(
         goal: What a row is labelled by.
 
     Returns:
-        Shapes (n, 66), (n,) and (n,). A label is 0 or 1; of the goals "slip in …" it is the
+        Shapes (n, columns), (n,) and (n,). A label is 0 or 1; of the goals "slip in …" it is the
         natural logarithm of the largest slip over gross slip.
     """
     rows, labels, weights = [], [], []
@@ -144,7 +145,7 @@ class SlipHead(Protocol):
     """What learns from rows and gives probabilities."""
 
     def fit(self, rows: Rows, labels: NDArray[Any], weights: NDArray[np.float64]) -> None:
-        """Learn from shape (n, 66), `learning_rows`'s labels, and weights, shape (n,)."""
+        """Learn from shape (n, columns), `learning_rows`'s labels, and weights, shape (n,)."""
         ...
 
     def probability(self, rows: Rows) -> NDArray[np.float32]:
@@ -152,7 +153,7 @@ class SlipHead(Protocol):
         ...
 
     def to_onnx(self) -> bytes:
-        """Return a model: features (n, 1, 1, 66) → probability (n,)."""
+        """Return a model: features (n, 1, 1, columns) → probability (n,)."""
         ...
 
 
@@ -202,7 +203,7 @@ class LogisticHead:
             helper.make_node("MatMul", ["signed", "slope"], ["drive"]),
             helper.make_node("Add", ["drive", "level"], ["logit"]),
         ]
-        return slip_model(nodes, {"slope": slope, "level": np.array([level])})
+        return slip_model(nodes, {"slope": slope, "level": np.array([level])}, len(slope))
 
 
 class BoostingHead:

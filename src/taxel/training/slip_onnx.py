@@ -70,7 +70,7 @@ def trees_model(
             "least_unit": np.array(unit), "least_share_of_all": np.array(SMALLEST_SHARE),
         }  # fmt: skip
     nodes.append(helper.make_node("Mul", [total, "factor"], ["logit"]))
-    return slip_model(nodes, constants | tables)
+    return slip_model(nodes, constants | tables, model.n_features_in_)
 
 
 def _level(place: str, below: str) -> list[Any]:
@@ -128,7 +128,7 @@ def linear_model(columns: NDArray[np.float64]) -> bytes:
     """Return a model that weighs features and cuts the sum to 0…1: no learning in it.
 
     Args:
-        columns: Weight of each feature, shape (66,).
+        columns: Weight of each feature, shape (features,).
     """
     from onnx import helper
 
@@ -137,22 +137,22 @@ def linear_model(columns: NDArray[np.float64]) -> bytes:
         helper.make_node("Clip", ["sum", "none", "whole"], ["probability"]),
     ]
     constants = {"columns": columns, "none": np.array(0.0), "whole": np.array(1.0)}
-    return slip_model(nodes, constants, sigmoid=False)
+    return slip_model(nodes, constants, len(columns), sigmoid=False)
 
 
 def slip_model(
-    nodes: list[Any], constants: dict[str, NDArray[Any]], *, sigmoid: bool = True
+    nodes: list[Any], constants: dict[str, NDArray[Any]], width: int, *, sigmoid: bool = True
 ) -> bytes:
-    """Return an ONNX model: features (n, 1, 1, 66) → probability (n,).
+    """Return an ONNX model: features (n, 1, 1, width) → probability (n,).
 
     Args:
-        nodes: They turn `rows` (n, 66) into `logit` (n,), or into `probability`.
+        nodes: They turn `rows` (n, width) into `logit` (n,), or into `probability`.
         constants: What they use by name; numbers are stored as 32 bits.
+        width: Features: 66, or with those of the rim 74.
         sigmoid: False where the nodes give `probability` themselves.
     """
     from onnx import TensorProto, helper, numpy_helper
 
-    width = len(PAIR_FEATURES)
     frame = [
         helper.make_node("Reshape", ["features", "table"], ["rows"]),
         *nodes,

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taxel import __version__
-from taxel.bundles.grasp import SLIP, GraspContract, write_grasp_bundle
+from taxel.bundles.grasp import SLIP_COLUMNS, GraspContract, write_grasp_bundle
 from taxel.evaluation.early_warning.slip_warnings import (
     Promise,
     WarningTrack,
@@ -64,6 +64,8 @@ PROMISED_KINDS: Final[tuple[Kind, ...]] = ("pour", "still")
 """Pours on which false alarms are promised: the paper's. Pushes slide fast and then hold, so that
 a promise over them too would silence the rest; the other kinds give fewer than these."""
 LATER_UM: Final = {"1 mm": 1000.0}
+LEARNED_ON: Final = "simulated poses, docs/decisions/0036"
+"""What bundles say of their data."""
 _RULE: Final = tuple(PAIR_FEATURES.index(name) for name in ("slip_mean", "slip_rate_8_mean"))
 _CHECKED: Final = 64
 Drive = NDArray[np.float64]
@@ -84,11 +86,11 @@ class ReadyWarning:
     """A warning as it is written."""
 
     model: bytes
-    """ONNX: features (n, 1, 1, 66) → probability (n,)."""
+    """ONNX: features (n, 1, 1, columns) → probability (n,)."""
     threshold: float
     """From which on it warns, 0…1."""
     check: NDArray[np.float32]
-    """Features to try the bundle with, shape (n, 66)."""
+    """Features to try the bundle with, shape (n, 66), or with those of the rim (n, 74)."""
     expected: NDArray[np.float32]
     """What is given for them, shape (n,)."""
 
@@ -237,6 +239,7 @@ def make_warning(
     pours: Sequence[PourFeatures],
     head: HeadName | Literal["rule"],
     per_min: float,
+    goal: Goal | None = None,
     *,
     seed: int = 0,
     on_step: Callable[[str], None] = lambda _: None,
@@ -247,6 +250,7 @@ def make_warning(
         pours: Of training cups.
         head: Which kind.
         per_min: False alarms a minute that are promised.
+        goal: What a row is labelled by; the head's usual goal unless given.
         seed: Of learning.
         on_step: Called with a line before each training.
 
@@ -263,7 +267,7 @@ def make_warning(
             model=rule_model(limit_mm), threshold=0.5, check=check, expected=expected
         )
         return ready, promise, tracks
-    learnt = learn_warning(pours, head, per_min, seed=seed, on_step=on_step)
+    learnt = learn_warning(pours, head, per_min, goal, seed=seed, on_step=on_step)
     ready = ReadyWarning(
         model=learnt.head.to_onnx(), threshold=learnt.promise.threshold,
         check=check, expected=learnt.head.probability(check),
@@ -277,7 +281,11 @@ def rule_tracks(pours: Sequence[PourFeatures]) -> list[WarningTrack]:
 
 
 def write_warning(
-    path: Path, name: str, warning: ReadyWarning, measured: Mapping[str, float]
+    path: Path,
+    name: str,
+    warning: ReadyWarning,
+    measured: Mapping[str, float],
+    learned_on: str = LEARNED_ON,
 ) -> float:
     """Write a bundle that warns of slip; return the largest difference that was found.
 
@@ -286,14 +294,15 @@ def write_warning(
         name: The head's.
         warning: What it holds.
         measured: What was measured on training cups held out; what is no number is left out.
+        learned_on: What it learned from, in words.
 
     Raises:
         BadBundle: The model gives other probabilities.
         RecordingFailed: The disk refused.
     """
-    width = len(PAIR_FEATURES)
+    width = warning.check.shape[1]
     contract = GraspContract(
-        features=SLIP,
+        features=next(name for name, columns in SLIP_COLUMNS.items() if columns == width),
         weights="",
         head=name,
         frames=1,
@@ -308,7 +317,7 @@ def write_warning(
         factor=((1.0,) * width,),
         stability=replace(alarm_config(warning.threshold), unstable=(1.0 + warning.threshold) / 2),
         parameters=0,
-        data_digest="simulated poses, docs/decisions/0036",
+        data_digest=learned_on,
         measured={key: value for key, value in measured.items() if np.isfinite(value)},
         software=f"taxel {__version__}",
     )

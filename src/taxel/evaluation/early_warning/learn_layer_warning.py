@@ -1,0 +1,97 @@
+"""What a slip warning learns from gels that shear as layers: their poses, and the goal.
+
+Exact poses of many training cups, made as wrong as images make them: the errors are fitted on
+a rendered pour of each of some cups. Knows nothing about heads, thresholds or test cups.
+
+Source: docs/decisions/0037.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+
+from taxel.evaluation.early_warning.learn_slip_warning import noisy_features
+from taxel.training.layer_poses import layer_pours
+from taxel.training.pose_noise import add_rim_noise, fit_noise
+from taxel.training.rim_features import rim_features
+from taxel.training.slip_cups import (
+    NOISE_CUPS,
+    TRAINING_CUPS,
+    PourRows,
+    by_rim,
+    keep_runs,
+    noise_runs,
+    paper_part,
+    seen_pours,
+)
+from taxel.training.slip_heads import Goal, PourFeatures
+
+LAYER_CUPS: Final = 120
+"""Training cups of version 2, three of the paper's pours into each: many cups say more than many
+pours. Source: our choice: time."""
+GOAL: Final[Goal] = "slip in 0.75 s"
+"""What is learned on version 2. Source: training cups out of fold, decision 37."""
+LEARNED_ON: Final = "simulated poses on gels that shear as layers, docs/decisions/0037"
+"""What bundles say of their data."""
+
+
+@dataclass(frozen=True, slots=True)
+class LayerPoses:
+    """Training pours on gels that shear as layers."""
+
+    pours: list[PourRows]
+    """Exact poses, to learn from."""
+    seen: list[PourRows]
+    """A pour of each of some cups, as it is followed in images."""
+    exact: list[PourRows]
+    """The same pours' exact poses."""
+
+
+def layer_poses(
+    folder: Path, cups: int = LAYER_CUPS, on_step: Callable[[str], None] = lambda _: None
+) -> LayerPoses:
+    """Return training pours' exact poses on layers, and those of a few as images give them.
+
+    Args:
+        folder: Where poses are kept; what is not there is simulated, five minutes of one core.
+        cups: How many of `TRAINING_CUPS`.
+        on_step: Called with a line before each cup.
+    """
+    seen: list[PourRows] = []
+    exact: list[PourRows] = []
+    for cup in NOISE_CUPS:
+        on_step(f"images of training cup {cup}, gel 2")
+        runs = noise_runs(cup)
+        seen += keep_runs(folder / f"{cup}-noise-rim-gel-2.npz", runs, partial(seen_pours, gel=2))
+        exact += keep_runs(folder / f"{cup}-noise-layers.npz", runs, layer_pours)
+    pours: list[PourRows] = []
+    for cup in TRAINING_CUPS[:cups]:
+        on_step(f"layers of training cup {cup}")
+        runs = paper_part(cup, 0)
+        pours += keep_runs(folder / f"{cup}-layers-0.npz", runs, layer_pours)
+    return LayerPoses(pours, seen, exact)
+
+
+def layer_features(poses: LayerPoses, *, rim: bool) -> list[PourFeatures]:
+    """Return training pours on layers as images would give them.
+
+    Args:
+        poses: What `layer_poses` gave.
+        rim: True gives `RIM_FEATURES` too.
+    """
+    noises = fit_noise(poses.seen, poses.exact)
+    if not rim:
+        return noisy_features(poses.pours, noises)
+    at_rim = fit_noise(by_rim(poses.seen), by_rim(poses.exact))
+    return rim_features(
+        [
+            add_rim_noise(pour, noises, at_rim, np.random.default_rng([0, pour.run.seed]))
+            for pour in poses.pours
+        ]
+    )
