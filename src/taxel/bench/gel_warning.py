@@ -1,6 +1,6 @@
 """Rows of `taxel bench transitions` on the slip warning with gels that shear as layers.
 
-Version 2 of the gel (docs/explanation/gel-shear.md), alone or beside version 1 on the same pours
+Version 2 of the gel (docs/explanation/gel-shear.md), beside version 1 on the same pours
 of test cups: the warning that comes with taxel as it is, and those learned on version 2 or on both.
 Images are rendered, JPEG-coded and followed as live; poses are kept in a folder, part by part, so
 that a run that was stopped goes on. Heads and thresholds come from training cups alone. Knows
@@ -84,50 +84,45 @@ class Warner:
     """True where it looks at `RIM_FEATURES` too."""
 
 
-def render(
-    folder: Path, gels: Sequence[Gel] = _GELS, on_step: Callable[[str], None] = lambda _: None
-) -> None:
+def render(folder: Path, on_step: Callable[[str], None] = lambda _: None) -> None:
     """Follow the images of all pours that are not kept yet: four minutes of one core a gel."""
     import cv2
 
     cv2.setNumThreads(1)
     for part in range(PARTS):
         for cup in TESTED:
-            for gel in gels:
+            for gel in _GELS:
                 on_step(f"gel {gel}, part {part} of test cup {cup}")
                 keep_runs(_file(folder, cup, part, gel), paper_part(cup, part), _follow(gel))
 
 
-def rendered(folder: Path, gels: Sequence[Gel] = _GELS) -> dict[Gel, list[PourRows]]:
-    """Return the pours of test cups that are kept with all of these gels, in the same order."""
-    found: dict[Gel, list[PourRows]] = {gel: [] for gel in gels}
+def rendered(folder: Path) -> dict[Gel, list[PourRows]]:
+    """Return the pours of test cups that are kept with both gels, in the same order."""
+    found: dict[Gel, list[PourRows]] = {gel: [] for gel in _GELS}
     for part in range(PARTS):
         for cup in TESTED:
-            files = [_file(folder, cup, part, gel) for gel in gels]
+            files = [_file(folder, cup, part, gel) for gel in _GELS]
             if all(file.exists() for file in files):
-                for gel, file in zip(gels, files, strict=True):
+                for gel, file in zip(_GELS, files, strict=True):
                     found[gel] += keep_runs(file, paper_part(cup, part))
     return found
 
 
 def gel_warning_rows(
-    gels: Sequence[Gel] = _GELS,
-    folder: Path | None = None,
-    on_step: Callable[[str], None] = lambda _: None,
+    folder: Path | None = None, on_step: Callable[[str], None] = lambda _: None
 ) -> list[Row]:
-    """Render what is missing, learn, choose thresholds, and judge.
+    """Render what is missing, learn, choose thresholds, and judge on both versions.
 
     Args:
-        gels: On which versions; with version 1 something learns on both.
         folder: Where poses are kept.
         on_step: Called with a line before each step.
     """
     place = folder or poses_folder()
     poses = layer_poses(place, on_step=on_step)
-    first = training_features(place, CUPS, on_step)[0] if 1 in gels else []
+    first, _ = training_features(place, CUPS, on_step)
     warners = [*map(shipped_warner, SHIPPED), *learnt_warners(first, poses, on_step)]
-    render(place, gels, on_step)
-    return judge_rows(warners, rendered(place, gels))
+    render(place, on_step)
+    return judge_rows(warners, rendered(place))
 
 
 def shipped_warner(name: str) -> Warner:
@@ -154,15 +149,15 @@ def learnt_warners(
     """Return the forecast learned on version 2 and on both versions, and the rule on version 2.
 
     Args:
-        first: Training pours of version 1, with noise; none: nothing is learned on both.
+        first: Training pours of version 1, with noise.
         poses: Those of version 2.
         on_step: Called with a line before each training.
     """
-    second = layer_features(poses, rim=False)
-    found = [_learned("gel 2", layer_features(poses, rim=True), GOAL, on_step)]
-    if first:
-        usual = USUAL_GOALS["forecast"]
-        found.append(_learned("both gels", [*first, *second], usual, on_step))
+    second, usual = layer_features(poses, rim=False), USUAL_GOALS["forecast"]
+    found = [
+        _learned("gel 2", layer_features(poses, rim=True), GOAL, on_step),
+        _learned("both gels", [*first, *second], usual, on_step),
+    ]
     promise = keep_promise(promised(rule_tracks(second)), PER_MIN)
     name = "the rule without learning, threshold of gel 2"
     return [*found, Warner(name, rule_drive, promise.threshold, _kept(promise))]

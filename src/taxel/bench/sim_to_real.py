@@ -131,9 +131,10 @@ def _study(data: Path | None) -> _Study | None:
     if data is None or not (data / "gelsight-slip").exists():
         return None
     from taxel.evaluation.camera_trials.simulated_trials import choose_trials, simulated_rows
+    from taxel.training.encoder.stored import shipped_encoder
     from taxel.windows.camera_trials import read_camera_trials
 
-    found, encoder = read_camera_trials(data / "gelsight-slip"), _encoder()
+    found, encoder = read_camera_trials(data / "gelsight-slip"), shipped_encoder()
     folder = _cache(encoder)
     trials = choose_trials(FIRST_CUP, CUPS, MOST, folder)
     plain, copies = simulated_rows(trials, encoder, folder)
@@ -299,16 +300,6 @@ def _probed(trials: Sequence[CameraTrial]) -> ProbeSet:
         y=y, objects=np.array([own["object"] for own in groups]),
         split=split_trials(groups, y, "group:object", 5, 0), videos=(),
     )  # fmt: skip
-
-
-def _encoder() -> nn.Module:
-    """Return the touch encoder as it comes with taxel: pretrained in simulation alone."""
-    from taxel.models.backbones.touch import TouchEncoder
-    from taxel.training.encoder.stored import read_encoder
-
-    module = TouchEncoder()
-    module.load_state_dict(read_encoder(Path("touch")).tensors, strict=False)
-    return module.eval()
 
 
 def _cache(encoder: nn.Module) -> Path:

@@ -143,16 +143,9 @@ def _probe_set(folder: Path) -> ProbeSet:
 
 def _rows_of_ours(probed: ProbeSet) -> list[Rows]:
     """Return the rows of the encoder that comes with taxel, pretrained in simulation alone."""
-    from taxel.models.backbones.touch import TouchEncoder
-    from taxel.models.backbones.weight_files import load_backbone_weights
-    from taxel.models.weights import shipped_weights
+    from taxel.training.encoder.stored import shipped_encoder
 
-    found = shipped_weights(TOUCH)
-    assert found is not None, "it lies in the package"
-    assert found.path is not None
-    module = TouchEncoder().eval()
-    load_backbone_weights(module, TOUCH, found.path)
-    return [probed.rows_of(module)] * len(probed.split.folds)
+    return [probed.rows_of(shipped_encoder())] * len(probed.split.folds)
 
 
 def _rows_of_others(folder: Path, probed: ProbeSet) -> dict[str, list[Rows]]:

@@ -364,14 +364,20 @@ def test_a_note_whose_slip_cannot_be_read_reports_none_and_stops_nothing(broken:
     assert rig.guard.shown[0] == "STABLE"
 
 
+def armed_rig(*names: str) -> Rig:
+    """Return a rig whose monitors have said STABLE and whose gripper is armed."""
+    rig = Rig(*names)
+    for name in names:
+        rig.decide(name, note("STABLE"))
+    rig.run(0.2)
+    assert rig.guard.interlock.arm(rig.now_s) == ()
+    return rig
+
+
 def test_slip_that_one_monitor_measures_softens_nothing_that_another_warns_of():
     """The monitor of slip asks for a step, the other for the large one: the larger is given."""
     for other, least_n in ((None, 25.0), (note("UNSTABLE"), 50.0)):
-        rig = Rig("one", "two")
-        for name in rig.names:
-            rig.decide(name, note("STABLE"))
-        rig.run(0.2)
-        assert rig.guard.interlock.arm(rig.now_s) == ()
+        rig = armed_rig("one", "two")
         rig.decide("one", note("UNSTABLE", slip=slip(0.3)))
         if other is not None:
             rig.decide("two", other)
@@ -379,11 +385,7 @@ def test_slip_that_one_monitor_measures_softens_nothing_that_another_warns_of():
 
 
 def test_a_still_slip_of_one_monitor_hides_no_advancing_slip_of_another():
-    rig = Rig("one", "two")
-    for name in rig.names:
-        rig.decide(name, note("STABLE"))
-    rig.run(0.2)
-    assert rig.guard.interlock.arm(rig.now_s) == ()
+    rig = armed_rig("one", "two")
     rig.decide("one", note("UNSTABLE", slip=slip(0.9)))
     for number in range(6):
         rig.decide("two", note("WARNING", slip=slip(0.12 * number)))

@@ -28,6 +28,7 @@ from taxel.models.backbones.touch import FEATURES as TOUCH_FEATURES
 from taxel.sim.cup_pour import CupPourConfig, Gel, list_runs, simulate_pour
 from taxel.sim.cups import Kind, Position, PourRun
 from taxel.sources.pour_sets import simulate_videos
+from taxel.training.encoder.fit import GAIN, GRAIN, JITTER, LEVEL
 from taxel.training.encoder.videos import STRETCHES, TouchVideo, chosen_frames, small
 from taxel.training.features import default_cache, load_kept, save_kept
 from taxel.training.trial_blend import DIFFERENCES
@@ -55,9 +56,6 @@ WIDTHS: Final = {
     GREY: 2 * STATISTICS * len(DIFFERENCES),
 }
 """Numbers a crop."""
-_GAIN, _LEVEL, _JITTER, _NOISE = 0.15, 12.0, 0.02, 2.0
-"""Spread of the gain by colour, level (grey levels), each image's own gain and grain. Source: as
-the touch encoder is pretrained, decision 58."""
 _BLURRED, _BLUR_PX = 0.3, 1.5
 """Share of blurred trials, and their largest deviation. Source: our choice."""
 _REORDERED: Final = 0.5
@@ -158,15 +156,15 @@ def changed(cameras: Sequence[Sequence[Image]], seed: Sequence[int]) -> list[lis
 def _another_sensor(
     images: Sequence[Image], flips: Sequence[int], random: np.random.Generator
 ) -> Iterator[Image]:
-    gain = np.exp(_GAIN * random.normal(size=3))
-    level = _LEVEL * random.normal()
+    gain = np.exp(GAIN * random.normal(size=3))
+    level = LEVEL * random.normal()
     order = random.permutation(3) if random.random() < _REORDERED else np.arange(3)
     blur = random.uniform(0.3, _BLUR_PX) if random.random() < _BLURRED else 0.0
     height, width = images[0].shape[:2]
-    grain = random.normal(0, _NOISE, (height + _SPARE_PX, width + _SPARE_PX, 3)).astype(np.int16)
+    grain = random.normal(0, GRAIN, (height + _SPARE_PX, width + _SPARE_PX, 3)).astype(np.int16)
     levels = np.arange(256)[:, None]
     for image in images:
-        table = levels * gain * np.exp(_JITTER * random.normal()) + level
+        table = levels * gain * np.exp(JITTER * random.normal()) + level
         own = np.ascontiguousarray(np.flip(image, flips)[..., order])
         own = np.asarray(cv2.LUT(own, table.clip(0, 255).astype(np.uint8)[None]), np.uint8)
         if blur:

@@ -269,11 +269,10 @@ class Guard:
         """
         every, oldest_s = {}, now_s
         for name, monitor in self._monitors.items():
-            overdue = (
-                "" if not self._overdue(monitor, now_s) else REASONS["long step"].say(who=name)
-            )
-            if silent or overdue:
-                doubt = silent or overdue
+            doubt = silent
+            if not silent and self._overdue(monitor, now_s):
+                doubt = REASONS["long step"].say(who=name)
+            if doubt:
                 every[name] = StabilityDecision(Stability.UNKNOWN, doubt, now_s, math.nan)
             else:
                 every[name] = monitor.decision

@@ -28,7 +28,7 @@ from taxel.training.encoder.videos import TouchVideo, data_digest
 from taxel.training.fine_tuning import EpochLoss, KeptEpochs
 
 Image = NDArray[np.uint8]
-_GAIN, _LEVEL, _JITTER, _NOISE = 0.15, 12.0, 0.02, 2.0
+GAIN, LEVEL, JITTER, GRAIN = 0.15, 12.0, 0.02, 2.0
 """Spread of a pair's gain by colour, its level (grey levels), each image's own gain and grain.
 Source: our choice: sensors differ in light, and one sensor's light drifts."""
 _DECAY = 1e-4
@@ -165,8 +165,8 @@ def _lit(pair: Image, random: np.random.Generator) -> Image:
         pair = pair[:, :, ::-1]
     if random.random() < 0.5:
         pair = pair[:, ::-1]
-    gain = np.exp(_GAIN * random.normal(size=3)).astype(np.float32)
-    level = np.float32(_LEVEL * random.normal())
+    gain = np.exp(GAIN * random.normal(size=3)).astype(np.float32)
+    level = np.float32(LEVEL * random.normal())
     lit: Image = np.clip(pair * gain + level, 0, 255).astype(np.uint8)
     return lit
 
@@ -174,7 +174,7 @@ def _lit(pair: Image, random: np.random.Generator) -> Image:
 def _seen(images: Image, random: np.random.Generator) -> Tensor:
     """Return images as the network takes them, each with a gain and grain of its own."""
     pixels = torch.from_numpy(images).permute(0, 3, 1, 2).float()
-    gain = torch.from_numpy(np.exp(_JITTER * random.normal(size=(len(images), 1, 1, 1))))
+    gain = torch.from_numpy(np.exp(JITTER * random.normal(size=(len(images), 1, 1, 1))))
     grain = torch.from_numpy(random.standard_normal(pixels.shape, np.float32))
-    seen = pixels * gain.float() + _NOISE * grain
+    seen = pixels * gain.float() + GRAIN * grain
     return seen.contiguous(memory_format=torch.channels_last)

@@ -49,9 +49,8 @@ def read_encoder(path: Path) -> ReadEncoder:
     Raises:
         BadInput: One of the files is missing, damaged or another network's.
     """
-    shipped = shipped_weights("touch")
-    if path == Path("touch") and shipped is not None and shipped.path is not None:
-        path = shipped.path
+    if path == Path("touch"):
+        path = _shipped_path()
     module = TouchEncoder()
     load_backbone_weights(module, "touch", path)
     place = path.with_suffix(".json")
@@ -65,6 +64,20 @@ def read_encoder(path: Path) -> ReadEncoder:
             "give weights that train-encoder wrote",
         )  # fmt: skip
     return ReadEncoder(backbone_tensors(module), card)
+
+
+def shipped_encoder() -> TouchEncoder:
+    """Return the encoder that comes with taxel, pretrained in simulation alone, ready for use."""
+    module = TouchEncoder().eval()
+    load_backbone_weights(module, "touch", _shipped_path())
+    return module
+
+
+def _shipped_path() -> Path:
+    shipped = shipped_weights("touch")
+    assert shipped is not None, "it lies in the package"
+    assert shipped.path is not None
+    return shipped.path
 
 
 def encoder_onnx(tensors: Mapping[str, Tensor]) -> bytes:
