@@ -105,6 +105,24 @@ def test_a_walk_further_than_a_spacing_keeps_each_dot_its_own(paint, dot_grid):
     assert np.abs(flow.shift - (40.0, 0.0))[flow.seen].max() < 0.2
 
 
+@pytest.mark.parametrize("turn", [0.1, -0.2, 0.3])
+def test_a_turn_in_one_frame_swaps_no_dots(paint, dot_grid, turn):
+    """The outer dots move by more than half a spacing; those that leave the image are lost."""
+    dots = dot_grid(36.0)
+    tracker = MarkerTracker(paint(dots))
+    middle = dots.mean(axis=0)
+    cos, sin = np.cos(turn), np.sin(turn)
+    moved = (dots - middle) @ np.array([[cos, sin], [-sin, cos]]) + middle + (1.5, -1.0)
+
+    flow = tracker.track(paint(moved))
+
+    away = np.linalg.norm(flow.moved[:, None] - moved[None], axis=2)
+    before = np.linalg.norm(flow.reference[:, None] - dots[None], axis=2).argmin(axis=1)
+    assert flow.seen.mean() > 0.6
+    assert np.array_equal(away.argmin(axis=1)[flow.seen], before[flow.seen])
+    assert away.min(axis=1)[flow.seen].max() < 0.3
+
+
 def test_a_dot_that_is_covered_is_lost_guessed_from_its_neighbours_and_found_again(paint, dot_grid):
     true = dot_grid(43.5)
     tracker = MarkerTracker(paint(true))

@@ -94,17 +94,29 @@ class ImprintFollower:
         image = self._prepare(reference)
         self._key = _Key.of(image)
 
-    def follow(self, rgb: Rgb) -> ImprintPose:
-        """Return the imprint's pose in the next image, shape as the reference's."""
+    def follow(self, rgb: Rgb, carried: Pose | None = None) -> ImprintPose:
+        """Return the imprint's pose in the next image, shape as the reference's.
+
+        Args:
+            rgb: The image.
+            carried: Motion since the last image of what carries the imprint, where that moved
+                fast: following begins there too, and the better fit is kept.
+        """
         key = self._key
         if key is None:
             return self._lost()
         image = self._prepare(rgb)
-        start = _after(self._last, _inverse(self._key_pose))
-        found = key.align(image, start)
-        if found is None:
+        starts = [self._last] if carried is None else [self._last, _after(carried, self._last)]
+        tried = []
+        for begin in starts:
+            start = _after(begin, _inverse(self._key_pose))
+            aligned = key.align(image, start)
+            if aligned is not None:
+                tried.append((aligned, start))
+        if not tried:
             return self._lost()
-        since_key, spread = found
+        best, start = min(tried, key=lambda each: each[0].misfit)
+        since_key = best.pose
         step = since_key - start
         if np.hypot(step[0], step[1]) > _LOST_PX or abs(step[2]) > _LOST_RAD:
             return self._lost()
@@ -115,7 +127,7 @@ class ImprintFollower:
             fresh = _Key.of(image)
             if fresh is not None:
                 self._key, self._key_pose = fresh, pose
-        return ImprintPose(pose.copy(), spread, True, middle, shape)
+        return ImprintPose(pose.copy(), best.spread, True, middle, shape)
 
     def placed(self, pose: Pose) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Return the imprint's middle, shape (2,), px, and covariance, (2, 2), px², at a pose.
@@ -184,6 +196,18 @@ class _Normal:
         return np.sqrt(np.maximum(np.diag(self.inverse), 0) * noise)
 
 
+@dataclass(frozen=True, slots=True)
+class _Aligned:
+    """A key moved upon an image."""
+
+    pose: Pose
+    """Of the image since the key."""
+    spread: Pose
+    """Its standard deviation, as `ImprintPose.spread`."""
+    misfit: float
+    """Median square of what is left in a pixel: less is better."""
+
+
 class _Key:
     """The image that the imprint is compared with: its pixels, their slopes and their places."""
 
@@ -234,8 +258,8 @@ class _Key:
         places = np.stack([columns - (width - 1) / 2, rows - (height - 1) / 2], axis=1)
         return _Key(places.astype(np.float32), fine[rows, columns], slopes[rows, columns])
 
-    def align(self, image: NDArray[np.float32], start: Pose) -> tuple[Pose, Pose] | None:
-        """Return pose and spread that move this key upon an image; None where it fails.
+    def align(self, image: NDArray[np.float32], start: Pose) -> _Aligned | None:
+        """Return what moves this key upon an image; None where it fails.
 
         Args:
             image: Prepared, shape (h, w, 4).
@@ -257,8 +281,9 @@ class _Key:
             if np.hypot(step[0], step[1]) < _STILL_PX and abs(step[2]) < _STILL_RAD:
                 break
         assert normal is not None  # there is at least one round
-        spread = normal.spread(left)
-        return pose / (scale, scale, 1.0), spread / (scale, scale, 1.0)
+        to_width = (scale, scale, 1.0)
+        misfit = _usual(np.einsum("ij,ij->i", left[good], left[good]))
+        return _Aligned(pose / to_width, normal.spread(left) / to_width, misfit)
 
     def _left(
         self, image: NDArray[np.float32], pose: Pose
@@ -274,8 +299,7 @@ class _Key:
     def _normal(self, left: NDArray[np.float32], good: NDArray[np.bool_]) -> _Normal | None:
         """Return the weighted normal equations; None where they are undetermined."""
         squares = np.einsum("ij,ij->i", left, left)
-        half = int(good.sum()) // 2
-        usual = max(float(np.partition(squares[good], half)[half]), 1e-12)
+        usual = _usual(squares[good])
         weights = np.asarray(good / (1 + squares / np.float32(_CAUCHY**2 * usual)), np.float32)
         weighted = self._columns * weights[:, None]
         products = (weighted.T @ self._columns).astype(np.float64)
@@ -295,6 +319,12 @@ class _Key:
         cos, sin = np.cos(pose[2]), np.sin(pose[2])
         turn = np.array([[cos, -sin], [sin, cos]])
         return turn @ self._middle * scale + pose[:2], turn @ self._shape @ turn.T * scale**2
+
+
+def _usual(squares: NDArray[np.float32]) -> float:
+    """Return the median of squares, shape (n,), above 0."""
+    half = len(squares) // 2
+    return max(float(np.partition(squares, half)[half]), 1e-12)
 
 
 def _mix_columns(values: NDArray[np.float32], places: NDArray[np.float32]) -> NDArray[np.float32]:

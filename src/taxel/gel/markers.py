@@ -46,6 +46,10 @@ _REACH = 0.62
 _LEAST_MASS, _MOST_MASS = 0.45, 1.9
 """Of the reference's darkness: outside, the dot is covered, cut or merged with another."""
 _MANY_LOST = 0.3
+_TURNS: Final = (0.0, 0.08, -0.08, 0.16, -0.16, 0.24, -0.24, 0.32, -0.32)
+"""Turns between two frames that a search tries, rad: pushes of a cup reach 0.25 in 40 ms."""
+_FITS, _ENOUGH_FIT = 0.15, 0.8
+"""Of a spacing: how near a finding fits; share of dots that fit from which on no turn is tried."""
 _RETRY_FRAMES = 8
 """Frames between two searches of the whole image while many dots stay lost."""
 
@@ -258,11 +262,7 @@ class MarkerTracker:
         found = find_markers(rgb)
         if not len(found):
             return self._moved.copy(), np.zeros(len(self._reference), np.bool_)
-        steps = np.repeat(
-            _common_step(self._moved[self._seen], found, self.spacing_px)[None],
-            len(self._moved),
-            axis=0,
-        )
+        steps = self._rigid_steps(found)
         for _ in range(3):
             match, good = _mutual(self._moved + steps, found, 0.4 * self.spacing_px)
             steps = self._smoothed(found[match] - self._moved, good, steps)
@@ -270,6 +270,25 @@ class MarkerTracker:
         at = np.where(good[:, None], found[match], self._moved + steps).astype(np.float32)
         refined, mass = centroids(image, at, self._windows)
         return np.where(good[:, None], refined, at), good & self._believable(refined, mass)
+
+    def _rigid_steps(self, found: Points) -> Points:
+        """Return each dot's step by the turn and the shift that most findings agree with.
+
+        A turn of 0.2 rad moves the outer dots by half a spacing, which no common step explains:
+        turns are tried where the dots do not fit without.
+        """
+        middle = self._moved[self._seen].mean(axis=0) if self._seen.any() else self._moved.mean(0)
+        best, most = np.zeros_like(self._moved), -1
+        for turn in _TURNS:
+            cos, sin = np.cos(turn), np.sin(turn)
+            turned = (self._moved - middle) @ np.array([[cos, sin], [-sin, cos]]) + middle
+            moved = turned + _common_step(turned[self._seen], found, self.spacing_px)
+            fits = int(_mutual(moved, found, _FITS * self.spacing_px)[1].sum())
+            if fits > most:
+                best, most = np.asarray(moved - self._moved, np.float32), fits
+            if turn == 0.0 and fits > _ENOUGH_FIT * min(len(found), len(self._moved)):
+                break
+        return best
 
     def _smoothed(self, steps: Points, good: NDArray[np.bool_], fallback: Points) -> Points:
         """Return each dot's step as the median of its matched neighbours' steps."""

@@ -27,6 +27,9 @@ _RIM: Final = (1.0, 1.4, 2.0, 2.5)
 to none. On gels that shear as layers dots within 1.2 move with what sticks until gross slip,
 those from 1.7 to 2.2 carry 0.75 of the turn at 20 um of slip and 0.50 at 300 um. Source: 24
 rendered training pours, docs/decisions/0037."""
+_FAST_PX, _FAST_RAD = 1.0, 0.03
+"""Motion of the gel in one image from which on the imprint is looked for where the gel went, too.
+Source: pushes of training cups, docs/decisions/0036."""
 _FEWEST_DOTS = 4
 _DOT_PX = 0.03
 """Noise of one dot's centre, px: measured on still gels. Floor of the robust scale."""
@@ -81,7 +84,7 @@ class TouchFollower:
             BadSource: The image has another shape than the reference.
         """
         dots = self._tracker.track(rgb)
-        imprint = self._imprint.follow(rgb)
+        imprint = self._imprint.follow(rgb, self._fast_step(dots))
         self._newest = dots, imprint
         fitted = self._fit(dots, imprint)
         spread = np.full(3, np.inf)
@@ -98,6 +101,22 @@ class TouchFollower:
             spread=spread,
             seen=imprint.seen and fitted is not None,
         )
+
+    def _fast_step(self, dots: MarkerFlow) -> Pose | None:
+        """Return the gel's motion since the last image where it is fast, shape (3,).
+
+        A push turns the imprint further in one image than its own fit reaches; the dots are found
+        one by one, and what holds the object moves with it.
+        """
+        if self._newest is None:
+            return None
+        fitted = self._fit(dots, self._newest[1])
+        if fitted is None:
+            return None
+        step = _since(fitted[0], self._gel)
+        moved = step[:2] + _turned(self._newest[1].middle, step[2]) - self._newest[1].middle
+        fast = np.hypot(moved[0], moved[1]) > _FAST_PX or abs(step[2]) > _FAST_RAD
+        return step if fast else None
 
     @property
     def dots(self) -> NDArray[np.float32]:
@@ -197,6 +216,13 @@ def _closed_form(
     u, v = (now - to_middle).T
     turn = float(np.arctan2(share @ (x * v - y * u), share @ (x * u + y * v)))
     shift = to_middle - _turned(from_middle, turn)
+    return np.array([shift[0], shift[1], turn])
+
+
+def _since(now: Pose, before: Pose) -> Pose:
+    """Return the motion that is left when `before` is taken from `now`."""
+    turn = float(now[2] - before[2])
+    shift = now[:2] - _turned(before[:2], turn)
     return np.array([shift[0], shift[1], turn])
 
 

@@ -111,7 +111,7 @@ class SlipExtractor:
     def key(self) -> str:
         """Name for the cache."""
         names = hashlib.sha256(",".join(SLIP_FEATURES).encode()).hexdigest()[:8]
-        return f"gel-slip-1-{names}-{self.settled.start}-{self.settled.stop}"
+        return f"gel-slip-2-{names}-{self.settled.start}-{self.settled.stop}"
 
     def of(self, images: Sequence[NDArray[np.uint8]]) -> NDArray[np.float32]:
         reference = images[self.settled] or images[:1]

@@ -348,10 +348,10 @@ FAMILIES: Final[dict[str, Family]] = {
     "pixels": Family(len(PIXELS), _pixels, _courses, "pixels-1"),
     "slip": Family(
         len(SLIP), _slip, _courses,
-        "slip-1-" + hashlib.sha256(",".join(SLIP).encode()).hexdigest()[:8],
+        "slip-2-" + hashlib.sha256(",".join(SLIP).encode()).hexdigest()[:8],
     ),
     "stills": Family(STILLS, _stills, _looks, "stills-1"),
-    "moves": Family(len(MOVES), _moves, _courses, "moves-1"),
+    "moves": Family(len(MOVES), _moves, _courses, "moves-2"),
     "touch": Family(TOUCH_FEATURES, _touch, touch_courses, TOUCH_VERSION),
 }  # fmt: skip
 """Name → what is looked at: grey differences and flow, the slip signal, how the crop's first,
