@@ -1,12 +1,36 @@
-"""`taxel info` of a folder fits a terminal of 80 columns."""
+"""`taxel info`: a folder fits a terminal of 80 columns; a bundle says what it predicts."""
 
+import json
 from pathlib import Path
 
+import numpy as np
 import pytest
 import tyro
 
+from taxel.bundles import contract as arrays
+from taxel.bundles import trials
+from taxel.bundles.envelope import pack
 from taxel.cli.info import Info, _span
+from taxel.cli.main import main
 from taxel.cli.simulate.teng import Teng
+from taxel.windows.config import TENG_WINDOW
+from taxel.windows.scaling import fit_scaling
+from taxel.windows.trial_crops import FAMILIES
+
+VIEW = next(iter(FAMILIES))
+ARRAY = arrays.Contract(
+    target="shape", classes=tuple(f"c{i}" for i in range(10)), window=TENG_WINDOW,
+    scaling=fit_scaling("full-scale", np.ones((2, 12, 12), "f4"), np.ones((2, 12), bool), 3.3),
+    channels=tuple(f"s{i}" for i in range(12)), units=("V",) * 12, rate_hz=1000.0, model="cnn2d",
+    parameters=5987, data_digest="0" * 64, accuracy={"session held out": 0.77},
+    software="taxel test", parity=None,
+)  # fmt: skip
+TRIALS = trials.TrialContract(
+    target="slip", classes=("held", "slipped"), crop=12, places=3, views=(VIEW,),
+    versions=(FAMILIES[VIEW].key,), cameras=1, width=320, height=240, rate_hz=25.0,
+    mm_per_px=0.065, sharpness=1.0, threshold=None, data_digest="0" * 64, measured={},
+    software="taxel test",
+)  # fmt: skip
 
 
 def test_a_folder_fits_80_columns_and_says_what_its_groups_hold(
@@ -30,3 +54,47 @@ def test_a_group_is_one_value_a_range_or_names():
     assert _span(["a", "a"]) == "a"
     assert _span(["9.5", "10", "-1"]) == "-1 to 10"
     assert _span([f"s{i}" for i in range(8)]) == "s0, s1, s2, s3, s4, s5 and 2 more"
+
+
+def test_a_bundle_says_what_it_predicts_from_what_and_how_well(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+):
+    for name, member in (
+        ("bundle.json", arrays.contract_to_json(ARRAY)),
+        ("trials.json", trials.contract_to_json(TRIALS)),
+    ):
+        (tmp_path / f"{name}.taxel").write_bytes(pack({name: member.encode()}))
+
+    Info(tmp_path / "bundle.json.taxel").run()
+    printed = " ".join(capsys.readouterr().out.split())
+    assert "predicts shape: c0, c1, c2, c3, c4, c5, c6, c7 and 2 more" in printed
+    assert "12 channels in V, windows of 12 scans" in printed
+    assert "accuracy, session held out 0.77" in printed
+    assert "not signed" in printed
+
+    Info(tmp_path / "trials.json.taxel").run()
+    printed = " ".join(capsys.readouterr().out.split())
+    assert "predicts slip: held, slipped" in printed
+    assert "camera trials of 1 camera(s), 320×240, 25 frames/s; 3 crop(s) of 12 frames" in printed
+    assert "nothing was stored with it" in printed
+
+
+def test_a_bundle_that_comes_with_taxel_goes_by_its_name(capsys: pytest.CaptureFixture[str]):
+    main(["info", "cup-pour", "--json"])
+    found = json.loads(capsys.readouterr().out)
+    assert found["kind"] == "grasp"
+    assert found["contract"]["rule"] == "gross-slip"
+
+    main(["info", "cup-pour"])
+    assert "warns from a score of" in " ".join(capsys.readouterr().out.split())
+
+
+def test_a_damaged_bundle_is_refused_in_one_line(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+):
+    whole = pack({"bundle.json": arrays.contract_to_json(ARRAY).encode()})
+    (tmp_path / "a.taxel").write_bytes(whole[:-9] + bytes(9))
+    with pytest.raises(SystemExit) as ended:
+        main(["info", str(tmp_path / "a.taxel")])
+    assert ended.value.code == 2
+    assert len(capsys.readouterr().err.strip().splitlines()) == 1

@@ -1,4 +1,4 @@
-"""`taxel info`: what a recording or a folder of recordings holds."""
+"""`taxel info`: what a recording, a folder of recordings or a bundle holds."""
 
 from __future__ import annotations
 
@@ -11,6 +11,9 @@ import tyro
 from rich.box import SIMPLE_HEAD
 from rich.table import Table
 
+from taxel.bundles.envelope import BundleKind, kind_of
+from taxel.bundles.shipped import find_bundle
+from taxel.cli.info_bundle import describe_bundle
 from taxel.cli.printing import console, print_json, progress, say
 from taxel.labels.class_order import in_order
 from taxel.plain_text import visible
@@ -24,15 +27,21 @@ _NAMES = 6
 
 @dataclass(frozen=True)
 class Info:
-    """Say what a recording, or a folder of recordings, holds; verifies every check sum."""
+    """Say what a recording, a folder of recordings or a bundle holds; verifies every check sum."""
 
     path: tyro.conf.Positional[Path]
-    """A recording (.mcap), or a folder of them."""
+    """A recording (.mcap), a folder of them, or a bundle (.taxel), such as the cup-pour that comes
+    with taxel."""
     json: bool = False
     """Print everything as JSON: one object for a file, a list for a folder."""
 
     def run(self) -> None:
         """Read everything and print it."""
+        bundle = find_bundle(self.path)
+        kind = kind_of(bundle)
+        if kind is not None:
+            _print_bundle(bundle, kind, self.json)
+            return
         paths = list_recordings(self.path)
         with progress() as bar:
             rows = [summarise(path) for path in bar.track(paths, description="reading")]
@@ -42,6 +51,15 @@ class Info:
             _print_folder(self.path, rows)
         else:
             _print_recording(rows[0])
+
+
+def _print_bundle(path: Path, kind: BundleKind, as_json: bool) -> None:
+    lines, data = describe_bundle(path, kind)
+    if as_json:
+        print_json(data, indent=None)
+        return
+    for name, text in lines.items():
+        say(f"{name:<14}{text}")
 
 
 def _print_recording(row: dict[str, Any]) -> None:

@@ -55,7 +55,7 @@ VERBS = {
     "recover": "save the intact part of a damaged or unfinished recording",
     "import": "turn tables of values, or a public data set, into recordings",
     "export": "write recordings for LeRobot, ROS 2, tables or video players",
-    "info": "print what a recording or a folder of recordings holds",
+    "info": "print what a recording, a folder of recordings or a bundle holds",
     "view": "look at raw touch, without any model",
     "label": "label intervals of long recordings; correct when a grasp turned unstable",
     "audit": "find leaks in recordings or in a split, before a reviewer does",

@@ -1,0 +1,104 @@
+"""What `taxel info` says of a bundle: what it predicts, from what, how it was made and measured."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from taxel.bundles import contract as arrays
+from taxel.bundles import grasp, trials
+from taxel.bundles.envelope import BundleKind, is_signed
+from taxel.bundles.reader import read_contract
+from taxel.labels.rules import RULES
+from taxel.plain_text import visible
+
+_CLASSES = 8
+"""Classes that are named."""
+
+
+def describe_bundle(path: Path, kind: BundleKind) -> tuple[dict[str, str], dict[str, Any]]:
+    """Return a bundle's lines, name → text, and all of it as JSON holds it.
+
+    Args:
+        path: The file; its checksum is verified, its model is not opened.
+        kind: What kind of bundle it is.
+
+    Raises:
+        BadBundle: It is damaged or of another format.
+    """
+    if kind == "array":
+        contract = read_contract(path)
+        lines, text = _array_lines(contract), arrays.contract_to_json(contract)
+        software, digest = contract.software, contract.data_digest
+    elif kind == "grasp":
+        watch = grasp.read_grasp_contract(path)
+        lines, text = _grasp_lines(watch), grasp.contract_to_json(watch)
+        software, digest = watch.software, watch.data_digest
+    else:
+        trial = trials.read_trial_contract(path)
+        lines, text = _trial_lines(trial), trials.contract_to_json(trial)
+        software, digest = trial.software, trial.data_digest
+    size, signed = path.stat().st_size, is_signed(path)
+    held = f"{path}, {size / 1e6:.2f} MB, its check sum holds, {'' if signed else 'not '}signed"
+    whole = {"bundle": held} | lines | {"learned from": visible(digest), "made by": software}
+    data = {"path": str(path), "bytes": size, "kind": kind, "signed": signed}
+    return whole, data | {"contract": json.loads(text)}
+
+
+def _array_lines(contract: arrays.Contract) -> dict[str, str]:
+    window, units = contract.window, ", ".join(dict.fromkeys(contract.units))
+    rate = contract.rate_hz if window.grid_hz is None else window.grid_hz
+    touches = ", after reference touches" if contract.reference is not None else ""
+    unknown = "UNKNOWN where touch is unlike what it learned" if contract.unknown else "never"
+    return {
+        "predicts": _classes(contract.target, contract.classes),
+        "from": f"{len(contract.channels)} channels in {visible(units)}, windows of "
+        f"{window.steps} scans at {rate:g} scans/s{touches}",
+        "model": f"{visible(contract.model)}, {contract.parameters} parameters",
+        "unknown": unknown,
+        "measured": _measured(contract.accuracy, "accuracy, "),
+    }
+
+
+def _grasp_lines(contract: grasp.GraspContract) -> dict[str, str]:
+    rule = RULES.get(contract.rule)
+    kind = "probability" if contract.gives_probability else "score"
+    source = contract.features + (f" ({contract.weights})" if contract.weights else "")
+    return {
+        "predicts": visible(contract.rule) + (f": {rule.summary}" if rule else ""),
+        "from": f"{contract.cameras} tactile cameras, {contract.width}×{contract.height}, "
+        f"{contract.rate_hz:g} frames/s",
+        "model": f"{visible(source)} + {visible(contract.head)}, {_frames(contract.frames)}",
+        "warns": f"from a {kind} of {contract.stability.warn:.3f}, unstable from "
+        f"{contract.stability.unstable:.3f}",
+        "measured": _measured(contract.measured),
+    }
+
+
+def _trial_lines(contract: trials.TrialContract) -> dict[str, str]:
+    tested = "never" if contract.threshold is None else f"novelty score > {contract.threshold:.3g}"
+    return {
+        "predicts": _classes(contract.target, contract.classes),
+        "from": f"camera trials of {contract.cameras} camera(s), {contract.width}×"
+        f"{contract.height}, {contract.rate_hz:g} frames/s; {contract.places} crop(s) of "
+        f"{contract.crop} frames",
+        "model": f"a blend of models on {', '.join(map(visible, contract.views))}",
+        "unknown": tested,
+        "measured": _measured(contract.measured),
+    }
+
+
+def _classes(target: str, classes: tuple[str, ...]) -> str:
+    more = f" and {len(classes) - _CLASSES} more" if len(classes) > _CLASSES else ""
+    return f"{visible(target)}: {', '.join(map(visible, classes[:_CLASSES]))}{more}"
+
+
+def _measured(values: Mapping[str, float], before: str = "") -> str:
+    found = "; ".join(f"{before}{visible(name)} {value:.3g}" for name, value in values.items())
+    return found or "nothing was stored with it"
+
+
+def _frames(count: int) -> str:
+    return "frame by frame" if count == 1 else f"{count} frames a window"
