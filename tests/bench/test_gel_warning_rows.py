@@ -11,6 +11,7 @@ from taxel.evaluation.early_warning.learn_slip_warning import rule_drive
 from taxel.gel.slip_signal import TURN_MM
 from taxel.sim.cup_pour import Gel
 from taxel.training.layer_poses import layer_pours
+from taxel.training.rim_features import rim_features
 from taxel.training.slip_cups import (
     TEST_CUPS,
     GelRows,
@@ -20,7 +21,6 @@ from taxel.training.slip_cups import (
     paper_runs,
     true_pours,
 )
-from taxel.training.slip_heads import features_of
 
 
 def turns(cup: int, by_mm: float, gives_mm: float) -> PourRows:
@@ -61,10 +61,10 @@ def test_only_parts_that_are_kept_with_both_gels_count(tmp_path):
     cup = TEST_CUPS[0]
     runs = paper_part(cup, 0)
     pours = [replace(turns(cup, 0.0, 0.1), run=run) for run in runs]
-    keep_runs(tmp_path / f"{cup}-paper-0-rim.npz", runs, lambda _: pours)
+    keep_runs(tmp_path / f"{cup}-paper-0.npz", runs, lambda _: pours)
     assert rendered(tmp_path) == {1: [], 2: []}
 
-    keep_runs(tmp_path / f"{cup}-paper-0-rim-gel-2.npz", runs, lambda _: pours)
+    keep_runs(tmp_path / f"{cup}-paper-0-gel-2.npz", runs, lambda _: pours)
     found = rendered(tmp_path)
     assert [each.run for each in found[1]] == [each.run for each in found[2]] == runs
 
@@ -88,7 +88,7 @@ def test_a_layer_changes_what_the_gel_does_and_neither_the_cup_nor_what_happens(
 @pytest.mark.parametrize("name", gel_warning.SHIPPED)
 def test_a_shipped_warning_is_taken_as_it_is(name):
     warner = gel_warning.shipped_warner(name)
-    found = features_of(turns(TEST_CUPS[0], 1.0, 0.1))
+    (found,) = rim_features([turns(TEST_CUPS[0], 1.0, 0.1)])
     drive = warner.drive(found)
     assert drive.shape == found.at.shape
     assert drive.max() > warner.threshold > drive[0]
@@ -103,5 +103,6 @@ def test_a_shipped_warning_warns_of_a_straight_slide_too(name):
         for rows in turned.gels
     )
     warner = gel_warning.shipped_warner(name)
-    drive = warner.drive(features_of(replace(turned, gels=straight)))
+    (found,) = rim_features([replace(turned, gels=straight)])
+    drive = warner.drive(found)
     assert drive.max() > warner.threshold > drive[0]

@@ -34,7 +34,7 @@ def test_a_forecasts_number_is_printed_as_a_score_beside_its_threshold(
     printed = capsys.readouterr().out
 
     assert "UNKNOWN   learning the settled grasp, 0.4 s left" in printed
-    assert "score 0.00 (warns from 0.84)  slip 0.0" in printed
+    assert "score 0.00 (warns from 0.82)  slip 0.0" in printed
     assert "P(" not in printed
     assert "nan" not in printed
 

@@ -7,7 +7,7 @@ import pytest
 
 from taxel.gel.rim_slip import RIM_FEATURES
 from taxel.gel.slip_signal import PAIR_FEATURES
-from taxel.training.pose_noise import GelNoise, add_rim_noise
+from taxel.training.pose_noise import GelNoise, PoseNoise, add_noise
 from taxel.training.rim_features import rim_features
 from taxel.training.slip_cups import GelRows, PourRows, by_rim, paper_runs
 from taxel.training.slip_heads import features_of
@@ -74,7 +74,7 @@ def test_noise_reaches_the_rim_and_a_still_gel_stays_still_without_it():
     none = GelNoise(np.ones((2, 3)), np.zeros((2, 3)), np.zeros((2, 3)), np.zeros((2, 3)))
     rim = replace(none, white=np.full((2, 3), 0.01))
     true = pour(0.8)
-    found = add_rim_noise(true, [none], [rim], np.random.default_rng(0))
+    found = add_noise(true, PoseNoise([none], [rim]), np.random.default_rng(0))
 
     start = np.median(true.gels[0].gel[3:6], axis=0)
     assert found.gels[0].gel == pytest.approx(true.gels[0].gel - start, abs=0.005)

@@ -73,7 +73,7 @@ def learn(
         workers: Processes side by side.
     """
     cache = cache or default_cache()
-    pours, _ = training_features(cache / "slip-poses", on_step=on_step)
+    pours = training_features(cache / "slip-poses", on_step=on_step)
     learnt = learn_warning(pours, "forecast", PER_MIN, on_step=on_step)
     on_step("tuning")
     first = sorted({found.cup for found in pours})[:TUNED_CUPS]

@@ -26,9 +26,7 @@ from taxel.bundles.grasp import read_grasp_bundle
 from taxel.bundles.shipped import CUP_POUR, shipped_bundle
 from taxel.evaluation.early_warning.learn_layer_warning import (
     GOAL,
-    LayerPoses,
     layer_features,
-    layer_poses,
 )
 from taxel.evaluation.early_warning.learn_slip_warning import (
     fit_head,
@@ -50,7 +48,7 @@ from taxel.sim.cup_pour import Gel
 from taxel.sim.cups import PourRun
 from taxel.training.rim_features import rim_features
 from taxel.training.slip_cups import TEST_CUPS, PourRows, keep_runs, paper_part, seen_pours
-from taxel.training.slip_heads import USUAL_GOALS, Goal, PourFeatures, features_of
+from taxel.training.slip_heads import USUAL_GOALS, Goal, PourFeatures
 
 PARTS: Final = 1
 """Of the four parts of each cup's pours, those that are rendered. Source: our choice: time."""
@@ -80,8 +78,6 @@ class Warner:
     drive: Callable[[PourFeatures], NDArray[np.float64]]
     threshold: float
     note: str
-    rim: bool = False
-    """True where it looks at `RIM_FEATURES` too."""
 
 
 def render(folder: Path, on_step: Callable[[str], None] = lambda _: None) -> None:
@@ -118,9 +114,9 @@ def gel_warning_rows(
         on_step: Called with a line before each step.
     """
     place = folder or poses_folder()
-    poses = layer_poses(place, on_step=on_step)
-    first, _ = training_features(place, CUPS, on_step)
-    warners = [*map(shipped_warner, SHIPPED), *learnt_warners(first, poses, on_step)]
+    second = layer_features(place, on_step=on_step)
+    first = training_features(place, CUPS, on_step)
+    warners = [*map(shipped_warner, SHIPPED), *learnt_warners(first, second, on_step)]
     render(place, on_step)
     return judge_rows(warners, rendered(place))
 
@@ -134,7 +130,7 @@ def shipped_warner(name: str) -> Warner:
     bundle = read_grasp_bundle(shipped_bundle(name))
 
     def drive(found: PourFeatures) -> NDArray[np.float64]:
-        rows = (found.rows - bundle.offset) * bundle.factor
+        rows = (found.rows[:, : len(bundle.offset)] - bundle.offset) * bundle.factor
         return bundle.head.run(features=rows[:, None, None])[found.at].astype(np.float64)
 
     threshold = bundle.contract.stability.warn
@@ -143,20 +139,19 @@ def shipped_warner(name: str) -> Warner:
 
 def learnt_warners(
     first: Sequence[PourFeatures],
-    poses: LayerPoses,
+    second: Sequence[PourFeatures],
     on_step: Callable[[str], None] = lambda _: None,
 ) -> list[Warner]:
     """Return the forecast learned on version 2 and on both versions, and the rule on version 2.
 
     Args:
         first: Training pours of version 1, with noise.
-        poses: Those of version 2.
+        second: Those of version 2.
         on_step: Called with a line before each training.
     """
-    second, usual = layer_features(poses, rim=False), USUAL_GOALS["forecast"]
     found = [
-        _learned("gel 2", layer_features(poses, rim=True), GOAL, on_step),
-        _learned("both gels", [*first, *second], usual, on_step),
+        _learned("gel 2", second, GOAL, on_step),
+        _learned("both gels", [*first, *second], USUAL_GOALS["forecast"], on_step),
     ]
     promise = keep_promise(promised(rule_tracks(second)), PER_MIN)
     name = "the rule without learning, threshold of gel 2"
@@ -175,7 +170,7 @@ def _learned(
     )
     on_step(f"forecast, all training cups, {name}")
     drive = partial(head_drive, fit_head(pours, "forecast", goal))
-    return Warner(f"learned on {name}", drive, promise.threshold, note, rim=name == "gel 2")
+    return Warner(f"learned on {name}", drive, promise.threshold, note)
 
 
 def judge_rows(warners: Sequence[Warner], test: Mapping[Gel, Sequence[PourRows]]) -> list[Row]:
@@ -189,10 +184,8 @@ def judge_rows(warners: Sequence[Warner], test: Mapping[Gel, Sequence[PourRows]]
         return [missing("slip warning on gel 2", "s", "", "nothing rendered yet")]
     rows: list[Row] = []
     for gel, pours in test.items():
-        plain = [features_of(pour) for pour in pours]
-        more = rim_features(pours) if any(warner.rim for warner in warners) else []
+        found = rim_features(pours)
         for warner in warners:
-            found = more if warner.rim else plain
             tracks = [track_of(pour, warner.drive(pour)) for pour in found]
             rows += _rows(f"slip warning, {warner.name}, on gel {gel}", promised(tracks), warner,
                           goals=gel == 2 and warner.name == "learned on gel 2")  # fmt: skip
@@ -238,7 +231,7 @@ def _kept(promise: Promise) -> str:
 
 
 def _file(folder: Path, cup: int, part: int, gel: Gel) -> Path:
-    return folder / f"{cup}-paper-{part}-rim{'' if gel == 1 else '-gel-2'}.npz"
+    return folder / f"{cup}-paper-{part}{'' if gel == 1 else '-gel-2'}.npz"
 
 
 def _follow(gel: Gel) -> Callable[[Sequence[PourRun]], list[PourRows]]:

@@ -38,6 +38,7 @@ from taxel.evaluation.early_warning.slip_warnings import (
 from taxel.sim.cups import Kind, PourRun
 from taxel.training.features import default_cache
 from taxel.training.pose_noise import settle
+from taxel.training.rim_features import rim_features
 from taxel.training.slip_cups import (
     TEST_CUPS,
     GelRows,
@@ -48,7 +49,7 @@ from taxel.training.slip_cups import (
     paper_part,
     true_pours,
 )
-from taxel.training.slip_heads import HeadName, PourFeatures, features_of
+from taxel.training.slip_heads import HeadName, PourFeatures
 
 PAPER_PARTS, OTHER_PARTS = 4, 2
 RULE_PER_MIN = 0.4
@@ -90,12 +91,11 @@ def render(folder: Path, on_step: Callable[[str], None] = lambda _: None) -> Non
 
 def rendered(folder: Path) -> list[PourFeatures]:
     """Return the pours of test cups that are kept."""
-    return [
-        features_of(pour)
-        for name, runs in test_parts()
-        if (folder / name).exists()
-        for pour in keep_runs(folder / name, runs)
-    ]
+    found = []
+    for name, runs in test_parts():
+        if (folder / name).exists():
+            found += rim_features(keep_runs(folder / name, runs))
+    return found
 
 
 def live_rows() -> list[Row]:
@@ -189,7 +189,7 @@ def slip_warning_rows(
 ) -> list[Row]:
     """Render what is missing, learn, choose thresholds, and judge on test cups."""
     place = folder or poses_folder()
-    train, _ = training_features(place, on_step=on_step)
+    train = training_features(place, on_step=on_step)
     render(place, on_step)
     test = rendered(place)
     return budget_row(test) + judge_rows(train, test, on_step)

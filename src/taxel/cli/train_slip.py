@@ -17,6 +17,8 @@ if TYPE_CHECKING:
     from taxel.evaluation.early_warning.slip_warnings import Promise, WarningScores
 
 _MOST_PER_MIN = 60.0
+_FEWEST_CUPS = 8
+"""Four groups of cups are held out in turn."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -31,12 +33,14 @@ class TrainSlip:
     output: Path
     """The bundle to write, NAME.taxel; an older one there is replaced."""
     head: Literal["forecast", "boosting", "logistic", "rule"] = "forecast"
-    """What is learned: forecast, how far the object will slip within 0.5 s (0.75 s with --gel 2);
-    boosting and logistic, whether it slips within 1 s; rule: nothing but the threshold for slip
-    and its rate."""
+    """What is learned: forecast, how far the object will slip within 0.5 s and 1 s (0.75 s with
+    --gel 2); boosting and logistic, whether it slips within 1 s; rule: nothing but the threshold
+    for slip and its rate."""
     gel: Literal[1, 2] = 1
-    """How the simulated gels shear: 1, as rigid pieces; 2, as elastic layers, with features of the
-    contacts' rims. From nothing 1 takes ten minutes of one core, 2 takes five."""
+    """How the simulated gels shear: 1, as rigid pieces; 2, as elastic layers."""
+    cups: int | None = None
+    """Simulated cups to learn from, 8 to 480. Unless given 480, half an hour of one core from
+    nothing; with --gel 2 120, a quarter of an hour. With fewer it warns less well."""
     false_alarms: float = 0.3
     """Most false alarms per minute of grasps that hold, as a median over cups held out."""
     seed: int = 0
@@ -63,10 +67,11 @@ class TrainSlip:
 
             goal, learned_on = None, learn.LEARNED_ON
             if self.gel == 1:
-                pours, _ = learn.training_features(self.poses, on_step=on_step)
+                cups = self.cups or learn.LEARNED_CUPS
+                pours = learn.training_features(self.poses, cups, on_step)
             else:
-                poses = layers.layer_poses(self.poses, on_step=on_step)
-                pours = layers.layer_features(poses, rim=self.head != "rule")
+                cups = self.cups or layers.LAYER_CUPS
+                pours = layers.layer_features(self.poses, cups, on_step)
                 goal = layers.GOAL if self.head == "forecast" else None
                 learned_on = layers.LEARNED_ON
             warning, promise, tracks = learn.make_warning(
@@ -90,6 +95,8 @@ class TrainSlip:
 
     def _check(self) -> None:
         """Refuse, before anything is simulated, what cannot be meant."""
+        from taxel.training.slip_cups import TRAINING_CUPS
+
         if self.output.is_dir() or not self.output.name.endswith(".taxel"):
             raise BadInput(
                 "--output NAME.taxel: a monitor is written as the bundle that runs live",
@@ -98,6 +105,9 @@ class TrainSlip:
         if not (math.isfinite(self.false_alarms) and 0 < self.false_alarms <= _MOST_PER_MIN):
             raise BadInput("--false-alarms above 0 and at most 60 a minute",
                            f"{self.false_alarms:g}", "such as 0.3")  # fmt: skip
+        if self.cups is not None and not _FEWEST_CUPS <= self.cups <= len(TRAINING_CUPS):
+            raise BadInput(f"--cups from {_FEWEST_CUPS} to {len(TRAINING_CUPS)}",
+                           str(self.cups), "leave it out to take the usual number")  # fmt: skip
         if self.poses.exists() and not self.poses.is_dir():
             raise BadInput("a folder to keep simulated poses in", str(self.poses), "name another")
 

@@ -84,40 +84,42 @@ def settle(rows: GelRows) -> GelRows:
     )
 
 
-def add_noise(pour: PourRows, noises: Sequence[GelNoise], random: np.random.Generator) -> PourRows:
+@dataclass(frozen=True, slots=True)
+class PoseNoise:
+    """Errors of the poses of several gels, in the same order."""
+
+    inside: list[GelNoise]
+    """Object, and gel inside the contact."""
+    rim: list[GelNoise]
+    """Object, and gel around the contact's rim."""
+
+
+def fit_noises(seen: Sequence[PourRows], true: Sequence[PourRows]) -> PoseNoise:
+    """Return the errors of each gel of some pours, inside the contact and around its rim.
+
+    Args:
+        seen: Followed in images.
+        true: The same pours' own poses.
+
+    Raises:
+        BadDataset: Too few images to fit to.
+    """
+    return PoseNoise(fit_noise(seen, true), fit_noise(by_rim(seen), by_rim(true)))
+
+
+def add_noise(pour: PourRows, noise: PoseNoise, random: np.random.Generator) -> PourRows:
     """Return a pour's poses as images might have given them.
 
     Args:
         pour: With its own poses.
-        noises: Of which each gel draws one.
-        random: Where numbers come from.
-    """
-    first, second = (
-        _worsen(settle(rows), noises[int(random.integers(len(noises)))], random)
-        for rows in pour.gels
-    )
-    return replace(pour, gels=(first, second))
-
-
-def add_rim_noise(
-    pour: PourRows,
-    noises: Sequence[GelNoise],
-    at_rim: Sequence[GelNoise],
-    random: np.random.Generator,
-) -> PourRows:
-    """Return a pour's poses, the rim's too, as images might have given them.
-
-    Args:
-        pour: With its own poses.
-        noises: Of which each gel draws one.
-        at_rim: Of the same gels, with the rim's motion as the gel's: see `slip_cups.by_rim`.
+        noise: Of which each gel draws one gel's errors.
         random: Where numbers come from.
     """
     gels = []
     for rows, around in zip(pour.gels, by_rim([pour])[0].gels, strict=True):
-        drawn = int(random.integers(len(noises)))
-        inside = _worsen(settle(rows), noises[drawn], random)
-        rim = _worsen(settle(around), at_rim[drawn], random)
+        drawn = int(random.integers(len(noise.inside)))
+        inside = _worsen(settle(rows), noise.inside[drawn], random)
+        rim = _worsen(settle(around), noise.rim[drawn], random)
         gels.append(replace(inside, rim=rim.gel))
     return replace(pour, gels=(gels[0], gels[1]))
 

@@ -32,7 +32,7 @@ from taxel.sim.scene_draws import draw_grasp
 from taxel.sources.pour_sets import CAMERA_HZ, FINE, SimulatedVideo, motion_at, simulate_videos
 from taxel.windows.rest import SETTLE
 
-TRAINING_CUPS: Final = range(30_000, 30_120)
+TRAINING_CUPS: Final = range(30_000, 30_480)
 """Cups to learn from and to choose thresholds on. Source: our choice, fixed beforehand."""
 NOISE_CUPS: Final = TRAINING_CUPS[:24]
 """Training cups of which a pour is rendered, to fit the noise of poses."""

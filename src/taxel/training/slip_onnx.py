@@ -7,6 +7,7 @@ Source: docs/decisions/0036.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any, Final, TypeAlias
 
 import numpy as np
@@ -21,59 +22,98 @@ SMALLEST_SHARE: Final = 1e-6
 Trees: TypeAlias = HistGradientBoostingClassifier | HistGradientBoostingRegressor
 
 
-def trees_model(
-    model: Trees, factor: float = 1.0, *, least: tuple[str, float] | None = None
-) -> bytes:
-    """Return boosted trees as tables that are looked up level by level.
+def trees_model(model: Trees) -> bytes:
+    """Return boosted trees as tables that are looked up level by level; their sum is the logit.
 
     ONNX has an operator for trees; a bundle holds plain ones only (docs/decisions/0033).
 
     Args:
         model: Trained.
-        factor: Their sum times this is the logit.
-        least: A feature's name and a unit: the sum is never below the logarithm of that feature
+    """
+    nodes, constants = _trees(model, "logit")
+    return slip_model(_begin() + nodes, constants | _FEW, model.n_features_in_)
+
+
+def forecast_model(
+    models: Sequence[Trees], less: float, factor: float, *, least: tuple[str, float]
+) -> bytes:
+    """Return the larger of several forecasts, each as tables: see `trees_model`.
+
+    Args:
+        models: Trained; each counts `less` less than the one before it.
+        less: By how much.
+        factor: The largest times this is the logit.
+        least: A feature's name and a unit: no forecast is below the logarithm of that feature
             over that unit.
     """
     from onnx import helper
 
-    tables, depth = _tables(model)
+    name, unit = least
     nodes = [
+        *_begin(),
+        helper.make_node("Gather", ["rows", "least_column"], ["least_of"], axis=1),
+        helper.make_node("Div", ["least_of", "least_unit"], ["least_share"]),
+        helper.make_node("Max", ["least_share", "least_share_of_all"], ["least_positive"]),
+        helper.make_node("Log", ["least_positive"], ["least"]),
+    ]
+    constants = _FEW | {
+        "factor": np.array(factor),
+        "least_column": np.array(PAIR_FEATURES.index(name), np.int64),
+        "least_unit": np.array(unit), "least_share_of_all": np.array(SMALLEST_SHARE),
+    }  # fmt: skip
+    for place, model in enumerate(models):
+        own, tables = _trees(model, f"forecast{place}", f"_{place}", -less * place)
+        nodes += own
+        constants |= tables
+    forecasts = [f"forecast{place}" for place in range(len(models))]
+    nodes += [
+        helper.make_node("Max", ["least", *forecasts], ["largest"]),
+        helper.make_node("Mul", ["largest", "factor"], ["logit"]),
+    ]
+    return slip_model(nodes, constants, models[0].n_features_in_)
+
+
+_FEW: Final[dict[str, NDArray[Any]]] = {"zero": np.array([0]), "one": np.array([1])}
+
+
+def _begin() -> list[Any]:
+    """Return the nodes that all trees need: one truth a row, so that places get its length."""
+    from onnx import helper
+
+    return [
         helper.make_node("Slice", ["rows", "zero", "one", "one"], ["first"]),
         helper.make_node("Equal", ["first", "first"], ["there"]),
-        helper.make_node("Where", ["there", "root", "root"], ["place0"]),
     ]
+
+
+def _trees(
+    model: Trees, output: str, end: str = "", more: float = 0.0
+) -> tuple[list[Any], dict[str, NDArray[Any]]]:
+    """Return the nodes whose output is the sum of a model's trees, (n,), and their constants.
+
+    Args:
+        model: Trained.
+        output: The sum's name.
+        end: What the names of nodes and constants end with.
+        more: Added to the sum.
+    """
+    from onnx import helper
+
+    tables, depth = _tables(model)
+    nodes = [helper.make_node("Where", ["there", f"root{end}", f"root{end}"], [f"place0{end}"])]
     for level in range(depth):
-        nodes += _level(f"place{level}", f"place{level + 1}")
-    baseline = float(np.ravel(model._baseline_prediction)[0])
+        nodes += _level(f"place{level}{end}", f"place{level + 1}{end}", end)
     nodes += [
-        helper.make_node("Gather", ["value", f"place{depth}"], ["votes"]),
-        helper.make_node("ReduceSum", ["votes", "one"], ["sum"], keepdims=0),
-        helper.make_node("Add", ["sum", "baseline"], ["learned"]),
+        helper.make_node("Gather", [f"value{end}", f"place{depth}{end}"], [f"votes{end}"]),
+        helper.make_node("ReduceSum", [f"votes{end}", "one"], [f"sum{end}"], keepdims=0),
+        helper.make_node("Add", [f"sum{end}", f"baseline{end}"], [output]),
     ]
-    constants = {
-        "zero": np.array([0]), "one": np.array([1]), "baseline": np.array(baseline),
-        "factor": np.array(factor),
-    }  # fmt: skip
-    total = "learned"
-    if least is not None:
-        total = "total"
-        name, unit = least
-        nodes += [
-            helper.make_node("Gather", ["rows", "least_column"], ["least_of"], axis=1),
-            helper.make_node("Div", ["least_of", "least_unit"], ["least_share"]),
-            helper.make_node("Max", ["least_share", "least_share_of_all"], ["least_positive"]),
-            helper.make_node("Log", ["least_positive"], ["least"]),
-            helper.make_node("Max", ["learned", "least"], [total]),
-        ]
-        constants |= {
-            "least_column": np.array(PAIR_FEATURES.index(name), np.int64),
-            "least_unit": np.array(unit), "least_share_of_all": np.array(SMALLEST_SHARE),
-        }  # fmt: skip
-    nodes.append(helper.make_node("Mul", [total, "factor"], ["logit"]))
-    return slip_model(nodes, constants | tables, model.n_features_in_)
+    baseline = float(np.ravel(model._baseline_prediction)[0]) + more
+    constants = {f"{name}{end}": table for name, table in tables.items()}
+    return nodes, constants | {f"baseline{end}": np.array(baseline)}
 
 
-def _level(place: str, below: str) -> list[Any]:
+def _level(place: str, below: str, end: str) -> list[Any]:
     """Return the nodes that take each tree's place (n, trees) one node down."""
     from onnx import helper
 
@@ -82,13 +122,15 @@ def _level(place: str, below: str) -> list[Any]:
         nodes.append(helper.make_node(operator, list(inputs), [output], **attributes))
         return output
 
+    def of(table: str) -> str:
+        return node("Gather", f"{table}{end}", place)
+
     nodes: list[Any] = []
-    column = node("Gather", "column", place)
-    value = node("GatherElements", "rows", column, axis=1)
-    low = node("LessOrEqual", value, node("Gather", "threshold", place))  # false for NaN
+    value = node("GatherElements", "rows", of("column"), axis=1)
+    low = node("LessOrEqual", value, of("threshold"))  # false for NaN
     absent = node("Not", node("Equal", value, value))
-    left = node("Or", low, node("And", absent, node("Gather", "missing_left", place)))
-    node("Where", left, node("Gather", "left", place), node("Gather", "right", place), output=below)
+    left = node("Or", low, node("And", absent, of("missing_left")))
+    node("Where", left, of("left"), of("right"), output=below)
     return nodes
 
 

@@ -54,6 +54,17 @@ def test_a_promise_is_kept_by_the_lowest_threshold_that_keeps_it():
     assert promise.interval[0] <= promise.threshold <= promise.interval[1]
 
 
+def test_a_promise_of_many_alarms_is_not_cut_short():
+    """More pours, more alarms: the threshold still is the lowest that keeps the promise."""
+    tracks = [pour(np.full(360, (i + 1) / 500), cup=str(i // 20)) for i in range(400)]
+    minutes = 400 * (TIME_S[-1] - 0.4) / 60
+
+    promise = keep_promise(tracks, per_min=200 / minutes)
+
+    assert sum(false_alarms(t, promise.threshold) for t in tracks) == 200
+    assert promise.interval[0] < promise.threshold < promise.interval[1]
+
+
 def test_a_promise_needs_pours_that_hold():
     with pytest.raises(BadInput, match="pours that hold"):
         keep_promise([pour(np.zeros(360), event_s=2.0)], 0.3)

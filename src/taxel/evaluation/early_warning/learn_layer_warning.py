@@ -9,22 +9,17 @@ Source: docs/decisions/0037.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from typing import Final
 
-import numpy as np
-
 from taxel.evaluation.early_warning.learn_slip_warning import noisy_features
 from taxel.training.layer_poses import layer_pours
-from taxel.training.pose_noise import add_rim_noise, fit_noise
-from taxel.training.rim_features import rim_features
+from taxel.training.pose_noise import fit_noises
 from taxel.training.slip_cups import (
     NOISE_CUPS,
     TRAINING_CUPS,
     PourRows,
-    by_rim,
     keep_runs,
     noise_runs,
     paper_part,
@@ -41,57 +36,30 @@ LEARNED_ON: Final = "simulated poses on gels that shear as layers, docs/decision
 """What bundles say of their data."""
 
 
-@dataclass(frozen=True, slots=True)
-class LayerPoses:
-    """Training pours on gels that shear as layers."""
-
-    pours: list[PourRows]
-    """Exact poses, to learn from."""
-    seen: list[PourRows]
-    """A pour of each of some cups, as it is followed in images."""
-    exact: list[PourRows]
-    """The same pours' exact poses."""
-
-
-def layer_poses(
+def layer_features(
     folder: Path, cups: int = LAYER_CUPS, on_step: Callable[[str], None] = lambda _: None
-) -> LayerPoses:
-    """Return training pours' exact poses on layers, and those of a few as images give them.
+) -> list[PourFeatures]:
+    """Return training pours on layers as images would give them.
 
     Args:
         folder: Where poses are kept; what is not there is simulated, five minutes of one core.
         cups: How many of `TRAINING_CUPS`.
         on_step: Called with a line before each cup.
+
+    Raises:
+        RecordingFailed: The disk refused.
     """
     seen: list[PourRows] = []
     exact: list[PourRows] = []
     for cup in NOISE_CUPS:
         on_step(f"images of training cup {cup}, gel 2")
         runs = noise_runs(cup)
-        seen += keep_runs(folder / f"{cup}-noise-rim-gel-2.npz", runs, partial(seen_pours, gel=2))
+        seen += keep_runs(folder / f"{cup}-noise-gel-2.npz", runs, partial(seen_pours, gel=2))
         exact += keep_runs(folder / f"{cup}-noise-layers.npz", runs, layer_pours)
-    pours: list[PourRows] = []
+    noise = fit_noises(seen, exact)
+    found: list[PourFeatures] = []
     for cup in TRAINING_CUPS[:cups]:
         on_step(f"layers of training cup {cup}")
         runs = paper_part(cup, 0)
-        pours += keep_runs(folder / f"{cup}-layers-0.npz", runs, layer_pours)
-    return LayerPoses(pours, seen, exact)
-
-
-def layer_features(poses: LayerPoses, *, rim: bool) -> list[PourFeatures]:
-    """Return training pours on layers as images would give them.
-
-    Args:
-        poses: What `layer_poses` gave.
-        rim: True gives `RIM_FEATURES` too.
-    """
-    noises = fit_noise(poses.seen, poses.exact)
-    if not rim:
-        return noisy_features(poses.pours, noises)
-    at_rim = fit_noise(by_rim(poses.seen), by_rim(poses.exact))
-    return rim_features(
-        [
-            add_rim_noise(pour, noises, at_rim, np.random.default_rng([0, pour.run.seed]))
-            for pour in poses.pours
-        ]
-    )
+        found += noisy_features(keep_runs(folder / f"{cup}-layers-0.npz", runs, layer_pours), noise)
+    return found

@@ -25,7 +25,8 @@ from taxel.evaluation.early_warning.slip_warnings import (
 )
 from taxel.gel.slip_signal import PAIR_FEATURES
 from taxel.sim.cups import Kind
-from taxel.training.pose_noise import GelNoise, add_noise, fit_noise
+from taxel.training.pose_noise import PoseNoise, add_noise, fit_noises
+from taxel.training.rim_features import rim_features
 from taxel.training.slip_cups import (
     FRAME_HZ,
     GROSS_UM,
@@ -43,7 +44,6 @@ from taxel.training.slip_heads import (
     HeadName,
     PourFeatures,
     SlipHead,
-    features_of,
     learning_rows,
     new_head,
 )
@@ -56,8 +56,8 @@ AHEAD_S: Final = 0.6
 """By how much the rule without learning looks ahead, seconds. Source: decision 36."""
 ONSET_UM: Final = 20.0
 """Slip from which a warning is justified: the rule "micro-slip", docs/decisions/0013."""
-LEARNED_CUPS: Final = 120
-"""Training cups that a warning learns from unless more are asked for."""
+LEARNED_CUPS: Final = len(TRAINING_CUPS)
+"""Training cups that a warning learns from unless fewer are asked for."""
 PER_MIN: Final = 0.3
 """False alarms a minute that a learned head promises. Source: our choice, decision 36."""
 PROMISED_KINDS: Final[tuple[Kind, ...]] = ("pour", "still")
@@ -90,20 +90,19 @@ class ReadyWarning:
     threshold: float
     """From which on it warns, 0…1."""
     check: NDArray[np.float32]
-    """Features to try the bundle with, shape (n, 66), or with those of the rim (n, 74)."""
+    """Features to try the bundle with, shape (n, 74); the rule's, (n, 66)."""
     expected: NDArray[np.float32]
     """What is given for them, shape (n,)."""
 
 
 def training_features(
-    folder: Path,
-    cups: int = LEARNED_CUPS,
-    on_step: Callable[[str], None] = lambda _: None,
-) -> tuple[list[PourFeatures], list[GelNoise]]:
-    """Return training pours as images would give them, and the noise that was added.
+    folder: Path, cups: int = LEARNED_CUPS, on_step: Callable[[str], None] = lambda _: None
+) -> list[PourFeatures]:
+    """Return training pours as images would give them.
 
     Args:
-        folder: Where poses are kept; what is not there is simulated, which takes an hour.
+        folder: Where poses are kept; what is not there is simulated, a quarter of an hour of one
+            core for all cups.
         cups: How many of `TRAINING_CUPS`.
         on_step: Called with a line before each cup.
 
@@ -111,31 +110,28 @@ def training_features(
         RecordingFailed: The disk refused.
     """
     seen: list[PourRows] = []
-    true: list[PourRows] = []
+    exact: list[PourRows] = []
     for cup in NOISE_CUPS:
         on_step(f"images of training cup {cup}")
         runs = noise_runs(cup)
         seen += keep_runs(folder / f"{cup}-noise.npz", runs)
-        true += keep_runs(folder / f"{cup}-noise-true.npz", runs, true_pours)
-    noises = fit_noise(seen, true)
+        exact += keep_runs(folder / f"{cup}-noise-true.npz", runs, true_pours)
+    noise = fit_noises(seen, exact)
     found: list[PourFeatures] = []
     for cup in TRAINING_CUPS[:cups]:
         on_step(f"poses of training cup {cup}")
         runs = training_runs(cup)
-        pours = keep_runs(folder / f"{cup}-training.npz", runs, true_pours)
-        found += noisy_features(pours, noises)
-    return found, noises
+        found += noisy_features(keep_runs(folder / f"{cup}-training.npz", runs, true_pours), noise)
+    return found
 
 
 def noisy_features(
-    pours: Sequence[PourRows], noises: Sequence[GelNoise], seed: int = 0
+    pours: Sequence[PourRows], noise: PoseNoise, seed: int = 0
 ) -> list[PourFeatures]:
     """Return the features of pours whose exact poses are known, as images would give them."""
-    found = []
-    for pour in pours:
-        random = np.random.default_rng([seed, pour.run.seed])
-        found.append(features_of(add_noise(pour, noises, random)))
-    return found
+    return rim_features(
+        [add_noise(pour, noise, np.random.default_rng([seed, pour.run.seed])) for pour in pours]
+    )
 
 
 def rule_drive(features: PourFeatures) -> Drive:
@@ -259,6 +255,7 @@ def make_warning(
     """
     check = pours[0].rows[:_CHECKED]
     if head == "rule":
+        check = check[:, : len(PAIR_FEATURES)]
         tracks = rule_tracks(pours)
         promise = keep_promise(promised(tracks), per_min)
         limit_mm = promise.threshold

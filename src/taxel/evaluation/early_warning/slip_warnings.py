@@ -36,6 +36,9 @@ EVENTS: Final = EventConfig()
 NEAR_UM: Final = (100.0, 150.0, 200.0, 250.0)
 """Slips of pours that hold which are reported beside false alarms, micrometres."""
 RESAMPLES: Final = 500
+_TRIED, _FEWEST_TRIED = 2.0, 20
+"""Thresholds that are tried: the largest drives of so many times the promised alarms, and of so
+many pours more. Source: our choice: resampled cups ask for up to half as many again."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -152,16 +155,13 @@ def false_alarms(track: WarningTrack, threshold: float) -> int:
     return count
 
 
-def keep_promise(
-    tracks: Sequence[WarningTrack], per_min: float, seed: int = 0, candidates: int = 120
-) -> Promise:
+def keep_promise(tracks: Sequence[WarningTrack], per_min: float, seed: int = 0) -> Promise:
     """Return the lowest threshold whose false alarms a minute stay within a promise.
 
     Args:
         tracks: Training pours, each driven by a head that had not seen its cup.
         per_min: False alarms a minute of pours that hold.
         seed: Of the resampling of cups.
-        candidates: Thresholds that are tried, spread over the largest drives of pours that hold.
 
     Raises:
         BadInput: No pour holds, or the promise is below 0.
@@ -172,12 +172,13 @@ def keep_promise(
             "a promise of at least 0 and pours that hold", f"{per_min:g} and {len(holds)}",
             "promise more, or add pours",
         )  # fmt: skip
-    peaks = np.sort([float(np.max(track.drive)) for track in holds])
-    start = max(len(peaks) - candidates, 0)
-    tried = np.unique(np.nextafter(peaks[start:], np.inf))
-    counts = np.array([[false_alarms(track, float(t)) for t in tried] for track in holds])
     minutes = np.array([track.time_s[-1] - track.time_s[0] - EVENTS.settled_s for track in holds])
     minutes = minutes / 60.0
+    # each pour above a threshold is an alarm at least: so many pours reach beyond the promise
+    reach = _FEWEST_TRIED + int(np.ceil(_TRIED * per_min * minutes.sum()))
+    peaks = np.sort([float(np.max(track.drive)) for track in holds])
+    tried = np.unique(np.nextafter(peaks[-reach:], np.inf))
+    counts = np.array([[false_alarms(track, float(t)) for t in tried] for track in holds])
     cups = np.array([track.groups.get("cup", str(i)) for i, track in enumerate(holds)])
     chosen = _lowest(counts.sum(axis=0), float(minutes.sum()), per_min)
     random = np.random.default_rng(seed)
