@@ -5,8 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from taxel.bench import gel_warning
-from taxel.bench.gel_warning import Warner, judge_rows, rendered
+from taxel.bench import gel_warning, slip_warning
+from taxel.bench.gel_warning import judge_rows, rendered
+from taxel.bench.slip_warning import Warner, shipped_warner
+from taxel.bundles.shipped import CUP_POUR
 from taxel.evaluation.early_warning.learn_slip_warning import rule_drive
 from taxel.gel.slip_signal import TURN_MM
 from taxel.sim.cup_pour import Gel
@@ -87,7 +89,7 @@ def test_a_layer_changes_what_the_gel_does_and_neither_the_cup_nor_what_happens(
 
 @pytest.mark.parametrize("name", gel_warning.SHIPPED)
 def test_a_shipped_warning_is_taken_as_it_is(name):
-    warner = gel_warning.shipped_warner(name)
+    warner = shipped_warner(name)
     (found,) = rim_features([turns(TEST_CUPS[0], 1.0, 0.1)])
     drive = warner.drive(found)
     assert drive.shape == found.at.shape
@@ -102,7 +104,23 @@ def test_a_shipped_warning_warns_of_a_straight_slide_too(name):
         replace(rows, object=rows.object[:, [2, 2, 0]] * [0.0, TURN_MM, 0.0])
         for rows in turned.gels
     )
-    warner = gel_warning.shipped_warner(name)
+    warner = shipped_warner(name)
     (found,) = rim_features([replace(turned, gels=straight)])
     drive = warner.drive(found)
     assert drive.max() > warner.threshold > drive[0]
+
+
+def test_what_ships_is_judged_as_it_ships_and_alone_has_goals(monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setattr(slip_warning, "COMPARED", ())
+    test = rim_features([turns(TEST_CUPS[0], 1.0, 0.1), turns(TEST_CUPS[1], 0.0, 0.1)])
+    named = {row.name: row for row in slip_warning.judge_rows([], test)}
+
+    forecast = named["slip warning, forecast: median lead before 300 um, cups never seen"]
+    warner = shipped_warner(CUP_POUR)
+    warned_s = float(test[0].pour.time_s[np.argmax(warner.drive(test[0]) >= warner.threshold)])
+    event_s = test[0].pour.first_s(300.0)
+    assert event_s is not None
+    assert forecast.value == pytest.approx(event_s - warned_s)
+    assert f"threshold {warner.threshold:.3f}" in forecast.note
+    assert named["slip warning, forecast: false alarms"].value == 0.0
+    assert named["slip warning, the rule without learning: false alarms"].value == 0.0

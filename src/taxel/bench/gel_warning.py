@@ -12,18 +12,14 @@ Source: docs/decisions/0037.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import Final
 
-import numpy as np
-from numpy.typing import NDArray
-
 from taxel.bench.rows import Row, missing, row
-from taxel.bench.slip_warning import poses_folder
-from taxel.bundles.grasp import read_grasp_bundle
-from taxel.bundles.shipped import CUP_POUR, shipped_bundle
+from taxel.bench.slip_warning import RULE, Warner, kept, poses_folder, shipped_warner
+from taxel.bundles.shipped import CUP_POUR
 from taxel.evaluation.early_warning.learn_layer_warning import (
     GOAL,
     layer_features,
@@ -39,7 +35,6 @@ from taxel.evaluation.early_warning.learn_slip_warning import (
     training_features,
 )
 from taxel.evaluation.early_warning.slip_warnings import (
-    Promise,
     WarningTrack,
     keep_promise,
     score_warnings,
@@ -61,23 +56,13 @@ PER_MIN: Final = 0.4
 of version 2 was looked at."""
 SHIPPED: Final = {
     CUP_POUR: "learned on gel 1, as shipped",
-    "slip-rule": "the rule without learning, as shipped",
+    RULE: "the rule without learning, as shipped",
 }
 """What warns without having seen version 2, head and threshold as they come with taxel → its name
 in rows."""
 _LEAD_S, _MOST_PER_MIN = 0.25, 0.5
 """Goals. Source: issue 15."""
 _GELS: Final[tuple[Gel, ...]] = (1, 2)
-
-
-@dataclass(frozen=True, slots=True)
-class Warner:
-    """Something that warns: a drive of each moment, and its threshold."""
-
-    name: str
-    drive: Callable[[PourFeatures], NDArray[np.float64]]
-    threshold: float
-    note: str
 
 
 def render(folder: Path, on_step: Callable[[str], None] = lambda _: None) -> None:
@@ -116,25 +101,10 @@ def gel_warning_rows(
     place = folder or poses_folder()
     second = layer_features(place, on_step=on_step)
     first = training_features(place, CUPS, on_step)
-    warners = [*map(shipped_warner, SHIPPED), *learnt_warners(first, second, on_step)]
+    shipped = [replace(shipped_warner(bundle), name=name) for bundle, name in SHIPPED.items()]
+    warners = [*shipped, *learnt_warners(first, second, on_step)]
     render(place, on_step)
     return judge_rows(warners, rendered(place))
-
-
-def shipped_warner(name: str) -> Warner:
-    """Return a warning as it comes with taxel, learned on version 1 alone.
-
-    Args:
-        name: One of `SHIPPED`.
-    """
-    bundle = read_grasp_bundle(shipped_bundle(name))
-
-    def drive(found: PourFeatures) -> NDArray[np.float64]:
-        rows = (found.rows[:, : len(bundle.offset)] - bundle.offset) * bundle.factor
-        return bundle.head.run(features=rows[:, None, None])[found.at].astype(np.float64)
-
-    threshold = bundle.contract.stability.warn
-    return Warner(SHIPPED[name], drive, threshold, f"threshold {threshold:.3f}")
 
 
 def learnt_warners(
@@ -155,7 +125,7 @@ def learnt_warners(
     ]
     promise = keep_promise(promised(rule_tracks(second)), PER_MIN)
     name = "the rule without learning, threshold of gel 2"
-    return [*found, Warner(name, rule_drive, promise.threshold, _kept(promise))]
+    return [*found, Warner(name, rule_drive, promise.threshold, kept(promise))]
 
 
 def _learned(
@@ -165,7 +135,7 @@ def _learned(
     promise = keep_promise(tracks, PER_MIN)
     scores = score_warnings(tracks, promise.threshold)[0].events
     note = (
-        f"{_kept(promise)}, where it warns {scores.lead_median_s:.2f} s before and misses "
+        f"{kept(promise)}, where it warns {scores.lead_median_s:.2f} s before and misses "
         f"{scores.missed_share:.3f} of {scores.events}"
     )
     on_step(f"forecast, all training cups, {name}")
@@ -221,13 +191,6 @@ def _rows(name: str, tracks: Sequence[WarningTrack], warner: Warner, *, goals: b
         missed,
         Row(name=alarms, value=float(rate), unit="1/min", goal="", ok=None, note=alarmed),
     ]
-
-
-def _kept(promise: Promise) -> str:
-    return (
-        f"threshold {promise.threshold:.3f} for {promise.asked_per_min:g} a minute, out of fold "
-        f"{promise.found_per_min:.2f} in {promise.hold_min:.0f} min of training cups"
-    )
 
 
 def _file(folder: Path, cup: int, part: int, gel: Gel) -> Path:

@@ -10,12 +10,16 @@ Source: docs/decisions/0036.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
 from taxel.bench.rows import Row, missing, quietest, row, row_within
+from taxel.bundles.grasp import read_grasp_bundle
+from taxel.bundles.shipped import CUP_POUR, shipped_bundle
 from taxel.evaluation.early_warning.events import by_group
 from taxel.evaluation.early_warning.learn_slip_warning import (
     PER_MIN,
@@ -23,8 +27,6 @@ from taxel.evaluation.early_warning.learn_slip_warning import (
     head_drive,
     out_of_fold,
     promised,
-    rule_drive,
-    rule_tracks,
     track_of,
     training_features,
 )
@@ -52,13 +54,26 @@ from taxel.training.slip_cups import (
 from taxel.training.slip_heads import HeadName, PourFeatures
 
 PAPER_PARTS, OTHER_PARTS = 4, 2
-RULE_PER_MIN = 0.4
-"""False alarms a minute that the rule promises; it may give 0.5. Source: our choice, 0036."""
+RULE = "slip-rule"
+"""The bundle that learns nothing; its threshold promises 0.4 a minute, and may give 0.5. Source:
+our choice, 0036."""
 KIND_GOALS: tuple[Kind, ...] = ("no-slip pour", "bump", "grip drop")
 _NEEDED_EVENTS, _NEEDED_MIN, _NEEDED_KIND_MIN = 350, 60.0, 15.0
 ROUNDS = 3
 _TURNS_RAD = 0.03
-HEADS: tuple[HeadName, ...] = ("forecast", "boosting", "logistic")
+COMPARED: tuple[HeadName, ...] = ("boosting", "logistic")
+COMPARED_CUPS = 120
+"""Training cups of the heads to compare with. Source: our choice: time."""
+
+
+@dataclass(frozen=True, slots=True)
+class Warner:
+    """Something that warns: a drive of each moment, and its threshold."""
+
+    name: str
+    drive: Callable[[PourFeatures], NDArray[np.float64]]
+    threshold: float
+    note: str
 
 
 def poses_folder() -> Path:
@@ -105,8 +120,6 @@ def live_rows() -> list[Row]:
 
     import cv2
 
-    from taxel.bundles.grasp import read_grasp_bundle
-    from taxel.bundles.shipped import CUP_POUR, shipped_bundle
     from taxel.frame_codec import decode_jpeg, encode_jpeg
     from taxel.gel.touch_poses import TouchFollower
     from taxel.live.grasp_session import run_grasp_session
@@ -187,9 +200,9 @@ def _errors(
 def slip_warning_rows(
     folder: Path | None = None, on_step: Callable[[str], None] = lambda _: None
 ) -> list[Row]:
-    """Render what is missing, learn, choose thresholds, and judge on test cups."""
+    """Render what is missing, learn what is compared, and judge on test cups."""
     place = folder or poses_folder()
-    train = training_features(place, on_step=on_step)
+    train = training_features(place, COMPARED_CUPS, on_step)
     render(place, on_step)
     test = rendered(place)
     return budget_row(test) + judge_rows(train, test, on_step)
@@ -200,27 +213,59 @@ def judge_rows(
     test: Sequence[PourFeatures],
     on_step: Callable[[str], None] = lambda _: None,
 ) -> list[Row]:
-    """Return the rows of each head and of the rule, thresholds chosen on training cups alone."""
-    rows: list[Row] = []
-    for name in HEADS:
-        promise = keep_promise(promised(out_of_fold(train, name, on_step=on_step)), PER_MIN)
+    """Return the rows of what comes with taxel as it is, and of heads learned to compare with.
+
+    Args:
+        train: Training pours for the heads to compare with, thresholds too.
+        test: Pours of test cups.
+        on_step: Called with a line before each training.
+    """
+    rows = _rows("slip warning, forecast", shipped_warner(CUP_POUR), test, lead_s=0.35, goals=True)
+    for name in COMPARED:
+        tracks = promised(out_of_fold(train, name, on_step=on_step))
         on_step(f"{name}, all training cups")
-        head = fit_head(train, name)
-        tracks = [track_of(found, head_drive(head, found)) for found in test]
-        rows += _rows(f"slip warning, {name}", tracks, promise, lead_s=0.35, goals=name == HEADS[0])
-    promise = keep_promise(promised(rule_tracks(train)), RULE_PER_MIN)
-    tracks = [track_of(found, rule_drive(found)) for found in test]
-    rows += _rule_rows(tracks, promise)
-    return rows
+        promise = keep_promise(tracks, PER_MIN)
+        warner = Warner(
+            name, partial(head_drive, fit_head(train, name)), promise.threshold, kept(promise)
+        )
+        rows += _rows(f"slip warning, {name}", warner, test, lead_s=0.35, goals=False)
+    return rows + _rule_rows(shipped_warner(RULE), test)
+
+
+def shipped_warner(name: str) -> Warner:
+    """Return a warning as it comes with taxel, learned on version 1 of the gel alone.
+
+    Args:
+        name: Of a bundle that watches slip.
+    """
+    bundle = read_grasp_bundle(shipped_bundle(name))
+
+    def drive(found: PourFeatures) -> NDArray[np.float64]:
+        rows = (found.rows[:, : len(bundle.offset)] - bundle.offset) * bundle.factor
+        return bundle.head.run(features=rows[:, None, None])[found.at].astype(np.float64)
+
+    threshold = bundle.contract.stability.warn
+    measured = ", ".join(f"{what} {value:.3g}" for what, value in bundle.contract.measured.items())
+    note = f"threshold {threshold:.3f}, chosen on training cups held out ({measured})"
+    return Warner(name, drive, threshold, note)
+
+
+def kept(promise: Promise) -> str:
+    """Return what a promise gave on training cups, in words."""
+    return (
+        f"threshold {promise.threshold:.3f} for {promise.asked_per_min:g} a minute, out of fold "
+        f"{promise.found_per_min:.2f} in {promise.hold_min:.0f} min of training cups"
+    )
 
 
 def _rows(
-    name: str, tracks: Sequence[WarningTrack], promise: Promise, *, lead_s: float, goals: bool
+    name: str, warner: Warner, test: Sequence[PourFeatures], *, lead_s: float, goals: bool
 ) -> list[Row]:
+    tracks = [track_of(found, warner.drive(found)) for found in test]
     paper = promised(tracks)
-    scores, _ = score_warnings(paper, promise.threshold)
+    scores, _ = score_warnings(paper, warner.threshold)
     events = scores.events
-    note = _about(scores, promise)
+    note = _about(scores, warner)
     rows = [
         row(f"{name}: median lead before 300 um, cups never seen", events.lead_median_s, "s", ">=",
             lead_s, note),
@@ -234,34 +279,34 @@ def _rows(
             f"{events.false_alarms_poisson[0]:.2f} … {events.false_alarms_poisson[1]:.2f}"),
     ]  # fmt: skip
     for kind in KIND_GOALS:
-        rows.append(_kind_row(name, kind, tracks, promise))
-    rows.append(_late_row(name, tracks, promise))
+        rows.append(_kind_row(name, kind, tracks, warner.threshold))
+    rows.append(_late_row(name, tracks, warner.threshold))
     for key in ("force_n", "position"):
-        rows.append(_group_row(name, key, paper, promise))
+        rows.append(_group_row(name, key, paper, warner.threshold))
     return rows if goals else [_without_goal(row) for row in rows[:5]]
 
 
-def _rule_rows(tracks: Sequence[WarningTrack], promise: Promise) -> list[Row]:
+def _rule_rows(warner: Warner, test: Sequence[PourFeatures]) -> list[Row]:
     name = "slip warning, the rule without learning"
-    paper = promised(tracks)
-    scores, _ = score_warnings(paper, promise.threshold)
+    paper = promised([track_of(found, warner.drive(found)) for found in test])
+    scores, _ = score_warnings(paper, warner.threshold)
     events = scores.events
     return [
         row(f"{name}: median lead before 300 um", events.lead_median_s, "s", ">=", 0.15,
-            _about(scores, promise)),
+            _about(scores, warner)),
         row(f"{name}: false alarms", events.false_alarms_per_min, "1/min", "<=", 0.5,
             f"missed {events.missed_share:.3f}, lead 5 % {events.lead_p5_s:.2f} s; "
             + _near(scores)),
     ]  # fmt: skip
 
 
-def _kind_row(name: str, kind: Kind, tracks: Sequence[WarningTrack], promise: Promise) -> Row:
+def _kind_row(name: str, kind: Kind, tracks: Sequence[WarningTrack], threshold: float) -> Row:
     what = f"{name}: false alarms, {kind}"
     own = [track for track in tracks if track.groups["kind"] == kind]
     held = [track for track in own if track.event_s is None]
     if not held:
         return missing(what, "1/min", "<= 0.5", "no such pours that hold are rendered yet")
-    scores, _ = score_warnings(own, promise.threshold)
+    scores, _ = score_warnings(own, threshold)
     events = scores.events
     low, high = events.false_alarms_poisson
     enough = "" if events.hold_min >= _NEEDED_KIND_MIN else f", fewer than {_NEEDED_KIND_MIN:g}"
@@ -274,20 +319,20 @@ def _kind_row(name: str, kind: Kind, tracks: Sequence[WarningTrack], promise: Pr
     return row(what, events.false_alarms_per_min, "1/min", "<=", 0.5, note)
 
 
-def _late_row(name: str, tracks: Sequence[WarningTrack], promise: Promise) -> Row:
+def _late_row(name: str, tracks: Sequence[WarningTrack], threshold: float) -> Row:
     own = [track for track in tracks if track.groups["kind"] == "late slip"]
     what = f"{name}: median lead, late slips"
     if not any(track.event_s is not None for track in own):
         return Row(name=what, value=None, unit="s", goal="", ok=None, note="none rendered yet")
-    scores, _ = score_warnings(own, promise.threshold)
+    scores, _ = score_warnings(own, threshold)
     events = scores.events
     return Row(name=what, value=events.lead_median_s, unit="s", goal="", ok=None,
                note=f"{events.events} slips, missed {events.missed_share:.2f}; false alarms "
                f"{events.false_alarms} in {events.hold_min:.1f} min")  # fmt: skip
 
 
-def _group_row(name: str, key: str, tracks: Sequence[WarningTrack], promise: Promise) -> Row:
-    _, outcomes = score_warnings(tracks, promise.threshold)
+def _group_row(name: str, key: str, tracks: Sequence[WarningTrack], threshold: float) -> Row:
+    _, outcomes = score_warnings(tracks, threshold)
     parts = [
         f"{value}: {scores.lead_median_s:.2f} s, missed {scores.missed_share:.2f} "
         f"of {scores.events}, {scores.false_alarms_per_min:.2f}/min"
@@ -301,7 +346,7 @@ def _without_goal(row: Row) -> Row:
     return Row(name=row.name, value=row.value, unit=row.unit, goal="", ok=None, note=row.note)
 
 
-def _about(scores: WarningScores, promise: Promise) -> str:
+def _about(scores: WarningScores, warner: Warner) -> str:
     events = scores.events
     low, high = events.lead_interval_s
     few = ""
@@ -309,9 +354,7 @@ def _about(scores: WarningScores, promise: Promise) -> str:
         few = f" (asked: {_NEEDED_EVENTS} slips, {_NEEDED_MIN:g} min; go on with --full)"
     return (
         f"95 % {low:.2f} … {high:.2f}; {events.events} slips and {events.hold_min:.1f} min of "
-        f"holds on {events.clusters} cups{few}; threshold {promise.threshold:.3f} "
-        f"({promise.interval[0]:.3f} … {promise.interval[1]:.3f}) for {promise.asked_per_min:g} a "
-        f"minute, out of fold {promise.found_per_min:.2f} in {promise.hold_min:.0f} min"
+        f"holds on {events.clusters} cups{few}; {warner.note}"
     )
 
 
