@@ -8,7 +8,8 @@ import pytest
 from taxel.bench import gel_warning, slip_warning
 from taxel.bench.gel_warning import judge_rows, rendered
 from taxel.bench.slip_warning import Warner, shipped_warner
-from taxel.bundles.shipped import CUP_POUR
+from taxel.bundles.grasp import read_grasp_bundle
+from taxel.bundles.shipped import CUP_POUR, shipped_bundle
 from taxel.evaluation.early_warning.learn_slip_warning import rule_drive
 from taxel.gel.slip_signal import TURN_MM
 from taxel.sim.cup_pour import Gel
@@ -92,7 +93,10 @@ def test_a_shipped_warning_is_taken_as_it_is(name):
     warner = shipped_warner(name)
     (found,) = rim_features([turns(TEST_CUPS[0], 1.0, 0.1)])
     drive = warner.drive(found)
-    assert drive.shape == found.at.shape
+    bundle = read_grasp_bundle(shipped_bundle(name))
+    windows = (found.rows[:, : bundle.offset.size] - bundle.offset) * bundle.factor
+    expected = [bundle.probability(window[None, None]) for window in windows]
+    assert drive == pytest.approx(np.array(expected)[found.at], abs=1e-6)
     assert drive.max() > warner.threshold > drive[0]
 
 

@@ -79,6 +79,16 @@ def test_a_bundle_says_what_it_predicts_from_what_and_how_well(
     assert "nothing was stored with it" in printed
 
 
+def test_a_signature_is_not_taken_for_a_valid_one(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+):
+    line, _, rest = pack({"bundle.json": arrays.contract_to_json(ARRAY).encode()}).partition(b"\n")
+    (tmp_path / "a.taxel").write_bytes(line + b" " + b"0" * 176 + b"\n" + rest)
+    Info(tmp_path / "a.taxel").run()
+    printed = " ".join(capsys.readouterr().out.split())
+    assert "with a signature, which is not checked here" in printed
+
+
 def test_a_bundle_that_comes_with_taxel_goes_by_its_name(capsys: pytest.CaptureFixture[str]):
     main(["info", "cup-pour", "--json"])
     found = json.loads(capsys.readouterr().out)

@@ -82,11 +82,13 @@ def test_nothing_moves_where_nothing_moves(world):
     assert np.abs(poses[:, 2]).max() < 0.002
 
 
+@pytest.mark.parametrize("first", [False, True])
 @pytest.mark.parametrize("turn", [0.17, -0.22])
-def test_a_push_that_turns_both_in_one_image_is_followed(world, turn):
+def test_a_push_that_turns_both_in_one_image_is_followed(world, turn, first):
     """Further than the imprint's own fit reaches, and the outer dots by half a spacing."""
     follower = TouchFollower([world(seed=s) for s in range(3)])
-    follower.follow(world(seed=7))
+    if not first:
+        follower.follow(world(seed=7))
     for seed in (8, 9):
         pose = follower.follow(world((1.0, 0.5, turn), (1.2, 0.6, 1.1 * turn), seed=seed))
 
@@ -94,6 +96,19 @@ def test_a_push_that_turns_both_in_one_image_is_followed(world, turn):
     assert pose.gel == pytest.approx([1.0, 0.5, turn], abs=0.2)
     assert pose.object[2] == pytest.approx(1.1 * turn, abs=0.005)
     assert pose.object[:2] == pytest.approx([1.2, 0.6], abs=0.4)
+
+
+def test_a_push_while_the_imprint_is_lost_is_caught_up_with(world, monkeypatch):
+    follower = TouchFollower([world(seed=s) for s in range(3)])
+    follower.follow(world(seed=7))
+    pushed = (1.0, 0.5, 0.2), (1.2, 0.6, 0.22)
+    with monkeypatch.context() as lost:
+        lost.setattr("taxel.gel.imprint_pose._Key.align", lambda *_: None)
+        assert not follower.follow(world(*pushed, seed=8)).seen
+    pose = follower.follow(world(*pushed, seed=9))
+
+    assert pose.seen
+    assert pose.object[2] == pytest.approx(0.22, abs=0.005)
 
 
 def test_a_long_turn_goes_on_from_a_new_key_image(world):

@@ -241,7 +241,7 @@ def shipped_warner(name: str) -> Warner:
     bundle = read_grasp_bundle(shipped_bundle(name))
 
     def drive(found: PourFeatures) -> NDArray[np.float64]:
-        rows = (found.rows[:, : len(bundle.offset)] - bundle.offset) * bundle.factor
+        rows = (found.rows[:, : bundle.offset.shape[-1]] - bundle.offset) * bundle.factor
         return bundle.head.run(features=rows[:, None, None])[found.at].astype(np.float64)
 
     threshold = bundle.contract.stability.warn

@@ -13,7 +13,6 @@ from rich.table import Table
 
 from taxel.bundles.envelope import BundleKind, kind_of
 from taxel.bundles.shipped import find_bundle
-from taxel.cli.info_bundle import describe_bundle
 from taxel.cli.printing import console, print_json, progress, say
 from taxel.labels.class_order import in_order
 from taxel.plain_text import visible
@@ -54,6 +53,8 @@ class Info:
 
 
 def _print_bundle(path: Path, kind: BundleKind, as_json: bool) -> None:
+    from taxel.cli.info_bundle import describe_bundle
+
     lines, data = describe_bundle(path, kind)
     if as_json:
         print_json(data, indent=None)

@@ -41,9 +41,10 @@ def describe_bundle(path: Path, kind: BundleKind) -> tuple[dict[str, str], dict[
         lines, text = _trial_lines(trial), trials.contract_to_json(trial)
         software, digest = trial.software, trial.data_digest
     size, signed = path.stat().st_size, is_signed(path)
-    held = f"{path}, {size / 1e6:.2f} MB, its check sum holds, {'' if signed else 'not '}signed"
+    signature = "with a signature, which is not checked here" if signed else "not signed"
+    held = f"{path}, {size / 1e6:.2f} MB, its check sum holds, {signature}"
     whole = {"bundle": held} | lines | {"learned from": visible(digest), "made by": software}
-    data = {"path": str(path), "bytes": size, "kind": kind, "signed": signed}
+    data = {"path": str(path), "bytes": size, "kind": kind, "carries_signature": signed}
     return whole, data | {"contract": json.loads(text)}
 
 

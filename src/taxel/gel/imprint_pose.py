@@ -99,8 +99,8 @@ class ImprintFollower:
 
         Args:
             rgb: The image.
-            carried: Motion since the last image of what carries the imprint, where that moved
-                fast: following begins there too, and the better fit is kept.
+            carried: Motion of what carries the imprint since it was last seen, where that is large:
+                following begins there too, and the better fit is kept.
         """
         key = self._key
         if key is None:
@@ -111,15 +111,12 @@ class ImprintFollower:
         for begin in starts:
             start = _after(begin, _inverse(self._key_pose))
             aligned = key.align(image, start)
-            if aligned is not None:
-                tried.append((aligned, start))
+            if aligned is not None and not _went_far(aligned.pose - start):
+                tried.append(aligned)
         if not tried:
             return self._lost()
-        best, start = min(tried, key=lambda each: each[0].misfit)
+        best = min(tried, key=lambda each: each.misfit)
         since_key = best.pose
-        step = since_key - start
-        if np.hypot(step[0], step[1]) > _LOST_PX or abs(step[2]) > _LOST_RAD:
-            return self._lost()
         pose = _after(since_key, self._key_pose)
         self._last = pose
         middle, shape = key.placed(since_key)
@@ -319,6 +316,11 @@ class _Key:
         cos, sin = np.cos(pose[2]), np.sin(pose[2])
         turn = np.array([[cos, -sin], [sin, cos]])
         return turn @ self._middle * scale + pose[:2], turn @ self._shape @ turn.T * scale**2
+
+
+def _went_far(step: Pose) -> bool:
+    """Return whether a fit ended too far from where it began to be believed."""
+    return bool(np.hypot(step[0], step[1]) > _LOST_PX or abs(step[2]) > _LOST_RAD)
 
 
 def _usual(squares: NDArray[np.float32]) -> float:

@@ -49,7 +49,8 @@ _MANY_LOST = 0.3
 _TURNS: Final = (0.0, 0.08, -0.08, 0.16, -0.16, 0.24, -0.24, 0.32, -0.32)
 """Turns between two frames that a search tries, rad: pushes of a cup reach 0.25 in 40 ms."""
 _FITS, _ENOUGH_FIT = 0.15, 0.8
-"""Of a spacing: how near a finding fits; share of dots that fit from which on no turn is tried."""
+"""Of a spacing: how near a finding fits; share of dots that fit from which on no other
+turn is tried."""
 _RETRY_FRAMES = 8
 """Frames between two searches of the whole image while many dots stay lost."""
 
@@ -179,7 +180,7 @@ class MarkerTracker:
 
     The usual frame costs one small window a dot, around where it was. A dot
     that went far or vanished starts a search of the whole image, in which
-    dots are matched by their common movement, so that none takes another's
+    dots are matched by their common shift and turn, so that none takes another's
     place as long as they move less than half a spacing between two frames.
 
     Args:
@@ -258,7 +259,7 @@ class MarkerTracker:
         return np.asarray(inside & (share > _LEAST_MASS) & (share < _MOST_MASS))
 
     def _search(self, rgb: Rgb, image: NDArray[np.uint8]) -> tuple[Points, NDArray[np.bool_]]:
-        """Match all dots of the image to those of the last frame by their common movement."""
+        """Match all dots of the image to those of the last frame by their common shift and turn."""
         found = find_markers(rgb)
         if not len(found):
             return self._moved.copy(), np.zeros(len(self._reference), np.bool_)
@@ -286,7 +287,7 @@ class MarkerTracker:
             fits = int(_mutual(moved, found, _FITS * self.spacing_px)[1].sum())
             if fits > most:
                 best, most = np.asarray(moved - self._moved, np.float32), fits
-            if turn == 0.0 and fits > _ENOUGH_FIT * min(len(found), len(self._moved)):
+            if fits > _ENOUGH_FIT * min(len(found), len(self._moved)):
                 break
         return best
 

@@ -28,7 +28,8 @@ to none. On gels that shear as layers dots within 1.2 move with what sticks unti
 those from 1.7 to 2.2 carry 0.75 of the turn at 20 um of slip and 0.50 at 300 um. Source: 24
 rendered training pours, docs/decisions/0037."""
 _FAST_PX, _FAST_RAD = 1.0, 0.03
-"""Motion of the gel in one image from which on the imprint is looked for where the gel went, too.
+"""Motion of the gel from one image to the next from which on the imprint is looked for where the
+gel went, too.
 Source: pushes of training cups, docs/decisions/0036."""
 _FEWEST_DOTS = 4
 _DOT_PX = 0.03
@@ -72,7 +73,14 @@ class TouchFollower:
         self._imprint = ImprintFollower(reference)
         self._tracker = MarkerTracker(reference)
         self._gel, self._rim = np.zeros(3), np.zeros(3)
-        self._newest: tuple[MarkerFlow, ImprintPose] | None = None
+        middle, shape = self._imprint.placed(np.zeros(3))
+        still = np.ones(len(self.dots), np.bool_)
+        self._newest = (
+            MarkerFlow(self.dots, self.dots, still),
+            ImprintPose(np.zeros(3), np.zeros(3), True, middle, shape),
+        )
+        self._gel_then = np.zeros(3)
+        """The gel's pose in the last image in which the imprint was seen."""
 
     def follow(self, rgb: Rgb) -> TouchPose:
         """Return the next image's poses.
@@ -90,6 +98,8 @@ class TouchFollower:
         spread = np.full(3, np.inf)
         if fitted is not None:
             self._gel, gel_spread = fitted
+            if imprint.seen:
+                self._gel_then = self._gel
             spread = np.hypot(imprint.spread, gel_spread)
         at = imprint.middle - _shift_at(imprint.pose, imprint.middle)  # where the middle was
         moved, carried = (_motion_at(pose, at) for pose in (imprint.pose, self._gel))
@@ -103,17 +113,15 @@ class TouchFollower:
         )
 
     def _fast_step(self, dots: MarkerFlow) -> Pose | None:
-        """Return the gel's motion since the last image where it is fast, shape (3,).
+        """Return the gel's motion since the imprint was last seen, where it is large, shape (3,).
 
         A push turns the imprint further in one image than its own fit reaches; the dots are found
         one by one, and what holds the object moves with it.
         """
-        if self._newest is None:
-            return None
         fitted = self._fit(dots, self._newest[1])
         if fitted is None:
             return None
-        step = _since(fitted[0], self._gel)
+        step = _since(fitted[0], self._gel_then)
         moved = step[:2] + _turned(self._newest[1].middle, step[2]) - self._newest[1].middle
         fast = np.hypot(moved[0], moved[1]) > _FAST_PX or abs(step[2]) > _FAST_RAD
         return step if fast else None
@@ -129,14 +137,13 @@ class TouchFollower:
         Where gels shear, slip begins there. Units as `TouchPose.gel`; the last known where too few
         dots show.
         """
-        if self._newest is not None:
-            dots, imprint = self._newest
-            far = self._far(dots, imprint)
-            begin, full, fade, end = _RIM
-            near = np.clip((far - begin) / (full - begin), 0, 1)
-            weights = near * np.clip((end - far) / (end - fade), 0, 1) * dots.seen
-            if (weights > 0.5).sum() >= _FEWEST_DOTS:
-                self._rim, _ = self._moved_by(dots, weights)
+        dots, imprint = self._newest
+        far = self._far(dots, imprint)
+        begin, full, fade, end = _RIM
+        near = np.clip((far - begin) / (full - begin), 0, 1)
+        weights = near * np.clip((end - far) / (end - fade), 0, 1) * dots.seen
+        if (weights > 0.5).sum() >= _FEWEST_DOTS:
+            self._rim, _ = self._moved_by(dots, weights)
         return self._rim.copy()
 
     def carried(

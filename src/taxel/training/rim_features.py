@@ -1,4 +1,4 @@
-"""What a warning learns from where gels shear as layers: the slip signal, and how the rim lags.
+"""What a warning learns from: the slip signal, how the rim lags, and how a turn quickens.
 
 A pour's rows, as a live monitor computes them (`taxel.gel.rim_slip`). Knows nothing about images,
 noise or heads.

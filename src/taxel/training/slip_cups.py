@@ -314,6 +314,8 @@ def keep_runs(
 ) -> list[PourRows]:
     """Return the poses of some runs, from a file where it is there, else into it.
 
+    Poses that an earlier version of taxel kept are found anew.
+
     Args:
         path: The file.
         runs: What is tried.
@@ -322,8 +324,8 @@ def keep_runs(
     Raises:
         RecordingFailed: The disk refused.
     """
-    if not path.exists():
-        arrays: dict[str, NDArray[Any]] = {}
+    if not _is_of_now(path):
+        arrays: dict[str, NDArray[Any]] = {_STAMP: np.array(_VERSION)}
         for number, pour in enumerate(follow(runs)):
             arrays |= {f"{number}/{key}": value for key, value in _as_arrays(pour).items()}
         file = io.BytesIO()
@@ -332,16 +334,24 @@ def keep_runs(
     return read_runs(path, runs)
 
 
-def read_runs(path: Path, runs: Sequence[PourRun]) -> list[PourRows]:
-    """Return the pours that `keep_runs` has written.
+def _is_of_now(path: Path) -> bool:
+    """Return whether a file is there and holds poses as this version finds them."""
+    if not path.exists():
+        return False
+    with np.load(path, allow_pickle=False) as stored:
+        return _STAMP in stored.files and int(stored[_STAMP]) == _VERSION
 
-    Poses kept before rims were followed have the gel's motion in place of the rim's.
-    """
+
+def read_runs(path: Path, runs: Sequence[PourRun]) -> list[PourRows]:
+    """Return the pours that `keep_runs` has written."""
     with np.load(path, allow_pickle=False) as stored:
         arrays = dict(stored)
     return [_from_arrays(run, arrays, number) for number, run in enumerate(runs)]
 
 
+_VERSION: Final = 2
+"""Of how object, gel and rim are followed: 2 follows pushes."""
+_STAMP: Final = "version"
 _GEL_KEYS = ("taken_s", "object", "gel", "spread", "seen", "shown", "rim")
 
 
@@ -355,8 +365,7 @@ def _as_arrays(pour: PourRows) -> dict[str, NDArray[Any]]:
 def _from_arrays(run: PourRun, arrays: dict[str, NDArray[Any]], number: int) -> PourRows:
     def gel(side: int) -> GelRows:
         before = f"{number}/{side}_"
-        own = {key: arrays[before + key] for key in _GEL_KEYS if before + key in arrays}
-        return GelRows(**({"rim": own["gel"]} | own))
+        return GelRows(**{key: arrays[before + key] for key in _GEL_KEYS})
 
     time_s, slip_um, dropped = (arrays[f"{number}/{k}"] for k in ("time_s", "slip_um", "dropped"))
     return PourRows(run, time_s, slip_um, dropped, (gel(0), gel(1)))

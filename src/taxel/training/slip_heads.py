@@ -67,7 +67,7 @@ _SLIP_MM: Final = "slip_mean"
 """The slip that is there, mean of both gels, millimetres."""
 _SURE_MM: Final = GROSS_UM / 1000
 """Slip that is there from which on gross slip is forecast whatever the trees say, millimetres.
-Source: our choice, docs/decisions/0036: a threshold of 0.84 then answers to 1 mm."""
+Source: our choice, docs/decisions/0036: a threshold of 0.82 then answers to 0.44 mm."""
 
 
 @dataclass(frozen=True, slots=True)
