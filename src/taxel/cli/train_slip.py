@@ -39,8 +39,8 @@ class TrainSlip:
     gel: Literal[1, 2] = 1
     """How the simulated gels shear: 1, as rigid pieces; 2, as elastic layers."""
     cups: int | None = None
-    """Simulated cups to learn from, 8 to 480. Unless given 480, half an hour of one core from
-    nothing; with --gel 2 120, a quarter of an hour. With fewer it warns less well."""
+    """Simulated cups to learn from, 8 to 480. Unless given 480, 25 minutes of one core from
+    nothing; with --gel 2 120, eight minutes. With fewer it warns less well."""
     false_alarms: float = 0.3
     """Most false alarms per minute of grasps that hold, as a median over cups held out."""
     seed: int = 0

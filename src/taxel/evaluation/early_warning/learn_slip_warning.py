@@ -101,8 +101,8 @@ def training_features(
     """Return training pours as images would give them.
 
     Args:
-        folder: Where poses are kept; what is not there is simulated, a quarter of an hour of one
-            core for all cups.
+        folder: Where poses are kept; what is not there is simulated, ten minutes of one core for
+            all cups.
         cups: How many of `TRAINING_CUPS`.
         on_step: Called with a line before each cup.
 
