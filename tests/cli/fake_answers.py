@@ -31,6 +31,7 @@ FAKED_VERB_PARTS = {
     "taxel.cli.view.show",
     "taxel.cli.label._print",
     "taxel.cli.label._plain",
+    "taxel.cli.info._print_bundle",
     "taxel.cli.info._print_recording",
     "taxel.cli.info._print_folder",
     "taxel.cli.flash.hear_hello",
@@ -99,6 +100,7 @@ ATTRIBUTES: dict[str, Any] = {
 """Attribute → its value, where a verb's way goes by it."""
 ANSWERS: dict[str, Any] = {
     "is_grasp_bundle": lambda path: "cup" in str(path),
+    "kind_of": lambda path: "array" if str(path).endswith(".taxel") else None,
     "is_trial_bundle": lambda path: "trial" in str(path).rpartition("/")[2],
     "are_camera_trials": lambda path: "trial" in str(path).rpartition("/")[2],
     "named_path": lambda path: path,

@@ -43,7 +43,7 @@ LINES: dict[str, tuple[str, ...]] = {
     "export parquet": ("export parquet d --output o",),
     "export video": ("export video d --output o",),
     "export foxglove": ("export foxglove d --output o",),
-    "info": ("info a.mcap", "info folder"),
+    "info": ("info a.mcap", "info folder", "info b.taxel"),
     "view": (
         "view sim://teng",
         "view a.mcap",

@@ -96,6 +96,7 @@ VALUES = {
     "run-on": "dask",
     "settings": "batch",
     "models": "lstm cnn1d",
+    "train-slip cups": "24",
     "storage": "sqlite:///given.db",
     "tune split": "group:object",
 }
