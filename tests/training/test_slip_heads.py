@@ -74,6 +74,19 @@ def test_poses_kept_are_poses_read(tmp_path, pours):
         assert np.array_equal(gel.object, pours[0].gels[0].object) or gel is not first[0].gels[0]
 
 
+def test_poses_that_an_earlier_version_kept_are_found_anew(tmp_path, pours):
+    runs = paper_runs(31_000)[:1]
+    kept = tmp_path / "a.npz"
+    keep_runs(kept, runs, lambda _: pours[:1])
+    with np.load(kept) as stored:
+        np.savez(kept, **{name: stored[name] for name in stored.files if name != "version"})
+    asked = []
+    keep_runs(kept, runs, lambda again: asked.append(again) or pours[:1])
+    keep_runs(kept, runs, lambda _: pytest.fail("it is kept"))
+
+    assert asked == [runs]
+
+
 def test_noise_that_was_put_in_is_found_again(pours):
     """Gain of the turn and noise of an image come back within a tenth."""
     pour = pours[0]  # the one that turns

@@ -13,12 +13,11 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
-import numpy as np
 from scipy.stats import binomtest
 
 from taxel.bench.rows import Row, missing
-from taxel.bench.slip_warning import poses_folder
-from taxel.bundles.grasp import read_grasp_bundle
+from taxel.bench.slip_warning import RULE, poses_folder, shipped_warner
+from taxel.bundles.grasp import read_grasp_contract
 from taxel.bundles.shipped import shipped_bundle
 from taxel.decisions.stability import states
 from taxel.evaluation.early_warning.events import StateTrack, judge, summarise
@@ -28,7 +27,7 @@ from taxel.sim.cups import MOVING_KINDS, Kind
 from taxel.training.slip_cups import TEST_CUPS, keep_runs, moving_part
 from taxel.training.slip_heads import PourFeatures, features_of
 
-BUNDLE = "slip-rule"
+BUNDLE = RULE
 """What warns: nothing in it has learned from any of these kinds."""
 _KINDS: tuple[Kind, ...] = (*MOVING_KINDS, "pour")
 
@@ -61,13 +60,12 @@ def moving_rows(on_step: Callable[[str], None] = lambda _: None) -> list[Row]:
 
 def rows_of(found: Sequence[PourFeatures]) -> list[Row]:
     """Return lead, misses and false alarms of each kind; no goals stand on them."""
-    bundle = read_grasp_bundle(shipped_bundle(BUNDLE))
+    warner = shipped_warner(BUNDLE)
+    stability = read_grasp_contract(shipped_bundle(BUNDLE)).stability
     tracks = []
     for grasp in found:
-        seen = (grasp.rows - bundle.offset) * bundle.factor
-        drive = bundle.head.run(features=seen[:, None, None])[grasp.at]
-        truth = track_of(grasp, drive.astype(np.float64))
-        decided = states(truth.drive, truth.time_s, bundle.contract.stability)
+        truth = track_of(grasp, warner.drive(grasp))
+        decided = states(truth.drive, truth.time_s, stability)
         tracks.append(
             StateTrack(
                 states=decided,

@@ -95,7 +95,7 @@ def test_parts() -> Iterator[tuple[str, list[PourRun]]]:
 
 
 def render(folder: Path, on_step: Callable[[str], None] = lambda _: None) -> None:
-    """Follow the images of all test cups that are not kept yet: about two hours of one core."""
+    """Follow the images of all test cups that are not kept yet: about an hour of one core."""
     import cv2
 
     cv2.setNumThreads(1)

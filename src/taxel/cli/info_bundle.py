@@ -16,6 +16,9 @@ from taxel.plain_text import visible
 
 _CLASSES = 8
 """Classes that are named."""
+_NEVER = "never"
+_SHA256 = 64
+"""Digits of a SHA-256 sum."""
 
 
 def describe_bundle(path: Path, kind: BundleKind) -> tuple[dict[str, str], dict[str, Any]]:
@@ -43,7 +46,7 @@ def describe_bundle(path: Path, kind: BundleKind) -> tuple[dict[str, str], dict[
     size, signed = path.stat().st_size, is_signed(path)
     signature = "with a signature, which is not checked here" if signed else "not signed"
     held = f"{path}, {size / 1e6:.2f} MB, its check sum holds, {signature}"
-    whole = {"bundle": held} | lines | {"learned from": visible(digest), "made by": software}
+    whole = {"bundle": held} | lines | {"learned from": _data(digest), "made by": software}
     data = {"path": str(path), "bytes": size, "kind": kind, "carries_signature": signed}
     return whole, data | {"contract": json.loads(text)}
 
@@ -52,14 +55,14 @@ def _array_lines(contract: arrays.Contract) -> dict[str, str]:
     window, units = contract.window, ", ".join(dict.fromkeys(contract.units))
     rate = contract.rate_hz if window.grid_hz is None else window.grid_hz
     touches = ", after reference touches" if contract.reference is not None else ""
-    unknown = "UNKNOWN where touch is unlike what it learned" if contract.unknown else "never"
+    unknown = "where touch is unlike what it learned" if contract.unknown else _NEVER
     return {
         "predicts": _classes(contract.target, contract.classes),
         "from": f"{len(contract.channels)} channels in {visible(units)}, windows of "
         f"{window.steps} scans at {rate:g} scans/s{touches}",
         "model": f"{visible(contract.model)}, {contract.parameters} parameters",
-        "unknown": unknown,
-        "measured": _measured(contract.accuracy, "accuracy, "),
+        "says UNKNOWN": unknown,
+        "measured": _measured(contract.accuracy, "accuracy, ") + _chance(contract.classes),
     }
 
 
@@ -79,15 +82,17 @@ def _grasp_lines(contract: grasp.GraspContract) -> dict[str, str]:
 
 
 def _trial_lines(contract: trials.TrialContract) -> dict[str, str]:
-    tested = "never" if contract.threshold is None else f"novelty score > {contract.threshold:.3g}"
+    tested = _NEVER
+    if contract.threshold is not None:
+        tested = f"where the novelty score is above {contract.threshold:.3g}"
     return {
         "predicts": _classes(contract.target, contract.classes),
         "from": f"camera trials of {contract.cameras} camera(s), {contract.width}×"
         f"{contract.height}, {contract.rate_hz:g} frames/s; {contract.places} crop(s) of "
         f"{contract.crop} frames",
         "model": f"a blend of models on {', '.join(map(visible, contract.views))}",
-        "unknown": tested,
-        "measured": _measured(contract.measured),
+        "says UNKNOWN": tested,
+        "measured": _measured(contract.measured) + _chance(contract.classes),
     }
 
 
@@ -99,6 +104,16 @@ def _classes(target: str, classes: tuple[str, ...]) -> str:
 def _measured(values: Mapping[str, float], before: str = "") -> str:
     found = "; ".join(f"{before}{visible(name)} {value:.3g}" for name, value in values.items())
     return found or "nothing was stored with it"
+
+
+def _chance(classes: tuple[str, ...]) -> str:
+    return f"; guessing evenly among {len(classes)} classes gives {1 / len(classes):.2f}"
+
+
+def _data(digest: str) -> str:
+    """Return what a bundle learned from: words, or recordings by the sum over their bytes."""
+    whole = len(digest) == _SHA256 and set(digest) <= set("0123456789abcdef")
+    return f"recordings with SHA-256 {digest[:12]}…" if whole else visible(digest)
 
 
 def _frames(count: int) -> str:

@@ -20,6 +20,8 @@ _OPSET: Final = 18
 SMALLEST_SHARE: Final = 1e-6
 """Of a unit: below, a logarithm is not taken."""
 Trees: TypeAlias = HistGradientBoostingClassifier | HistGradientBoostingRegressor
+_FEW: Final[dict[str, NDArray[Any]]] = {"zero": np.array([0]), "one": np.array([1])}
+"""Constants that all trees share."""
 
 
 def trees_model(model: Trees) -> bytes:
@@ -71,9 +73,6 @@ def forecast_model(
         helper.make_node("Mul", ["largest", "factor"], ["logit"]),
     ]
     return slip_model(nodes, constants, models[0].n_features_in_)
-
-
-_FEW: Final[dict[str, NDArray[Any]]] = {"zero": np.array([0]), "one": np.array([1])}
 
 
 def _begin() -> list[Any]:
