@@ -114,7 +114,7 @@ def _draw_pour(axes: Axes, run: PourRun, held: LoopTrack) -> None:
     force.set_ylabel("grip force, N")
     force.set_ylim(0, 60)
     lines = axes.get_lines()[:1] + axes.get_lines()[2:3] + force.get_lines()
-    axes.legend(lines, [str(line.get_label()) for line in lines], loc="center right")
+    axes.legend(lines, [str(line.get_label()) for line in lines], loc="upper left")
 
 
 if __name__ == "__main__":
