@@ -43,6 +43,13 @@ def test_a_bad_input_says_needed_got_and_mend_in_one_line(kind: type[BadInput]):
     assert isinstance(error, ValueError)
 
 
+@pytest.mark.parametrize("end", ["\n", "\r\n", "\x0b", "\u2028"])
+def test_a_line_end_in_somebodys_name_does_not_break_the_line(end: str):
+    error = BadInput("a known column", f"'force{end}N'", f"call it label:force{end}N")
+    assert len(str(error).splitlines()) == 1
+    assert error.mend == f"call it label:force{end}N"
+
+
 def test_a_missing_package_names_the_extra_to_install():
     line = str(MissingExtra("scipy", "sim", "the simulators"))
     assert line.startswith("needed ")

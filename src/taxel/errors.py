@@ -38,7 +38,8 @@ class BadInput(TaxelError, ValueError):
         self.needed = needed
         self.got = got
         self.mend = mend
-        super().__init__(f"needed {needed}; got {got}; {mend}.")
+        # A name out of somebody's file may hold line ends; the message stays one line.
+        super().__init__(" ".join(f"needed {needed}; got {got}; {mend}.".splitlines()))
 
     def __reduce__(self) -> tuple[type[BadInput], tuple[str, str, str]]:
         """Cross from a worker process as what it was made of, not as its message."""

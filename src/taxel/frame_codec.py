@@ -69,6 +69,37 @@ def decode_jpeg(jpeg: bytes, camera: CameraInfo | None) -> NDArray[np.uint8]:
     return np.asarray(cv2.cvtColor(bgr, cv2.COLOR_BGR2RGB), dtype=np.uint8)
 
 
+def decode_frame(image: bytes, camera: CameraInfo) -> NDArray[np.uint8]:
+    """Return a frame's pixels, shape (height, width, 3), red first: a JPEG's, or a PNG's as of
+    trials that are replayed from files.
+
+    Raises:
+        BadSource: It is neither, damaged, or not of the camera's size.
+    """
+    if not image.startswith(_PNG):
+        return decode_jpeg(image, camera)
+    size = still_size(image)
+    if size != (camera.width, camera.height):
+        raise BadSource(
+            f"frames of {camera.width}×{camera.height} from {camera.name}",
+            f"{size[0]}×{size[1]}", "set the camera's size",
+        )  # fmt: skip
+    return decode_still(image)
+
+
+def encode_png(rgb: NDArray[np.uint8]) -> bytes:
+    """Return an image as PNG, lossless.
+
+    Args:
+        rgb: Shape (height, width, 3), red first.
+    """
+    bgr = cv2.cvtColor(rgb, cv2.COLOR_RGB2BGR)
+    done, coded = cv2.imencode(".png", bgr, [cv2.IMWRITE_PNG_COMPRESSION, _PNG_EFFORT])
+    if not done:
+        raise ValueError(f"needed an image that PNG can hold; got shape {rgb.shape}")
+    return coded.tobytes()
+
+
 def decode_grey_quarter(jpeg: bytes, camera: CameraInfo | None) -> NDArray[np.uint8]:
     """Return a JPEG's brightness at a quarter of its size, shape (height / 4, width / 4).
 

@@ -100,13 +100,11 @@ def test_stop_writes_nothing_while_an_object_is_held() -> None:
 def test_a_hundred_commands_at_once_end_in_the_latest_and_wait_for_nothing() -> None:
     with rig.pge_on_a_cable() as (cable, pge), gripper(cable.near) as hand:
         cable.delay_s = 0.02
-        start = time.monotonic()
         for i in range(100):
             hand.grip(20.0 + 0.5 * i)
-        assert time.monotonic() - start < 0.02  # a bus would need seconds
         until(lambda: pge.writes[-2:] == [(0x0101, 69), (0x0103, 0)])
 
-        assert len(pge.writes) < 20
+        assert len(pge.writes) < 20  # each that waited for the bus would be written: 200
 
 
 def test_an_expired_grip_is_never_sent() -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -49,3 +50,30 @@ def test_an_installed_taxel_is_not_written_to(tmp_path: Path, monkeypatch: pytes
 
 def test_in_a_checkout_the_figures_that_ship_are_written():
     assert store_folder(None) == kept.STORE
+
+
+def test_what_is_asked_for_alone_is_printed_alone(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+):
+    bench = SimpleNamespace(
+        quick_steps=lambda: [("quick", lambda: measured("quick"))],
+        full_steps=lambda _: [("slip's path", lambda: measured("slow"))],
+        data_digest=lambda _: "0" * 64,
+    )
+    monkeypatch.setattr("taxel.cli.bench.import_module", lambda _: bench)
+    monkeypatch.setattr(kept, "STORE", tmp_path)
+    kept.store("soak", measured("kept before"), "0" * 64, folder=tmp_path)
+
+    for only, full, expected in (
+        ("quick", False, ["quick"]),
+        ("slip", True, ["slow"]),
+        ("", False, ["quick", "kept before", "slow"]),
+    ):
+        store = tmp_path if full else None
+        Bench(name="soak", only=only, full=full, store=store, json=True).run()
+        assert [row["name"] for row in json.loads(capsys.readouterr().out)] == expected
+
+
+def test_a_stamp_is_a_command_that_can_be_read(tmp_path: Path):
+    (row,) = kept.store("soak", measured("a"), "0" * 64, only="slip's path", folder=tmp_path)
+    assert row.stamp.endswith('taxel bench soak --full --only "slip\'s path"')

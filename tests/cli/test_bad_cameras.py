@@ -104,6 +104,36 @@ def test_one_plain_line_exit_code_2_and_nothing_written(
     assert files(world) == before
 
 
+def test_camera_trials_given_to_train_say_which_options_train_trials_lacks(
+    world: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(world)
+    with pytest.raises(SystemExit) as ended:
+        main(["train", "one.csv", "--minutes", "0.2", "--max-mb", "3", "--seed", "1", "--no-check"])
+    said = capsys.readouterr().err
+    assert ended.value.code == 2
+    assert "options of taxel train-trials, which takes camera trials" in said
+    assert "got --minutes and --max-mb, which it does not have" in said
+
+
+def test_an_option_of_camera_trials_is_no_former_spelling_before_them(
+    world: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """`evaluate` had --cache before; for camera trials it is evaluate-trials, which has it."""
+    monkeypatch.chdir(world)
+    for words, said in (
+        ("evaluate one.csv --cache cache", "outcome"),
+        ("evaluate one.csv --rule gross-slip", "taxel reproduce grasp-warnings --rule"),
+        ("evaluate nothing --cache cache", "taxel reproduce grasp-warnings --cache"),
+    ):
+        with pytest.raises(SystemExit) as ended:
+            main(words.split())
+        line = capsys.readouterr().err
+        assert ended.value.code == 2
+        assert said in line
+        assert ("former spelling" in line) == ("reproduce" in said)
+
+
 def files(world: Path) -> list[str]:
     """Return what lies in the folder, but for the cache, which may grow."""
     found = (path for path in world.rglob("*") if "cache" not in path.relative_to(world).parts)

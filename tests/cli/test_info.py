@@ -1,6 +1,7 @@
 """`taxel info`: a folder fits a terminal of 80 columns; a bundle says what it predicts."""
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -72,7 +73,6 @@ def test_a_bundle_says_what_it_predicts_from_what_and_how_well(
     assert "accuracy, session held out 0.77" in printed
     assert "not signed" in printed
     assert "guessing evenly among 10 classes gives 0.10" in printed
-    assert "says UNKNOWN never" in printed
     assert "recordings with SHA-256 000000000000…" in printed
 
     Info(tmp_path / "trials.json.taxel").run()
@@ -80,6 +80,26 @@ def test_a_bundle_says_what_it_predicts_from_what_and_how_well(
     assert "predicts slip: held, slipped" in printed
     assert "camera trials of 1 camera(s), 320×240, 25 frames/s; 3 crop(s) of 12 frames" in printed
     assert "nothing was stored with it" in printed
+
+
+def test_info_says_when_a_bundle_answers_unknown(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+):
+    """A bundle without a test of novelty still answers UNKNOWN, and info says what for."""
+    for name, member in (
+        ("bundle.json", arrays.contract_to_json(ARRAY)),
+        ("trials.json", trials.contract_to_json(TRIALS)),
+        ("trials.json", trials.contract_to_json(replace(TRIALS, threshold=4.25))),
+    ):
+        path = tmp_path / "own.taxel"
+        path.write_bytes(pack({name: member.encode()}))
+        main(["info", str(path)])
+    printed = " ".join(capsys.readouterr().out.split())
+    assert "says UNKNOWN never" not in printed
+    assert printed.count("says UNKNOWN confidence below 0.5 (--least-confidence)") == 3
+    assert "a channel at the converter's limit; novel touch is not tested" in printed
+    assert "fewer than 12 frames" in printed
+    assert "a novelty score above 4.25" in printed
 
 
 def test_a_signature_is_not_taken_for_a_valid_one(

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 import tyro
 
-from taxel.bundles.contract import Contract
+from taxel.bundles.contract import Contract, fingerprint_of
 from taxel.bundles.writer import write_bundle
 from taxel.cli import live
 from taxel.cli.main import main
@@ -20,6 +20,7 @@ from taxel.recordings.writer import Recorder
 from taxel.signals import Samples, SensorInfo
 from taxel.training.loop import new_network
 from taxel.windows.config import WindowConfig
+from taxel.windows.dataset import load_dataset
 from taxel.windows.scaling import fit_scaling
 
 SENSOR = SensorInfo(name="pad", channels=("a", "b", "c"), units=("V",) * 3, rate_hz=100.0)
@@ -42,24 +43,34 @@ def test_a_second_bundle_beside_one_of_cameras_is_not_left_out(
     assert len(ran[0].bundles) == 2
 
 
-@pytest.fixture
-def short_touch(tmp_path: Path) -> tuple[str, str]:
-    """A bundle that pads to 0.4 s, and a labelled recording of 0.3 s."""
+TOUCH_WINDOW = WindowConfig(steps=STEPS, stride=STEPS, grid_hz=None, pad=True)
+
+
+def touch_bundle(path: Path, learned: tuple[str, ...] = ()) -> str:
+    """Write a bundle that pads to 0.4 s."""
     values = np.random.default_rng(0).random((8, STEPS, 3)).astype(np.float32)
     mask = np.ones((8, STEPS), bool)
     contract = Contract(
         target="shape", classes=("ball", "block"),
-        window=WindowConfig(steps=STEPS, stride=STEPS, grid_hz=None, pad=True),
+        window=TOUCH_WINDOW,
         scaling=fit_scaling("standard", values, mask, None), channels=SENSOR.channels,
         units=SENSOR.units, rate_hz=100.0, model="cnn2d", parameters=1, data_digest="0" * 64,
-        accuracy={}, software="taxel test", parity=None,
+        accuracy={}, software="taxel test", parity=None, learned=learned,
     )  # fmt: skip
     network = new_network(lambda: Cnn2d(STEPS, 3, 2), 0)
-    write_bundle(tmp_path / "b.taxel", (network,), contract, values, mask)
+    write_bundle(path, (network,), contract, values, mask)
+    return str(path)
+
+
+@pytest.fixture
+def short_touch(tmp_path: Path) -> tuple[str, str]:
+    """A bundle that pads to 0.4 s, and a labelled recording of 0.3 s."""
+    values = np.random.default_rng(0).random((8, STEPS, 3)).astype(np.float32)
+    bundle = touch_bundle(tmp_path / "b.taxel")
     manifest = Manifest.started_now(SENSOR, {"shape": "ball"}, now_s=0.0)
     with Recorder(tmp_path / "touch.mcap", manifest) as recorder:
         recorder.write(Samples.from_values(values[0, :30], np.arange(30) / 100.0))
-    return str(tmp_path / "b.taxel"), str(tmp_path / "touch.mcap")
+    return bundle, str(tmp_path / "touch.mcap")
 
 
 def test_a_padded_touch_is_counted_right_or_wrong_by_the_sources_labels(
@@ -84,6 +95,28 @@ def test_what_is_recorded_live_keeps_its_session_and_the_answers_are_summed_up(
     assert "shape: 1 windows: b" in said
     assert "NONE" not in said
     assert "alarms" not in said
+
+
+def test_what_is_missing_or_of_another_kind_is_named(
+    short_touch: tuple[str, str],
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    """A path that is not there, a bundle that is not there or empty: each line says so."""
+    bundle, touch = short_touch
+    monkeypatch.chdir(tmp_path)
+    Path("empty.taxel").write_bytes(b"")
+    for words, expected in (
+        (["live", bundle, "nope"], "'nope', and there is no such file or folder"),
+        (["evaluate", "missing.taxel", touch], "got missing.taxel, which is not there"),
+        (["info", "empty.taxel"], "a whole taxel bundle in empty.taxel; got an empty file"),
+        (["live", "empty.taxel", touch], "a whole taxel bundle in empty.taxel; got an empty file"),
+    ):
+        with pytest.raises(SystemExit) as ended:
+            main(words)
+        assert ended.value.code == 2
+        assert expected in capsys.readouterr().err
 
 
 @pytest.mark.parametrize("recorded", [False, True], ids=["one process", "station"])
@@ -112,3 +145,23 @@ def test_two_bundles_with_one_target_are_counted_and_named_apart(
         bundle,
         str(second),
     ]
+
+
+def test_an_accuracy_on_training_recordings_is_no_test_and_says_so(
+    tmp_path: Path, short_touch: tuple[str, str], capsys: pytest.CaptureFixture[str]
+) -> None:
+    """`taxel live` warns where `taxel evaluate` does; not where nothing is known or labelled."""
+    _, touch = short_touch
+    fingerprints = load_dataset(Path(touch), TOUCH_WINDOW).fingerprints.values()
+    for learned, said in (
+        (tuple(map(fingerprint_of, fingerprints)), "learned from 1 of these very recordings"),
+        ((), "does not say which recordings"),
+        (("0" * 16,), None),
+    ):
+        bundle = touch_bundle(tmp_path / "own.taxel", learned)
+        main(["live", bundle, touch, "--json"])
+        (found,) = json.loads(capsys.readouterr().out)
+        assert (said in found["warning"]) if said else found["warning"] is None
+        main(["live", bundle, touch])
+        printed = " ".join(capsys.readouterr().out.split())
+        assert (f"warning: the bundle {said}" in printed) if said else "warning" not in printed

@@ -15,6 +15,7 @@ from taxel.evaluation.bundle_scores import score_bundle
 from taxel.evaluation.checked import Checked, check_recipe
 from taxel.evaluation.kept_folds import Keeping
 from taxel.evaluation.table_split import Elsewhere, training_part
+from taxel.labels.class_order import in_order
 from taxel.training.final import train_on_all
 from taxel.windows.dataset import Dataset, load_dataset
 
@@ -134,6 +135,7 @@ def test_a_bundle_is_scored_by_window_trial_class_and_group(bundle: Bundle, othe
     assert (found.windows, found.trials) == (16, 4)
     assert found.majority == found.trial_majority == 0.5
     assert sum(sum(row.values()) for row in found.confusion.values()) == 16
+    assert list(found.confusion) == list(in_order(found.confusion))
     right = sum(found.confusion[name].get(name, 0) for name in found.confusion)
     assert found.accuracy == right / 16
     assert found.learned_from == ()

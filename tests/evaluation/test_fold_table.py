@@ -44,6 +44,19 @@ def test_train_validation_and_test_are_kept_apart(tmp_path: Path) -> None:
     assert set(session[fold.validation_windows(dataset)]) == {"s2"}
 
 
+@pytest.mark.parametrize("separator", [";", "\t"])
+@pytest.mark.parametrize("encoding", ["utf-8", "utf-8-sig", "utf-16"])
+def test_a_table_from_a_spreadsheet_is_the_same(
+    tmp_path: Path, separator: str, encoding: str
+) -> None:
+    """Semicolons where the comma is a decimal one, as in an import table; a mark at the start."""
+    known = table(tmp_path, *SIDED)
+    text = "\r\n".join((*SIDED, ",")).replace(",", separator)
+    (tmp_path / "folds.csv").write_bytes(text.encode(encoding))
+
+    assert read_fold_table(tmp_path / "folds.csv") == known
+
+
 def test_folds_by_name_test_every_recording_once(tmp_path: Path) -> None:
     """With the column fold alone, what is not tested is trained on."""
     lines = [f"s{n},{'ab'[n % 2]}" for n in range(6)]
@@ -100,6 +113,8 @@ def test_a_recording_that_gave_no_window_is_no_error(tmp_path: Path) -> None:
         (("recording,fold", "s0,1", "s1,1"), "at least two folds"),
         (("recording,start_s,side", "s0,now,train", "s1,,test"), "seconds in start_s"),
         (("recording", "s0"), "the columns recording (or group:KEY), fold or side"),
+        (("recording:side", "s0:train"), "between commas, semicolons or tabs"),
+        (("recording;start_s;side", "s0;0,5;train"), "seconds in start_s, such as 12.5; got '0,5'"),
         (("recording,side",), "at least one row"),
         (("recording,side", ",train"), "a value of recording in every row"),
     ],

@@ -12,7 +12,10 @@ from pathlib import Path
 
 import cv2
 import numpy as np
+import pytest
 from numpy.typing import NDArray
+
+import taxel.training.trial_blend as blending
 
 SIZE = (60, 80)
 Write = Callable[[Path, list[NDArray[np.uint8]]], str]
@@ -106,3 +109,11 @@ def write_trials(
     table = folder / "trials.csv"
     table.write_text("\n".join(lines) + "\n")
     return table
+
+
+def few_small_members(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Make blends of camera trials few and small: tests look at wiring, not at accuracy."""
+    monkeypatch.setattr(blending, "TREES", 12)
+    monkeypatch.setattr(blending, "INNER_TREES", 6)
+    few = (blending.MEMBERS[:2], lambda line: None)
+    monkeypatch.setattr(blending.fit_blend, "__defaults__", few)

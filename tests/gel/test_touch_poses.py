@@ -1,6 +1,5 @@
 """Object and gel are followed apart, to micrometres, and as fast as the cameras deliver."""
 
-import time
 from itertools import islice
 
 import cv2
@@ -211,18 +210,3 @@ def test_error_budget_against_the_simulators_truth():
     assert y <= 0.0055
     assert turn <= 0.0031
     assert 0.9 <= np.median(gains) <= 1.05
-
-
-def test_an_image_costs_at_most_six_milliseconds_of_one_core(world):
-    """By the processor's own count, so that a busy machine changes little; median of many."""
-    images = [world(held=(0.05 * i, 0.0, 0.001 * i), seed=i) for i in range(12)]
-    follower = TouchFollower(images[:3])
-    cv2.setNumThreads(1)
-    spent = []
-    for _ in range(4):
-        for image in images:
-            begun = time.thread_time()
-            follower.follow(image)
-            spent.append(time.thread_time() - begun)
-
-    assert np.median(spent) <= 0.006 * 2  # twice: neighbours on a shared core halve its speed

@@ -1,8 +1,11 @@
 """Claims about imports: each row becomes a recording, or nothing is written at all."""
 
+import gzip
+
 import numpy as np
 import pytest
 
+from taxel.cli.main import main
 from taxel.errors import BadTable
 from taxel.recordings.importing import ImportOptions, import_table
 from taxel.recordings.reader import iterate_blocks, list_recordings, read_recording
@@ -74,7 +77,13 @@ def test_kept_cells_are_flagged(folder):
 @pytest.mark.parametrize(
     ("table", "words"),
     [
-        ("", "a column 'file'"),
+        ("", "a column 'file'.*got the empty file"),
+        (" \n,,\n", "a column 'file'.*got the empty file"),
+        ("\nfile,layout\n", "an empty line 1"),
+        ("t,x,y\n1,2,3\n", "got the columns 't', 'x', 'y' in .*if it is itself a file of data"),
+        ("time,x\n1,2\n", "got the columns 'time', 'x' in .*if it is itself a file of data"),
+        ("0.1,2\n0.2,3\n", "got the columns '0.1', '2' in .*if it is itself a file of data"),
+        ("file,object\na.csv,cup\n", "got 'object' in .*call it label:object or group:object"),
         (HEADER, "a row for each file"),
         ("name\na.csv\n", "'name'"),
         ("file,file\na.csv,b.csv\n", "each column once"),
@@ -85,7 +94,9 @@ def test_kept_cells_are_flagged(folder):
         (HEADER + "a.csv,cup,1,x[V],t[h],,\n", "rate:100Hz"),
         (HEADER + "a.csv,cup,1,z[V],t[ms],,\n", "'z'"),
         (HEADER + "a.csv,cup,1,x[V],t[ms],,much\n", "full_scale"),
-        (HEADER + "a.csv,cup,1,x[V],t[ms],,\na.csv,cup,1,x[V],t[ms],,\n", "names differ"),
+        (HEADER + "a.csv,cup,1,x[V],t[ms],,\na.csv,cup,1,x[V],t[ms],,\n", "each file in one row"),
+        (HEADER + "a.csv,cup,1,x[V],t[ms],,\nz/../a.csv,cup,1,x[V],t[ms],,\n", "each file in one"),
+        (HEADER + "a.csv,cup,1,x[V],t[ms],,\na.npy,cup,1,1[V],1[s],,\n", "names differ"),
         ("file,layout\na.csv,matlab\n", "icub"),
         ("file,layout\na.csv,hook.py:read\n", "--allow-code"),
     ],
@@ -97,6 +108,38 @@ def test_a_wrong_import_table_is_one_plain_line_and_no_output(folder, table, wor
         import_table(folder / "table.csv", folder / "out")
     assert "\n" not in str(caught.value)
     assert not (folder / "out").exists()
+
+
+@pytest.mark.parametrize("name", ["x.npy", "x.NPY", "x.xlsx"])
+def test_a_file_of_data_in_the_tables_place_is_called_one(folder, name):
+    """Not a text in a wrong encoding."""
+    (folder / name).write_bytes(b"\x93NUMPY\x00\xff")
+    with pytest.raises(BadTable, match=r"an import table: .*write a table with a line for it"):
+        import_table(folder / name, folder / "out")
+    with pytest.raises(BadTable, match=r"got the folder .*write a table that names its files"):
+        import_table(folder, folder / "out")
+
+
+def test_the_command_line_says_the_same_in_one_line(folder, capsys):
+    """It looks at the first line before, to see whether it names videos."""
+    np.save(folder / "x.npy", np.zeros((3, 2)))
+    with pytest.raises(SystemExit) as ended:
+        main(["import", str(folder / "x.npy"), "--output", str(folder / "out")])
+    assert ended.value.code == 2
+    assert capsys.readouterr().err.startswith("taxel: needed an import table: a CSV")
+
+
+def test_the_tables_own_words_may_have_capitals(folder):
+    """As spreadsheets write a first word; what a label is called stays as it is."""
+    table = (folder / "table.csv").read_text().replace(HEADER, HEADER.title())
+    assert table.startswith("File,Label:Object,")
+    (folder / "table.csv").write_text(table)
+    (folder / "iv.csv").write_text("File,Start_s,End_s,Label:Way\na.csv,0,0.02,up\n")
+    first, _ = import_table(folder / "table.csv", folder / "out", intervals=folder / "iv.csv")
+    recording = read_recording(first)
+    assert recording.manifest.labels == {"Object": "cup"}
+    assert recording.manifest.groups == {"file": "a.csv", "Session": "1"}
+    assert recording.marks[0].labels == {"Way": "up"}
 
 
 def test_one_bad_file_among_good_ones_leaves_nothing(folder):
@@ -193,11 +236,85 @@ def test_a_wrong_interval_leaves_nothing(folder, text, words):
     assert sorted(path.name for path in folder.iterdir()) == before
 
 
+@pytest.fixture
+def days(folder):
+    """Two days, a folder each, in which trials have the same names; one more name is its own."""
+    for day in ("day1", "day2"):
+        (folder / day).mkdir()
+        (folder / day / "trial0.csv").write_text((folder / "a.csv").read_text())
+    lines = [f"{file},x[V],t[ms]\n" for file in ("day1/trial0.csv", "b.csv", "day2/trial0.csv")]
+    (folder / "table.csv").write_text("file,channels,time\n" + "".join(lines))
+    return folder
+
+
+def test_files_that_share_a_name_are_called_by_their_folders(days):
+    """Only these; however their paths are written."""
+    made = import_table(days / "table.csv", days / "out")
+    assert [path.name for path in made] == ["day1-trial0.mcap", "b.mcap", "day2-trial0.mcap"]
+    assert [read_recording(path).manifest.groups["file"] for path in made] == [
+        "day1/trial0.csv", "b.csv", "day2/trial0.csv"
+    ]  # fmt: skip
+
+    text = (days / "table.csv").read_text().replace("day2/", f"{days}/day1/../day2/")
+    (days / "table.csv").write_text(text)
+    again = import_table(days / "table.csv", days / "again")
+    assert [path.name for path in again] == [path.name for path in made]
+
+
+def test_a_link_to_a_file_of_the_same_name_is_the_same_file(days):
+    (days / "day2" / "trial0.csv").unlink()
+    (days / "day2" / "trial0.csv").symlink_to(days / "day1" / "trial0.csv")
+    with pytest.raises(BadTable, match="each file in one row"):
+        import_table(days / "table.csv", days / "out")
+
+
+def test_a_name_made_of_folders_may_be_taken(days):
+    (days / "day1-trial0.csv").write_text((days / "a.csv").read_text())
+    with (days / "table.csv").open("a") as table:
+        table.write("day1-trial0.csv,x[V],t[ms]\n")
+    with pytest.raises(BadTable, match="names differ"):
+        import_table(days / "table.csv", days / "out")
+
+
+@pytest.mark.parametrize("second", ["day2/trial0.csv", "./day2/trial0", "day2-trial0"])
+def test_intervals_find_files_that_share_a_name(days, second):
+    (days / "iv.csv").write_text(
+        "file,start_s,end_s,label:object\nb.csv,0,0.02,cup\nday1/trial0.csv,0,0.03,cup\n"
+        f"{second},0,0.05,egg\n"
+    )
+    made = import_table(days / "table.csv", days / "out", intervals=days / "iv.csv")
+    assert [read_recording(path).marks[0].labels["object"] for path in made] == [
+        "cup", "cup", "egg"
+    ]  # fmt: skip
+
+    (days / "iv.csv").write_text("file,start_s,end_s,label:object\ntrial0.csv,0,0.02,cup\n")
+    with pytest.raises(BadTable, match=r"among day1-trial0, b, day2-trial0; got 'trial0\.csv'"):
+        import_table(days / "table.csv", days / "two", intervals=days / "iv.csv")
+
+
 def test_a_file_with_neither_label_nor_interval_is_named(folder):
     (folder / "table.csv").write_text("file,channels,time\na.csv,x[V],t[ms]\nb.csv,x[V],t[ms]\n")
     (folder / "iv.csv").write_text(INTERVALS)
     with pytest.raises(BadTable, match=r"none for .*b\.csv"):
         import_table(folder / "table.csv", folder / "out", intervals=folder / "iv.csv")
+
+
+@pytest.mark.parametrize("ending", [".CSV", ".Csv.GZ", ".NPY"])
+def test_endings_in_capitals_are_the_same(folder, ending):
+    """Cameras, loggers and spreadsheets write them so; they are no part of the name, either."""
+    text = (folder / "a.csv").read_bytes()
+    columns, time = ("2[V]", "1[ms]") if ending == ".NPY" else ("x[V]", "t[ms]")
+    path = folder / f"c{ending}"
+    if ending == ".NPY":
+        with path.open("wb") as file:
+            np.save(file, np.array([[10.0, 1.0], [20.0, 2.0]]))
+    else:
+        path.write_bytes(gzip.compress(text) if ending.endswith("GZ") else text)
+    (folder / "table.csv").write_text(f"file,channels,time\nc{ending},{columns},{time}\n")
+    (folder / "iv.csv").write_text(f"file,start_s,end_s,label:object\nc{ending},0,0.02,egg\n")
+    (made,) = import_table(folder / "table.csv", folder / "out", intervals=folder / "iv.csv")
+    assert made.name == "c.mcap"
+    assert read_recording(made).samples.values[:2, 0].tolist() == [1, 2]
 
 
 def test_an_import_table_from_a_spreadsheet_is_read(folder):

@@ -42,6 +42,39 @@ def test_columns_go_by_number_where_there_is_no_header(tmp_path):
     np.testing.assert_array_equal(table.values, [[2, 1], [4, 3]])
 
 
+@pytest.mark.parametrize("top", ["0,1,2", "1,2,3", ",0,1,2", '"0","1","2"', " 0 , 1 , 2 "])
+def test_a_header_that_counts_the_columns_is_no_scan(tmp_path, top):
+    """pandas writes 0,1,2 where columns have no names; its index comes first, without a name."""
+    index = "9," if top.startswith(",") else ""
+    path = tmp_path / "a.csv"
+    path.write_text(f"{top}\n{index}0.5,6,7\n{index}0.7,8,9\n")
+    columns = parse_columns("2[N] 1[N]", "here")
+    table = read_table(path, columns, TimeColumn(rate_hz=100.0))
+    assert table.values.shape == (2, 2)
+    assert table.values[0].tolist() == ([6, 0.5] if top == "1,2,3" else [7, 6])
+    assert table.number_header == ("1, 2, 3" if top == "1,2,3" else "0, 1, 2")
+
+
+@pytest.mark.parametrize(
+    "text", ["0,1,2\n0,1,2\n5,5,5\n", "0,2,4\n1,3,5\n", "10,1,2\n20,3,4\n", "0.0,1.0\n2,3\n"]
+)
+def test_a_first_row_of_other_numbers_is_a_scan(tmp_path, text):
+    """Also one that counts, where the row below it counts as well: names stand in one line."""
+    (tmp_path / "a.csv").write_text(text)
+    table = read_table(tmp_path / "a.csv", parse_columns("2[N]", "here"), TimeColumn(rate_hz=1.0))
+    assert len(table.values) == text.count("\n")
+    assert table.number_header == ""
+
+
+@pytest.mark.parametrize("top", ["t,0,1,2", "0,1,2,3"])
+def test_a_number_in_a_header_is_a_name_and_counts_no_columns(tmp_path, top):
+    """Else 3 of t,0,1,2 would be the third column unseen, and 2 the fourth."""
+    (tmp_path / "a.csv").write_text(f"{top}\n0.5,6,7,8\n")
+    columns = parse_columns("1[N] 4[N]", "here")
+    with pytest.raises(BadTable, match=r"column '4'.*header with .*, 1, 2.*as it stands there"):
+        read_table(tmp_path / "a.csv", columns, TimeColumn(rate_hz=100.0))
+
+
 def test_a_rate_stands_in_for_a_time_column(tmp_path):
     """Row n is taken at n divided by the rate."""
     (tmp_path / "a.csv").write_text(GOOD)
@@ -117,7 +150,7 @@ def test_a_gzip_that_was_cut_is_refused(tmp_path):
 def test_other_files_are_refused(tmp_path):
     """Unknown endings, missing files, odd encodings and odd arrays."""
     (tmp_path / "a.xls").write_text("")
-    assert "layout" in refusal(tmp_path / "a.xls")
+    assert "save it as one of them, or name a function" in refusal(tmp_path / "a.xls")
     assert "check the path" in refusal(tmp_path / "gone.csv")
     (tmp_path / "a.csv").write_bytes("t,a,b\n1,2,µ\n".encode("latin-1"))
     assert "UTF-8" in refusal(tmp_path / "a.csv")

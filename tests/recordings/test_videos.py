@@ -12,7 +12,7 @@ from taxel.recordings.footage import Video
 from taxel.recordings.known import KNOWN_VIDEOS
 from taxel.recordings.reader import iterate_frames, read_manifest
 from taxel.recordings.summary import summarise
-from taxel.recordings.video_rows import VideoRow, read_video_rows
+from taxel.recordings.video_rows import VideoRow, names_videos, read_video_rows
 from taxel.recordings.videos import import_videos
 
 
@@ -130,6 +130,14 @@ def test_a_table_from_a_spreadsheet_is_read(tmp_path: Path) -> None:
     (tmp_path / "table.csv").write_bytes(b"\xef\xbb\xbfleft,right\r\na.avi,b.avi\r\n\r\n")
     (row,) = read_video_rows(tmp_path / "table.csv", tmp_path)
     assert row.files == {"left": tmp_path / "a.avi", "right": tmp_path / "b.avi"}
+
+
+def test_the_tables_own_words_may_have_capitals(tmp_path: Path) -> None:
+    """As in a table of arrays."""
+    (tmp_path / "table.csv").write_text("Left,Label:Outcome,Rate\na.avi,slip,30\n")
+    assert names_videos(["Left"])
+    (row,) = read_video_rows(tmp_path / "table.csv", tmp_path)
+    assert (set(row.files), row.labels, row.rate_hz) == ({"left"}, {"Outcome": "slip"}, 30.0)
 
 
 def test_a_pair_of_nearly_one_length_is_cut_to_the_shorter(tmp_path: Path) -> None:

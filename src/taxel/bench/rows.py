@@ -109,7 +109,8 @@ def store(
         folder: Where; the figures that ship unless given.
     """
     stamp = f"commit {commit()}, data {data[:12]}, {today()}, taxel bench {bench} --full"
-    stamp += f" --only {shlex.quote(only)}" if only else ""
+    if only:
+        stamp += f' --only "{only}"' if "'" in only else f" --only {shlex.quote(only)}"
     stamped = [replace(row, stamp=stamp) for row in rows]
     if only:
         new = {row.name for row in stamped}

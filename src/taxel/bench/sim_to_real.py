@@ -304,7 +304,7 @@ def _probed(trials: Sequence[CameraTrial]) -> ProbeSet:
 
 def _cache(encoder: nn.Module) -> Path:
     """Return the folder for what simulated trials show under these versions."""
-    from taxel.evaluation.camera_trials import simulated_trials
+    from taxel.evaluation.camera_trials import simulated_trials as trials
     from taxel.evaluation.camera_trials.probe_features import gel_features
     from taxel.models.backbones.weight_files import backbone_tensors, tensor_digest
     from taxel.sim.cup_pour import SIM_VERSION
@@ -314,6 +314,7 @@ def _cache(encoder: nn.Module) -> Path:
 
     what = (
         SIM_VERSION, GEL_VERSION, tensor_digest(backbone_tensors(encoder)), gel_features().key,
-        FAMILIES["pixels"].key, simulated_trials.SEED, simulated_trials.SLIPPED_UM,
+        FAMILIES["pixels"].key, trials.SEED, trials.SLIPPED_UM, trials.POSITIONS, trials.FORCES_N,
+        trials.KINDS,
     )  # fmt: skip
     return default_cache() / "sim-to-real" / hashlib.sha256(repr(what).encode()).hexdigest()[:16]

@@ -83,6 +83,12 @@ class Contract:
         if named is not None and set(named) <= set(sensor.channels):
             sensor = sensor.only(named)
         if len(sensor.channels) != len(self.channels) or sensor.units != self.units:
+            if not sensor.channels:
+                raise BadBundle(
+                    f"recordings of an array of {len(self.channels)} channels",
+                    "recordings of cameras only",
+                    "name recordings of such an array, or a bundle of cameras",
+                )
             raise BadBundle(
                 f"{len(self.channels)} channels in {', '.join(sorted(set(self.units)))}",
                 f"{len(sensor.channels)} in {', '.join(sorted(set(sensor.units)))} "

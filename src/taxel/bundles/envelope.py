@@ -159,7 +159,8 @@ def _checked(path: Path, file: BinaryIO) -> tuple[bytes, bytes]:
     line = file.readline(FIRST_LINE_BYTES)
     words, signature = _first_words(line)
     if not words or not line.endswith(b"\n"):
-        raise damaged(path, "another kind of file, or a damaged first line")
+        what = "another kind of file, or a damaged first line"
+        raise damaged(path, what if line else "an empty file")
     if words.split()[-1] != sha256_of_rest(file).encode():
         raise damaged(path, "a checksum that does not fit the contents")
     return words, signature

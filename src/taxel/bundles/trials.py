@@ -69,6 +69,10 @@ class TrialContract:
     measured: Mapping[str, float]
     """What was measured on trials held out; may be empty."""
     software: str
+    learned: tuple[str, ...] = ()
+    """Fingerprints of the training trials, as read and as imported, sorted; see
+    `taxel.bundles.contract.fingerprint_of`. Empty where it is not known, as in bundles of before.
+    """
 
     @property
     def layout(self) -> Layout:
@@ -194,7 +198,10 @@ def contract_from_json(text: str | bytes) -> TrialContract:
         BadBundle: A field is missing, unknown, or of the wrong kind or range.
     """
     try:
-        return _contract(Fields(parse_json(text), "the contract"))
+        data = parse_json(text)
+        if isinstance(data, dict):  # what bundles of before lack
+            data = {"learned": []} | data
+        return _contract(Fields(data, "the contract"))
     except ValueError as error:  # BadFile is a ValueError
         raise BadBundle(
             f"a bundle of camera trials of format {FORMAT}",
@@ -234,6 +241,7 @@ def _contract(given: Fields) -> TrialContract:
         data_digest=given.text("data_digest"),
         measured=given.numbers("measured"),
         software=given.text("software"),
+        learned=given.texts("learned"),
     )
 
 

@@ -84,16 +84,19 @@ class Bench:
             if self.only and not quick + slow:
                 raise BadInput("a measurement's name for --only", repr(self.only), _named(bench))
             rows = measure(quick, on_step)
+            measured = {row.name for row in rows}
             if self.full:
                 digest = bench.data_digest(self.data)
                 for step in slow:  # each kept at once: a broken run loses one at most
                     found = measure([step], on_step)
                     store(self.name, found, digest, only=step[0], folder=folder)
                     rows += found
+                measured = {row.name for row in rows}
                 rows = store(self.name, rows, digest, only=self.only, folder=folder)
             else:
-                measured = {row.name for row in rows}
                 rows += [row for row in stored(self.name) if row.name not in measured]
+            if self.only:
+                rows = [row for row in rows if row.name in measured]
         if self.page is not None:
             from taxel.bench.fault_page import write_fault_page
 

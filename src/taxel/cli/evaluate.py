@@ -84,10 +84,14 @@ class Evaluate:
 
     def run(self) -> None:
         """Measure and print."""
+        from taxel.bundles.envelope import need_bundle
+
         if _is_bundle_file(self.data):
             _evaluate_bundle(self.data, self.recordings, as_json=self.json)
             return
         if self.recordings is not None:
+            if not self.data.exists():
+                need_bundle(self.data)
             raise BadInput("a bundle before the recordings to score it on", str(self.data),
                            "name NAME.taxel, or test on another folder with --test")  # fmt: skip
         older = older_page(self.html)
@@ -102,7 +106,11 @@ class Evaluate:
 
         given = split_given(self.split, self.folds, self.test)
         recipe = self.recipe.resolve(
-            default=usual_recipe(path), model=self.model, split=self.split, members=self.members
+            default=usual_recipe(path),
+            model=self.model,
+            split=self.split,
+            members=self.members,
+            data=path,
         )
         if self.output is not None:
             check_run_folder(self.output)
@@ -184,9 +192,10 @@ def _evaluate_bundle(bundle: Path, folder: Path | None, *, as_json: bool) -> Non
     with progress() as bar:
         bar.add_task(f"scoring {bundle.name}", total=None)
         found = score_bundle(read_bundle(bundle, device=device), folder)
-    from taxel.views.part_results import bundle_score_table, seen_line
+    from taxel.views.part_results import bundle_score_table
+    from taxel.views.trained_on import trained_on_line
 
-    seen = seen_line(found)
+    seen = trained_on_line(found.learned_from, "recordings", known=found.learned_is_known)
     if as_json:
         print_json({"bundle": str(bundle), "data": str(folder)} | asdict(found) | {"warning": seen})
         return

@@ -77,8 +77,10 @@ class EvaluateTrials:
         from taxel.bundles.trials import read_trial_bundle
         from taxel.decisions.recognition import UNKNOWN
         from taxel.evaluation.camera_trials.crossval import score_trials
+        from taxel.evaluation.camera_trials.learned_trials import trained_on
         from taxel.evaluation.camera_trials.sides import interval_group, values_of
         from taxel.live.trial_watch import predict_trials
+        from taxel.views.trained_on import trained_on_line
         from taxel.windows.camera_trials import read_camera_trials
 
         if self.data is None:
@@ -106,25 +108,37 @@ class EvaluateTrials:
                 for t, own, v in zip(trials, truth, verdicts, strict=True)
             ],
         }  # fmt: skip
+        seen = trained_on_line(
+            trained_on(bundle.contract, trials), "trials", known=bool(bundle.contract.learned)
+        )
+        result["warning"] = seen
         line = f"{len(trials)} trials; no known {target} on any of them"
         if known:
             groups = [trials[i].groups for i in known]
             key = interval_group(groups)
             names = values_of(groups, key) if key else np.array([trials[i].name for i in known])
+            y = np.array([classes.index(truth[i]) for i in known])
+            result["majority"] = majority = float(np.bincount(y).max() / len(y))
             scores = score_trials(
-                np.array([classes.index(truth[i]) for i in known]),
+                y,
                 np.stack([verdicts[i].probabilities for i in known]), names,
             )  # fmt: skip
             from dataclasses import asdict
 
             result["scores"] = asdict(scores)
             low, high = scores.accuracy_interval
+            answered = float(np.mean([verdicts[i].label == truth[i] for i in known]))
+            result["answered_accuracy"] = answered
             line = (
-                f"{target}: accuracy {scores.accuracy:.3f} [{low:.3f}, {high:.3f}], AUC "
+                f"{target}: accuracy {scores.accuracy:.3f} [{low:.3f}, {high:.3f}], "
+                f"commonest class {majority:.3f}, AUC "
                 f"{scores.auc:.3f}, log-loss {scores.loss:.3f} on {scores.trials} trials; "
-                f"UNKNOWN {result['unknown']} of {len(trials)}"
+                f"UNKNOWN {result['unknown']} of {len(trials)}; accuracy with UNKNOWN counted as "
+                f"wrong {answered:.3f}"
             )
         if self.json:
             print_json(result)
             return
         say(line)
+        if seen is not None:
+            say(f"warning: {seen}", style="yellow")

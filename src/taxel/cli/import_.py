@@ -11,8 +11,10 @@ import tyro
 
 from taxel.cli.export.need import need_packages
 from taxel.cli.option_rules import Only
-from taxel.cli.printing import command, print_json, progress, say
+from taxel.cli.printing import command, print_json, progress, say, say_aside
 from taxel.errors import BadInput, MissingExtra
+from taxel.recordings.import_header import table_cells
+from taxel.recordings.import_notes import FileFacts, notes_of
 from taxel.recordings.importing import (
     ImportOptions,
     ImportRow,
@@ -23,7 +25,6 @@ from taxel.recordings.importing import (
 from taxel.recordings.intervals import Interval
 from taxel.recordings.known import KNOWN, KNOWN_VIDEOS
 from taxel.recordings.spelling import look_alikes
-from taxel.recordings.table_columns import read_cells
 from taxel.recordings.video_rows import VideoRow
 
 LEROBOT = "lerobot"
@@ -81,17 +82,25 @@ class Import:
 
     def run(self) -> None:
         """Import everything, or nothing at all."""
+        files: list[FileFacts] = []
         with progress() as bars:
             bar = bars.add_task("importing", total=None)
-            made, notes = self._import(lambda done, of: bars.update(bar, completed=done, total=of))
+            made, notes = self._import(
+                lambda done, of: bars.update(bar, completed=done, total=of), files.append
+            )
         if self.json:
-            print_json({"recordings": [str(path) for path in made], "notes": notes})
+            print_json({"recordings": [str(path) for path in made],
+                        "notes": [*notes, *notes_of(files)]})  # fmt: skip
             return
+        for note in notes_of(files):
+            say_aside(f"note: {note}")
         for note in notes:
             say(note)
         say(f"{self.output}: {len(made)} recordings; next:", command("taxel", "info", self.output))
 
-    def _import(self, progress: Callable[[int, int], None]) -> tuple[list[Path], list[str]]:
+    def _import(
+        self, progress: Callable[[int, int], None], on_file: Callable[[FileFacts], None]
+    ) -> tuple[list[Path], list[str]]:
         """Return the recordings, and what to say of their labels and groups."""
         table = Path(self.table)
         if self.table in (LEROBOT, *KNOWN_VIDEOS) or (
@@ -119,7 +128,7 @@ class Import:
         )
         made = import_rows(
             rows, self.output, code_dir=table.parent, intervals=intervals, options=options,
-            progress=progress,
+            progress=progress, on_file=on_file,
         )  # fmt: skip
         return made, _notes([*rows, *(interval for own in intervals.values() for interval in own)])
 
@@ -165,4 +174,4 @@ def _of_videos(table: Path) -> bool:
     """Return whether a table's first line names cameras."""
     from taxel.recordings.video_rows import names_videos
 
-    return names_videos(next(iter(read_cells(table)), []))
+    return names_videos(table_cells(table)[0])

@@ -11,7 +11,7 @@ import tyro
 from rich.box import SIMPLE_HEAD
 from rich.table import Table
 
-from taxel.bundles.envelope import BundleKind, kind_of
+from taxel.bundles.envelope import BundleKind, kind_of, unpack
 from taxel.bundles.shipped import find_bundle
 from taxel.cli.printing import console, print_json, progress, say
 from taxel.labels.class_order import in_order
@@ -41,6 +41,8 @@ class Info:
         if kind is not None:
             _print_bundle(bundle, kind, self.json)
             return
+        if bundle.suffix == ".taxel" and bundle.is_file():
+            unpack(bundle, ())  # says what is wrong with it
         paths = list_recordings(self.path)
         with progress() as bar:
             rows = [summarise(path) for path in bar.track(paths, description="reading")]

@@ -11,12 +11,13 @@ from taxel.bundles import contract as arrays
 from taxel.bundles import grasp, trials
 from taxel.bundles.envelope import BundleKind, is_signed
 from taxel.bundles.reader import read_contract
+from taxel.decisions.recognition import RecogniseConfig
+from taxel.decisions.trial_verdict import VerdictConfig
 from taxel.labels.rules import RULES
 from taxel.plain_text import visible
 
 _CLASSES = 8
 """Classes that are named."""
-_NEVER = "never"
 _SHA256 = 64
 """Digits of a SHA-256 sum."""
 
@@ -55,13 +56,12 @@ def _array_lines(contract: arrays.Contract) -> dict[str, str]:
     window, units = contract.window, ", ".join(dict.fromkeys(contract.units))
     rate = contract.rate_hz if window.grid_hz is None else window.grid_hz
     touches = ", after reference touches" if contract.reference is not None else ""
-    unknown = "where touch is unlike what it learned" if contract.unknown else _NEVER
     return {
         "predicts": _classes(contract.target, contract.classes),
         "from": f"{len(contract.channels)} channels in {visible(units)}, windows of "
         f"{window.steps} scans at {rate:g} scans/s{touches}",
         "model": f"{visible(contract.model)}, {contract.parameters} parameters",
-        "says UNKNOWN": unknown,
+        "says UNKNOWN": _array_unknown(contract),
         "measured": _measured(contract.accuracy, "accuracy, ") + _chance(contract.classes),
     }
 
@@ -82,18 +82,45 @@ def _grasp_lines(contract: grasp.GraspContract) -> dict[str, str]:
 
 
 def _trial_lines(contract: trials.TrialContract) -> dict[str, str]:
-    tested = _NEVER
-    if contract.threshold is not None:
-        tested = f"where the novelty score is above {contract.threshold:.3g}"
     return {
         "predicts": _classes(contract.target, contract.classes),
         "from": f"camera trials of {contract.cameras} camera(s), {contract.width}×"
         f"{contract.height}, {contract.rate_hz:g} frames/s; {contract.places} crop(s) of "
         f"{contract.crop} frames",
         "model": f"a blend of models on {', '.join(map(visible, contract.views))}",
-        "says UNKNOWN": tested,
+        "says UNKNOWN": _trial_unknown(contract),
         "measured": _measured(contract.measured) + _chance(contract.classes),
     }
+
+
+def _array_unknown(contract: arrays.Contract) -> str:
+    """Return when `taxel live` answers UNKNOWN, as `taxel.decisions.recognition.decide` has it."""
+    config = RecogniseConfig()
+    novel = "novel touch is not tested"
+    if contract.unknown is not None:
+        novel = f"touch more novel than {100 * (1 - contract.unknown.rejected):g} % of known"
+    window = contract.window
+    filled = window.fill if window.layout == "B" else 0.0
+    gaps = f" beyond short gaps of {100 * filled:g} % of a window" if filled > 0 else ""
+    return (
+        f"{_confidence(config.least_confidence)}; values missing, stale or NaN{gaps}; "
+        f"a channel at the converter's limit; {novel}"
+    )
+
+
+def _trial_unknown(contract: trials.TrialContract) -> str:
+    """Return the same of camera trials, as `taxel.decisions.trial_verdict.join_crops` has it."""
+    novel = "novel touch is not tested"
+    if contract.threshold is not None:
+        novel = f"a novelty score above {contract.threshold:.3g}"
+    return (
+        f"{_confidence(VerdictConfig().least_confidence)}; fewer than {contract.crop} frames; "
+        f"a camera that is silent or stands still; {novel}"
+    )
+
+
+def _confidence(least: float) -> str:
+    return f"confidence below {least:g} (--least-confidence)"
 
 
 def _classes(target: str, classes: tuple[str, ...]) -> str:

@@ -52,7 +52,10 @@ class LearningCurve:
         if self.steps < 2:
             raise BadInput("--steps of at least 2", str(self.steps), "give a larger number")
         recipe = self.recipe.resolve(
-            default=usual_recipe(self.data), model=self.model, split=self.split
+            default=usual_recipe(self.data),
+            model=self.model,
+            split=self.split,
+            data=self.data,
         )
         with progress() as bar:
             task = bar.add_task("starting", total=None)

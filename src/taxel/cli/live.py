@@ -19,6 +19,7 @@ from taxel.errors import BadInput
 
 if TYPE_CHECKING:
     from taxel.actions.rule_table import RuleTable
+    from taxel.bundles.reader import Bundle
     from taxel.bundles.signing import Trust
     from taxel.calibration.live import LiveNewtons
     from taxel.live.recogniser import Recogniser
@@ -183,6 +184,8 @@ class Live:
             {"bundle": str(file)} | tally.summary()
             for file, tally in zip(files, shown, strict=True)
         ]
+        for result, bundle in zip(results, bundles, strict=True):
+            result["warning"] = self._seen(bundle) if result["marked"] else None
         if self.json:
             print_json(results)
             return
@@ -194,6 +197,8 @@ class Live:
                     f"windows, {result['grasps_right']}/{result['grasps']} whole grasps (UNKNOWN "
                     "is correct only for touch that was never learned)"
                 )
+            if result["warning"] is not None:
+                say(f"  warning: {result['warning']}", style="yellow")
             if result["filled"]:
                 say(f"  {result['filled']} windows had short gaps filled in")
             for move in result["gate_moves"]:
@@ -217,6 +222,18 @@ class Live:
 
         with LiveView(console, source.info, recognisers, newtons) as view:
             return run_session(source, recognisers, self.seconds, view.show, rules=rules)
+
+    def _seen(self, bundle: Bundle) -> str | None:
+        """Return what must be said of an accuracy on what the bundle was trained on."""
+        from taxel.evaluation.learned_recordings import recordings_trained_on
+        from taxel.sources.opening import replayed_files
+        from taxel.views.trained_on import trained_on_line
+
+        files = replayed_files(self.source)
+        if not files:
+            return None
+        found = recordings_trained_on(bundle.contract, files)
+        return trained_on_line(found, "recordings", known=bool(bundle.contract.learned))
 
     def _newtons(self, source: Source) -> LiveNewtons | None:
         """Return what shows the array in newtons, where a calibration was named."""

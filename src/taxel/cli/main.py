@@ -28,7 +28,7 @@ from taxel import __version__
 from taxel.cli.old_spellings import refuse_old
 from taxel.cli.option_rules import check_rules
 from taxel.cli.parsing import parse
-from taxel.cli.trial_doors import trial_door
+from taxel.cli.trial_doors import refuse_options_of_arrays, trial_door
 from taxel.errors import BadInput, TaxelError
 from taxel.plain_text import visible_line, without_controls
 
@@ -189,6 +189,7 @@ def main(argv: Sequence[str] | None = None) -> None:
     try:
         refuse_old(words)
         door, rest = split_door(words)
+        refuse_options_of_arrays(words[0], door, rest)
         verb = parse(load_verb(door), door, rest)
         check_rules(verb, rest)
         verb.run()

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from taxel.cli.option_rules import typed_options
+from taxel.cli.trial_doors import takes_option, trial_door
 from taxel.errors import BadInput
 
 
@@ -117,6 +118,8 @@ def refuse_old(words: Sequence[str]) -> None:
             continue
         if not old.option and not Path(word).exists():
             raise _refusal(old, f"taxel {old.verb}")
+        if old.option in typed and takes_option(trial_door(verb, words[1:]), old.option):
+            continue  # camera trials: the verb that takes them has the option
         if old.option in typed and re.fullmatch(old.value or ".*", _value(words, old.option)):
             raise _refusal(old, f"--{old.option}")
 

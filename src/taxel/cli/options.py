@@ -57,6 +57,11 @@ class RecipeOptions:
             raise BadInput(f"--seed within 0 and {_LARGEST_SEED}", str(self.seed), "choose another")
         return self.seed
 
+    def _target(self, usual: str, data: Path | None) -> str:
+        if self.target is not None or data is None:
+            return self.target or usual
+        return only_label(data, usual)
+
     @property
     def unnamed(self) -> bool:
         """Return whether nothing of a recipe is named."""
@@ -69,6 +74,7 @@ class RecipeOptions:
         model: str | None = None,
         split: str | None = None,
         members: int | None = None,
+        data: Path | None = None,
     ) -> Recipe:
         """Return the recipe with all changes made.
 
@@ -77,6 +83,8 @@ class RecipeOptions:
             model: Another model.
             split: Another split.
             members: Another number of networks.
+            data: Recordings whose only label is predicted where none is named and they lack the
+                recipe's.
 
         Raises:
             BadInput: There is no such recipe, or a change does not fit.
@@ -101,12 +109,37 @@ class RecipeOptions:
             window=window,
             train=train,
             model=model or recipe.model,
-            target=self.target or recipe.target,
+            target=self._target(recipe.target, data),
             split=split or recipe.split,
             members=members or recipe.members,
             train_stride=None if split == "random" else recipe.train_stride,
             train_steps=longer,
         )
+
+
+def only_label(data: Path, usual: str | None = None) -> str:
+    """Return the label that recordings have, where they have one only.
+
+    Args:
+        data: A folder of recordings, or one.
+        usual: The label that is meant where the recordings have it, whatever others they have.
+
+    Raises:
+        BadInput: They have none, or several to choose from.
+    """
+    from taxel.training.choose.preparations import ROWS
+    from taxel.windows.dataset import load_dataset
+
+    trials = load_dataset(data, ROWS).trials
+    known = sorted({name for trial in trials for name in trial.labels})
+    if usual in known:
+        return usual
+    if len(known) == 1:
+        return known[0]
+    raise BadInput(
+        "--target LABEL", "none given",
+        f"name one of {', '.join(known)}" if known else "label the recordings: taxel label",
+    )  # fmt: skip
 
 
 def usual_recipe(data: Path) -> str:

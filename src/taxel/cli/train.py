@@ -45,9 +45,9 @@ class Train:
     check: bool = True
     """Cross-validate first, so that the run states its accuracy."""
     split: str | None = None
-    """How accuracy is measured: random (leaks), group:KEY (whole groups held out, such as
-    group:session) or order:KEY:LAST[:END] (train up to LAST, test above it, up to END); the
-    recipe's unless given, without a recipe the coarsest groups held out."""
+    """How accuracy is measured: random (leaks; takes the recipe), group:KEY (whole groups held
+    out, such as group:session) or order:KEY:LAST[:END] (train up to LAST, test above it, up to
+    END); the recipe's unless given, without a recipe sessions, else objects, else files."""
     folds: Path | None = None
     """Measure on a published split instead: a table (CSV) with the columns recording (or
     group:KEY), side (train, validation, test) or fold, and optionally start_s, seconds."""
@@ -58,11 +58,11 @@ class Train:
     model: str | None = None
     """Name of the model, such as cnn2d; the recipe's unless given."""
     minutes: float = 5.0
-    """Without a recipe: most time for the search, minutes."""
+    """Without a recipe: most time for the search, minutes, above 0."""
     max_mb: float = 20.0
-    """Without a recipe: largest size of the bundle, megabytes."""
+    """Without a recipe: largest size of the bundle, megabytes, above 0."""
     max_us: float = 2000.0
-    """Without a recipe: longest time a window may take live, on one core, microseconds."""
+    """Without a recipe: longest time a window may take live, on one core, microseconds, above 0."""
     like: Path | None = None
     """Without a recipe: use the window, features and models that an earlier run chose, from its
     expert.json; nothing is searched for."""
@@ -82,7 +82,9 @@ class Train:
         ),
         FOLD_COUNT,
         Only(
-            ("minutes", "max-mb", "max-us", "like"), "no recipe, model or window", lambda o: o._free
+            ("minutes", "max-mb", "max-us", "like"),
+            "no recipe, model, window or --split random",
+            lambda o: o._free,
         ),
         Only(("fresh",), "a recipe", lambda o: not o._free),
     )
@@ -103,7 +105,9 @@ class Train:
             self._train(output)
 
     def _target(self) -> str:
-        recipe = self.recipe.resolve(default=usual_recipe(self.data), model=self.model)
+        recipe = self.recipe.resolve(
+            default=usual_recipe(self.data), model=self.model, data=self.data
+        )
         return recipe.target
 
     def _find(self) -> None:
@@ -134,7 +138,7 @@ class Train:
             check_share("--reject-novel", self.reject_novel)
         given = split_given(self.split, self.folds, self.test)
         recipe = self.recipe.resolve(
-            default=usual_recipe(self.data), model=self.model, split=self.split
+            default=usual_recipe(self.data), model=self.model, split=self.split, data=self.data
         )
         find_network(recipe.model)
         check_run_folder(output)
@@ -256,24 +260,16 @@ def _kept_line(checked: Checked) -> str:
 
 def warning(checked: Checked) -> str | None:
     """Return a warning where accuracy is no better than a trivial baseline; else nothing."""
-    from taxel.evaluation.run_scores import GroupInterval, beside_baselines
+    from taxel.evaluation.run_scores import GroupInterval, baseline_warning
 
-    pooled, model = checked.pooled, checked.recipe.model
-    accuracy, interval = pooled.scores.accuracy, pooled.interval
-    standing, said = beside_baselines(
-        f"{model} ({accuracy:.1%})".replace("%", " %"),
-        accuracy,
-        GroupInterval(*interval, pooled.interval_groups),
+    pooled = checked.pooled
+    return baseline_warning(
+        checked.recipe.model,
+        pooled.scores.accuracy,
+        GroupInterval(*pooled.interval, pooled.interval_groups),
         pooled.interval_group,
         checked.trivial,
     )
-    more = f"record more {pooled.interval_group}s"
-    mend = {
-        "behind": f"do not claim this accuracy; train longer, or {more}",
-        "near": f"the difference may be chance; {more}",
-        "few": "record more of them",
-    }
-    return f"{said}: {mend[standing]}" if standing in mend else None
 
 
 def _rejects(unknown: Unknown) -> str:

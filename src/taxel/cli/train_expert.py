@@ -6,7 +6,7 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from taxel.cli.options import check_run_folder, split_given
+from taxel.cli.options import check_run_folder, only_label, split_given
 from taxel.cli.printing import command, console, print_json, progress, say
 from taxel.errors import BadInput
 from taxel.held import only_writer
@@ -67,7 +67,7 @@ def train_default(options: ExpertOptions) -> None:
                     target=target,
                     split=outer_split(options),
                     test=options.test,
-                    check=options.check and like is None,
+                    check=options.check,
                 ),
                 Limits(minutes=options.minutes, most_mb=options.max_mb, most_us=options.max_us),
                 like=like,
@@ -106,25 +106,6 @@ def outer_split(options: ExpertOptions) -> OuterSplit:
     return OuterSplit(named=options.split, given=given, folds=options.fold_count, seed=options.seed)
 
 
-def only_label(data: Path) -> str:
-    """Return the label that recordings have, where they have one only.
-
-    Raises:
-        BadInput: They have none, or several to choose from.
-    """
-    from taxel.training.choose.preparations import ROWS
-    from taxel.windows.dataset import load_dataset
-
-    trials = load_dataset(data, ROWS).trials
-    known = sorted({name for trial in trials for name in trial.labels})
-    if len(known) == 1:
-        return known[0]
-    raise BadInput(
-        "--target LABEL", "none given",
-        f"name one of {', '.join(known)}" if known else "label the recordings: taxel label",
-    )  # fmt: skip
-
-
 def expert_json(expert: Expert, output: Path) -> dict[str, Any]:
     """Return what --json prints."""
     from taxel.training.choose.choice import as_record
@@ -146,6 +127,9 @@ def expert_json(expert: Expert, output: Path) -> dict[str, Any]:
             "folds": len(nested.choices),
             "windows": len(nested.predictions),
             "trials": nested.by_trial.trials,
+            "fixed": nested.fixed,
+            "trivial": nested.trivial,
+            "warning": nested.warning,
             "scores": {
                 name: {
                     "accuracy": own.scores.accuracy,

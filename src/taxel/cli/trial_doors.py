@@ -1,12 +1,16 @@
 """Camera trials given to a verb of arrays: the verb for trials takes them.
 
-Only looks at what the words name; knows nothing about options.
+Only looks at what the words name, and which options the verb for trials has.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import fields
 from pathlib import Path
+
+from taxel.cli.option_rules import typed_options
+from taxel.errors import BadInput
 
 VERBS_OF_TRIALS = {"train": "train-trials", "evaluate": "evaluate-trials"}
 """Verb of arrays → that of camera trials."""
@@ -25,6 +29,49 @@ def trial_door(verb: str, words: Sequence[str]) -> str:
     if any(_of_trials(path) for path in paths):
         return VERBS_OF_TRIALS[verb]
     return verb
+
+
+def takes_option(door: str, option: str) -> bool:
+    """Return whether a verb for camera trials has an option; False of any other verb.
+
+    Args:
+        door: The verb.
+        option: Without dashes.
+    """
+    return door in VERBS_OF_TRIALS.values() and option in _options(door)
+
+
+def refuse_options_of_arrays(verb: str, door: str, words: Sequence[str]) -> None:
+    """Refuse options of a verb of arrays that the verb for camera trials does not have.
+
+    Args:
+        verb: As typed.
+        door: The verb that suits what the words name.
+        words: What was typed behind it.
+
+    Raises:
+        BadInput: There is such an option.
+    """
+    if door == verb or VERBS_OF_TRIALS.get(verb) != door:
+        return
+    typed = [name for name in typed_options(words) if name != "help"]
+    lacking = [f"--{name}" for name in typed if not takes_option(door, name.removeprefix("no-"))]
+    if lacking:
+        raise BadInput(
+            f"options of taxel {door}, which takes camera trials as these are",
+            f"{' and '.join(lacking)}, which it does not have",
+            f"leave out what is of arrays only, and see taxel {door} --help",
+        )
+
+
+def _options(door: str) -> set[str]:
+    from taxel.cli.evaluate_trials import EvaluateTrials
+    from taxel.cli.train_trials import TrainTrials
+    from taxel.cli.trial_data import TrialOptions
+
+    own = TrainTrials if door == "train-trials" else EvaluateTrials
+    names = {field.name for kind in (own, TrialOptions) for field in fields(kind)}
+    return {name.replace("_", "-") for name in names}
 
 
 def _of_trials(path: Path) -> bool:

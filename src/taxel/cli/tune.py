@@ -71,7 +71,9 @@ class Tune:
 
         if not 1 <= self.trials <= _MOST_TRIALS:
             raise BadInput(f"--trials within 1 and {_MOST_TRIALS}", str(self.trials), "give others")
-        recipe = self.recipe.resolve(default=usual_recipe(self.data), split=self.split)
+        recipe = self.recipe.resolve(
+            default=usual_recipe(self.data), split=self.split, data=self.data
+        )
         usual = tuple(name for name in USUAL if name != "epochs" or self.recipe.epochs is None)
         space = Space(usual if self.settings is None else self.settings, self.models)
         space.check()

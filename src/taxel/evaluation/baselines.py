@@ -6,7 +6,7 @@ touch; one below the majority class is worse than guessing. Knows nothing about 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -81,11 +81,35 @@ def trivial_accuracies(dataset: Dataset, target: str, folds: tuple[Fold, ...]) -
     where groups are held out it is the rarer one there; then any model would look well.
     """
     y = dataset.class_numbers(target)
-    tested = y[np.concatenate([fold.windows(dataset)[1] for fold in folds])]
-    found = {"majority": float(np.bincount(tested).max() / len(tested))}
+    parts = [fold.windows(dataset) for fold in folds]
+    tested = y[np.concatenate([test for _, test in parts])]
+    right = trivial_right(dataset, y, parts)
+    return {
+        "majority": float(np.bincount(tested).max() / len(tested)),
+        **{name: count / len(tested) for name, count in right.items()},
+    }
+
+
+def trivial_right(
+    dataset: Dataset,
+    y: NDArray[np.intp],
+    folds: Sequence[tuple[NDArray[np.intp], NDArray[np.intp]]],
+) -> dict[str, int]:
+    """Return of each trivial baseline how many test windows of all folds it names rightly.
+
+    Args:
+        dataset: The windows.
+        y: Class number of each window, shape (n,).
+        folds: Windows to learn from and to test on, as indices.
+    """
+    right = {}
     for name, features in TRIVIAL.items():
-        found[name] = _pooled(features(dataset), y, dataset, folds)
-    return found
+        seen = features(dataset)
+        right[name] = sum(
+            int((_trees(seen[train], y[train], seen[test]) == y[test]).sum())
+            for train, test in folds
+        )
+    return right
 
 
 def below_majority(trivial: Mapping[str, float]) -> str | None:
@@ -96,21 +120,6 @@ def below_majority(trivial: Mapping[str, float]) -> str | None:
     """
     below = [name for name, value in trivial.items() if value < trivial.get("majority", 0.0)]
     return f"worse than always guessing the majority class: {', '.join(below)}" if below else None
-
-
-def _pooled(
-    features: NDArray[np.float32],
-    y: NDArray[np.intp],
-    dataset: Dataset,
-    folds: tuple[Fold, ...],
-) -> float:
-    right = total = 0
-    for fold in folds:
-        train, test = fold.windows(dataset)
-        guessed = _trees(features[train], y[train], features[test])
-        right += int((guessed == y[test]).sum())
-        total += len(test)
-    return right / total
 
 
 def _trees(

@@ -30,6 +30,7 @@ from taxel.errors import BadDataset
 from taxel.evaluation.metrics import accuracy_interval, cross_entropy
 from taxel.evaluation.part_scores import Parts, score_parts
 from taxel.evaluation.run_scores import reliability
+from taxel.labels.class_order import in_order
 from taxel.labels.trials import coarsest_group
 from taxel.windows.dataset import Dataset, load_dataset, with_joined_label
 from taxel.windows.windower import Windows
@@ -222,8 +223,8 @@ def _reasons(decisions: list[Decision]) -> dict[str, int]:
 def _confusion(truth: NDArray[np.str_], answers: NDArray[np.str_]) -> dict[str, dict[str, int]]:
     return {
         str(name): {str(said): int(((truth == name) & (answers == said)).sum())
-                    for said in np.unique(answers[truth == name])}
-        for name in np.unique(truth)
+                    for said in in_order(answers[truth == name].tolist())}
+        for name in in_order(truth.tolist())
     }  # fmt: skip
 
 

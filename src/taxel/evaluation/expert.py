@@ -19,7 +19,7 @@ from taxel.bundles.writer import write_bundle
 from taxel.decisions.joining import Joining
 from taxel.decisions.unknown import Unknown
 from taxel.errors import BadInput
-from taxel.evaluation.nested import Nested, check_choosing
+from taxel.evaluation.nested import Nested, check_choice, check_choosing
 from taxel.evaluation.outer_split import USUAL, OuterSplit
 from taxel.evaluation.splits import Split, TrialFold
 from taxel.models.blend import EXPERT, Blend
@@ -84,6 +84,8 @@ class Expert:
     choice: Choice
     nested: Nested | None
     measured: Measured
+    repeated: bool = False
+    """Whether the choice was made before, by another run."""
     given_up: tuple[str, ...] = ()
     """Members that did not fit in the limits, and what leaving them out cost."""
     notes: tuple[str, ...] = ()
@@ -107,7 +109,7 @@ def train_expert(
     Args:
         task: What is to be predicted, and how that is judged.
         limits: Minutes, megabytes, microseconds.
-        like: Repeat this choice, and choose nothing.
+        like: Repeat this choice, and choose nothing; judged on the same folds.
         reject_novel: Share of known touch that may be rejected as novel, 0…1; none is unless given.
         seed: Of all that is random.
         tries: A folder for what was tried, so that an interrupted run goes on.
@@ -126,7 +128,13 @@ def train_expert(
     if reject_novel is not None:  # refused now, not after minutes
         check_enough(len(own), len(task.target.split("+")), reject_novel)
     if like is not None:
-        return _repeat(base, like, own, reject_novel, seed, on_step)
+        on_step("cutting as chosen before")
+        cut = _cut_as(base, like)
+        expert = _repeat(base, cut, like, own, reject_novel, seed, on_step)
+        if task.check:
+            score = check_choice(base, cut, like, folds, seed, on_step)
+            expert = _with_score(expert, score)
+        return replace(expert, seconds=perf_counter() - started)
     kept = KeptTries(tries, {"code": code_digest(), "software": environment(), "seed": seed})
     prepared = prepare_all(base)
     budget = Budget(TRYING * 60.0 * limits.minutes, len(folds.folds) * task.check + 1)
@@ -170,30 +178,75 @@ def _within(
     fitted = fit_within(found, own, limits, seed=seed)
     base = found.base
     unknown = _novelty(base, found.part.prepared, own, reject_novel)
+    learned = _learned_alone(base, found.part.prepared, own)
     run, measured = _run_of(
-        base, found.part.prepared, fitted.blend, fitted.choice.joining, nested, unknown, seed
+        base, learned, fitted.blend, fitted.choice.joining, nested, unknown, seed
     )
-    return Expert(run=run, choice=fitted.choice, nested=nested, measured=measured,
-                  given_up=fitted.given_up, notes=base.dataset.notes)  # fmt: skip
+    over = _over(measured, limits)
+    return Expert(
+        run=run, choice=fitted.choice, nested=nested, measured=measured,
+        given_up=fitted.given_up, notes=(*base.notes, *learned.dataset.notes, *over),
+    )  # fmt: skip
+
+
+def _over(measured: Measured, limits: Limits) -> tuple[str, ...]:
+    """Return what must be said of a bundle that is beyond its limits all the same."""
+    over = []
+    if measured.us > limits.most_us:
+        over.append(
+            f"a window takes {measured.us:.0f} µs, more than --max-us {limits.most_us:g}: "
+            "measure again on a machine with nothing else to do, or raise the limit"
+        )
+    if measured.mb > limits.most_mb:
+        over.append(f"the bundle has {measured.mb:.1f} MB, more than --max-mb {limits.most_mb:g}")
+    return tuple(over)
 
 
 def _repeat(
     base: Base,
+    prepared: Prepared,
     like: Choice,
     own: Sequence[int],
     reject_novel: float | None,
     seed: int,
     on_step: Callable[[str], None],
 ) -> Expert:
+    on_step("training on all data as chosen before")
+    blend = fit_choice(like, base, prepared, own, seed)
+    unknown = _novelty(base, prepared, own, reject_novel)
+    learned = _learned_alone(base, prepared, own)
+    run, measured = _run_of(base, learned, blend, like.joining, None, unknown, seed)
+    return Expert(run=run, choice=like, nested=None, measured=measured,
+                  notes=(*base.notes, *prepared.dataset.notes),
+                  repeated=True)  # fmt: skip
+
+
+def _cut_as(base: Base, like: Choice) -> Prepared:
     if like.target != base.target:
         raise BadInput(f"a choice for the label {base.target!r}", repr(like.target),
                        f"say --target {like.target}")  # fmt: skip
-    on_step("cutting as chosen before")
-    prepared = prepare(base, like.window, like.window.steps)
-    blend = fit_choice(like, base, prepared, own, seed)
-    unknown = _novelty(base, prepared, own, reject_novel)
-    run, measured = _run_of(base, prepared, blend, like.joining, None, unknown, seed)
-    return Expert(run=run, choice=like, nested=None, measured=measured, notes=base.dataset.notes)
+    return prepare(base, like.window, like.window.steps)
+
+
+def _with_score(expert: Expert, nested: Nested) -> Expert:
+    """Return a training beside the score of what was trained."""
+    accuracy = {nested.split: nested.scores.scores.accuracy}
+    contract = replace(expert.run.contract, accuracy=accuracy)
+    run = replace(
+        expert.run, contract=contract, predictions=nested.predictions, trivial=nested.trivial
+    )
+    return replace(expert, run=run, nested=nested)
+
+
+def _learned_alone(base: Base, prepared: Prepared, trials: Sequence[int]) -> Prepared:
+    """Return windows that know only those recordings by their values that are learned from.
+
+    What is held out for good, in a table of folds or another folder, must not count as learned.
+    """
+    names = {base.trials[index].recording for index in trials}
+    whole = prepared.dataset
+    known = {name: own for name, own in whole.fingerprints.items() if name in names}
+    return replace(prepared, dataset=replace(whole, fingerprints=known))
 
 
 def _unscaled(prepared: Prepared) -> Scaling:
@@ -241,6 +294,7 @@ def _run_of(
         history=(),
         data=str(base.path),
         predictions=None if nested is None else nested.predictions,
+        trivial={} if nested is None else nested.trivial,
         made=Made.now(),
     )
     return run, measure(run, prepared)

@@ -1,6 +1,7 @@
 """Somebody else's split as a table: which recordings, trials or groups stand on which side.
 
-A CSV (comma, UTF-8) with a line of names and a line for each recording, trial, group or window:
+A CSV (comma, semicolon or tab; UTF-8, or UTF-16 with its mark) with a line of names and a line
+for each recording, trial, group or window:
 
     recording   file name of the recording, with or without .mcap; or, instead of it,
     group:KEY   a value of the group KEY, such as an object: all of its trials
@@ -107,7 +108,9 @@ def read_fold_table(path: Path) -> FoldTable:
 def _lines(path: Path) -> tuple[list[str], list[tuple[int, dict[str, str]]]]:
     try:
         text = "".join(lines_of(path, LARGEST_LIST)).removeprefix("\ufeff")
-        reader = csv.DictReader(io.StringIO(text, newline=""))
+        top = text.lstrip("\r\n").partition("\n")[0]
+        separator = max(",;\t", key=top.count)
+        reader = csv.DictReader(io.StringIO(text, newline=""), delimiter=separator)
         lines = [(number, line) for number, line in enumerate(reader, 2) if any(line.values())]
         header = [str(name).strip() for name in reader.fieldnames or []]
     except (OSError, BadFile, csv.Error) as error:
@@ -126,7 +129,8 @@ def _key(path: Path, header: list[str]) -> str:
         raise BadTable(
             "the columns recording (or group:KEY), fold or side or both, and if need be start_s, "
             "end_s, view, label_s",
-            f"{', '.join(header) or 'none'} in {path}", "mend line 1",
+            f"{', '.join(header) or 'none'} in {path}", "mend line 1, "
+            "whose names stand between commas, semicolons or tabs",
         )  # fmt: skip
     return names[0]
 

@@ -9,20 +9,23 @@ Source: Cawley and Talbot, "On over-fitting in model selection", JMLR 2010; docs
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections import Counter
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
+from torch import nn
 
 from taxel.decisions.joining import Joining
 from taxel.errors import BadSplit
 from taxel.evaluation.bars import BARS, FEWEST_ROWS, bar_probabilities
+from taxel.evaluation.baselines import trivial_right
 from taxel.evaluation.metrics import cross_entropy
-from taxel.evaluation.run_scores import RunScores, judge
+from taxel.evaluation.run_scores import RunScores, baseline_warning, judge
 from taxel.evaluation.splits import Split, TrialFold
 from taxel.training.choose.choice import Choice
-from taxel.training.choose.fit_choice import predict_blend
+from taxel.training.choose.fit_choice import fit_choice, predict_blend
 from taxel.training.choose.inner_folds import what_is_held
 from taxel.training.choose.joining import join
 from taxel.training.choose.limits import USUAL_LIMITS, Limits, fit_within
@@ -54,6 +57,19 @@ class Nested:
     """Bar → its scores on the very same windows."""
     bars_s: float
     """Seconds that the bars took, beside the budget."""
+    trivial: dict[str, float] = field(default_factory=dict)
+    """Trivial baseline → accuracy on the very same windows, 0…1."""
+    fixed: bool = False
+    """Whether a choice that was made before was judged, and nothing chosen."""
+
+    @property
+    def warning(self) -> str | None:
+        """What must be said where the accuracy is not clear of trivial baselines."""
+        scores = self.scores
+        return baseline_warning(
+            "what was chosen", scores.scores.accuracy, scores.intervals[scores.group],
+            scores.group, self.trivial,
+        )  # fmt: skip
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,6 +80,12 @@ class _Tested:
     index: NDArray[np.intp]
     probabilities: NDArray[np.float64]
     joined: tuple[NDArray[np.intp], NDArray[np.float64]]
+
+    def trivial_right(self, base: Base, train: Sequence[int]) -> dict[str, int]:
+        """Return how many of these windows each trivial baseline names rightly."""
+        own = self.prepared
+        learned = np.flatnonzero(np.isin(own.trial, np.asarray(train, np.intp)) & own.scored)
+        return trivial_right(own.dataset, base.y[own.trial], [(learned, self.index)])
 
 
 def check_choosing(
@@ -105,9 +127,8 @@ def check_choosing(
         say("training what was chosen")
         fitted = fit_within(tried, train, limits, seed=effort.seed)
         choice, own = fitted.choice, tried.part.prepared
-        index = np.flatnonzero(np.isin(own.trial, test) & own.scored)
-        found = predict_blend(fitted.blend, own, index)
-        tested.append(_Tested(own, index, found, join(choice.joining, own.trial[index], found)))
+        tested.append(_test(fitted.blend, choice, own, test))
+        index = tested[-1].index
         choices.append(choice)
         started = effort.budget.clock()
         for name in bars:
@@ -117,19 +138,77 @@ def check_choosing(
         spent = effort.budget.clock() - started
         effort.budget.add(spent)
         bars_s += spent
-    predictions = _predictions(base, split, tested)
-    return Nested(
-        split=split.name,
-        choices=tuple(choices),
-        predictions=predictions,
-        scores=judge(predictions),
-        by_trial=_by_trial(base, tested),
+    return replace(
+        _nested(base, split, tested, choices),
         bars={
             name: (judge(_predictions(base, split, own)), _by_trial(base, own))
             for name, own in beside.items() if len(own) == len(tested)
         },
         bars_s=bars_s,
     )  # fmt: skip
+
+
+def check_choice(
+    base: Base,
+    prepared: Prepared,
+    choice: Choice,
+    split: Split,
+    seed: int = 0,
+    on_step: Callable[[str], None] = lambda _: None,
+) -> Nested:
+    """Train and test a choice that was made before, in each fold of a split.
+
+    Its score is nested only if these test trials had no part in that choice.
+
+    Args:
+        base: The recordings.
+        prepared: Them, cut as the choice says.
+        choice: Members, weights, temperatures.
+        split: Folds of whole trials, by the indices of `base.trials`.
+        seed: Of all that is random.
+        on_step: Called with a line before each fold.
+
+    Raises:
+        BadSplit: A fold parts windows, not trials.
+    """
+    tested = []
+    for fold in split.folds:
+        if not isinstance(fold, TrialFold):
+            raise BadSplit(
+                "a split of whole trials, to judge on", split.name, "choose group:KEY or order:KEY"
+            )
+        on_step(f"{fold.name} · training as chosen before")
+        blend = fit_choice(choice, base, prepared, sorted(fold.train), seed)
+        tested.append(_test(blend, choice, prepared, sorted(fold.test)))
+    return replace(_nested(base, split, tested, [choice] * len(tested)), fixed=True)
+
+
+def _test(blend: nn.Module, choice: Choice, own: Prepared, test: list[int]) -> _Tested:
+    index = np.flatnonzero(np.isin(own.trial, test) & own.scored)
+    found = predict_blend(blend, own, index)
+    return _Tested(own, index, found, join(choice.joining, own.trial[index], found))
+
+
+def _nested(
+    base: Base, split: Split, tested: Sequence[_Tested], choices: Sequence[Choice]
+) -> Nested:
+    """Return the scores of all folds' test windows together, trivial baselines beside."""
+    predictions = _predictions(base, split, tested)
+    right: Counter[str] = Counter()
+    for fold, own in zip(split.folds, tested, strict=True):
+        assert isinstance(fold, TrialFold)
+        right.update(own.trivial_right(base, sorted(fold.train)))
+    trivial = {"majority": float(np.bincount(predictions.y).max() / len(predictions))}
+    return Nested(
+        split=split.name,
+        choices=tuple(choices),
+        predictions=predictions,
+        scores=judge(predictions),
+        by_trial=_by_trial(base, tested),
+        bars={},
+        bars_s=0.0,
+        trivial=trivial | {name: count / len(predictions) for name, count in right.items()},
+    )
 
 
 def _bar(

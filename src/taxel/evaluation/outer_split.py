@@ -15,6 +15,8 @@ from taxel.training.choose.preparations import Base
 
 FOLDS = 5
 """Source: our choice, docs/decisions/0039."""
+_FEWEST_OBJECTS = 3
+"""Objects from which on they are held out unless a split is named. Source: our choice, 0039."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -53,13 +55,18 @@ USUAL = OuterSplit()
 
 
 def _usual(base: Base, folds: int, seed: int) -> Split:
-    """Hold out the coarsest groups; where another folder is to be tested on, that."""
+    """Hold out the coarsest groups; where another folder is to be tested on, that.
+
+    Sessions come first, then objects that were touched several times, then files.
+    """
     if base.test is not None:
         own = frozenset(base.own)
         fold = TrialFold("test", own, frozenset(range(len(base.trials))) - own)
         return Split(f"trained elsewhere, tested on {base.test.name}", (fold,), None)
     key = coarsest_group(base.trials)
-    order = [key, *(name for name in ("session", "file", "recording", "trial") if name != key)]
+    finer = (name for name in ("session", "file", "recording", "trial") if name != key)
+    first = ("object",) if key != "session" and _has_objects(base) else ()
+    order = [*first, key, *finer]
     known = [name for name in order if all(name in trial.groups for trial in base.trials)]
     for name in known[:-1]:
         try:
@@ -67,3 +74,12 @@ def _usual(base: Base, folds: int, seed: int) -> Split:
         except BadInput:
             continue
     return parse_split(f"group:{known[-1]}", base.dataset, base.target, folds, seed)
+
+
+def _has_objects(base: Base) -> bool:
+    """Return whether objects can be held out whole: several trials each, several of each class."""
+    names = [trial.groups.get("object") for trial in base.trials]
+    if None in names or len(set(names)) < _FEWEST_OBJECTS or 2 * len(set(names)) > len(names):
+        return False
+    pairs = set(zip(base.y.tolist(), names, strict=True))
+    return all(sum(y == number for y, _ in pairs) > 1 for number in set(base.y.tolist()))

@@ -160,6 +160,34 @@ def beside_baselines(
     return "clear", f"{name} stands clear of every baseline, the best being “{best}”"
 
 
+def baseline_warning(
+    name: str,
+    accuracy: float,
+    interval: GroupInterval,
+    group: str,
+    trivial: Mapping[str, float],
+) -> str | None:
+    """Return what must be said where an accuracy does not stand clear of trivial baselines.
+
+    Args:
+        name: Whose accuracy it is.
+        accuracy: 0…1.
+        interval: Its own.
+        group: What was resampled for that.
+        trivial: Baseline → accuracy, 0…1; at least one.
+    """
+    shown = f"{name} ({accuracy:.1%})".replace("%", " %")
+    standing, said = beside_baselines(shown, accuracy, interval, group, trivial)
+    more = f"record more {group}s"
+    mend = {
+        "behind": "do not claim this accuracy: taxel audit says what gives the label away; train "
+        f"longer, or {more}",
+        "near": f"the difference may be chance; {more}",
+        "few": "record more of them",
+    }
+    return f"{said}: {mend[standing]}" if standing in mend else None
+
+
 def few_groups(group: str, groups: int) -> str | None:
     """Return what must be said of an interval of so few groups that it promises too much."""
     if smallest_p(groups) < LEVEL:

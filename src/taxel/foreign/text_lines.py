@@ -35,7 +35,7 @@ def lines_of(path: Path, most: int) -> Iterator[str]:
     r"""Yield a text's lines with their ends, which are \n, \r\n or \r.
 
     Args:
-        path: The file; one whose name ends in .gz is unpacked.
+        path: The file; one whose name ends in .gz or .GZ is unpacked.
         most: Bytes that the text may have, unpacked.
 
     Raises:
@@ -87,7 +87,7 @@ class _Bounded(io.RawIOBase):
 
     def __init__(self, path: Path, file: BinaryIO, most: int) -> None:
         self._path = path
-        self._packed = path.name.endswith(".gz")
+        self._packed = path.name.lower().endswith(".gz")
         self._file = file
         self._from: BinaryIO = gzip.GzipFile(fileobj=file) if self._packed else file  # type: ignore[assignment]
         self._most = most

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from taxel.bundles.trials import TrialBundle
 from taxel.decisions.trial_verdict import Verdict, VerdictConfig, join_crops, no_verdict
 from taxel.errors import BadSource
-from taxel.frame_codec import decode_jpeg
+from taxel.frame_codec import decode_frame
 from taxel.live.camera_health import CameraHealth
 from taxel.signals import CameraInfo, Frame
 from taxel.windows.camera_trials import CameraTrial
@@ -152,7 +152,7 @@ class TrialWatch:
 
     def _crop(self, sets: Sequence[FrameSet]) -> tuple[NDArray[np.float64], float]:
         images = [
-            [decode_jpeg(found.frames[number].jpeg, camera) for found in sets]
+            [decode_frame(found.frames[number].jpeg, camera) for found in sets]
             for number, camera in enumerate(self._cameras)
         ]
         probabilities, novelty = predict_crop(self.bundle, images)

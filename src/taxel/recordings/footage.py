@@ -160,7 +160,9 @@ Footage = Video | ImageFolder
 
 
 def coloured(footage: Footage) -> Iterator[NDArray[np.uint8]]:
-    """Yield the frames, and refuse grey ones.
+    """Yield the frames, and refuse grey ones: imports serve grasp monitors too, which need colour.
+
+    Camera trials in place do without: they are seen in grey, but for one small view.
 
     Raises:
         BadTable: The first frames have no colour; and as `frames` raises.

@@ -7,6 +7,8 @@ nothing about particular data sets (known.py).
 
 from __future__ import annotations
 
+import os
+from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -15,19 +17,18 @@ import numpy as np
 
 from taxel.errors import BadTable
 from taxel.recordings import tables
+from taxel.recordings.import_header import PLAIN_COLUMNS, check_header, table_cells
+from taxel.recordings.import_notes import FileFacts, gaps_of
 from taxel.recordings.intervals import Interval, marks_of, read_intervals, stem_of, write_marked
 from taxel.recordings.layouts import find_layout
 from taxel.recordings.manifest import Manifest
-from taxel.recordings.spelling import composed
-from taxel.recordings.table_columns import is_number, read_cells
+from taxel.recordings.spelling import column_name, composed
+from taxel.recordings.table_columns import is_number
 from taxel.recordings.table_files import file_of
 from taxel.recordings.tables import Missing, Table
 from taxel.recordings.whole import new_folder
 from taxel.recordings.writer import Recorder
 from taxel.signals import Samples, SensorInfo
-
-PLAIN_COLUMNS = ("file", "channels", "time", "layout", "sensor", "full_scale")
-"""Columns of an import table beside label:NAME and group:NAME."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -72,6 +73,7 @@ def import_table(
     intervals: Path | None = None,
     options: ImportOptions = ImportOptions(),
     progress: Callable[[int, int], None] | None = None,
+    on_file: Callable[[FileFacts], None] | None = None,
 ) -> list[Path]:
     """Write one recording for each row of an import table.
 
@@ -82,6 +84,7 @@ def import_table(
         intervals: A table of labelled intervals, which become marks (intervals.py).
         options: How strictly files are read.
         progress: Called with files done and files in all.
+        on_file: Called with what was found in each file; `import_notes.notes_of` says it.
 
     Raises:
         BadTable: A table or any file is not as it should be; then nothing is written.
@@ -90,7 +93,7 @@ def import_table(
     rows = read_rows(manifest_csv, data_dir or manifest_csv.parent, outside=options.allow_outside)
     return import_rows(
         rows, output_dir, code_dir=manifest_csv.parent, intervals=intervals_of(rows, intervals),
-        options=options, progress=progress,
+        options=options, progress=progress, on_file=on_file,
     )  # fmt: skip
 
 
@@ -102,6 +105,7 @@ def import_rows(
     intervals: Mapping[str, Sequence[Interval]] | None = None,
     options: ImportOptions = ImportOptions(),
     progress: Callable[[int, int], None] | None = None,
+    on_file: Callable[[FileFacts], None] | None = None,
 ) -> list[Path]:
     """Write one recording for each row; see `import_table` and `intervals_of`."""
     names = _output_names(rows)
@@ -109,7 +113,9 @@ def import_rows(
     with new_folder(output_dir, files, overwrite=options.overwrite) as made:
         for done, (row, name, file) in enumerate(zip(rows, names, files, strict=True), 1):
             own = (intervals or {}).get(name, ())
-            _import_file(row, own, made / file, code_dir, options)
+            facts = _import_file(row, own, made / file, code_dir, options)
+            if on_file is not None:
+                on_file(facts)
             if progress is not None:
                 progress(done, len(rows))
     return [output_dir / file for file in files]
@@ -144,9 +150,9 @@ def read_rows(manifest_csv: Path, data_dir: Path, *, outside: bool = False) -> l
     Raises:
         BadTable: A column is unknown or missing, a row is not complete, or its file lies outside.
     """
-    lines = read_cells(manifest_csv)
-    header = [name.strip() for name in lines[0]] if lines else []
-    _check_header(manifest_csv, header)
+    lines = table_cells(manifest_csv)
+    header = [column_name(name, PLAIN_COLUMNS) for name in lines[0]]
+    check_header(manifest_csv, header)
     if len(lines) < 2:
         raise BadTable("a row for each file", f"none in {manifest_csv}", "add rows")
     return [
@@ -154,20 +160,6 @@ def read_rows(manifest_csv: Path, data_dir: Path, *, outside: bool = False) -> l
         for number, cells in enumerate(lines[1:], start=2)
         if any(cell.strip() for cell in cells)
     ]
-
-
-def _check_header(path: Path, header: Sequence[str]) -> None:
-    for name in header:
-        if name not in PLAIN_COLUMNS and not name.startswith(("label:", "group:")):
-            raise BadTable(
-                f"the columns {', '.join(PLAIN_COLUMNS)}, label:NAME and group:NAME",
-                f"{name!r} in {path}, line 1",
-                "rename or remove it",
-            )
-    if "file" not in header or len(set(header)) < len(header):
-        raise BadTable(
-            "a column 'file', and each column once", f"{', '.join(header)} in {path}", "mend line 1"
-        )
 
 
 def _row(
@@ -205,16 +197,40 @@ def _full_scale(text: str, where: str) -> float | None:
 
 
 def _output_names(rows: Sequence[ImportRow]) -> list[str]:
-    """Return the recordings' names, without ending."""
+    """Return the recordings' names, without ending: with their folders where files share a name."""
+    stems = [stem_of(row.file.name) for row in rows]
+    often = Counter(stems)
+    if len(often) == len(stems):
+        return stems
+    paths = [Path(os.path.abspath(row.file)) for row in rows]
+    top = os.path.commonpath([path.parent for path in paths])
     names: dict[str, Path] = {}
-    for row in rows:
-        name = stem_of(row.file.name)
+    for path, stem in zip(paths, stems, strict=True):
+        folders = path.parent.relative_to(top).parts if often[stem] > 1 else ()
+        name = "-".join((*folders, stem))
         if name in names:
-            raise BadTable(
-                "files whose names differ", f"{names[name]} and {row.file}", "rename one of them"
-            )
-        names[name] = row.file
+            raise _one_name(names[name], path)
+        names[name] = path
+    _refuse_twice([path for path, stem in zip(paths, stems, strict=True) if often[stem] > 1])
     return list(names)
+
+
+def _refuse_twice(paths: Sequence[Path]) -> None:
+    """Refuse a file that two paths lead to, be it by a link."""
+    found: dict[Path, Path] = {}
+    for path in paths:
+        before = found.setdefault(path.resolve(), path)
+        if before is not path:
+            raise _one_name(before, path)
+
+
+def _one_name(first: Path, second: Path) -> BadTable:
+    if first.resolve() == second.resolve():
+        return BadTable(
+            "each file in one row", f"{first} in two", "remove a row, or mark parts of the file "
+            "as trials with --intervals",
+        )  # fmt: skip
+    return BadTable("files whose names differ", f"{first} and {second}", "rename one of them")
 
 
 def _import_file(
@@ -223,7 +239,7 @@ def _import_file(
     path: Path,
     code_dir: Path,
     options: ImportOptions,
-) -> None:
+) -> FileFacts:
     if not row.file.is_file():
         raise BadTable("a file to import", f"{row.file}, which is not there", "check the path")
     table = _read(row, code_dir, options)
@@ -246,6 +262,16 @@ def _import_file(
     except BaseException:
         recorder.discard()
         raise
+    gaps, longest_gap_s, longest_from_s = gaps_of(table.time_s)
+    return FileFacts(
+        file=row.file.name,
+        number_header=table.number_header,
+        rate_hz=info.rate_hz,
+        time=row.time if row.layout == "csv" and not row.time.strip().startswith("rate:") else "",
+        gaps=gaps,
+        longest_gap_s=longest_gap_s,
+        longest_from_s=longest_from_s,
+    )
 
 
 def _composed(pairs: Mapping[str, str]) -> dict[str, str]:

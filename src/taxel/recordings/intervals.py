@@ -18,13 +18,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taxel.errors import BadTable
-from taxel.recordings.spelling import composed
+from taxel.recordings.spelling import column_name, composed
 from taxel.recordings.table_columns import is_number, mend_number, read_cells
 from taxel.recordings.writer import Recorder
 from taxel.signals import Mark, Samples
 
 SUFFIXES = (".csv.gz", ".csv", ".npy", ".txt", ".mcap")
-"""Endings of a file's name that are no part of its recording's."""
+"""Endings of a file's name that are no part of its recording's, in capitals or not."""
 COLUMNS = ("file", "start_s", "end_s", "duration_s")
 """Columns beside label:NAME and group:NAME."""
 OTHER_NAMES = {
@@ -58,7 +58,8 @@ def stem_of(file: str) -> str:
     """Return the name of a file's recording: without folders and without its ending."""
     name = Path(file).name
     for suffix in SUFFIXES:
-        name = name.removesuffix(suffix)
+        if name.lower().endswith(suffix):
+            name = name[: -len(suffix)]
     return name
 
 
@@ -90,11 +91,11 @@ def read_intervals(table: Path, recordings: Sequence[str]) -> dict[str, list[Int
         if len(cells) != len(header):
             raise BadTable(f"{len(header)} cells", f"{len(cells)} in {where}", "mend the line")
         named = dict(zip(header, cells, strict=True))
-        stem = composed(stem_of(named.get("file", recordings[0])))
-        if stem not in known:
+        name = _recording_of(named.get("file", recordings[0]), known)
+        if name is None:
             raise BadTable(f"a file among {_some(recordings)}", f"{named['file']!r} in {where}",
                            "correct the line, or add the file")  # fmt: skip
-        found[known[stem]].append(_interval(named, where))
+        found[name].append(_interval(named, where))
     for own in found.values():
         own.sort(key=lambda interval: interval.start_s)
         for before, after in pairwise(own):
@@ -177,7 +178,8 @@ def _lines(table: Path) -> tuple[list[str], list[tuple[int, list[str]]]]:
         header = [first.removeprefix("#").strip(), *others]
     if lines and not header:
         header = UNNAMED_COLUMNS if is_number(lines[0][1][0]) else lines.pop(0)[1]
-    return [composed(OTHER_NAMES.get(name, name)) for name in header], lines
+    names = [column_name(name, (*COLUMNS, *OTHER_NAMES)) for name in header]
+    return [composed(OTHER_NAMES.get(name, name)) for name in names], lines
 
 
 def _check_header(table: Path, header: Sequence[str]) -> None:
@@ -189,6 +191,19 @@ def _check_header(table: Path, header: Sequence[str]) -> None:
             f"{', '.join(map(repr, odd)) or ', '.join(header) or 'none'} in {table}",
             "mend its first line",
         )  # fmt: skip
+
+
+def _recording_of(file: str, known: Mapping[str, str]) -> str | None:
+    """Return the recording of a file, by its name with as many of its folders as match.
+
+    Args:
+        file: As the table writes it, with folders and ending or without.
+        known: Composed names of the recordings → as they are spelt. Imported files that share a
+            name have that of their folders before it: day1-trial0.
+    """
+    parts = [*Path(file).parent.parts, stem_of(file)]
+    names = (composed("-".join(parts[first:])) for first in range(len(parts)))
+    return next((known[name] for name in names if name in known), None)
 
 
 def _interval(named: Mapping[str, str], where: str) -> Interval:

@@ -228,12 +228,18 @@ def list_recordings(path: Path) -> list[Path]:
         raise damaged(unfinished[0], "a recording that was not finished")
     found = sorted(path.glob("*.mcap"))
     if not found:
-        raise BadRecording(
-            "a folder with recordings (*.mcap)",
-            f"none in {path}",
-            "make some with: taxel simulate, taxel record or taxel import",
-        )
+        raise BadRecording("a folder with recordings (*.mcap)", f"none in {path}", _instead(path))
     return found
+
+
+def _instead(folder: Path) -> str:
+    """Return what to do with a folder without recordings."""
+    tables = sorted(path.name for path in folder.glob("*.csv"))
+    table = "trials.csv" if "trials.csv" in tables else tables[0] if len(tables) == 1 else ""
+    if table:
+        own = folder / table
+        return f"taxel import {own}; videos can be trained on as they are: taxel train {own}"
+    return "make some with: taxel simulate, taxel record or taxel import"
 
 
 Item = Manifest | dict[str, Any] | ChunkContent

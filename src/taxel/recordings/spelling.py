@@ -7,12 +7,26 @@ from __future__ import annotations
 
 import unicodedata
 from collections import defaultdict
-from collections.abc import Iterable, Mapping
+from collections.abc import Collection, Iterable, Mapping
 
 
 def composed(text: str) -> str:
     """Return a text with composed letters (NFC): "é" is one letter, however it was typed."""
     return unicodedata.normalize("NFC", text)
+
+
+def column_name(text: str, plain: Collection[str]) -> str:
+    """Return a column's name as a table's reader knows it: "File" is file, "Label:Hue" label:Hue.
+
+    Args:
+        text: As it stands in the first line.
+        plain: The reader's own columns, in small letters; other names stay as they are.
+    """
+    name = text.strip()
+    kind, colon, own = name.partition(":")
+    if colon and kind.strip().lower() in ("label", "group", "camera"):
+        return f"{kind.strip().lower()}:{own.strip()}"
+    return name.lower() if name.lower() in plain else name
 
 
 def look_alikes(what: str, sets: Iterable[Mapping[str, str]]) -> list[str]:

@@ -11,7 +11,8 @@ from __future__ import annotations
 import csv
 import io
 from collections.abc import Iterator, Sequence
-from itertools import islice
+from dataclasses import dataclass
+from itertools import chain, islice
 from pathlib import Path
 
 import numpy as np
@@ -38,17 +39,54 @@ _HEAD_BYTES = 4108
 _SEPARATORS = ",;\t"
 
 
-def csv_columns(path: Path, wanted: Sequence[str]) -> tuple[NDArray[np.float64], int]:
-    """Return the wanted columns of a CSV, shape (rows, wanted), and the line of the first row.
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CsvColumns:
+    """What was read of a CSV."""
+
+    values: NDArray[np.float64]
+    """Shape (rows, wanted), in the file's own units."""
+    first_line: int
+    """Number of the line that holds the first row."""
+    number_header: str = ""
+    """The names in line 1 where all of them are numbers, which values could be, too; or empty."""
+
+
+def csv_columns(path: Path, wanted: Sequence[str]) -> CsvColumns:
+    """Return the wanted columns of a CSV.
+
+    A first line of nothing but numbers is a row of values, unless they count the columns, from 0
+    (as pandas does) or 1, and the line below does not.
 
     Args:
         path: The file; one that ends in .gz is unpacked. Comma, semicolon or tab separate.
-        wanted: Names as in the header, or numbers from 1.
+        wanted: Names as in the header, or numbers from 1. Where the header itself holds whole
+            numbers, these are names, and nothing is counted.
 
     Raises:
         BadTable: Anything in the file is not as it should be; says where.
     """
     lines = _lines(path, LARGEST_TABLE)
+    first = _first_line(path, lines)
+    separator = max(_SEPARATORS, key=first.count)
+    top = [name.strip() for name in _cells(path, 1, first, separator)]
+    second = next(lines, None)
+    counting = _count_columns(top) and not (
+        second and _count_columns([cell.strip() for cell in second.split(separator)])
+    )
+    has_header = counting or any(name and not is_number(name) for name in top)
+    names = top if has_header else [str(number) for number in range(1, len(top) + 1)]
+    what = f"a header with {_some(top)}" if has_header else f"{len(top)} columns, no header"
+    where = _places(path, names, wanted, what)
+    below = lines if second is None else chain([second], lines)
+    rows = _rows(path, below, separator, len(top))
+    first_line = 2 if has_header else 1
+    values = _values(path, rows if has_header else chain([top], rows), names, where, first_line)
+    return CsvColumns(
+        values=values, first_line=first_line, number_header=_some(top) if counting else ""
+    )
+
+
+def _first_line(path: Path, lines: Iterator[str]) -> str:
     first = next(lines, "")
     if not first:
         empty = not any(lines)
@@ -56,27 +94,34 @@ def csv_columns(path: Path, wanted: Sequence[str]) -> tuple[NDArray[np.float64],
             "rows of numbers", f"the empty file {path}" if empty else f"an empty line 1 in {path}",
             "leave the file out" if empty else "remove the line",
         )  # fmt: skip
-    separator = max(_SEPARATORS, key=first.count)
-    top = _cells(path, 1, first, separator)
-    header = [name.strip() for name in top]
-    has_header = any(name and not is_number(name) for name in header)
-    names = header if has_header else [str(number) for number in range(1, len(top) + 1)]
-    what = f"a header with {_some(header)}" if has_header else f"{len(top)} columns, no header"
-    where = _places(path, names, wanted, what)
-    first_line = 2 if has_header else 1
-    rows = _rows(path, lines, separator, len(top))
+    return first
+
+
+def _count_columns(cells: Sequence[str]) -> bool:
+    """Return whether cells count two columns or more, from 0 or 1; an index has no name."""
+    numbers = list(cells[1:] if cells[0] == "" else cells)
+    starts = (0, 1) if len(numbers) > 1 else ()
+    return any(numbers == [str(start + n) for n in range(len(numbers))] for start in starts)
+
+
+def _values(
+    path: Path,
+    rows: Iterator[list[str]],
+    names: Sequence[str],
+    where: Sequence[int],
+    first_line: int,
+) -> NDArray[np.float64]:
+    """Return the columns at the places `where` as numbers, shape (rows, places)."""
     blocks, count = [np.empty((0, len(where)))], 0
-    kept = [] if has_header else [top]
-    while block := kept + list(islice(rows, max(1, _BLOCK_CELLS // len(top)))):
+    while block := list(islice(rows, max(1, _BLOCK_CELLS // len(names)))):
         found = np.empty((len(block), len(where)))
         for place, index in enumerate(where):
             cells = [row[index] for row in block]
             found[:, place] = _numbers(path, cells, names[index], first_line + count)
         blocks.append(found)
         count += len(block)
-        kept = []
         _refuse_many(path, count * len(where))
-    return np.concatenate(blocks), first_line
+    return np.concatenate(blocks)
 
 
 def npy_columns(path: Path, wanted: Sequence[str]) -> NDArray[np.float64]:
@@ -212,7 +257,11 @@ def _cells(path: Path, number: int, line: str, separator: str) -> list[str]:
 
 
 def _places(path: Path, names: Sequence[str], wanted: Sequence[str], what: str) -> list[int]:
-    """Return where each wanted name stands; a number counts columns where no name is one."""
+    """Return where each wanted name stands; a number counts columns where no name is one.
+
+    Where a name is a whole number, a second meaning of numbers would take another column unseen.
+    """
+    counted = not any(map(_is_whole, names))
     found: dict[str, int] = {}
     times: dict[str, int] = {}
     for index, name in enumerate(names):
@@ -222,7 +271,7 @@ def _places(path: Path, names: Sequence[str], wanted: Sequence[str], what: str) 
         if times.get(name, 0) > 1:
             raise _no_column(path, name, f"{times[name]} columns of that name", what)
         if name not in found:
-            index = _as_number(name)
+            index = _as_number(name) if counted else 0
             if not 1 <= index <= len(names):
                 raise _no_column(path, name, "no such column", what)
             found[name] = index - 1
@@ -240,11 +289,18 @@ def _number_of(path: Path, name: str, columns: int) -> int:
 
 
 def _as_number(name: str) -> int:
-    return int(name) if name.isascii() and name.isdecimal() and len(name) < 10 else 0
+    return int(name) if _is_whole(name) and len(name) < 10 else 0
+
+
+def _is_whole(name: str) -> bool:
+    return name.isascii() and name.isdecimal()
 
 
 def _no_column(path: Path, name: str, problem: str, what: str) -> BadTable:
-    return BadTable(f"the column {name[:80]!r}", f"{problem} in {path} ({what})", "correct it")
+    mend = "correct it"
+    if _is_whole(name) and what.startswith("a header"):
+        mend = "write a name as it stands there; if line 1 holds values, put names above it"
+    return BadTable(f"the column {name[:80]!r}", f"{problem} in {path} ({what})", mend)
 
 
 def _numbers(path: Path, cells: list[str], name: str, first_line: int) -> NDArray[np.float64]:
@@ -275,5 +331,6 @@ def _refuse_many(path: Path, count: int) -> None:
 
 
 def _some(names: Sequence[str]) -> str:
-    more = f" and {len(names) - 12} more" if len(names) > 12 else ""
-    return ", ".join(name[:40] for name in names[:12]) + more
+    named = [name for name in names if name]
+    more = f" and {len(named) - 12} more" if len(named) > 12 else ""
+    return ", ".join(name[:40] for name in named[:12]) + more

@@ -61,6 +61,8 @@ class Table:
     """Shape (n,), seconds, increasing."""
     names: tuple[str, ...]
     units: tuple[str, ...]
+    number_header: str = ""
+    """The file's first line where it was taken as names though it holds only numbers; or empty."""
 
 
 def parse_columns(text: str, where: str) -> tuple[Column, ...]:
@@ -134,15 +136,18 @@ def read_table(
     """
     wanted = [column.name for column in columns]
     wanted += [time.column.name] if time.column is not None else []
-    if path.name.endswith(".npy"):
+    first_line, number_header = 1, ""
+    ending = path.name.lower()
+    if ending.endswith(".npy"):
         cells = npy_columns(path, wanted)
-        first_line = 1
-    elif path.name.endswith((".csv", ".csv.gz")):
-        cells, first_line = csv_columns(path, wanted)
+    elif ending.endswith((".csv", ".csv.gz")):
+        found = csv_columns(path, wanted)
+        cells, first_line, number_header = found.values, found.first_line, found.number_header
     else:
         raise BadTable(
-            "a .csv, .csv.gz or .npy file", str(path), "name a layout for it in the column 'layout'"
-        )
+            "a .csv, .csv.gz or .npy file", str(path), "save it as one of them, or name a function "
+            "of yours that reads it, as module.py:function, in the column 'layout'",
+        )  # fmt: skip
     values = cells[:, : len(columns)]
     check_values(path, values, [column.name for column in columns], missing, first_line)
     return Table(
@@ -150,6 +155,7 @@ def read_table(
         time_s=_time_s(path, cells, time, first_line),
         names=tuple(column.name for column in columns),
         units=tuple(column.unit for column in columns),
+        number_header=number_header,
     )
 
 

@@ -10,7 +10,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from taxel.errors import BadTable
-from taxel.recordings.spelling import composed
+from taxel.recordings.spelling import column_name, composed
 from taxel.recordings.table_columns import read_cells
 from taxel.recordings.table_files import file_of
 
@@ -18,6 +18,7 @@ _CAMERA_COLUMNS = ("left", "right")
 _CAMERA = "camera:"
 SPLIT = "split"
 """Column, and group, that says on which side a trial stands."""
+_PLAIN = (*_CAMERA_COLUMNS, SPLIT, "rate", "mm_per_px")
 SIDES = ("train", "validation", "test")
 """What the column `split` may hold."""
 
@@ -51,7 +52,7 @@ def read_video_rows(table: Path, data_dir: Path, *, outside: bool = False) -> li
             outside.
     """
     lines = read_cells(table)
-    columns = [name.strip() for name in lines[0]] if lines else []
+    columns = [column_name(name, _PLAIN) for name in lines[0]] if lines else []
     _check_columns(table, columns)
     rows = [
         _row(table, number, columns, cells, data_dir, outside)
@@ -65,7 +66,7 @@ def read_video_rows(table: Path, data_dir: Path, *, outside: bool = False) -> li
 
 def names_videos(columns: Sequence[str]) -> bool:
     """Return whether a table with these columns is one of camera trials."""
-    return any(_is_camera(name.strip()) for name in columns)
+    return any(_is_camera(column_name(name, _PLAIN)) for name in columns)
 
 
 def _is_camera(column: str) -> bool:
@@ -73,9 +74,8 @@ def _is_camera(column: str) -> bool:
 
 
 def _check_columns(table: Path, columns: Sequence[str]) -> None:
-    known = (*_CAMERA_COLUMNS, SPLIT, "rate", "mm_per_px")
     prefixes = (_CAMERA, "label:", "group:")
-    odd = [c for c in columns if c not in known and not c.startswith(prefixes)]
+    odd = [c for c in columns if c not in _PLAIN and not c.startswith(prefixes)]
     odd += [c for c in columns if c in prefixes]
     alone = "right" in columns and "left" not in columns
     if odd or alone or not names_videos(columns):

@@ -120,6 +120,17 @@ def recordings_of(url: str) -> list[str]:
     ]
 
 
+def replayed_files(url: str) -> list[Path]:
+    """Return the recordings that an address replays; none for another source.
+
+    Raises:
+        BadSource: The address is wrong.
+        BadRecording: The folder holds no recording, or an unfinished one.
+    """
+    scheme, name, _ = _split(url)
+    return list_recordings(Path(name)) if scheme == "replay" else []
+
+
 def at_full_speed(url: str) -> str:
     """Return the address with speed=max, where it names no speed and is no real device's.
 
@@ -149,9 +160,10 @@ def _split(url: str) -> tuple[str, str, dict[str, str]]:
     folder = scheme == "replay" and Path(name).is_dir()
     if scheme not in SCHEMES or not name or not (found or name.endswith(".mcap") or folder):
         known = ", ".join(f"{scheme}://" for scheme in SCHEMES)
+        absent = not found and not Path(name).exists()
         raise BadSource(
             f"an address that starts with one of {known}, or a recording's file",
-            repr(url),
-            "try sim://teng",
+            f"{url!r}, and there is no such file or folder" if absent else repr(url),
+            "check the path, or try sim://teng" if absent else "try sim://teng",
         )
     return scheme, name, read_options(query, BadSource)

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from rich.console import Group, RenderableType
 from rich.text import Text
+from scipy.stats import binomtest
 
 from taxel.evaluation.expert import Expert
 from taxel.evaluation.nested import Nested
@@ -18,10 +19,16 @@ SHOWN = 12
 """Lines of the leaderboard; expert.json holds all."""
 
 
-def leaderboard(choice: Choice) -> RenderableType:
-    """Return what was tried on all data, the best first, and why the winner won."""
+def leaderboard(choice: Choice, *, repeated: bool = False) -> RenderableType:
+    """Return what was tried on all data, the best first, and why the winner won.
+
+    Args:
+        choice: What was tried and chosen.
+        repeated: Whether that was in an earlier run.
+    """
+    when = "in the run that is repeated, " if repeated else ""
     table = result_table(
-        f"{visible(choice.target)} · tried on {choice.folds} inner folds, "
+        f"{visible(choice.target)} · {when}tried on {choice.folds} inner folds, "
         f"{visible(choice.held)} held out",
         ("model", "windows", "loss", "accuracy", "s", "weight"),
     )
@@ -36,7 +43,7 @@ def leaderboard(choice: Choice) -> RenderableType:
     ]
     if len(shown) < len(rows):
         lines.append(Text(f"{len(rows) - len(shown)} more in expert.json", style="dim"))
-    if choice.left_out:
+    if choice.left_out and not repeated:
         count = len(choice.left_out)
         lines.append(Text(f"{count} not tried, for the time was up; --minutes allows more"))
     return Group(table, *lines)
@@ -45,31 +52,42 @@ def leaderboard(choice: Choice) -> RenderableType:
 def nested_table(nested: Nested) -> RenderableType:
     """Return the outer score, by window and by trial, with its bars on the same windows."""
     scores, by_trial = nested.scores, nested.by_trial
+    how = f"nested: each of {len(nested.choices)} folds chose anew on its training part"
+    if nested.fixed:
+        how = "chosen before, trained anew on each training part; not nested if that choice saw it"
     table = result_table(
-        f"split: {visible(nested.split)} · nested: each of {len(nested.choices)} folds chose anew "
-        f"on its training part · {len(nested.predictions)} test windows, {by_trial.trials} trials",
+        f"split: {visible(nested.split)} · {how} · {len(nested.predictions)} test windows, "
+        f"{by_trial.trials} trials",
         ("model", "accuracy", "by trial", "loss", "loss by trial", "calibration error"),
     )
-    for name, (own, trials) in {"chosen by default": (scores, by_trial), **nested.bars}.items():
+    first = "as chosen before" if nested.fixed else "chosen by default"
+    for name, (own, trials) in {first: (scores, by_trial), **nested.bars}.items():
         table.add_row(
             name, f"{own.scores.accuracy:.4f}", f"{trials.accuracy:.4f}",
             f"{own.scores.loss:.4f}", f"{trials.loss:.4f}", f"{own.calibration_error:.4f}",
         )  # fmt: skip
-    table.add_row("majority", f"{majority(nested):.4f}", style="dim")
+    for name, accuracy in nested.trivial.items():
+        table.add_row(name, f"{accuracy:.4f}", style="dim")
     interval = scores.intervals[scores.group]
     said = f"95 % CI over {interval.groups} {visible(scores.group)}s: "
-    return Group(table, Text(f"{said}{interval.low:.4f} … {interval.high:.4f}"))
+    lines = [Text(f"{said}{interval.low:.4f} … {interval.high:.4f}{_all_right(nested)}")]
+    if nested.warning:
+        lines.append(Text(f"warning: {visible_line(nested.warning)}", style="yellow"))
+    return Group(table, *lines)
 
 
-def majority(nested: Nested) -> float:
-    """Return the share of the commonest class among the test windows, 0…1."""
-    y = list(nested.predictions.y)
-    return max(map(y.count, set(y))) / len(y)
+def _all_right(nested: Nested) -> str:
+    """Return what an interval without width hides: what so few trials can show."""
+    trials = nested.by_trial
+    if trials.accuracy < 1.0:
+        return ""
+    least = binomtest(trials.trials, trials.trials).proportion_ci().low
+    return f"; all {trials.trials} trials right: by their number alone at least {least:.3f}"
 
 
 def expert_report(expert: Expert) -> RenderableType:
     """Return everything that is printed of a training."""
-    parts: list[RenderableType] = [leaderboard(expert.choice)]
+    parts: list[RenderableType] = [leaderboard(expert.choice, repeated=expert.repeated)]
     if expert.nested is not None:
         parts += [Text(), nested_table(expert.nested)]
     measured = expert.measured

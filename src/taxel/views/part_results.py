@@ -74,19 +74,6 @@ def bundle_score_table(found: BundleScores, bundle: str, data: str) -> Renderabl
     )  # fmt: skip
 
 
-def seen_line(found: BundleScores) -> str | None:
-    """Return what must be said where the bundle learned from what it is scored on, or may have."""
-    if not found.learned_is_known:
-        return ("the bundle does not say which recordings it learned from: make sure that they are "
-                "none of these")  # fmt: skip
-    if not found.learned_from:
-        return None
-    return (
-        f"the bundle learned from {len(found.learned_from)} of these very recordings (such as "
-        f"{found.learned_from[0]}): this is no test of them"
-    )
-
-
 def _lines(found: BundleScores) -> list[str]:
     lines = ["accuracy: UNKNOWN counts as wrong; one answer: always naming the commonest class"]
     if found.unknown and not math.isnan(found.answered_accuracy):

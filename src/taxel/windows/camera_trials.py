@@ -17,13 +17,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taxel.errors import BadDataset, BadTable
-from taxel.frame_codec import decode_jpeg
+from taxel.frame_codec import decode_jpeg, encode_jpeg
 from taxel.recordings.footage import open_footage
 from taxel.recordings.known import KNOWN_VIDEOS
 from taxel.recordings.reader import list_recordings, read_manifest
 from taxel.recordings.table_columns import read_cells
 from taxel.recordings.video_rows import VideoRow, names_videos, read_video_rows
-from taxel.recordings.videos import same_length, same_rate
+from taxel.recordings.videos import QUALITY, same_length, same_rate
 from taxel.sim.pour_state import has_truth
 from taxel.windows.camera_recordings import CameraRecording, frame_sets, read_camera_recordings
 
@@ -50,6 +50,8 @@ class CameraTrial:
     """Millimetres that a pixel covers; None where nobody said."""
     digest: str
     """SHA-256 over all images, hexadecimal."""
+    recorded: bool = True
+    """True where the images are a recording's own, which `digest` is over; False for files."""
     read: Callable[[int], Iterator[Image]]
     """Camera's number → its images in order, shape (height, width, 3), red first."""
     slip_um: NDArray[np.float32] | None = None
@@ -60,6 +62,24 @@ class CameraTrial:
         needed = set(wanted)
         found = enumerate(islice(self.read(camera), max(needed) + 1))
         return {number: image for number, image in found if number in needed}
+
+    def digests(self) -> tuple[str, ...]:
+        """Return `digest` and, of files, the digest of the recording that an import makes of them.
+
+        By both a trial is known again whether it is read in place or imported. Files are decoded
+        and coded once for it.
+
+        Raises:
+            BadTable: A video cannot be read.
+        """
+        if self.recorded:
+            return (self.digest,)
+        whole = hashlib.sha256()
+        streams = [self.read(camera) for camera in range(len(self.cameras))]
+        for images in islice(zip(*streams, strict=False), self.frames):
+            for image in images:
+                whole.update(hashlib.sha256(encode_jpeg(image, QUALITY)).digest())
+        return self.digest, whole.hexdigest()
 
 
 def are_camera_trials(path: Path) -> bool:
@@ -135,6 +155,7 @@ def _of_row(row: VideoRow) -> CameraTrial:
             rate_hz=row.rate_hz or same_rate(row.name, videos),
             mm_per_px=row.mm_per_px,
             digest=hashlib.sha256(together.encode()).hexdigest(),
+            recorded=False,
             read=read,
         )
     finally:
@@ -163,6 +184,7 @@ def _of_pour(pour: CameraRecording) -> CameraTrial:
         rate_hz=first.rate_hz,
         mm_per_px=first.mm_per_px,
         digest=pour.digest,
+        recorded=True,
         read=read,
         slip_um=pour.beside[:, 0] if has_truth(pour.sensor.channels) else None,
     )

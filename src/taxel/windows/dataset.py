@@ -58,6 +58,8 @@ class Dataset:
     """The level that all sessions were brought to; None where values are as measured."""
     to_level: NDArray[np.float32] | None = None
     """What each trial's values were multiplied by for that, shape (trials, channels)."""
+    missing: int = 0
+    """Windows that were left out, as they hold values that are missing or NaN."""
     fingerprints: Mapping[str, str] = field(default_factory=dict)
     """Recording's file name → SHA-256 over its values, hexadecimal: the same touch is known
     again under another name."""
@@ -202,7 +204,8 @@ def _assemble(cut: _Cut, config: WindowConfig, target: str | None, *, keep: bool
             "old: left out; --window grid=own takes each scan as a row"
         )
     if unusable := int((~whole).sum()) - stale:
-        notes.append(f"{unusable} windows hold values that are missing or NaN: left out")
+        noun = "scans" if config.steps == 1 else "windows"
+        notes.append(f"{unusable} {noun} hold values that are missing or NaN: left out")
     windows, trial = windows[whole], trial[whole]
     notes += filled_note(windows)
     if windows.padded:
@@ -245,6 +248,7 @@ def _assemble(cut: _Cut, config: WindowConfig, target: str | None, *, keep: bool
         notes=tuple(notes),
         reference=reference,
         to_level=to_level,
+        missing=max(unusable, 0),
     )
 
 

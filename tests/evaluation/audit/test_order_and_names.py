@@ -80,7 +80,10 @@ def test_order_that_nobody_knows_is_not_checked(make_set: Make) -> None:
 
 def test_few_trials_are_not_called_clean(make_set: Make) -> None:
     """Eight trials show no leak, and the audit says that they could not."""
-    touch = make_set["array"]()
+    alike = make_set["array"]()
+    rows = tuple(own[: 40 - i % 3] for i, own in enumerate(alike.rows))
+    times = tuple(own[: 40 - i % 3] for i, own in enumerate(alike.time_s))
+    touch = replace(alike, rows=rows, time_s=times)
     few = touch.only(np.flatnonzero(touch.y < 2)[:8])
 
     result = audit(few, "few")
@@ -92,6 +95,15 @@ def test_few_trials_are_not_called_clean(make_set: Make) -> None:
     assert kinds["length"] == "too few"
     assert "could not be decided with so few trials: " in result.verdict
     assert others["length"] == "clear"
+
+
+def test_trials_of_one_length_cannot_be_told_by_it_however_few(make_set: Make) -> None:
+    touch = make_set["array"]()
+    result = audit(touch.only(np.flatnonzero(touch.y < 2)[:8]), "few")
+    kinds = {finding.kind: finding.verdict for finding in result.findings}
+
+    assert kinds["length"] == "clear"
+    assert kinds["place"] == "clear"
 
 
 def test_what_cropping_leaves_is_said(make_set: Make) -> None:
@@ -135,6 +147,7 @@ def test_what_taring_leaves_is_said(make_set: Make) -> None:
         ("bottle_1", "bottle_2", False), ("cup", "cap", False), ("day1", "day2", False),
         ("left", "right", False), ("glove a", "glove b", False), ("10", "10.0", False),
         ("bottle", "battles", False), ("Straße", "strasse", True),
+        ("ceramic_mug", "ceramic_mugg", True), ("cup", "cupp", True), ("cup", "cups", False),
     ],
 )  # fmt: skip
 def test_names_that_are_probably_one(a: str, b: str, same: bool) -> None:

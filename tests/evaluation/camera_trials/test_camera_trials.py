@@ -9,12 +9,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 from numpy.typing import NDArray
-from trial_makers import as_avi, as_folder, as_mp4, trial_images, write_trials
+from trial_makers import as_avi, as_folder, as_mp4, few_small_members, trial_images, write_trials
 
-import taxel.training.trial_blend as blending
 from taxel.actions.rule_table import RuleTable
 from taxel.bundles.engine import open_engine
-from taxel.bundles.trials import IN_RUN
+from taxel.bundles.trials import (
+    IN_RUN,
+)
 from taxel.cli.evaluate_trials import EvaluateTrials
 from taxel.cli.live_trials import live_trials
 from taxel.cli.train_trials import TrainTrials
@@ -55,9 +56,7 @@ from taxel.windows.trial_crops import (
 @pytest.fixture(autouse=True)
 def _small(monkeypatch: pytest.MonkeyPatch) -> None:
     """Few and small members: tests look at wiring, not at accuracy."""
-    monkeypatch.setattr(blending, "TREES", 12)
-    monkeypatch.setattr(blending, "INNER_TREES", 6)
-    monkeypatch.setattr(fit_blend, "__defaults__", (MEMBERS[:2], lambda line: None))
+    few_small_members(monkeypatch)
 
 
 def some_trials(

@@ -237,8 +237,9 @@ def test_what_the_time_does_not_allow_is_left_out_and_said(base: Base):
 
 
 def test_an_interrupted_choice_goes_on_where_it_was(base: Base, tmp_path: Path):
-    first, second = KeptTries(tmp_path / "t", {}), KeptTries(tmp_path / "t", {})
+    first = KeptTries(tmp_path / "t", {})
     trial = search(base, list(range(16)), 12.0, first)
+    second = KeptTries(tmp_path / "t", {})
     again = search(base, list(range(16)), 12.0, second)
 
     assert first.used == 0
@@ -246,6 +247,8 @@ def test_an_interrupted_choice_goes_on_where_it_was(base: Base, tmp_path: Path):
     assert [t.loss for _, _, t in again.board[: len(trial.board)]] == [
         t.loss for _, _, t in trial.board
     ]
+    search(base, list(range(16)), 12.0, first)
+    assert first.used == 0  # its own tries are none of an earlier run
 
 
 def unjudged(recordings: Path) -> Task:
@@ -273,7 +276,9 @@ def test_a_choice_that_was_written_can_be_repeated(expert, recordings: Path, tmp
 
     assert like == expert.choice
     assert again.run.contract.window == expert.run.contract.window
-    assert again.nested is None
+    assert again.nested.fixed
+    assert again.nested.split == expert.nested.split
+    assert train_expert(unjudged(recordings), like=like).nested is None
 
 
 def test_a_damaged_choice_is_refused_in_one_line(tmp_path: Path):
@@ -367,3 +372,22 @@ def test_a_chosen_network_is_three_of_other_seeds_that_share_its_weight(base: Ba
     np.testing.assert_allclose(blend.weights.numpy(), [0.2, 0.2, 0.2, 0.4], atol=1e-6)
     first, second, _ = (dict(head.named_parameters()) for head in blend.heads[:3])
     assert any(not torch.equal(first[name], second[name]) for name in first)
+
+
+def test_a_bundle_beyond_its_limits_says_so(recordings: Path):
+    found = train_expert(unjudged(recordings), Limits(minutes=0.02, most_us=1.0))
+
+    assert any("more than --max-us 1" in note for note in found.notes)
+
+
+def test_the_bare_model_leaves_time_for_the_bundle(base: Base):
+    """What is timed bare stays below the limit by what the bundle's own checks take."""
+    found = search(base, list(range(16)), 60.0)
+
+    def cost(blend: Blend, prepared: Prepared) -> Cost:
+        return Cost(1.0, 1000.0 * len(blend.features))
+
+    at_limit = fit_within(found, list(range(16)), Limits(most_us=2000.0), cost=cost)
+
+    assert len({m.blocks for m in found.choice().members if m.blocks}) > 1
+    assert len({m.blocks for m in at_limit.choice.members if m.blocks}) == 1

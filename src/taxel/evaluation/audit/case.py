@@ -59,6 +59,8 @@ class Reading:
     examples: tuple[str, ...] = ()
     mended: Callable[[], tuple[float, str]] | None = None
     """What cheap trees still reach once this is tared or cropped away, and a sentence on it."""
+    same: bool = False
+    """Whether it is the same in all trials, so that no number of them would make it tell."""
 
     def finding(self, p: float, tests: int = 1) -> Finding:
         """Return the finding, given p after correction for so many tests."""
@@ -67,7 +69,7 @@ class Reading:
         if verdict in ALARMS and self.mended is not None:
             left, sentence = self.mended()
             said = f"{said} {sentence}"
-        if verdict == "clear" and not self.evidence.could_count(tests):
+        if verdict == "clear" and not self.same and not self.evidence.could_count(tests):
             verdict = "too few"
             said = f"{said.rstrip('.')} as far as so few trials show: even one that goes half of " \
                    "the way to certainty could be chance."  # fmt: skip

@@ -1,8 +1,8 @@
 """Names that are probably one name, spelt twice: a misspelt object is held out beside its twin.
 
 Two values of a group or label are near where they differ in case, blanks, underscores or hyphens
-only, or by one typing error in a word. Numbers must agree: cup_1 and cup_2 are two cups. Knows
-nothing about touch.
+only, or by one typing error in a word, in a short one by a doubled letter. Numbers must agree:
+cup_1 and cup_2 are two cups. Knows nothing about touch.
 
 Background of our choices: docs/decisions/0040.
 """
@@ -65,7 +65,10 @@ def near(a: str, b: str) -> bool:
     if len(words[0]) != len(words[1]):
         return False
     changed = [pair for pair in zip(*words, strict=True) if pair[0] != pair[1]]
-    return len(changed) == 1 and all(map(_is_word, changed[0])) and one_slip(*changed[0])
+    if len(changed) != 1 or not all(word.isalpha() for word in changed[0]):
+        return False
+    long = all(len(word) >= LEAST_LETTERS for word in changed[0])
+    return one_slip(*changed[0]) if long else _doubled(*changed[0])
 
 
 def _words(name: str) -> list[str]:
@@ -74,8 +77,12 @@ def _words(name: str) -> list[str]:
     return re.findall(r"\d+(?:\.\d+)?|[^\W\d_]+", folded)
 
 
-def _is_word(text: str) -> bool:
-    return text.isalpha() and len(text) >= LEAST_LETTERS
+def _doubled(a: str, b: str) -> bool:
+    """Return whether one word is the other with a letter doubled: "mug" and "mugg"."""
+    short, long = sorted((a, b), key=len)
+    return len(long) == len(short) + 1 and any(
+        long == short[: place + 1] + short[place:] for place in range(len(short))
+    )
 
 
 def one_slip(a: str, b: str) -> bool:

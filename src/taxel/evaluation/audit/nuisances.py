@@ -35,7 +35,8 @@ def read_length(case: Case) -> Reading:
     touch = case.touch
     lengths = np.array([touch.every.get(trial.recording, 1) * len(rows)
                         for trial, rows in zip(touch.trials, touch.rows, strict=True)])  # fmt: skip
-    found = trial_evidence(case, np.stack([[t[-1] - t[0] for t in touch.time_s], lengths], axis=1))
+    features = np.stack([[t[-1] - t[0] for t in touch.time_s], lengths], axis=1)
+    found = trial_evidence(case, features)
     middle = [
         f"{name}: {np.median(lengths[touch.y == c]):.0f} rows"
         for c, name in enumerate(touch.classes)
@@ -52,7 +53,21 @@ def read_length(case: Case) -> Reading:
         )
 
     return Reading(kind="length", evidence=found, decide=decide, examples=tuple(middle),
-                   mended=lambda: cropped(case))  # fmt: skip
+                   mended=lambda: cropped(case), same=_same(features))  # fmt: skip
+
+
+def _same(features: NDArray[np.floating]) -> bool:
+    """Return whether all rows are the same up to rounding."""
+    return bool(np.allclose(features, features[:1], rtol=1e-6, atol=1e-6))
+
+
+def _same_places(place: NDArray[np.floating], trial: NDArray[np.intp]) -> bool:
+    """Return whether each trial has windows at the same places."""
+    counts = np.unique(trial, return_counts=True)[1]
+    if len(set(counts.tolist())) > 1:
+        return False
+    by_trial = place[np.argsort(trial, kind="stable")].reshape(len(counts), -1)
+    return _same(by_trial)
 
 
 def read_place(case: Case) -> Reading:
@@ -73,7 +88,8 @@ def read_place(case: Case) -> Reading:
             "take windows at the same places of every trial, whatever its label and length",
         )
 
-    return Reading(kind="place", evidence=found, decide=decide, mended=lambda: cropped(case))
+    return Reading(kind="place", evidence=found, decide=decide, mended=lambda: cropped(case),
+                   same=_same_places(place, pieces.trial))  # fmt: skip
 
 
 def read_first(case: Case) -> Reading:

@@ -18,6 +18,7 @@ import numpy as np
 from taxel import __version__
 from taxel.bundles.trials import IN_RUN, TrialContract, trial_bundle_bytes
 from taxel.evaluation.camera_trials.crossval import TrialSet
+from taxel.evaluation.camera_trials.learned_trials import fingerprints
 from taxel.evaluation.camera_trials.sides import TrialSplit
 from taxel.plain_text import finite, json_text
 from taxel.recordings.whole import whole_folder, write_whole
@@ -94,6 +95,7 @@ def fit_final(
         data_digest=hashlib.sha256(digests.encode()).hexdigest(),
         measured=measured,
         software=f"taxel {__version__}",
+        learned=fingerprints([images[index] for index in learned.tolist()]),
     )
     bundle, parity = trial_bundle_bytes(
         contract, blend_to_onnx(blend, own.shape[1]), own[at], both.astype(np.float32)

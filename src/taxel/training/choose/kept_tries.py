@@ -41,8 +41,9 @@ class KeptTries:
 
     def __init__(self, folder: Path | None, depends_on: Any) -> None:
         self.used = 0
-        """Tries that were found done."""
+        """Tries that were found done by an earlier run."""
         self._folder = folder
+        self._older = set() if folder is None else {path.name for path in folder.glob("*.npz")}
         self._about = json.dumps(depends_on, sort_keys=True, default=str)
 
     def find(
@@ -51,14 +52,15 @@ class KeptTries:
         """Return a candidate's logits and seconds where they were kept, else None."""
         if self._folder is None:
             return None, 0.0
+        path = self._path(part, candidate, blocks)
         try:
-            kept = read_arrays(self._path(part, candidate, blocks), ("logits", "seconds"))
+            kept = read_arrays(path, ("logits", "seconds"))
             logits, seconds = kept["logits"], float(kept["seconds"][0])
         except (OSError, BadFile, KeyError, IndexError, ValueError):
             return None, 0.0
         if logits.shape != (int(part.scored.sum()), part.classes) or not np.isfinite(logits).all():
             return None, 0.0
-        self.used += 1
+        self.used += path.name in self._older
         return logits.astype(np.float64), seconds
 
     def keep(

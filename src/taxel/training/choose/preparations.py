@@ -60,9 +60,11 @@ class Base:
     """Windows of one row: each usable scan."""
     target: str
     rows: NDArray[np.intp]
-    """Rows of each trial, shape (trials,)."""
+    """Rows of each trial, shape (trials,); unusable ones too."""
     test: Path | None = None
     """Another folder, whose trials follow and are tested only."""
+    notes: tuple[str, ...] = ()
+    """What a reader must know of all recordings, however they are cut."""
 
     @property
     def trials(self) -> tuple[Trial, ...]:
@@ -144,11 +146,39 @@ def load_base(
     Raises:
         BadDataset: There is no usable row, or a trial lacks the target.
     """
-    dataset = load_dataset(path, replace(ROWS, channels=channels), target=target)
+    config = replace(ROWS, channels=channels)
+    own = dataset = load_dataset(path, config, target=target)
     if test is not None:
-        dataset = join_datasets(dataset, test, target)
+        dataset = join_datasets(own, test, target)
     rows = np.bincount(dataset.trial, minlength=len(dataset.trials)).astype(np.intp)
-    return Base(path, dataset, target, rows, test)
+    if own.missing:
+        rows[: len(own.trials)] = _all_rows(load_dataset(path, config, unusable=True), own)
+    return Base(path, dataset, target, rows, test, notes=_constant(dataset))
+
+
+def _all_rows(whole: Dataset, usable: Dataset) -> NDArray[np.intp]:
+    """Return how many scans each trial has, unusable ones too: lost scans do not shorten it."""
+    counts = np.bincount(whole.trial, minlength=len(whole.trials))
+    known = {(trial.recording, trial.start_s): counts[i] for i, trial in enumerate(whole.trials)}
+    return np.array([known[trial.recording, trial.start_s] for trial in usable.trials], np.intp)
+
+
+def _constant(dataset: Dataset) -> tuple[str, ...]:
+    """Return what must be said of channels that never change.
+
+    Raises:
+        BadDataset: None changes.
+    """
+    values = dataset.windows.values[:, 0]
+    same = np.ptp(values, axis=0) == 0
+    names = [name for name, still in zip(dataset.sensor.channels, same, strict=True) if still]
+    if len(values) > 1 and same.all():
+        raise BadDataset(
+            "channels whose values change", "the same values in all rows of all recordings",
+            "look at the sensor and at: taxel info",
+        )  # fmt: skip
+    listed = f"{', '.join(names[:8])}{' …' if len(names) > 8 else ''}"
+    return (f"channels that never change: {listed}",) if names else ()
 
 
 def candidate_windows(base: Base) -> list[WindowConfig]:

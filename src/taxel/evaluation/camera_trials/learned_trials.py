@@ -1,0 +1,37 @@
+"""Which of some camera trials a bundle was trained on, by fingerprints of their images.
+
+Knows nothing about models or screens.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from taxel.bundles.contract import fingerprint_of
+from taxel.bundles.trials import TrialContract
+from taxel.windows.camera_trials import CameraTrial
+
+
+def fingerprints(trials: Sequence[CameraTrial]) -> tuple[str, ...]:
+    """Return what a contract keeps of its training trials, sorted.
+
+    Raises:
+        BadTable: A video cannot be read.
+    """
+    return tuple(sorted({fingerprint_of(own) for trial in trials for own in trial.digests()}))
+
+
+def trained_on(contract: TrialContract, trials: Sequence[CameraTrial]) -> tuple[str, ...]:
+    """Return the names of the trials that a bundle was trained on, sorted.
+
+    Empty for a bundle of before, which does not say what it was trained on.
+
+    Raises:
+        BadTable: A video cannot be read.
+    """
+    known = set(contract.learned)
+    return tuple(sorted(trial.name for trial in trials if known and _among(trial, known)))
+
+
+def _among(trial: CameraTrial, known: set[str]) -> bool:
+    return fingerprint_of(trial.digest) in known or not known.isdisjoint(fingerprints([trial]))

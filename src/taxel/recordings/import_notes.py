@@ -1,0 +1,108 @@
+"""What a person should know of imported files, though nothing in them is wrong: a line for each.
+
+Knows nothing about how files are read or written.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+GAP_STEPS = 2.0
+"""Median steps beyond which a step is a gap: a scan was lost even where times jitter. Source: our
+choice, docs/decisions/0004."""
+_SLACK = 1e-6
+"""Share by which rounding may lengthen a step."""
+SLOW_HZ = 1.0
+"""Scans a second below which a time column's unit may be wrong: ms read as s is 1000 times too
+slow, and touch is sampled faster. Source: our
+choice, docs/decisions/0004."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FileFacts:
+    """What was found in one file."""
+
+    file: str
+    """Its name."""
+    number_header: str = ""
+    """Its first line where it was taken as names though it holds only numbers; or empty."""
+    rate_hz: float = 0.0
+    """Scans a second, hertz, by the median step; 0 for a single scan."""
+    time: str = ""
+    """The time column and its unit, such as "t[ms]"; empty where time is not from a column."""
+    gaps: int = 0
+    """Steps of more than GAP_STEPS times the median one."""
+    longest_gap_s: float = 0.0
+    """The longest of them, from scan to scan, seconds."""
+    longest_from_s: float = 0.0
+    """Where it starts, seconds from the first scan."""
+
+
+def gaps_of(time_s: NDArray[np.float64]) -> tuple[int, float, float]:
+    """Return how many gaps there are, how long the longest is, and where it starts.
+
+    Args:
+        time_s: Of a file's scans, shape (n,), seconds, increasing.
+
+    Returns:
+        The number, seconds from scan to scan, and seconds from the first scan; zeros without one.
+    """
+    steps_s = np.diff(time_s)
+    if len(steps_s) < 2:
+        return 0, 0.0, 0.0
+    count = int(np.count_nonzero(steps_s > GAP_STEPS * (1 + _SLACK) * np.median(steps_s)))
+    longest = int(np.argmax(steps_s))
+    if not count:
+        return 0, 0.0, 0.0
+    return count, float(steps_s[longest]), float(time_s[longest] - time_s[0])
+
+
+def notes_of(files: Sequence[FileFacts]) -> list[str]:
+    """Return a line for each matter, however many files it is found in."""
+    slow = [facts for facts in files if facts.time and 0 < facts.rate_hz < SLOW_HZ]
+    return [
+        *_number_headers([facts for facts in files if facts.number_header]),
+        *_slow(sorted(slow, key=lambda facts: facts.rate_hz)),
+        *_gaps([facts for facts in files if facts.gaps], len(files)),
+    ]
+
+
+def _number_headers(files: Sequence[FileFacts]) -> list[str]:
+    if not files:
+        return []
+    return [
+        f"{_some(files)}: line 1 ({files[0].number_header}) was taken as the columns' names, not "
+        "as a scan; if it is a scan, put a line of names above it"
+    ]
+
+
+def _slow(files: Sequence[FileFacts]) -> list[str]:
+    """Return a line on files of few scans a second, the slowest first."""
+    if not files:
+        return []
+    first = files[0]
+    return [
+        f"{_some(files)}: {first.rate_hz:.3g} scans a second by the time column {first.time}; if "
+        f"that is too few, its unit is wrong: s, ms, us or ns"
+    ]
+
+
+def _gaps(files: Sequence[FileFacts], of: int) -> list[str]:
+    if not files:
+        return []
+    count = sum(facts.gaps for facts in files)
+    longest = max(files, key=lambda facts: facts.longest_gap_s)
+    return [
+        f"{count} {'gap' if count == 1 else 'gaps'} in {len(files)} of {of} files, a step of more "
+        f"than {GAP_STEPS:g} times the median; the longest lasts {longest.longest_gap_s:.3g} s "
+        f"({longest.file}, {longest.longest_from_s:.3f} s after its first scan); scans missing "
+        "there are not counted as lost"
+    ]
+
+
+def _some(files: Sequence[FileFacts]) -> str:
+    return files[0].file + (f" and {len(files) - 1} more" if len(files) > 1 else "")

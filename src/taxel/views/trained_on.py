@@ -1,0 +1,31 @@
+"""The warning beside the score of a bundle on what it was trained on.
+
+Knows nothing about scores or bundles.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from taxel.plain_text import visible
+
+
+def trained_on_line(names: Sequence[str], what: str, *, known: bool) -> str | None:
+    """Return what must be said where a bundle was, or may have been, trained on what it scores.
+
+    Args:
+        names: Those of them that it was trained on.
+        what: Such as "recordings".
+        known: False for a bundle of before, which does not say what it was trained on.
+    """
+    if not known:
+        return (
+            f"the bundle does not say which {what} it learned from: make sure that they are "
+            "none of these"
+        )
+    if not names:
+        return None
+    return (
+        f"the bundle learned from {len(names)} of these very {what} (such as "
+        f"{visible(names[0])}): this is no test of them"
+    )

@@ -1,0 +1,158 @@
+"""Bundles on trials: the very images, what they learned from, recordings without the cameras."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from dataclasses import replace
+from pathlib import Path
+from types import SimpleNamespace
+
+import cv2
+import numpy as np
+import pytest
+from trial_makers import as_avi, as_folder, few_small_members, write_trials
+
+from taxel.actions.rule_table import RuleTable
+from taxel.bundles.trials import (
+    IN_RUN,
+    contract_from_json,
+    contract_to_json,
+    read_trial_contract,
+)
+from taxel.cli.evaluate_trials import EvaluateTrials
+from taxel.cli.live_trials import live_trials
+from taxel.cli.train_trials import TrainTrials
+from taxel.cli.trial_data import TrialOptions
+from taxel.errors import BadBundle, BadSource
+from taxel.evaluation.camera_trials.learned_trials import trained_on
+from taxel.frame_codec import decode_frame
+from taxel.live.frame_loop import moments_and_marks
+from taxel.live.trial_replay import TrialReplay
+from taxel.recordings.manifest import Manifest
+from taxel.recordings.video_rows import read_video_rows
+from taxel.recordings.videos import import_videos
+from taxel.recordings.writer import Recorder
+from taxel.signals import Samples, SensorInfo
+from taxel.windows.camera_trials import read_camera_trials
+from taxel.windows.pairs import FramePairer
+
+
+@pytest.fixture(autouse=True)
+def _small(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Few and small members: tests look at wiring, not at accuracy."""
+    few_small_members(monkeypatch)
+
+
+def test_live_names_a_recording_without_the_cameras_before_it_prints(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Nothing stands on stdout, and the line says which recording holds what."""
+    sensor = SensorInfo(name="pad", channels=("a", "b"), units=("V", "V"), rate_hz=100.0)
+    contract = SimpleNamespace(cameras=2)
+    file = tmp_path / "touch.mcap"
+    with Recorder(file, Manifest.started_now(sensor, {}, now_s=0.0)) as recorder:
+        recorder.write(Samples.from_values(np.zeros((30, 2), "f4"), np.arange(30) / 100.0))
+    monkeypatch.setattr(
+        "taxel.bundles.trials.read_trial_bundle", lambda *_: SimpleNamespace(contract=contract)
+    )
+    words = {"as_json": False, "rules": RuleTable(()), "device": "cpu"}
+    with pytest.raises(BadBundle, match=f"{file}, which holds 0 and an array of 2 channels"):
+        live_trials(tmp_path / "a.taxel", str(tmp_path), None, 0.5, **words)
+    assert capsys.readouterr().out == ""
+
+
+def test_a_score_on_the_training_trials_says_so_beside_the_commonest_class(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Training trials are known again in place and imported; other trials and older bundles are
+    not taken for them."""
+    table = write_trials(tmp_path / "a", objects=2, each=4, frames=14, write=as_avi)
+    options = TrialOptions(fold_count=2, cache=tmp_path / "cache")
+    TrainTrials(trials=table, output=tmp_path / "run", options=options, check=False).run()
+    bundle = tmp_path / "run" / IN_RUN
+    import_videos(read_video_rows(table, table.parent), tmp_path / "imported")
+    TrainTrials(
+        trials=tmp_path / "imported", output=tmp_path / "other", options=options, check=False
+    ).run()
+    for own in (bundle, tmp_path / "other" / IN_RUN):
+        for data in (table, tmp_path / "imported"):
+            capsys.readouterr()
+            EvaluateTrials(trials=own, data=data).run()
+            printed = " ".join(capsys.readouterr().out.split())
+            assert "commonest class 0.500" in printed
+            assert "warning: the bundle learned from 8 of these very trials" in printed
+            unknown = int(printed.split("UNKNOWN ")[1].split()[0])
+            answered = float(printed.split("counted as wrong ")[1].split()[0])
+            assert answered <= 1 - unknown / 8 + 1e-3
+            words = {"as_json": False, "rules": RuleTable(()), "device": "cpu"}
+            live_trials(own, str(data), None, 0.5, **words)
+            printed = " ".join(capsys.readouterr().out.split())
+            assert "warning: the bundle learned from 8 of these very trials" in printed
+
+    address = f"replay://{tmp_path / 'imported'}?speed=max"
+    live_trials(bundle, address, None, 0.5, as_json=True, rules=RuleTable(()), device="cpu")
+    live = json.loads(capsys.readouterr().out)
+    assert len(live["trials"]) == 8
+    assert live["warning"].startswith("the bundle learned from 8 of these very trials")
+
+    others = tmp_path / "others"
+    others.mkdir()
+    shutil.copytree(tmp_path / "imported", others / "trials")
+    first = min((others / "trials").glob("*.mcap"))
+    for file in (others / "trials").glob("*.mcap"):
+        if file != first:
+            file.unlink()
+    contract = read_trial_contract(bundle)
+    read = read_camera_trials(others / "trials")
+    assert trained_on(contract, read) == (first.name.removesuffix(".mcap"),)
+    assert trained_on(replace(contract, learned=("0" * 16,)), read) == ()
+    older = json.loads(contract_to_json(contract))
+    del older["learned"]
+    assert contract_from_json(json.dumps(older)).learned == ()
+
+
+@pytest.mark.parametrize("grey", [False, True])
+def test_a_table_is_replayed_with_the_very_images_that_training_sees(
+    tmp_path: Path, grey: bool
+) -> None:
+    """No loss between a folder of images and the live path, for grey cameras as for colour."""
+    random = np.random.default_rng(0)
+    for camera in ("left", "right"):
+        (tmp_path / camera).mkdir()
+        for number in range(9):
+            image = random.integers(0, 256, (48, 64, 3), np.uint8)
+            if grey:
+                image[...] = image[..., :1]
+            cv2.imwrite(str(tmp_path / camera / f"frame{number}.png"), image)
+    table = tmp_path / "trials.csv"
+    table.write_text("left,right,label:slipped,group:object,rate\nleft,right,1,mug,30\n")
+    (trial,) = read_camera_trials(table)
+
+    with TrialReplay(trial) as source:
+        found = list(moments_and_marks(source, FramePairer(2), lambda frame: None))
+
+    sets, mark = found[:-1], found[-1]
+    assert (mark.labels, mark.groups["object"]) == ({"slipped": "1"}, "mug")
+    for camera in range(2):
+        seen = [decode_frame(own.frames[camera].jpeg, source.cameras[camera]) for own in sets]
+        np.testing.assert_array_equal(seen, list(trial.read(camera)))
+    assert np.diff([own.time_s for own in sets]) == pytest.approx(1 / 30)
+
+
+def test_a_long_trial_is_replayed_as_jpeg_and_a_frame_of_another_size_is_refused(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """What is kept of a trial in memory stays bounded."""
+    table = write_trials(tmp_path / "a", objects=1, each=2, frames=12, write=as_folder)
+    trial = read_camera_trials(table)[0]
+    with TrialReplay(trial) as source:
+        source.read()
+        image, camera = source.frames()[0].jpeg, source.cameras[0]
+    assert image.startswith(b"\x89PNG")
+    with pytest.raises(BadSource, match=f"frames of {camera.width + 1}×"):
+        decode_frame(image, replace(camera, width=camera.width + 1))
+    monkeypatch.setattr("taxel.live.trial_replay.LARGEST_LOSSLESS", 1000)
+    with TrialReplay(trial) as source:
+        source.read()
+        assert source.frames()[0].jpeg.startswith(b"\xff\xd8")

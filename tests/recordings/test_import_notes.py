@@ -1,0 +1,89 @@
+"""What an import says of files in which nothing is wrong: a line a matter, not a line a file."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from taxel.cli.main import main
+from taxel.recordings.import_notes import gaps_of
+
+Capture = pytest.CaptureFixture[str]
+
+
+def write(folder: Path, columns: str, **files: str) -> list[str]:
+    """Write files and a table that names them; return the command that imports them."""
+    for name, text in files.items():
+        (folder / f"{name}.csv").write_text(text)
+    rows = "".join(f"{name}.csv,cup,{columns}\n" for name in files)
+    (folder / "table.csv").write_text("file,label:object,channels,time\n" + rows)
+    return ["import", str(folder / "table.csv"), "--output", str(folder / "out")]
+
+
+def notes(capsys: Capture, words: list[str]) -> list[str]:
+    """Import; return the lines on the error stream, and compare them with those in JSON."""
+    main(words)
+    lines = capsys.readouterr().err.splitlines()
+    main([*words, "--overwrite", "--json"])
+    assert [f"note: {note}" for note in json.loads(capsys.readouterr().out)["notes"]] == lines
+    return lines
+
+
+def test_a_header_of_numbers_is_said(tmp_path, capsys):
+    """What was taken as names is quoted, because a first scan may look like it."""
+    text = "0,1,2\n5,6,7\n6,7,8\n"
+    words = write(tmp_path, "0[N] 2[N],rate:100Hz", a=text, b=text)
+    assert notes(capsys, words) == [
+        "note: a.csv and 1 more: line 1 (0, 1, 2) was taken as the columns' names, not as a scan; "
+        "if it is a scan, put a line of names above it"
+    ]
+
+
+def test_milliseconds_taken_for_seconds_are_said(tmp_path, capsys):
+    """2 s of touch would last 33 minutes; the slowest file is quoted."""
+    rows = "".join(f"{10 * i},{i}\n" for i in range(200))
+    words = write(tmp_path, "x[N],t[s]", a="t,x\n0,1\n5,2\n10,3\n", b="t,x\n" + rows)
+    assert notes(capsys, words) == [
+        "note: b.csv and 1 more: 0.1 scans a second by the time column t[s]; if that is too few, "
+        "its unit is wrong: s, ms, us or ns"
+    ]
+
+
+@pytest.mark.parametrize("columns", ["x[N],t[ms]", "x[N],rate:0.1Hz"])
+def test_a_rate_that_is_given_or_usual_is_not_said(tmp_path, capsys, columns):
+    """Who writes a rate means it; one scan a second is the least without a word."""
+    words = write(tmp_path, columns, a="t,x\n0,1\n1000,2\n2000,3\n")
+    assert notes(capsys, words) == []
+
+
+def test_gaps_are_counted_in_one_line(tmp_path, capsys):
+    """How many, in how many files, and where the longest is; the median step is 10 ms."""
+    whole = "t,x\n" + "".join(f"{10 * i},1\n" for i in range(50))
+    holes = "t,x\n" + "".join(f"{10 * i},1\n" for i in range(500, 550) if not 505 <= i < 509)
+    more = "t,x\n" + "".join(f"{10 * i},1\n" for i in range(90) if i not in (5, 6, 20, 21, 40))
+    words = write(tmp_path, "x[N],t[ms]", a=whole, b=more, c=holes)
+    assert notes(capsys, words) == [
+        "note: 3 gaps in 2 of 3 files, a step of more than 2 times the median; the longest lasts "
+        "0.05 s (c.csv, 0.040 s after its first scan); scans missing there are not counted as lost"
+    ]
+
+
+@pytest.mark.parametrize(
+    ("time_s", "found"),
+    [
+        ([], (0, 0.0, 0.0)),
+        ([0.0, 9.0], (0, 0.0, 0.0)),
+        ([0.0, 1.0, 2.0, 4.0], (0, 0.0, 0.0)),
+        ([0.0, 0.1, 0.2, 0.30000000000000004, 0.5], (0, 0.0, 0.0)),
+        ([5.0, 6.0, 7.0, 9.5, 10.0, 14.0], (2, 4.0, 5.0)),
+    ],
+)
+def test_a_gap_is_more_than_two_median_steps(time_s, found):
+    """Two exactly are none, however the times are rounded."""
+    assert gaps_of(np.array(time_s)) == found
+
+
+def test_an_ordinary_import_says_nothing(tmp_path, capsys):
+    words = write(tmp_path, "x[N],t[ms]", a="t,x\n10,1\n20,2\n30,3\n")
+    assert notes(capsys, words) == []
