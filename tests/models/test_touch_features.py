@@ -109,6 +109,29 @@ def test_channels_that_stand_still_give_the_same_live_as_offline(steps: int):
     np.testing.assert_allclose(found, wanted, atol=1e-6)
 
 
+@pytest.mark.parametrize("block", ["course", "parts"])
+def test_a_trial_of_fewer_rows_than_parts_leaves_none_empty(block: str):
+    """A steady touch of 5 rows gives what one of 20 gives; empty parts would show its length."""
+    steady = np.full((1, 24, 2), 3.0, np.float32)
+    short, long = (np.arange(24)[None] < rows for rows in (5, 20))
+
+    found = [compute_features((block,), (0, 0), steady * own[:, :, None], own)
+             for own in (short, long)]  # fmt: skip
+
+    np.testing.assert_allclose(found[0], found[1], atol=1e-6)
+    assert np.abs(found[0] - (3.0 if block == "parts" else 0.0)).max() < 1e-6
+
+
+def test_parts_are_means_over_equal_times():
+    """Of 24 rows each of 16 parts has a row and a half."""
+    values = np.arange(24, dtype=np.float32)[None, :, None]
+
+    found = compute_features(("parts",), (0,), values, np.ones((1, 24), bool))[0]
+
+    np.testing.assert_allclose(found[:2], [(0 + 0.5) / 1.5, (0.5 + 2) / 1.5], rtol=1e-6)
+    assert found.mean() == pytest.approx(11.5)
+
+
 def test_one_row_has_the_blocks_of_one_row_only():
     assert fitting_blocks(("rows", "shape", f"{UNIT}rows"), 1, 24) == ("rows", f"{UNIT}rows")
 

@@ -12,21 +12,18 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable
-from functools import cached_property
 
 import numpy as np
 import torch
 from numpy.typing import NDArray
 from torch import Tensor, nn
-from torch.nn import functional
 
-SEGMENTS = 8
-"""Equal parts of a window whose means are taken. Source: our choice, 0039."""
+from taxel.models.touch_window import FAR, TINY, Touch, coarse, rounded
+
+SEGMENTS, PARTS = 8, 16
+"""Equal parts of a window whose means are taken, less the window's mean and as they are. Source:
+our choice, 0039."""
 QUANTILES = (0.1, 0.25, 0.5, 0.75, 0.9)
-MOST_ROWS = 500
-"""Rows of a window up to which every block sees each of them; in longer windows so many rows are
-averaged that there are as many. Source: our choice, 0039: of 2,117 rows of 18 channels a
-recogniser took 4 ms."""
 MOST_SORTED = 200
 """Rows of which quantiles are taken; of up to twice as many, all. Source: our choice, 0039."""
 SPECTRUM_ROWS = (8, 64)
@@ -37,114 +34,10 @@ MOST_CORRELATED = 24
 FEWEST_IN_PAD = 4
 """Channels that make a pad whose rows can be standardised. Source: our choice, 0039."""
 _BATCH_VALUES = 1_000_000
-_FAR = 1e30
-_TINY = 1e-9
-_ROUNDING = 1e-9
-"""Share of a level below which a difference is rounding, in double precision."""
-
-
-class Touch:
-    """One batch of windows, with what several blocks need of it.
-
-    Args:
-        values: Shape (n, steps, channels) float64, unscaled; 0 where padded.
-        present: Shape (n, steps, 1) float64: 1 where a row was measured, 0 where it is padding.
-    """
-
-    def __init__(self, values: Tensor, present: Tensor) -> None:
-        self.values = values
-        self.present = present
-        self.count = self.present.sum(dim=1).clamp(min=1.0)
-
-    @cached_property
-    def mean(self) -> Tensor:
-        """Shape (n, channels)."""
-        return rounded((self.values * self.present).sum(dim=1) / self.count)
-
-    @cached_property
-    def centred(self) -> Tensor:
-        """Values less their mean, 0 where padded, shape (n, steps, channels)."""
-        return (self.values - self.mean.unsqueeze(1)) * self.present
-
-    @cached_property
-    def deviation(self) -> Tensor:
-        """Shape (n, channels)."""
-        return (self.centred.square().sum(dim=1) / self.count).sqrt()
-
-    @cached_property
-    def rounding(self) -> Tensor:
-        """What is smaller stands for nothing, shape (n, channels).
-
-        Without it a still channel's deviation is its mean's last binary digit, which PyTorch and
-        ONNX Runtime round differently, and trees would learn from it.
-        """
-        return _ROUNDING * self.mean.abs() + _TINY
-
-    @cached_property
-    def least(self) -> Tensor:
-        """Shape (n, channels)."""
-        return (self.values * self.present + _FAR * (1.0 - self.present)).amin(dim=1)
-
-    @cached_property
-    def most(self) -> Tensor:
-        """Shape (n, channels)."""
-        return (self.values * self.present - _FAR * (1.0 - self.present)).amax(dim=1)
-
-    @cached_property
-    def first(self) -> Tensor:
-        """Shape (n, channels)."""
-        return self.values[:, 0]
-
-    @cached_property
-    def last(self) -> Tensor:
-        """Shape (n, channels)."""
-        after = torch.cat([self.present[:, 1:], torch.zeros_like(self.present[:, :1])], dim=1)
-        return (self.values * (self.present - after)).sum(dim=1)
-
-    @cached_property
-    def steps(self) -> Tensor:
-        """Each row less the one before, 0 where padded, shape (n, steps − 1, channels)."""
-        return (self.values[:, 1:] - self.values[:, :-1]) * self.present[:, 1:]
-
-    @cached_property
-    def place(self) -> Tensor:
-        """Each row's place in its window, 0 … 1 − 1/rows, shape (n, steps, 1)."""
-        return (self.present.cumsum(dim=1) - 1.0) / self.count.unsqueeze(1)
-
-    @cached_property
-    def segments(self) -> Tensor:
-        """Mean of each equal part less the window's mean, shape (n, SEGMENTS, channels)."""
-        edges = torch.arange(SEGMENTS, dtype=torch.float64) / SEGMENTS
-        low = (self.place >= edges - _TINY).double()
-        high = (self.place < edges + 1.0 / SEGMENTS - _TINY).double()
-        share = low * high * self.present
-        total = torch.matmul(share.transpose(1, 2), self.centred)
-        return total / share.sum(dim=1).clamp(min=1.0).unsqueeze(2)
-
-    @cached_property
-    def slope(self) -> Tensor:
-        """Change over the window along the fitted line, shape (n, channels)."""
-        middle = (self.place * self.present).sum(dim=1, keepdim=True) / self.count.unsqueeze(1)
-        place = (self.place - middle) * self.present
-        return (place * self.centred).sum(dim=1) / place.square().sum(dim=1).clamp(min=_TINY)
-
-    @cached_property
-    def activity(self) -> Tensor:
-        """Mean size of a step, shape (n, channels)."""
-        return self.steps.abs().sum(dim=1) / (self.count - 1.0).clamp(min=1.0)
-
-
-def rounded(values: Tensor) -> Tensor:
-    """Return averages to single precision, as scans are measured.
-
-    The last digits of a sum depend on its order, which PyTorch and ONNX Runtime choose each for
-    itself; so a channel that stands still is exactly its mean in both.
-    """
-    return values.float().double()
 
 
 def _log(positive: Tensor) -> Tensor:
-    return (positive + _TINY).log()
+    return (positive + TINY).log()
 
 
 def _rows(touch: Touch) -> Tensor:
@@ -179,7 +72,11 @@ def _shape(touch: Touch) -> Tensor:
 
 
 def _course(touch: Touch) -> Tensor:
-    return touch.segments.flatten(1)
+    return touch.parts(touch.centred, SEGMENTS).flatten(1)
+
+
+def _parts(touch: Touch) -> Tensor:
+    return rounded(touch.parts(touch.values, PARTS)).flatten(1)
 
 
 def _quantiles(touch: Touch) -> Tensor:
@@ -191,7 +88,7 @@ def _quantiles(touch: Touch) -> Tensor:
     every = max(1, int(touch.values.shape[1]) // MOST_SORTED)
     present = touch.present[:, ::every]
     count = present.sum(dim=1).clamp(min=1.0)
-    ordered, _ = (touch.values[:, ::every] * present + _FAR * (1.0 - present)).sort(dim=1)
+    ordered, _ = (touch.values[:, ::every] * present + FAR * (1.0 - present)).sort(dim=1)
     levels = torch.tensor(QUANTILES, dtype=torch.float64)
     index = (levels * (count - 1.0) + 0.5).floor().long().unsqueeze(2)
     taken = torch.gather(ordered, 1, index.expand(-1, -1, ordered.shape[2]))
@@ -239,7 +136,7 @@ def _pattern(touch: Touch) -> Tensor:
     found = []
     for part in (touch.mean, touch.last - touch.first, touch.deviation):
         size = part.square().sum(dim=1, keepdim=True).sqrt()
-        found.append(part / (size + _TINY))
+        found.append(part / (size + TINY))
     return torch.cat(found, dim=1)
 
 
@@ -259,6 +156,7 @@ BLOCKS: dict[str, tuple[Callable[[Touch], Tensor], int]] = {
     "tared": (_tared, 2),
     "shape": (_shape, 3),
     "course": (_course, SEGMENTS),
+    "parts": (_parts, PARTS + 1),
     "quantiles": (_quantiles, 10),
     "octaves": (_octaves, 4),
     "spectrum": (_spectrum, SPECTRUM_ROWS[0]),
@@ -272,20 +170,6 @@ FINE_BLOCKS = ("octaves",)
 """Blocks that see every row of a long window: what changes from row to row."""
 UNIT = "unit/"
 """Before a block's name: the block of rows that are standardised across the channels of a pad."""
-
-
-def coarse(touch: Touch) -> Touch:
-    """Return long windows with every few rows averaged, others as they are."""
-    steps, channels = (int(size) for size in touch.values.shape[1:])  # no graph of sizes
-    every = -(-steps // MOST_ROWS)
-    if every == 1:
-        return touch
-    rows = -(-steps // every)
-    more = (0, 0, 0, rows * every - steps)
-    values = functional.pad(touch.values, more).reshape(-1, rows, every, channels)
-    present = functional.pad(touch.present, more).reshape(-1, rows, every, 1)
-    count = present.sum(dim=2)
-    return Touch(rounded(values.sum(dim=2) / count.clamp(min=1.0)), (count > 0).double())
 
 
 class TouchFeatures(nn.Module):
@@ -324,7 +208,7 @@ class TouchFeatures(nn.Module):
     def _standardised(self, values: Tensor) -> Tensor:
         """Return each row less its pad's mean, over its pad's deviation."""
         apart = values - rounded(torch.matmul(values, self._mean))
-        return apart / (torch.matmul(apart.square(), self._mean).sqrt() + _TINY)
+        return apart / (torch.matmul(apart.square(), self._mean).sqrt() + TINY)
 
 
 def pads_of(channels: tuple[str, ...]) -> tuple[int, ...]:
