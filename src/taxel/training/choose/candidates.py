@@ -126,25 +126,30 @@ def discriminant(features: str, shrink: float) -> Candidate:
 
 
 def first_round(sets: dict[str, tuple[str, ...]], steps: int) -> list[Candidate]:
-    """Return one of each kind, then quick models on every set, which say what carries over.
+    """Return one of each kind, the cheapest first.
+
+    Whatever the time, linear models on every set are tried, which say what carries over; then
+    trees, and last what may take all the time that is left.
 
     Args:
         sets: Feature sets of these windows, the broadest first.
         steps: Rows in a window.
     """
 
-    def quick(name: str) -> list[Candidate]:
+    def linear(name: str) -> list[Candidate]:
         strength = 1.0 if name == PLAIN else 0.03
-        return [discriminant(name, 0.3),
-                Candidate("linear", "logistic", name, strength),
-                Candidate("trees", "extra-trees", name, 2)]  # fmt: skip
+        return [discriminant(name, 0.3), Candidate("linear", "logistic", name, strength)]
+
+    def trees(name: str) -> Candidate:
+        return Candidate("trees", "extra-trees", name, 2)
 
     early, late = list(sets)[:3], list(sets)[3:]
-    found = [candidate for name in early for candidate in quick(name)]
+    found = [candidate for name in early for candidate in (*linear(name), trees(name))]
+    found += [candidate for name in late for candidate in linear(name)]
+    found += [trees(name) for name in late]
     least, most = NETWORK_ROWS
     found += [Candidate("network", "touchnet", "")] if least <= steps <= most else []
-    found += [Candidate("perceptron", "perceptron", name, 3.0) for name in early if name != PLAIN]
-    return found + [candidate for name in late for candidate in quick(name)]
+    return found + [Candidate("perceptron", "perceptron", n, 3.0) for n in early if n != PLAIN]
 
 
 def second_round(steady: list[str], linear: list[str], trees: list[str]) -> list[Candidate]:
