@@ -1,5 +1,8 @@
 """Read cameras until a source ends, or for some of its seconds: moments and marks, in order.
 
+A mark that lies between two frames of one read, as where a busy machine reads a stored file late,
+comes between them: the frames behind it are another trial's.
+
 Knows nothing about what is recognised, or about screens.
 """
 
@@ -12,6 +15,32 @@ from taxel.signals import Frame, Mark
 from taxel.sources.contract import Source
 from taxel.windows.pairs import FramePairer, FrameSet
 
+_IN_STEP_S = 0.1
+"""Frames that go no further on than this since the last read are given before the marks are asked
+for: a simulator makes its next moment first. Further on, a mark may lie between. Source: our
+choice, docs/decisions/0019."""
+
+
+def frames_and_marks(source: Source, last_s: float) -> Iterator[Frame | Mark]:
+    """Yield what a source's read gave: frames, and each mark before the frames that follow its end.
+
+    Args:
+        source: An open source that has been read.
+        last_s: When the newest frame of the reads before was taken, fitted clock, seconds; minus
+            infinity where there was none.
+    """
+    frames = source.frames()
+    if not frames or frames[-1].fitted_s - last_s <= _IN_STEP_S:
+        yield from frames
+        yield from source.marks()
+        return
+    marks = sorted(source.marks(), key=lambda mark: mark.end_s)
+    for frame in frames:
+        while marks and marks[0].end_s < frame.fitted_s:
+            yield marks.pop(0)
+        yield frame
+    yield from marks
+
 
 def moments_and_marks(
     source: Source,
@@ -19,7 +48,7 @@ def moments_and_marks(
     see: Callable[[Frame], None],
     seconds: float | None = None,
 ) -> Iterator[FrameSet | Mark]:
-    """Yield each moment that all cameras saw, and each mark behind the moments of its read.
+    """Yield each moment that all cameras saw, and each mark behind the moments up to its end.
 
     Args:
         source: An open source with cameras.
@@ -29,19 +58,22 @@ def moments_and_marks(
             beyond it are left out, however many a read gives at once.
     """
     end_s: float | None = None
+    last_s = -inf
     over = False
     while not (over or source.ended):
         source.read()
-        for frame in source.frames():
+        for item in frames_and_marks(source, last_s):
+            if isinstance(item, Mark):
+                if end_s is None or item.end_s < end_s:
+                    yield item
+                continue
+            last_s = item.fitted_s
             if end_s is None:
-                end_s = frame.fitted_s + (inf if seconds is None else seconds)
-            over = frame.fitted_s >= end_s
+                end_s = last_s + (inf if seconds is None else seconds)
+            over = over or last_s >= end_s
             if over:
-                break
-            see(frame)
-            found = pairer.push(frame)
+                continue
+            see(item)
+            found = pairer.push(item)
             if found is not None:
                 yield found
-        for mark in source.marks():
-            if end_s is None or mark.end_s < end_s:
-                yield mark

@@ -105,8 +105,11 @@ def run_grasp_session(
     for found in moments_and_marks(source, pairer, monitor.see, seconds):
         if isinstance(found, Mark):
             tally.grasps.append(_outcome(found, first_alarm_s))
-            monitor.over(found.end_s)
+            gone = monitor.over(found.end_s)
             first_alarm_s = None
+            if on_answer is not None:
+                on_answer(GraspAnswer(gone, float("nan"), found.end_s, 0.0, (), False), True)
+            before = gone.state, kind_of(gone.reason)
             continue
         answer = monitor.push(found)
         begin_s = found.time_s if begin_s is None else begin_s

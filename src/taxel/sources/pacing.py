@@ -185,17 +185,31 @@ class Pacer:
         return given
 
     def marks(self) -> list[Mark]:
-        """Return, once each, the marks whose scans and frames were given; at the end, the rest."""
+        """Return, once each, the marks whose scans and frames were given; at the end, the rest.
+
+        A frame that is still to come belongs to a mark until the mark's very end: of two cameras'
+        last frames, taken at once, the second must not be taken for the next trial's first.
+        """
         self._fetch_owed()
         until_s = np.inf
         if len(self._head) or self._owed:
             until_s = self._scans_given_s
-        if self._next_frame is not None or not self._frame_ready():
+        frame = self._next_frame
+        if frame is not None:
+            before_s = math.nextafter(frame.fitted_s + (self._shift_s or 0.0), -math.inf)
+            until_s = min(until_s, before_s, max(self._frames_given_s, self._stream_s()))
+        elif not self._frame_ready():
             until_s = min(until_s, self._frames_given_s)
         done: list[tuple[float, int, Mark]] = []
         while self._marks and self._marks[0][0] <= until_s:
             done.append(heappop(self._marks))
         return [mark for _, _, mark in sorted(done, key=lambda waited: waited[1])]
+
+    def _stream_s(self) -> float:
+        """Return how far the stream has come by the clock, seconds on its moved stamps."""
+        if self._speed == np.inf:
+            return math.inf
+        return self._opened_s + (self._clock.now_s() - self._opened_s) * self._speed
 
     def close(self) -> None:
         """Give nothing more, and let go of the stream."""

@@ -5,16 +5,19 @@ Nothing downstream can slow it: the ring drops its oldest. Knows nothing about m
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from time import monotonic, sleep
 from typing import Protocol, runtime_checkable
 
 from taxel.errors import TaxelError
+from taxel.live.frame_loop import frames_and_marks
 from taxel.live.station.beats import Work
 from taxel.live.station.packets import pack, unpack
 from taxel.live.station.ring import RingReader, RingWriter
 from taxel.live.station.source_news import SourceNews
 from taxel.live.station.worker import Place, Pulse, Rank, at_work, settle_memory
+from taxel.signals import Frame
 from taxel.sources.contract import Source
 from taxel.sources.opening import open_source
 
@@ -75,20 +78,21 @@ def _pump(
     source: Source, writer: RingWriter, orders: RingReader, pulse: Pulse, job: Acquisition
 ) -> None:
     ended = False
+    last_s = -math.inf
     news = SourceNews(source, job.url)
     while not pulse.stopping:
         if source.ended and not ended:
             ended = True
             writer.put(pack({"ended": monotonic()}))
         samples = source.read(_WAIT_S)
-        frames = source.frames()
         if len(samples):
             writer.put(pack(samples))
-        for frame in frames:
-            writer.put(pack(frame))
-        # A simulator makes what comes next before it knows whether a mark is complete.
-        for mark in source.marks():
-            writer.put(pack(mark))
+        frames = []
+        for item in frames_and_marks(source, last_s):
+            writer.put(pack(item))
+            if isinstance(item, Frame):
+                frames.append(item)
+                last_s = item.fitted_s
         now_s = monotonic()
         news.add(samples, frames, now_s)
         if news.due(now_s):
