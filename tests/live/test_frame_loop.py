@@ -3,19 +3,21 @@
 from math import inf
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from taxel.clock import ManualClock
 from taxel.live.frame_loop import frames_and_marks, moments_and_marks
-from taxel.recordings.manifest import NO_ARRAY, Manifest
+from taxel.recordings.manifest import Manifest
 from taxel.recordings.writer import Recorder
-from taxel.signals import CameraInfo, Frame, Mark
+from taxel.signals import CameraInfo, Frame, Mark, Samples, SensorInfo
 from taxel.sources.opening import open_source
 from taxel.windows.pairs import FramePairer
 
 CAMERAS = tuple(
     CameraInfo(name=name, width=320, height=240, rate_hz=25.0) for name in ("left", "right")
 )
+TRUTH = SensorInfo(name="truth", channels=("slip",), units=("um",), rate_hz=25.0)
 MOMENTS, GRASPS = 10, 3
 LENGTH_S, PAUSE_S = (MOMENTS - 1) / 25, 0.5
 
@@ -26,14 +28,13 @@ def begin_s(grasp: int) -> float:
 
 @pytest.fixture
 def recording(tmp_path: Path) -> Path:
-    """Grasps of ten moments each; both cameras' frames are taken at the same times, and each
-    grasp's mark ends with its last moment.
-    """
+    """Grasps of ten moments, a scan and a frame of both cameras at each; a mark ends with the last."""
     path = tmp_path / "grasps.mcap"
-    with Recorder(path, Manifest(sensor=NO_ARRAY, cameras=CAMERAS, labels={})) as recorder:
+    with Recorder(path, Manifest(sensor=TRUTH, cameras=CAMERAS, labels={})) as recorder:
         for grasp in range(GRASPS):
             for number in range(MOMENTS):
                 time_s = begin_s(grasp) + number / 25
+                recorder.write(Samples.from_values(np.ones((1, 1)), np.array([time_s])))
                 for camera in (0, 1):
                     counter = grasp * MOMENTS + number
                     recorder.frame(

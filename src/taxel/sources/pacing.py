@@ -173,7 +173,11 @@ class Pacer:
             self._clock.sleep(min(min(scan_s + _BUNDLE_S, frame_s) - now_s, longest_s))
         now_s = self._clock.now_s()
         due_s = -np.inf
+        until_s = self._until_s(now_s)
         while (self._ahead or due_s < now_s - _ON_TIME_S) and self._frame_due_s() <= now_s:
+            frame = self._next_frame
+            if frame is not None and frame.fitted_s + (self._shift_s or 0.0) > until_s:
+                break
             due_s = self._frame_due_s()
             self._take_frame()
         return self._take_due(now_s)
@@ -204,6 +208,16 @@ class Pacer:
         while self._marks and self._marks[0][0] <= until_s:
             done.append(heappop(self._marks))
         return [mark for _, _, mark in sorted(done, key=lambda waited: waited[1])]
+
+    def _until_s(self, now_s: float) -> float:
+        """Return up to when frames are given: where all scans at hand are due, to the last of them.
+
+        Who reads late gets one stretch of scans a read; frames that ran ahead of them would come
+        before marks that lie between.
+        """
+        if len(self._head) and self._due_s[-1] <= now_s:
+            return float(self._head.fitted_s[-1])
+        return math.inf
 
     def _stream_s(self) -> float:
         """Return how far the stream has come by the clock, seconds on its moved stamps."""
