@@ -28,7 +28,7 @@ def begin_s(grasp: int) -> float:
 
 @pytest.fixture
 def recording(tmp_path: Path) -> Path:
-    """Grasps of ten moments, a scan and a frame of both cameras at each; a mark ends with the last."""
+    """Grasps of ten moments: a scan and a frame of each camera; marks end with the last."""
     path = tmp_path / "grasps.mcap"
     with Recorder(path, Manifest(sensor=TRUTH, cameras=CAMERAS, labels={})) as recorder:
         for grasp in range(GRASPS):

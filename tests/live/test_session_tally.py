@@ -50,6 +50,15 @@ def test_a_padded_window_is_counted_although_its_mark_came_first():
     assert (tally.marked, tally.right, tally.grasps, tally.grasps_right) == (1, 1, 1, 1)
 
 
+def test_a_marked_grasp_without_a_whole_window_is_counted_as_undecided():
+    tally = Tally("shape", GraspVote(CLASSES, 0.8))
+    tally.add(answered("ball"))
+    tally.compare(Mark(start_s=0.0, end_s=2.0, labels={"shape": "ball"}))
+    tally.compare(Mark(start_s=3.0, end_s=3.5, labels={"shape": "ball"}))
+    assert (tally.grasps, tally.grasps_without) == (1, 1)
+    assert tally.summary()["grasps_without"] == 1
+
+
 def test_two_labels_joined_are_compared_as_one():
     tally = Tally("shape+material", GraspVote(("ball glass", "block wood"), 0.8))
     tally.add(answered("ball glass"))

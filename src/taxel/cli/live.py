@@ -99,7 +99,8 @@ class Live:
     json: bool = False
     """Print one JSON summary for each bundle at the end. marked: windows within finished, labelled
     grasps; right: the correct ones among them; grasps: such grasps with a window; grasps_right:
-    those correct in all windows; latencies in µs, from the last sample to the decision."""
+    those correct in all windows; grasps_without: grasps without a window; latencies in µs, from the
+    last sample to the decision."""
 
     RULES: ClassVar = (
         Only(("arm",), "--gripper", lambda o: o.gripper),
@@ -197,6 +198,12 @@ class Live:
                     f"windows, {result['grasps_right']}/{result['grasps']} whole grasps (UNKNOWN "
                     "is correct only for touch that was never learned)"
                 )
+            if result["grasps_without"]:
+                say(
+                    f"  warning: {result['grasps_without']} of "
+                    f"{result['grasps'] + result['grasps_without']} marked grasps held no whole "
+                    "window: nothing was decided of them", style="yellow",
+                )  # fmt: skip
             if result["warning"] is not None:
                 say(f"  warning: {result['warning']}", style="yellow")
             if result["filled"]:

@@ -29,7 +29,14 @@ from taxel.training.choose.fit_choice import fit_choice
 from taxel.training.choose.inner_folds import Held, what_is_held
 from taxel.training.choose.kept_tries import KeptTries
 from taxel.training.choose.limits import USUAL_LIMITS, Limits, fit_within
-from taxel.training.choose.preparations import Base, Prepared, load_base, prepare, prepare_all
+from taxel.training.choose.preparations import (
+    Base,
+    Prepared,
+    live_note,
+    load_base,
+    prepare,
+    prepare_all,
+)
 from taxel.training.choose.search import Effort, Found, choose
 from taxel.training.environment import Made, code_digest, environment
 from taxel.training.loop import TrainConfig
@@ -185,7 +192,8 @@ def _within(
     over = _over(measured, limits)
     return Expert(
         run=run, choice=fitted.choice, nested=nested, measured=measured,
-        given_up=fitted.given_up, notes=(*base.notes, *learned.dataset.notes, *over),
+        given_up=fitted.given_up,
+        notes=(*base.notes, *learned.dataset.notes, *live_note(base, learned.config), *over),
     )  # fmt: skip
 
 
@@ -217,7 +225,8 @@ def _repeat(
     learned = _learned_alone(base, prepared, own)
     run, measured = _run_of(base, learned, blend, like.joining, None, unknown, seed)
     return Expert(run=run, choice=like, nested=None, measured=measured,
-                  notes=(*base.notes, *prepared.dataset.notes),
+                  notes=(*base.notes, *prepared.dataset.notes,
+                         *live_note(base, prepared.config)),
                   repeated=True)  # fmt: skip
 
 

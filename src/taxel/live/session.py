@@ -46,6 +46,8 @@ class Tally:
     right: int = 0
     grasps: int = 0
     grasps_right: int = 0
+    grasps_without: int = 0
+    """Grasps of a known target in which no whole window lay: nothing was decided of them."""
     grasp_answer: tuple[str, float] = (UNKNOWN, float("nan"))
     latest: Answer | None = None
     latencies_s: list[float] = field(default_factory=list)
@@ -108,6 +110,7 @@ class Tally:
         ]
         self._waiting = [window for window in self._waiting if window.end_s > mark.end_s]
         if not inside:
+            self.grasps_without += 1
             return
         truth = " ".join(mark.labels[part] for part in parts)
         if truth not in self.vote.classes:
@@ -123,7 +126,8 @@ class Tally:
         """Add the answers on another recording, which is over."""
         self.answers.update(other.answers)
         self.actions.update(other.actions)
-        for name in ("windows", "filled", "marked", "right", "grasps", "grasps_right"):
+        for name in ("windows", "filled", "marked", "right", "grasps", "grasps_right",
+                     "grasps_without"):  # fmt: skip
             setattr(self, name, getattr(self, name) + getattr(other, name))
         self.latencies_s += other.latencies_s
         del self.latencies_s[:-_KEPT_LATENCIES]
@@ -143,6 +147,7 @@ class Tally:
             "right": self.right,
             "grasps": self.grasps,
             "grasps_right": self.grasps_right,
+            "grasps_without": self.grasps_without,
             "gate_moves": [asdict(move) for move in self.gate_moves],
             "latency_us_median": float(np.median(latencies)),
             "latency_us_p99": float(np.percentile(latencies, 99)),

@@ -44,6 +44,10 @@ def _rows(touch: Touch) -> Tensor:
     return (touch.values * touch.present).flatten(1)
 
 
+def _centred(touch: Touch) -> Tensor:
+    return touch.centred.flatten(1)
+
+
 def _mean(touch: Touch) -> Tensor:
     return touch.mean
 
@@ -150,13 +154,14 @@ def _correlation(touch: Touch) -> Tensor:
 
 BLOCKS: dict[str, tuple[Callable[[Touch], Tensor], int]] = {
     "rows": (_rows, 1),
+    "centred": (_centred, 2),
     "mean": (_mean, 2),
     "statistics": (_statistics, 2),
     "level": (_level, 2),
     "tared": (_tared, 2),
     "shape": (_shape, 3),
     "course": (_course, SEGMENTS),
-    "parts": (_parts, PARTS + 1),
+    "parts": (_parts, 2),
     "quantiles": (_quantiles, 10),
     "octaves": (_octaves, 4),
     "spectrum": (_spectrum, SPECTRUM_ROWS[0]),

@@ -3,10 +3,18 @@
 from pathlib import Path
 
 import numpy as np
+import pytest
 
 from taxel.evaluation.outer_split import OuterSplit
-from taxel.recordings.importing import ImportOptions, ImportRow, import_rows
-from taxel.training.choose.preparations import candidate_windows, load_base
+from taxel.recordings.importing import ImportOptions, ImportRow, import_rows, import_table
+from taxel.training.choose.preparations import (
+    Base,
+    candidate_windows,
+    live_note,
+    load_base,
+    prepare_all,
+)
+from taxel.windows.dataset import load_dataset
 
 
 def test_objects_are_held_out_where_no_session_is_known(tmp_path: Path):
@@ -53,3 +61,43 @@ def test_lost_scans_do_not_shorten_a_trial(tmp_path: Path):
     assert base.dataset.missing == 48
     assert base.rows.tolist() == [60] * 12
     assert [config.steps for config in candidate_windows(base)] == [60]
+
+
+def marked_set(folder: Path, rows: int) -> Base:
+    """Return one long recording at 50 Hz; each trial begins 3 + 2·rows after the last."""
+    rng = np.random.default_rng(0)
+    every = 2 * rows + 3
+    lines = ["a,b", *(f"{a:.3f},{b:.3f}" for a, b in rng.normal(size=(12 * every + 9, 2)))]
+    (folder / "long.csv").write_text("\n".join(lines) + "\n")
+    table = "\n".join(
+        f"long,{(3 + n * every) / 50},{(3 + n * every + rows) / 50},{'xy'[n % 2]}"
+        for n in range(12)
+    )
+    (folder / "marks.csv").write_text(f"file,start_s,end_s,label:kind\n{table}\n")
+    (folder / "table.csv").write_text("file,channels,time\nlong.csv,a[N] b[N],rate:50Hz\n")
+    import_table(folder / "table.csv", folder / "set", intervals=folder / "marks.csv")
+    return load_base(folder / "set", "kind")
+
+
+def test_touches_of_few_rows_that_marks_part_are_a_window_each(tmp_path: Path):
+    """However they lie in their recording: none is lost because a window starts beside its mark."""
+    base = marked_set(tmp_path, 10)
+
+    (prepared,) = prepare_all(base)
+
+    assert prepared.config.steps == 10
+    assert prepared.trial.tolist() == list(range(12))
+    assert "about 1 of 12" in live_note(base, prepared.config)[0]
+
+
+@pytest.mark.parametrize("rows", [20, 50, 101])
+def test_windows_of_marked_touches_lie_inside_them_live_too(tmp_path: Path, rows: int):
+    """Windows as a bundle cuts them, one after another from the first scan: each holds one."""
+    base = marked_set(tmp_path, rows)
+
+    config = candidate_windows(base)[0]
+
+    assert not live_note(base, config)
+    live = load_dataset(base.path, config, target="kind")
+    assert len(live.trials) == 12
+    assert prepare_all(base)[0].config == config

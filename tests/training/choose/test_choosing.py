@@ -12,10 +12,10 @@ from taxel.errors import BadDataset, BadInput
 from taxel.evaluation.expert import Task, train_expert
 from taxel.models.blend import Blend, read_plan
 from taxel.models.touchnet import TouchNet
-from taxel.recordings.importing import ImportRow, import_rows, import_table
+from taxel.recordings.importing import ImportRow, import_rows
 from taxel.training.choose.blending import fit_last, fit_sharpness, losses, mix, softmax
 from taxel.training.choose.budget import Budget
-from taxel.training.choose.candidates import Candidate, discriminant
+from taxel.training.choose.candidates import Candidate, discriminant, feature_sets
 from taxel.training.choose.choice import Member, read_choice, write_choice
 from taxel.training.choose.fit_choice import fit_choice
 from taxel.training.choose.fitting import fit_head, head_logits
@@ -163,6 +163,17 @@ def base(recordings: Path) -> Base:
     return load_base(recordings, "kind")
 
 
+def test_rows_themselves_are_features_only_of_windows_without_padding():
+    """Zeros of padding would show how long a trial was; means over its parts do not."""
+    whole, padded = feature_sets(12, 6), feature_sets(12, 6, padded=True)
+
+    assert {"rows", "both rows", "rows without level"} <= set(whole)
+    assert not any("rows" in name for name in padded)
+    assert {"both parts", "all with parts"} <= set(padded)
+    assert "both parts" not in whole  # twelve rows are finer than sixteen parts
+    assert "rows" not in feature_sets(400, 8)
+
+
 def test_a_short_trial_is_one_window_without_a_gate(base: Base):
     (config,) = candidate_windows(base)
 
@@ -178,24 +189,6 @@ def test_long_trials_are_cut_in_ways_that_a_bundle_can_hold(base: Base):
     assert [config.steps for config in found] == [400, 100, 25]
     assert [config.pad for config in found] == [True, False, False]
     assert json.dumps([asdict(config) for config in found])
-
-
-def test_touches_of_one_length_that_marks_part_are_a_window_each(tmp_path: Path):
-    """However they lie in their recording: none is lost because a window starts beside its mark."""
-    rng = np.random.default_rng(0)
-    lines = ["a,b", *(f"{a:.3f},{b:.3f}" for a, b in rng.normal(size=(300, 2)))]
-    (tmp_path / "long.csv").write_text("\n".join(lines) + "\n")
-    starts = range(3, 280, 23)
-    table = "\n".join(f"long,{at / 50},{(at + 20) / 50},{'xy'[at % 2]}" for at in starts)
-    (tmp_path / "marks.csv").write_text(f"file,start_s,end_s,label:kind\n{table}\n")
-    (tmp_path / "table.csv").write_text("file,channels,time\nlong.csv,a[N] b[N],rate:50Hz\n")
-    import_table(tmp_path / "table.csv", tmp_path / "set", intervals=tmp_path / "marks.csv")
-    base = load_base(tmp_path / "set", "kind")
-
-    (prepared,) = prepare_all(base)
-
-    assert prepared.config.steps == 20
-    assert prepared.trial.tolist() == list(range(len(starts)))
 
 
 class Frozen:

@@ -11,7 +11,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal
 
-from taxel.models.touch_features import UNIT, fitting_blocks
+from taxel.models.touch_features import PARTS, UNIT, fitting_blocks
 
 Family = Literal["discriminant", "linear", "trees", "perceptron", "network"]
 FAMILIES: tuple[Family, ...] = ("discriminant", "linear", "trees", "perceptron", "network")
@@ -30,15 +30,20 @@ FEATURE_SETS: dict[str, tuple[str, ...]] = {
     "both rows": ("rows", f"{UNIT}rows"),
     "rows across the pad": (f"{UNIT}rows",),
     "rows": ("rows",),
+    "rows without level": ("centred",),
 }
 """Name → blocks of `taxel.models.touch_features.BLOCKS`."""
 PLAIN = "means"
 """The set of each channel's level alone: often what a drift leaves best."""
-LEVEL_FREE = ("without level", "tared", "across the pad", "rows across the pad")
+LEVEL_FREE = (
+    "without level", "tared", "across the pad", "rows across the pad", "rows without level",
+)  # fmt: skip
 """Sets that a drift of the channels' rest level, or of all of a pad's, leaves as they are."""
-MOST_ROWS, MOST_ROW_VALUES = 16, 1500
-"""Rows and values of a window up to which its rows themselves are features. Source: our choice,
+MOST_ROW_VALUES = 1500
+"""Values of a window up to which its rows themselves are features. Source: our choice,
 docs/decisions/0039."""
+ROW_BLOCKS = {"rows", "centred"}
+"""Blocks of a window's rows as they are."""
 NETWORK_ROWS = (8, 800)
 """Rows of windows on which a convolutional network is tried; a longer one takes all the time.
 Source: our choice, 0039."""
@@ -95,20 +100,26 @@ class Candidate:
         return f"{self.model}{setting}{on}"
 
 
-def feature_sets(steps: int, channels: int) -> dict[str, tuple[str, ...]]:
+def feature_sets(steps: int, channels: int, padded: bool = False) -> dict[str, tuple[str, ...]]:
     """Return the feature sets that windows of this size have, without those that are alike.
+
+    Rows themselves would show how much of a window is padding, and so a trial's length; means over
+    its parts do not.
 
     Args:
         steps: Rows in a window.
         channels: Of the array.
+        padded: Whether some windows are padded.
     """
+    rows = not padded and steps * channels <= MOST_ROW_VALUES
+    without = set() if rows else ROW_BLOCKS
+    if steps <= PARTS and not padded:
+        without = without | {"parts"}
     found: dict[str, tuple[str, ...]] = {}
     for name, blocks in FEATURE_SETS.items():
-        rows = any(block.removeprefix(UNIT) == "rows" for block in blocks)
-        if rows and (steps > MOST_ROWS or steps * channels > MOST_ROW_VALUES):
-            continue
-        own = fitting_blocks(blocks, steps, channels)
-        whole = len(own) == len(blocks) or not rows
+        kept = tuple(block for block in blocks if block.removeprefix(UNIT) not in without)
+        own = fitting_blocks(kept, steps, channels)
+        whole = len(own) == len(blocks) or not ROW_BLOCKS & set(blocks)
         if own and whole and own not in found.values():
             found[name] = own
     return found

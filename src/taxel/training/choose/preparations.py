@@ -41,6 +41,9 @@ MOST_WINDOWS = 6000
 ALIKE = 1.3
 """Marked trials of one recording are one window each where the longest has at most so many times
 the rows of the short ones. Source: as above."""
+INSIDE, LEAST_MARKED = 0.8, 20
+"""Share of a marked trial that a window takes, so that live one always lies inside; and rows of a
+trial below which it is one window as a whole. Source: as above."""
 PAUSE_ROWS = 10
 """Lost rows after which a new stretch begins. Source: as above."""
 _TENG_GATES = ((GATE_V, 12), (GATE_V, 60), (0.6, 60))
@@ -198,15 +201,62 @@ def candidate_windows(base: Base) -> list[WindowConfig]:
     if longest == 1:
         return [plain]
     shortest = int(np.percentile(rows, 5))
-    if not alone and longest <= min(SHORT, ALIKE * shortest):
-        return [_window(plain, shortest, pad=False)]
-    lengths = [n for n in LENGTHS if n <= (longest if alone else shortest)]
+    if not alone:
+        return _within_marks(plain, longest, shortest)
+    lengths = [n for n in LENGTHS if n <= longest]
     lengths = lengths or [max(1, shortest)]
-    found = [_window(plain, n, pad=bool(alone and n > rows.min())) for n in reversed(lengths)]
+    found = [_window(plain, n, pad=bool(n > rows.min())) for n in reversed(lengths)]
     whole = longest * len(base.trials) * len(sensor.channels)
-    if alone and longest <= MOST_ROWS and whole <= MOST_VALUES:
+    if longest <= MOST_ROWS and whole <= MOST_VALUES:
         found.insert(0, _window(plain, longest, pad=bool((rows < longest).any())))
     return found
+
+
+def _within_marks(plain: WindowConfig, longest: int, shortest: int) -> list[WindowConfig]:
+    """Return windows for trials that are marked stretches of longer recordings.
+
+    Live, windows follow one another wherever the scans began: one lies inside each trial only where
+    window and stride together are no longer than the trial. The whole trial is tried as well where
+    all are about as long, and wins if it is clearly better; `live_note` says what that costs.
+
+    Args:
+        plain: What all windows have in common.
+        longest: Rows of the longest trial.
+        shortest: Rows of the short ones.
+    """
+    alike = longest <= min(SHORT, ALIKE * shortest)
+    whole = [_window(plain, max(1, shortest), pad=False)] if alike else []
+    most = int(INSIDE * shortest)
+    if shortest < LEAST_MARKED:
+        return whole or [_window(plain, max(1, shortest), pad=False)]
+    lengths = [most] if alike else [n for n in reversed(LENGTHS) if n <= most] or [most]
+    return [replace(_window(plain, n, pad=False), stride=min(n, shortest - n))
+            for n in lengths] + whole  # fmt: skip
+
+
+def live_note(base: Base, config: WindowConfig) -> tuple[str, ...]:
+    """Return what must be said of windows that live scans are cut into otherwise than these trials.
+
+    Args:
+        base: The recordings.
+        config: What a window is.
+    """
+    if config.gate is not None or config.steps == 1:
+        return ()
+    if base.alone:
+        return () if not config.pad else (
+            f"a trial of fewer than {config.steps} rows is decided where its recording ends: live, "
+            "where scans stop",
+        )  # fmt: skip
+    room = np.clip((base.rows - config.steps + 1) / config.stride, 0.0, 1.0)
+    decided = int(room.sum() + 0.5)
+    if decided == len(base.rows):
+        return ()
+    return (
+        f"windows of {config.steps} rows were placed at each trial's start; live they follow one "
+        f"another, so that about {decided} of {len(base.rows)} such trials hold a whole one: "
+        "begin a recording where a trial begins, or mark longer trials",
+    )
 
 
 def _window(plain: WindowConfig, steps: int, *, pad: bool) -> WindowConfig:
@@ -227,7 +277,7 @@ def prepare(base: Base, config: WindowConfig, span: int) -> Prepared:
     """
     stride = config.stride
     if config.steps > OVERLAP and _many(base, config) <= FEW:
-        stride = max(1, config.steps // OVERLAP)
+        stride = max(1, config.stride // OVERLAP)
     if not base.alone and config.gate is None:  # a window must fit between two marks
         stride = min(stride, max(1, int(np.percentile(base.rows, 5)) - config.steps + 1))
     dataset = load_dataset(base.path, replace(config, stride=stride), target=base.target)

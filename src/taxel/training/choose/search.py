@@ -90,7 +90,9 @@ class Part:
 
     def feature_sets(self) -> dict[str, tuple[str, ...]]:
         """Return the feature sets that windows of this size have."""
-        return feature_sets(*self.prepared.dataset.windows.values.shape[1:])
+        windows = self.prepared.dataset.windows
+        _, steps, channels = windows.values.shape
+        return feature_sets(steps, channels, padded=bool(windows.padded))
 
 
 @dataclass(frozen=True, slots=True)
