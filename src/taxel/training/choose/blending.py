@@ -41,6 +41,12 @@ STEADY_WEIGHT = 2.0
 """Of the former camp, any other's being 1. Source: as above."""
 
 
+_MEAN = (
+    "the mean of the best of each kind of model, for none is better by more than chance and groups "
+    "to come may suit another"
+)
+
+
 @dataclass(frozen=True, slots=True)
 class Mix:
     """Members with their weights."""
@@ -146,8 +152,11 @@ def mix(
     each = by_window.mean(axis=1)
     best = int(each.argmin())
     champions = _without_likes(_champions(by_window, kinds, freedom, groups), camps, each)
-    equal = Mix(champions, _shared(champions, camps), "mean of the kinds' best")
-    others = [Mix((best,), (1.0,), "far ahead of all blends"), _greedy(probabilities, y, best)]
+    equal = Mix(champions, _shared(champions, camps), _MEAN)
+    others = [
+        Mix((best,), (1.0,), "this model alone, clearly ahead of all blends"),
+        _greedy(probabilities, y, best),
+    ]
     base = losses(joined(probabilities, equal), y)
     chosen, most = equal, LEAST_GAIN * base.mean() + LEAST_NATS
     for other in others:
