@@ -36,7 +36,7 @@ def test_groups_that_part_the_trials_alike_share_the_sessions_table():
     assert "mon" in text
     assert "left" in text
     assert "21.5" not in text
-    assert "the same trials part by: celsius" in text
+    assert "groups that divide the trials in the same way as session: celsius" in text
     assert "hand" in text
 
 

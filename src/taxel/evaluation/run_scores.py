@@ -180,8 +180,8 @@ def baseline_warning(
     standing, said = beside_baselines(shown, accuracy, interval, group, trivial)
     more = f"record more {group}s"
     mend = {
-        "behind": "do not claim this accuracy: taxel audit says what gives the label away; train "
-        f"longer, or {more}",
+        "behind": "do not claim this accuracy; run taxel audit to find what gives the label away, "
+        f"train longer, or {more}",
         "near": f"the difference may be chance; {more}",
         "few": "record more of them",
     }

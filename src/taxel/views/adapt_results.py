@@ -18,7 +18,7 @@ from taxel.plain_text import visible, visible_line
 def level_table(contract: Contract, found: TouchLevel) -> Table:
     """Return each channel's level before and now, and what must be looked at."""
     table = Table(
-        title=f"level by {found.touches} touches, {found.windows} windows",
+        title=f"channel levels from {found.touches} touches, {found.windows} windows",
         title_justify="left", caption_justify="left",
         caption="\n".join(map(visible_line, found.warnings)) or None,
     )  # fmt: skip

@@ -37,7 +37,8 @@ def parts_tables(parts: Parts) -> list[RenderableType]:
     for key, *others in alike.values():
         found.append(_table(key, parts.groups[key]))
         if others:
-            found.append(Text(visible_line(f"the same trials part by: {', '.join(others)}")))
+            same = f"groups that divide the trials in the same way as {key}: {', '.join(others)}"
+            found.append(Text(visible_line(same)))
     return found
 
 
@@ -62,7 +63,7 @@ def bundle_score_table(found: BundleScores, bundle: str, data: str) -> Renderabl
         bundle: The bundle's name.
         data: The recordings' name.
     """
-    table = result_table(None, ("", "accuracy [95 %]", "one answer", "UNKNOWN", "count"))
+    table = result_table(None, ("", "accuracy [95 %]", "majority", "UNKNOWN", "count"))
     table.add_row("windows", bracketed(f"{found.accuracy:.4f}", found.interval, ".3f"),
                   f"{found.majority:.4f}", f"{found.unknown:.4f}", str(found.windows))  # fmt: skip
     table.add_row("trials", f"{found.trial_accuracy:.4f}", f"{found.trial_majority:.4f}",
@@ -75,11 +76,11 @@ def bundle_score_table(found: BundleScores, bundle: str, data: str) -> Renderabl
 
 
 def _lines(found: BundleScores) -> list[str]:
-    lines = ["accuracy: UNKNOWN counts as wrong; one answer: always naming the commonest class"]
+    lines = ["accuracy: UNKNOWN counts as wrong; majority: always naming the commonest class"]
     if found.unknown and not math.isnan(found.answered_accuracy):
         why = ", ".join(f"{name} {count}" for name, count in found.unknown_because.items())
-        lines.append(f"of the windows that were answered {found.answered_accuracy:.4f} are right; "
-                     f"UNKNOWN because of: {why}")  # fmt: skip
+        lines.append(f"of the windows that were answered, {found.answered_accuracy:.4f} are "
+                     f"correct; UNKNOWN because of: {why}")  # fmt: skip
     if found.filled:
         lines.append(f"{100 * found.filled:.1f} % of the windows had short gaps filled in")
     if not math.isnan(found.loss):

@@ -232,7 +232,8 @@ def _assemble(cut: _Cut, config: WindowConfig, target: str | None, *, keep: bool
             windows, trial, kept, config.reference
         )
         notes.append(
-            f"each session brought to one level by {reference.touches}: these touches are left out"
+            f"each session's channels scaled by its reference touches ({reference.touches}), "
+            "which are left out"
         )
     if target is not None:
         kept = tuple(with_joined_label(trial, target) for trial in kept)
