@@ -21,7 +21,7 @@ def test_each_figure_says_by_what_it_counts():
 
     assert [chance(finding) for finding in FINDINGS] == ["rule", "< 0.001", "0.004"]
     assert chance(Finding(kind="trial", verdict="clear", said="None.")) == "–"
-    for column in ("accuracy", "one answer", "AUC", "by chance"):
+    for column in ("accuracy", "majority", "AUC", "p"):
         assert f"{column}: " in said
     assert "session held out, since the split divides" in said
     assert max(map(len, said.splitlines())) <= 80

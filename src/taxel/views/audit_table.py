@@ -60,7 +60,7 @@ def _figures(shown: list[Finding]) -> Table:
     table = Table(box=SIMPLE_HEAD, pad_edge=False)
     table.add_column("")
     table.add_column("this alone", no_wrap=True)
-    for column in ("accuracy", "one answer", "AUC", "by chance"):
+    for column in ("accuracy", "majority", "AUC", "p"):
         table.add_column(column, justify="right", no_wrap=True)
     for finding in shown:
         table.add_row(
@@ -81,15 +81,15 @@ def chance(finding: Finding) -> str:
 def legend(found: Audit) -> list[str]:
     """Return what each column says, a line each."""
     return [
-        "accuracy: reached on test parts by seeing this alone; where a rule counts: by answering "
-        "with the label of training's own piece of the same trial, session or copy",
-        f"read by: cheap trees and look-ups, {found.read_on}"
+        "accuracy: reached on test parts from this alone; where p is “rule”, by answering with the "
+        "label of the piece of the same trial, session or copy that is in the training part",
+        f"measured with: small trees and look-up tables, {found.read_on}"
         + ("" if found.read_on == found.split else ", since the split divides trials or none is "
            "given") + "; other test parts give other figures",
-        "one answer: always naming the commonest class",
+        "majority: accuracy of always naming the commonest class",
         "AUC: area under the ROC curve, two classes only; 0.5 is chance",
-        "by chance: how often labels dealt out anew reach as much (p, corrected for all tests, "
-        "Holm); it counts below 0.01, while rule marks a fact, for which one piece is enough",
+        "p: how often shuffled labels reach as much, corrected for all tests (Holm); a finding "
+        "counts below 0.01. “rule” marks a fact, for which a single case is enough",
     ]  # fmt: skip
 
 

@@ -71,8 +71,8 @@ class Reading:
             said = f"{said} {sentence}"
         if verdict == "clear" and not self.same and not self.evidence.could_count(tests):
             verdict = "too few"
-            said = f"{said.rstrip('.')} as far as so few trials show: even one that goes half of " \
-                   "the way to certainty could be chance."  # fmt: skip
+            said = f"{said.rstrip('.')} as far as so few trials show: even a leak that goes half " \
+                   "of the way to certainty could be chance."  # fmt: skip
         return Finding(
             kind=self.kind, verdict=verdict, said=said, mend=mend, alone=self.evidence.accuracy,
             majority=self.evidence.majority, auc=self.evidence.auc, p=p, examples=self.examples,

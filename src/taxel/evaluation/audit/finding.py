@@ -18,10 +18,10 @@ ALARMS: tuple[Verdict, ...] = ("leak", "hazard")
 MEANING: dict[Verdict, str] = {
     "leak": "an accuracy measured here is not to be believed until this is mended",
     "hazard": "becomes a leak under a split that allows it",
-    "note": "say it beside the result",
+    "note": "state it beside the result",
     "clear": "looked for, not found",
     "too few": "could not be decided: with so few trials even a large leak would not have counted",
-    "not checked": "the recordings do not say what this needs, or are too many",
+    "not checked": "the recordings lack what this check needs, or are too many for it",
 }
 
 

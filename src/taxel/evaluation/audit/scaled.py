@@ -54,8 +54,8 @@ def scaled_values(case: Case) -> Finding:
     return Finding(
         kind="scaling", verdict="leak", alone=outer, majority=usual,
         said="The values have mean 0 and deviation 1 over all recordings: they were scaled with "
-             f"the test part in view (a plain neighbour rule: {outer:.3f} so, {inner:.3f} fitted "
-             "within the fold).",
+             f"the test part in view (a nearest-neighbour rule reaches {outer:.3f} with it, and "
+             f"{inner:.3f} with scaling fitted within the fold).",
         mend="keep raw values, and fit scaling on the training part of each fold",
     )  # fmt: skip
 
@@ -88,9 +88,10 @@ def scaled_run(case: Case, run: Path) -> Finding:
     return Finding(
         kind="scaling of the run", verdict="note" if refitted else "leak", alone=outer,
         majority=usual,
-        said="The run's scaling is the one of all windows "
-             f"({whole:.4f} deviations away, the nearest training part {nearest:.4f}): it has seen "
-             f"every test part (a neighbour rule: {outer:.3f} so, {inner:.3f} within the fold).",
+        said="The run's scaling is that of all windows "
+             f"({whole:.4f} deviations away, the nearest training part {nearest:.4f}): it was "
+             "fitted on every test part too (a nearest-neighbour rule reaches "
+             f"{outer:.3f} with it, and {inner:.3f} with scaling fitted within the fold).",
         mend="quote accuracies of models refitted in each fold, never of this run itself",
     )  # fmt: skip
 

@@ -214,7 +214,8 @@ def one_class_folds(case: Case) -> Finding:
     return Finding(
         kind="one-class folds", verdict="leak", alone=right / total,
         majority=majority(y, case.sides.folds),
-        said=f"{said[0][0].upper()}{said[0][1:]}{more}: one answer a fold is right without touch.",
+        said=f"{said[0][0].upper()}{said[0][1:]}{more}: one constant answer per fold is enough, "
+             "without touch.",
         mend="deal out groups so that each fold holds every class, or pool the folds' predictions",
         examples=tuple(said[:3]),
     )  # fmt: skip
