@@ -51,38 +51,49 @@ VERBS = {
     "simulate": "write recordings of a simulated sensor",
     "record": "record a source to an MCAP file",
     "hand": "move the TENG hand's fingers and print its motor currents",
-    "collect": "let the hand grasp a plan of objects, labelled and recorded",
+    "collect": "let the hand grasp, label and record a list of objects",
     "recover": "save the intact part of a damaged or unfinished recording",
     "import": "turn tables of values, or a public data set, into recordings",
     "export": "write recordings for LeRobot, ROS 2, tables or video players",
     "info": "print what a recording, a folder of recordings or a bundle holds",
     "view": "look at raw touch, without any model",
     "label": "label intervals of long recordings; correct when a grasp turned unstable",
-    "audit": "find leaks in recordings or in a split, before a reviewer does",
+    "audit": "find data leaks in recordings or in a split",
     "models": "list models and recipes, with their parameter counts",
     "weights": "list image networks' weights, or fetch published ones",
     "train": "train a recogniser on recordings of an array",
-    "tune": "search a recipe's settings, by nested cross-validation",
+    "tune": "search for a recipe's best settings by nested cross-validation",
     "train-monitor": "train a grasp monitor on recordings of tactile cameras",
-    "train-trials": "train a recogniser on camera trials: a label for a whole video",
+    "train-trials": "train a recogniser on camera trials, videos with one label each",
     "train-slip": "train a slip warning on simulated cups",
     "train-backbone": "train an image network end to end on tactile cameras",
-    "distil": "train an image network to give a trained one's outputs, without labels",
+    "distil": "train an image network to imitate a trained one, without labels",
     "train-encoder": "pretrain the touch encoder on videos of touch, without labels",
     "evaluate": "cross-validate a recipe, or score a bundle, on recordings",
     "learning-curve": "measure accuracy against the amount of training data",
     "evaluate-trials": "cross-validate a recogniser of camera trials, or score its bundle",
     "reproduce": "print a published table or study, with our figures beside it",
     "compare": "test whether one run is better than another",
-    "sweep": "measure how accuracy falls with noise, faults and weather",
-    "report": "write one page on runs: data, splits, audit, tables, commands",
+    "sweep": "measure how accuracy falls with noise, faults and other conditions",
+    "report": "write one page about runs: data, splits, audit, tables, commands",
     "bundle": "turn a trained run into the one file that runs live",
-    "adapt": "bring a model to a new session, pad, class or correction",
-    "live": "predict what is in the hand and whether it slips, live",
+    "adapt": "adapt a model to a new session, pad or class, or to corrections",
+    "live": "predict live what is in the hand, or whether it slips",
     "fleet": "show the live stations that report to an MQTT broker",
-    "bench": "measure taxel's own figures beside their goals",
+    "bench": "measure taxel's own performance beside its goals",
 }
 """Verb → one line of help; its dataclass is that of its name in the module of its name."""
+
+_HEADINGS = {
+    "demo": "start here",
+    "find": "devices",
+    "simulate": "recordings",
+    "models": "training",
+    "evaluate": "evaluation",
+    "bundle": "live",
+    "bench": "taxel itself",
+}
+"""First verb of a section → its heading in `taxel --help`."""
 
 KINDS = {
     "simulate": {
@@ -99,11 +110,11 @@ KINDS = {
     "reproduce": {
         "table-4-1": "Table 4.1 of the TENG thesis: 2D and 1D CNN, simulated hand",
         "teng-models": "every model under random windows and with groups held out",
-        "teng-cleaning": "what denoising, segmentation and augmentation give",
+        "teng-cleaning": "the effect of denoising, segmentation and augmentation",
         "unknown-objects": "how well objects that were never trained on are rejected",
         "transition-tables": "Tables 1 to 3 of the grasp-transition paper",
         "grasp-warnings": "lead times and false alarms on unseen cups",
-        "precisions": "what engines and number formats of a backbone cost and lose",
+        "precisions": "time and accuracy of a backbone by engine and number format",
     },
 }
 """Verb → its kinds, each with a line of help; the dataclass is in the verb's package."""
@@ -112,13 +123,15 @@ KINDS = {
 def usage() -> str:
     """Return the text of `taxel --help`."""
     width = max(map(len, VERBS))
-    lines = [f"  {verb:<{width}}  {text}" for verb, text in VERBS.items()]
+    lines = []
+    for verb, text in VERBS.items():
+        lines += ["", f"{_HEADINGS[verb]}:"] if verb in _HEADINGS else []
+        lines.append(f"  {verb:<{width}}  {text}")
     return "\n".join(
         [
-            f"taxel {__version__}: raw touch to a decision in real time",
+            f"taxel {__version__}: robotic touch, from the sensor to a decision in real time",
             "",
             "usage: taxel VERB [OPTIONS]     each verb has its own --help",
-            "",
             *lines,
             "",
             "No hardware? Start with: taxel demo",

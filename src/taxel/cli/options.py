@@ -26,24 +26,27 @@ class RecipeOptions:
     """A recipe by name, and changes to it; what is not given stays as the recipe has it."""
 
     recipe: str | None = None
-    """Name of a set of settings (window, model, training), such as teng or array. Unless given:
-    teng for the TENG hand, array for other arrays; plain training instead chooses the settings by
-    validation inside the training part."""
+    """Name of a set of settings (window, model, training), such as teng or array; unless given,
+    teng for the TENG hand and array for other arrays. Training without a recipe, model, window or
+    epochs searches for the settings instead."""
     target: str | None = None
     """The label to predict, such as shape, material, sign or object, or two joined:
-    shape+material; the recipe's, or the recordings' only label, unless given."""
+    shape+material. Unless given: the recipe's, or the only label that the recordings have."""
     window: Pairs = ()
-    """Changes to the recipe's window, as in steps=50 stride=25 grid=own gate=none. steps, stride:
-    rows. grid: rows a second, Hz, or own (the sensor's scans). gate: contact threshold in the
-    channels' unit, none, or a recording at rest (.mcap). layout: A (values above the gate) or B
-    (whole scans). channels: names with commas. pad, tare: yes or no. wavelet: such as db2, or none.
-    segment: values up to this, in the channels' unit, are background, or none. fill: fill short
-    gaps in up to this share of a window, 0…1. reference: KEY=VALUE:COUNT, the first COUNT touches
-    of a known object, which set each channel's gain in a session, or none. follow: let each
-    channel's gate follow its rest and noise over so many seconds, or none. subtract: name of an
-    untouched channel to subtract from all others, or none. Not named: as in the recipe."""
+    """Changes to the recipe's window, such as steps=50 stride=25 grid=own gate=none; what is not
+    named stays as in the recipe. steps: rows in a window. stride: rows from one window to the next.
+    grid: rows per second, Hz, or own (each scan is a row). gate: contact threshold in the channels'
+    unit, or a recording at rest (.mcap) to measure it from, or none. layout: A (values above the
+    gate) or B (whole scans). channels: names, with commas between them. pad: yes pads trials that
+    are shorter than a window. tare: yes subtracts a window's first row from all of its rows.
+    wavelet: wavelet for denoising, such as db2, or none. segment: values up to this, in the
+    channels' unit, count as background, or none. fill: gaps are interpolated in up to this share of
+    a window, 0…1. reference: KEY=VALUE:COUNT, the first COUNT touches of a known object, which set
+    each channel's gain in a session, or none. follow: seconds over which each channel's gate
+    follows its rest and noise, or none. subtract: an untouched channel that is subtracted from all
+    others, or none."""
     epochs: int | None = None
-    """Passes over the training windows, 1 or more; the recipe's number unless given."""
+    """Passes over the training windows, 1 or more; as in the recipe unless given."""
     seed: int = 0
     """Seed of weights, order and folds, 0 to 1000000000."""
 

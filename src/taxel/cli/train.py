@@ -33,45 +33,47 @@ if TYPE_CHECKING:
 class Train:
     """Train a recogniser on recordings of an array, and measure its accuracy.
 
-    Without a recipe, window, features and model are searched for by validation inside the training
-    part.
+    Without a recipe, it searches for the best window, features and models, by validation inside the
+    training part.
     """
 
     data: tyro.conf.Positional[Path]
     """A folder of recordings."""
     output: Path | None = None
-    """Folder for the run: weights, configuration, accuracy; runs/DATA-TARGET unless given. An older
-    run there is replaced."""
+    """Folder for the run (weights, configuration, accuracy); runs/DATA-TARGET unless given. An
+    older run there is replaced."""
     check: bool = True
     """Cross-validate first, so that the run states its accuracy."""
     split: str | None = None
-    """How accuracy is measured: random (leaks; takes the recipe), group:KEY (whole groups held
-    out, such as group:session) or order:KEY:LAST[:END] (train up to LAST, test above it, up to
-    END); the recipe's unless given, without a recipe sessions, else objects, else files."""
+    """How accuracy is measured. group:KEY holds out whole groups, such as group:session.
+    order:KEY:LAST[:END] trains up to LAST and tests above it, up to END. random splits windows,
+    which leaks, and takes the recipe. Unless given: the recipe's; without a recipe, sessions are
+    held out, else objects, else files."""
     folds: Path | None = None
     """Measure on a published split instead: a table (CSV) with the columns recording (or
     group:KEY), side (train, validation, test) or fold, and optionally start_s, seconds."""
     test: Path | None = None
-    """Measure on this folder instead; the whole of the first folder is the training part."""
+    """Measure on the recordings of this folder instead; all of PATH is then the training part."""
     fold_count: int = 5
     """Folds of the cross-validation, 2 or more."""
     model: str | None = None
     """Name of the model, such as cnn2d; the recipe's unless given."""
     minutes: float = 5.0
-    """Without a recipe: most time for the search, minutes, above 0."""
+    """Without a recipe: time limit of the search, minutes, above 0."""
     max_mb: float = 20.0
     """Without a recipe: largest size of the bundle, megabytes, above 0."""
     max_us: float = 2000.0
-    """Without a recipe: longest time a window may take live, on one core, microseconds, above 0."""
+    """Without a recipe: longest time that a window may take live, on one core, microseconds, above
+    0."""
     like: Path | None = None
-    """Without a recipe: use the window, features and models that an earlier run chose, from its
-    expert.json; nothing is searched for."""
+    """Without a recipe: take the window, features and models that an earlier run chose, from its
+    expert.json, without a search."""
     reject_novel: float | None = None
-    """Also learn to answer UNKNOWN to novel touch, at this false rejection rate, 0…1, such as 0.05;
-    off unless given."""
+    """Also train a novelty test, which answers UNKNOWN to novel touch, with this false rejection
+    rate, 0…1, such as 0.05; none unless given."""
     fresh: bool = False
-    """With a recipe: start from nothing. Otherwise the folds and checkpoints that an interrupted
-    run left beside --output are used, where recipe, data and software are the same."""
+    """With a recipe: start from the beginning. Otherwise folds and checkpoints that an interrupted
+    run left beside --output are reused, if recipe, data and software are the same."""
     json: bool = False
     """Print JSON."""
     recipe: Annotated[RecipeOptions, tyro.conf.arg(name="")] = field(default_factory=RecipeOptions)
