@@ -154,7 +154,7 @@ def test_an_accuracy_on_training_recordings_is_no_test_and_says_so(
     _, touch = short_touch
     fingerprints = load_dataset(Path(touch), TOUCH_WINDOW).fingerprints.values()
     for learned, said in (
-        (tuple(map(fingerprint_of, fingerprints)), "learned from 1 of these very recordings"),
+        (tuple(map(fingerprint_of, fingerprints)), "was trained on 1 of these recordings"),
         ((), "does not say which recordings"),
         (("0" * 16,), None),
     ):

@@ -98,7 +98,7 @@ def test_a_bundle_is_scored_and_says_what_it_learned_from(
     assert theirs["warning"] is None
     assert (theirs["windows"], theirs["trials"], theirs["majority"]) == (16, 4, 0.5)
     assert len(ours["learned_from"]) == 4
-    assert "learned from 4 of these very recordings" in said
+    assert "trained on 4 of these recordings" in said
 
 
 def test_live_replays_a_folder_and_agrees_with_the_score(

@@ -152,8 +152,8 @@ def test_a_test_folder_does_not_count_as_learned_from(
     main(["evaluate", str(bundle), str(data)])
     second = capsys.readouterr()
 
-    assert "learned from" not in first.out + first.err
-    assert "learned from 16" in second.out + second.err
+    assert "was trained on" not in first.out + first.err
+    assert "was trained on 16" in second.out + second.err
 
 
 def test_a_repeated_choice_is_judged_on_the_split_that_is_asked_for(

@@ -55,7 +55,7 @@ class Adapt:
     grasps: int = 5
     """--new: how many grasps of each class to learn from, the first ones."""
     correct: Path | None = None
-    """Runs: a recording whose labels are right; its grasps are answered and then learned in their
+    """Runs: a recording with correct labels; its grasps are answered and then learned in their
     order. Notices drift (needs taxel[adapt])."""
     test: Path | None = None
     """Labelled recordings to measure accuracy on before and after, by class: with --touches alone,

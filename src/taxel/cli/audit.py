@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, kw_only=True)
 class Audit:
-    """Find leakage in recordings, or in a split of them; say what each leak alone gives.
+    """Find data leaks in recordings, or in a split; print the accuracy that each alone gives.
 
     Without a split the recordings are audited by themselves: what predicts the label without
     touch, and what a careless split would add. The exit code is 0 whatever is found.
@@ -48,7 +48,7 @@ class Audit:
     steps: int | None = None
     """Rows (or frames) of a window; 2 or more; a quarter of the usual trial unless given."""
     seed: int = 0
-    """Seed of folds, trees and labels dealt out anew."""
+    """Seed of folds, trees and shuffled labels."""
     all: bool = False
     """Also list what was looked for and not found."""
     json: bool = False

@@ -29,7 +29,7 @@ class Bundle:
     trained: tyro.conf.Positional[Path | None] = None
     """A run's folder; with --sign also a bundle, which is signed as it is."""
     output: Path | None = None
-    """The file to write, by custom NAME.taxel; with --board a folder, such as a copy of
+    """The file to write, usually NAME.taxel; with --board a folder, such as a copy of
     firmware/teng_classify. An older bundle there is replaced."""
     sign: Path | None = None
     """Sign it with this private key, an Ed25519 key of OpenSSH's form, so that whoever trusts its
@@ -38,8 +38,8 @@ class Bundle:
     """Alone: write a new private key to this file, and its public key to the same name with .pub.
     No file is replaced."""
     follow: float | None = None
-    """Live, let each channel's contact gate follow its rest and noise over so many of the last
-    seconds, and say so each time; as the run was trained unless given."""
+    """Live, let each channel's contact gate follow its rest and noise over this many
+    seconds, and report each change; as the run was trained unless given."""
     board: Literal["mega"] | None = None
     """Also write C that predicts on the board itself: mega, the Arduino Mega 2560 (networks of the
     model cnn2d)."""

@@ -33,7 +33,7 @@ FORCES_N = (0.5, 0.75, 1.0, 1.5, 2.0, 3.0, 4.0, 5.0)
 
 @dataclass(frozen=True, kw_only=True)
 class Calibrate:
-    """Measure what a sensor makes of known forces, and correct later recordings by it.
+    """Measure sensors' response to known forces, and correct later recordings with it.
 
     From recordings whose marks carry the labels sensor and force_n, or with a table of presses;
     from a board, asking for each press on the terminal; or, without hardware, from
@@ -44,12 +44,12 @@ class Calibrate:
     source: tyro.conf.Positional[tuple[str, ...]]
     """Recordings (.mcap) of one array, or one address: sim://teng, serial://…"""
     output: Path
-    """The calibration to be (.json); with --apply the corrected recording (.mcap)."""
+    """The calibration to write (.json); with --apply the corrected recording (.mcap)."""
     presses: tuple[Path, ...] = ()
     """Tables of presses (CSV: sensor, force_n, start_s, end_s; and where known direction, round,
     reference_v), one a recording, times in s since its first scan; instead of marks."""
     measure: Literal["peak", "plateau"] = "peak"
-    """What a press is read at: its peak (sensors that answer to a change), or its middle
+    """Where a press is read: at its peak (sensors that answer to a change), or in its middle
     (sensors that hold their value)."""
     forces: tuple[float, ...] = FORCES_N
     """Live: forces to ask for, N."""
@@ -59,8 +59,8 @@ class Calibrate:
     """Live: which channels to press; all unless given. --cycles: which to look at; of sim://teng
     which to tap, the first unless given."""
     cycles: int | None = None
-    """Durability instead of curves: so many taps, found by themselves in any source; of sim://teng
-    the simulated gauge taps, else whoever stands beside the pad."""
+    """Measure durability instead of curves, over this many taps, which are detected automatically.
+    With sim://teng the simulated gauge taps, otherwise a person or a machine."""
     tap_hz: tuple[float, ...] = (0.5, 1.0, 4.0, 8.0)
     """--cycles of sim://teng: further rates to tap at, 1/s; other taps come as they come."""
     recording: Path | None = None
@@ -73,7 +73,7 @@ class Calibrate:
     unit: Literal["V", "N"] = "V"
     """With --apply: corrected volts, or newtons."""
     seed: int = 0
-    """Of the draws behind the intervals."""
+    """Seed of the resampling for the intervals."""
     overwrite: bool = False
     """Replace existing files."""
     json: bool = False

@@ -42,7 +42,7 @@ class Collect:
     hand: str
     """Address of the hand's motors, such as sim://hand or hand:///dev/serial/by-id/hand."""
     output: Path
-    """Folder for the recordings, a file a grasp."""
+    """Folder for the recordings, one file per grasp."""
     arm: bool = False
     """Allow motion at once; otherwise the hand first moves after a key is pressed."""
     ask: bool = True

@@ -26,7 +26,7 @@ class Compare:
     second: tyro.conf.Positional[Path]
     """Another; differences are second minus first."""
     group: str | None = None
-    """What is taken as a whole: session, object, grasp, file …; the session where there is one."""
+    """Groups compared as wholes: session, object, grasp, file …; sessions if there are any."""
     folds: Path | None = None
     """Only trials that this table of folds tests; neither run may have trained on them."""
     test: Path | None = None

@@ -18,9 +18,9 @@ _TOUCHES_S = 15.0
 
 @dataclass(frozen=True, kw_only=True)
 class Demo:
-    """Simulate, train, compare with the thesis, predict live: about a minute, offline.
+    """Simulate, train, compare with the thesis, predict live, offline, in a few minutes.
 
-    Then the operator's page on a simulated cup and the simulated hand.
+    It ends with the operator's page on a simulated cup and the simulated hand.
     """
 
     output: Path = Path("demo")

@@ -63,9 +63,9 @@ class Check:
 
 @dataclass(frozen=True, kw_only=True)
 class Doctor:
-    """Say what this machine lacks for live work, and how to mend it.
+    """List what this machine lacks for live work, and how to mend it.
 
-    Exit code 0 when all that is required is there, whatever optional things are missing; 1 when
+    Exit code 0 if everything required is there, even where optional things are missing; 1 if
     something required is missing.
     """
 

@@ -16,7 +16,7 @@ from taxel.errors import BadInput
 
 @dataclass(frozen=True, kw_only=True)
 class EvaluateTrials:
-    """Measure a recogniser of camera trials on trials it has not seen, beside trivial ones.
+    """Measure a recogniser of camera trials on trials it has not seen, beside baselines.
 
     The first PATH is a table (CSV) with one row for each trial, or a folder of recordings of
     tactile cameras. The table's columns: left and right, or camera:NAME for each camera (a video,
@@ -68,7 +68,7 @@ class EvaluateTrials:
             return
         console.print(trial_tables(trials, split, results, differences))
         if (control := best_control(results)) is not None:
-            say(f"warning: {control.name} is right as often: do not claim what this predicts",
+            say(f"warning: {control.name} is as accurate: do not claim the recogniser's accuracy",
                 style="yellow")  # fmt: skip
 
     def _score_bundle(self) -> None:

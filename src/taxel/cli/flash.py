@@ -37,7 +37,7 @@ _IDENTIFY = frame_of(pack(Command(board=EVERY_BOARD, seq=0, t_us=0, order=Order.
 
 @dataclass(frozen=True, kw_only=True)
 class Flash:
-    """Build a sketch, write it to a board and check what the board then says.
+    """Build a sketch, write it to a board, and check what the board then reports.
 
     Uses arduino-cli, or avrdude with the AVR compiler, whichever is there. Whatever ran on the
     board is replaced.
@@ -48,7 +48,7 @@ class Flash:
     sketch: tyro.conf.Positional[str]
     """teng_daq (sensor board), hand_control (fingers), a sketch's folder, or a .hex file."""
     port: str | None = None
-    """Where the board is, such as /dev/serial/by-id/…; the only such board unless given."""
+    """Port of the board, such as /dev/serial/by-id/…; the only such board unless given."""
     board_number: int | None = None
     """Its number in the hand, 0 to 254; as the sketch's settings.h says unless given."""
     board_id: str | None = None
@@ -60,11 +60,11 @@ class Flash:
     tool: Literal["auto", "arduino-cli", "avrdude"] = "auto"
     """What to write with."""
     expect: str | None = None
-    """Version that the board must say, as in 1.0.0; the sketch's own unless given."""
+    """Firmware version that the board must report, as in 1.0.0; the sketch's own unless given."""
     baud: int = 500_000
-    """Bits a second at which the board speaks afterwards."""
+    """Baud rate of the board afterwards, bits a second."""
     wait_s: float = 8.0
-    """How long to wait for its hello, s."""
+    """How long to wait for the board's first message, s."""
     dry_run: bool = False
     """Print the commands and do nothing."""
     json: bool = False

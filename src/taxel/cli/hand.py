@@ -31,7 +31,7 @@ _LASTS_S = 0.3
 
 @dataclass(frozen=True)
 class Hand:
-    """Ask the hand how it is, move fingers, grip until contact, release, or stop."""
+    """Print the hand's status, move fingers, grip until contact, release, or stop."""
 
     action: tyro.conf.Positional[Literal["status", "move", "grip", "release", "stop"]]
     """status, move (to --closed), grip (until contact), release (open), stop (motors off)."""
@@ -46,7 +46,7 @@ class Hand:
     contact_ma: int = 700
     """The current at which a motor stops, mA."""
     seconds: float = 8.0
-    """Give a movement up after this long, seconds; it opens first in 6 s after power-up."""
+    """Time limit of a movement, seconds; after power-up the hand first opens, in 6 s."""
     record: Path | None = None
     """Write the motors' currents to this recording (.mcap)."""
     plot: Path | None = None
@@ -54,7 +54,7 @@ class Hand:
     overwrite: bool = False
     """Replace existing files of --record and --plot."""
     json: bool = False
-    """Print what became of it as JSON."""
+    """Print the result as JSON."""
 
     RULES: ClassVar = (
         Only(("arm", "fingers", "seconds"), "move, grip or release", lambda o: o.action in MOVES),

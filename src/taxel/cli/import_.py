@@ -53,7 +53,7 @@ class Import:
     """The import table (CSV); or the name of a public data set: teng-glove, icub-grasp,
     gelsight-slip; or lerobot, with --data."""
     output: Path
-    """Folder to be made for the recordings."""
+    """Folder to create for the recordings."""
     data: Path | None = None
     """Folder of the files; by default the table's own."""
     intervals: Path | None = None

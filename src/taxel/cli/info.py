@@ -26,7 +26,7 @@ _NAMES = 6
 
 @dataclass(frozen=True)
 class Info:
-    """Say what a recording, a folder of recordings or a bundle holds; verifies every check sum."""
+    """Print what a recording, a folder of recordings or a bundle holds; verify all check sums."""
 
     path: tyro.conf.Positional[Path]
     """A recording (.mcap), a folder of them, or a bundle (.taxel), such as the cup-pour that comes

@@ -40,7 +40,7 @@ class Label:
     recording's first scan), label:NAME and group:NAME; for a single recording also an Audacity
     label track or MNE's annotations (.txt)."""
     output: Path | None = None
-    """Label: folder to be made for the labelled copies."""
+    """Label: folder to create for the labelled copies."""
     overwrite: bool = False
     """Label: replace an existing output folder."""
     rule: str = "change"
@@ -53,11 +53,11 @@ class Label:
     stable: bool = False
     """Correct: stable throughout."""
     clear: bool = False
-    """Take the correction back."""
+    """Remove the correction."""
     author: str = ""
-    """Correct: who says so."""
+    """Correct: name of the person."""
     note: str = ""
-    """Correct: why."""
+    """Correct: the reason."""
     plot: Path | None = None
     """Write a figure of one recording's change signal, with threshold and every onset, to this
     file (.png); needs taxel[train]."""

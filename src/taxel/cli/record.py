@@ -44,7 +44,7 @@ class Record:
     source: tyro.conf.Positional[str]
     """Address of the source, such as sim://teng or serial:///dev/ttyUSB0."""
     output: Path
-    """The recording to be, ending in .mcap."""
+    """The recording to write, ending in .mcap."""
     seconds: float
     """How long to record, seconds of the source's time."""
     label: Pairs = ()

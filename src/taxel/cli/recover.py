@@ -13,7 +13,7 @@ from taxel.recordings.recovery import recover
 
 @dataclass(frozen=True)
 class Recover:
-    """Save what is sound in a recording that was cut short or damaged.
+    """Save the intact part of a recording that was cut short or damaged.
 
     Every chunk whose check sum holds is kept (the recorder makes one every
     0.05 s); nothing is guessed. The damaged file is left as it is.

@@ -37,9 +37,9 @@ _DEFAULT_S = 5.0
 class View:
     """Show a trace for each channel and the map of the array; q or Ctrl-C stops.
 
-    Where the output is no terminal, a plain summary is printed once instead. Tactile cameras are
-    looked at in one moment, chosen with --at or --frame: a line a camera, and with --png a
-    figure of each image, its dots' movement since the settled first frames, depth and normals.
+    Without a terminal, a plain summary is printed once instead. Tactile cameras are shown at one
+    moment, chosen with --at or --frame: a line for each camera, and with --png a figure of each
+    image, its dots' movement since the settled first frames, depth and normals.
     """
 
     source: tyro.conf.Positional[str]

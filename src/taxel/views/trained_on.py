@@ -20,12 +20,12 @@ def trained_on_line(names: Sequence[str], what: str, *, known: bool) -> str | No
     """
     if not known:
         return (
-            f"the bundle does not say which {what} it learned from: make sure that they are "
-            "none of these"
+            f"the bundle does not say which {what} it was trained on: make sure that none of these "
+            "is among them"
         )
     if not names:
         return None
     return (
-        f"the bundle learned from {len(names)} of these very {what} (such as "
-        f"{visible(names[0])}): this is no test of them"
+        f"the bundle was trained on {len(names)} of these {what} (such as {visible(names[0])}): "
+        "accuracy on them is not a test"
     )

@@ -81,20 +81,20 @@ def test_a_score_on_the_training_trials_says_so_beside_the_commonest_class(
             EvaluateTrials(trials=own, data=data).run()
             printed = " ".join(capsys.readouterr().out.split())
             assert "commonest class 0.500" in printed
-            assert "warning: the bundle learned from 8 of these very trials" in printed
+            assert "warning: the bundle was trained on 8 of these trials" in printed
             unknown = int(printed.split("UNKNOWN ")[1].split()[0])
             answered = float(printed.split("counted as wrong ")[1].split()[0])
             assert answered <= 1 - unknown / 8 + 1e-3
             words = {"as_json": False, "rules": RuleTable(()), "device": "cpu"}
             live_trials(own, str(data), None, 0.5, **words)
             printed = " ".join(capsys.readouterr().out.split())
-            assert "warning: the bundle learned from 8 of these very trials" in printed
+            assert "warning: the bundle was trained on 8 of these trials" in printed
 
     address = f"replay://{tmp_path / 'imported'}?speed=max"
     live_trials(bundle, address, None, 0.5, as_json=True, rules=RuleTable(()), device="cpu")
     live = json.loads(capsys.readouterr().out)
     assert len(live["trials"]) == 8
-    assert live["warning"].startswith("the bundle learned from 8 of these very trials")
+    assert live["warning"].startswith("the bundle was trained on 8 of these trials")
 
     others = tmp_path / "others"
     others.mkdir()

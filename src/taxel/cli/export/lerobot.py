@@ -28,7 +28,7 @@ class Lerobot:
     recordings: tyro.conf.Positional[Path]
     """A recording, or a folder of them."""
     output: Path
-    """Folder to be made."""
+    """Folder to create."""
     fps: int | None = None
     """Frames a second, a whole number; by default the first camera's nominal rate, without
     cameras about 25."""

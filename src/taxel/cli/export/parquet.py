@@ -24,7 +24,7 @@ class Parquet:
     recordings: tyro.conf.Positional[Path]
     """A recording, or a folder of them."""
     output: Path
-    """Folder to be made."""
+    """Folder to create."""
     overwrite: bool = False
     """Replace an older folder of the same kind."""
     json: bool = False

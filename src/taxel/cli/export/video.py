@@ -25,7 +25,7 @@ class Video:
     recordings: tyro.conf.Positional[Path]
     """A recording, or a folder of them."""
     output: Path
-    """Folder to be made."""
+    """Folder to create."""
     codec: Literal["mjpeg", "h264"] = "mjpeg"
     """How frames are kept: as they came, or coded again for browsers."""
     overwrite: bool = False
