@@ -196,7 +196,7 @@ class Live:
                 say(
                     f"  accuracy against ground truth: {result['right']}/{result['marked']} "
                     f"windows, {result['grasps_right']}/{result['grasps']} whole grasps (UNKNOWN "
-                    "is correct only for touch that was never learned)"
+                    "is correct only for touch that was never trained on)"
                 )
             if result["grasps_without"]:
                 say(

@@ -42,7 +42,7 @@ def left_out_table(
     table = result_table(
         f"{visible(first.target)} · each class left out of the training in turn · "
         f"split: {visible(first.split)}",
-        [heading.replace(" ", "\n") for heading in ("never learned", *SCORES, "by trial",
+        [heading.replace(" ", "\n") for heading in ("left out", *SCORES, "by trial",
                                                     "known rejected")],
     )  # fmt: skip
     for name, result in results.items():
@@ -61,7 +61,7 @@ def left_out_table(
         table,
         Text(
             "Area under the ROC curve over windows, known ones of held-out groups against those of "
-            "the class that was never learned; by trial: a trial's windows joined, "
+            "the class that was left out of training; by trial: a trial's windows joined, "
             "with its 95 % interval."
         ),
         *(
@@ -75,7 +75,7 @@ def _scores(result: UnknownResult) -> Table:
     table = result_table(
         f"unknown to {visible(result.target)} · split: {visible(result.split)} · "
         f"{result.known_windows} windows and {result.known_grasps} grasps known",
-        ("never learned", "score", "AUROC\nwindows", "grasps [95 %]", "found\nwindows", "grasps"),
+        ("not trained on", "score", "AUROC\nwindows", "grasps [95 %]", "found\nwindows", "grasps"),
     )
     for own in result.aurocs:
         ours = own.score == OURS
@@ -112,10 +112,10 @@ def _said(result: UnknownResult) -> Text:
     accuracy, constant = result.curves[0].windows[0], result.majority.windows[0]
     behind = accuracy <= constant < 1.0  # one known class alone is always predicted
     return Text(
-        f"known touch called unknown: {result.rejected_windows:.1%} of windows, "
+        f"false rejection rate: {result.rejected_windows:.1%} of windows, "
         f"{result.rejected_grasps:.1%} of grasps ({each})\n"
-        + f"warning: the answers ({accuracy:.3f}) are no better than always the commonest class "
-        f"({constant:.3f}): of little use, whatever is turned away\n" * behind
+        + f"warning: the answers ({accuracy:.3f}) are no better than always naming the commonest "
+        f"class ({constant:.3f}): they are of little use, whatever is rejected\n" * behind
     )
 
 

@@ -26,7 +26,7 @@ SIMULATED = ("shape", "material", "shape+material")
 
 @dataclass(frozen=True, kw_only=True)
 class UnknownObjects:
-    """Print how often touch of objects that were never learned is rejected, and known touch too.
+    """Print how often touch of objects that were never trained on is rejected, and known touch.
 
     On the simulated hand with an elongated prism and a rubber composite; or on recordings of an
     array, of which each class is left out in turn. Answers without rejection stand beside it.
