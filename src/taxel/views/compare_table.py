@@ -54,8 +54,8 @@ def compare_table(found: Paired, first: str, second: str) -> RenderableType:
             f"smallest possible {found.smallest_p:.2g}"
         ),
         Text(
-            f"over windows (McNemar, exact): p = {found.p_windows:.2g}; first alone right "
-            f"{found.only_first}, second alone right {found.only_second}",
+            f"over windows (McNemar, exact): p = {found.p_windows:.2g}; only the first "
+            f"correct {found.only_first}, only the second {found.only_second}",
             style="dim",
         ),
         Text(),

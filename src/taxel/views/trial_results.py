@@ -125,11 +125,11 @@ def _weakest(trials: TrialSet, split: TrialSplit, ours: TrialResult) -> str:
     groups = by_group(trials, split, ours)
     missed = [(name, right, of) for name, (right, of) in groups.items() if right < of]
     if not missed:
-        return f"all trials of all {len(groups)} {split.group}s right."
+        return f"all trials of all {len(groups)} {split.group}s are correct."
     shown = ", ".join(f"{visible(name)} {right}/{of}" for name, right, of in missed[:_WEAKEST])
     return (
-        f"{len(groups) - len(missed)} of {len(groups)} {split.group}s all right; fewest right: "
-        f"{shown}."
+        f"{len(groups) - len(missed)} of {len(groups)} {split.group}s have all trials correct; "
+        f"lowest: {shown}."
     )
 
 
