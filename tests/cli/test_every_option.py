@@ -297,6 +297,7 @@ def test_a_folder_that_is_called_like_a_study_is_evaluated(
         ("train d --output r --epochs many", "for --epochs; got many;"),
         ("train d --output r --epohcs 3", "got --epohcs, 3; perhaps --epochs was meant;"),
         ("simulate rain", "needed taxel simulate with one of teng, cup-pour; got rain;"),
+        ("trian d", "needed a verb of taxel; got 'trian'; perhaps train was meant;"),
     ],
 )
 def test_words_that_do_not_fit_are_named_in_one_line(

@@ -18,6 +18,7 @@ os.environ.setdefault("OMP_NUM_THREADS", "1")
 os.environ.setdefault("OMP_WAIT_POLICY", "PASSIVE")
 
 from collections.abc import Sequence
+from difflib import get_close_matches
 from importlib import import_module
 from keyword import iskeyword
 from traceback import format_exception
@@ -174,7 +175,9 @@ def split_door(words: Sequence[str]) -> tuple[str, list[str]]:
     """
     verb, *rest = words
     if verb not in VERBS:
-        raise BadInput(f"one of the verbs {', '.join(VERBS)}", repr(verb), "run: taxel --help")
+        near = get_close_matches(verb, VERBS, 1)
+        meant = f"perhaps {near[0]} was meant; " if near else ""
+        raise BadInput("a verb of taxel", repr(verb), f"{meant}run: taxel --help")
     if verb not in KINDS:
         return trial_door(verb, rest), rest
     kind = rest[0] if rest else "nothing"
