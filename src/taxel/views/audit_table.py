@@ -83,7 +83,7 @@ def legend(found: Audit) -> list[str]:
     return [
         "accuracy: reached on test parts from this alone; where p is “rule”, by answering with the "
         "label of the piece of the same trial, session or copy that is in the training part",
-        f"measured with: small trees and look-up tables, {found.read_on}"
+        f"found by: small trees and look-ups, {found.read_on}"
         + ("" if found.read_on == found.split else ", since the split divides trials or none is "
            "given") + "; other test parts give other figures",
         "majority: accuracy of always naming the commonest class",
