@@ -176,7 +176,7 @@ def test_tables_are_printed_for_people(place: Path, capsys: pytest.CaptureFixtur
         ("run --correct new.mcap", "--new"),
         ("run --new new.mcap --test new.mcap", "are those to learn; record others"),
         ("run --new new.mcap --test .", "bare.mcap, where"),
-        ("run --correct held-out.mcap --test held-out.mcap", "are those to learn"),
+        ("run --correct held-out.mcap --test held-out.mcap", "are to be learned"),
         ("run --touches touch.mcap --rollback", "one after the other"),
         ("run --history --test held-out.mcap", "--history and --test"),
         ("cup-pour --touches touch.mcap", "of tactile cameras; leave it as it is"),

@@ -155,7 +155,7 @@ def test_the_same_table_and_folder_are_audited(
         (["evaluate", "ours", "--folds", "5"], "--fold-count 5"),
         (["evaluate", "ours", "--folds", "none.csv"], "a table of folds (CSV) that can be read"),
         (["train", "ours", "--output", "x", "--no-check", "--test", "theirs"], "--test"),
-        (["compare", "run", "run", "--test", "ours"], "recordings that no run learned from"),
+        (["compare", "run", "run", "--test", "ours"], "recordings that neither run was trained on"),
         (["live", "b.taxel", "empty"], "empty"),
         (
             ["train", "ours", "--output", "x", "--fold-count", "y"],

@@ -169,7 +169,7 @@ def test_a_repeated_choice_is_judged_on_the_split_that_is_asked_for(
     assert nested["fixed"] is True
     assert nested["scores"]["default"]["accuracy"] > 0.9
     assert "in the run that is repeated" in printed
-    assert "chosen before, trained anew on each training part" in printed
+    assert "chosen before, then trained on each training part" in printed
     assert "--minutes allows more" not in printed
 
 

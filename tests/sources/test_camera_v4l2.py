@@ -328,7 +328,7 @@ def test_listing_names_each_camera_once_with_its_lasting_name_and_offers(tmp_pat
 def test_the_real_kernel_says_what_is_no_camera(tmp_path: Path):
     """By the real system calls: a device that is none, a file, and nothing at all."""
     with pytest.raises(
-        BadSource, match="needed a camera's device node; got /dev/null, which is none"
+        BadSource, match="needed a camera's device node; got /dev/null, which is not one"
     ):
         capture(LinuxKernel(), "/dev/null").open()
     (tmp_path / "file").touch()

@@ -73,7 +73,7 @@ def find_sketch(name: str, firmware: Path | None) -> Sketch:
     path = Path(name)
     if path.suffix in (".hex", ".elf"):
         if not path.is_file() or not 0 < path.stat().st_size <= _LARGEST_BINARY_BYTES:
-            raise BadInput("a built sketch (.hex, .elf)", f"{path}, which is none", "build it")
+            raise BadInput("a built sketch (.hex, .elf)", f"{path}, which is not one", "build it")
         return Sketch(path=path, built=True, version=None)
     if name in SKETCHES or not path.is_dir():
         path = (firmware or _own_firmware()) / name

@@ -47,7 +47,7 @@ def describe_bundle(path: Path, kind: BundleKind) -> tuple[dict[str, str], dict[
     size, signed = path.stat().st_size, is_signed(path)
     signature = "with a signature, which is not checked here" if signed else "not signed"
     held = f"{path}, {size / 1e6:.2f} MB, its check sum holds, {signature}"
-    whole = {"bundle": held} | lines | {"learned from": _data(digest), "made by": software}
+    whole = {"bundle": held} | lines | {"trained on": _data(digest), "made by": software}
     data = {"path": str(path), "bytes": size, "kind": kind, "carries_signature": signed}
     return whole, data | {"contract": json.loads(text)}
 

@@ -63,7 +63,7 @@ OLD: tuple[Old, ...] = (
     Old("train", "false-alarms", "taxel train-slip POSES --output NAME.taxel --false-alarms 0.3"),
     Old("train", "fine-tune", "taxel train-backbone DATA --backbone edge --epochs 3"),
     Old("train", "unknown", "taxel train DATA --reject-novel 0.05"),
-    Old("train", "resume", "--fresh, to start anew; without it what was interrupted goes on"),
+    Old("train", "resume", "--fresh, to start again; without it an interrupted run continues"),
     Old("train", "members", "--recipe teng-glove, which averages three"),
     Old("train", "folds", "taxel train DATA --fold-count 5", r"\d+"),
     Old("evaluate", "folds", "taxel evaluate DATA --fold-count 5", r"\d+"),

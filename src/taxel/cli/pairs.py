@@ -31,7 +31,7 @@ def parse_pairs(pairs: tuple[tuple[str, ...], ...], option: str) -> dict[str, st
         if not (name and equals and value):
             raise BadInput(f"{option} NAME=VALUE", repr(word), "write it as in shape=sphere")
         if not _is_text(word):
-            raise BadInput(f"text in UTF-8 with {option}", repr(word), "type it anew")
+            raise BadInput(f"text in UTF-8 with {option}", repr(word), "type it again")
         if name in found:
             raise BadInput(f"each {option} once", f"{name!r} twice", "leave one of them out")
         found[name] = value

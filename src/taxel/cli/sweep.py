@@ -231,8 +231,8 @@ class Sweep:
 def _warn_if_seen(digest: str, trained: str) -> None:
     if digest == trained:
         _note(
-            "these are the recordings that the bundle was trained on: the accuracies below "
-            "are not honest, only their falls say something."
+            "the bundle was trained on these recordings: the accuracies below are too high, "
+            "and only their falls mean something."
         )
 
 

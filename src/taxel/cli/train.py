@@ -227,7 +227,7 @@ class Train:
             f"{', '.join(map(visible, run.contract.classes))}"
         )
         if given.table is not None and self.check and len(checked.pooled.fold_accuracies) == 1:
-            say(f"learned from the training part of {self.folds} only: its test part stays unseen")
+            say(f"trained on the training part of {self.folds} only: its test part stays unseen")
         if run.contract.unknown is not None:
             say(_rejects(run.contract.unknown))
         bundle = command("taxel", "bundle", output, "--output", f"{output}.taxel")

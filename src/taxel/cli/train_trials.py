@@ -100,7 +100,7 @@ class TrainTrials:
         say(
             f"{output}{replaced}: predicts {visible(trials.target)} ({classes}) from crops of "
             f"{trials.layout.crop} "
-            f"frames, learned from {about['learned_trials']} trials; bundle {about['bytes']:,} "
+            f"frames, trained on {about['learned_trials']} trials; bundle {about['bytes']:,} "
             f"bytes, equal to training within {about['parity']:.1e}"
         )
         live = command("taxel", "live", output / IN_RUN, self.options.test or self.trials)

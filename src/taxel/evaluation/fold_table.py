@@ -114,7 +114,7 @@ def _lines(path: Path) -> tuple[list[str], list[tuple[int, dict[str, str]]]]:
         lines = [(number, line) for number, line in enumerate(reader, 2) if any(line.values())]
         header = [str(name).strip() for name in reader.fieldnames or []]
     except (OSError, BadFile, csv.Error) as error:
-        raise BadTable("a table of folds (CSV) that can be read", f"{path}, which is none",
+        raise BadTable("a table of folds (CSV) that can be read", f"{path}, which is not one",
                        "check the path") from error  # fmt: skip
     return header, [(number, {str(k).strip(): str(v or "").strip() for k, v in line.items()})
                     for number, line in lines]  # fmt: skip

@@ -42,7 +42,7 @@ def predictions_on(run: Run, folder: Path) -> Predictions:
     contract.check_sensor(dataset.sensor)
     for name, own in dataset.fingerprints.items():
         if fingerprint_of(own) in contract.learned:
-            raise BadDataset("recordings that no run learned from", f"{name} in {folder}",
+            raise BadDataset("recordings that neither run was trained on", f"{name} in {folder}",
                              "take it out of the folder")  # fmt: skip
     trials = tuple(with_joined_label(trial, contract.target) for trial in dataset.trials)
     labels = [trial.labels.get(contract.target) for trial in trials]

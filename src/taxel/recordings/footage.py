@@ -205,7 +205,7 @@ def _readable(file: Path, read: Callable[[bytes], Result]) -> Result:
         return read(_bytes_of(file))
     except BadSource as error:
         raise BadTable(
-            f"{error.needed}, as PNG or JPEG", f"{file}: {error.got}", "save or copy them anew"
+            f"{error.needed}, as PNG or JPEG", f"{file}: {error.got}", "save or copy them again"
         ) from error
 
 
@@ -213,7 +213,7 @@ def _same_size(footage: Footage, bgr: NDArray[np.generic]) -> None:
     if bgr.shape[:2] != (footage.height, footage.width):
         raise BadTable(
             f"frames of {footage.width} × {footage.height} px throughout {footage.path}",
-            f"one of {bgr.shape[1]} × {bgr.shape[0]} px", "write it anew at one size",
+            f"one of {bgr.shape[1]} × {bgr.shape[0]} px", "write it again at one size",
         )  # fmt: skip
 
 
@@ -235,7 +235,7 @@ def _refuse_large(path: Path, width: int, height: int) -> None:
         check_size(width, height)
     except BadSource as error:
         raise BadTable(
-            f"{error.needed} in {path}", error.got, "write it anew at the sensor's own size"
+            f"{error.needed} in {path}", error.got, "write it again at the sensor's own size"
         ) from error
 
 
@@ -259,5 +259,5 @@ def _refuse_cut(path: Path) -> None:
     if head[:4] == b"RIFF" and size < stated:
         raise BadTable(
             f"the {stated:,} bytes that {path} says it has", f"{size:,}: it is cut short",
-            "copy it again, or write it anew with a video tool",
+            "copy it again, or write it again with a video tool",
         )  # fmt: skip

@@ -29,7 +29,7 @@ def table_cells(path: Path) -> list[list[str]]:
     if path.is_dir():
         raise BadTable(_A_TABLE, f"the folder {path}", "write a table that names its files")
     if path.name.lower().endswith(_NO_TABLES) and path.is_file():
-        raise BadTable(_A_TABLE, f"{path}, which is none", _WRITE_ONE)
+        raise BadTable(_A_TABLE, f"{path}, which is not one", _WRITE_ONE)
     lines = read_cells(path)
     if not any(cell.strip() for cells in lines for cell in cells):
         raise BadTable(_A_TABLE, f"the empty file {path}", "write its lines")

@@ -146,7 +146,7 @@ def _records(file: BinaryIO, path: Path) -> Iterator[Record]:
     file.seek(0)
     if file.read(len(MAGIC)) != MAGIC:
         raise BadRecording(
-            "a recording (MCAP)", f"{path}, which is none", "import tables with: taxel import"
+            "a recording (MCAP)", f"{path}, which is not one", "import tables with: taxel import"
         )
     crc, summary_crc, in_summary = zlib.crc32(MAGIC), 0, False
     while True:

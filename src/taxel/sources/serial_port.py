@@ -167,7 +167,7 @@ class SerialPort:
 def _why(error: Exception) -> str:
     number = getattr(error, "errno", None)
     if number == errno.EACCES:
-        return "no permission: add yourself to the group dialout, and log in anew"
+        return "no permission: add yourself to the group dialout, and log in again"
     if number in (errno.EAGAIN, errno.EBUSY) or "exclusively lock" in str(error):
         return "another program holds it"
     if number == errno.ENOENT:

@@ -201,7 +201,7 @@ def explain(error: OSError, path: str) -> BadSource | CameraGone:
     if error.errno in _PASSING:
         return CameraGone(_reason(error))
     if error.errno in (errno.ENOTTY, errno.EINVAL):
-        return BadSource("a camera's device node", f"{path}, which is none", "run: taxel find")
+        return BadSource("a camera's device node", f"{path}, which is not one", "run: taxel find")
     return BadSource(f"{path} to open as a camera", _reason(error), "run: taxel find")
 
 

@@ -52,9 +52,9 @@ def leaderboard(choice: Choice, *, repeated: bool = False) -> RenderableType:
 def nested_table(nested: Nested) -> RenderableType:
     """Return the outer score, by window and by trial, with its bars on the same windows."""
     scores, by_trial = nested.scores, nested.by_trial
-    how = f"nested: each of {len(nested.choices)} folds chose anew on its training part"
+    how = f"nested: each of {len(nested.choices)} folds chose on its own training part"
     if nested.fixed:
-        how = "chosen before, trained anew on each training part; not nested if that choice saw it"
+        how = "chosen before, then trained on each training part; not nested if the choice saw it"
     table = result_table(
         f"split: {visible(nested.split)} · {how} · {len(nested.predictions)} test windows, "
         f"{by_trial.trials} trials",

@@ -128,7 +128,7 @@ def _baseline_table(baselines: Sequence[TrivialRow]) -> Table:
 def warning_tables(results: Sequence[WarningResult], rule: str) -> RenderableType:
     """Return what monitors do on unseen cups, and by group for the first of them."""
     table = Table(
-        title=f"warnings before gross slip, cups never seen · learned from rule {rule}",
+        title=f"warnings before gross slip, cups never seen · trained on rule {rule}",
         title_justify="left", box=SIMPLE_HEAD, pad_edge=False,
     )  # fmt: skip
     for column in ("monitor", "balanced %", "AUC", "lead s: median [95 %]", "p5 … p95",

@@ -135,7 +135,7 @@ def _drift(
 
     def decide(counts: bool) -> tuple[Verdict, str, str]:
         if not counts:
-            return "clear", "Later trials of a class cannot be told apart from earlier ones.", ""
+            return "clear", "Later trials of a class cannot be distinguished from earlier ones.", ""
         return (
             "note",
             f"Later trials of a class differ from earlier ones (by {how}): something drifts "

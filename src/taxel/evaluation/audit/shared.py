@@ -25,7 +25,7 @@ Partners = Sequence[NDArray[np.intp]]
 SESSIONS_UNKNOWN = Finding(
     kind="same session", verdict="not checked",
     said="The recordings name no session (or day, operator, device).",
-    mend="record it as a group; without it nobody can hold one out",
+    mend="record it as a group; without it no session can be held out",
 )  # fmt: skip
 
 COPIES_UNKNOWN = Finding(

@@ -205,7 +205,7 @@ def _one(name: str, groups: Groups, y: NDArray[np.intp], held: NDArray[np.bool_]
     train, test = np.flatnonzero(~held), np.flatnonzero(held)
     if not len(train) or not len(test) or set(y[train].tolist()) != set(y.tolist()):
         raise BadSplit(
-            "trials on both sides, and every class among those learned from",
+            "trials on both sides, and every class in the training part",
             f"{len(train)} and {len(test)} trials", "name another split",
         )  # fmt: skip
     return TrialSplit(name, (TrialFold.of(name, train, test),), interval_group(groups) or "trial")

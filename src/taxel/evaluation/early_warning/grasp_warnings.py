@@ -224,7 +224,7 @@ def split_by_folder(
     shared = set(train.groups(key).tolist()) & set(test.groups(key).tolist())
     if shared:
         raise BadDataset(
-            f"a test set whose {key} is never learned from",
+            f"a test set without a {key} of the training set",
             f"{key} {', '.join(sorted(shared))} in both",
             "simulate other cups with --first-cup, or record others",
         )

@@ -179,7 +179,9 @@ class Store:
                 return True
         elif not math.isfinite(mean):
             raise BadSplit(
-                "inner folds whose classes are learned from", "none", "record more of each class"
+                "inner folds with all classes in training",
+                "none",
+                "record more of each class",
             )
         study.tell(
             running.trial, mean if last else None, states.COMPLETE if last else states.PRUNED

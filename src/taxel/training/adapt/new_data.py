@@ -126,8 +126,8 @@ def check_apart(learned: Sequence[Path], test: Path) -> None:
         shared = sum(name in known for name in own)
         if shared:
             raise BadInput(
-                "grasps for --test that nothing is learned from",
-                f"{file.name}, where {shared} of {len(own)} are those to learn",
+                "grasps for --test that are not learned",
+                f"{file.name}, where {shared} of {len(own)} are to be learned",
                 "record others, best in another session",
             )
 

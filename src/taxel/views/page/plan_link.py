@@ -103,7 +103,7 @@ class PlanLink:
         """Take a person's step; return why not where nobody waits for one."""
         with self._lock:
             if not self._shown["asks"] or len(self._steps) >= _WAITING:
-                return "nobody waits for that now"
+                return "no trial waits for that now"
             self._steps.append(what)
         return ""
 

@@ -29,8 +29,7 @@ def audit_part(audit: Audit) -> Html:
             "p",
             join(
                 [
-                    f"{audit.data}: {sum(audit.classes.values())} trials, told apart by "
-                    f"{audit.target}",
+                    f"{audit.data}: {sum(audit.classes.values())} trials, label {audit.target}",
                     join([", split: ", split_name(audit.split)]) if audit.split else "",
                     ".",
                 ]

@@ -44,11 +44,11 @@ def curves_part(curves: Sequence[Curve], ink: str = "var(--c0)") -> Html:
          ("held out", lambda e: e.validation_accuracy, _HELD)],
         "accuracy", 1.0,
     )  # fmt: skip
-    legend = key([(ink, "learned from"), (_HELD, "held out")])
+    legend = key([(ink, "training"), (_HELD, "held out")])
     folds = f"{len(watched)} folds: mean, least to most" if len(watched) > 1 else watched[0].name
     said = (
-        f"{folds}. After each epoch up to 256 windows of either side are looked at as they are; "
-        "nothing is chosen by them, and the last epoch's network is kept. "
+        f"{folds}. After each epoch, up to 256 windows of each part are predicted. Nothing is "
+        "chosen by them, and the last epoch's network is kept. "
         f"{_gap_words(watched)}"
     )
     return join(
@@ -75,7 +75,7 @@ def _gaps(curves: Sequence[Curve]) -> Html:
             number(last.validation_loss, 3), percent(last.training_accuracy),
             percent(last.validation_accuracy), f"{100 * points:+.1f}",
         ])  # fmt: skip
-    head = ["fold", "epochs", "loss, learned from", "loss, held out", "accuracy, learned from",
+    head = ["fold", "epochs", "loss, training", "loss, held out", "accuracy, training",
             "accuracy, held out", "gap, points"]  # fmt: skip
     return table(head, rows)
 

@@ -49,9 +49,9 @@ def versions_part(adapted: Adapted) -> Html:
             tag(
                 "p",
                 "Adapting changes the network, so that the cross-validation of the version before "
-                "says nothing of it. Before → after: windows that taxel adapt was given with "
+                "does not hold for it. Before → after: windows that taxel adapt was given with "
                 "--test, predicted by the version it came from and by the new one; without --test "
-                "the grasps that the run rehearses, which flatters.",
+                "the grasps that the run keeps for rehearsal, which gives too high an accuracy.",
             ),
             table(
                 ["version", "made", "from", "cross-validated", "before → after",
