@@ -85,7 +85,7 @@ class WorkerLost(TaxelError, RuntimeError):
         self._made_of = (job, fate, attempts)
         after = f" after {attempts} attempts" if attempts else ""
         super().__init__(
-            f"needed a worker that lives through {job}; got none{after}: {fate}; "
+            f"needed a worker that completes {job}; got none{after}: {fate}; "
             "give it more memory, or fewer --workers."
         )
 
