@@ -52,7 +52,7 @@ class Demo:
         self._say(4, "live", f"{self.live_seconds:g} s of grasps, in a session it has never seen")
         self._live(bundles)
         self._say(
-            5, "three touches of a known object", "the same grasps, each channel at its level"
+            5, "three touches of a known object", "the same grasps, each channel scaled by them"
         )
         self._touch(bundles)
         self._live(bundles)

@@ -89,16 +89,16 @@ def _notes(points: Sequence[FaultPoint], cameras: bool) -> list[Text]:
     single = math.isnan(points[0].low) and not math.isnan(points[0].accuracy)
     if cameras:
         words = (
-            "accuracy: stable and unstable moments weigh alike, of those whose state is known. "
+            "accuracy: over moments whose state is known; stable and unstable ones weigh alike. "
             "warned: slips with an alarm in time. any: recordings with any known state. "
             "false: alarms a minute of grasps that hold. "
             + ("No interval: one cup only." if single else "Interval: cups resampled.")
         )
     else:
         words = (
-            "accuracy: of windows that were answered, that is not UNKNOWN for input that cannot be "
-            "used, or out of distribution. grasps: correct, of all; any: with any answer, of "
-            "all. outside: windows a minute where nothing was touched. "
+            "accuracy: over the windows that were answered (UNKNOWN: unusable input, or novel "
+            "touch). grasps: share of all grasps that are correct; any: share with any answer. "
+            "outside: windows a minute where nothing was touched. "
             + ("No interval: one session only." if single else "Interval: sessions resampled.")
         )
     if any(point.base is not None for point in points):
