@@ -33,20 +33,21 @@ LEROBOT = "lerobot"
 
 @dataclass(frozen=True)
 class Import:
-    """Turn tables of values, or videos, into recordings, one file a recording.
+    """Turn tables of values, or videos, into recordings, one recording per file.
 
-    TABLE is a CSV with one row a file and these columns: file (relative to
-    the table), label:NAME and group:NAME as many as you like, channels
-    ("Data0[count] Data1[count] 7[deg]": name or number from 1, and unit),
-    time ("Timestamp[ms]", in s, ms, us or ns; or "rate:100Hz"), and where
-    wanted layout (csv, icub, or module.py:function), sensor (its name) and
-    full_scale (where it saturates). Files: .csv, .csv.gz, .npy. For tactile
-    cameras: left and right, or camera:NAME as many as there are (videos, or
-    folders of images, relative to the table), label:NAME, group:NAME, and
-    where wanted split (train, validation, test), rate (Hz) and mm_per_px. Instead of a table,
-    the name of a public data set: teng-glove, icub-grasp, gelsight-slip; or lerobot, for the data
-    set of LeRobot's (version 3.0, images in Parquet) that --data names.
-    Long recordings: --intervals names the labelled stretches of each.
+    For arrays, the import table is a CSV with one row for each file (.csv, .csv.gz or .npy). Its
+    columns: file (relative to the table); label:NAME and group:NAME, as many as you like; channels,
+    each with its name or number from 1 and its unit, as in Data0[count] Data1[count] 7[deg]; time,
+    as in Timestamp[ms] (s, ms, us or ns), or rate:100Hz; and optionally sensor (its name),
+    full_scale (where it saturates) and layout (csv, icub, or module.py:function).
+
+    For tactile cameras, its columns are left and right, or camera:NAME for each camera (videos, or
+    folders of images, relative to the table); label:NAME; group:NAME; and optionally split (train,
+    validation, test), rate (Hz) and mm_per_px.
+
+    Instead of a table, name a public data set (teng-glove, icub-grasp or gelsight-slip), or
+    lerobot for the LeRobot data set (version 3.0, images in Parquet) that --data names. For long
+    recordings, --intervals names the labelled intervals of each file.
     """
 
     table: tyro.conf.Positional[str]
@@ -57,17 +58,17 @@ class Import:
     data: Path | None = None
     """Folder of the files; by default the table's own."""
     intervals: Path | None = None
-    """Labelled stretches of the files, which become trials: a table (CSV) with the columns file,
+    """Labelled intervals of the files, which become trials: a table (CSV) with the columns file,
     start_s, end_s or duration_s (seconds from the file's first scan), label:NAME and group:NAME;
     for a single file also an Audacity label track or MNE's annotations (.txt)."""
     missing: Literal["refuse", "keep"] | None = None
-    """Arrays: empty cells, NaN and infinity: refuse the file (unless keep is given), or keep them
+    """Arrays, with empty cells, NaN or infinity: refuse the file (the default), or keep them,
     flagged as invalid."""
     allow_code: bool = False
     """Run layouts of the form module.py:function; they can do whatever you can."""
     allow_outside: bool = False
-    """Take files that the table names outside of its folder (or of --data): absolute paths, .. and
-    links that lead out."""
+    """Accept files outside the table's folder (or --data): absolute paths, .. and links that lead
+    out of it."""
     overwrite: bool = False
     """Replace an existing output folder."""
     json: bool = False
