@@ -37,36 +37,36 @@ class Stored:
 
 @dataclass(frozen=True, kw_only=True)
 class Adapt:
-    """Bring a bundle or run to a changed pad, teach a run a new class, or correct it.
+    """Adapt a bundle or run to a changed pad, teach a run a new class, or correct it.
 
-    Without --output the former version is kept beside the new one, as NAME.v1, NAME.v2 …;
-    see them with --history, go back with --rollback.
+    Without --output the previous version is kept beside the new one, as NAME.v1, NAME.v2 …;
+    list versions with --history, and return to one with --rollback.
     """
 
     trained: tyro.conf.Positional[Path]
     """A bundle of an array, NAME.taxel, or a run's folder."""
     touches: Path | None = None
     """A recording of a few touches of the known object that the training's reference names, on the
-    pad, gel or session as it is now. Alone: brings each channel to its level. Beside --new or
-    --correct: sets the level of those recordings. It sets the level of --test too, but for sessions
-    that hold such touches of their own."""
+    pad, gel or session as it is now. Alone, they rescale each channel. With --new or --correct,
+    they scale those recordings. They also scale --test, except sessions that hold such touches of
+    their own."""
     new: tuple[Path, ...] = ()
     """Runs: recordings of grasps of a class that it does not know yet, labelled."""
     grasps: int = 5
-    """--new: how many grasps of each class to learn from, the first ones."""
+    """--new: number of grasps of each class to learn from; the first ones are taken."""
     correct: Path | None = None
-    """Runs: a recording with correct labels; its grasps are answered and then learned in their
-    order. Notices drift (needs taxel[adapt])."""
+    """Runs: a recording with correct labels; its grasps are predicted and then learned in
+    their order. Detects drift (needs taxel[adapt])."""
     test: Path | None = None
     """Labelled recordings to measure accuracy on before and after, by class: with --touches alone,
-    of that session; with --new or --correct, of any that hold none of the grasps to learn, best of
-    all classes; the run's rehearsed grasps unless given, which flatters."""
+    of that session; with --new or --correct, without the grasps to learn, and best with all
+    classes. Unless given, the grasps that the run rehearses, on which accuracy is too high."""
     output: Path | None = None
-    """Write the adapted version here and leave the one at hand as it is."""
+    """Write the adapted version here, and leave the existing one as it is."""
     history: bool = False
     """Show all versions."""
     rollback: tuple[int, ...] | None = None
-    """Go back to a version by its number; to the one before unless a number is given."""
+    """Return to a version by its number; to the previous one unless a number is given."""
     json: bool = False
     """Print JSON; accuracies are shares of windows, prequential and unlearned of grasps that gave
     a window, 0 to 1; levels in the channels' units."""

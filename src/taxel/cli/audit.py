@@ -22,8 +22,8 @@ if TYPE_CHECKING:
 class Audit:
     """Find data leaks in recordings, or in a split; print the accuracy that each alone gives.
 
-    Without a split the recordings are audited by themselves: what predicts the label without
-    touch, and what a careless split would add. The exit code is 0 whatever is found.
+    Without a split, it searches the recordings for what predicts the label without touch, and for
+    what a careless split would add. The exit code is 0 whatever is found.
     """
 
     data: tyro.conf.Positional[Path]
@@ -35,14 +35,14 @@ class Audit:
     """One of taxel's own splits: random, group:KEY or order:KEY:LAST[:END]."""
     folds: Path | None = None
     """A split as a table (CSV): recording (or group:KEY), fold or side (train, validation, test),
-    and if need be start_s, end_s and label_s (seconds on the recording's clock) and view (one
+    and optionally start_s, end_s and label_s (seconds on the recording's clock) and view (one
     camera or finger)."""
     test: Path | None = None
-    """Another folder or table that is tested, all of the first being trained on."""
+    """Another folder or table that is tested; all of the first is then trained on."""
     unseen: tuple[str, ...] = ()
     """Groups that the split claims to hold out, such as object; group:KEY claims its own."""
     trained: Annotated[Path | None, tyro.conf.arg(name="run")] = None
-    """A trained run's folder: was its scaling fitted on the test part too?"""
+    """A trained run's folder, to check whether its scaling was fitted on the test part too."""
     fold_count: int = 5
     """Folds that --split makes, 2 to 100."""
     steps: int | None = None

@@ -37,9 +37,9 @@ class Evaluate:
     recordings: tyro.conf.Positional[Path | None] = None
     """With a bundle: the recordings to score it on."""
     split: str | None = None
-    """Which windows are tested: random (leaks), group:KEY (whole groups held out, such as
-    group:session) or order:KEY:LAST[:END] (train up to LAST, test above it, up to END); the
-    recipe's unless given."""
+    """Which windows are tested. group:KEY holds out whole groups, such as group:session.
+    order:KEY:LAST[:END] trains up to LAST and tests above it, up to END. random splits windows,
+    which leaks. As in the recipe unless given."""
     folds: Path | None = None
     """Measure on a published split instead: a table (CSV) with the columns recording (or
     group:KEY), side (train, validation, test) or fold, and optionally start_s, seconds."""
