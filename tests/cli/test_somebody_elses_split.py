@@ -56,7 +56,7 @@ def test_a_run_keeps_the_tables_test_part_unseen(world: Path) -> None:
     """Its accuracy is that of the table; its bundle learned four recordings of twelve."""
     about = json.loads((world / "run" / "run.json").read_text())["contract"]
 
-    assert list(about["accuracy"]) == ["folds.csv"]
+    assert list(about["accuracy"]) == ["folds.csv, session held out"]
     assert about["classes"] == ["2", "10"]
     assert len(about["learned"]) == 4
 
@@ -73,7 +73,7 @@ def test_evaluate_prints_windows_trials_classes_and_groups(
     assert (found["windows"], found["trials"]) == (16, 4)
     assert [part["name"] for part in found["parts"]["classes"]] == ["2", "10"]
     assert [part["trials"] for part in found["parts"]["groups"]["object"]] == [2, 2]
-    assert "split: folds.csv" in said
+    assert "split: folds.csv, session held out" in said
     assert "cup1" in said
 
 

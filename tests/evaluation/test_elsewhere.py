@@ -1,11 +1,13 @@
 """A split that came from elsewhere, from recordings to a bundle's score; nothing of it leaks."""
 
 from dataclasses import replace
+from io import StringIO
 from pathlib import Path
 
 import numpy as np
 import pytest
 from make_pads import RECIPE, make_pads
+from rich.console import Console
 
 from taxel.bundles.reader import Bundle, read_bundle
 from taxel.bundles.writer import write_bundle
@@ -14,10 +16,15 @@ from taxel.errors import BadDataset, BadSplit
 from taxel.evaluation.bundle_scores import score_bundle
 from taxel.evaluation.checked import Checked, check_recipe
 from taxel.evaluation.kept_folds import Keeping
+from taxel.evaluation.paired import compare_predictions
+from taxel.evaluation.run_scores import judge, only_one
 from taxel.evaluation.table_split import Elsewhere, training_part
 from taxel.labels.class_order import in_order
 from taxel.training.final import train_on_all
+from taxel.views.part_results import bundle_score_table
 from taxel.windows.dataset import Dataset, load_dataset
+
+ONE_SESSION = "only one session was tested: the interval says nothing about other sessions"
 
 
 @pytest.fixture(scope="module")
@@ -63,7 +70,7 @@ def test_a_table_trains_on_its_training_part_only(pads: Path, table: Path) -> No
     trained = found.predictions.trained[0] > 0
     sessions = np.array([trial.groups["session"] for trial in found.dataset.trials])
 
-    assert found.pooled.split == "folds.csv"
+    assert found.pooled.split == "folds.csv, session held out"
     assert set(sessions[trained]) == {"s1"}
     assert set(sessions[found.predictions.trial]) == {"s3"}
     assert (found.pooled.windows, found.pooled.trials) == (16, 4)
@@ -159,3 +166,34 @@ def test_unknown_is_no_answer_and_right_for_what_was_never_learned(
 
     (part,) = [part for part in found.parts.classes if part.name == "6"]
     assert part.accuracy == said.get(UNKNOWN, 0) / part.windows
+
+
+def test_a_table_of_groups_is_resampled_by_the_group_that_it_holds_out(tmp_path: Path) -> None:
+    """Objects that were touched in several sessions: by object, as under group:object."""
+    folder = make_pads(tmp_path / "pads", (1, 2))
+    table = tmp_path / "objects.csv"
+    table.write_text("group:object,side\n2-0,train\n10-0,train\n2-1,test\n10-1,test\n")
+    found = checked(folder, Elsewhere(table=table))
+    judged = judge(found.predictions)
+
+    assert found.pooled.split == "objects.csv, object held out"
+    assert (found.pooled.interval_group, judged.group) == ("object", "object")
+    assert compare_predictions(found.predictions, found.predictions, "level").group == "object"
+    assert judged.intervals["object"].groups == 2
+
+
+def test_a_single_tested_session_says_nothing_about_others(
+    pads: Path, table: Path, others: Path, bundle: Bundle
+) -> None:
+    """A run, a comparison and a bundle's score each say so beside their interval."""
+    found = checked(pads, Elsewhere(table=table)).predictions
+    judged, scored = judge(found), score_bundle(bundle, others)
+    paired = compare_predictions(found, found, "level")
+    console = Console(width=120, record=True, file=StringIO())
+    console.print(bundle_score_table(scored, "b.taxel", "others"))
+
+    assert (judged.group, judged.lone) == ("recording", "session")
+    assert only_one(judged.lone, judged.group) == ONE_SESSION
+    assert "Only one session was tested" in paired.verdict
+    assert ONE_SESSION in console.export_text()
+    assert only_one(judge(checked(pads, Elsewhere()).predictions).lone, "session") is None

@@ -31,7 +31,7 @@ from taxel.evaluation.metrics import accuracy_interval, cross_entropy
 from taxel.evaluation.part_scores import Parts, score_parts
 from taxel.evaluation.run_scores import reliability
 from taxel.labels.class_order import in_order
-from taxel.labels.trials import coarsest_group
+from taxel.labels.trials import coarsest_group, lone_group
 from taxel.windows.dataset import Dataset, load_dataset, with_joined_label
 from taxel.windows.windower import Windows
 
@@ -53,6 +53,10 @@ class BundleScores:
     interval: tuple[float, float]
     """95 % CI of it, bootstrapped over `interval_group`; NaN with one of them."""
     interval_group: str
+    interval_groups: int
+    """How many of them there are."""
+    lone: str | None
+    """The group of which all trials share one value, such as the session; None without one."""
     majority: float
     """Share of the commonest class among the windows, 0…1."""
     unknown: float
@@ -159,6 +163,8 @@ def _scores(bundle: Bundle, dataset: Dataset, decisions: list[Decision]) -> Bund
         accuracy=float(right.mean()),
         interval=accuracy_interval(right, dataset.group(key)[trial]),
         interval_group=key,
+        interval_groups=len(np.unique(dataset.group(key)[trial])),
+        lone=lone_group(dataset.trials),
         majority=_commonest(truth[trial]),
         unknown=float(unknown.mean()),
         unknown_because=_reasons(decisions),

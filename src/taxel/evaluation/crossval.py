@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from taxel.evaluation.metrics import Scores, accuracy_interval, by_trial, score
 from taxel.evaluation.part_scores import Parts, score_parts
 from taxel.evaluation.splits import Fold, Split, TrialFold
-from taxel.labels.trials import coarsest_group
+from taxel.labels.trials import coarsest_group, lone_group
 from taxel.training.curves import Curve, Epoch, thinned
 from taxel.training.fitting import Fitted, Job, Lesson, fit_model
 from taxel.training.predictions import Predictions
@@ -124,6 +124,9 @@ class Pooled:
     """Tested trials."""
     trial_majority: float
     """Share of the commonest class among them, 0…1: the best single answer by trial."""
+    lone: str | None = None
+    """The group of which one value only was tested, such as the session; None where there is no
+    such group."""
     parts: Parts | None = None
     """The same by class and by group; None where it was not asked for."""
 
@@ -140,6 +143,7 @@ def pool(
     groups = dataset.group(key)[trial]
     correct = probabilities.argmax(axis=1) == y
     numbers, trial_y, joined = by_trial(trial, y, probabilities)
+    tested = [dataset.trials[number] for number in numbers.tolist()]
     trial_right = np.asarray(joined.argmax(axis=1) == trial_y)
     return Pooled(
         split=split.name,
@@ -152,6 +156,7 @@ def pool(
         windows=len(y),
         trials=len(numbers),
         trial_majority=float(np.bincount(trial_y).max() / len(numbers)),
+        lone=lone_group(tested, split.name),
         parts=None if target is None else
         score_parts(dataset.trials, target, trial, correct, numbers, trial_right),
     )  # fmt: skip

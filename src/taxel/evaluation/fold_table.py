@@ -85,6 +85,12 @@ class FoldTable:
     folds: tuple[RowFold, ...]
     """At least one; each with something to train on and to test."""
 
+    @property
+    def split(self) -> str:
+        """Its name as a split's, which names the group that it holds out where it lists groups."""
+        key = self.rows[0].key
+        return self.name if key == "recording" else f"{self.name}, {key} held out"
+
     def where(self, row: FoldRow) -> str:
         """Return a row's place, for messages."""
         return f"{self.name}, line {row.line}"

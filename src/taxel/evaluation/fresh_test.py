@@ -94,7 +94,7 @@ def only_tested(found: Predictions, table: FoldTable) -> Predictions:
                        f"one split by {found.split!r}", "evaluate it with: --folds TABLE",
                        )  # fmt: skip
     return replace(
-        found, split=f"{found.split}; tested: {table.name}", trial=found.trial[kept],
+        found, split=f"{found.split}; tested: {table.split}", trial=found.trial[kept],
         start_s=found.start_s[kept], fold=found.fold[kept], y=found.y[kept],
         probabilities=found.probabilities[kept],
     )  # fmt: skip

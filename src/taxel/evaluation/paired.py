@@ -15,7 +15,7 @@ from scipy.stats import binomtest
 
 from taxel.errors import BadInput
 from taxel.evaluation.intervals import ratio_interval
-from taxel.labels.trials import coarsest_group
+from taxel.labels.trials import Trial, coarsest_group, lone_group
 from taxel.training.predictions import Predictions
 from taxel.training.run import Run
 
@@ -51,6 +51,9 @@ class Paired:
     """The group that is taken as a whole."""
     coarsest: str
     """The coarsest group there is, which a claim should be made over."""
+    lone: str | None
+    """The group of which one value only was tested, such as the session; None where there is no
+    such group."""
     windows: int
     first: float
     """Accuracy of the first run, 0…1."""
@@ -125,6 +128,7 @@ def compare_predictions(
         split=ours.split,
         group=key,
         coarsest=coarsest,
+        lone=lone_group(tested_of(ours), ours.split),
         windows=len(ours),
         first=float(right.mean()),
         second=float(other.mean()),
@@ -175,8 +179,12 @@ def smallest_p(groups: int) -> float:
 
 def coarsest_of(predictions: Predictions) -> str:
     """Return the group to draw as a whole: the coarsest, or what the split holds out."""
-    tested = [predictions.trials[index] for index in np.unique(predictions.trial)]
-    return coarsest_group(tested, predictions.split)
+    return coarsest_group(tested_of(predictions), predictions.split)
+
+
+def tested_of(predictions: Predictions) -> list[Trial]:
+    """Return the trials that were tested."""
+    return [predictions.trials[index] for index in np.unique(predictions.trial)]
 
 
 def predictions_of_both(first: Run, second: Run) -> tuple[Predictions, Predictions]:
@@ -286,6 +294,10 @@ def _verdict(found: Paired, first: str, second: str) -> str:
     if found.group != found.coarsest:
         said.append(
             f"{found.group.capitalize()}s of one {found.coarsest} are alike too: it promises much."
+        )
+    if found.lone not in (None, found.group):
+        said.append(
+            f"Only one {found.lone} was tested: this says nothing about other {found.lone}s."
         )
     if "leaks" in found.split:
         said.append("The split leaks: whatever is better here need not be on new recordings.")

@@ -16,7 +16,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taxel.evaluation.metrics import Scores, accuracy_interval, by_trial, score
-from taxel.evaluation.paired import LEVEL, coarsest_of, smallest_p
+from taxel.evaluation.paired import LEVEL, coarsest_of, smallest_p, tested_of
+from taxel.labels.trials import lone_group
 from taxel.training.predictions import Predictions
 
 BINS = 10
@@ -64,6 +65,9 @@ class RunScores:
     """The coarsest group, by which `by_group` is cut."""
     intervals: dict[str, GroupInterval]
     """Group → interval, the coarsest first."""
+    lone: str | None
+    """The group of which one value only was tested, such as the session; None where there is no
+    such group."""
     by_group: tuple[GroupAccuracy, ...]
     trial_accuracy: float
     """Share of trials predicted correctly when their windows are joined, 0…1."""
@@ -89,6 +93,7 @@ def judge(predictions: Predictions) -> RunScores:
             key: _interval(correct, predictions.group(key))
             for key in dict.fromkeys((main, *split_groups(predictions), "trial"))
         },
+        lone=lone_group(tested_of(predictions), predictions.split),
         by_group=tuple(
             GroupAccuracy(str(name), int(count), float(share))
             for name, count, share in zip(names, np.bincount(index), shares, strict=True)
@@ -194,6 +199,18 @@ def few_groups(group: str, groups: int) -> str | None:
         return None
     said = "no interval" if groups < 2 else "the interval is about their lowest and highest"
     return f"{_count(groups, group)}: {said}; record more"
+
+
+def only_one(lone: str | None, group: str) -> str | None:
+    """Return what must be said of an interval within one session, or what else is tested once.
+
+    Args:
+        lone: The group of which one value only was tested, if any.
+        group: What was resampled for the interval; of one such group there is none.
+    """
+    if lone is None or lone == group:
+        return None
+    return f"only one {lone} was tested: the interval says nothing about other {lone}s"
 
 
 def _count(number: int, group: str) -> str:

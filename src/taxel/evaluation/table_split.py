@@ -119,7 +119,7 @@ def split_by_table(
         _refuse_empty(table, folds[-1])
         check_classes(dataset, target, folds[-1])
     _refuse_twice(table, dataset, folds)
-    return Split(table.name, tuple(folds), None)
+    return Split(table.split, tuple(folds), None)
 
 
 def check_classes(dataset: Dataset, target: str, fold: TrialFold) -> None:

@@ -55,12 +55,43 @@ def coarsest_group(trials: Sequence[Trial], split: str = "") -> str:
         key: {trial.groups.get(key) for trial in trials} for key in ("session", "file", "recording")
     }
     first = next((key for key, own in known.items() if len(own) > 1 and None not in own), "trial")
-    held = split.removesuffix(" held out")
-    if held != split and all(held in trial.groups for trial in trials):
+    held = held_out(split, trials)
+    if held is not None:
         own = {trial.groups[held] for trial in trials}
         if 1 < len(own) < len({(trial.groups[held], trial.groups[first]) for trial in trials}):
             return held
     return first
+
+
+def held_out(split: str, trials: Sequence[Trial]) -> str | None:
+    """Return the group that a split holds out by its name; None where it names none of theirs.
+
+    Args:
+        split: Such as "object held out", or of a table "folds.csv, object held out"; what a
+            comparison adds stands behind "; ".
+        trials: Those that are judged, at least one.
+    """
+    shared = set.intersection(*(set(trial.groups) for trial in trials))
+    parts = [f", {part}" for part in split.split("; ")]
+    named = (key for key in shared if any(p.endswith(f", {key} held out") for p in parts))
+    return max(named, key=len, default=None)
+
+
+def lone_group(trials: Sequence[Trial], split: str = "") -> str | None:
+    """Return the group that these trials show one value of, though others are to be expected.
+
+    That is what the split holds out, else the session. An interval over what lies within it, such
+    as the files of one session, says nothing about other sessions.
+
+    Args:
+        trials: Those that were tested, at least one.
+        split: The split's name, such as "session held out".
+    """
+    for key in (held_out(split, trials), "session"):
+        values = {trial.groups.get(key) for trial in trials} if key else set()
+        if len(values) == 1 and None not in values:
+            return key
+    return None
 
 
 def trials_of(

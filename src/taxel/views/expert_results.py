@@ -11,6 +11,7 @@ from scipy.stats import binomtest
 
 from taxel.evaluation.expert import Expert
 from taxel.evaluation.nested import Nested
+from taxel.evaluation.run_scores import only_one
 from taxel.plain_text import visible, visible_line
 from taxel.training.choose.choice import Choice
 from taxel.views.results import result_table
@@ -69,8 +70,10 @@ def nested_table(nested: Nested) -> RenderableType:
     for name, accuracy in nested.trivial.items():
         table.add_row(name, f"{accuracy:.4f}", style="dim")
     interval = scores.intervals[scores.group]
-    said = f"95 % CI over {interval.groups} {visible(scores.group)}s: "
-    lines = [Text(f"{said}{interval.low:.4f} … {interval.high:.4f}{_all_right(nested)}")]
+    over = f"95 % CI over {interval.groups} {visible(scores.group)}s: "
+    lines = [Text(f"{over}{interval.low:.4f} … {interval.high:.4f}{_all_right(nested)}")]
+    if said := only_one(scores.lone, scores.group):
+        lines.append(Text(visible_line(said), style="yellow"))
     if nested.warning:
         lines.append(Text(f"warning: {visible_line(nested.warning)}", style="yellow"))
     return Group(table, *lines)

@@ -15,6 +15,7 @@ from rich.text import Text
 
 from taxel.evaluation.bundle_scores import BundleScores
 from taxel.evaluation.part_scores import Parts, PartScore
+from taxel.evaluation.run_scores import few_groups, only_one
 from taxel.labels.trials import USUAL_GROUPS
 from taxel.plain_text import visible, visible_line
 from taxel.views.results import bracketed, result_table
@@ -87,7 +88,9 @@ def _lines(found: BundleScores) -> list[str]:
         lines.append(f"loss {found.loss:.4f} nats, expected calibration error "
                      f"{found.calibration_error:.4f}")  # fmt: skip
     lines.append(f"interval: 95 %, whole groups resampled by {found.interval_group}")
-    return [*lines, *found.notes]
+    few = few_groups(found.interval_group, found.interval_groups)
+    lone = only_one(found.lone, found.interval_group)
+    return [*lines, *(line for line in (few, lone) if line), *found.notes]
 
 
 def _confusion(found: BundleScores) -> Table:

@@ -16,7 +16,7 @@ from rich.text import Text
 from taxel.evaluation.baselines import below_majority
 from taxel.evaluation.checked import Checked
 from taxel.evaluation.crossval import Pooled
-from taxel.evaluation.run_scores import few_groups
+from taxel.evaluation.run_scores import few_groups, only_one
 from taxel.evaluation.teng.table_4_1 import PUBLISHED, ROWS, Section
 from taxel.plain_text import short_names, visible, visible_line
 
@@ -104,9 +104,12 @@ def below(trivial: Mapping[str, float]) -> list[Text]:
 
 
 def few(pooled: Pooled) -> list[Text]:
-    """Return the line about an interval of few groups, if it is one."""
-    said = few_groups(pooled.interval_group, pooled.interval_groups)
-    return [Text(visible_line(said))] if said else []
+    """Return the lines about an interval of few groups, or within one, if it is one."""
+    said = (
+        few_groups(pooled.interval_group, pooled.interval_groups),
+        only_one(pooled.lone, pooled.interval_group),
+    )
+    return [Text(visible_line(line)) for line in said if line]
 
 
 def with_interval(pooled: Pooled) -> str:

@@ -18,6 +18,7 @@ from taxel.evaluation.audit.finding import Audit
 from taxel.evaluation.audit.reading import read_touch
 from taxel.evaluation.audit.sides import Sides
 from taxel.evaluation.audit.touch_set import Pieces, TouchSet, cut_pieces
+from taxel.labels.trials import held_out
 from taxel.training.predictions import Predictions
 from taxel.training.run import Run
 
@@ -80,8 +81,8 @@ def sides_of(found: Predictions, touch: TouchSet, steps: int) -> tuple[Pieces, S
             )
             for fold in range(len(found.folds))
         ]
-    claimed = found.split.removesuffix(" held out")
-    known = (claimed,) if claimed != found.split and claimed in found.groups() else ()
+    claimed = held_out(found.split, found.trials)
+    known = () if claimed is None else (claimed,)
     return pieces, Sides(name=found.split, folds=tuple(folds), claimed=known)
 
 

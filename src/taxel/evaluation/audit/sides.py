@@ -90,7 +90,9 @@ def table_sides(
          np.flatnonzero(np.isin(rows, fold.test)))
         for fold in table.folds
     )  # fmt: skip
-    return pieces, Sides(name=table.name, folds=folds, claimed=claimed)
+    if (key := table.rows[0].key) != "recording":
+        claimed = tuple(dict.fromkeys((*claimed, key)))
+    return pieces, Sides(name=table.split, folds=folds, claimed=claimed)
 
 
 def folder_sides(

@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from taxel.evaluation.paired import Paired
-from taxel.evaluation.run_scores import RunScores, beside_baselines
+from taxel.evaluation.run_scores import RunScores, beside_baselines, only_one
 from taxel.evaluation.teng.table_4_1 import PUBLISHED, TASKS
 from taxel.training.curves import Curve
 from taxel.training.run import Run
@@ -86,6 +86,7 @@ def accuracies(
                 f"Accuracy over all test windows with 95 % intervals, whole {group}s resampled. "
                 "Grey: trivial baselines, which see no touch or hardly any.",
             ),
+            join([tag("p", said) for said in {_lone(judged[name]) for name in runs} if said]),
             _cleared({name: judged[name] for name in runs}, runs),
             table(
                 ["run", "model", "windows", f"95 % by {group}", "whole trials", "loss, nats",
@@ -95,6 +96,12 @@ def accuracies(
             ),
         ]
     )  # fmt: skip
+
+
+def _lone(judged: RunScores) -> str | None:
+    """Return what must be said of intervals within one session, if they are such."""
+    said = only_one(judged.lone, judged.group)
+    return said and f"{said[0].upper()}{said[1:]}."
 
 
 def _cleared(judged: Mapping[str, RunScores], runs: Mapping[str, Run]) -> Html:
