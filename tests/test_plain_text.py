@@ -25,6 +25,7 @@ from taxel.plain_text import (
     short_names,
     visible,
     visible_line,
+    visible_names,
     without_controls,
 )
 from taxel.views.console import PlainConsole, progress_on
@@ -220,3 +221,8 @@ def test_the_page_s_script_never_makes_html_of_text():
         text = path.read_text()
         for way in ("innerHTML", "outerHTML", "insertAdjacentHTML", "document.write", "eval("):
             assert way not in text, path
+
+
+def test_a_list_of_names_shows_where_each_ends():
+    """A name that holds a comma stands in quotes; the others as they are."""
+    assert visible_names(["cup, red", "cup", "a\nb"]) == '"cup, red", cup, a\\x0ab'

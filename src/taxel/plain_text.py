@@ -14,7 +14,7 @@ import html
 import json
 import math
 import shlex
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from typing import Any
 
 MOST_NAME = 200
@@ -39,6 +39,12 @@ def visible(value: object) -> str:
     if len(text) <= MOST_NAME:
         return _escaped(text)
     return _escaped(text[: MOST_NAME // 2]) + _end(text)
+
+
+def visible_names(values: Iterable[object]) -> str:
+    """Return names as a list between commas; those that hold a comma stand in quotes."""
+    shown = map(visible, values)
+    return ", ".join(f'"{name}"' if "," in name else name for name in shown)
 
 
 def visible_line(value: object, most: int = MOST_LINE) -> str:

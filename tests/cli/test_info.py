@@ -14,6 +14,9 @@ from taxel.bundles.envelope import pack
 from taxel.cli.info import Info, _span
 from taxel.cli.main import main
 from taxel.cli.simulate.teng import Teng
+from taxel.recordings.manifest import Manifest
+from taxel.recordings.writer import Recorder
+from taxel.signals import Mark, Samples, SensorInfo
 from taxel.windows.config import TENG_WINDOW
 from taxel.windows.scaling import fit_scaling
 from taxel.windows.trial_crops import FAMILIES
@@ -131,3 +134,23 @@ def test_a_damaged_bundle_is_refused_in_one_line(
         main(["info", str(tmp_path / "a.taxel")])
     assert ended.value.code == 2
     assert len(capsys.readouterr().err.strip().splitlines()) == 1
+
+
+def test_a_folder_lists_the_groups_that_marks_give(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+):
+    """Objects that intervals name can be held out, and stand beside the recordings' own."""
+    sensor = SensorInfo(name="pad", channels=("a",), units=("N",), rate_hz=100.0)
+    for name in ("one", "two"):
+        manifest = Manifest.started_now(sensor, {}, {"session": name}, now_s=0.0)
+        with Recorder(tmp_path / f"{name}.mcap", manifest) as recorder:
+            recorder.write(Samples.from_values(np.zeros((50, 1), "f4"), np.arange(50) / 100.0))
+            for place, cup in enumerate(("mug", "can")):
+                start = place * 0.2
+                recorder.mark(Mark(start_s=start, end_s=start + 0.1, labels={"grip": "firm"},
+                                   groups={"object": cup}))  # fmt: skip
+    Info(tmp_path).run()
+
+    lines = capsys.readouterr().out.splitlines()
+    assert "group object: can, mug" in lines
+    assert "group session: one, two" in lines

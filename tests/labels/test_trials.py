@@ -4,6 +4,7 @@ from pathlib import Path
 
 import pytest
 
+from taxel.labels.class_order import figures_as_classes
 from taxel.labels.trials import Trial, coarsest_group, held_out, lone_group, trials_of
 from taxel.recordings.manifest import Manifest
 from taxel.signals import Mark, SensorInfo
@@ -98,3 +99,16 @@ def test_what_is_tested_once_is_named():
     assert (lone_group(one), lone_group(one, "object held out")) == ("session", "session")
     assert (lone_group(two), lone_group(two, "object held out")) == (None, "object")
     assert lone_group(made({"file": "1"}, {"file": "2"})) is None
+
+
+def test_a_label_of_measured_figures_is_named_as_such():
+    """Many numbers with hardly a trial each; neither names nor few digits are meant."""
+    forces = [f"{n / 30:.3f}" for n in range(90)] * 2
+    said = figures_as_classes(forces, "force_n")
+
+    assert said is not None
+    assert "its 90 values in 180 trials" in said
+    assert "no regression" in said
+    assert figures_as_classes([f"k{n}" for n in range(90)], "name") is None
+    assert figures_as_classes([str(n) for n in range(10)] * 3, "digit") is None
+    assert figures_as_classes(["1", "2", "3"], "grip") is None

@@ -15,7 +15,7 @@ from taxel.bundles.envelope import BundleKind, kind_of, unpack
 from taxel.bundles.shipped import find_bundle
 from taxel.cli.printing import console, print_json, progress, say
 from taxel.labels.class_order import in_order
-from taxel.plain_text import visible
+from taxel.plain_text import visible, visible_names
 from taxel.recordings.reader import list_recordings
 from taxel.recordings.summary import summarise
 from taxel.recordings.tally import camera_line
@@ -145,8 +145,18 @@ def _print_folder(path: Path, rows: list[dict[str, Any]]) -> None:
         say(
             f"marks {visible(name)}: {_pairs({value: marked[value] for value in in_order(marked)})}"
         )
-    for name in sorted({name for row in rows for name in row["groups"]}):
-        say(f"group {visible(name)}: {_span([row['groups'].get(name, '–') for row in rows])}")
+    for name in sorted({name for row in rows for name in (*row["groups"], *row["marks_by_group"])}):
+        values = [value for row in rows for value in _values(row, name)]
+        say(f"group {visible(name)}: {_span(values)}")
+
+
+def _values(row: dict[str, Any], group: str) -> list[str]:
+    """Return a group's value of each trial that marks give a value of its own, else of the
+    recording.
+    """
+    own: dict[str, int] = row["marks_by_group"].get(group, {})
+    marked = [value for value, count in own.items() for _ in range(count)]
+    return marked or [row["groups"].get(group, "–")]
 
 
 def _span(values: list[str]) -> str:
@@ -161,7 +171,7 @@ def _span(values: list[str]) -> str:
     except ValueError:
         shown = names if 2 * len(names) <= len(values) else names[:_NAMES]
         more = f" and {len(names) - len(shown)} more" if len(names) > len(shown) else ""
-        return ", ".join(map(visible, shown)) + more
+        return visible_names(shown) + more
     return f"{visible(names[0])} to {visible(names[-1])}"
 
 

@@ -21,7 +21,7 @@ from taxel.cli.printing import command, console, print_json, progress, say
 from taxel.cli.work_options import WorkOptions
 from taxel.errors import BadInput, RecordingFailed, TaxelError
 from taxel.held import only_writer
-from taxel.plain_text import visible
+from taxel.plain_text import visible_names
 
 if TYPE_CHECKING:
     from taxel.decisions.unknown import Unknown
@@ -224,7 +224,7 @@ class Train:
         say(
             f"{output}{', replaced' if older else ''}: {recipe.model}, "
             f"{run.contract.parameters:,} parameters, predicts {recipe.target}: "
-            f"{', '.join(map(visible, run.contract.classes))}"
+            f"{visible_names(run.contract.classes)}"
         )
         if given.table is not None and self.check and len(checked.pooled.fold_accuracies) == 1:
             say(f"trained on the training part of {self.folds} only: its test part stays unseen")
@@ -249,7 +249,7 @@ def print_checked(checked: Checked) -> None:
     if said := warning(checked):
         say(f"warning: {said}", style="yellow")
     classes = checked.dataset.classes(checked.recipe.target)
-    console.print(confusion_table(classes, pooled.scores.confusion))
+    console.print(confusion_table(classes, pooled.scores.confusion, console.width))
     for table in parts_tables(pooled.parts) if pooled.parts is not None else ():
         console.print(table)
 

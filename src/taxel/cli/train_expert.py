@@ -10,7 +10,7 @@ from taxel.cli.options import check_run_folder, only_label, split_given
 from taxel.cli.printing import command, console, print_json, progress, say
 from taxel.errors import BadInput
 from taxel.held import only_writer
-from taxel.plain_text import visible
+from taxel.plain_text import visible, visible_names
 
 if TYPE_CHECKING:
     from taxel.evaluation.expert import Expert
@@ -86,7 +86,7 @@ def train_default(options: ExpertOptions) -> None:
     console.print(expert_report(expert))
     say(
         f"{output}{', replaced' if older else ''}: predicts {visible(target)}: "
-        f"{', '.join(map(visible, expert.run.contract.classes))}"
+        f"{visible_names(expert.run.contract.classes)}"
     )
     say(f"next: {command('taxel', 'bundle', output, '--output', f'{output}.taxel')}")
     say(f"same again: {command('taxel', 'train', options.data, '--like', output / CHOICE)}")

@@ -14,7 +14,7 @@ from taxel.cli.options import check_run_folder
 from taxel.cli.printing import command, console, print_json, progress, say
 from taxel.cli.trial_data import FOLDS_IN_TURN, TrialOptions
 from taxel.held import only_writer
-from taxel.plain_text import visible
+from taxel.plain_text import visible, visible_names
 
 if TYPE_CHECKING:
     from taxel.evaluation.camera_trials.crossval import Difference, TrialResult, TrialSet
@@ -96,7 +96,7 @@ class TrainTrials:
         members = ", ".join(f"{name} {share:.2f}" for name, share in about["members"].items())
         say(f"blend, weights by inner folds: {members}")
         replaced = ", replaced" if about["replaced"] else ""
-        classes = ", ".join(map(visible, trials.classes))
+        classes = visible_names(trials.classes)
         say(
             f"{output}{replaced}: predicts {visible(trials.target)} ({classes}) from crops of "
             f"{trials.layout.crop} "

@@ -22,6 +22,7 @@ from taxel.errors import BadSplit
 from taxel.evaluation.bars import BARS, FEWEST_ROWS, bar_probabilities
 from taxel.evaluation.baselines import trivial_right
 from taxel.evaluation.metrics import cross_entropy
+from taxel.evaluation.outer_split import check_training_parts
 from taxel.evaluation.run_scores import RunScores, baseline_warning, judge
 from taxel.evaluation.splits import Split, TrialFold
 from taxel.training.choose.choice import Choice
@@ -107,8 +108,9 @@ def check_choosing(
         limits: What is judged keeps to the limits of what is shipped.
 
     Raises:
-        BadSplit: A fold parts windows, not trials.
+        BadSplit: A fold parts windows, not trials, or leaves too few trials to learn from.
     """
+    check_training_parts(base, split)
     tested, choices = [], []
     bars_s = 0.0
     beside: dict[str, list[_Tested]] = {name: [] for name in bars}
@@ -169,7 +171,7 @@ def check_choice(
         on_step: Called with a line before each fold.
 
     Raises:
-        BadSplit: A fold parts windows, not trials.
+        BadSplit: A fold parts windows, not trials, or leaves too few trials to learn from.
     """
     tested = []
     for fold in split.folds:

@@ -7,6 +7,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+import numpy as np
+from numpy.typing import NDArray
+
 from taxel.errors import BadInput, BadSplit
 from taxel.evaluation.splits import Split, TrialFold, parse_split
 from taxel.evaluation.table_split import OWN_SPLIT, Elsewhere, split_elsewhere
@@ -52,6 +55,34 @@ class OuterSplit:
 
 USUAL = OuterSplit()
 """The coarsest groups held out."""
+
+
+def check_training_parts(base: Base, split: Split) -> None:
+    """Refuse a split that leaves too few trials of a class to learn from and to choose on.
+
+    Raises:
+        BadSplit: In the training part of a fold fewer than two classes have two trials.
+    """
+    for fold in split.folds:
+        if not isinstance(fold, TrialFold):
+            continue
+        counts = np.bincount(base.y[sorted(fold.train)])
+        if (counts >= 2).sum() < 2:
+            raise BadSplit(
+                "at least two trials of two classes in each training part, to learn from and to "
+                "choose on",
+                f"{_of_each(counts)} in the training part {fold.name!r} ({split.name})",
+                "record more of each class, hold out another group, or hold out fewer at a time "
+                "with a larger --fold-count",
+            )  # fmt: skip
+
+
+def _of_each(counts: NDArray[np.intp]) -> str:
+    """Return how many trials the classes have, in words."""
+    held = counts[counts > 0]
+    few, most = int(held.min()), int(held.max())
+    each = f"{few} of a class" if few == most else f"{few} to {most} of a class"
+    return f"{int(held.sum())} trials of {len(held)} classes, {each},"
 
 
 def _usual(base: Base, folds: int, seed: int) -> Split:

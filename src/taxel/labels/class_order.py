@@ -6,7 +6,11 @@ Knows nothing about models or trials.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
+
+_FEWEST_FIGURES = 10
+"""Fewer numbers are classes even where each has a single trial or two, and so is a label with
+under half as many values as trials. Source: our choice, docs/decisions/0023."""
 
 
 def in_order(classes: Iterable[str]) -> tuple[str, ...]:
@@ -19,3 +23,24 @@ def in_order(classes: Iterable[str]) -> tuple[str, ...]:
     if not all(map(math.isfinite, values.values())):
         return tuple(names)
     return tuple(sorted(names, key=lambda name: (values[name], name)))
+
+
+def figures_as_classes(labels: Sequence[str], target: str) -> str | None:
+    """Return what must be said where measured figures are told apart as classes, else nothing.
+
+    Args:
+        labels: The label of each trial.
+        target: Its name.
+    """
+    classes = in_order(labels)
+    try:
+        figures = [float(name) for name in classes]
+    except ValueError:
+        return None
+    if not all(map(math.isfinite, figures)) or len(classes) < max(_FEWEST_FIGURES, len(labels) / 2):
+        return None
+    return (
+        f"{target!r} looks like a measured figure: its {len(classes)} values in {len(labels)} "
+        "trials are told apart as classes, since taxel has no regression; sort them into a few "
+        "ranges to learn them"
+    )

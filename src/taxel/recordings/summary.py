@@ -26,7 +26,8 @@ def summarise(path: Path) -> dict[str, Any]:
         `Tally` (scans, duration_s, rate_hz measured, counter_gaps, lost_scans …);
         channels (a list of name, unit, min, mean, max over usable values, and
         the shares 0 to 1 of saturated and unusable ones); marks_by_label
-        ({label name: {label: count}}); check_sums, always "hold".
+        ({label name: {label: count}}) and marks_by_group, of the groups that marks
+        give, alike; check_sums, always "hold".
 
     Raises:
         BadRecording: It is missing, no recording of taxel's, cut short, or damaged.
@@ -36,6 +37,7 @@ def summarise(path: Path) -> dict[str, Any]:
     cameras = [FrameTally() for _ in manifest.cameras]
     spans = _Spans(len(manifest.sensor.channels))
     marks: dict[str, Counter[str]] = defaultdict(Counter)
+    groups: dict[str, Counter[str]] = defaultdict(Counter)
     for block in iterate_blocks(path):
         tally.add(block.samples)
         tally.marks += len(block.marks)
@@ -45,6 +47,8 @@ def summarise(path: Path) -> dict[str, Any]:
         for mark in block.marks:
             for name, label in mark.labels.items():
                 marks[name][label] += 1
+            for name, value in mark.groups.items():
+                groups[name][value] += 1
     return {
         "path": str(path),
         "bytes": path.stat().st_size,
@@ -52,6 +56,7 @@ def summarise(path: Path) -> dict[str, Any]:
         **_described(manifest),
         **tally.as_dict(),
         "marks_by_label": {name: dict(sorted(count.items())) for name, count in marks.items()},
+        "marks_by_group": {name: dict(sorted(count.items())) for name, count in groups.items()},
         "channels": spans.rows(manifest),
         "cameras": [
             {"name": c.name, "width": c.width, "height": c.height, **ledger.as_dict()}

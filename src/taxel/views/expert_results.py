@@ -5,6 +5,8 @@ Knows nothing about how it was found.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 from rich.console import Group, RenderableType
 from rich.text import Text
 from scipy.stats import binomtest
@@ -18,6 +20,8 @@ from taxel.views.results import result_table
 
 SHOWN = 12
 """Lines of the leaderboard; expert.json holds all."""
+KINDS = 4
+"""Kinds of models that are named of those that were not tried; expert.json names all."""
 
 
 def leaderboard(choice: Choice, *, repeated: bool = False) -> RenderableType:
@@ -46,8 +50,22 @@ def leaderboard(choice: Choice, *, repeated: bool = False) -> RenderableType:
         lines.append(Text(f"{len(rows) - len(shown)} more in expert.json", style="dim"))
     if choice.left_out and not repeated:
         count = len(choice.left_out)
-        lines.append(Text(f"{count} not tried, for the time was up; --minutes allows more"))
+        lines.append(
+            Text(
+                f"{count} not tried, for the time was up: {_first_kinds(choice.left_out)}; all are "
+                "in expert.json; --minutes allows more"
+            )
+        )
     return Group(table, *lines)
+
+
+def _first_kinds(left_out: Sequence[str]) -> str:
+    """Return the first of each kind of model that was not tried, a few of them."""
+    first: dict[str, str] = {}
+    for name in left_out:
+        first.setdefault(name.split()[0], name.partition(" · ")[0])
+    shown = list(first.values())[:KINDS]
+    return ", ".join(map(visible, shown)) + (" …" if len(shown) < len(left_out) else "")
 
 
 def nested_table(nested: Nested) -> RenderableType:

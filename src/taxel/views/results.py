@@ -22,6 +22,13 @@ from taxel.plain_text import short_names, visible, visible_line
 
 HEADINGS = {"cnn1d": "1D", "cnn2d": "2D", "minirocket": "MiniRocket"}
 """Short names: 1D is signal-based, 2D image-based."""
+LEAST_WIDTH = 80
+"""Characters of a line that any terminal has. Source: our choice, docs/decisions/0040."""
+_CORNER = "true ↓  predicted →"
+_BETWEEN = 3
+"""Characters between two columns."""
+_FEWEST = 4
+"""Characters of a column's name in a confusion matrix at the least: a count needs as many."""
 
 
 def teng_sections(sections: list[Section]) -> RenderableType:
@@ -135,17 +142,28 @@ def result_table(title: str | None, columns: Sequence[str]) -> Table:
     return table
 
 
-def confusion_table(classes: Iterable[str], confusion: list[list[int]]) -> Table:
-    """Return a confusion matrix: rows true, columns predicted."""
+def confusion_table(
+    classes: Iterable[str], confusion: list[list[int]], width: int = LEAST_WIDTH
+) -> Table:
+    """Return a confusion matrix: rows true, columns predicted.
+
+    Args:
+        classes: Their names.
+        confusion: Shape (classes, classes).
+        width: Characters of a line; columns' names are cut as far as they must be to fit.
+    """
     names = list(classes)
+    first = max(len(visible(name)) for name in (*names, _CORNER))
+    room = (width - first) // max(1, len(names)) - _BETWEEN
+    most = max(_FEWEST, min(room, max(len(visible(name)) for name in names)))
     table = Table(
         title="confusion",
         title_justify="left",
         box=SIMPLE_HEAD,
         pad_edge=False,
     )
-    table.add_column("true ↓  predicted →", no_wrap=True)
-    for name in short_names(names, 4, end=""):
+    table.add_column(_CORNER, no_wrap=True)
+    for name in short_names(names, most, end=""):
         table.add_column(name, justify="right", no_wrap=True)
     for name, row in zip(names, confusion, strict=True):
         table.add_row(visible(name), *(str(count) if count else "·" for count in row))

@@ -20,7 +20,7 @@ from taxel.evaluation.camera_trials.crossval import (
     by_group,
 )
 from taxel.evaluation.camera_trials.sides import TrialSplit
-from taxel.plain_text import visible
+from taxel.plain_text import visible, visible_names
 from taxel.windows.trial_crops import PLACES
 
 _WEAKEST = 5
@@ -69,7 +69,7 @@ def best_control(results: Sequence[TrialResult]) -> TrialResult | None:
 
 def _head(trials: TrialSet, split: TrialSplit, ours: TrialResult) -> str:
     counts = ", ".join(
-        f"{int((trials.y == number).sum())} {visible(name)}"
+        f"{int((trials.y == number).sum())} {visible_names([name])}"
         for number, name in enumerate(trials.classes[:8])
     )
     more = f", and {len(trials.classes) - 8} more classes" if len(trials.classes) > 8 else ""

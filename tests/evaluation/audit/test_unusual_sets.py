@@ -1,5 +1,6 @@
 """Clean recordings of an unusual kind raise no alarm, and their leaks are found all the same."""
 
+import warnings
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -221,3 +222,19 @@ def test_a_table_of_videos_is_audited_in_place(tmp_path: Path, write: Write) -> 
     assert {rows.shape for rows in touch.rows} == {(12, 48)}
     assert touch.group("object") is not None
     assert sorted(tmp_path.rglob("*")) == before
+
+
+def test_measured_figures_as_classes_are_said_once_and_flood_nothing(make_set: Make) -> None:
+    """30 values in 60 trials: one note, and none of scikit-learn's warnings a tree."""
+    touch = make_set["array"]()
+    trials = [
+        replace(trial, labels={"shape": f"{(i % 30) / 7:.3f}"})
+        for i, trial in enumerate(touch.trials)
+    ]
+    with warnings.catch_warnings(record=True) as seen:
+        warnings.simplefilter("always")
+        found = audit(replace(touch, trials=tuple(trials)), "d")
+
+    assert [str(w.message) for w in seen if "unique classes" in str(w.message)] == []
+    assert [note for note in found.notes if "looks like a measured figure" in note]
+    assert not [note for note in audit(touch, "d").notes if "figure" in note]

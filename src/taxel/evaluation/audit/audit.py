@@ -40,6 +40,7 @@ from taxel.evaluation.audit.touch_set import (
     honest_key,
     usual_steps,
 )
+from taxel.labels.class_order import figures_as_classes
 
 STEPS = 10
 """How often `audit` says what it looks for."""
@@ -124,7 +125,7 @@ def audit(
         split="" if case.sides is None else case.sides.name,
         read_on=_read_on(case),
         findings=sort_findings(facts),
-        notes=touch.notes,
+        notes=(*touch.notes, *_figures(touch)),
         groups=group_values(touch),
     )
 
@@ -144,6 +145,12 @@ def make_case(touch: TouchSet, split: tuple[Pieces, Sides] | None, steps: int, s
         folds = plain = sides.trial_folds(pieces)
     return Case(touch=touch, pieces=pieces, sides=sides, key=key, folds=folds, plain=plain,
                 seed=seed, steps=steps)  # fmt: skip
+
+
+def _figures(touch: TouchSet) -> list[str]:
+    """Return the note on a label of measured figures, if it is one."""
+    said = figures_as_classes([trial.labels[touch.target] for trial in touch.trials], touch.target)
+    return [said] if said else []
 
 
 def _read_on(case: Case) -> str:

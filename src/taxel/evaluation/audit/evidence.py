@@ -73,6 +73,10 @@ class LabelEvidence:
         return p < SURE and enough
 
 
+_MANY_CLASSES = "The number of unique classes is greater than 50% of the number of samples"
+"""What scikit-learn warns of at each of many trees; `audit` says it once, in a note."""
+
+
 def trial_folds(y: NDArray[np.intp], groups: NDArray[np.str_] | None, seed: int) -> list[Fold]:
     """Return folds that hold out whole groups, or whole trials where there are none."""
     count = min(FOLDS, int(np.bincount(y).max()), len(y if groups is None else set(groups)))
@@ -98,7 +102,9 @@ def predict(
     classes = int(y.max()) + 1
     found = np.full((len(y), classes), np.nan)
     for train, test in folds:
-        model = trees(seed).fit(features[train], y[train])
+        with warnings.catch_warnings():
+            warnings.filterwarnings("ignore", _MANY_CLASSES, UserWarning)
+            model = trees(seed).fit(features[train], y[train])
         found[test] = 0.0
         found[np.ix_(test, model.classes_)] = model.predict_proba(features[test])
     return found

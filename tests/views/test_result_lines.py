@@ -1,0 +1,51 @@
+"""Lines beside results: columns as wide as a terminal allows, and what was not tried by name."""
+
+import io
+from types import SimpleNamespace
+from typing import cast
+
+from rich.console import Console
+
+from taxel.training.choose.choice import Choice
+from taxel.views.expert_results import leaderboard
+from taxel.views.results import confusion_table
+
+
+def printed(what: object, width: int) -> str:
+    console = Console(file=io.StringIO(), width=width, record=True)
+    console.print(what)
+    return console.export_text()
+
+
+def test_names_of_classes_are_cut_only_as_far_as_the_line_is_short():
+    names = [f"{word} cup" for word in ("aluminium", "porcelain", "stoneware")]
+    counts = [[10, 0, 0], [0, 10, 0], [0, 0, 10]]
+
+    whole, cut = (
+        next(line for line in printed(confusion_table(names, counts, width), width).splitlines()
+             if "predicted" in line)
+        for width in (80, 50)
+    )  # fmt: skip
+
+    assert all(name in whole for name in names)
+    assert all(name[:6] in cut and name not in cut for name in names)
+    many = [f"class {n:02d} of twenty" for n in range(20)]
+    table = confusion_table(many, [[0] * 20 for _ in many], 80)
+    assert max(len(str(column.header)) for column in table.columns[1:]) == 4
+
+
+def test_what_was_not_tried_is_named():
+    """A few kinds in the line, in the order in which they would have been tried."""
+    left_out = ("touchnet · 80 rows", "perceptron 3 on all · 80 rows", "perceptron 3 on tared · 80",
+                "extra-trees 2 on tared · 80 rows", "logistic 0.03 on tared · 80 rows",
+                "random-forest 2 on all · 80 rows")  # fmt: skip
+    choice = cast(Choice, SimpleNamespace(
+        target="y", folds=5, held="session", leaderboard=(), why="the best", loss=0.1,
+        accuracy=0.9, left_out=left_out,
+    ))  # fmt: skip
+
+    said = " ".join(printed(leaderboard(choice), 200).split())
+
+    assert ("6 not tried, for the time was up: touchnet, perceptron 3 on all, extra-trees 2 on "
+            "tared, logistic 0.03 on tared …; all are in expert.json") in said  # fmt: skip
+    assert "not tried" not in printed(leaderboard(choice, repeated=True), 200)
