@@ -27,6 +27,8 @@ LEAST_WIDTH = 80
 _CORNER = "true ↓  predicted →"
 _BETWEEN = 3
 """Characters between two columns."""
+_EDGES = 2
+"""Characters at both ends of a line of a table."""
 _FEWEST = 4
 """Characters of a column's name in a confusion matrix at the least: a count needs as many."""
 
@@ -154,7 +156,7 @@ def confusion_table(
     """
     names = list(classes)
     first = max(len(visible(name)) for name in (*names, _CORNER))
-    room = (width - first) // max(1, len(names)) - _BETWEEN
+    room = (width - _EDGES - first) // max(1, len(names)) - _BETWEEN
     most = max(_FEWEST, min(room, max(len(visible(name)) for name in names)))
     table = Table(
         title="confusion",
