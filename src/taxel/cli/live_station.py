@@ -33,6 +33,7 @@ if TYPE_CHECKING:
 COLOURS = {
     "STABLE": "green", "WARNING": "yellow", "UNSTABLE": "red", "UNKNOWN": "magenta",
     "NO GRASP": "dim", "STOP": "bold white on red", "NONE": "dim",
+    "NOT RECORDING": "bold white on red",
 }  # fmt: skip
 _KEYS = "keys: q end · a acknowledge · n new grasp"
 _PERSON_KEYS = (
@@ -373,6 +374,8 @@ def _print_summary(result: dict[str, Any]) -> None:
         say(trials_line(result["trials"]))
     for name, process in result["processes"].items():
         again = f", started {process['starts']} times" if process["starts"] > 1 else ""
+        if name == "recorder" and result["recording"].get("not_written"):
+            again = f", not written {result['recording']['not_written']}{again}"
         say(
             f"  {name}: made {process['produced']}, took in {process['consumed']}, "
             f"lost {process['dropped']}{again}"
@@ -385,7 +388,7 @@ def _print_summary(result: dict[str, Any]) -> None:
     recording = result["recording"]
     if recording.get("error"):
         say(recording["error"], style="red")
-    elif recording.get("ledger"):
+    if recording.get("ledger"):
         ledger = recording["ledger"]
         parts = [f"{ledger['scans']} scans"] if ledger["scans"] else []
         parts += [

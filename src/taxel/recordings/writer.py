@@ -82,6 +82,10 @@ class Recorder:
         self._waiting: deque[Item] = deque()
         self._scans_waiting = 0
         self._bytes_waiting = 0
+        self.handed = 0
+        """Pieces handed over so far: scans that came together, frames, marks, slip."""
+        self.written = 0
+        """Those of them that are in the file, in the order in which they came."""
         self._flush_asked = False
         self._closing = False
         self._closed = False
@@ -247,6 +251,7 @@ class Recorder:
             if self._error is not None:
                 raise self._error
             self._waiting.append(item)
+            self.handed += 1
             self._scans_waiting += scans
             self._bytes_waiting += _bytes_of(item)
             if self._crowded():
@@ -274,6 +279,7 @@ class Recorder:
             due = time.monotonic() + self._flush_s
             try:
                 self._content.write(batch)
+                self.written += len(batch)
             except OSError as error:
                 self._error = self._failed(error)
             except Exception as error:  # anything else must be as loud: nobody sees this thread
@@ -340,7 +346,7 @@ class Recorder:
         if output is not None:  # which takes its name when all of it is complete, and else goes
             return (f"needed room to write {output}; {reason}; "
                     "free space or choose another folder, then start again.")  # fmt: skip
-        mend = f"free space, then run: {_recover(self._part, self._path)}"
+        mend = f"free space, then run: {recover_command(self._path)}"
         if not self._part.is_file():
             mend = "free space or choose another folder, then record again"
         return f"needed room to record {self._path}; {reason}; {mend}."
@@ -369,9 +375,10 @@ def _refuse_existing(path: Path, overwrite: bool) -> None:
         raise BadInput(
             "a new file to record to",
             f"the unfinished {part}",
-            f"run: {_recover(part, path)}, or add --overwrite",
+            f"run: {recover_command(path)}, or add --overwrite",
         )
 
 
-def _recover(part: Path, path: Path) -> str:
-    return shlex.join(["taxel", "recover", str(part), "--output", str(path)])
+def recover_command(path: Path) -> str:
+    """Return the command that saves what an unfinished recording holds."""
+    return shlex.join(["taxel", "recover", str(part_path(path)), "--output", str(path)])

@@ -19,6 +19,7 @@ from taxel.live.station.beats import Beats, Work
 from taxel.live.station.guard import Guard
 from taxel.live.station.process_watch import ProcessWatch
 from taxel.live.station.processes import ProcessGroup, Worker
+from taxel.live.station.recorder_link import RecorderLink
 from taxel.live.station.wiring import Wiring
 
 
@@ -200,7 +201,7 @@ class Watched:
         )
         self.watch = ProcessWatch(
             rig.processes, cast("Wiring", wiring), rig.beats, self.guard,
-            lambda _, text: self.words.append(text),
+            lambda _, text: self.words.append(text), RecorderLink(self.guard),
         )  # fmt: skip
         self.guard.expect("monitor/0", 0.0)
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import ExitStack
+from copy import copy
 from dataclasses import asdict
 from pathlib import Path
 from types import SimpleNamespace
@@ -34,8 +35,18 @@ class Rig:
 
     def __init__(self, stack: ExitStack, folder: Path) -> None:
         self.path = folder / "a.mcap"
-        source, news = (stack.enter_context(Ring(2**16)).name for _ in range(2))
+        source = stack.enter_context(Ring(2**16)).name
         self.source = stack.enter_context(RingWriter(source))
+        self._sit_down(stack, source)
+
+    def follower(self, stack: ExitStack) -> Rig:
+        """Return a rig whose desk follows this one's, over the same source."""
+        other = copy(self)
+        other._sit_down(stack, self._ring)
+        return other
+
+    def _sit_down(self, stack: ExitStack, source: str) -> None:
+        self._ring, news = source, stack.enter_context(Ring(2**16)).name
         self._news = stack.enter_context(RingReader(news))
         seen = Recorded(
             ring=source, row=0, sensor=HAND, cameras=(), array=True, first_camera=0
@@ -137,7 +148,7 @@ def test_an_order_that_is_no_note_or_none_that_is_known_changes_nothing(rig: Rig
 class FullDisk:
     """A recorder whose disk refuses everything."""
 
-    size = 0
+    size = handed = written = 0
 
     def write(self, samples: Samples) -> None:
         raise BadRecording("room on the disk", "none", "make room")
@@ -167,6 +178,58 @@ def test_a_disk_that_fills_ends_the_recording_in_words_and_what_follows_is_no_er
     assert "room on the disk" in news["error"]
     rig.scans()
     assert rig.pulse.produced == 0
+
+
+def test_what_comes_after_the_disk_refused_is_counted_as_not_written(
+    rig: Rig, monkeypatch: pytest.MonkeyPatch
+):
+    """Until the next recording, or until somebody ends this one."""
+    whole = recording.Recorder
+    monkeypatch.setattr(recording, "Recorder", lambda *_, **__: FullDisk())
+    rig.begin()
+    rig.scans()
+    rig.scans()
+    rig.source.put(pack({"kind": "source"}))  # which no recording holds
+    rig.scans()
+    news = rig.obey("dance")
+    assert (news["not_written"], news["kept"]) == (3, 0)
+    rig.obey("end")
+    rig.scans()
+    assert rig.obey("dance")["not_written"] == 3
+    monkeypatch.setattr(recording, "Recorder", whole)
+    assert rig.begin()["not_written"] == 0
+
+
+def test_a_dead_recorders_recording_goes_on_beside_it_with_what_it_may_not_have_written(
+    rig: Rig, tmp_path: Path
+):
+    begun = rig.begin()
+    rig.scans()
+    rig.scans()
+    unfinished = rig.path.with_name("a.mcap.part")
+    places = rig.obey("dance")["places"]
+    assert places[0][0] <= 2
+    before = unfinished.read_bytes()
+    for name in ("a-2.mcap", "a-3.mcap.part", "a-4.trials.csv"):
+        (tmp_path / name).write_text("mine")
+    log = log_of(rig.path)
+    append_trial(log, TRIAL)
+
+    with ExitStack() as stack:
+        after = rig.follower(stack)
+        again = {"places": begun["places"], "made": 2, "log": str(log)}
+        after.desk.obey({"do": "record", "path": str(rig.path), "again": again})
+        assert after.news()["path"] == str(tmp_path / "a-5.mcap")
+        after.desk.follow(after.pulse)
+        assert (after.pulse.produced, after.pulse.consumed, after.pulse.dropped) == (4, 2, 0)
+        after.obey("trial", trial=asdict(TRIAL))
+        after.obey("end")
+    assert unfinished.read_bytes()[: len(before)] == before
+    assert len(read_recording(tmp_path / "a-5.mcap").samples) == 10
+    assert read_trial_log(log) == [TRIAL, TRIAL]
+    assert not log_of(tmp_path / "a-5.mcap").exists()
+    kept = ("a-2.mcap", "a-3.mcap.part", "a-4.trials.csv")
+    assert {(tmp_path / name).read_text() for name in kept} == {"mine"}
 
 
 def test_slip_that_the_disk_refuses_is_reported_with_the_next_news(

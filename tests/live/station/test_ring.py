@@ -48,6 +48,24 @@ def test_a_reader_that_was_overtaken_knows_how_many_it_lost(ring: Ring):
         assert slow.lost == found[0]
 
 
+@pytest.mark.parametrize(("taken", "puts"), [(3, 10), (3, 1000), (10, 10), (0, 10)])
+def test_a_reader_that_follows_another_goes_on_at_its_place(ring: Ring, taken: int, puts: int):
+    """It gives out what the ring still has of what came since, and counts what is gone."""
+    with RingWriter(ring.name) as writer, RingReader(ring.name) as first:
+        for number in range(puts):
+            writer.put(number.to_bytes(4, "little") * 10)
+            if number < taken:
+                first.take()
+        with RingReader(ring.name) as second:
+            second.go_back(first.place, first.lost)
+            found = [int.from_bytes(message[:4], "little") for message in second.take()]
+            assert found == list(range(taken + second.lost, puts))
+            assert (second.lost > 0) == (puts == 1000)
+            assert second.taken + second.lost == writer.written
+            writer.put(b"next")
+            assert second.take() == [b"next"]
+
+
 def test_a_slow_reader_costs_a_quick_one_nothing(ring: Ring):
     with (
         RingWriter(ring.name) as writer,

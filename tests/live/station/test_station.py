@@ -24,6 +24,8 @@ from taxel.live.station.page_link import StationView
 from taxel.live.station.station import Station
 from taxel.live.station.wiring import StationConfig
 from taxel.recordings.reader import iterate_frames, read_recording
+from taxel.recordings.recovery import recover
+from taxel.recordings.writer import part_path
 from taxel.sim.cup_pour import CupPourConfig, list_runs
 from taxel.sources.pour_sets import CAMERA_HZ, write_run
 
@@ -153,6 +155,38 @@ def test_a_recorder_that_died_is_followed_by_one_that_leaves_finished_recordings
         until(station, lambda: station.ledger()["recorder"]["consumed"] > 20)
         assert any(alarm.kind == "recorder" for alarm in station.guard.alarms.alarms)
     assert path.read_bytes() == whole
+
+
+@pytest.mark.data
+def test_a_recording_goes_on_in_a_second_file_where_its_recorder_was_killed(tmp_path: Path):
+    """Both files together hold all that came; the first is told at once, and at the end."""
+    path, rest, saved = (tmp_path / name for name in ("a.mcap", "a-2.mcap", "saved.mcap"))
+    with Station(StationConfig(sources=("sim://teng",), bundles=())) as station:
+        station.run(0.0)
+        station.record(path, {"object": "cup"}, {"session": "3"})
+        until(station, lambda: station.recording["on"] and station.recording["kept"] > 5)
+        station.workers()["recorder"].kill()
+        until(station, lambda: station.recording["error"] != "")
+        assert not station.recording["on"]
+        (alarm,) = [a for a in station.guard.alarms.alarms if a.kind == "recording"]
+        assert f"taxel recover {path}.part --output {path}" in alarm.text
+        until(station, lambda: station.recording["on"] and station.recording["kept"] > 5)
+        assert station.recording["path"] == str(rest)
+        words = [text for _, _, text in station.events]
+        assert [text.partition(":")[0] for text in words if "record" in text.lower()] == [
+            "recorder ended by signal 9", "NOT RECORDING", f"the recording goes on in {rest}",
+        ]  # fmt: skip
+    assert "taxel recover" in station.recording["error"]
+    assert station.recording["incomplete"] == [str(path)]
+    ledger = station.ledger()
+    recorder = ledger["recorder"]
+    assert recorder["consumed"] + recorder["dropped"] == ledger["source"]["produced"]
+    recover(part_path(path), saved)
+    first, second = read_recording(saved), read_recording(rest)
+    assert second.manifest.labels == {"object": "cup"}
+    assert second.manifest.groups == {"session": "3"}
+    assert first.samples.counter[-1] + 1 >= second.samples.counter[0]
+    assert recorder["dropped"] == 0
 
 
 @pytest.mark.data

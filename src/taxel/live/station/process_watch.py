@@ -12,6 +12,7 @@ from collections.abc import Callable
 from taxel.live.station.beats import Beats, Work
 from taxel.live.station.guard import Guard
 from taxel.live.station.processes import ProcessGroup, Worker
+from taxel.live.station.recorder_link import RECORDER, RecorderLink
 from taxel.live.station.wiring import Wiring
 
 _SILENT_S = 2.5
@@ -30,6 +31,7 @@ class ProcessWatch:
         beats: Their signs of life.
         guard: Receives what is wrong.
         happened: Called with a moment and words for a person.
+        recorder: Hears when the recorder's process ends, and when another one runs.
     """
 
     def __init__(
@@ -39,9 +41,10 @@ class ProcessWatch:
         beats: Beats,
         guard: Guard,
         happened: Callable[[float, str], None],
+        recorder: RecorderLink,
     ) -> None:
         self._processes, self._wiring, self._beats = processes, wiring, beats
-        self._guard, self._happened = guard, happened
+        self._guard, self._happened, self._recorder = guard, happened, recorder
         self._mute: set[str] = set()
         self._coming: list[Worker] = []
 
@@ -58,11 +61,15 @@ class ProcessWatch:
                 text += ", too often: given up"
             self._guard.trouble(worker.name, text, now_s)
             self._happened(now_s, text)
+            if worker.name == RECORDER:
+                self._recorder.ended(how, again, now_s)
         self._look_for_silence(now_s)
         for worker in list(self._coming):
             if self._beats.read(worker.row).work is Work.RUNNING:
                 self._coming.remove(worker)
                 self._guard.over(worker.name, now_s)
+                if worker.name == RECORDER:
+                    self._recorder.runs()
                 for who in self._wiring.watchers_of(worker):
                     self._guard.expect(who, now_s)
 

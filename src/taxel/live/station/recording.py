@@ -9,7 +9,9 @@ Background of our choices: docs/decisions/0019.
 from __future__ import annotations
 
 import contextlib
+import itertools
 import resource
+from collections import deque
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -23,7 +25,7 @@ from taxel.live.station.ring import RingReader, RingWriter
 from taxel.live.station.worker import Place, Pulse, at_work, settle_memory
 from taxel.recordings.manifest import NO_ARRAY, Manifest
 from taxel.recordings.trial_log import append_trial, log_of, trial_of
-from taxel.recordings.writer import Recorder
+from taxel.recordings.writer import Recorder, part_path
 from taxel.signals import CameraInfo, Frame, Mark, Samples, SensorInfo, SlipNote
 
 _PAUSE_S = 0.01
@@ -143,21 +145,33 @@ class _Desk:
         self._error = ""
         self._reported_s = 0.0
         self._kept = 0
-        """Packets handed to the recording under way."""
+        """Packets handed to the recording under way, and written where it has failed."""
+        self._kept_before = 0
+        """Those of the dead recorders whose recording this one goes on with."""
+        self._unwritten = 0
+        """Packets that came for a recording and are in none, as the disk had refused."""
+        self._refused = False
+        """True from the disk's refusal until a recording is ended or begun."""
+        self._log = Path()
+        """Where the grasps of the recording under way are logged."""
+        self._logged = 0
+        """Orders to log a grasp that were carried out."""
+        self._trail: deque[tuple[int, list[list[int]]]] = deque()
+        """Pieces handed over by then, and where each reader stood: what may not be written yet."""
 
     def obey(self, order: Packet) -> None:
         """Begin or end a recording."""
         if not isinstance(order, dict):
             return
         if order.get("do") == "record" and self._recorder is None:
-            about = order.get("labels", {}), order.get("groups", {})
-            self._begin(Path(order["path"]), *about, overwrite=bool(order.get("overwrite")))
+            self._begin(order)
         elif order.get("do") == "slip":
             self._slip(order)
             return
         elif order.get("do") == "trial":
             self._trial(order)
         elif order.get("do") == "end":
+            self._refused = False
             self.finish("cleanly")
         self._report(monotonic())
 
@@ -172,12 +186,13 @@ class _Desk:
 
     def _trial(self, order: dict[str, Any]) -> None:
         """Log what a person did in a grasp that is over, beside the recording."""
-        if self._recorder is None or self._path is None:
+        self._logged += 1
+        if self._recorder is None:
             return
         try:
-            append_trial(log_of(self._path), trial_of(order["trial"]))
+            append_trial(self._log, trial_of(order["trial"]))
         except OSError as error:
-            self._error = f"needed to write {log_of(self._path)}; got {error.strerror or error}."
+            self._error = f"needed to write {self._log}; got {error.strerror or error}."
 
     def follow(self, pulse: Pulse) -> bool:
         """Take what came; return whether there was anything."""
@@ -188,9 +203,11 @@ class _Desk:
                 if self._recorder is not None:
                     self._write(self._recorder, source, unpack(content))
                     pulse.beat()
+                elif self._refused:
+                    self._unwritten += is_recorded(unpack(content), source)
         pulse.consumed = sum(reader.taken for reader in self._readers)
         pulse.dropped = self._lost()
-        pulse.produced = self._kept
+        pulse.produced = self._kept_before + self._kept
         now_s = monotonic()
         if now_s - self._reported_s >= _REPORT_S:
             self._report(now_s)
@@ -208,41 +225,59 @@ class _Desk:
             self._error = str(error)
         self._report(monotonic(), recorder.statistics())
 
-    def _begin(
-        self, path: Path, labels: Mapping[str, str], groups: Mapping[str, str], *, overwrite: bool
-    ) -> None:
+    def _begin(self, order: dict[str, Any]) -> None:
+        """Begin a recording; with `again` in the order, the rest of a dead recorder's."""
+        again: dict[str, Any] = order.get("again") or {}
+        asked, overwrite = Path(order["path"]), bool(order.get("overwrite"))
+        path = beside(asked, overwrite=overwrite) if again else asked
+        overwrite = overwrite and path == asked
         arrays = [source.sensor for source in self._job.sources if source.array]
         cameras = apart([camera for source in self._job.sources for camera in source.cameras])
         manifest = Manifest.started_now(
-            arrays[0] if arrays else NO_ARRAY, dict(labels), dict(groups), cameras=cameras
-        )
+            arrays[0] if arrays else NO_ARRAY, dict(order.get("labels", {})),
+            dict(order.get("groups", {})), cameras=cameras,
+        )  # fmt: skip
         try:
             self._recorder = Recorder(path, manifest, stall_s=_STALL_S, overwrite=overwrite)
         except TaxelError as error:
             self._error = str(error)
             return
         self._path, self._began_s, self._error = path, monotonic(), ""
-        with contextlib.suppress(OSError):  # of the recording that is replaced
-            log_of(path).unlink(missing_ok=True)
-        self._lost_before, self._kept = self._lost(), 0
+        self._log, self._kept_before = log_of(path), int(again.get("made", 0))
+        if again:
+            self._log = Path(again["log"])
+        else:
+            with contextlib.suppress(OSError):  # of the recording that is replaced
+                self._log.unlink(missing_ok=True)
+        for reader, (number, lost) in zip(self._readers, again.get("places", ()), strict=False):
+            reader.go_back(number, lost)
+        self._lost_before, self._kept, self._unwritten = self._lost(), 0, 0
+        self._refused = False
+        self._trail = deque([(0, self._places())])
 
     def _write(self, recorder: Recorder, recorded: Recorded, packet: Packet) -> None:
+        if not is_recorded(packet, recorded):
+            return
         try:
-            if isinstance(packet, Samples) and recorded.array:
+            if isinstance(packet, Samples):
                 recorder.write(packet)
             elif isinstance(packet, Frame):
                 recorder.frame(replace(packet, camera=packet.camera + recorded.first_camera))
             elif isinstance(packet, Mark):
                 recorder.mark(packet)
-            else:
-                return
             self._kept += 1
         except TaxelError as error:
             self._error = str(error)
-            self._recorder = None
+            self._recorder, self._refused = None, True
             with contextlib.suppress(TaxelError):
                 recorder.close("cut short")
+            waited = min(recorder.handed - recorder.written, self._kept)
+            self._kept, self._unwritten = self._kept - waited, waited + 1
             self._report(monotonic())
+
+    def _places(self) -> list[list[int]]:
+        """Return for each ring what comes next and what was lost, as `go_back` takes it."""
+        return [[reader.place, reader.lost] for reader in self._readers]
 
     def _lost(self) -> int:
         return sum(reader.lost for reader in self._readers)
@@ -255,10 +290,39 @@ class _Desk:
             "seconds": now_s - self._began_s if recorder is not None else 0.0,
             "bytes": recorder.size if recorder is not None else 0,
             "error": self._error, "lost": self._lost() - self._lost_before, "kept": self._kept,
+            "not_written": self._unwritten, "logged": self._logged,
+            "made": self._kept_before + self._kept,
         }  # fmt: skip
+        if recorder is not None:
+            self._trail.append((recorder.handed, self._places()))
+            while len(self._trail) > 1 and self._trail[1][0] <= recorder.written:
+                self._trail.popleft()
+            note["places"] = self._trail[0][1]
         if ledger is not None:
             note["ledger"] = dict(ledger)
         self._news.put(pack(note))
+
+
+def is_recorded(packet: Packet, recorded: Recorded) -> bool:
+    """Return whether a recording holds such a packet of this source."""
+    return isinstance(packet, Frame | Mark) or (isinstance(packet, Samples) and recorded.array)
+
+
+def beside(path: Path, *, overwrite: bool = False) -> Path:
+    """Return where a recording goes on: x-2.mcap where there is an x.mcap or an unfinished one.
+
+    Args:
+        path: Where it was to be.
+        overwrite: A finished recording of that very name may be replaced; no other one.
+    """
+    if not part_path(path).exists() and (overwrite or not path.exists()):
+        return path
+    others = (path.with_name(f"{path.stem}-{n}{path.suffix}") for n in itertools.count(2))
+    return next(
+        other
+        for other in others
+        if not any(taken.exists() for taken in (other, part_path(other), log_of(other)))
+    )
 
 
 def _sources_ended(job: Recording, pulse: Pulse) -> bool:

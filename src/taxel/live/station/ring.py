@@ -219,6 +219,28 @@ class RingReader(_Attached):
         self.taken += len(found)
         return found
 
+    @property
+    def place(self) -> int:
+        """Number of the message that comes next; 0 where that is not known yet."""
+        return self._next or 0
+
+    def go_back(self, number: int, lost: int) -> None:
+        """Go on where another reader of this ring stood, as if this one had been it.
+
+        Args:
+            number: The first message to give out; those before it that are gone count as lost.
+            lost: Messages that the other had lost.
+        """
+        self._at, self._next = int(self._places[_TAIL]), None
+        while self.waiting:
+            before = self._at
+            self._one()
+            if self.place > number:
+                self._at = before
+                break
+        self._next, self._broken = number, 0
+        self.taken, self.lost = number - lost, lost
+
     def newest(self) -> bytes | None:
         """Return the last message that came since the last call; those before it count as lost."""
         every = self.take()

@@ -77,7 +77,7 @@ class Station:
         policy = GripPolicy(max(limits.min_n, 0.1), GripPolicyConfig(most_n=limits.max_n))
         self.guard = Guard(Interlock(limits), config.guard, policy)
         self._driving = Driving(self.guard, limits.min_n)
-        self._recorder = RecorderLink(self.guard)
+        self._recorder = RecorderLink(self.guard, self._happened)
         self.person = Person(self.guard, monotonic(), self._recorder.keep_trial)
         self.latencies = Latencies()
         self.answers = Answers(())
@@ -369,7 +369,8 @@ class Station:
         self._status_to = self._stack.enter_context(RingWriter(wiring.status))
         self._requests = self._stack.enter_context(RingReader(wiring.requests))
         self._recorder.wire(wiring.to_recorder, wiring.news)
-        self._watch = ProcessWatch(self._processes, wiring, self._beats, self.guard, self._happened)
+        watched = self._processes, wiring, self._beats, self.guard
+        self._watch = ProcessWatch(*watched, self._happened, self._recorder)
         now_s = monotonic()
         for monitor in wiring.monitors:
             for who in monitor.watchers:

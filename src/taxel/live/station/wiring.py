@@ -25,6 +25,7 @@ from taxel.live.station.guard import GuardConfig
 from taxel.live.station.inference import Inference, infer
 from taxel.live.station.page_link import PageSeen, ViewConfig
 from taxel.live.station.processes import ProcessGroup, Worker
+from taxel.live.station.recorder_link import RECORDER
 from taxel.live.station.recording import Recording, choose_recorded, record
 from taxel.live.station.ring import Ring, RingReader, RingWriter
 from taxel.live.station.worker import Place
@@ -268,7 +269,7 @@ class Wiring:
                 largest_bytes=self._config.disk_bytes,
             )  # fmt: skip
 
-        return self._processes.add("recorder", record, job, ends_itself=True)
+        return self._processes.add(RECORDER, record, job, ends_itself=True)
 
     def ring(self, size: int = _NOTE_BYTES) -> str:
         """Make a ring of `size` bytes that is closed with the station, and return its name."""
