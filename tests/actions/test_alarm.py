@@ -6,7 +6,7 @@ import math
 from hypothesis import given
 from hypothesis import strategies as st
 
-from taxel.actions.alarm import BEGINNING_S, GRASP, INPUT, AlarmLatch, Level
+from taxel.actions.alarm import BEGINNING_S, EARLIER, GRASP, INPUT, AlarmLatch, Level
 from taxel.decisions.reasons import REASONS
 from taxel.decisions.stability import Stability, StabilityDecision
 
@@ -191,21 +191,25 @@ EVENTS = st.one_of(
 
 @given(st.lists(EVENTS, max_size=60))
 def test_counts_add_up_and_no_danger_leaves_unacknowledged(events: list[tuple]) -> None:  # type: ignore[type-arg]
-    """Whatever comes in whatever order: raised = acknowledged + waiting, and only a person
-    takes an alarm away."""
+    """Whatever comes in whatever order: raised ≥ acknowledged + waiting, and only a person takes
+    an alarm away, or lessens what the worst of them is."""
     latch = AlarmLatch()
     for i, (kind, one, two) in enumerate(events):
         if kind == "watch":
-            before = {alarm.number for alarm in latch.alarms if not alarm.acknowledged}
+            before, loud = latch.counts.waiting, latch.sounding
+            if two:
+                latch.new_grasp()
             latch.watch(decided(one), two, float(i))
-            assert before <= {alarm.number for alarm in latch.alarms}
+            assert latch.counts.waiting >= before
+            assert loud is not Level.DANGER or latch.sounding is loud
             if one is UNKNOWN and two:
                 assert latch.shown(STABLE) is UNKNOWN
         else:
             latch.acknowledge(one, float(i))
         counts = latch.counts
         assert counts.raised >= counts.acknowledged + counts.waiting
-        assert counts.waiting == (sum(not alarm.acknowledged for alarm in latch.alarms))
+        assert counts.waiting == sum(a.count for a in latch.alarms if not a.acknowledged)
+        assert len(latch.alarms) <= 3
         assert (latch.sounding is None) == (counts.waiting == 0)
 
 
@@ -226,3 +230,56 @@ def test_an_alarm_that_nobody_acknowledged_outlives_its_grasp() -> None:
     latch.watch(decided(NO_GRASP), armed=True, now_s=3.0)
     assert [alarm.state for alarm in latch.alarms] == ["gone, not acknowledged"]
     assert latch.sounding is Level.DANGER
+
+
+def test_each_grasp_has_an_alarm_of_its_own_also_where_nobody_acknowledged_the_last() -> None:
+    """Four grasps slipped and one alarm was counted, with the first one's time on the page."""
+    latch = AlarmLatch()
+    for grasp_s in (10.0, 20.0, 30.0, 40.0):
+        for step_s, state in ((1.0, STABLE), (2.0, WARNING), (3.0, UNSTABLE), (4.0, NO_GRASP)):
+            latch.watch(decided(state), armed=False, now_s=grasp_s + step_s)
+            if (grasp_s, state) == (40.0, UNSTABLE):
+                now, earlier = latch.alarms
+                assert (now.kind, now.text, now.since_s) == (GRASP, "the grasp is unstable", 42.0)
+                assert earlier.text == "3 earlier grasps alarmed: not acknowledged"
+                assert (earlier.kind, earlier.since_s, earlier.count) == (EARLIER, 12.0, 3)
+
+    assert latch.counts.raised == latch.counts.waiting == 4
+    (left,) = latch.alarms
+    assert latch.acknowledge(left.number, 50.0)
+    assert latch.alarms == ()
+    assert latch.counts.acknowledged == 4
+
+
+def test_of_one_grasp_that_is_over_the_line_says_how_bad_it_was() -> None:
+    latch = AlarmLatch()
+    latch.watch(decided(WARNING), armed=False, now_s=1.0)
+    latch.watch(decided(NO_GRASP), armed=False, now_s=2.0)
+    (alarm,) = latch.alarms
+    assert alarm.text == "an earlier grasp began to slip: not acknowledged"
+    assert (alarm.level, alarm.on, alarm.gone_s) == (Level.WARNING, False, 2.0)
+
+
+def test_a_grasp_that_is_announced_has_an_alarm_of_its_own_once_it_was_calm() -> None:
+    """The first words after the announcement may still be about the grasp before."""
+    latch = AlarmLatch()
+    latch.watch(decided(UNSTABLE), armed=False, now_s=1.0)
+    latch.new_grasp()
+    latch.watch(decided(UNSTABLE), armed=False, now_s=1.1)
+    assert latch.counts.raised == 1
+    latch.watch(decided(UNKNOWN, REASONS["settling"].say(left_s=0.4)), armed=False, now_s=1.2)
+    assert [alarm.kind for alarm in latch.alarms] == [EARLIER]
+    latch.watch(decided(WARNING), armed=False, now_s=2.0)
+    assert [(a.kind, a.since_s, a.on) for a in latch.alarms] == [
+        (GRASP, 2.0, True), (EARLIER, 1.0, False),
+    ]  # fmt: skip
+    assert latch.counts.raised == 2
+
+
+def test_an_acknowledged_alarm_of_a_grasp_before_an_announced_one_is_over() -> None:
+    latch = AlarmLatch()
+    latch.watch(decided(UNSTABLE), armed=False, now_s=1.0)
+    latch.acknowledge(latch.alarms[0].number, 1.5)
+    latch.new_grasp()
+    latch.watch(decided(UNKNOWN), armed=False, now_s=2.0)
+    assert latch.alarms == ()

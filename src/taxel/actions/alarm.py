@@ -9,6 +9,9 @@ level rises. Input that is lost while the guard is armed is an alarm of its own,
 input alarm's condition holds, `shown` never gives STABLE. The first moments of a grasp, in which
 a monitor learns what it looks like at rest, are UNKNOWN without an alarm.
 
+Each grasp has an alarm of its own. What nobody acknowledged of grasps that are over stands beside
+it as one line, which counts them: a list of all would hide the one that slips now.
+
 Knows nothing about sound, pages, grippers or where a decision comes from. Not for several
 threads at once.
 """
@@ -25,6 +28,8 @@ from taxel.decisions.stability import Stability, StabilityDecision
 
 GRASP = "grasp"
 """Kind of the alarm that the grasp slips: WARNING gives a warning, UNSTABLE danger."""
+EARLIER = "earlier grasps"
+"""Kind of the one alarm that stands for those of grasps that are over and nobody acknowledged."""
 INPUT = "input"
 """Kind of the alarm that nothing can be said about the grasp while the guard is armed."""
 
@@ -42,6 +47,7 @@ class Level(StrEnum):
     DANGER = "danger"
 
 
+_WAS = {Level.WARNING: "began to slip", Level.DANGER: "was unstable"}
 _RANK = {Level.WARNING: 0, Level.DANGER: 1}
 
 
@@ -65,6 +71,8 @@ class Alarm:
     """When its condition last went, seconds; None while it holds."""
     acknowledged_s: float | None = None
     """When a person acknowledged it, seconds."""
+    count: int = 1
+    """Alarms that it stands for: of `EARLIER`, one a grasp."""
     input: bool = False
     """True for an alarm about lost input: while it is on, nothing may be called stable."""
 
@@ -90,7 +98,7 @@ class AlarmCounts:
     acknowledged: int = 0
     """Alarms acknowledged by a person."""
     waiting: int = 0
-    """Alarms in the list that nobody has acknowledged."""
+    """Alarms that nobody has acknowledged."""
     on: int = 0
     """Alarms in the list whose condition holds."""
 
@@ -105,6 +113,8 @@ class AlarmLatch:
         self._latest_s = 0.0
         self._begun_s: float | None = None
         """When the present beginning of a grasp was first seen, seconds."""
+        self._leaving = False
+        """True once a new grasp was announced and all that was heard may be of the one before."""
 
     def set(self, kind: str, level: Level, text: str, now_s: float, input: bool = False) -> Alarm:
         """Say that a condition holds; return its alarm.
@@ -153,11 +163,16 @@ class AlarmLatch:
         else:
             self._alarms[kind] = replace(alarm, on=False, gone_s=now)
 
+    def new_grasp(self) -> None:
+        """Hear that another grasp begins: what alarms once this one was calm is its own alarm."""
+        self._leaving = True
+
     def watch(self, decision: StabilityDecision, armed: bool, now_s: float) -> None:
         """Set and clear the alarms GRASP and INPUT by a decision.
 
         UNKNOWN clears no grasp alarm: silence is no evidence. NO_GRASP does: the grasp that it
-        was about has ended, and that somebody acknowledged it must not silence the next one's.
+        was about has ended, and that somebody acknowledged it must not silence the next one's. So
+        does the first calm word after `new_grasp`.
 
         Args:
             decision: The newest state of the grasp.
@@ -169,7 +184,10 @@ class AlarmLatch:
             self.set(GRASP, Level.WARNING, "the grasp begins to slip", now_s)
         elif state is Stability.UNSTABLE:
             self.set(GRASP, Level.DANGER, "the grasp is unstable", now_s)
-        elif state in (Stability.STABLE, Stability.NO_GRASP):
+        elif state is Stability.NO_GRASP or self._leaving:
+            self._leaving = False
+            self._put_aside(now_s)
+        elif state is Stability.STABLE:
             self.clear(GRASP, now_s)
         if state is Stability.UNKNOWN and armed and not self._begins(decision, now_s):
             text = f"no decision: {decision.reason or 'the input is lost'}"
@@ -178,6 +196,24 @@ class AlarmLatch:
             self.clear(INPUT, now_s)
         if state is not Stability.UNKNOWN:
             self._begun_s = None
+
+    def _put_aside(self, now_s: float) -> None:
+        """Count the alarm of a grasp that is over with those before it, unless acknowledged."""
+        self.clear(GRASP, now_s)
+        alarm, before = self._alarms.pop(GRASP, None), self._alarms.get(EARLIER)
+        if alarm is None:
+            return
+        count, level, since_s = 1, alarm.level, alarm.since_s
+        if before is not None:
+            count, since_s = 1 + before.count, before.since_s
+            level = max(level, before.level, key=_RANK.__getitem__)
+        text = (
+            f"an earlier grasp {_WAS[level]}" if count == 1 else f"{count} earlier grasps alarmed"
+        )
+        self._alarms[EARLIER] = replace(
+            alarm, kind=EARLIER, level=level, text=f"{text}: not acknowledged", since_s=since_s,
+            count=count,
+        )  # fmt: skip
 
     def _begins(self, decision: StabilityDecision, now_s: float) -> bool:
         """True while a grasp's first moments are UNKNOWN, for no longer than they may take."""
@@ -202,7 +238,7 @@ class AlarmLatch:
         now = self._moment(now_s)
         for kind, alarm in self._alarms.items():
             if alarm.number == number and not alarm.acknowledged:
-                self._acknowledged += 1
+                self._acknowledged += alarm.count
                 if alarm.on:
                     self._alarms[kind] = replace(alarm, acknowledged_s=now)
                 else:
@@ -212,10 +248,18 @@ class AlarmLatch:
 
     @property
     def alarms(self) -> tuple[Alarm, ...]:
-        """Alarms to show: those that wait for a person first, then the worst, then the newest."""
+        """Alarms to show: those that wait for a person first, then the worst, then the newest.
+
+        Those of earlier grasps come after what waits of the present.
+        """
         order = sorted(
             self._alarms.values(),
-            key=lambda alarm: (alarm.acknowledged, -_RANK[alarm.level], -alarm.number),
+            key=lambda alarm: (
+                alarm.acknowledged,
+                alarm.kind == EARLIER,
+                -_RANK[alarm.level],
+                -alarm.number,
+            ),
         )
         return tuple(order)
 
@@ -232,7 +276,7 @@ class AlarmLatch:
         return AlarmCounts(
             raised=self._raised,
             acknowledged=self._acknowledged,
-            waiting=sum(not alarm.acknowledged for alarm in alarms),
+            waiting=sum(alarm.count for alarm in alarms if not alarm.acknowledged),
             on=sum(alarm.on for alarm in alarms),
         )
 

@@ -90,10 +90,12 @@ def make() -> Iterator[Any]:
         yield lambda **more: Rig(stack, StationConfig(sources=(), bundles=(), **more))
 
 
-def test_a_slipping_grasp_is_logged_with_its_outcome_where_a_recording_is_on(make: Any):
+def test_a_slipping_grasp_is_logged_with_its_outcome_where_a_recording_is_on(
+    make: Any, tmp_path: Path
+):
     rig = make()
     rig.station.person.begin(1.0)
-    rig.recording()
+    rig.recording(path=str(tmp_path / "a.mcap"))
     rig.hear(1.0)
     rig.grasp(1.1)
     rig.hear(1.1)

@@ -80,7 +80,7 @@ class Driving:
             self._releasing = False
         elif self._releasing and self._guard.interlock.release(self._least_n):
             self._releasing = False
-            self._guard.new_grasp()
+            self._guard.begin_raises()
 
     def _weigh(self, faults: dict[str, str], now_s: float) -> None:
         for name in self._faults.keys() - faults.keys():

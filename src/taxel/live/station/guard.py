@@ -94,7 +94,12 @@ class Guard:
         self._monitors[name] = _Monitor(nothing, now_s, now_s)
 
     def new_grasp(self) -> None:
-        """Begin another grasp, at the force that is set now."""
+        """Begin another grasp, at the force that is set now, with alarms of its own."""
+        self.alarms.new_grasp()
+        self.begin_raises()
+
+    def begin_raises(self) -> None:
+        """Let this grasp's raises begin at the force that is set now."""
         self._begin_at(self.interlock.force_n)
 
     def decide(self, name: str, note: dict[str, Any]) -> None:

@@ -8,7 +8,7 @@ import { $, drawAlarms, drawAnswers, drawGripper, drawLatency, drawNumber, drawP
 import { colours, probabilityTrace, sensorTrace } from "./plots.js";
 import { Replay } from "./replay.js";
 import { Sound } from "./sound.js";
-import { Freshness, duration, evidence, slipWords, shown, sounding } from "./state.js";
+import { Freshness, alarmedSince, duration, evidence, slipWords, shown, sounding } from "./state.js";
 
 const TABLES_MS = 250; // Tables of figures change at most so often: faster cannot be read.
 const fresh = new Freshness();
@@ -124,7 +124,7 @@ function watch() {
     since = `for ${duration(snapshot.time_s - snapshot.since_s)}`;
   }
   drawState(view, since);
-  sound.want(sounding(view, snapshot), now);
+  sound.want(sounding(view, snapshot), now, alarmedSince(snapshot));
   const advice = doing(view, snapshot);
   drawDoing(advice, snapshot);
   voice.want(advice, now);

@@ -12,6 +12,7 @@ export class Sound {
     this.context = null;
     this.muted = false;
     this.wanted = "";
+    this.since = -Infinity;
     this.wokeMs = -Infinity;
     this.lastMs = -Infinity;
     button.addEventListener("click", () => this.toggle());
@@ -53,11 +54,12 @@ export class Sound {
     this.button.setAttribute("aria-pressed", String(this.muted));
   }
 
-  /** Say what should sound now; called often. */
-  want(kind, nowMs) {
+  /** Say what should sound now, and since when the newest of it holds; called often. A newer one sounds at once. */
+  want(kind, nowMs, since = -Infinity) {
     const pattern = PATTERNS[kind];
-    const changed = kind !== this.wanted;
+    const changed = kind !== this.wanted || since > this.since;
     this.wanted = kind;
+    this.since = since;
     if (this.shown === "on" && !this.ready) this.show();
     if (!pattern || this.muted || !this.ready) return;
     if (!changed && nowMs - this.lastMs < pattern.everyMs) return;

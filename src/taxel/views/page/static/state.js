@@ -68,6 +68,12 @@ export function sounding(view, snapshot) {
   return open.some((alarm) => alarm.level === "danger") ? "danger" : "warning";
 }
 
+/** Return since when the newest alarm that nobody acknowledged holds. */
+export function alarmedSince(snapshot) {
+  const open = ((snapshot && snapshot.alarms) || []).filter((alarm) => !alarm.acknowledged);
+  return Math.max(-Infinity, ...open.map((alarm) => alarm.since_s));
+}
+
 export function duration(seconds) {
   if (!Number.isFinite(seconds)) return "–";
   const s = Math.max(0, seconds);
