@@ -174,7 +174,7 @@ def test_tables_are_printed_for_people(place: Path, capsys: pytest.CaptureFixtur
         ("run --new nothing.mcap", "not there"),
         ("run --new new.mcap --grasps 0", "--grasps"),
         ("run --correct new.mcap", "--new"),
-        ("run --new new.mcap --test new.mcap", "are those to learn; record others"),
+        ("run --new new.mcap --test new.mcap", "are to be learned; record others"),
         ("run --new new.mcap --test .", "bare.mcap, where"),
         ("run --correct held-out.mcap --test held-out.mcap", "are to be learned"),
         ("run --touches touch.mcap --rollback", "one after the other"),
