@@ -18,7 +18,7 @@ from taxel.evaluation.checked import Checked, check_recipe
 from taxel.evaluation.kept_folds import Keeping
 from taxel.evaluation.paired import compare_predictions
 from taxel.evaluation.run_scores import judge, only_one
-from taxel.evaluation.table_split import Elsewhere, training_part
+from taxel.evaluation.table_split import Elsewhere, split_elsewhere, training_part
 from taxel.labels.class_order import in_order
 from taxel.training.final import train_on_all
 from taxel.views.part_results import bundle_score_table
@@ -197,3 +197,19 @@ def test_a_single_tested_session_says_nothing_about_others(
     assert "Only one session was tested" in paired.verdict
     assert ONE_SESSION in console.export_text()
     assert only_one(judge(checked(pads, Elsewhere()).predictions).lone, "session") is None
+
+
+def test_objects_that_a_table_puts_on_both_sides_are_counted(pads: Path, tmp_path: Path) -> None:
+    """A table of recordings; one of sessions says by itself that objects are known."""
+    folds = tmp_path / "folds.csv"
+    names = sorted(path.stem for path in pads.glob("*.mcap"))
+    folds.write_text(
+        "recording,side\n" + "".join(f"{n},{'test' if n[:2] == 's3' else 'train'}\n" for n in names)
+    )
+    dataset = load_dataset(pads, RECIPE.window)
+    told = split_elsewhere(pads, dataset, RECIPE.target, Elsewhere(table=folds))[0].notes
+    folds.write_text("group:session,side\ns1,train\ns2,train\ns3,test\n")
+    silent = split_elsewhere(pads, dataset, RECIPE.target, Elsewhere(table=folds))[0].notes
+
+    assert [note for note in told if "4 of 4 tested objects are on both sides" in note]
+    assert not [note for note in silent if "both sides" in note]

@@ -32,7 +32,8 @@ class Audit:
     target: str | None = None
     """The label to predict; the first with two classes unless given."""
     split: str | None = None
-    """One of taxel's own splits: random, group:KEY or order:KEY:LAST[:END]."""
+    """One of taxel's own splits: random, group:KEY or order:KEY:LAST[:END]; or split for the
+    column of that name of a table of camera trials, which is the default where it names tests."""
     folds: Path | None = None
     """A split as a table (CSV): recording (or group:KEY), fold or side (train, validation, test),
     and optionally start_s, end_s and label_s (seconds on the recording's clock) and view (one
@@ -92,7 +93,7 @@ class Audit:
         console.print(audit_table(found, everything=self.all))
 
     def _in_folds(self) -> bool:
-        return self.split is not None and not self.split.startswith("order:")
+        return self.split is not None and not self.split.startswith(("order:", "split"))
 
     def _check(self) -> None:
         if not split_given(self.split, self.folds, self.test) and self.unseen and not self.split:
@@ -104,7 +105,13 @@ class Audit:
                            f"{self.fold_count} and {self.seed}", "mend them")  # fmt: skip
 
     def _sides(self, touch: TouchSet, learned: int) -> tuple[Pieces, Sides] | None:
-        from taxel.evaluation.audit.sides import folder_sides, named_sides, table_sides
+        from taxel.evaluation.audit.sides import (
+            are_given,
+            folder_sides,
+            given_sides,
+            named_sides,
+            table_sides,
+        )
         from taxel.evaluation.audit.touch_set import usual_steps
 
         steps = self.steps or usual_steps(touch)
@@ -112,6 +119,9 @@ class Audit:
             if touch.group(key) is None:
                 known = ", ".join(sorted(touch.trials[0].groups))
                 raise BadInput(f"groups among {known} for --unseen", repr(key), "name one of them")
+        own = not split_given(self.split, self.folds, self.test) and self.split is None
+        if self.split == "split" or (own and are_given(touch)):
+            return given_sides(touch, steps, self.unseen)
         if self.split is not None:
             return named_sides(touch, self.split, steps, self.fold_count, self.seed, self.unseen)
         if self.folds is not None:

@@ -54,7 +54,13 @@ class TrainTrials:
             self._train(output)
 
     def _train(self, output: Path) -> None:
-        from taxel.evaluation.camera_trials.crossval import BAR, OURS, difference, judge_trials
+        from taxel.evaluation.camera_trials.crossval import (
+            BAR,
+            MAJORITY,
+            OURS,
+            difference,
+            judge_trials,
+        )
         from taxel.evaluation.camera_trials.final import fit_final, save_trial_run
         from taxel.views.trial_results import trial_json
 
@@ -69,7 +75,7 @@ class TrainTrials:
 
             if self.check:
                 seed = self.options.seed
-                results = judge_trials(trials, split, seed, (OURS, BAR), on_step)
+                results = judge_trials(trials, split, seed, (OURS, BAR, MAJORITY), on_step)
                 differences = [difference(trials, split, results[0], results[1])]
             measured = _measured(split, results)
             final = fit_final(trials, found, split, self.options.seed, measured, on_step)

@@ -80,8 +80,7 @@ class TrialOptions:
                            "leave the others out")  # fmt: skip
 
     def _read(self, data: Path) -> list[CameraTrial]:
-        from taxel.evaluation.camera_trials.sides import TEST
-        from taxel.recordings.video_rows import SPLIT
+        from taxel.recordings.video_rows import SPLIT, TEST
         from taxel.windows.camera_trials import read_camera_trials
 
         found = read_camera_trials(data)
@@ -99,7 +98,9 @@ class TrialOptions:
 
         if self.folds is not None:
             return split_by_table(trials.names, trials.groups, trials.y, self.folds)
-        return split_trials(trials.groups, trials.y, self.split, self.fold_count, self.seed)
+        return split_trials(
+            trials.groups, trials.y, self.split, self.fold_count, self.seed, trials.classes
+        )
 
 
 FOLDS_IN_TURN = Only(

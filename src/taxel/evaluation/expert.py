@@ -20,7 +20,8 @@ from taxel.decisions.joining import Joining
 from taxel.decisions.unknown import Unknown
 from taxel.errors import BadInput
 from taxel.evaluation.nested import Nested, check_choice, check_choosing
-from taxel.evaluation.outer_split import USUAL, OuterSplit
+from taxel.evaluation.outer_split import USUAL, OuterSplit, check_training_parts
+from taxel.evaluation.shared_values import objects_on_both
 from taxel.evaluation.splits import Split, TrialFold
 from taxel.models.blend import EXPERT, Blend
 from taxel.training.choose.budget import Budget
@@ -142,6 +143,8 @@ def train_expert(
             score = check_choice(base, cut, like, folds, seed, on_step)
             expert = _with_score(expert, score)
         return replace(expert, seconds=perf_counter() - started)
+    if task.check or task.split.leaves_unseen:
+        check_training_parts(base, folds)
     kept = KeptTries(tries, {"code": code_digest(), "software": environment(), "seed": seed})
     prepared = prepare_all(base)
     budget = Budget(TRYING * 60.0 * limits.minutes, len(folds.folds) * task.check + 1)
@@ -152,6 +155,9 @@ def train_expert(
     if task.check:
         nested = check_choosing(base, prepared, folds, effort, task.bars, limits)
     expert = _within(found, own, nested, limits, reject_novel, seed, on_step)
+    if task.split.given.table is not None:
+        both = objects_on_both(base.trials, base.y, folds)
+        expert = replace(expert, notes=(*expert.notes, *both))
     kept.forget()
     bars_s = 0.0 if nested is None else nested.bars_s
     return replace(expert, tries_kept=kept.used, seconds=perf_counter() - started - bars_s)

@@ -15,6 +15,7 @@ import numpy as np
 
 from taxel.errors import BadSplit, BadTable
 from taxel.evaluation.fold_table import FoldRow, FoldTable, read_fold_table
+from taxel.evaluation.shared_values import objects_on_both
 from taxel.evaluation.splits import Split, TrialFold
 from taxel.labels.trials import Trial
 from taxel.recordings.reader import list_recordings
@@ -70,7 +71,10 @@ def split_elsewhere(
     table = read_fold_table(given.table)
     known = {file.name.removesuffix(".mcap") for file in list_recordings(path)}
     split = split_by_table(table, dataset, target, known)
-    return replace(dataset, notes=(*dataset.notes, *_left_out(dataset, split))), split
+    labels = [trial.labels[target] for trial in dataset.trials]
+    both = objects_on_both(dataset.trials, np.unique(labels, return_inverse=True)[1], split)
+    notes = (*_left_out(dataset, split), *both)
+    return replace(dataset, notes=(*dataset.notes, *notes)), split
 
 
 def training_part(path: Path, dataset: Dataset, target: str, given: Elsewhere) -> Dataset:

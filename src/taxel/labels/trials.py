@@ -13,9 +13,9 @@ from pathlib import Path
 from taxel.recordings.manifest import Manifest
 from taxel.signals import Mark
 
-USUAL_GROUPS = (
-    "object", "cup", "item", "specimen", "session", "sitting", "day", "person", "subject",
-)  # fmt: skip
+OBJECTS = ("object", "cup", "item", "specimen")
+"""Groups that say what was touched; they may well predict the class."""
+USUAL_GROUPS = (*OBJECTS, "session", "sitting", "day", "person", "subject")
 """Groups that people part trials by: named first where others part them alike."""
 
 

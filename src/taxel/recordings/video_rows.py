@@ -19,7 +19,9 @@ _CAMERA = "camera:"
 SPLIT = "split"
 """Column, and group, that says on which side a trial stands."""
 _PLAIN = (*_CAMERA_COLUMNS, SPLIT, "rate", "mm_per_px")
-SIDES = ("train", "validation", "test")
+TEST = "test"
+"""Value of it whose trials are only tested on."""
+SIDES = ("train", "validation", TEST)
 """What the column `split` may hold."""
 
 

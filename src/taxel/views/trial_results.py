@@ -19,8 +19,8 @@ from taxel.evaluation.camera_trials.crossval import (
     TrialSet,
     by_group,
 )
-from taxel.evaluation.camera_trials.sides import TrialSplit
-from taxel.plain_text import visible, visible_names
+from taxel.evaluation.camera_trials.sides import TrialSplit, shared_values
+from taxel.plain_text import visible, visible_line, visible_names
 from taxel.windows.trial_crops import PLACES
 
 _WEAKEST = 5
@@ -56,6 +56,8 @@ def trial_tables(
     parts += [Text(_said(difference, split.group)) for difference in differences]
     parts += [Text(f"{result.name}: {result.leaks}.") for result in results if result.leaks]
     parts.append(Text(_weakest(trials, split, ours)))
+    if said := shared_values(split, trials.groups, trials.y):
+        parts.append(Text(f"warning: {visible_line(said)}", style="yellow"))
     return Group(*parts, Text(f"Intervals in []: 95 % CI, whole {split.group}s resampled."))
 
 
@@ -155,6 +157,7 @@ def trial_json(
         "crops_a_trial": trials.layout.places,
         "split": split.name,
         "folds": len(split.folds),
+        "warning": shared_values(split, trials.groups, trials.y),
         "rows": [row(result) for result in results],
         "differences": [asdict(difference) for difference in differences],
         "groups": {

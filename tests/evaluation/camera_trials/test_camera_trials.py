@@ -99,6 +99,7 @@ def test_a_set_goes_from_a_table_to_a_live_verdict_without_glue(
     assert printed["classes"] == ["0", "1"]
     assert (printed["crop"], printed["crops_a_trial"]) == (14, 1)
     assert printed["rows"][0]["trials"]["trials"] == 12
+    assert printed["rows"][2]["name"] == "control: the commonest class"
     assert printed["differences"][0]["other"] == BAR.name
     assert printed["parity"] < 1e-4
 

@@ -18,7 +18,8 @@ from taxel.evaluation.audit.copies import Pairs
 from taxel.evaluation.audit.evidence import majority, trial_folds
 from taxel.evaluation.audit.finding import Finding
 from taxel.evaluation.audit.sides import Sides
-from taxel.evaluation.audit.touch_set import OBJECTS, SESSIONS, TIMES, Pieces
+from taxel.evaluation.audit.touch_set import SESSIONS, TIMES, Pieces
+from taxel.labels.trials import OBJECTS
 
 Partners = Sequence[NDArray[np.intp]]
 """For each test piece of a fold: the training pieces that give it away."""

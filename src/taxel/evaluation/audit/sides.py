@@ -12,11 +12,14 @@ from pathlib import Path
 
 import numpy as np
 
-from taxel.errors import BadTable
+from taxel.errors import BadSplit, BadTable
 from taxel.evaluation.audit.evidence import Fold
 from taxel.evaluation.audit.touch_set import Pieces, TouchSet, as_dataset, cut_pieces
 from taxel.evaluation.fold_table import FoldRow, FoldTable, read_fold_table
+from taxel.evaluation.shared_values import can_be_held_out
 from taxel.evaluation.splits import TrialFold, parse_split
+from taxel.labels.trials import OBJECTS
+from taxel.recordings.video_rows import SPLIT, TEST
 
 _SLACK_S = 1e-3
 
@@ -61,6 +64,35 @@ def named_sides(
     if text.startswith("group:"):
         claimed = tuple(dict.fromkeys((*claimed, text.removeprefix("group:"))))
     return pieces, Sides(name=split.name, folds=found, claimed=claimed)
+
+
+def given_sides(touch: TouchSet, steps: int, claimed: tuple[str, ...] = ()) -> tuple[Pieces, Sides]:
+    """Return the windows as the trials' own column `split` parts them.
+
+    It claims its objects too, where they can be held out: where each class has several.
+
+    Raises:
+        BadSplit: There is no such column, or it names no test trials, or nothing else.
+    """
+    tested = np.array([trial.groups.get(SPLIT) == TEST for trial in touch.trials])
+    if not tested.any() or tested.all():
+        raise BadSplit(f"trials with {TEST} and others with train in the column {SPLIT}",
+                       f"{int(tested.sum())} of {len(tested)} with {TEST}",
+                       "fill the column, or choose group:KEY")  # fmt: skip
+    pieces = cut_pieces(touch, steps, steps)
+    own = tested[pieces.trial]
+    objects = [key for key in touch.keys(OBJECTS)
+               if can_be_held_out([t.groups[key] for t in touch.trials], touch.y)]  # fmt: skip
+    fold = (np.flatnonzero(~own), np.flatnonzero(own))
+    return pieces, Sides(name="test trials given", folds=(fold,),
+                         claimed=tuple(dict.fromkeys((*claimed, *objects))))  # fmt: skip
+
+
+def are_given(touch: TouchSet) -> bool:
+    """Return whether camera trials name their test trials, as `taxel evaluate-trials` takes them
+    unless told otherwise.
+    """
+    return touch.kind == "camera" and any(t.groups.get(SPLIT) == TEST for t in touch.trials)
 
 
 def table_sides(

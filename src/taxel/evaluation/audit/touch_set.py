@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from taxel.errors import BadDataset
 from taxel.labels.class_order import in_order
-from taxel.labels.trials import Trial
+from taxel.labels.trials import OBJECTS, Trial
 from taxel.signals import SensorInfo
 from taxel.windows.config import WindowConfig
 from taxel.windows.dataset import Dataset
@@ -30,8 +30,6 @@ SESSIONS = (
 """Groups that say where, when or by whom a trial was recorded; they must predict no class."""
 TIMES = SESSIONS[:6]
 """Those that say when: what was recorded together is alike, whoever held it."""
-OBJECTS = ("object", "cup", "item", "specimen")
-"""Groups that say what was touched; they may well predict the class."""
 LEAST_TRIALS = 8
 """Fewer labelled trials allow no statement. Source: our choice, docs/decisions/0023."""
 

@@ -182,7 +182,7 @@ _FIRST_FRAME: Final = Contender(
     model=lambda _, seed, __: Plain(forest(seed)),
     leaks="sees no movement",
 )
-_MAJORITY: Final = Contender(
+MAJORITY: Final = Contender(
     name="control: the commonest class",
     rows=lambda trials: np.zeros((len(trials.cut.trial), 1), np.float32),
     model=lambda _, __, ___: Majority(),
@@ -203,7 +203,7 @@ def contenders_for(trials: TrialSet) -> tuple[Contender, ...]:
         found.append(_LENGTH)
     if trials.layout.places > 1:
         found.append(_CROP_FRAME)
-    return (*found, _FIRST_FRAME, _MAJORITY)
+    return (*found, _FIRST_FRAME, MAJORITY)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -17,12 +17,12 @@ from numpy.typing import NDArray
 
 from taxel.errors import BadSplit
 from taxel.evaluation.fold_table import read_fold_table
+from taxel.evaluation.shared_values import on_both_sides
 from taxel.evaluation.splits import TrialFold
-from taxel.recordings.video_rows import SPLIT
+from taxel.labels.trials import USUAL_GROUPS
+from taxel.recordings.video_rows import SPLIT, TEST
 from taxel.training.trial_blend import inner_folds
 
-TEST: Final = "test"
-"""Value of the group `split` whose trials are only tested on."""
 _USUAL: Final = ("object", "session")
 """Groups that are held out unless something else is named. Source: our choice."""
 Groups = Sequence[Mapping[str, str]]
@@ -40,7 +40,12 @@ class TrialSplit:
 
 
 def split_trials(
-    groups: Groups, y: NDArray[np.intp], text: str | None, folds: int, seed: int
+    groups: Groups,
+    y: NDArray[np.intp],
+    text: str | None,
+    folds: int,
+    seed: int,
+    classes: Sequence[str] = (),
 ) -> TrialSplit:
     """Return the split that a text names: split, group:KEY, order:KEY:LAST or random.
 
@@ -53,6 +58,7 @@ def split_trials(
         text: The split's name.
         folds: How many folds, where groups are held out in turn.
         seed: Of their assignment.
+        classes: Names of the classes, for messages; their numbers unless given.
 
     Raises:
         BadSplit: There is no such split, or it leaves a side without trials or classes.
@@ -64,14 +70,13 @@ def split_trials(
         held = np.array([own.get(SPLIT) == TEST for own in groups])
         return _one("test trials given", groups, y, held)
     if words[0] == "group" and len(words) == 2:
-        return _by_group(groups, y, words[1], folds, seed)
+        return _by_group(groups, y, words[1], (folds, seed), classes)
     if words[0] == "order" and len(words) == 3:
         return _by_order(groups, y, words[1], words[2])
     if words == ["random"]:
         names = np.arange(len(y)).astype(str)
-        return TrialSplit(
-            "random trials", _folds(names, y, folds, seed), interval_group(groups) or "trial"
-        )
+        parts = _folds(names, y, (folds, seed), classes)
+        return TrialSplit("random trials", parts, interval_group(groups) or "trial")
     raise BadSplit(
         "a split: group:KEY, order:KEY:LAST, random, or split for the column of that name",
         repr(text), f"groups are {', '.join(_shared(groups)) or 'none'}",
@@ -165,26 +170,52 @@ def _usual(groups: Groups) -> str:
     return "random"
 
 
-def _by_group(groups: Groups, y: NDArray[np.intp], key: str, folds: int, seed: int) -> TrialSplit:
+def shared_values(split: TrialSplit, groups: Groups, y: NDArray[np.intp]) -> str | None:
+    """Return what must be said where objects, or what else is resampled, are on both sides."""
+    if split.group not in USUAL_GROUPS or any(split.group not in own for own in groups):
+        return None
+    values = [own[split.group] for own in groups]
+    return on_both_sides(split.group, values, y, split.folds)
+
+
+def _by_group(
+    groups: Groups, y: NDArray[np.intp], key: str, how: tuple[int, int], classes: Sequence[str]
+) -> TrialSplit:
+    folds, seed = how
     values = values_of(groups, key)
     found = len(set(values.tolist()))
     if folds < 2 or found < 2:
         raise BadSplit(f"two or more folds of two or more values of {key!r}",
                        f"{folds} folds of {found}", "name another group")  # fmt: skip
     folds = min(folds, found)
-    return TrialSplit(f"{key} held out", _folds(values, y, folds, seed), key)
+    return TrialSplit(f"{key} held out", _folds(values, y, (folds, seed), classes, key), key)
 
 
 def _folds(
-    values: NDArray[np.str_], y: NDArray[np.intp], folds: int, seed: int
+    values: NDArray[np.str_],
+    y: NDArray[np.intp],
+    how: tuple[int, int],
+    classes: Sequence[str],
+    key: str | None = None,
 ) -> tuple[TrialFold, ...]:
-    rarest = int(np.bincount(y)[np.unique(y)].min())
-    parts = inner_folds(y, values, seed, folds) if folds <= rarest else []
+    """Return folds (how many, seed) over values of a group, or over trials where there is none."""
+    folds, seed = how
+    known = np.unique(y)
+    rarest = int(known[np.bincount(y)[known].argmin()])
+    count = int((y == rarest).sum())
+    name = repr(classes[rarest]) if classes else f"class {rarest}"
+    parts = inner_folds(y, values, seed, folds) if folds <= count else []
+    if count == 1:
+        raise BadSplit("two or more trials of every class", f"1 of {name}",
+                       "correct the label if it is mistyped; else record more, or leave it out",
+                       )  # fmt: skip
     if not parts:
+        own = len(set(values[y == rarest].tolist()))
+        among = f" in {own} {key}{'s' * (own != 1)}" if key else ""
         raise BadSplit(
             f"every class in every training part of {folds} folds",
-            f"{rarest} trials of the rarest class, in too few groups",
-            "choose fewer --folds, or record more",
+            f"{count} trials of {name}, the rarest{among}",
+            "choose a smaller --fold-count, or record more",
         )
     return tuple(TrialFold.of(f"fold {i}", train, test) for i, (train, test) in enumerate(parts, 1))
 

@@ -1,0 +1,72 @@
+"""Values of a group, such as objects, on both sides of a split: said beside the accuracy.
+
+Knows nothing about how a split was made, nor about windows or models.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from taxel.evaluation.splits import Split, TrialFold
+from taxel.labels.trials import OBJECTS, Trial, held_out
+
+
+def can_be_held_out(values: Sequence[str], y: NDArray[np.intp]) -> bool:
+    """Return whether each class has several values of a group: where an object is the class, none
+    can be held out.
+
+    Args:
+        values: Each trial's value of the group.
+        y: Class of each, shape (trials,).
+    """
+    names = np.array(values)
+    return all(len(set(names[y == number].tolist())) > 1 for number in set(y.tolist()))
+
+
+def on_both_sides(
+    key: str, values: Sequence[str], y: NDArray[np.intp], folds: Sequence[TrialFold]
+) -> str | None:
+    """Return what must be said where test trials share values of a group with training.
+
+    Args:
+        key: The group.
+        values: Each trial's value of it.
+        y: Class of each, shape (trials,).
+        folds: Whole trials on either side.
+    """
+    tested: set[str] = set()
+    both: set[str] = set()
+    for fold in folds:
+        own = {values[i] for i in fold.test}
+        tested |= own
+        both |= own & {values[i] for i in fold.train | fold.validation}
+    if not both or not can_be_held_out(values, y):
+        return None
+    return (
+        f"{len(both)} of {len(tested)} tested {key}s are on both sides: the accuracy holds for "
+        f"{key}s that were learned from; --split group:{key} holds them out"
+    )
+
+
+def objects_on_both(trials: Sequence[Trial], y: NDArray[np.intp], split: Split) -> list[str]:
+    """Return notes of objects that a split of recordings puts on both sides.
+
+    A split that names what it holds out says by that what it leaves on both sides.
+
+    Args:
+        trials: All of them.
+        y: Class of each, shape (trials,).
+        split: Such as a table's.
+    """
+    if held_out(split.name, trials) is not None:
+        return []
+    folds = [fold for fold in split.folds if isinstance(fold, TrialFold)]
+    said = [
+        on_both_sides(key, [trial.groups[key] for trial in trials], y, folds)
+        for key in OBJECTS
+        if all(key in trial.groups for trial in trials)
+    ]
+    return [line for line in said if line]

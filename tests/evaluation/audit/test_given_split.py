@@ -1,0 +1,63 @@
+"""The column `split` of camera trials is audited as `taxel evaluate-trials` takes it."""
+
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from taxel.cli.audit import Audit
+from taxel.errors import BadSplit
+from taxel.evaluation.audit.audit import make_case
+from taxel.evaluation.audit.finding import Finding
+from taxel.evaluation.audit.shared import shared_names
+from taxel.evaluation.audit.sides import are_given, given_sides
+from taxel.evaluation.audit.touch_set import TouchSet
+
+Make = dict[str, Callable[..., TouchSet]]
+
+
+def with_column(touch: TouchSet, tested: Callable[[int], bool]) -> TouchSet:
+    trials = [
+        replace(t, groups={**t.groups, "split": "test" if tested(i) else "train"})
+        for i, t in enumerate(touch.trials)
+    ]
+    return replace(touch, trials=tuple(trials))
+
+
+def of_cups(touch: TouchSet) -> Finding:
+    case = make_case(touch, given_sides(touch, 8), 8, 0)
+    return next(f for f in shared_names(case) if f.kind in ("same cup", "same object"))
+
+
+def test_cups_on_both_sides_are_a_leak_and_held_out_ones_are_none(make_set: Make) -> None:
+    """48 trials of eight cups, each of both classes: every third trial tested, or two cups."""
+    touch = make_set["camera"]()
+    mixed, apart = with_column(touch, lambda i: i % 3 == 0), with_column(touch, lambda i: i % 8 < 2)
+
+    assert (of_cups(mixed).verdict, of_cups(apart).verdict) == ("leak", "clear")
+    assert "share their cup with training" in of_cups(mixed).said
+
+
+def test_where_the_cup_is_the_class_it_cannot_be_held_out(make_set: Make) -> None:
+    touch = with_column(make_set["camera"](), lambda i: i % 3 == 0)
+    trials = [replace(t, labels={touch.target: t.groups["cup"]}) for t in touch.trials]
+
+    assert of_cups(replace(touch, trials=tuple(trials))).verdict == "note"
+
+
+def test_the_column_is_taken_unless_a_split_is_named(make_set: Make) -> None:
+    """For cameras; an array's trials have no such column, and --split split asks for one."""
+    cameras, array = make_set["camera"](), make_set["array"]()
+    given = with_column(cameras, lambda i: i > 40)
+
+    assert are_given(given)
+    assert not are_given(cameras)
+    sides = Audit(data=Path("trials.csv"))._sides(given, 0)
+    assert sides is not None
+    assert sides[1].name == "test trials given"
+    named = Audit(data=Path("trials.csv"), split="group:cup")._sides(given, 0)
+    assert named is not None
+    assert named[1].name == "cup held out"
+    with pytest.raises(BadSplit, match="in the column split"):
+        Audit(data=Path("trials.csv"), split="split")._sides(array, 0)

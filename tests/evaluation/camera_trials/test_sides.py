@@ -1,0 +1,54 @@
+"""Sides of camera trials: what stands on both is said, and a class of one trial is named."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from taxel.errors import BadSplit
+from taxel.evaluation.camera_trials.sides import shared_values, split_by_table, split_trials
+
+GROUPS = [{"object": f"o{i // 4}", "file": f"{i}.avi"} for i in range(16)]
+Y = np.arange(16) % 2
+
+
+def test_objects_on_both_sides_are_counted(tmp_path: Path) -> None:
+    """By a column, at random or by a table; not where objects are held out."""
+    column = [{**own, "split": "test" if i in (0, 1, 5) else "train"}
+              for i, own in enumerate(GROUPS)]  # fmt: skip
+    table = tmp_path / "folds.csv"
+    table.write_text("recording,side\nt0,test\nt1,test\nt2,train\nt3,train\n")
+    names = [f"t{i}" for i in range(16)]
+
+    said = shared_values(split_trials(column, Y, None, 5, 0), column, Y)
+    assert said is not None
+    assert said.startswith("2 of 2 tested objects are on both sides")
+    said = shared_values(split_trials(GROUPS, Y, "random", 4, 0), GROUPS, Y)
+    assert said is not None
+    assert said.startswith("4 of 4 tested objects")
+    said = shared_values(split_by_table(names, GROUPS, Y, table), GROUPS, Y)
+    assert said is not None
+    assert said.startswith("1 of 1 tested objects")
+    assert shared_values(split_trials(GROUPS, Y, "group:object", 4, 0), GROUPS, Y) is None
+
+
+@pytest.mark.parametrize(
+    ("y", "text", "got", "mend"),
+    [
+        ([0, 1] * 7 + [0, 2], "random", "1 of 'slpi'", "if it is mistyped"),
+        ([0, 1] * 7 + [0, 2], "group:object", "1 of 'slpi'", "if it is mistyped"),
+        ([0, 1] * 6 + [0, 2, 2, 2], "random", "3 trials of 'slpi', the rarest", "--fold-count"),
+        ([0, 1] * 6 + [2, 2, 2, 2], "group:object", "4 trials of 'slpi', the rarest in 1 object",
+         "--fold-count"),
+    ],
+)  # fmt: skip
+def test_a_rare_class_is_named_with_its_trials(
+    y: list[int], text: str, got: str, mend: str
+) -> None:
+    """Without a group nothing is said of groups; the option is called as it is."""
+    with pytest.raises(BadSplit) as error:
+        split_trials(GROUPS, np.array(y), text, 4, 0, ("hold", "slip", "slpi"))
+
+    assert error.value.got == got
+    assert mend in error.value.mend
+    assert "--folds" not in str(error.value)
