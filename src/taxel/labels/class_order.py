@@ -10,7 +10,7 @@ from collections.abc import Iterable, Sequence
 
 _FEWEST_FIGURES = 10
 """Fewer numbers are classes even where each has a single trial or two, and so is a label with
-under half as many values as trials. Source: our choice, docs/decisions/0023."""
+under half as many values as trials. Source: our choice, docs/decisions/0040."""
 
 
 def in_order(classes: Iterable[str]) -> tuple[str, ...]:
