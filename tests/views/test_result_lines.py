@@ -6,9 +6,13 @@ from typing import cast
 
 from rich.console import Console
 
+from taxel.evaluation.nested import Nested, TrialScores
+from taxel.evaluation.run_scores import GroupInterval
 from taxel.training.choose.choice import Choice
-from taxel.views.expert_results import leaderboard
+from taxel.views.expert_results import leaderboard, nested_table
 from taxel.views.results import confusion_table
+
+ONE_SESSION = "only one session was tested: the interval says nothing about other sessions"
 
 
 def printed(what: object, width: int) -> str:
@@ -49,3 +53,20 @@ def test_what_was_not_tried_is_named():
     assert ("6 not tried, for the time was up: touchnet, perceptron 3 on all, extra-trees 2 on "
             "tared, logistic 0.03 on tared …; all are in expert.json") in said  # fmt: skip
     assert "not tried" not in printed(leaderboard(choice, repeated=True), 200)
+
+
+def test_train_says_that_one_session_was_tested():
+    """Beside an interval over its files; not beside one over sessions."""
+    scored = SimpleNamespace(
+        scores=SimpleNamespace(accuracy=0.9, loss=0.3), calibration_error=0.1, group="file",
+        intervals={"file": GroupInterval(0.8, 0.95, 66)}, lone="session",
+    )  # fmt: skip
+    nested = SimpleNamespace(
+        scores=scored, by_trial=TrialScores(accuracy=0.9, loss=0.3, trials=66), fixed=False,
+        split="folds.csv, session held out", choices=(None,), predictions=range(66), bars={},
+        trivial={}, warning=None,
+    )  # fmt: skip
+
+    assert ONE_SESSION in printed(nested_table(cast(Nested, nested)), 120)
+    scored.lone = None
+    assert ONE_SESSION not in printed(nested_table(cast(Nested, nested)), 120)
