@@ -56,6 +56,38 @@ def test_a_pour_is_watched_recorded_and_sent_to_another_program(
     assert result["trials"][0]["outcome"] == "held"
 
 
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (["live", CUP_POUR, "sim://cup-pour", "--record", "x.avi"], "ends in .mcap; got x.avi"),
+        (["record", "sim://teng", "--output", "x.avi", "--seconds", "1"],
+         "ends in .mcap; got x.avi"),
+        (["live", CUP_POUR, "sim://cup-pour", "--record", "cut.mcap"], "unfinished cut.mcap.part"),
+        (["record", "sim://teng", "--output", "cut.mcap", "--seconds", "1"],
+         "unfinished cut.mcap.part"),
+        (["live", CUP_POUR, "sim://cup-pour", "--gripper", "sim", "--force-n", "50", "15"],
+         "99 % of the second; got 50 and 15 N; name the smaller one first"),
+        (["live", CUP_POUR, "sim://cup-pour", "--gripper", "sim", "--force-n", "15", "15"],
+         "99 % of the second; got 15 and 15 N"),
+    ],
+)  # fmt: skip
+def test_what_cannot_be_recorded_or_gripped_is_refused_before_anything_is_opened(
+    words: list[str],
+    message: str,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+):
+    monkeypatch.chdir(tmp_path)
+    Path("cut.mcap.part").write_bytes(b"mine")
+    monkeypatch.setattr("taxel.live.station.station.Station.__init__", None)
+    monkeypatch.setattr("taxel.sources.opening.open_source", None)
+    with pytest.raises(SystemExit):
+        main(words)
+    assert message in " ".join(capsys.readouterr().err.split())
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["cut.mcap.part"]
+
+
 def test_the_key_d_disarms():
     pressed: list[str] = []
     station = SimpleNamespace(disarm=lambda: pressed.append("disarm"))

@@ -24,6 +24,7 @@ from taxel.recordings.manifest import NO_ARRAY, Manifest
 from taxel.recordings.reader import iterate_blocks, iterate_frames, read_manifest, read_recording
 from taxel.recordings.recovery import recover
 from taxel.recordings.summary import summarise
+from taxel.recordings.tally import camera_line
 from taxel.recordings.writer import QUEUE_BYTES, Recorder, part_path
 from taxel.signals import CameraInfo, Frame, Mark, Samples, SensorInfo
 
@@ -112,6 +113,7 @@ def test_info_counts_repeats_and_losses(tmp_path: Path) -> None:
         recorder.frame(replace(frame(0, 7), jpeg=frame(0, 6).jpeg))
     left, right = summarise(tmp_path / "a.mcap")["cameras"]
     assert (left["frames"], left["repeated"]) == (6, 1)
+    assert "1 repeated (the camera had no newer image), 2 lost" in camera_line(left)
     assert (left["counter_gaps"], left["lost_frames"]) == (1, 2)
     assert left["duration_s"] == pytest.approx(7 / 60)
     assert (right["frames"], right["rate_hz"]) == (0, None)

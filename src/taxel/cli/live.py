@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from math import inf
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, ClassVar
 
@@ -131,6 +132,11 @@ class Live:
             raise BadInput(
                 "--least-confidence within 0 and 1", str(self.least_confidence), "choose another"
             )
+        if self.force_n is not None and not 0 <= self.force_n[0] <= 0.99 * self.force_n[1] < inf:
+            raise BadInput(
+                "--force-n with a first force of at most 99 % of the second",
+                f"{self.force_n[0]:g} and {self.force_n[1]:g} N", "name the smaller one first",
+            )  # fmt: skip
         files = tuple(find_bundle(path) for path in (self.bundle, *self.also))
         for file in files:
             need_bundle(file)

@@ -93,15 +93,14 @@ def live_station(options: StationOptions) -> dict[str, Any]:
     from taxel.live.station.guard import GuardConfig
     from taxel.live.station.station import Station
     from taxel.live.station.wiring import StationConfig
+    from taxel.recordings.writer import check_output
     from taxel.views.keys import Keys
 
     check_bus(options.publish)
     if options.arm and options.gripper is None:
         raise BadInput("--gripper with --arm", "no gripper", "name one, or leave --arm out")
-    if options.record is not None and options.record.exists() and not options.overwrite:
-        raise BadInput(
-            "a new file to record to", f"{options.record}, which exists", "add --overwrite"
-        )
+    if options.record is not None:
+        check_output(options.record, options.overwrite)
     with ExitStack() as stack:
         printer = _Printer()
         stack.callback(printer.close)

@@ -20,7 +20,7 @@ from taxel.cli.printing import print_json, progress, say, say_aside
 from taxel.errors import BadInput, BadSource
 from taxel.recordings.manifest import Manifest
 from taxel.recordings.tally import camera_line
-from taxel.recordings.writer import Recorder
+from taxel.recordings.writer import Recorder, check_output
 from taxel.signals import Frame, Samples
 from taxel.sources.contract import Source
 
@@ -86,6 +86,7 @@ class Record:
             return
         labels = parse_pairs(self.label, "--label")
         groups = parse_pairs(self.group, "--group")
+        check_output(self.output, self.overwrite)
         with stop_signals() as stopped, open_source(self.source) as source:
             ledger = record_source(
                 source,

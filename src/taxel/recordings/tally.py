@@ -61,9 +61,10 @@ def camera_line(ledger: Mapping[str, Any]) -> str:
     """Return a camera's ledger, as `FrameTally.as_dict` gives it, for a person."""
     rate = ledger["rate_hz"]
     measured = "rate unknown" if rate is None else f"{rate:.2f} frames/s measured"
+    why = " (the camera had no newer image)" if ledger["repeated"] else ""
     return (
         f"{ledger['frames']} frames in {ledger['duration_s']:.2f} s, {measured}, "
-        f"{ledger['repeated']} repeated, "
+        f"{ledger['repeated']} repeated{why}, "
         f"{ledger['lost_frames']} lost"
     )
 

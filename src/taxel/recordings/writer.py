@@ -365,6 +365,21 @@ def _open_unbuffered(path: Path, overwrite: bool) -> BinaryIO:
     return path.open("wb" if overwrite else "xb", buffering=0)
 
 
+def check_output(path: Path, overwrite: bool) -> None:
+    """Refuse a recording to be, before anything is opened for it.
+
+    Args:
+        path: Where it is to be; a folder that is missing is made as the recording begins.
+        overwrite: Replace an existing recording, and an unfinished one.
+
+    Raises:
+        BadInput: Its name does not end in .mcap, or there is a recording or an unfinished one.
+    """
+    if path.suffix != ".mcap":
+        raise BadInput("a recording to be that ends in .mcap", str(path), "rename it")
+    _refuse_existing(path, overwrite)
+
+
 def _refuse_existing(path: Path, overwrite: bool) -> None:
     part = part_path(path)
     if overwrite:

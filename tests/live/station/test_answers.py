@@ -22,3 +22,23 @@ def test_the_page_shows_one_bundle_on_two_hands_as_two() -> None:
         ("shape (a.taxel, monitor 1/0)", "ball"),
         ("shape (a.taxel, monitor 2/0)", "cube"),
     ]
+
+
+def test_the_page_says_of_what_each_number_is():
+    """63 % of the contact stood above a window's own 0.49 is below 0.50, and neither said so."""
+    answers = Answers([{"target": "material", "bundle": "a.taxel", "who": "monitor/0"}])
+    unsure = note("monitor/0", "aluminium") | {
+        "target": "material", "label": "UNKNOWN", "grasp_confidence": 0.63,
+        "reason": "confidence 0.49 is below 0.50",
+    }  # fmt: skip
+    answers.add(unsure)
+    (shown,) = answers.newest()
+    assert shown["confidence"] == 0.63
+    assert shown["reason"] == (
+        "all windows of this contact; the newest window alone is UNKNOWN: "
+        "confidence 0.49 is below 0.50"
+    )
+    answers.add(unsure | {"reason": ""})
+    assert answers.newest()[0]["reason"] == "all windows of this contact"
+    answers.add(unsure | {"grasp_confidence": None, "reason": "saturated"})
+    assert answers.newest()[0]["reason"] == "the newest window alone is UNKNOWN: saturated"

@@ -64,7 +64,7 @@ class Answers:
         """Return the newest answers as the page's link gives them."""
         return [
             {"target": title, "label": note["grasp"], "confidence": note["grasp_confidence"],
-             "reason": note["reason"], "action": note["action"]}
+             "reason": _what_it_is_of(note), "action": note["action"]}
             for recogniser, title in zip(self._recognisers, titles(self._recognisers), strict=True)
             if (note := self._newest.get(recogniser["who"])) is not None
         ]  # fmt: skip
@@ -77,3 +77,10 @@ class Answers:
              "actions": dict(self._actions[recogniser["who"]].most_common())}
             for recogniser, counts in zip(self._recognisers, self._counts.values(), strict=True)
         ]  # fmt: skip
+
+
+def _what_it_is_of(note: dict[str, Any]) -> str:
+    """Return of what the answer is, and why the newest window alone would be UNKNOWN."""
+    whole = "all windows of this contact" if note["grasp_confidence"] is not None else ""
+    alone = f"the newest window alone is UNKNOWN: {note['reason']}" if note["reason"] else ""
+    return "; ".join(filter(None, (whole, alone)))
