@@ -71,8 +71,10 @@ def test_from_training_to_a_live_answer_every_class_is_itself(imported, run, tmp
         assert table.count(f" {visible(name)} ") or table.count(f"{visible(name)} ")
     heads = next(line for line in table.splitlines() if "true ↓" in line)
     columns = heads.split("predicted →")[1].split()
-    assert columns == short_names(sorted(CLASSES), 4, end="")
-    assert len(set(columns)) == len(CLASSES)
+    cut = [short_names(sorted(CLASSES), most, end="") for most in range(4, 40)]
+    found = [names for names in cut if columns == " ".join(names).split()]  # as the line allows
+    assert found
+    assert len(set(found[0])) == len(CLASSES)
 
     bundle = tmp_path / "b[red]\x1b[1m.taxel"
     run("bundle", tmp_path / "run", "--output", bundle)
