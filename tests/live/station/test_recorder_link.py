@@ -35,7 +35,7 @@ class Rig:
     def begin(self, *, overwrite: bool = False) -> None:
         self.link.begin(self.path, {"object": "cup"}, {"session": "3"}, overwrite=overwrite)
 
-    def says(self, path: Path, **more: Any) -> None:
+    def says(self, path: Path | str, **more: Any) -> None:
         """Let the recorder report."""
         note = {"kind": "recording", "on": True, "path": str(path), "error": "", "lost": 0,
                 "made": 7, "places": [[5, 0]], "logged": 0}  # fmt: skip
@@ -173,6 +173,18 @@ def test_a_disk_that_refuses_is_said_once_at_that_moment(rig: Rig):
     assert rig.alarm().text == "the disk is full"
     rig.link.close()
     assert rig.link.newest["error"] == "the disk is full"
+
+
+def test_a_disk_that_refused_is_not_forgotten_where_the_recorder_dies_later(rig: Rig):
+    rig.begin()
+    rig.says(rig.path, on=False, error="the disk is full", not_written=4)
+    rig.link.ended("signal 9", True, 2.0)
+    rig.link.runs()
+    rig.says("", on=False, not_written=0)
+    rig.link.close()
+    newest = rig.link.newest
+    assert (newest["error"], newest["not_written"]) == ("the disk is full", 4)
+    assert newest["path"] == str(rig.path)
 
 
 def test_the_first_loss_of_a_recorder_is_an_event_and_the_alarm_counts_on(rig: Rig):

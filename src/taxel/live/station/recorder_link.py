@@ -61,6 +61,8 @@ class RecorderLink:
         """Where the recorder stood in each ring when it had surely written all before."""
         self._broken = ""
         """How a recorder that died left its recording, until another goes on; else empty."""
+        self._before: dict[str, Any] = {}
+        """What a recorder that died said of its last recording, until another records."""
         self._told = ""
         """The trouble that a person was told of last."""
         self._heard: list[dict[str, Any]] = []
@@ -106,9 +108,14 @@ class RecorderLink:
         """
         self._take_in(now_s)
         self._logged = 0
-        if self._asked is None:
-            return
-        path, text = Path(self._asked["path"]), "was not begun"
+        if self._asked is not None:
+            self._break_off(self._asked, how, again, now_s)
+        kept = ("path", "error", "not_written")
+        self._before = {key: self.newest[key] for key in kept if key in self.newest}
+
+    def _break_off(self, asked: dict[str, Any], how: str, again: bool, now_s: float) -> None:
+        """Tell what the dead recorder left of the recording under way."""
+        path, text = Path(asked["path"]), "was not begun"
         if self.newest.get("on"):
             path, text = Path(self.newest["path"]), "is not complete"
             self.incomplete.append(str(path))
@@ -184,7 +191,7 @@ class RecorderLink:
             self._places = note.pop("places", self._places)
             self._forget_logged(int(note.get("logged", 0)))
             self._follow(note, now_s)
-            self.newest = note
+            self.newest = note if note.get("path") else note | self._before
             self._weigh(note, now_s)
 
     def _follow(self, note: dict[str, Any], now_s: float) -> None:
