@@ -127,10 +127,12 @@ def test_a_replay_gives_what_was_computed_offline(
     answers: list[GraspAnswer] = []
     with open_source(f"replay://{pour.path}?speed=max") as source:
         run_grasp_session(source, learnt.bundle, on_answer=lambda a, _: answers.append(a))
+    *answers, last = answers
     live = np.array([answer.probability for answer in answers])
     known = np.flatnonzero(np.isfinite(live))
     expected = offline(learnt, pour, tmp_path)[-len(known) :]
 
+    assert last.decision.state is Stability.NO_GRASP  # behind the mark of the grasp's end
     assert len(answers) == len(pour) == 180
     assert known[0] == SETTLE.stop - 1
     assert len(known) == 180 - known[0]
@@ -164,12 +166,13 @@ def test_a_person_reads_each_change_of_state_and_what_came_of_the_grasp(
     with redirect_stdout(io.StringIO()) as out:
         main(["live", str(learnt.path), f"replay://{world.recording(FALLS)}?speed=max"])
     text = out.getvalue()
-    words = re.findall(r"^ +\d+\.\d\d s  ([A-Z]+)", text, re.MULTILINE)
+    words = re.findall(r"^ +\d+\.\d\d s  ([A-Z]+(?: GRASP)?)", text, re.MULTILINE)
 
     assert words[0] == "UNKNOWN"
     assert "P(" in text
     assert "STABLE" in words
-    assert words[-1] in ("WARNING", "UNSTABLE")
+    assert words[-2] in ("WARNING", "UNSTABLE")
+    assert words[-1] == "NO GRASP"
     assert "180 moments: " in text
     assert "; 1 alarms" in text
     assert f"  {FALLS}: drop, first alarm after " in text

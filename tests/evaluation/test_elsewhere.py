@@ -207,9 +207,9 @@ def test_objects_that_a_table_puts_on_both_sides_are_counted(pads: Path, tmp_pat
         "recording,side\n" + "".join(f"{n},{'test' if n[:2] == 's3' else 'train'}\n" for n in names)
     )
     dataset = load_dataset(pads, RECIPE.window)
-    told = split_elsewhere(pads, dataset, RECIPE.target, Elsewhere(table=folds))[0].notes
+    notes = split_elsewhere(pads, dataset, RECIPE.target, Elsewhere(table=folds))[0].notes
     folds.write_text("group:session,side\ns1,train\ns2,train\ns3,test\n")
     silent = split_elsewhere(pads, dataset, RECIPE.target, Elsewhere(table=folds))[0].notes
 
-    assert [note for note in told if "4 of 4 tested objects are on both sides" in note]
+    assert [note for note in notes if "4 of 4 tested objects are on both sides" in note]
     assert not [note for note in silent if "both sides" in note]

@@ -84,8 +84,8 @@ def test_what_is_held_out_is_drawn_as_a_whole_unless_it_lies_within_a_session():
 def test_a_split_names_what_it_holds_out_with_or_without_its_table():
     """A table's name, and what a comparison tested, may stand around it."""
     trials = made({"session": "a", "object": "1"}, {"session": "b", "object": "2"})
-    told = ("object held out", "x.csv, object held out", "object held out; tested: y.csv")
-    for split in (*told, "x.csv; tested: y.csv, object held out"):
+    named = ("object held out", "x.csv, object held out", "object held out; tested: y.csv")
+    for split in (*named, "x.csv; tested: y.csv, object held out"):
         assert held_out(split, trials) == "object", split
     for split in ("folds.csv", "random windows (leaks)", "cup held out", "an object held out"):
         assert held_out(split, trials) is None, split
@@ -93,10 +93,10 @@ def test_a_split_names_what_it_holds_out_with_or_without_its_table():
 
 def test_what_is_tested_once_is_named():
     """The session, or what the split holds out: an interval within it promises too much."""
-    one = made(*({"session": "a", "object": o, "file": o} for o in "123"))
+    single = made(*({"session": "a", "object": o, "file": o} for o in "123"))
     two = made({"session": "a", "object": "1"}, {"session": "b", "object": "1"})
 
-    assert (lone_group(one), lone_group(one, "object held out")) == ("session", "session")
+    assert (lone_group(single), lone_group(single, "object held out")) == ("session", "session")
     assert (lone_group(two), lone_group(two, "object held out")) == (None, "object")
     assert lone_group(made({"file": "1"}, {"file": "2"})) is None
 

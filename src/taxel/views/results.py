@@ -23,7 +23,7 @@ from taxel.plain_text import short_names, visible, visible_line
 HEADINGS = {"cnn1d": "1D", "cnn2d": "2D", "minirocket": "MiniRocket"}
 """Short names: 1D is signal-based, 2D image-based."""
 LEAST_WIDTH = 80
-"""Characters of a line that any terminal has. Source: our choice, the usual one."""
+"""Characters of a line that any terminal has: those of the VT100 and of its heirs."""
 _CORNER = "true ↓  predicted →"
 _BETWEEN = 3
 """Characters between two columns."""

@@ -63,7 +63,7 @@ class RecorderLink:
         """How a recorder that died left its recording, until another goes on; else empty."""
         self._before: dict[str, Any] = {}
         """What a recorder that died said of its last recording, until another records."""
-        self._told = ""
+        self._reported = ""
         """The trouble that a person was told of last."""
         self._heard: list[dict[str, Any]] = []
         self._closing = False
@@ -128,7 +128,7 @@ class RecorderLink:
             self._asked = None
         self._broken = text
         self.newest = {**self.newest, "on": False, "error": text}
-        self._tell(text, now_s)
+        self._report(text, now_s)
 
     def runs(self) -> None:
         """Hear that the recorder that follows a dead one runs: it goes on with the recording."""
@@ -212,22 +212,22 @@ class RecorderLink:
 
     def _weigh(self, note: dict[str, Any], now_s: float) -> None:
         if note.get("error"):
-            self._tell(str(note["error"]), now_s)
+            self._report(str(note["error"]), now_s)
         elif note.get("lost"):
             text = f"the recorder lost {note['lost']} messages"
             self._guard.trouble(_ALARM, text, now_s)
-            if not self._told:  # the first of them; the alarm counts
-                self._told = text
+            if not self._reported:  # the first of them; the alarm counts
+                self._reported = text
                 self._happened(now_s, text)
         elif note.get("on"):
-            self._told = ""
+            self._reported = ""
             self._guard.over(_ALARM, now_s)
 
-    def _tell(self, text: str, now_s: float) -> None:
+    def _report(self, text: str, now_s: float) -> None:
         """Raise the alarm; say once what has happened."""
         self._guard.trouble(_ALARM, text, now_s)
-        if text != self._told:
-            self._told = text
+        if text != self._reported:
+            self._reported = text
             first = "" if self.newest.get("on") else f"{NOT_RECORDING}: "
             self._happened(now_s, f"{first}{text}")
 
