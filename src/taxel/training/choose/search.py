@@ -36,6 +36,7 @@ from taxel.training.choose.candidates import (
     second_round,
 )
 from taxel.training.choose.choice import Choice, Member, Standing
+from taxel.training.choose.cores import shared_cores
 from taxel.training.choose.fitting import fit_head, head_logits
 from taxel.training.choose.inner_folds import (
     Held,
@@ -190,7 +191,8 @@ class _Search:
         done = {tried.candidate for tried in self.of(part)}
         new = [candidate for candidate in candidates if candidate not in done]
         must = len(done) < _FEWEST
-        with _without_warnings(), ThreadPoolExecutor(self._budget.at_once) as pool:
+        at_once = self._budget.at_once
+        with _without_warnings(), shared_cores(at_once), ThreadPoolExecutor(at_once) as pool:
             one_network = Lock()
             jobs = [
                 pool.submit(self._try, part, candidate, sets, one_network,

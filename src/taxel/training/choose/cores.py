@@ -1,0 +1,30 @@
+"""Cores shared among candidates that are tried side by side. Knows nothing about candidates.
+
+Linear algebra takes all cores unless it is stopped: two tries side by side then wait for each other
+most of the time. Source: docs/decisions/0039.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+import torch
+from threadpoolctl import threadpool_limits
+
+
+@contextmanager
+def shared_cores(at_once: int) -> Iterator[None]:
+    """Give each of the threads that are started here an equal share of this process's cores.
+
+    Args:
+        at_once: How many work side by side.
+    """
+    before = torch.get_num_threads()
+    share = max(1, before // at_once)
+    torch.set_num_threads(share)  # threads to come begin with it
+    try:
+        with threadpool_limits(limits=share):
+            yield
+    finally:
+        torch.set_num_threads(before)
