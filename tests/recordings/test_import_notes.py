@@ -40,6 +40,14 @@ def test_a_header_of_numbers_is_said(tmp_path, capsys):
     ]
 
 
+def test_decimal_commas_are_said(tmp_path, capsys):
+    """A thousands separator would look alike."""
+    words = write(tmp_path, "x[N],t[ms]", a="t;x\n0;1,5\n5;2,5\n", b="t;x\n0;1.5\n5;2.5\n")
+    assert notes(capsys, words) == [
+        "note: a.csv: commas were taken as decimal signs: 0,5 is a half"
+    ]
+
+
 def test_milliseconds_taken_for_seconds_are_said(tmp_path, capsys):
     """2 s of touch would last 33 minutes; the slowest file is quoted."""
     rows = "".join(f"{10 * i},{i}\n" for i in range(200))

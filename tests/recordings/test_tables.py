@@ -205,5 +205,5 @@ def test_utf_16_with_its_mark_is_read(tmp_path):
 
 
 def test_a_decimal_comma_is_called_one(tmp_path):
-    (tmp_path / "a.csv").write_text("t;a;b\n10;1,5;2\n")
+    (tmp_path / "a.csv").write_text('t,a,b\n10,"1,5",2\n')
     assert "decimal points, not commas" in refusal(tmp_path / "a.csv")

@@ -35,11 +35,12 @@ LEROBOT = "lerobot"
 class Import:
     """Turn tables of values, or videos, into recordings, one recording per file.
 
-    For arrays, the import table is a CSV with one row for each file (.csv, .csv.gz or .npy). Its
-    columns: file (relative to the table); label:NAME and group:NAME, as many as you like; channels,
-    each with its name or number from 1 and its unit, as in Data0[count] Data1[count] 7[deg]; time,
-    as in Timestamp[ms] (s, ms, us or ns), or rate:100Hz; and optionally sensor (its name),
-    full_scale (where it saturates) and layout (csv, icub, or module.py:function).
+    For arrays, the import table is a CSV with one row for each file: a text (.csv, .tsv, .txt or
+    .dat, gzip-packed or not) or .npy. Its columns: file (relative to the table); label:NAME and
+    group:NAME, as many as you like; channels, each with its name or number from 1 and its unit, as
+    in Data0[count] Data1[count] 7[deg]; time, as in Timestamp[ms] (s, ms, us or ns), or rate:100Hz;
+    and optionally sensor (its name), full_scale (where it saturates) and layout (csv, icub, or
+    module.py:function).
 
     For tactile cameras, its columns are left and right, or camera:NAME for each camera (videos, or
     folders of images, relative to the table); label:NAME; group:NAME; and optionally split (train,

@@ -30,6 +30,8 @@ class FileFacts:
     """Its name."""
     number_header: str = ""
     """Its first line where it was taken as names though it holds only numbers; or empty."""
+    decimal_comma: bool = False
+    """Whether commas were taken for decimal signs."""
     rate_hz: float = 0.0
     """Scans a second, hertz, by the median step; 0 for a single scan."""
     time: str = ""
@@ -66,6 +68,7 @@ def notes_of(files: Sequence[FileFacts]) -> list[str]:
     slow = [facts for facts in files if facts.time and 0 < facts.rate_hz < SLOW_HZ]
     return [
         *_number_headers([facts for facts in files if facts.number_header]),
+        *_decimal_commas([facts for facts in files if facts.decimal_comma]),
         *_slow(sorted(slow, key=lambda facts: facts.rate_hz)),
         *_gaps([facts for facts in files if facts.gaps], len(files)),
     ]
@@ -78,6 +81,10 @@ def _number_headers(files: Sequence[FileFacts]) -> list[str]:
         f"{_some(files)}: line 1 ({files[0].number_header}) was taken as the columns' names, not "
         "as a scan; if it is a scan, put a line of names above it"
     ]
+
+
+def _decimal_commas(files: Sequence[FileFacts]) -> list[str]:
+    return [f"{_some(files)}: commas were taken as decimal signs: 0,5 is a half"] if files else []
 
 
 def _slow(files: Sequence[FileFacts]) -> list[str]:

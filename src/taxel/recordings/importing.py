@@ -23,8 +23,8 @@ from taxel.recordings.intervals import Interval, marks_of, read_intervals, stem_
 from taxel.recordings.layouts import find_layout
 from taxel.recordings.manifest import Manifest
 from taxel.recordings.spelling import column_name, composed
-from taxel.recordings.table_columns import is_number
 from taxel.recordings.table_files import file_of
+from taxel.recordings.table_form import is_number
 from taxel.recordings.tables import Missing, Table
 from taxel.recordings.whole import new_folder
 from taxel.recordings.writer import Recorder
@@ -266,6 +266,7 @@ def _import_file(
     return FileFacts(
         file=row.file.name,
         number_header=table.number_header,
+        decimal_comma=table.decimal_comma,
         rate_hz=info.rate_hz,
         time=row.time if row.layout == "csv" and not row.time.strip().startswith("rate:") else "",
         gaps=gaps,

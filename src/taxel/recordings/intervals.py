@@ -19,11 +19,12 @@ from numpy.typing import NDArray
 
 from taxel.errors import BadTable
 from taxel.recordings.spelling import column_name, composed
-from taxel.recordings.table_columns import is_number, mend_number, read_cells
+from taxel.recordings.table_columns import mend_number, read_cells
+from taxel.recordings.table_form import TEXT_ENDINGS, is_number
 from taxel.recordings.writer import Recorder
 from taxel.signals import Mark, Samples
 
-SUFFIXES = (".csv.gz", ".csv", ".npy", ".txt", ".mcap")
+SUFFIXES = (*TEXT_ENDINGS, ".npy", ".mcap")
 """Endings of a file's name that are no part of its recording's, in capitals or not."""
 COLUMNS = ("file", "start_s", "end_s", "duration_s")
 """Columns beside label:NAME and group:NAME."""

@@ -1,4 +1,4 @@
-"""The columns of .csv, .csv.gz and .npy files, read piece by piece: memory is that of the values.
+"""The columns of text and .npy files, read piece by piece: memory is that of the values.
 
 A cell that is not a number is an error, never a zero; each error names the file, the line and
 the column. Knows nothing about times, units or recordings.
@@ -12,7 +12,7 @@ import csv
 import io
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from itertools import chain, islice
+from itertools import islice
 from pathlib import Path
 
 import numpy as np
@@ -22,6 +22,13 @@ from taxel.errors import BadFile, BadTable
 from taxel.foreign.archives import read_head
 from taxel.foreign.files import MIB, open_file, refuse_larger, size_of
 from taxel.foreign.text_lines import lines_of
+from taxel.recordings.table_form import (
+    DecimalSign,
+    TableForm,
+    cells_of,
+    find_form,
+    is_number,
+)
 
 LARGEST_TABLE = 1024 * MIB
 """Bytes of a table of values, unpacked: three hours of twelve channels at 1 kHz as text. Our
@@ -36,12 +43,11 @@ _BLOCK_CELLS = 65_536
 _BLOCK_BYTES = 8 * MIB
 _HEAD_BYTES = 4108
 """What `read_head` may need."""
-_SEPARATORS = ",;\t"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class CsvColumns:
-    """What was read of a CSV."""
+class TextColumns:
+    """What was read of a text."""
 
     values: NDArray[np.float64]
     """Shape (rows, wanted), in the file's own units."""
@@ -49,75 +55,49 @@ class CsvColumns:
     """Number of the line that holds the first row."""
     number_header: str = ""
     """The names in line 1 where all of them are numbers, which values could be, too; or empty."""
+    decimal_comma: bool = False
+    """Whether commas were taken for decimal signs."""
 
 
-def csv_columns(path: Path, wanted: Sequence[str]) -> CsvColumns:
-    """Return the wanted columns of a CSV.
-
-    A first line of nothing but numbers is a row of values, unless they count the columns, from 0
-    (as pandas does) or 1, and the line below does not.
+def text_columns(path: Path, wanted: Sequence[str]) -> TextColumns:
+    """Return the wanted columns of a text; `table_form.find_form` says how it may be written.
 
     Args:
-        path: The file; one that ends in .gz is unpacked. Comma, semicolon or tab separate.
+        path: The file; one that ends in .gz is unpacked. Commas, semicolons, tabs or blanks
+            separate.
         wanted: Names as in the header, or numbers from 1. Where the header itself holds whole
             numbers, these are names, and nothing is counted.
 
     Raises:
         BadTable: Anything in the file is not as it should be; says where.
     """
-    lines = _lines(path, LARGEST_TABLE)
-    first = _first_line(path, lines)
-    separator = max(_SEPARATORS, key=first.count)
-    top = [name.strip() for name in _cells(path, 1, first, separator)]
-    second = next(lines, None)
-    counting = _count_columns(top) and not (
-        second and _count_columns([cell.strip() for cell in second.split(separator)])
-    )
-    has_header = counting or any(name and not is_number(name) for name in top)
-    names = top if has_header else [str(number) for number in range(1, len(top) + 1)]
-    what = f"a header with {_some(top)}" if has_header else f"{len(top)} columns, no header"
+    form, below = find_form(path, _lines(path, LARGEST_TABLE))
+    names = form.names
+    what = f"a header with {_some(names)}" if form.named else f"{len(names)} columns, no header"
     where = _places(path, names, wanted, what)
-    below = lines if second is None else chain([second], lines)
-    rows = _rows(path, below, separator, len(top))
-    first_line = 2 if has_header else 1
-    values = _values(path, rows if has_header else chain([top], rows), names, where, first_line)
-    return CsvColumns(
-        values=values, first_line=first_line, number_header=_some(top) if counting else ""
-    )
-
-
-def _first_line(path: Path, lines: Iterator[str]) -> str:
-    first = next(lines, "")
-    if not first:
-        empty = not any(lines)
-        raise BadTable(
-            "rows of numbers", f"the empty file {path}" if empty else f"an empty line 1 in {path}",
-            "leave the file out" if empty else "remove the line",
-        )  # fmt: skip
-    return first
-
-
-def _count_columns(cells: Sequence[str]) -> bool:
-    """Return whether cells count two columns or more, from 0 or 1; an index has no name."""
-    numbers = list(cells[1:] if cells[0] == "" else cells)
-    starts = (0, 1) if len(numbers) > 1 else ()
-    return any(numbers == [str(start + n) for n in range(len(numbers))] for start in starts)
+    sign = DecimalSign(path, form.separator)
+    values = _values(path, _rows(path, below, form), form, where, sign)
+    return TextColumns(
+        values=values, first_line=form.first_line, decimal_comma=sign.comma,
+        number_header=_some(names) if form.counting else "",
+    )  # fmt: skip
 
 
 def _values(
     path: Path,
     rows: Iterator[list[str]],
-    names: Sequence[str],
+    form: TableForm,
     where: Sequence[int],
-    first_line: int,
+    sign: DecimalSign,
 ) -> NDArray[np.float64]:
     """Return the columns at the places `where` as numbers, shape (rows, places)."""
     blocks, count = [np.empty((0, len(where)))], 0
-    while block := list(islice(rows, max(1, _BLOCK_CELLS // len(names)))):
+    while block := list(islice(rows, max(1, _BLOCK_CELLS // len(form.names)))):
         found = np.empty((len(block), len(where)))
         for place, index in enumerate(where):
-            cells = [row[index] for row in block]
-            found[:, place] = _numbers(path, cells, names[index], first_line + count)
+            line = form.first_line + count
+            cells = sign.with_points([row[index] for row in block], line)
+            found[:, place] = _numbers(path, cells, form.names[index], line)
         blocks.append(found)
         count += len(block)
         _refuse_many(path, count * len(where))
@@ -197,15 +177,6 @@ def read_cells(path: Path) -> list[list[str]]:
     return rows
 
 
-def is_number(cell: str) -> bool:
-    """Return whether a cell is a number as a table may hold it: Python would also take 1_000."""
-    try:
-        float(cell)
-    except ValueError:
-        return False
-    return "_" not in cell
-
-
 def mend_number(cell: str) -> str:
     """Return how to mend a cell that is not a number: by its decimal comma, if it has one."""
     if is_number(cell.replace(",", ".")):
@@ -228,14 +199,14 @@ def _lines(path: Path, most: int) -> Iterator[str]:
     return (line.rstrip("\r\n") for line in _raw_lines(path, most))
 
 
-def _rows(path: Path, lines: Iterator[str], separator: str, width: int) -> Iterator[list[str]]:
-    """Yield the cells of each line, which must be as many as in the first."""
-    blank = 0
-    for number, line in enumerate(lines, start=2):
+def _rows(path: Path, lines: Iterator[str], form: TableForm) -> Iterator[list[str]]:
+    """Yield the cells of each line, which must be as many as there are columns."""
+    width, blank = len(form.names), 0
+    for number, line in enumerate(lines, start=form.first_line):
         if not line:
             blank = blank or number
             continue
-        cells = _cells(path, number, line, separator)
+        cells = cells_of(path, number, line, form.separator)
         wrong = (0, blank) if blank else (len(cells), number)  # blank lines may only come last
         if blank or len(cells) != width:
             raise BadTable(
@@ -243,17 +214,6 @@ def _rows(path: Path, lines: Iterator[str], separator: str, width: int) -> Itera
                 "mend the file, which may have been cut short",
             )  # fmt: skip
         yield cells
-
-
-def _cells(path: Path, number: int, line: str, separator: str) -> list[str]:
-    if '"' not in line:
-        return line.split(separator)
-    try:
-        return next(csv.reader((line,), delimiter=separator))
-    except csv.Error as error:
-        raise BadTable(
-            "a table (CSV)", f"{path}, line {number}: {error}", "save it again as CSV"
-        ) from error
 
 
 def _places(path: Path, names: Sequence[str], wanted: Sequence[str], what: str) -> list[int]:

@@ -1,6 +1,7 @@
 """Read a table of values strictly: a cell that is not a number is an error, never a zero.
 
-Knows .csv, .csv.gz and .npy (table_columns.py reads them); other layouts are in layouts.py.
+Knows texts (.csv, .tsv, .txt, .dat, packed or not) and .npy (table_columns.py reads them); other
+layouts are in layouts.py.
 Each error names the file, the line and the column. Knows nothing about recordings.
 
 Background of our choices: docs/decisions/0011.
@@ -19,7 +20,8 @@ from numpy.typing import NDArray
 
 from taxel.errors import BadTable
 from taxel.recordings.scan_layout import FURTHEST_S
-from taxel.recordings.table_columns import csv_columns, npy_columns
+from taxel.recordings.table_columns import npy_columns, text_columns
+from taxel.recordings.table_form import TEXT_ENDINGS
 
 Missing = Literal["refuse", "keep"]
 """What happens to empty cells, NaN and infinity: an error, or kept and flagged NOT_FINITE."""
@@ -63,6 +65,8 @@ class Table:
     units: tuple[str, ...]
     number_header: str = ""
     """The file's first line where it was taken as names though it holds only numbers; or empty."""
+    decimal_comma: bool = False
+    """Whether commas were taken for decimal signs."""
 
 
 def parse_columns(text: str, where: str) -> tuple[Column, ...]:
@@ -123,10 +127,10 @@ def parse_time(text: str, where: str) -> TimeColumn:
 def read_table(
     path: Path, columns: Sequence[Column], time: TimeColumn, missing: Missing = "refuse"
 ) -> Table:
-    """Return the wanted columns of a .csv, .csv.gz or .npy file.
+    """Return the wanted columns of a text or a .npy file.
 
     Args:
-        path: The file. A CSV may be separated by comma, semicolon or tab.
+        path: The file. Commas, semicolons, tabs or blanks separate a text's cells.
         columns: Wanted channels, in the order of the result.
         time: Where time comes from.
         missing: What happens to values that are not finite. Time must always be.
@@ -136,17 +140,19 @@ def read_table(
     """
     wanted = [column.name for column in columns]
     wanted += [time.column.name] if time.column is not None else []
-    first_line, number_header = 1, ""
+    first_line, number_header, decimal_comma = 1, "", False
     ending = path.name.lower()
     if ending.endswith(".npy"):
         cells = npy_columns(path, wanted)
-    elif ending.endswith((".csv", ".csv.gz")):
-        found = csv_columns(path, wanted)
-        cells, first_line, number_header = found.values, found.first_line, found.number_header
+    elif ending.endswith(TEXT_ENDINGS):
+        found = text_columns(path, wanted)
+        cells, first_line = found.values, found.first_line
+        number_header, decimal_comma = found.number_header, found.decimal_comma
     else:
         raise BadTable(
-            "a .csv, .csv.gz or .npy file", str(path), "save it as one of them, or name a function "
-            "of yours that reads it, as module.py:function, in the column 'layout'",
+            "a .csv, .tsv, .txt or .dat file, packed as .gz or not, or .npy", str(path),
+            "save it as one of them, or name a function of yours that reads it, as "
+            "module.py:function, in the column 'layout'",
         )  # fmt: skip
     values = cells[:, : len(columns)]
     check_values(path, values, [column.name for column in columns], missing, first_line)
@@ -156,6 +162,7 @@ def read_table(
         names=tuple(column.name for column in columns),
         units=tuple(column.unit for column in columns),
         number_header=number_header,
+        decimal_comma=decimal_comma,
     )
 
 

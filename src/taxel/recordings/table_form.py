@@ -1,0 +1,196 @@
+"""How a text of numbers is written: what separates, which line names the columns, which sign is
+decimal.
+
+Nothing is guessed where two readings are possible: a comma is a decimal sign only where something
+else separates, and points and commas are never taken for it in one file. Knows nothing about times,
+units or recordings.
+
+Background of our choices: docs/decisions/0011.
+"""
+
+from __future__ import annotations
+
+import csv
+import re
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from itertools import chain
+from pathlib import Path
+
+from taxel.errors import BadTable
+
+_ENDINGS = (".csv", ".tsv", ".txt", ".dat")
+TEXT_ENDINGS = (*(f"{ending}.gz" for ending in _ENDINGS), *_ENDINGS)
+"""Of the names of texts that hold tables of values."""
+BLANKS = " "
+"""A separator: any number of blanks, also before the first cell and behind the last."""
+REMARK = "#"
+_SEPARATORS = ",;\t"
+_DECIMAL_COMMA = re.compile(r"\s*[+-]?\d*,\d+([eE][+-]?\d+)?\s*")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TableForm:
+    """How one file is written."""
+
+    separator: str
+    names: tuple[str, ...]
+    """The columns' names; their numbers from 1 where no line holds names."""
+    named: bool
+    """Whether a line holds names."""
+    counting: bool
+    """Whether they are in a line that holds only numbers, which values could be, too."""
+    first_line: int
+    """Number of the line that holds the first row."""
+
+
+def find_form(path: Path, lines: Iterator[str]) -> tuple[TableForm, Iterator[str]]:
+    """Return how a text is written, and the lines that hold its rows.
+
+    A first line of nothing but numbers is a row of values, unless they count the columns, from 0
+    (as pandas does) or 1, and the line below does not. Lines above it that begin with # are
+    remarks; the last of them names the columns where it has as many words (as NumPy writes it).
+
+    Args:
+        path: For messages.
+        lines: Without their ends.
+
+    Raises:
+        BadTable: The first line is empty, or there is none.
+    """
+    first, number, remark = _below_remarks(path, lines)
+    second = next(lines, None)
+    separator = _separator(first, second)
+    top = [name.strip() for name in cells_of(path, number, first, separator)]
+    counting = count_columns(top) and not (
+        second and count_columns([cell.strip() for cell in _split(second, separator)])
+    )
+    below = lines if second is None else chain([second], lines)
+    if counting or any(name and not _is_value(name) for name in top):
+        form = TableForm(separator=separator, names=tuple(top), named=True, counting=counting,
+                         first_line=number + 1)  # fmt: skip
+        return form, below
+    above = [name.strip() for name in _split(remark, separator)] if remark else []
+    named = len(above) == len(top) and not any(map(_is_value, above))
+    names = above if named else [str(number) for number in range(1, len(top) + 1)]
+    form = TableForm(separator=separator, names=tuple(names), named=named, counting=False,
+                     first_line=number)  # fmt: skip
+    return form, chain([first], below)
+
+
+def cells_of(path: Path, number: int, line: str, separator: str) -> list[str]:
+    """Return a line's cells.
+
+    Raises:
+        BadTable: Its quotes do not end.
+    """
+    if '"' not in line:
+        return _split(line, separator)
+    text = line.strip() if separator == BLANKS else line
+    try:
+        return next(csv.reader((text,), delimiter=separator, skipinitialspace=separator == BLANKS))
+    except csv.Error as error:
+        raise BadTable(
+            "a table (CSV)", f"{path}, line {number}: {error}", "save it again as CSV"
+        ) from error
+
+
+def is_number(cell: str) -> bool:
+    """Return whether a cell is a number as a table may hold it: Python would also take 1_000."""
+    try:
+        float(cell)
+    except ValueError:
+        return False
+    return "_" not in cell
+
+
+def _is_value(cell: str) -> bool:
+    return is_number(cell) or bool(_DECIMAL_COMMA.fullmatch(cell))
+
+
+def count_columns(cells: Sequence[str]) -> bool:
+    """Return whether cells count two columns or more, from 0 or 1; an index has no name."""
+    numbers = list(cells[1:] if cells[0] == "" else cells)
+    starts = (0, 1) if len(numbers) > 1 else ()
+    return any(numbers == [str(start + n) for n in range(len(numbers))] for start in starts)
+
+
+class DecimalSign:
+    """The decimal sign of one file: a point, or a comma where something else separates.
+
+    Args:
+        path: For messages.
+        separator: Of the file's cells.
+    """
+
+    def __init__(self, path: Path, separator: str) -> None:
+        self._path, self._may_be_comma = path, separator != ","
+        self.comma = self._point = False
+
+    def with_points(self, cells: list[str], first_line: int) -> list[str]:
+        """Return a column's cells with decimal points.
+
+        Args:
+            cells: As they stand in the file.
+            first_line: Number of the first one's line, for messages.
+
+        Raises:
+            BadTable: The file has both signs.
+        """
+        if not self._may_be_comma:
+            return cells
+        text = "".join(cells)
+        self._point = self._point or "." in text
+        if "," in text:
+            found = [_with_point(cell) for cell in cells]
+            self.comma = self.comma or found != cells
+            cells = found
+        if self.comma and self._point:
+            raise BadTable(
+                "one decimal sign in a file", f"points and commas in {self._path}, from about line "
+                f"{first_line} on", "write decimal points, and no thousands separators",
+            )  # fmt: skip
+        return cells
+
+
+def _with_point(cell: str) -> str:
+    return cell.replace(",", ".") if _DECIMAL_COMMA.fullmatch(cell) else cell
+
+
+def _below_remarks(path: Path, lines: Iterator[str]) -> tuple[str, int, str]:
+    """Return the first line that is no remark, its number, and the last remark's words."""
+    remark, seen = "", False
+    for number, line in enumerate(lines, start=1):
+        if line.lstrip().startswith(REMARK):
+            remark, seen = line.strip().lstrip(REMARK).strip(), True
+        elif line or not seen:
+            if line:
+                return line, number, remark
+            empty = not any(lines)
+            raise BadTable(
+                "rows of numbers",
+                f"the empty file {path}" if empty else f"an empty line 1 in {path}",
+                "leave the file out" if empty else "remove the line",
+            )
+    got = f"none below the remarks in {path}" if seen else f"the empty file {path}"
+    raise BadTable("rows of numbers", got, "leave the file out")
+
+
+def _separator(first: str, second: str | None) -> str:
+    """Return what separates: by the line below too, where decimal commas or blanks may be."""
+    sample = first if second is None else second
+    for separator in (";", "\t", BLANKS):
+        cells = _split(sample, separator)
+        if len(cells) > 1 and len(cells) == len(_split(first, separator)):
+            with_comma = [cell for cell in cells if "," in cell]
+            if with_comma and all(map(_DECIMAL_COMMA.fullmatch, with_comma)):
+                return separator
+    most = max(_SEPARATORS, key=first.count)
+    words = len(first.split())
+    if most not in first and words > 1 and len(sample.split()) == words:
+        return BLANKS
+    return most
+
+
+def _split(line: str, separator: str) -> list[str]:
+    return line.split() if separator == BLANKS else line.split(separator)

@@ -1,0 +1,96 @@
+"""Claims about how a text of numbers may be written: each reading is the only possible one."""
+
+import gzip
+import re
+
+import numpy as np
+import pytest
+
+from taxel.errors import BadTable
+from taxel.recordings.tables import parse_columns, parse_time, read_table
+
+WANTED = [[1.5, -2.0], [2.5, 300.0]]
+
+
+def read(path, channels="a[V] b[V]", time="t[ms]"):
+    return read_table(path, parse_columns(channels, "here"), parse_time(time, "here"))
+
+
+@pytest.mark.parametrize("text", [
+    "t a b\n10 1.5 -2\n20 2.5 3e2\n",
+    "  t   a    b\n 10 1.5   -2\n 20 2.5  3e2 \n",  # aligned
+    "# t a b\n10 1.5 -2\n20 2.5 3e2\n",  # numpy.savetxt(…, header="t a b")
+    "# pad 7, 3 N\n#\n# t,a,b\n10,1.5,-2\n20,2.5,3e2\n",
+    "# made by hand\nt;a;b\n10;1.5;-2\n20;2.5;3e2\n",
+    "t;a;b\n10;1,5;-2\n20;2,5;3e2\n",
+    "t\ta\tb\n10\t1,5\t-2,0\n20\t2,5\t3,0e2\n",
+    "t a b\n10 1,5 -2,0\n20 2,5 300,0\n",
+    "t;a;b\n10,0;1,5;-2,0\n20,0;2,5;300,0\n",
+])  # fmt: skip
+@pytest.mark.parametrize("ending", ["csv", "txt", "DAT", "tsv.gz"])
+def test_a_text_is_read_as_it_is_written(tmp_path, text, ending):
+    path = tmp_path / f"a.{ending}"
+    path.write_bytes(gzip.compress(text.encode()) if ending.endswith("gz") else text.encode())
+    table = read(path)
+
+    np.testing.assert_array_equal(table.values, WANTED)
+    np.testing.assert_allclose(table.time_s, [0.01, 0.02])
+    assert table.decimal_comma == ("1,5" in text)
+
+
+@pytest.mark.parametrize("text", [
+    "10 1.5 -2\n20 2.5 300\n", "10;1,5;-2,0\n20;2,5;300,0\n",
+    "# 10 Hz\n10\t1.5\t-2\n20\t2.5\t300\n", "# 1 2 3\n10 1.5 -2\n20 2.5 300\n",
+])  # fmt: skip
+def test_columns_without_names_go_by_number(tmp_path, text):
+    """A remark of another length, or of numbers, names nothing."""
+    (tmp_path / "a.txt").write_text(text)
+    table = read(tmp_path / "a.txt", "2[V] 3[V]", "1[ms]")
+
+    np.testing.assert_array_equal(table.values, WANTED)
+
+
+def test_one_row_alone_may_be_blanks_or_decimal_commas(tmp_path):
+    for text in ("10 1.5 -2\n", "10;1,5;-2\n"):
+        (tmp_path / "a.txt").write_text(text)
+        assert read(tmp_path / "a.txt", "2[V] 3[V]", "1[ms]").values.tolist() == [WANTED[0]]
+
+
+def test_a_comma_separates_where_nothing_else_does(tmp_path):
+    """Also behind blanks, and where a name holds a semicolon or blanks."""
+    for text in ("10, 1.5, -2\n20, 2.5, 300\n", "t;s,left pad,b\n10,1.5,-2\n20,2.5,300\n"):
+        (tmp_path / "a.csv").write_text(text)
+        assert read(tmp_path / "a.csv", "2[V] 3[V]", "1[ms]").values.tolist() == WANTED
+    (tmp_path / "a.csv").write_text("left pad\n1.5\n2.5\n")
+    assert read(tmp_path / "a.csv", "left pad[V]", "rate:9Hz").values.tolist() == [[1.5], [2.5]]
+
+
+@pytest.mark.parametrize(("text", "words"), [
+    ("t;a;b\n10;1,5;2\n20;1.5;2\n", "one decimal sign.*points and commas"),
+    ("t;a;b\n10;1,5;2\n20;1,2,5;2\n", r"'1,2,5' in .*, line 3, column 'a'"),
+    ("t,a,b\n10,\"1,5\",2\n", r"'1,5' in .*, line 2, column 'a'.*decimal points"),
+    ("# t a b\n# u v w\n10 1.5 -2\n", "column 'a'.*u, v, w"),
+    ("# t a b\n", "none below the remarks"),
+    ("# t a b\n\n# more\n", "none below the remarks"),
+    ("t a b\n10 1.5 -2\n20 2.5\n", "line 3"),
+    ("# x\nt a b\n10 1.5 oops\n", "'oops' in .*, line 3, column 'b'"),
+    ("t a b\n10 1.5 -2\n# end\n", "line 3"),
+])  # fmt: skip
+def test_what_has_two_readings_or_none_is_refused_by_its_line(tmp_path, text, words):
+    (tmp_path / "a.txt").write_text(text)
+    with pytest.raises(BadTable) as caught:
+        read(tmp_path / "a.txt")
+
+    assert re.search(words, str(caught.value)), str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+def test_signs_must_agree_from_block_to_block(tmp_path, monkeypatch):
+    """A long file is read in pieces; points a million rows below commas are refused, too."""
+    monkeypatch.setattr("taxel.recordings.table_columns._BLOCK_CELLS", 6)
+    rows = [f"{n};{n},5;1" for n in range(9)]
+    (tmp_path / "a.csv").write_text("\n".join(["t;a;b", *rows]) + "\n")
+    assert read(tmp_path / "a.csv").values[:, 0].tolist() == [n + 0.5 for n in range(9)]
+    (tmp_path / "a.csv").write_text("\n".join(["t;a;b", *rows, "10;2.5;1"]) + "\n")
+    with pytest.raises(BadTable, match="one decimal sign"):
+        read(tmp_path / "a.csv")
