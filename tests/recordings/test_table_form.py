@@ -20,6 +20,8 @@ def read(path, channels="a[V] b[V]", time="t[ms]"):
     "t a b\n10 1.5 -2\n20 2.5 3e2\n",
     "  t   a    b\n 10 1.5   -2\n 20 2.5  3e2 \n",  # aligned
     "# t a b\n10 1.5 -2\n20 2.5 3e2\n",  # numpy.savetxt(…, header="t a b")
+    '"t" "a" "b"\n10 1.5 -2\n20 2.5 3e2\n',
+    "# t,a,b\n10 1.5 -2\n20 2.5 3e2\n",  # names apart from values
     "# pad 7, 3 N\n#\n# t,a,b\n10,1.5,-2\n20,2.5,3e2\n",
     "# made by hand\nt;a;b\n10;1.5;-2\n20;2.5;3e2\n",
     "t;a;b\n10;1,5;-2\n20;2,5;3e2\n",
@@ -48,6 +50,13 @@ def test_columns_without_names_go_by_number(tmp_path, text):
     table = read(tmp_path / "a.txt", "2[V] 3[V]", "1[ms]")
 
     np.testing.assert_array_equal(table.values, WANTED)
+
+
+def test_a_row_below_a_remark_of_names_is_a_scan_though_it_counts(tmp_path):
+    (tmp_path / "a.csv").write_text("#t,a,b\n1,2,3\n2,4,6\n")
+    table = read(tmp_path / "a.csv")
+
+    assert (table.values.tolist(), table.number_header) == ([[2, 3], [4, 6]], "")
 
 
 def test_one_row_alone_may_be_blanks_or_decimal_commas(tmp_path):

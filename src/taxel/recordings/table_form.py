@@ -60,22 +60,32 @@ def find_form(path: Path, lines: Iterator[str]) -> tuple[TableForm, Iterator[str
     """
     first, number, remark = _below_remarks(path, lines)
     second = next(lines, None)
-    separator = _separator(first, second)
+    separator = _separator(path, first, second)
     top = [name.strip() for name in cells_of(path, number, first, separator)]
-    counting = count_columns(top) and not (
-        second and count_columns([cell.strip() for cell in _split(second, separator)])
+    above = _names_in(remark, separator, len(top))
+    counting = (
+        count_columns(top)
+        and not above
+        and not (second and count_columns([cell.strip() for cell in _split(second, separator)]))
     )
     below = lines if second is None else chain([second], lines)
     if counting or any(name and not _is_value(name) for name in top):
         form = TableForm(separator=separator, names=tuple(top), named=True, counting=counting,
                          first_line=number + 1)  # fmt: skip
         return form, below
-    above = [name.strip() for name in _split(remark, separator)] if remark else []
-    named = len(above) == len(top) and not any(map(_is_value, above))
-    names = above if named else [str(number) for number in range(1, len(top) + 1)]
-    form = TableForm(separator=separator, names=tuple(names), named=named, counting=False,
+    names = above or [str(number) for number in range(1, len(top) + 1)]
+    form = TableForm(separator=separator, names=tuple(names), named=bool(above), counting=False,
                      first_line=number)  # fmt: skip
     return form, chain([first], below)
+
+
+def _names_in(remark: str, separator: str, columns: int) -> list[str]:
+    """Return the names in a remark, which other characters may separate than values; or none."""
+    for own in (separator, *_SEPARATORS, BLANKS):
+        names = [name.strip() for name in _split(remark, own)]
+        if len(names) == columns and not any(map(_is_value, names)) and all(names):
+            return names
+    return []
 
 
 def cells_of(path: Path, number: int, line: str, separator: str) -> list[str]:
@@ -176,7 +186,7 @@ def _below_remarks(path: Path, lines: Iterator[str]) -> tuple[str, int, str]:
     raise BadTable("rows of numbers", got, "leave the file out")
 
 
-def _separator(first: str, second: str | None) -> str:
+def _separator(path: Path, first: str, second: str | None) -> str:
     """Return what separates: by the line below too, where decimal commas or blanks may be."""
     sample = first if second is None else second
     for separator in (";", "\t", BLANKS):
@@ -186,10 +196,10 @@ def _separator(first: str, second: str | None) -> str:
             if with_comma and all(map(_DECIMAL_COMMA.fullmatch, with_comma)):
                 return separator
     most = max(_SEPARATORS, key=first.count)
-    words = len(first.split())
-    if most not in first and words > 1 and len(sample.split()) == words:
-        return BLANKS
-    return most
+    if most in first:
+        return most
+    above, below = (len(cells_of(path, 1, line, BLANKS)) for line in (first, sample))
+    return BLANKS if above == below > 1 else most
 
 
 def _split(line: str, separator: str) -> list[str]:
