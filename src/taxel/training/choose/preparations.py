@@ -46,8 +46,9 @@ INSIDE, LEAST_MARKED = 0.8, 20
 trial below which it is one window as a whole. Source: as above."""
 PAUSE_ROWS = 10
 """Lost rows after which a new stretch begins. Source: as above."""
-_TENG_GATES = ((GATE_V, 12), (GATE_V, 60), (0.6, 60))
-"""Gate in volts and rows of the recipes teng and teng-robust."""
+_TENG_GATES = ((0.6, 60), (GATE_V, 60), (GATE_V, 12))
+"""Gate in volts and rows of the recipes teng-robust and teng: first what leaves hardly a touch
+without a window (`docs/decisions/0039`)."""
 
 
 ROWS = WindowConfig(steps=1, stride=1, grid_hz=None)
