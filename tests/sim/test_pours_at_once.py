@@ -5,7 +5,7 @@ import pytest
 
 from taxel.sim.cup_pour import CupPourConfig, list_runs, simulate_pour
 from taxel.sim.cups import OTHER_KINDS, draw_cup, draw_run
-from taxel.sim.pours_at_once import simulate_pours
+from taxel.sim.pours_at_once import first_slips, simulate_pours
 
 
 def test_pours_at_once_equal_pours_one_by_one():
@@ -29,3 +29,16 @@ def test_a_rate_that_does_not_divide_the_step_is_refused():
     with pytest.raises(ValueError, match="divides"):
         simulate_pours(runs, 100.0)
     assert simulate_pours([]) == []
+
+
+def test_first_slips_are_those_of_the_whole_simulation():
+    """The moment and the poured mass at 300 µm, or at the end, as the track has them."""
+    runs = list_runs(CupPourConfig(cups=1, first_cup=31_000))[:4]
+    found = first_slips(runs, 300.0, 60.0, 6.0)
+    for place, track in enumerate(simulate_pours(runs)):
+        beyond = (track.truth[:, 0] > 300.0) | (track.truth[:, 7] > 0)
+        moment = int(np.argmax(beyond)) if beyond.any() else -1
+        assert found.moment[place] == moment
+        assert found.poured_g[place] == track.truth[moment, 6]
+    assert {int(moment) >= 0 for moment in found.moment} == {True, False}
+    assert first_slips([], 300.0, 60.0, 6.0).moment.shape == (0,)

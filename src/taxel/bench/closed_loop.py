@@ -90,7 +90,7 @@ def quick_steps() -> list[tuple[str, Measure]]:
 
 def full_steps(data: Path | None) -> list[tuple[str, Measure]]:
     """Return the measurements that take longer than a few minutes; `data` is not used."""
-    return [("training cups, then unseen cups", unseen_cups)]
+    return [("training cups, then unseen cups", unseen_cups), ("bound of grips", bound_of_grips)]
 
 
 def data_digest(data: Path | None) -> str:
@@ -126,6 +126,13 @@ def unseen_cups(
         needed = side_by_side(is_preventable, [(run,) for run in hard], workers=workers)
         runs = [run for run, drops in zip(hard, needed, strict=True) if drops]
         return loop_rows(judge_cups(learnt, list_runs(UNSEEN) + runs, workers))
+
+
+def bound_of_grips() -> list[Row]:
+    """Raise by the simulator's own slip: what no grip that is raised by slip alone can exceed."""
+    from taxel.bench.closed_loop_bound import grip_bound
+
+    return grip_bound()
 
 
 def is_preventable(run: PourRun) -> bool:

@@ -58,6 +58,7 @@ def full_steps(data: Path | None) -> list[tuple[str, Measure]]:
         ("sim to real: gel features", lambda: sim_to_real("gel features", data)),
         ("sim to real: CycleGAN", lambda: sim_to_real_painted(data)),
         ("slip warning", slip_warning),
+        ("bound of warnings", bound_of_warnings),
         ("warnings on both gels", warnings_on_both_gels),
         ("warnings by kind", warnings_by_kind),
         ("start of a grasp", grasp_starts),
@@ -291,6 +292,13 @@ def slip_warning() -> list[Row]:
     from taxel.bench.slip_warning import slip_warning_rows
 
     return slip_warning_rows()
+
+
+def bound_of_warnings() -> list[Row]:
+    """Judge who knows all but when the pouring ends: what no warning of slip can exceed."""
+    from taxel.bench.slip_bound import bound_rows
+
+    return bound_rows()
 
 
 def warnings_on_both_gels() -> list[Row]:

@@ -29,6 +29,8 @@ scenes are drawn by `taxel.sim.scene_draws`."""
 _HELD_KG_MM = 11.9
 """Mass times lever that a grip of 15 N holds where friction is 1: 2 · 15 N · 0.62 · 6.28 mm over
 gravity. Source: limit surface of a handle's patch, docs/explanation/physics-gel."""
+AMOUNT_G = (90.0, 420.0)
+"""Least and most that a pour is drawn to have, grams, evenly. Source: our choice, decision 13."""
 _CUP, _RUN = 11, 12
 """Streams of the random generator, so that cups and runs never share numbers."""
 _POSITION = {"upper": 0.5, "middle": 0.0, "lower": -0.5}
@@ -155,7 +157,7 @@ def draw_run(
     """Return a run without its scene; it depends on the seed and its place in the set alone."""
     place = place_of(position, force_n, number, kind)
     random = np.random.default_rng([_RUN, seed, cup.index, *place])
-    amount_g = random.uniform(90.0, 420.0)
+    amount_g = random.uniform(*AMOUNT_G)
     start_s = random.uniform(0.4, 2.2)
     flow_g_s = random.uniform(50.0, 160.0)
     pours = kind in ("pour", "no-slip pour", "late slip")

@@ -8,6 +8,7 @@ it there). Knows nothing about pixels, files or clocks.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,6 +29,7 @@ from taxel.sim.cup_pour import (
 )
 from taxel.sim.cups import PourRun
 from taxel.sim.grip_limits import GRAVITY_M_S2, half_axes, indentation
+from taxel.sim.pour_state import TRUTH_CHANNELS
 from taxel.sim.pour_views import gel_motion, handle_shape
 from taxel.sim.run_forces import GRIP_SETTLE_S
 
@@ -92,6 +94,43 @@ def simulate_pours(
             )
         )
     return tracks
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FirstSlips:
+    """When runs first slip further than some distance, or are dropped."""
+
+    moment: NDArray[np.intp]
+    """Shape (runs,): number of the moment; -1: never."""
+    poured_g: Values
+    """Shape (runs,): what had been poured then, grams; at the end where there was none."""
+
+
+def first_slips(
+    runs: Sequence[PourRun], above_um: float, frame_hz: float, duration_s: float
+) -> FirstSlips:
+    """Return when runs first slip further, with their grips held as commanded.
+
+    Args:
+        runs: What is tried, none with a scene.
+        above_um: Slip, micrometres.
+        frame_hz: Moments a second that are looked at; 480 Hz must be a multiple of it.
+        duration_s: Seconds.
+    """
+    steps, count = round(1.0 / (STEP_S * frame_hz)), round(duration_s * frame_hz)
+    moment, poured_g = np.full(len(runs), -1), np.zeros(len(runs))
+    if not runs:
+        return FirstSlips(moment=moment, poured_g=poured_g)
+    sim = _Pours(runs, count * steps)
+    slip, dropped, poured = (TRUTH_CHANNELS.index(n) for n in ("slip", "dropped", "poured"))
+    for index in range(count):
+        truth = sim.state()
+        waiting = moment < 0
+        poured_g[waiting] = truth[waiting, poured]
+        moment[waiting & ((truth[:, slip] > above_um) | (truth[:, dropped] > 0))] = index
+        for _ in range(steps):
+            sim.advance()
+    return FirstSlips(moment=moment, poured_g=poured_g)
 
 
 class _Pours:

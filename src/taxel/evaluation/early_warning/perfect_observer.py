@@ -1,0 +1,132 @@
+"""The best that any slip warning could do: an observer who knows all but when the pouring ends.
+
+A pour's amount is drawn evenly from a range, and nothing in an image says when the person will
+stop. An observer who knows the cup, its friction, the grip and all forces exactly therefore still
+has to bet: a pour that stops just short of gross slip looks like one that goes on until it slips.
+The same pour, simulated with other amounts, gives the least amount that ends in gross slip, and so
+how likely gross slip is at each moment. To warn from a fixed likelihood on is what gives the most
+slips warned of for each false alarm; no warning that sees less can be earlier at the same number
+of false alarms, except by luck. Knows nothing about images, features, heads or files.
+
+Source: docs/decisions/0036.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from taxel.evaluation.early_warning.learn_slip_warning import ONSET_UM
+from taxel.evaluation.early_warning.slip_warnings import WarningTrack
+from taxel.sim.cups import AMOUNT_G, PourRun
+from taxel.sim.pours_at_once import FirstSlips, first_slips
+from taxel.training.slip_cups import DURATION_S, FRAME_HZ, GROSS_UM
+
+_BEFORE_G: Final = 40.0
+"""Where the search for the least amount begins: so far below what had been poured when the object
+slipped while more was poured. The gel rarely gives way to more than that afterwards."""
+_HALVINGS: Final = 6
+"""Of what is left of these 40 g: to 0.6 g, one hundredth of a second of pouring."""
+_NEVER: Final = 1e-6
+"""Likelihood that stands for 0: a drive must be above 0."""
+Values = NDArray[np.float64]
+
+
+def needed_g(runs: Sequence[PourRun]) -> Values:
+    """Return the least amount that ends in gross slip, grams, shape (runs,).
+
+    Infinite where even the largest amount does not, within the time that a pour is looked at.
+
+    Args:
+        runs: Pours of the kind "pour", whose amounts are drawn from `AMOUNT_G`. Each is simulated
+            eight times with other amounts; the rest of it stays as it is.
+    """
+    needed = np.full(len(runs), np.inf)
+    at_most = _slips(runs, np.full(len(runs), AMOUNT_G[1]))
+    slips = np.flatnonzero(at_most.moment >= 0)
+    tried = [runs[place] for place in slips]
+    enough, too_little = at_most.poured_g[slips], np.zeros(len(slips))
+    for turn in range(_HALVINGS + 1):
+        middle = (too_little + enough) / 2
+        amount_g = middle if turn else np.maximum(enough - _BEFORE_G, 0.0)
+        slipped = _slips(tried, amount_g).moment >= 0
+        enough = np.where(slipped, amount_g, enough)
+        too_little = np.where(slipped, too_little, amount_g)
+    needed[slips] = enough
+    return needed
+
+
+def chance_of_slip(run: PourRun, least_g: float, slips: bool, time_s: Values) -> Values:
+    """Return how likely gross slip is at some moments, 0…1, shape (moments,).
+
+    Once the pouring has ended, and where nothing is poured, it is what then happens.
+
+    Args:
+        run: What is tried, of the kind "pour" or "still".
+        least_g: `needed_g` of a pour; of the other kind it is not looked at.
+        slips: True where it ends in gross slip.
+        time_s: Shape (moments,), seconds since the grasp.
+    """
+    if run.kind != "pour":
+        return np.full(len(time_s), float(slips))
+    least, most = AMOUNT_G
+    poured_g = np.clip((time_s - run.start_s) * run.flow_g_s, 0.0, run.amount_g)
+    so_far = np.maximum(poured_g, least)
+    room_g = np.maximum(most - so_far, 1e-9)
+    chance = np.clip((most - np.maximum(least_g, so_far)) / room_g, 0.0, 1.0)
+    return np.where(poured_g < run.amount_g, chance, float(slips))
+
+
+def observer_tracks(
+    runs: Sequence[PourRun], late_s: float, on_step: Callable[[str], None] = lambda _: None
+) -> list[WarningTrack]:
+    """Return the paper's runs, each driven by how likely gross slip is.
+
+    Args:
+        runs: Of the kinds "pour" and "still"; simulated cup by cup.
+        late_s: How old what the observer knows is, seconds.
+        on_step: Called with a line before each cup.
+    """
+    tracks = []
+    for cup in sorted({run.cup.index for run in runs}):
+        on_step(f"what is knowable of cup {cup}")
+        own = [run for run in runs if run.cup.index == cup]
+        pours = [run for run in own if run.kind == "pour"]
+        least = dict(zip((run.name for run in pours), needed_g(pours), strict=True))
+        as_they_went = {
+            um: first_slips(own, um, FRAME_HZ, DURATION_S) for um in (ONSET_UM, GROSS_UM)
+        }
+        for place, run in enumerate(own):
+            onset_s, event_s = (_seconds(as_they_went[um], place) for um in (ONSET_UM, GROSS_UM))
+            time_s = np.arange(round(DURATION_S * FRAME_HZ)) / FRAME_HZ
+            chance = chance_of_slip(
+                run, least.get(run.name, np.inf), event_s is not None, time_s - late_s
+            )
+            tracks.append(
+                WarningTrack(
+                    drive=np.maximum(chance, _NEVER),
+                    time_s=time_s,
+                    onset_s=None if event_s is None else onset_s,
+                    event_s=event_s,
+                    later_s={},
+                    largest_um=float("nan"),
+                    groups={"cup": str(cup), "kind": run.kind},
+                )
+            )
+    return tracks
+
+
+def _seconds(found: FirstSlips, place: int) -> float | None:
+    moment = int(found.moment[place])
+    return None if moment < 0 else moment / FRAME_HZ
+
+
+def _slips(runs: Sequence[PourRun], amount_g: Values) -> FirstSlips:
+    return first_slips(
+        [replace(run, amount_g=float(most)) for run, most in zip(runs, amount_g, strict=True)],
+        GROSS_UM, FRAME_HZ, DURATION_S,
+    )  # fmt: skip

@@ -1,0 +1,62 @@
+"""What is knowable of a slip: the least amount that ends in it, and how likely that was."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from taxel.evaluation.early_warning.perfect_observer import (
+    chance_of_slip,
+    needed_g,
+    observer_tracks,
+)
+from taxel.evaluation.early_warning.slip_warnings import score_warnings
+from taxel.sim.cups import AMOUNT_G
+from taxel.sim.pours_at_once import first_slips
+from taxel.training.slip_cups import paper_runs
+
+
+@pytest.fixture(scope="module")
+def pours():
+    """Pours of 15 N into one cup."""
+    return [run for run in paper_runs(31_000) if run.kind == "pour" and run.force_n == 15.0]
+
+
+def test_the_least_amount_slips_and_a_little_less_holds(pours):
+    least = needed_g(pours)
+    slipping = [(run, g) for run, g in zip(pours, least, strict=True) if np.isfinite(g)]
+    assert slipping
+
+    more = first_slips([replace(run, amount_g=g) for run, g in slipping], 300.0, 60.0, 6.0)
+    less = first_slips([replace(run, amount_g=g - 1.5) for run, g in slipping], 300.0, 60.0, 6.0)
+    assert (more.moment >= 0).all()
+    assert (less.moment < 0).all()
+
+
+def test_the_chance_is_the_share_of_amounts_that_are_enough(pours):
+    """Nothing poured: all amounts are possible; half poured: those above; afterwards: certain."""
+    least, most = AMOUNT_G
+    run = replace(pours[0], start_s=1.0, flow_g_s=100.0, amount_g=300.0)
+    chance = chance_of_slip(run, 255.0, True, np.array([0.5, 2.0, 3.0, 3.7, 4.5]))
+
+    assert chance[0] == pytest.approx((most - 255) / (most - least))
+    assert chance[1] == pytest.approx((most - 255) / (most - 100))
+    assert chance[2] == pytest.approx((most - 255) / (most - 200))
+    assert chance[3] == 1.0  # 270 g are poured, more than enough
+    assert chance[4] == 1.0
+    stopped = replace(run, amount_g=250.0)
+    assert chance_of_slip(stopped, 255.0, False, np.array([4.5])) == 0.0
+    assert chance_of_slip(run, np.inf, False, np.array([2.0])) == 0.0
+    assert chance_of_slip(replace(run, kind="still"), np.inf, False, np.array([2.0])) == 0.0
+
+
+def test_an_observer_misses_nothing_and_warns_as_much_later_as_what_it_knows_is_old():
+    runs = paper_runs(31_000) + paper_runs(31_001)
+    leads = []
+    for late_s in (0.0, 0.1):
+        tracks = observer_tracks(runs, late_s)
+        assert len(tracks) == len(runs)
+        leads.append(score_warnings(tracks, 0.95)[0].events)
+    assert leads[0].events > 0
+    assert leads[0].missed_share == 0.0
+    assert leads[1].lead_median_s == pytest.approx(leads[0].lead_median_s - 0.1, abs=0.02)
