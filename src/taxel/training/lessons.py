@@ -42,8 +42,8 @@ class Lessons:
 
     def digest(self) -> str:
         """Return the SHA-256 of all, hexadecimal."""
-        whole = hashlib.sha256(self.images.tobytes())
-        whole.update(self.answers.tobytes())
+        whole = hashlib.sha256(np.ascontiguousarray(self.images))
+        whole.update(np.ascontiguousarray(self.answers))
         return whole.hexdigest()
 
 
@@ -82,19 +82,21 @@ def gather_lessons(
         BadTable: A video is cut short.
         RecordingFailed: The disk refused.
     """
-    small: list[Image] = []
+    side = config.side_px
+    most = len(videos) * config.frames * config.copies
+    small = np.empty((most, side, side, 3), np.uint8)  # filled in place: no copy of it ever stands
     answers: list[NDArray[np.float32]] = []
     plain: list[bool] = []
     for chunk in _chunks(_copies(videos, config)):
         images = [image for image, _ in chunk]
         answers.append(_answers(images, teacher, cache))
-        side = (config.side_px, config.side_px)
-        small += [np.asarray(cv2.resize(image, side), np.uint8) for image in images]
+        for place, image in enumerate(images, start=len(plain)):
+            small[place] = cv2.resize(image, (side, side))
         plain += [as_it_was for _, as_it_was in chunk]
         on_images(len(plain))
-    if not small:
+    if not plain:
         raise BadDataset("videos with images", "none", "give other recordings")
-    return Lessons(np.stack(small), np.concatenate(answers), np.array(plain))
+    return Lessons(small[: len(plain)], np.concatenate(answers), np.array(plain))
 
 
 def _copies(videos: Sequence[ImageSource], config: LessonConfig) -> Iterator[tuple[Image, bool]]:
