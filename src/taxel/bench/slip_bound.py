@@ -12,7 +12,7 @@ from typing import Final
 
 from taxel.bench.rows import Row
 from taxel.evaluation.early_warning.learn_slip_warning import PER_MIN
-from taxel.evaluation.early_warning.perfect_observer import observer_tracks
+from taxel.evaluation.early_warning.perfect_observer import foresee, observer_track
 from taxel.evaluation.early_warning.slip_warnings import keep_promise, score_warnings
 from taxel.live.closed_loop import SEEN_S
 from taxel.training.slip_cups import TEST_CUPS, paper_runs
@@ -30,10 +30,10 @@ def bound_rows(
         cups: Their numbers.
         on_step: Called with a line before each cup.
     """
-    runs = [run for cup in cups for run in paper_runs(cup)]
+    known = foresee([run for cup in cups for run in paper_runs(cup)], on_step)
     rows = []
     for late_s in LATE_S:
-        tracks = observer_tracks(runs, late_s, on_step)
+        tracks = [observer_track(foreseen, late_s) for foreseen in known]
         promise = keep_promise(tracks, PER_MIN)
         events = score_warnings(tracks, promise.threshold)[0].events
         low, high = events.lead_interval_s

@@ -6,9 +6,11 @@ import numpy as np
 import pytest
 
 from taxel.evaluation.early_warning.perfect_observer import (
+    Foreseen,
     chance_of_slip,
+    foresee,
     needed_g,
-    observer_tracks,
+    observer_track,
 )
 from taxel.evaluation.early_warning.slip_warnings import score_warnings
 from taxel.sim.cups import AMOUNT_G
@@ -37,22 +39,25 @@ def test_the_chance_is_the_share_of_amounts_that_are_enough(pours):
     """Nothing poured: all amounts are possible; half poured: those above; afterwards: certain."""
     least, most = AMOUNT_G
     run = replace(pours[0], start_s=1.0, flow_g_s=100.0, amount_g=300.0)
-    chance = chance_of_slip(run, 255.0, True, np.array([0.5, 2.0, 3.0, 3.7, 4.5]))
+    slips = Foreseen(run=run, least_g=255.0, onset_s=2.0, event_s=3.5)
+    chance = chance_of_slip(slips, np.array([0.5, 2.0, 3.0, 3.7, 4.5]))
 
     assert chance[0] == pytest.approx((most - 255) / (most - least))
     assert chance[1] == pytest.approx((most - 255) / (most - 100))
     assert chance[2] == pytest.approx((most - 255) / (most - 200))
     assert chance[3] == 1.0  # 270 g are poured, more than enough
     assert chance[4] == 1.0
-    stopped = replace(run, amount_g=250.0)
-    assert chance_of_slip(stopped, 255.0, False, np.array([4.5])) == 0.0
-    assert chance_of_slip(run, np.inf, False, np.array([2.0])) == 0.0
-    assert chance_of_slip(replace(run, kind="still"), np.inf, False, np.array([2.0])) == 0.0
+    stops = replace(slips, run=replace(run, amount_g=250.0), event_s=None)
+    assert chance_of_slip(stops, np.array([4.5])) == 0.0
+    never = replace(slips, least_g=np.inf, event_s=None)
+    assert chance_of_slip(never, np.array([2.0])) == 0.0
+    still = replace(never, run=replace(run, kind="still"))
+    assert chance_of_slip(still, np.array([2.0])) == 0.0
 
 
 def test_an_observer_misses_nothing_and_what_it_knows_late_is_the_same_later():
-    runs = paper_runs(31_000)[:4]
-    at_once, late = (observer_tracks(runs, late_s) for late_s in (0.0, 0.1))
+    known = foresee(paper_runs(31_000)[:4])
+    at_once, late = ([observer_track(each, late_s) for each in known] for late_s in (0.0, 0.1))
     events = score_warnings(at_once, 0.95)[0].events
 
     assert events.events > 0

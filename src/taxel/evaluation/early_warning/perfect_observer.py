@@ -14,7 +14,7 @@ Source: docs/decisions/0036.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
@@ -60,64 +60,87 @@ def needed_g(runs: Sequence[PourRun]) -> Values:
     return needed
 
 
-def chance_of_slip(run: PourRun, least_g: float, slips: bool, time_s: Values) -> Values:
-    """Return how likely gross slip is at some moments, 0…1, shape (moments,).
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Foreseen:
+    """One of the paper's runs, and what an observer knows of it."""
 
-    Once the pouring has ended, and where nothing is poured, it is what then happens.
-
-    Args:
-        run: What is tried, of the kind "pour" or "still".
-        least_g: `needed_g` of a pour; of the other kind it is not looked at.
-        slips: True where it ends in gross slip.
-        time_s: Shape (moments,), seconds since the grasp.
-    """
-    if run.kind != "pour":
-        return np.full(len(time_s), float(slips))
-    least, most = AMOUNT_G
-    poured_g = np.clip((time_s - run.start_s) * run.flow_g_s, 0.0, run.amount_g)
-    so_far = np.maximum(poured_g, least)
-    room_g = np.maximum(most - so_far, 1e-9)
-    chance = np.clip((most - np.maximum(least_g, so_far)) / room_g, 0.0, 1.0)
-    return np.where(poured_g < run.amount_g, chance, float(slips))
+    run: PourRun
+    """Of the kind "pour" or "still"."""
+    least_g: float
+    """Least amount that ends in gross slip, grams; infinite where none does or none is poured."""
+    onset_s: float | None
+    """When it first slips more than `ONSET_UM`, seconds since the grasp; None: never."""
+    event_s: float | None
+    """When it first slips more than `GROSS_UM`, seconds since the grasp; None: it holds."""
 
 
-def observer_tracks(
-    runs: Sequence[PourRun], late_s: float, on_step: Callable[[str], None] = lambda _: None
-) -> list[WarningTrack]:
-    """Return the paper's runs, each driven by how likely gross slip is.
+def foresee(
+    runs: Sequence[PourRun], on_step: Callable[[str], None] = lambda _: None
+) -> list[Foreseen]:
+    """Return what an observer knows of the paper's runs, simulated cup by cup.
 
     Args:
-        runs: Of the kinds "pour" and "still"; simulated cup by cup.
-        late_s: How old what the observer knows is, seconds.
+        runs: Of the kinds "pour" and "still".
         on_step: Called with a line before each cup.
     """
-    tracks = []
+    found = []
     for cup in sorted({run.cup.index for run in runs}):
         on_step(f"what is knowable of cup {cup}")
         own = [run for run in runs if run.cup.index == cup]
         pours = [run for run in own if run.kind == "pour"]
         least = dict(zip((run.name for run in pours), needed_g(pours), strict=True))
-        as_they_went = {
-            um: first_slips(own, um, FRAME_HZ, DURATION_S) for um in (ONSET_UM, GROSS_UM)
-        }
-        for place, run in enumerate(own):
-            onset_s, event_s = (_seconds(as_they_went[um], place) for um in (ONSET_UM, GROSS_UM))
-            time_s = np.arange(round(DURATION_S * FRAME_HZ)) / FRAME_HZ
-            chance = chance_of_slip(
-                run, least.get(run.name, np.inf), event_s is not None, time_s - late_s
+        onsets, events = (
+            first_slips(own, above_um, FRAME_HZ, DURATION_S) for above_um in (ONSET_UM, GROSS_UM)
+        )
+        found += [
+            Foreseen(
+                run=run,
+                least_g=float(least.get(run.name, np.inf)),
+                onset_s=_seconds(onsets, place),
+                event_s=_seconds(events, place),
             )
-            tracks.append(
-                WarningTrack(
-                    drive=np.maximum(chance, _NEVER),
-                    time_s=time_s,
-                    onset_s=None if event_s is None else onset_s,
-                    event_s=event_s,
-                    later_s={},
-                    largest_um=float("nan"),
-                    groups={"cup": str(cup), "kind": run.kind},
-                )
-            )
-    return tracks
+            for place, run in enumerate(own)
+        ]
+    return found
+
+
+def chance_of_slip(foreseen: Foreseen, time_s: Values) -> Values:
+    """Return how likely gross slip is at some moments, 0…1, shape (moments,).
+
+    Once the pouring has ended, and where nothing is poured, it is what then happens.
+
+    Args:
+        foreseen: The run, and what is known of it.
+        time_s: Shape (moments,), seconds since the grasp.
+    """
+    run, happens = foreseen.run, float(foreseen.event_s is not None)
+    if run.kind != "pour":
+        return np.full(len(time_s), happens)
+    least, most = AMOUNT_G
+    poured_g = np.clip((time_s - run.start_s) * run.flow_g_s, 0.0, run.amount_g)
+    so_far = np.maximum(poured_g, least)
+    room_g = np.maximum(most - so_far, 1e-9)
+    chance = np.clip((most - np.maximum(foreseen.least_g, so_far)) / room_g, 0.0, 1.0)
+    return np.where(poured_g < run.amount_g, chance, happens)
+
+
+def observer_track(foreseen: Foreseen, late_s: float) -> WarningTrack:
+    """Return a run that is driven by how likely gross slip is.
+
+    Args:
+        foreseen: The run, and what is known of it.
+        late_s: How old what the observer knows is, seconds.
+    """
+    time_s = np.arange(round(DURATION_S * FRAME_HZ)) / FRAME_HZ
+    return WarningTrack(
+        drive=np.maximum(chance_of_slip(foreseen, time_s - late_s), _NEVER),
+        time_s=time_s,
+        onset_s=None if foreseen.event_s is None else foreseen.onset_s,
+        event_s=foreseen.event_s,
+        later_s={},
+        largest_um=float("nan"),
+        groups={"cup": str(foreseen.run.cup.index), "kind": foreseen.run.kind},
+    )
 
 
 def _seconds(found: FirstSlips, place: int) -> float | None:
