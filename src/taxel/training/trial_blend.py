@@ -21,6 +21,7 @@ from sklearn.model_selection import StratifiedGroupKFold
 from taxel.training.rank_sums import Logistic, Steady
 from taxel.training.trial_novelty import Novelty, held_out_novelty, novelty_threshold
 from taxel.windows.trial_crops import numbers_of
+from taxel.windows.trial_mirrors import Mirror, mirrors
 
 Rows = NDArray[np.float32]
 TREES: Final = 400
@@ -57,6 +58,8 @@ class TrialMember:
     prior: float = 1.0
     """How much of its kind's weight it has before any trial is seen; 0 leaves that to the inner
     folds."""
+    mirrored: bool = False
+    """Whether it learns from mirror images of the crops too; it is never asked about them."""
 
     @property
     def sees_look(self) -> bool:
@@ -89,6 +92,7 @@ SLIP_PARTS: Final = (
     "slip_rate_4", "gel_rate_4", "slip_turn", "readiness_8",
 )  # fmt: skip
 """What members see of the slip signal. Source: our choice, before any score, decision 41."""
+EVERYTHING: Final[Mapping[str, tuple[str, ...]]] = {"pixels": (), "slip": (), "stills": ()}
 MEMBERS: Final[tuple[TrialMember, ...]] = (
     TrialMember(
         name="forest on differences", views={"pixels": DIFFERENCES}, make=forest, prior=1.5
@@ -103,9 +107,13 @@ MEMBERS: Final[tuple[TrialMember, ...]] = (
         make=lambda seed, trees: Steady(0.5),
     ),
     TrialMember(
-        name="extra-trees on everything", views={"pixels": (), "slip": (), "stills": ()}, make=extra
+        name="extra-trees on everything", views=EVERYTHING, make=extra, mirrored=True
     ),
-    TrialMember(name="extra-trees on stills", views={"stills": ()}, make=extra),
+    TrialMember(name="extra-trees on stills", views={"stills": ()}, make=extra, mirrored=True),
+    TrialMember(
+        name="discriminant on everything", views=EVERYTHING,
+        make=lambda seed, trees: Steady(0.5), mirrored=True,
+    ),
     TrialMember(
         name="logistic on the touch encoder", views={"touch": ()},
         make=lambda seed, trees: Logistic(0.001), prior=0.0,
@@ -191,7 +199,8 @@ def fit_blend(
     """
     members = [member for member in members if set(member.views) <= set(widths)]
     columns = [member.columns(cameras, widths) for member in members]
-    held, novelty = _held_out(learning, members, columns, seed, on_step)
+    images = mirrors(widths, cameras)
+    held, novelty = _held_out(learning, members, columns, images, seed, on_step)
     prior = np.array([member.prior for member in members])
     weights = prior / prior.sum() if prior.any() else np.full(len(members), 1 / len(members))
     sharpness, inner = 1.0, {}
@@ -211,12 +220,7 @@ def fit_blend(
     on_step("all trials")
     return TrialBlend(
         members=tuple(members[i] for i in kept),
-        fitted=tuple(
-            members[i]
-            .make(seed, TREES)
-            .fit(learning.rows[:, columns[i]], learning.y[learning.trial])
-            for i in kept
-        ),
+        fitted=tuple(_fit(members[i], learning, columns[i], images, seed, TREES) for i in kept),
         columns=tuple(columns[i] for i in kept),
         weights=weights[kept],
         sharpness=sharpness,
@@ -225,6 +229,22 @@ def fit_blend(
         novelty=Novelty.of(learning.rows),
         threshold=novelty_threshold(novelty[np.isfinite(novelty)]),
     )
+
+
+def _fit(
+    member: TrialMember,
+    learning: Learning,
+    columns: NDArray[np.intp],
+    images: Sequence[Mirror],
+    seed: int,
+    trees: int,
+) -> Any:
+    """Return a member that has learned from all crops, and from their mirror images if it does."""
+    seen = [learning.rows[:, columns]]
+    if member.mirrored:
+        seen += [image.part(columns).apply(learning.rows) for image in images]
+    y = np.tile(learning.y[learning.trial], len(seen))
+    return member.make(seed, trees).fit(np.concatenate(seen), y)
 
 
 def inner_folds(
@@ -253,6 +273,7 @@ def _held_out(
     learning: Learning,
     members: Sequence[TrialMember],
     columns: Sequence[NDArray[np.intp]],
+    images: Sequence[Mirror],
     seed: int,
     on_step: Callable[[str], None],
 ) -> tuple[NDArray[np.float64] | None, NDArray[np.float64]]:
@@ -271,9 +292,7 @@ def _held_out(
         own, other = learning.part(train), learning.part(test)
         on_step(f"inner fold {number}")
         for index, member in enumerate(members):
-            model = member.make(seed, INNER_TREES).fit(
-                own.rows[:, columns[index]], own.y[own.trial]
-            )
+            model = _fit(member, own, columns[index], images, seed, INNER_TREES)
             crops = proba_of(model, other.rows[:, columns[index]], learning.classes)
             found[test, index] = mean_of_crops(crops, other.trial)
         novelty[test] = held_out_novelty(own.rows, other.rows, other.trial)

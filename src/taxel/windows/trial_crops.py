@@ -40,11 +40,11 @@ LAG: Final = 5
 """Frames of the slower difference: 0.2 s at 25 frames a second. Source: our choice."""
 _WIDTH: Final = 160
 """Pixels of a row in which grey differences and flow are taken. Source: our choice."""
-_GRID: Final = (3, 4)
+GRID: Final = (3, 4)
 """Rows and columns of the places where differences and edges are taken apart."""
 THUMB: Final = (6, 8)
 """Rows and columns of the small grey image that the first-frame control sees."""
-_EDGES: Final = 8
+EDGES: Final = 8
 """Directions of edges in each place."""
 _BANDS: Final = ((1, 3), (3, 8), (8, 1000))
 """Cycles a crop: 0.5 to 1.5, 1.5 to 4 and above 4 Hz for 48 frames at 25 frames a second."""
@@ -56,8 +56,8 @@ _FURTHEST: Final = 1e6
 PIXELS: Final[tuple[str, ...]] = (
     "step", "since", "step_p95", "since_p95", "lagged",
     "flow_x", "flow_y", "flow", "flow_p90", "flow_spread", "flow_turn", "flow_growth",
-    *(f"step_{place}" for place in range(_GRID[0] * _GRID[1])),
-    *(f"since_{place}" for place in range(_GRID[0] * _GRID[1])),
+    *(f"step_{place}" for place in range(GRID[0] * GRID[1])),
+    *(f"since_{place}" for place in range(GRID[0] * GRID[1])),
 )  # fmt: skip
 """Of each frame: absolute difference of grey to the frame before (step), to the crop's first
 (since) and to the one 0.2 s before (lagged), means and 95th percentiles, 0…255; optical flow since
@@ -70,7 +70,7 @@ MOVES: Final[tuple[str, ...]] = (
     "object_x_mm", "object_y_mm", "object_turn", "gel_x_mm", "gel_y_mm", "gel_turn", "seen",
 )  # fmt: skip
 """Of each frame: how object and gel have moved since the crop's first frames, turns in radians."""
-STILLS: Final = THUMB[0] * THUMB[1] + _GRID[0] * _GRID[1] * (_EDGES + 3)
+STILLS: Final = THUMB[0] * THUMB[1] + GRID[0] * GRID[1] * (EDGES + 3)
 """Columns of a still: grey thumb, edges by direction and place, colour by place."""
 
 
@@ -257,7 +257,7 @@ def _look_of(image: Image) -> NDArray[np.float32]:
     grey = small_grey(image)
     thumb = cv2.resize(grey.astype(np.float32), (THUMB[1], THUMB[0]), interpolation=cv2.INTER_AREA)
     colour = cv2.resize(
-        image.astype(np.float32), (_GRID[1], _GRID[0]), interpolation=cv2.INTER_AREA
+        image.astype(np.float32), (GRID[1], GRID[0]), interpolation=cv2.INTER_AREA
     )
     found = np.concatenate([thumb.ravel(), _edges(grey), colour.ravel()])
     return np.asarray(found, np.float32)
@@ -270,12 +270,12 @@ def _edges(grey: Image) -> NDArray[np.float32]:
     """
     across, down = (cv2.Sobel(grey, cv2.CV_32F, *order, ksize=3) for order in ((1, 0), (0, 1)))
     strength, direction = cv2.cartToPolar(across, down)
-    sector = np.floor((direction % np.pi) / (np.pi / _EDGES)).astype(np.intp) % _EDGES
-    rows, columns = (np.arange(n) * g // n for n, g in zip(grey.shape, _GRID, strict=True))
-    place = rows[:, None] * _GRID[1] + columns[None]
+    sector = np.floor((direction % np.pi) / (np.pi / EDGES)).astype(np.intp) % EDGES
+    rows, columns = (np.arange(n) * g // n for n, g in zip(grey.shape, GRID, strict=True))
+    place = rows[:, None] * GRID[1] + columns[None]
     found = np.bincount(
-        (place * _EDGES + sector).ravel(), strength.ravel().astype(np.float64),
-        _GRID[0] * _GRID[1] * _EDGES,
+        (place * EDGES + sector).ravel(), strength.ravel().astype(np.float64),
+        GRID[0] * GRID[1] * EDGES,
     )  # fmt: skip
     return np.sqrt(found / grey.size).astype(np.float32)
 
@@ -294,7 +294,7 @@ def _p95(difference: NDArray[np.generic]) -> float:
 
 def _by_place(difference: NDArray[np.generic]) -> NDArray[np.float32]:
     small = cv2.resize(
-        np.asarray(difference, np.float32), (_GRID[1], _GRID[0]), interpolation=cv2.INTER_AREA
+        np.asarray(difference, np.float32), (GRID[1], GRID[0]), interpolation=cv2.INTER_AREA
     )
     return np.asarray(small, np.float32).ravel()
 

@@ -44,6 +44,7 @@ from taxel.windows.trial_crops import (
     FAMILIES,
     PIXELS,
     STATISTICS,
+    STILLS,
     Layout,
     Scene,
     choose_layout,
@@ -68,7 +69,7 @@ def some_trials(
     trial = np.repeat(np.arange(trials), places)
     pixels = rng.normal(size=(len(trial), 2 * STATISTICS * len(PIXELS))).astype(np.float32)
     pixels[:, numbers_of("pixels", ("step", "since"), 2)[:6]] += 3.0 * y[trial][:, None]
-    stills = rng.normal(size=(len(trial), 12)).astype(np.float32)
+    stills = rng.normal(size=(len(trial), 2 * 3 * STILLS)).astype(np.float32)
     return TrialSet(
         target="kind",
         classes=tuple("abc"[:classes]),
