@@ -71,14 +71,6 @@ def test_what_a_mirror_does_not_change_stays() -> None:
         assert np.array_equal(mirror.apply(rows), rows)
 
 
-def test_some_columns_of_a_mirror_are_those_of_the_whole() -> None:
-    widths = {"stills": 3 * STILLS}
-    rows = np.random.default_rng(1).normal(size=(2, 3 * STILLS)).astype(np.float32)
-    columns = np.array([5, 100, 7])
-    for mirror in mirrors(widths, 1):
-        assert np.array_equal(mirror.part(columns).apply(rows), mirror.apply(rows)[:, columns])
-
-
 def test_flow_to_the_left_is_flow_to_the_right_in_a_mirror() -> None:
     """The mean of flow in x has the other sign, that of grey differences stays."""
     own, widths = row([moving_patch(0)])

@@ -60,6 +60,8 @@ class TrialMember:
     folds."""
     mirrored: bool = False
     """Whether it learns from mirror images of the crops too; it is never asked about them."""
+    between: bool = False
+    """Whether it learns from crops between the places too, where there are some."""
 
     @property
     def sees_look(self) -> bool:
@@ -95,16 +97,17 @@ SLIP_PARTS: Final = (
 EVERYTHING: Final[Mapping[str, tuple[str, ...]]] = {"pixels": (), "slip": (), "stills": ()}
 MEMBERS: Final[tuple[TrialMember, ...]] = (
     TrialMember(
-        name="forest on differences", views={"pixels": DIFFERENCES}, make=forest, prior=1.5
+        name="forest on differences", views={"pixels": DIFFERENCES}, make=forest, prior=1.5,
+        between=True,
     ),
     TrialMember(
         name="logistic on differences", views={"pixels": DIFFERENCES},
-        make=lambda seed, trees: Logistic(0.1),
+        make=lambda seed, trees: Logistic(0.1), between=True,
     ),
     TrialMember(
         name="discriminant on differences and slip",
         views={"pixels": DIFFERENCES, "slip": SLIP_PARTS},
-        make=lambda seed, trees: Steady(0.5),
+        make=lambda seed, trees: Steady(0.5), between=True,
     ),
     TrialMember(
         name="extra-trees on everything", views=EVERYTHING, make=extra, mirrored=True
@@ -124,6 +127,16 @@ Source: docs/decisions/0041, also for each C and the share of shrinking."""
 
 
 @dataclass(frozen=True, slots=True)
+class Crops:
+    """Further crops of trials, which are learned from and never asked about."""
+
+    rows: Rows
+    """Shape (n, columns): all views side by side."""
+    trial: NDArray[np.intp]
+    """Shape (n,): which trial a crop is of."""
+
+
+@dataclass(frozen=True, slots=True)
 class Learning:
     """Crops to learn from."""
 
@@ -136,16 +149,24 @@ class Learning:
     groups: NDArray[np.str_]
     """Shape (trials,): what is held out whole."""
     classes: int
+    between: Crops | None = None
+    """Of the same trials, between the places at which they are judged."""
 
     def part(self, trials: NDArray[np.intp]) -> Learning:
         """Return some trials, numbered anew."""
         number = np.full(len(self.y), -1)
         number[trials] = np.arange(len(trials))
-        kept = number[self.trial] >= 0
+        own = _some(Crops(self.rows, self.trial), number)
+        between = self.between and _some(self.between, number)
         return Learning(
-            self.rows[kept], number[self.trial[kept]].astype(np.intp), self.y[trials],
-            self.groups[trials], self.classes,
-        )  # fmt: skip
+            own.rows, own.trial, self.y[trials], self.groups[trials], self.classes, between
+        )
+
+
+def _some(crops: Crops, number: NDArray[np.intp]) -> Crops:
+    """Return crops of some trials; `number`, shape (trials,), is each one's new one or -1."""
+    kept = number[crops.trial] >= 0
+    return Crops(crops.rows[kept], number[crops.trial[kept]].astype(np.intp))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -239,12 +260,15 @@ def _fit(
     seed: int,
     trees: int,
 ) -> Any:
-    """Return a member that has learned from all crops, and from their mirror images if it does."""
-    seen = [learning.rows[:, columns]]
+    """Return a member that has learned from crops, and from their mirror images if it does."""
+    crops = [Crops(learning.rows, learning.trial)]
+    if member.between and learning.between is not None:
+        crops.append(learning.between)
     if member.mirrored:
-        seen += [image.part(columns).apply(learning.rows) for image in images]
-    y = np.tile(learning.y[learning.trial], len(seen))
-    return member.make(seed, trees).fit(np.concatenate(seen), y)
+        crops += [Crops(image.apply(own.rows), own.trial) for own in crops for image in images]
+    seen = np.concatenate([own.rows[:, columns] for own in crops])
+    trial = np.concatenate([own.trial for own in crops])
+    return member.make(seed, trees).fit(seen, learning.y[trial])
 
 
 def inner_folds(

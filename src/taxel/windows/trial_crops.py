@@ -88,6 +88,14 @@ class Layout:
         last = frames - self.crop
         return [0, last // 2, last][: self.places]
 
+    def between(self, frames: int) -> list[int]:
+        """Return the first frames of crops that are only learned from, halfway between others.
+
+        As many whatever a trial's length; none where a trial is one crop.
+        """
+        last = frames - self.crop
+        return [last // 4, 3 * last // 4] if self.places > 1 else []
+
     @property
     def every(self) -> int:
         """Frames after which a running trial is looked at again: half a crop."""

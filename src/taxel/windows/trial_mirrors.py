@@ -42,10 +42,6 @@ class Mirror:
         """Return the mirror images of crops, shape (n, columns)."""
         return np.asarray(rows[:, self.order] * self.sign, np.float32)
 
-    def part(self, columns: NDArray[np.intp]) -> Mirror:
-        """Return the mirror that gives some of the columns only; rows to apply it to are whole."""
-        return Mirror(self.order[columns], self.sign[columns])
-
     def then(self, other: Mirror) -> Mirror:
         """Return this mirror seen in another."""
         return Mirror(self.order[other.order], self.sign[other.order] * other.sign)

@@ -71,7 +71,7 @@ def fit_final(
     if len(split.folds) == 1:
         learned = split.folds[0].train_rows
     rows = trials.rows
-    learning = trials.learning(rows, split.group).part(learned)
+    learning = trials.learning(rows, split.group, trials.between).part(learned)
     blend = fit_blend(learning, trials.cameras, trials.widths, seed, on_step=on_step)
     own = learning.rows
     at = np.linspace(0, len(own) - 1, min(_CHECKED, len(own))).astype(int)

@@ -25,6 +25,7 @@ def load_trial_set(
     *,
     crop: int | None = None,
     views: Sequence[str] = USUAL,
+    between: bool = False,
     on_trial: Callable[[int, int], None] = lambda done, of: None,
 ) -> TrialSet:
     """Return trials with their label, cut and looked at.
@@ -35,6 +36,7 @@ def load_trial_set(
         cache: Folder for what is computed.
         crop: Frames in a crop; chosen by the shortest trial unless given.
         views: Names in `FAMILIES`.
+        between: Whether crops that are only learned from are looked at too.
         on_trial: Called with trials done and in all.
 
     Raises:
@@ -62,6 +64,10 @@ def load_trial_set(
                          "record others too, or name another label with --target")  # fmt: skip
     lengths = [trial.frames for trial in trials]
     layout = choose_layout(lengths, crop)
+    cut = trial_rows(trials, layout, views, cache, on_trial)
+    more = None
+    if between and layout.places > 1:
+        more = trial_rows(trials, layout, views, cache, on_trial, between=True)
     return TrialSet(
         target=target,
         classes=classes,
@@ -71,7 +77,8 @@ def load_trial_set(
         lengths=np.array(lengths, np.intp),
         cameras=len(trials[0].cameras),
         layout=layout,
-        cut=trial_rows(trials, layout, views, cache, on_trial),
+        cut=cut,
+        more=more,
     )
 
 
