@@ -39,9 +39,7 @@ def row(videos: list[list[NDArray[np.uint8]]]) -> tuple[NDArray[np.float32], dic
 def test_a_mirrored_row_is_the_row_of_the_mirrored_video(cameras: int, which: int) -> None:
     """Grey differences and thumbs to rounding; flow, edges and slip far better than unmirrored."""
     videos = [moving_patch(seed) for seed in range(cameras)]
-    turned = [
-        [np.ascontiguousarray(np.flip(i, AXES[which])) for i in images] for images in videos
-    ]
+    turned = [[np.ascontiguousarray(np.flip(i, AXES[which])) for i in images] for images in videos]
     own, widths = row(videos)
     wanted, _ = row(turned)
     found = mirrors(widths, cameras)[which].apply(own[None])[0]

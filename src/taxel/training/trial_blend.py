@@ -112,7 +112,7 @@ MEMBERS: Final[tuple[TrialMember, ...]] = (
     TrialMember(
         name="extra-trees on everything", views=EVERYTHING, make=extra, mirrored=True
     ),
-    TrialMember(name="extra-trees on stills", views={"stills": ()}, make=extra, mirrored=True),
+    TrialMember(name="extra-trees on stills", views={"stills": ()}, make=extra),
     TrialMember(
         name="discriminant on everything", views=EVERYTHING,
         make=lambda seed, trees: Steady(0.5), mirrored=True,

@@ -39,7 +39,7 @@ def trial_rows(
     cache: Path,
     on_trial: Callable[[int, int], None] = lambda done, of: None,
     *,
-    between: bool = False,
+    between: int = 0,
 ) -> TrialRows:
     """Return what all crops show, from the cache where it has it.
 
@@ -49,8 +49,7 @@ def trial_rows(
         families: Names in `FAMILIES`.
         cache: Folder to keep files in.
         on_trial: Called with trials done and in all.
-        between: Crops between the places instead, which are only learned from; not of a layout
-            of one place, which has none.
+        between: So many crops between the places instead, which are only learned from.
 
     Raises:
         RecordingFailed: The disk refused.
@@ -79,10 +78,12 @@ class _Cuts:
     """Which crops of a layout: those that a trial is judged by, or those between them."""
 
     layout: Layout
-    between: bool
+    between: int
 
     def starts(self, frames: int) -> list[int]:
-        return self.layout.between(frames) if self.between else self.layout.starts(frames)
+        if self.between:
+            return self.layout.between(frames, self.between)
+        return self.layout.starts(frames)
 
     @property
     def places(self) -> int:
@@ -91,7 +92,8 @@ class _Cuts:
     @property
     def key(self) -> str:
         """Name for the cache."""
-        return f"{self.layout.crop}x{self.layout.places}{'between' if self.between else ''}"
+        between = f"-between-{self.between}" if self.between else ""
+        return f"{self.layout.crop}x{self.layout.places}{between}"
 
 
 def _shown(

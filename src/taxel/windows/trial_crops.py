@@ -34,6 +34,11 @@ LEAST_CROP: Final = 8
 """Shortest crop, frames. Source: our choice."""
 PLACES: Final[tuple[str, ...]] = ("first", "middle", "last")
 """The crops of each trial; a set whose trials all have a crop's length has the first alone."""
+BETWEEN: Final = 6, 2, 0
+"""Crops between the places, even numbers, of which the most are taken that `MOST_CROPS` allow."""
+MOST_CROPS: Final = 3000
+"""Of all trials, with those between the places: one of two cameras and 48 frames takes 0.5 s.
+Source of both: our choice, docs/decisions/0041."""
 REFERENCE_FRAMES: Final = 3
 """Frames at a crop's start whose median is its reference: 0.12 s at 25 frames a second."""
 LAG: Final = 5
@@ -88,13 +93,18 @@ class Layout:
         last = frames - self.crop
         return [0, last // 2, last][: self.places]
 
-    def between(self, frames: int) -> list[int]:
-        """Return the first frames of crops that are only learned from, halfway between others.
+    def between(self, frames: int, count: int) -> list[int]:
+        """Return the first frames of crops between the places, evenly apart.
 
         As many whatever a trial's length; none where a trial is one crop.
+
+        Args:
+            frames: The trial's.
+            count: How many, even: half of them before the middle crop.
         """
-        last = frames - self.crop
-        return [last // 4, 3 * last // 4] if self.places > 1 else []
+        last, each = frames - self.crop, count // 2
+        parts = [*range(1, each + 1), *range(each + 2, 2 * each + 2)]
+        return [last * at // (2 * each + 2) for at in parts] if self.places > 1 else []
 
     @property
     def every(self) -> int:
@@ -126,6 +136,13 @@ def choose_layout(lengths: Sequence[int], crop: int | None = None) -> Layout:
         )  # fmt: skip
     chosen = crop or min(shortest, LONGEST_CROP)
     return Layout(chosen, 1 if max(lengths) == chosen else len(PLACES))
+
+
+def count_between(layout: Layout, trials: int) -> int:
+    """Return how many crops between the places each of so many trials is learned from by."""
+    if layout.places == 1:
+        return 0
+    return next((n for n in BETWEEN if trials * (layout.places + n) <= MOST_CROPS), BETWEEN[-1])
 
 
 @dataclass(frozen=True, slots=True)
@@ -264,9 +281,7 @@ def _touch(scene: Scene) -> NDArray[np.float32]:
 def _look_of(image: Image) -> NDArray[np.float32]:
     grey = small_grey(image)
     thumb = cv2.resize(grey.astype(np.float32), (THUMB[1], THUMB[0]), interpolation=cv2.INTER_AREA)
-    colour = cv2.resize(
-        image.astype(np.float32), (GRID[1], GRID[0]), interpolation=cv2.INTER_AREA
-    )
+    colour = cv2.resize(image.astype(np.float32), (GRID[1], GRID[0]), interpolation=cv2.INTER_AREA)
     found = np.concatenate([thumb.ravel(), _edges(grey), colour.ravel()])
     return np.asarray(found, np.float32)
 

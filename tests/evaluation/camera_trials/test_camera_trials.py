@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -35,7 +36,7 @@ from taxel.evaluation.camera_trials.sides import split_by_table, split_trials
 from taxel.evaluation.camera_trials.trial_set import load_trial_set
 from taxel.recordings.video_rows import read_video_rows
 from taxel.recordings.videos import import_videos
-from taxel.training.trial_blend import MEMBERS, Learning, fit_blend, weigh
+from taxel.training.trial_blend import MEMBERS, Crops, Learning, fit_blend, weigh
 from taxel.training.trial_features import TrialRows
 from taxel.training.trial_novelty import Novelty, novelty_threshold
 from taxel.training.trial_onnx import blend_to_onnx
@@ -306,6 +307,52 @@ def test_nothing_of_a_test_trial_reaches_training() -> None:
     assert np.array_equal(before, after)
 
 
+def with_crops_between(trials: TrialSet, count: int = 2) -> TrialSet:
+    """The trials with crops between the places, copies of their first ones."""
+    first = np.repeat(np.flatnonzero(trials.cut.place == 0), count)
+    more = TrialRows(
+        rows={name: rows[first] for name, rows in trials.cut.rows.items()},
+        shown={},
+        trial=trials.cut.trial[first],
+        place=np.tile(np.arange(count), len(trials.y)),
+    )
+    return replace(trials, more=more)
+
+
+def test_crops_between_and_mirror_images_stay_on_their_trials_side() -> None:
+    """Other crops of test trials leave predictions unchanged, other ones of training do not."""
+    trials = with_crops_between(some_trials())
+    assert trials.more is not None
+    split = split_trials(trials.groups, trials.y, "group:object", 3, 0)
+    first_fold = replace(split, folds=split.folds[:1])
+    held = first_fold.folds[0].test_rows
+
+    def predicted(more: TrialRows | None) -> NDArray[np.float64]:
+        changed = replace(trials, more=more)
+        return judge_trials(changed, first_fold, 0, (OURS,))[0].probabilities[held]
+
+    before = predicted(trials.more)
+    tested = np.isin(trials.more.trial, held)
+    for side, same in ((tested, True), (~tested, False)):
+        rows = {name: np.where(side[:, None], -own, own) for name, own in trials.more.rows.items()}
+        assert np.array_equal(predicted(replace(trials.more, rows=rows)), before) == same
+    assert not np.array_equal(predicted(None), before)
+
+
+def test_crops_between_are_looked_at_once_and_kept(tmp_path: Path) -> None:
+    """A table of trials of two lengths has them, at places of its own; a second look is equal."""
+    trials = read_camera_trials(write_trials(tmp_path / "a", shorter=4))
+    load = partial(load_trial_set, trials, "slipped", tmp_path / "kept", between=True)
+    first, again = load(), load()
+    assert first.more is not None
+    assert again.more is not None
+    assert first.more.trial.tolist() == np.repeat(np.arange(len(trials)), 6).tolist()
+    assert set(first.more.rows) == set(first.cut.rows)
+    for name, rows in first.more.rows.items():
+        assert np.array_equal(rows, again.more.rows[name])
+    assert load_trial_set(trials, "slipped", tmp_path / "kept").more is None
+
+
 @pytest.mark.parametrize("classes", [2, 3])
 def test_the_exported_blend_gives_what_the_trained_one_gives(classes: int) -> None:
     trials = some_trials(classes=classes)
@@ -375,11 +422,15 @@ def test_learning_from_some_trials_numbers_them_anew() -> None:
     learning = Learning(
         np.arange(8, dtype=np.float32)[:, None], np.repeat(np.arange(4), 2),
         np.array([0, 1, 0, 1]), np.array(list("aabb")), 2,
+        Crops(np.array([[10], [11], [13]], np.float32), np.array([0, 1, 3])),
     )  # fmt: skip
     part = learning.part(np.array([1, 3]))
     assert part.trial.tolist() == [0, 0, 1, 1]
     assert part.rows[:, 0].tolist() == [2, 3, 6, 7]
     assert part.groups.tolist() == ["a", "b"]
+    assert part.between is not None
+    assert part.between.trial.tolist() == [0, 1]
+    assert part.between.rows[:, 0].tolist() == [11, 13]
 
 
 def test_unknown_is_said_of_a_trial_shorter_than_a_crop(tmp_path: Path) -> None:

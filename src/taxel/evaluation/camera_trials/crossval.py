@@ -76,9 +76,7 @@ class TrialSet:
     def learning(self, rows: Rows, group: str, between: Crops | None = None) -> Learning:
         """Return all crops with these rows; trials that lack the group stand alone."""
         values = [own.get(group, f"trial {i}") for i, own in enumerate(self.groups)]
-        return Learning(
-            rows, self.cut.trial, self.y, np.array(values), len(self.classes), between
-        )
+        return Learning(rows, self.cut.trial, self.y, np.array(values), len(self.classes), between)
 
 
 class TrialModel(Protocol):

@@ -15,7 +15,7 @@ from taxel.evaluation.camera_trials.crossval import TrialSet
 from taxel.labels.class_order import in_order
 from taxel.training.trial_features import trial_rows
 from taxel.windows.camera_trials import CameraTrial
-from taxel.windows.trial_crops import USUAL, choose_layout
+from taxel.windows.trial_crops import USUAL, choose_layout, count_between
 
 
 def load_trial_set(
@@ -65,9 +65,8 @@ def load_trial_set(
     lengths = [trial.frames for trial in trials]
     layout = choose_layout(lengths, crop)
     cut = trial_rows(trials, layout, views, cache, on_trial)
-    more = None
-    if between and layout.places > 1:
-        more = trial_rows(trials, layout, views, cache, on_trial, between=True)
+    count = count_between(layout, len(trials)) if between else 0
+    more = trial_rows(trials, layout, views, cache, on_trial, between=count) if count else None
     return TrialSet(
         target=target,
         classes=classes,
