@@ -19,11 +19,11 @@ from sklearn.ensemble import ExtraTreesClassifier, RandomForestClassifier
 from sklearn.model_selection import StratifiedGroupKFold
 
 from taxel.training.rank_sums import Logistic, Steady
+from taxel.training.trial_learning import Crops, Learning, Rows
 from taxel.training.trial_novelty import Novelty, held_out_novelty, novelty_threshold
 from taxel.windows.trial_crops import numbers_of
 from taxel.windows.trial_mirrors import Mirror, mirrors
 
-Rows = NDArray[np.float32]
 TREES: Final = 400
 INNER_TREES: Final = 150
 """Of a forest that is kept, and of one on an inner fold. Source: our choice, decision 41."""
@@ -124,49 +124,6 @@ MEMBERS: Final[tuple[TrialMember, ...]] = (
 )  # fmt: skip
 """What is blended. The forest, as the bar is, counts more: on objects apart it is often best.
 Source: docs/decisions/0041, also for each C and the share of shrinking."""
-
-
-@dataclass(frozen=True, slots=True)
-class Crops:
-    """Further crops of trials, which are learned from and never asked about."""
-
-    rows: Rows
-    """Shape (n, columns): all views side by side."""
-    trial: NDArray[np.intp]
-    """Shape (n,): which trial a crop is of."""
-
-
-@dataclass(frozen=True, slots=True)
-class Learning:
-    """Crops to learn from."""
-
-    rows: Rows
-    """Shape (n, columns): all views side by side."""
-    trial: NDArray[np.intp]
-    """Shape (n,): which trial a crop is of, 0 to trials - 1."""
-    y: NDArray[np.intp]
-    """Shape (trials,): class."""
-    groups: NDArray[np.str_]
-    """Shape (trials,): what is held out whole."""
-    classes: int
-    between: Crops | None = None
-    """Of the same trials, between the places at which they are judged."""
-
-    def part(self, trials: NDArray[np.intp]) -> Learning:
-        """Return some trials, numbered anew."""
-        number = np.full(len(self.y), -1)
-        number[trials] = np.arange(len(trials))
-        own = _some(Crops(self.rows, self.trial), number)
-        between = self.between and _some(self.between, number)
-        return Learning(
-            own.rows, own.trial, self.y[trials], self.groups[trials], self.classes, between
-        )
-
-
-def _some(crops: Crops, number: NDArray[np.intp]) -> Crops:
-    """Return crops of some trials; `number`, shape (trials,), is each one's new one or -1."""
-    kept = number[crops.trial] >= 0
-    return Crops(crops.rows[kept], number[crops.trial[kept]].astype(np.intp))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -36,8 +36,9 @@ from taxel.evaluation.camera_trials.sides import split_by_table, split_trials
 from taxel.evaluation.camera_trials.trial_set import load_trial_set
 from taxel.recordings.video_rows import read_video_rows
 from taxel.recordings.videos import import_videos
-from taxel.training.trial_blend import MEMBERS, Crops, Learning, fit_blend, weigh
+from taxel.training.trial_blend import MEMBERS, fit_blend, weigh
 from taxel.training.trial_features import TrialRows
+from taxel.training.trial_learning import Crops, Learning
 from taxel.training.trial_novelty import Novelty, novelty_threshold
 from taxel.training.trial_onnx import blend_to_onnx
 from taxel.windows.camera_trials import are_camera_trials, read_camera_trials

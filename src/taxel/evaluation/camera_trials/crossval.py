@@ -21,8 +21,6 @@ from taxel.evaluation.intervals import draw_rows, percentile_interval
 from taxel.evaluation.rank_area import area
 from taxel.evaluation.run_scores import reliability
 from taxel.training.trial_blend import (
-    Crops,
-    Learning,
     TrialBlend,
     fit_blend,
     forest,
@@ -31,6 +29,7 @@ from taxel.training.trial_blend import (
     proba_of,
 )
 from taxel.training.trial_features import TrialRows
+from taxel.training.trial_learning import Crops, Learning
 from taxel.windows.trial_crops import BAR as BAR_COLUMNS
 from taxel.windows.trial_crops import THUMB, Layout, numbers_of
 
