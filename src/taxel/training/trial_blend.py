@@ -60,8 +60,8 @@ class TrialMember:
     folds."""
     mirrored: bool = False
     """Whether it learns from mirror images of the crops too; it is never asked about them."""
-    between: bool = False
-    """Whether it learns from crops between the places too, where there are some."""
+    further: bool = False
+    """Whether it learns from further crops too: those between the places, and each camera alone."""
 
     @property
     def sees_look(self) -> bool:
@@ -98,16 +98,16 @@ EVERYTHING: Final[Mapping[str, tuple[str, ...]]] = {"pixels": (), "slip": (), "s
 MEMBERS: Final[tuple[TrialMember, ...]] = (
     TrialMember(
         name="forest on differences", views={"pixels": DIFFERENCES}, make=forest, prior=1.5,
-        between=True,
+        further=True,
     ),
     TrialMember(
         name="logistic on differences", views={"pixels": DIFFERENCES},
-        make=lambda seed, trees: Logistic(0.1), between=True,
+        make=lambda seed, trees: Logistic(0.1), further=True,
     ),
     TrialMember(
         name="discriminant on differences and slip",
         views={"pixels": DIFFERENCES, "slip": SLIP_PARTS},
-        make=lambda seed, trees: Steady(0.5), between=True,
+        make=lambda seed, trees: Steady(0.5), further=True,
     ),
     TrialMember(
         name="extra-trees on everything", views=EVERYTHING, make=extra, mirrored=True
@@ -219,8 +219,8 @@ def _fit(
 ) -> Any:
     """Return a member that has learned from crops, and from their mirror images if it does."""
     crops = [Crops(learning.rows, learning.trial)]
-    if member.between and learning.between is not None:
-        crops.append(learning.between)
+    if member.further and learning.further is not None:
+        crops.append(learning.further)
     if member.mirrored:
         crops += [Crops(image.apply(own.rows), own.trial) for own in crops for image in images]
     seen = np.concatenate([own.rows[:, columns] for own in crops])

@@ -14,8 +14,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taxel.training.features import load_kept, save_kept
+from taxel.training.trial_learning import Crops
 from taxel.windows.camera_trials import CameraTrial
-from taxel.windows.trial_crops import FAMILIES, Layout, Scene, look_at, mm_per_px, row_of
+from taxel.windows.trial_crops import (
+    FAMILIES,
+    Layout,
+    Scene,
+    look_at,
+    mm_per_px,
+    row_of,
+    rows_alone,
+)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -30,6 +39,16 @@ class TrialRows:
     """Shape (n,): index of the trial."""
     place: NDArray[np.intp]
     """Shape (n,): index in `PLACES`, or of crops between them."""
+
+    @property
+    def whole(self) -> NDArray[np.float32]:
+        """Shape (n, columns): all families side by side."""
+        return np.concatenate(list(self.rows.values()), axis=1)
+
+    @property
+    def cameras(self) -> int:
+        """How many there are."""
+        return int(next(iter(self.shown.values())).shape[2])
 
 
 def trial_rows(
@@ -71,6 +90,34 @@ def trial_rows(
         trial=np.repeat(np.arange(len(trials)), places),
         place=np.tile(np.arange(places), len(trials)),
     )
+
+
+def further_crops(cut: TrialRows, between: TrialRows | None) -> Crops | None:
+    """Return crops that are only learned from; None where there are none.
+
+    Those between the places; and, of several cameras, what each alone shows in every crop.
+
+    Args:
+        cut: Crops that trials are judged by.
+        between: Crops between their places.
+    """
+    parts = [] if between is None else [Crops(between.whole, between.trial)]
+    parts += [_alone(own) for own in (cut, between) if own is not None and own.cameras > 1]
+    if not parts:
+        return None
+    return Crops(
+        np.concatenate([part.rows for part in parts]),
+        np.concatenate([part.trial for part in parts]),
+    )
+
+
+def _alone(cut: TrialRows) -> Crops:
+    rows = [
+        np.concatenate(list(row.values()))
+        for at in range(len(cut.trial))
+        for row in rows_alone({name: values[at] for name, values in cut.shown.items()})
+    ]
+    return Crops(np.stack(rows), np.repeat(cut.trial, cut.cameras))
 
 
 @dataclass(frozen=True, slots=True)

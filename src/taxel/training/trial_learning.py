@@ -36,17 +36,17 @@ class Learning:
     groups: NDArray[np.str_]
     """Shape (trials,): what is held out whole."""
     classes: int
-    between: Crops | None = None
-    """Of the same trials, between the places at which they are judged."""
+    further: Crops | None = None
+    """Of the same trials: between the places at which they are judged, and of a camera alone."""
 
     def part(self, trials: NDArray[np.intp]) -> Learning:
         """Return some trials, numbered anew."""
         number = np.full(len(self.y), -1)
         number[trials] = np.arange(len(trials))
         own = _some(Crops(self.rows, self.trial), number)
-        between = self.between and _some(self.between, number)
+        further = self.further and _some(self.further, number)
         return Learning(
-            own.rows, own.trial, self.y[trials], self.groups[trials], self.classes, between
+            own.rows, own.trial, self.y[trials], self.groups[trials], self.classes, further
         )
 
 

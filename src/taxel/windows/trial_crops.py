@@ -205,6 +205,21 @@ def row_of(shown: Mapping[str, NDArray[np.float32]]) -> dict[str, NDArray[np.flo
     return rows
 
 
+def rows_alone(shown: Mapping[str, NDArray[np.float32]]) -> list[dict[str, NDArray[np.float32]]]:
+    """Return one crop as numbers, as if every camera saw what one does, for each of several.
+
+    Args:
+        shown: As `look_at` gives it.
+    """
+    cameras = next(iter(shown.values())).shape[1]
+    if cameras == 1:
+        return []
+    return [
+        row_of({name: values[:, [camera] * cameras] for name, values in shown.items()})
+        for camera in range(cameras)
+    ]
+
+
 def numbers_of(view: str, names: Sequence[str], cameras: int) -> NDArray[np.intp]:
     """Return which numbers of a view of courses sum up some of its columns.
 

@@ -53,6 +53,7 @@ from taxel.windows.trial_crops import (
     look_at,
     numbers_of,
     row_of,
+    rows_alone,
 )
 
 
@@ -308,50 +309,53 @@ def test_nothing_of_a_test_trial_reaches_training() -> None:
     assert np.array_equal(before, after)
 
 
-def with_crops_between(trials: TrialSet, count: int = 2) -> TrialSet:
-    """The trials with crops between the places, copies of their first ones."""
-    first = np.repeat(np.flatnonzero(trials.cut.place == 0), count)
-    more = TrialRows(
-        rows={name: rows[first] for name, rows in trials.cut.rows.items()},
-        shown={},
-        trial=trials.cut.trial[first],
-        place=np.tile(np.arange(count), len(trials.y)),
-    )
-    return replace(trials, more=more)
-
-
-def test_crops_between_and_mirror_images_stay_on_their_trials_side() -> None:
+def test_further_crops_and_mirror_images_stay_on_their_trials_side() -> None:
     """Other crops of test trials leave predictions unchanged, other ones of training do not."""
-    trials = with_crops_between(some_trials())
-    assert trials.more is not None
+    trials = some_trials()
+    first = trials.cut.place == 0
+    trials = replace(trials, further=Crops(trials.rows[first], trials.cut.trial[first]))
     split = split_trials(trials.groups, trials.y, "group:object", 3, 0)
     first_fold = replace(split, folds=split.folds[:1])
     held = first_fold.folds[0].test_rows
 
-    def predicted(more: TrialRows | None) -> NDArray[np.float64]:
-        changed = replace(trials, more=more)
+    def predicted(further: Crops | None) -> NDArray[np.float64]:
+        changed = replace(trials, further=further)
         return judge_trials(changed, first_fold, 0, (OURS,))[0].probabilities[held]
 
-    before = predicted(trials.more)
-    tested = np.isin(trials.more.trial, held)
+    further = trials.further
+    assert further is not None
+    before = predicted(further)
+    tested = np.isin(further.trial, held)
     for side, same in ((tested, True), (~tested, False)):
-        rows = {name: np.where(side[:, None], -own, own) for name, own in trials.more.rows.items()}
-        assert np.array_equal(predicted(replace(trials.more, rows=rows)), before) == same
+        rows = np.where(side[:, None], -further.rows, further.rows)
+        assert np.array_equal(predicted(replace(further, rows=rows)), before) == same
     assert not np.array_equal(predicted(None), before)
 
 
-def test_crops_between_are_looked_at_once_and_kept(tmp_path: Path) -> None:
-    """A table of trials of two lengths has them, at places of its own; a second look is equal."""
-    trials = read_camera_trials(write_trials(tmp_path / "a", shorter=4))
-    load = partial(load_trial_set, trials, "slipped", tmp_path / "kept", between=True)
-    first, again = load(), load()
-    assert first.more is not None
-    assert again.more is not None
-    assert first.more.trial.tolist() == np.repeat(np.arange(len(trials)), 6).tolist()
-    assert set(first.more.rows) == set(first.cut.rows)
-    for name, rows in first.more.rows.items():
-        assert np.array_equal(rows, again.more.rows[name])
-    assert load_trial_set(trials, "slipped", tmp_path / "kept").more is None
+@pytest.mark.parametrize(("cameras", "crops"), [(1, 6), (2, 6 + 2 * 9)])
+def test_crops_that_are_only_learned_from_are_kept(
+    cameras: int, crops: int, tmp_path: Path
+) -> None:
+    """Six lie between the three; of two cameras, each alone gives every crop once more."""
+    trials = read_camera_trials(
+        write_trials(tmp_path / "a", objects=2, each=2, shorter=4, cameras=cameras)
+    )
+    load = partial(load_trial_set, trials, "slipped", tmp_path / "kept", further=True)
+    first, again = load().further, load().further
+    assert first is not None
+    assert again is not None
+    assert np.bincount(first.trial).tolist() == [crops] * len(trials)
+    assert np.array_equal(first.rows, again.rows)
+    assert load_trial_set(trials, "slipped", tmp_path / "kept").further is None
+
+
+def test_a_camera_alone_is_what_two_that_see_the_same_give() -> None:
+    scenes = [Scene(trial_images(slips, 10, 1, 100), 25.0, 0.065) for slips in (True, False)]
+    views = ("pixels", "slip", "stills")
+    for scene, alone in zip(scenes, rows_alone(look_at(views, scenes)), strict=True):
+        both = row_of(look_at(views, [scene, scene]))
+        assert all(np.array_equal(alone[name], both[name]) for name in views)
+    assert rows_alone(look_at(views, scenes[:1])) == []
 
 
 @pytest.mark.parametrize("classes", [2, 3])
@@ -429,9 +433,9 @@ def test_learning_from_some_trials_numbers_them_anew() -> None:
     assert part.trial.tolist() == [0, 0, 1, 1]
     assert part.rows[:, 0].tolist() == [2, 3, 6, 7]
     assert part.groups.tolist() == ["a", "b"]
-    assert part.between is not None
-    assert part.between.trial.tolist() == [0, 1]
-    assert part.between.rows[:, 0].tolist() == [11, 13]
+    assert part.further is not None
+    assert part.further.trial.tolist() == [0, 1]
+    assert part.further.rows[:, 0].tolist() == [11, 13]
 
 
 def test_unknown_is_said_of_a_trial_shorter_than_a_crop(tmp_path: Path) -> None:

@@ -52,8 +52,8 @@ class TrialSet:
     cameras: int
     layout: Layout
     cut: TrialRows
-    more: TrialRows | None = None
-    """Crops between the places, which are only learned from."""
+    further: Crops | None = None
+    """Crops that are only learned from."""
 
     @property
     def widths(self) -> dict[str, int]:
@@ -65,17 +65,10 @@ class TrialSet:
         """Shape (n, columns): all views side by side."""
         return np.concatenate(list(self.cut.rows.values()), axis=1)
 
-    @property
-    def between(self) -> Crops | None:
-        """The crops between the places, all views side by side."""
-        if self.more is None:
-            return None
-        return Crops(np.concatenate(list(self.more.rows.values()), axis=1), self.more.trial)
-
-    def learning(self, rows: Rows, group: str, between: Crops | None = None) -> Learning:
+    def learning(self, rows: Rows, group: str, further: Crops | None = None) -> Learning:
         """Return all crops with these rows; trials that lack the group stand alone."""
         values = [own.get(group, f"trial {i}") for i, own in enumerate(self.groups)]
-        return Learning(rows, self.cut.trial, self.y, np.array(values), len(self.classes), between)
+        return Learning(rows, self.cut.trial, self.y, np.array(values), len(self.classes), further)
 
 
 class TrialModel(Protocol):
@@ -157,7 +150,7 @@ class Contender:
     name: str
     rows: Callable[[TrialSet], Rows]
     model: Callable[[TrialSet, int, Callable[[str], None]], TrialModel]
-    between: Callable[[TrialSet], Crops | None] = lambda _: None
+    further: Callable[[TrialSet], Crops | None] = lambda _: None
     """Further crops that it learns from; none unless given."""
     leaks: str = ""
     """In what way it knows something else than what happens in the crop; empty for none."""
@@ -167,7 +160,7 @@ OURS: Final = Contender(
     name="taxel",
     rows=lambda trials: trials.rows,
     model=lambda trials, seed, step: Blended(trials.cameras, trials.widths, seed, step),
-    between=lambda trials: trials.between,
+    further=lambda trials: trials.further,
 )
 BAR: Final = Contender(
     name="bar: random forest on grey differences",
@@ -290,7 +283,7 @@ def _judge(
     contender: Contender,
     on_step: Callable[[str], None],
 ) -> TrialResult:
-    learning = trials.learning(contender.rows(trials), split.group, contender.between(trials))
+    learning = trials.learning(contender.rows(trials), split.group, contender.further(trials))
     crops = np.full((len(trials.cut.trial), learning.classes), np.nan)
     whole = np.full((len(trials.y), learning.classes), np.nan)
     for fold in split.folds:

@@ -13,7 +13,7 @@ import numpy as np
 from taxel.errors import BadDataset
 from taxel.evaluation.camera_trials.crossval import TrialSet
 from taxel.labels.class_order import in_order
-from taxel.training.trial_features import trial_rows
+from taxel.training.trial_features import further_crops, trial_rows
 from taxel.windows.camera_trials import CameraTrial
 from taxel.windows.trial_crops import USUAL, choose_layout, count_between
 
@@ -25,7 +25,7 @@ def load_trial_set(
     *,
     crop: int | None = None,
     views: Sequence[str] = USUAL,
-    between: bool = False,
+    further: bool = False,
     on_trial: Callable[[int, int], None] = lambda done, of: None,
 ) -> TrialSet:
     """Return trials with their label, cut and looked at.
@@ -36,7 +36,7 @@ def load_trial_set(
         cache: Folder for what is computed.
         crop: Frames in a crop; chosen by the shortest trial unless given.
         views: Names in `FAMILIES`.
-        between: Whether crops that are only learned from are looked at too.
+        further: Whether there are crops that are only learned from, too.
         on_trial: Called with trials done and in all.
 
     Raises:
@@ -65,8 +65,8 @@ def load_trial_set(
     lengths = [trial.frames for trial in trials]
     layout = choose_layout(lengths, crop)
     cut = trial_rows(trials, layout, views, cache, on_trial)
-    count = count_between(layout, len(trials)) if between else 0
-    more = trial_rows(trials, layout, views, cache, on_trial, between=count) if count else None
+    count = count_between(layout, len(trials)) if further else 0
+    between = trial_rows(trials, layout, views, cache, on_trial, between=count) if count else None
     return TrialSet(
         target=target,
         classes=classes,
@@ -77,7 +77,7 @@ def load_trial_set(
         cameras=len(trials[0].cameras),
         layout=layout,
         cut=cut,
-        more=more,
+        further=further_crops(cut, between) if further else None,
     )
 
 
