@@ -22,7 +22,7 @@ from taxel.evaluation.camera_trials.encoder_study import ProbeSet
 from taxel.evaluation.camera_trials.sides import split_trials
 from taxel.evaluation.camera_trials.simulated_trials import GEL, GREY, SimulatedTrial
 from taxel.sim.cup_pour import CupPourConfig, list_runs
-from taxel.training.trial_blend import Learning
+from taxel.training.trial_learning import Learning
 
 OBJECTS, EACH = 10, 4
 

@@ -16,6 +16,7 @@ from taxel.windows.trial_crops import (
     Layout,
     Scene,
     choose_layout,
+    count_between,
     look_at,
     mm_per_px,
     numbers_of,
@@ -32,6 +33,21 @@ def plain(level: float, height: int = 120, width: int = 160) -> np.ndarray:
 def blocks() -> np.ndarray:
     """Twelve places of 40 × 40 pixels, the levels 0, 10, … 110, row by row."""
     return np.kron(10 * np.arange(12).reshape(PLACES), np.ones((40, 40))).astype(np.uint8)
+
+
+def test_crops_between_lie_evenly_and_their_number_says_nothing_of_the_length():
+    """Halves are parted evenly; a trial of just a crop has as many; one place has none."""
+    assert Layout(10, 3).between(90, 6) == [10, 20, 30, 50, 60, 70]
+    assert Layout(10, 3).between(90, 2) == [20, 60]
+    assert Layout(10, 3).between(10, 6) == [0] * 6
+    assert Layout(10, 1).between(90, 6) == []
+
+
+def test_the_more_trials_there_are_the_fewer_crops_lie_between():
+    """All crops together stay within what is allowed, so that time does."""
+    counts = [count_between(Layout(10, 3), trials) for trials in (10, 333, 334, 600, 601)]
+    assert counts == [6, 6, 2, 2, 0]
+    assert count_between(Layout(10, 1), 10) == 0
 
 
 def test_crops_lie_at_the_start_in_the_middle_and_at_the_end():

@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from taxel.evaluation.camera_trials.probe import Rows
     from taxel.evaluation.camera_trials.sim_to_real import Found, Ranking
     from taxel.evaluation.camera_trials.simulated_trials import SimulatedTrial
-    from taxel.training.trial_blend import Learning
+    from taxel.training.trial_learning import Learning
     from taxel.windows.camera_trials import CameraTrial
 
 NAME = "gelsight-slip by object, sim to real"
@@ -274,7 +274,7 @@ def _row(
 
 
 def _learning(rows: Rows, y: NDArray[np.intp], groups: NDArray[np.str_]) -> Learning:
-    from taxel.training.trial_blend import Learning
+    from taxel.training.trial_learning import Learning
 
     trial = np.repeat(np.arange(len(y)), len(rows) // len(y))
     return Learning(rows, trial, y, groups, 2)

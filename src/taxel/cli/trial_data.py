@@ -67,6 +67,7 @@ class TrialOptions:
             self.cache or default_cache(),
             crop=self.crop,
             views=(*USUAL, *(("touch",) if self.touch else ())),
+            further=True,
             on_trial=show,
         )
         return trials, self._split(trials), found

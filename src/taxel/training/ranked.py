@@ -53,6 +53,7 @@ class Ranked:
 
     def apply(self, rows: Rows) -> Rows:
         """Return ranks, shape as the rows'."""
-        parts = (rows[:, None] - self.starts) / self.widths
-        ranks = self.lowest + (parts.clip(0, 1) * self.rises).sum(axis=1)
-        return np.asarray(ranks, np.float32)
+        ranks = np.full(rows.shape, self.lowest, np.float32)
+        for start, width, rise in zip(self.starts, self.widths, self.rises, strict=True):
+            ranks += ((rows - start) / width).clip(0, 1) * rise  # a piece at a time: memory
+        return ranks

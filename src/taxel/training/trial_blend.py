@@ -19,10 +19,11 @@ from sklearn.ensemble import ExtraTreesClassifier, RandomForestClassifier
 from sklearn.model_selection import StratifiedGroupKFold
 
 from taxel.training.rank_sums import Logistic, Steady
+from taxel.training.trial_learning import Crops, Learning, Rows
 from taxel.training.trial_novelty import Novelty, held_out_novelty, novelty_threshold
 from taxel.windows.trial_crops import numbers_of
+from taxel.windows.trial_mirrors import Mirror, mirrors
 
-Rows = NDArray[np.float32]
 TREES: Final = 400
 INNER_TREES: Final = 150
 """Of a forest that is kept, and of one on an inner fold. Source: our choice, decision 41."""
@@ -57,6 +58,10 @@ class TrialMember:
     prior: float = 1.0
     """How much of its kind's weight it has before any trial is seen; 0 leaves that to the inner
     folds."""
+    mirrored: bool = False
+    """Whether it learns from mirror images of the crops too; it is never asked about them."""
+    further: bool = False
+    """Whether it learns from further crops too: those between the places, and each camera alone."""
 
     @property
     def sees_look(self) -> bool:
@@ -89,23 +94,29 @@ SLIP_PARTS: Final = (
     "slip_rate_4", "gel_rate_4", "slip_turn", "readiness_8",
 )  # fmt: skip
 """What members see of the slip signal. Source: our choice, before any score, decision 41."""
+EVERYTHING: Final[Mapping[str, tuple[str, ...]]] = {"pixels": (), "slip": (), "stills": ()}
 MEMBERS: Final[tuple[TrialMember, ...]] = (
     TrialMember(
-        name="forest on differences", views={"pixels": DIFFERENCES}, make=forest, prior=1.5
+        name="forest on differences", views={"pixels": DIFFERENCES}, make=forest, prior=1.5,
+        further=True,
     ),
     TrialMember(
         name="logistic on differences", views={"pixels": DIFFERENCES},
-        make=lambda seed, trees: Logistic(0.1),
+        make=lambda seed, trees: Logistic(0.1), further=True,
     ),
     TrialMember(
         name="discriminant on differences and slip",
         views={"pixels": DIFFERENCES, "slip": SLIP_PARTS},
-        make=lambda seed, trees: Steady(0.5),
+        make=lambda seed, trees: Steady(0.5), further=True,
     ),
     TrialMember(
-        name="extra-trees on everything", views={"pixels": (), "slip": (), "stills": ()}, make=extra
+        name="extra-trees on everything", views=EVERYTHING, make=extra, mirrored=True
     ),
     TrialMember(name="extra-trees on stills", views={"stills": ()}, make=extra),
+    TrialMember(
+        name="discriminant on everything", views=EVERYTHING,
+        make=lambda seed, trees: Steady(0.5), mirrored=True,
+    ),
     TrialMember(
         name="logistic on the touch encoder", views={"touch": ()},
         make=lambda seed, trees: Logistic(0.001), prior=0.0,
@@ -113,31 +124,6 @@ MEMBERS: Final[tuple[TrialMember, ...]] = (
 )  # fmt: skip
 """What is blended. The forest, as the bar is, counts more: on objects apart it is often best.
 Source: docs/decisions/0041, also for each C and the share of shrinking."""
-
-
-@dataclass(frozen=True, slots=True)
-class Learning:
-    """Crops to learn from."""
-
-    rows: Rows
-    """Shape (n, columns): all views side by side."""
-    trial: NDArray[np.intp]
-    """Shape (n,): which trial a crop is of, 0 to trials - 1."""
-    y: NDArray[np.intp]
-    """Shape (trials,): class."""
-    groups: NDArray[np.str_]
-    """Shape (trials,): what is held out whole."""
-    classes: int
-
-    def part(self, trials: NDArray[np.intp]) -> Learning:
-        """Return some trials, numbered anew."""
-        number = np.full(len(self.y), -1)
-        number[trials] = np.arange(len(trials))
-        kept = number[self.trial] >= 0
-        return Learning(
-            self.rows[kept], number[self.trial[kept]].astype(np.intp), self.y[trials],
-            self.groups[trials], self.classes,
-        )  # fmt: skip
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -191,7 +177,8 @@ def fit_blend(
     """
     members = [member for member in members if set(member.views) <= set(widths)]
     columns = [member.columns(cameras, widths) for member in members]
-    held, novelty = _held_out(learning, members, columns, seed, on_step)
+    images = mirrors(widths, cameras)
+    held, novelty = _held_out(learning, members, columns, images, seed, on_step)
     prior = np.array([member.prior for member in members])
     weights = prior / prior.sum() if prior.any() else np.full(len(members), 1 / len(members))
     sharpness, inner = 1.0, {}
@@ -211,12 +198,7 @@ def fit_blend(
     on_step("all trials")
     return TrialBlend(
         members=tuple(members[i] for i in kept),
-        fitted=tuple(
-            members[i]
-            .make(seed, TREES)
-            .fit(learning.rows[:, columns[i]], learning.y[learning.trial])
-            for i in kept
-        ),
+        fitted=tuple(_fit(members[i], learning, columns[i], images, seed, TREES) for i in kept),
         columns=tuple(columns[i] for i in kept),
         weights=weights[kept],
         sharpness=sharpness,
@@ -225,6 +207,25 @@ def fit_blend(
         novelty=Novelty.of(learning.rows),
         threshold=novelty_threshold(novelty[np.isfinite(novelty)]),
     )
+
+
+def _fit(
+    member: TrialMember,
+    learning: Learning,
+    columns: NDArray[np.intp],
+    images: Sequence[Mirror],
+    seed: int,
+    trees: int,
+) -> Any:
+    """Return a member that has learned from crops, and from their mirror images if it does."""
+    crops = [Crops(learning.rows, learning.trial)]
+    if member.further and learning.further is not None:
+        crops.append(learning.further)
+    if member.mirrored:
+        crops += [Crops(image.apply(own.rows), own.trial) for own in crops for image in images]
+    seen = np.concatenate([own.rows[:, columns] for own in crops])
+    trial = np.concatenate([own.trial for own in crops])
+    return member.make(seed, trees).fit(seen, learning.y[trial])
 
 
 def inner_folds(
@@ -253,6 +254,7 @@ def _held_out(
     learning: Learning,
     members: Sequence[TrialMember],
     columns: Sequence[NDArray[np.intp]],
+    images: Sequence[Mirror],
     seed: int,
     on_step: Callable[[str], None],
 ) -> tuple[NDArray[np.float64] | None, NDArray[np.float64]]:
@@ -271,9 +273,7 @@ def _held_out(
         own, other = learning.part(train), learning.part(test)
         on_step(f"inner fold {number}")
         for index, member in enumerate(members):
-            model = member.make(seed, INNER_TREES).fit(
-                own.rows[:, columns[index]], own.y[own.trial]
-            )
+            model = _fit(member, own, columns[index], images, seed, INNER_TREES)
             crops = proba_of(model, other.rows[:, columns[index]], learning.classes)
             found[test, index] = mean_of_crops(crops, other.trial)
         novelty[test] = held_out_novelty(own.rows, other.rows, other.trial)

@@ -34,17 +34,22 @@ LEAST_CROP: Final = 8
 """Shortest crop, frames. Source: our choice."""
 PLACES: Final[tuple[str, ...]] = ("first", "middle", "last")
 """The crops of each trial; a set whose trials all have a crop's length has the first alone."""
+BETWEEN: Final = 6, 2, 0
+"""Crops between the places, even numbers, of which the most are taken that `MOST_CROPS` allow."""
+MOST_CROPS: Final = 3000
+"""Of all trials, with those between the places: one of two cameras and 48 frames takes 0.5 s.
+Source of both: our choice, docs/decisions/0041."""
 REFERENCE_FRAMES: Final = 3
 """Frames at a crop's start whose median is its reference: 0.12 s at 25 frames a second."""
 LAG: Final = 5
 """Frames of the slower difference: 0.2 s at 25 frames a second. Source: our choice."""
 _WIDTH: Final = 160
 """Pixels of a row in which grey differences and flow are taken. Source: our choice."""
-_GRID: Final = (3, 4)
+GRID: Final = (3, 4)
 """Rows and columns of the places where differences and edges are taken apart."""
 THUMB: Final = (6, 8)
 """Rows and columns of the small grey image that the first-frame control sees."""
-_EDGES: Final = 8
+EDGES: Final = 8
 """Directions of edges in each place."""
 _BANDS: Final = ((1, 3), (3, 8), (8, 1000))
 """Cycles a crop: 0.5 to 1.5, 1.5 to 4 and above 4 Hz for 48 frames at 25 frames a second."""
@@ -56,8 +61,8 @@ _FURTHEST: Final = 1e6
 PIXELS: Final[tuple[str, ...]] = (
     "step", "since", "step_p95", "since_p95", "lagged",
     "flow_x", "flow_y", "flow", "flow_p90", "flow_spread", "flow_turn", "flow_growth",
-    *(f"step_{place}" for place in range(_GRID[0] * _GRID[1])),
-    *(f"since_{place}" for place in range(_GRID[0] * _GRID[1])),
+    *(f"step_{place}" for place in range(GRID[0] * GRID[1])),
+    *(f"since_{place}" for place in range(GRID[0] * GRID[1])),
 )  # fmt: skip
 """Of each frame: absolute difference of grey to the frame before (step), to the crop's first
 (since) and to the one 0.2 s before (lagged), means and 95th percentiles, 0…255; optical flow since
@@ -70,7 +75,7 @@ MOVES: Final[tuple[str, ...]] = (
     "object_x_mm", "object_y_mm", "object_turn", "gel_x_mm", "gel_y_mm", "gel_turn", "seen",
 )  # fmt: skip
 """Of each frame: how object and gel have moved since the crop's first frames, turns in radians."""
-STILLS: Final = THUMB[0] * THUMB[1] + _GRID[0] * _GRID[1] * (_EDGES + 3)
+STILLS: Final = THUMB[0] * THUMB[1] + GRID[0] * GRID[1] * (EDGES + 3)
 """Columns of a still: grey thumb, edges by direction and place, colour by place."""
 
 
@@ -87,6 +92,19 @@ class Layout:
         """Return the first frames of a trial's crops, in the order of `PLACES`."""
         last = frames - self.crop
         return [0, last // 2, last][: self.places]
+
+    def between(self, frames: int, count: int) -> list[int]:
+        """Return the first frames of crops between the places, evenly apart.
+
+        As many whatever a trial's length; none where a trial is one crop.
+
+        Args:
+            frames: The trial's.
+            count: How many, even: half of them before the middle crop.
+        """
+        last, each = frames - self.crop, count // 2
+        parts = [*range(1, each + 1), *range(each + 2, 2 * each + 2)]
+        return [last * at // (2 * each + 2) for at in parts] if self.places > 1 else []
 
     @property
     def every(self) -> int:
@@ -118,6 +136,13 @@ def choose_layout(lengths: Sequence[int], crop: int | None = None) -> Layout:
         )  # fmt: skip
     chosen = crop or min(shortest, LONGEST_CROP)
     return Layout(chosen, 1 if max(lengths) == chosen else len(PLACES))
+
+
+def count_between(layout: Layout, trials: int) -> int:
+    """Return how many crops between the places each of so many trials is learned from by."""
+    if layout.places == 1:
+        return 0
+    return next((n for n in BETWEEN if trials * (layout.places + n) <= MOST_CROPS), BETWEEN[-1])
 
 
 @dataclass(frozen=True, slots=True)
@@ -178,6 +203,21 @@ def row_of(shown: Mapping[str, NDArray[np.float32]]) -> dict[str, NDArray[np.flo
             both.ravel(), nan=0.0, posinf=_FURTHEST, neginf=-_FURTHEST
         ).clip(-_FURTHEST, _FURTHEST).astype(np.float32)  # fmt: skip
     return rows
+
+
+def rows_alone(shown: Mapping[str, NDArray[np.float32]]) -> list[dict[str, NDArray[np.float32]]]:
+    """Return one crop as numbers, as if every camera saw what one does, for each of several.
+
+    Args:
+        shown: As `look_at` gives it.
+    """
+    cameras = next(iter(shown.values())).shape[1]
+    if cameras == 1:
+        return []
+    return [
+        row_of({name: values[:, [camera] * cameras] for name, values in shown.items()})
+        for camera in range(cameras)
+    ]
 
 
 def numbers_of(view: str, names: Sequence[str], cameras: int) -> NDArray[np.intp]:
@@ -256,9 +296,7 @@ def _touch(scene: Scene) -> NDArray[np.float32]:
 def _look_of(image: Image) -> NDArray[np.float32]:
     grey = small_grey(image)
     thumb = cv2.resize(grey.astype(np.float32), (THUMB[1], THUMB[0]), interpolation=cv2.INTER_AREA)
-    colour = cv2.resize(
-        image.astype(np.float32), (_GRID[1], _GRID[0]), interpolation=cv2.INTER_AREA
-    )
+    colour = cv2.resize(image.astype(np.float32), (GRID[1], GRID[0]), interpolation=cv2.INTER_AREA)
     found = np.concatenate([thumb.ravel(), _edges(grey), colour.ravel()])
     return np.asarray(found, np.float32)
 
@@ -270,12 +308,12 @@ def _edges(grey: Image) -> NDArray[np.float32]:
     """
     across, down = (cv2.Sobel(grey, cv2.CV_32F, *order, ksize=3) for order in ((1, 0), (0, 1)))
     strength, direction = cv2.cartToPolar(across, down)
-    sector = np.floor((direction % np.pi) / (np.pi / _EDGES)).astype(np.intp) % _EDGES
-    rows, columns = (np.arange(n) * g // n for n, g in zip(grey.shape, _GRID, strict=True))
-    place = rows[:, None] * _GRID[1] + columns[None]
+    sector = np.floor((direction % np.pi) / (np.pi / EDGES)).astype(np.intp) % EDGES
+    rows, columns = (np.arange(n) * g // n for n, g in zip(grey.shape, GRID, strict=True))
+    place = rows[:, None] * GRID[1] + columns[None]
     found = np.bincount(
-        (place * _EDGES + sector).ravel(), strength.ravel().astype(np.float64),
-        _GRID[0] * _GRID[1] * _EDGES,
+        (place * EDGES + sector).ravel(), strength.ravel().astype(np.float64),
+        GRID[0] * GRID[1] * EDGES,
     )  # fmt: skip
     return np.sqrt(found / grey.size).astype(np.float32)
 
@@ -294,7 +332,7 @@ def _p95(difference: NDArray[np.generic]) -> float:
 
 def _by_place(difference: NDArray[np.generic]) -> NDArray[np.float32]:
     small = cv2.resize(
-        np.asarray(difference, np.float32), (_GRID[1], _GRID[0]), interpolation=cv2.INTER_AREA
+        np.asarray(difference, np.float32), (GRID[1], GRID[0]), interpolation=cv2.INTER_AREA
     )
     return np.asarray(small, np.float32).ravel()
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -35,8 +36,9 @@ from taxel.evaluation.camera_trials.sides import split_by_table, split_trials
 from taxel.evaluation.camera_trials.trial_set import load_trial_set
 from taxel.recordings.video_rows import read_video_rows
 from taxel.recordings.videos import import_videos
-from taxel.training.trial_blend import MEMBERS, Learning, fit_blend, weigh
+from taxel.training.trial_blend import MEMBERS, fit_blend, weigh
 from taxel.training.trial_features import TrialRows
+from taxel.training.trial_learning import Crops, Learning
 from taxel.training.trial_novelty import Novelty, novelty_threshold
 from taxel.training.trial_onnx import blend_to_onnx
 from taxel.windows.camera_trials import are_camera_trials, read_camera_trials
@@ -44,12 +46,14 @@ from taxel.windows.trial_crops import (
     FAMILIES,
     PIXELS,
     STATISTICS,
+    STILLS,
     Layout,
     Scene,
     choose_layout,
     look_at,
     numbers_of,
     row_of,
+    rows_alone,
 )
 
 
@@ -68,7 +72,7 @@ def some_trials(
     trial = np.repeat(np.arange(trials), places)
     pixels = rng.normal(size=(len(trial), 2 * STATISTICS * len(PIXELS))).astype(np.float32)
     pixels[:, numbers_of("pixels", ("step", "since"), 2)[:6]] += 3.0 * y[trial][:, None]
-    stills = rng.normal(size=(len(trial), 12)).astype(np.float32)
+    stills = rng.normal(size=(len(trial), 2 * 3 * STILLS)).astype(np.float32)
     return TrialSet(
         target="kind",
         classes=tuple("abc"[:classes]),
@@ -305,6 +309,55 @@ def test_nothing_of_a_test_trial_reaches_training() -> None:
     assert np.array_equal(before, after)
 
 
+def test_further_crops_and_mirror_images_stay_on_their_trials_side() -> None:
+    """Other crops of test trials leave predictions unchanged, other ones of training do not."""
+    trials = some_trials()
+    first = trials.cut.place == 0
+    trials = replace(trials, further=Crops(trials.rows[first], trials.cut.trial[first]))
+    split = split_trials(trials.groups, trials.y, "group:object", 3, 0)
+    first_fold = replace(split, folds=split.folds[:1])
+    held = first_fold.folds[0].test_rows
+
+    def predicted(further: Crops | None) -> NDArray[np.float64]:
+        changed = replace(trials, further=further)
+        return judge_trials(changed, first_fold, 0, (OURS,))[0].probabilities[held]
+
+    further = trials.further
+    assert further is not None
+    before = predicted(further)
+    tested = np.isin(further.trial, held)
+    for side, same in ((tested, True), (~tested, False)):
+        rows = np.where(side[:, None], -further.rows, further.rows)
+        assert np.array_equal(predicted(replace(further, rows=rows)), before) == same
+    assert not np.array_equal(predicted(None), before)
+
+
+@pytest.mark.parametrize(("cameras", "crops"), [(1, 6), (2, 6 + 2 * 9)])
+def test_crops_that_are_only_learned_from_are_kept(
+    cameras: int, crops: int, tmp_path: Path
+) -> None:
+    """Six lie between the three; of two cameras, each alone gives every crop once more."""
+    trials = read_camera_trials(
+        write_trials(tmp_path / "a", objects=2, each=2, shorter=4, cameras=cameras)
+    )
+    load = partial(load_trial_set, trials, "slipped", tmp_path / "kept", further=True)
+    first, again = load().further, load().further
+    assert first is not None
+    assert again is not None
+    assert np.bincount(first.trial).tolist() == [crops] * len(trials)
+    assert np.array_equal(first.rows, again.rows)
+    assert load_trial_set(trials, "slipped", tmp_path / "kept").further is None
+
+
+def test_a_camera_alone_is_what_two_that_see_the_same_give() -> None:
+    scenes = [Scene(trial_images(slips, 10, 1, 100), 25.0, 0.065) for slips in (True, False)]
+    views = ("pixels", "slip", "stills")
+    for scene, alone in zip(scenes, rows_alone(look_at(views, scenes)), strict=True):
+        both = row_of(look_at(views, [scene, scene]))
+        assert all(np.array_equal(alone[name], both[name]) for name in views)
+    assert rows_alone(look_at(views, scenes[:1])) == []
+
+
 @pytest.mark.parametrize("classes", [2, 3])
 def test_the_exported_blend_gives_what_the_trained_one_gives(classes: int) -> None:
     trials = some_trials(classes=classes)
@@ -374,11 +427,15 @@ def test_learning_from_some_trials_numbers_them_anew() -> None:
     learning = Learning(
         np.arange(8, dtype=np.float32)[:, None], np.repeat(np.arange(4), 2),
         np.array([0, 1, 0, 1]), np.array(list("aabb")), 2,
+        Crops(np.array([[10], [11], [13]], np.float32), np.array([0, 1, 3])),
     )  # fmt: skip
     part = learning.part(np.array([1, 3]))
     assert part.trial.tolist() == [0, 0, 1, 1]
     assert part.rows[:, 0].tolist() == [2, 3, 6, 7]
     assert part.groups.tolist() == ["a", "b"]
+    assert part.further is not None
+    assert part.further.trial.tolist() == [0, 1]
+    assert part.further.rows[:, 0].tolist() == [11, 13]
 
 
 def test_unknown_is_said_of_a_trial_shorter_than_a_crop(tmp_path: Path) -> None:

@@ -21,7 +21,6 @@ from taxel.evaluation.intervals import draw_rows, percentile_interval
 from taxel.evaluation.rank_area import area
 from taxel.evaluation.run_scores import reliability
 from taxel.training.trial_blend import (
-    Learning,
     TrialBlend,
     fit_blend,
     forest,
@@ -30,6 +29,7 @@ from taxel.training.trial_blend import (
     proba_of,
 )
 from taxel.training.trial_features import TrialRows
+from taxel.training.trial_learning import Crops, Learning
 from taxel.windows.trial_crops import BAR as BAR_COLUMNS
 from taxel.windows.trial_crops import THUMB, Layout, numbers_of
 
@@ -52,6 +52,8 @@ class TrialSet:
     cameras: int
     layout: Layout
     cut: TrialRows
+    further: Crops | None = None
+    """Crops that are only learned from."""
 
     @property
     def widths(self) -> dict[str, int]:
@@ -63,10 +65,10 @@ class TrialSet:
         """Shape (n, columns): all views side by side."""
         return np.concatenate(list(self.cut.rows.values()), axis=1)
 
-    def learning(self, rows: Rows, group: str) -> Learning:
+    def learning(self, rows: Rows, group: str, further: Crops | None = None) -> Learning:
         """Return all crops with these rows; trials that lack the group stand alone."""
         values = [own.get(group, f"trial {i}") for i, own in enumerate(self.groups)]
-        return Learning(rows, self.cut.trial, self.y, np.array(values), len(self.classes))
+        return Learning(rows, self.cut.trial, self.y, np.array(values), len(self.classes), further)
 
 
 class TrialModel(Protocol):
@@ -148,6 +150,8 @@ class Contender:
     name: str
     rows: Callable[[TrialSet], Rows]
     model: Callable[[TrialSet, int, Callable[[str], None]], TrialModel]
+    further: Callable[[TrialSet], Crops | None] = lambda _: None
+    """Further crops that it learns from; none unless given."""
     leaks: str = ""
     """In what way it knows something else than what happens in the crop; empty for none."""
 
@@ -156,6 +160,7 @@ OURS: Final = Contender(
     name="taxel",
     rows=lambda trials: trials.rows,
     model=lambda trials, seed, step: Blended(trials.cameras, trials.widths, seed, step),
+    further=lambda trials: trials.further,
 )
 BAR: Final = Contender(
     name="bar: random forest on grey differences",
@@ -278,7 +283,7 @@ def _judge(
     contender: Contender,
     on_step: Callable[[str], None],
 ) -> TrialResult:
-    learning = trials.learning(contender.rows(trials), split.group)
+    learning = trials.learning(contender.rows(trials), split.group, contender.further(trials))
     crops = np.full((len(trials.cut.trial), learning.classes), np.nan)
     whole = np.full((len(trials.y), learning.classes), np.nan)
     for fold in split.folds:

@@ -21,7 +21,7 @@ from taxel.evaluation.camera_trials.probe import Labelled, Probed, Rows, pooled,
 from taxel.evaluation.camera_trials.probe_features import network_features
 from taxel.evaluation.camera_trials.sides import TrialSplit
 from taxel.training.encoder.videos import TouchVideo
-from taxel.training.trial_blend import Learning
+from taxel.training.trial_learning import Learning
 
 _TRIES: Final = 1000
 """Draws of objects before it is said that none has every class. Source: our choice."""

@@ -37,7 +37,7 @@ class Final:
 
     bundle: bytes
     parity: float
-    """Largest difference between the bundle's numbers and the trained models'."""
+    """Largest difference further the bundle's numbers and the trained models'."""
     members: Mapping[str, float]
     """Member → weight."""
     inner: Mapping[str, float]
@@ -71,7 +71,7 @@ def fit_final(
     if len(split.folds) == 1:
         learned = split.folds[0].train_rows
     rows = trials.rows
-    learning = trials.learning(rows, split.group).part(learned)
+    learning = trials.learning(rows, split.group, trials.further).part(learned)
     blend = fit_blend(learning, trials.cameras, trials.widths, seed, on_step=on_step)
     own = learning.rows
     at = np.linspace(0, len(own) - 1, min(_CHECKED, len(own))).astype(int)

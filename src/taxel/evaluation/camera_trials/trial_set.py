@@ -13,9 +13,9 @@ import numpy as np
 from taxel.errors import BadDataset
 from taxel.evaluation.camera_trials.crossval import TrialSet
 from taxel.labels.class_order import in_order
-from taxel.training.trial_features import trial_rows
+from taxel.training.trial_features import further_crops, trial_rows
 from taxel.windows.camera_trials import CameraTrial
-from taxel.windows.trial_crops import USUAL, choose_layout
+from taxel.windows.trial_crops import USUAL, choose_layout, count_between
 
 
 def load_trial_set(
@@ -25,6 +25,7 @@ def load_trial_set(
     *,
     crop: int | None = None,
     views: Sequence[str] = USUAL,
+    further: bool = False,
     on_trial: Callable[[int, int], None] = lambda done, of: None,
 ) -> TrialSet:
     """Return trials with their label, cut and looked at.
@@ -35,6 +36,7 @@ def load_trial_set(
         cache: Folder for what is computed.
         crop: Frames in a crop; chosen by the shortest trial unless given.
         views: Names in `FAMILIES`.
+        further: Whether there are crops that are only learned from, too.
         on_trial: Called with trials done and in all.
 
     Raises:
@@ -62,6 +64,9 @@ def load_trial_set(
                          "record others too, or name another label with --target")  # fmt: skip
     lengths = [trial.frames for trial in trials]
     layout = choose_layout(lengths, crop)
+    cut = trial_rows(trials, layout, views, cache, on_trial)
+    count = count_between(layout, len(trials)) if further else 0
+    between = trial_rows(trials, layout, views, cache, on_trial, between=count) if count else None
     return TrialSet(
         target=target,
         classes=classes,
@@ -71,7 +76,8 @@ def load_trial_set(
         lengths=np.array(lengths, np.intp),
         cameras=len(trials[0].cameras),
         layout=layout,
-        cut=trial_rows(trials, layout, views, cache, on_trial),
+        cut=cut,
+        further=further_crops(cut, between) if further else None,
     )
 
 
