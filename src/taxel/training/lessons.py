@@ -42,8 +42,8 @@ class Lessons:
 
     def digest(self) -> str:
         """Return the SHA-256 of all, hexadecimal."""
-        whole = hashlib.sha256(np.ascontiguousarray(self.images))
-        whole.update(np.ascontiguousarray(self.answers))
+        whole = hashlib.sha256(np.ascontiguousarray(self.images).data)
+        whole.update(np.ascontiguousarray(self.answers).data)
         return whole.hexdigest()
 
 
