@@ -54,7 +54,7 @@ def grip_bound(
                 goal="",
                 ok=None,
                 note=f"{sum(held)} of {len(drops)}; of {len(holds)} pours that hold it raises "
-                f"{raised} ({raised / max(len(holds), 1):.1%}; 2 % may be)",
+                f"{raised} ({raised / max(len(holds), 1):.1%}; the goal is 2 %)",
             )
         )
     return rows

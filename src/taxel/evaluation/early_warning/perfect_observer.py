@@ -31,6 +31,8 @@ _BEFORE_G: Final = 40.0
 slipped while more was poured. The gel rarely gives way to more than that afterwards."""
 _HALVINGS: Final = 6
 """Of what is left of these 40 g: to 0.6 g, one hundredth of a second of pouring."""
+_TOGETHER: Final = 20
+"""Cups that are simulated side by side: ten times as fast as one by one, and 300 MB."""
 _NEVER: Final = 1e-6
 """Likelihood that stands for 0: a drive must be above 0."""
 Values = NDArray[np.float64]
@@ -77,25 +79,27 @@ class Foreseen:
 def foresee(
     runs: Sequence[PourRun], on_step: Callable[[str], None] = lambda _: None
 ) -> list[Foreseen]:
-    """Return what an observer knows of the paper's runs, simulated cup by cup.
+    """Return what an observer knows of the paper's runs, simulated some cups at a time.
 
     Args:
         runs: Of the kinds "pour" and "still".
-        on_step: Called with a line before each cup.
+        on_step: Called with a line before each part.
     """
     found = []
-    for cup in sorted({run.cup.index for run in runs}):
-        on_step(f"what is knowable of cup {cup}")
-        own = [run for run in runs if run.cup.index == cup]
+    cups = sorted({run.cup.index for run in runs})
+    for part in np.array_split(cups, -(-len(cups) // _TOGETHER)):
+        on_step(f"what is knowable of cups {part[0]} to {part[-1]}")
+        own = [run for run in runs if run.cup.index in part]
         pours = [run for run in own if run.kind == "pour"]
-        least = dict(zip((run.name for run in pours), needed_g(pours), strict=True))
+        names = ((run.cup.index, run.name) for run in pours)
+        least = dict(zip(names, needed_g(pours), strict=True))
         onsets, events = (
             first_slips(own, above_um, FRAME_HZ, DURATION_S) for above_um in (ONSET_UM, GROSS_UM)
         )
         found += [
             Foreseen(
                 run=run,
-                least_g=float(least.get(run.name, np.inf)),
+                least_g=float(least.get((run.cup.index, run.name), np.inf)),
                 onset_s=_seconds(onsets, place),
                 event_s=_seconds(events, place),
             )
