@@ -42,6 +42,10 @@ class FileFacts:
     """The longest of them, from scan to scan, seconds."""
     longest_from_s: float = 0.0
     """Where it starts, seconds from the first scan."""
+    remarks: tuple[str, ...] = ()
+    """How a file of many trials was read, the same for all of its trials."""
+    padding: int = 0
+    """Rows of NaN at its end, which were cut."""
 
 
 def gaps_of(time_s: NDArray[np.float64]) -> tuple[int, float, float]:
@@ -67,6 +71,8 @@ def notes_of(files: Sequence[FileFacts]) -> list[str]:
     """Return a line for each matter, however many files it is found in."""
     slow = [facts for facts in files if facts.time and 0 < facts.rate_hz < SLOW_HZ]
     return [
+        *dict.fromkeys(remark for facts in files for remark in facts.remarks),
+        *_paddings([facts for facts in files if facts.padding], len(files)),
         *_number_headers([facts for facts in files if facts.number_header]),
         *_decimal_commas([facts for facts in files if facts.decimal_comma]),
         *_slow(sorted(slow, key=lambda facts: facts.rate_hz)),
@@ -80,6 +86,16 @@ def _number_headers(files: Sequence[FileFacts]) -> list[str]:
     return [
         f"{_some(files)}: line 1 ({files[0].number_header}) was taken as the columns' names, not "
         "as a scan; if it is a scan, put a line of names above it"
+    ]
+
+
+def _paddings(files: Sequence[FileFacts], of: int) -> list[str]:
+    if not files:
+        return []
+    most = max(files, key=lambda facts: facts.padding)
+    return [
+        f"{len(files)} of {of} trials end before their array does: rows of NaN at the end were "
+        f"taken as padding and cut, at most {most.padding} ({most.file}); --missing keep keeps them"
     ]
 
 

@@ -8,9 +8,11 @@ nothing about particular data sets (known.py).
 from __future__ import annotations
 
 import os
+import re
 from collections import Counter
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
@@ -22,10 +24,12 @@ from taxel.recordings.import_notes import FileFacts, gaps_of
 from taxel.recordings.intervals import Interval, marks_of, read_intervals, stem_of, write_marked
 from taxel.recordings.layouts import find_layout
 from taxel.recordings.manifest import Manifest
+from taxel.recordings.many_trials import holds_many, refuse_words_of_many, trials_of
 from taxel.recordings.spelling import column_name, composed
 from taxel.recordings.table_files import file_of
 from taxel.recordings.table_form import is_number
 from taxel.recordings.tables import Missing, Table
+from taxel.recordings.trial_sets import Trial
 from taxel.recordings.whole import new_folder
 from taxel.recordings.writer import Recorder
 from taxel.signals import Samples, SensorInfo
@@ -49,6 +53,10 @@ class ImportRow:
     """Value from which a channel counts as saturated, in the channels' unit."""
     details: Mapping[str, str] = field(default_factory=dict)
     """Kept with the sensor in the manifest."""
+    trial: Trial | None = None
+    """Which of the file's trials it is; None where the file is one."""
+    name: str = ""
+    """Of the recording, without ending; the file's own by default."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -110,7 +118,10 @@ def import_rows(
     """Write one recording for each row; see `import_table` and `intervals_of`."""
     names = _output_names(rows)
     files = [f"{name}.mcap" for name in names]
-    with new_folder(output_dir, files, overwrite=options.overwrite) as made:
+    with (
+        _closing(rows),
+        new_folder(output_dir, files, overwrite=options.overwrite) as made,
+    ):
         for done, (row, name, file) in enumerate(zip(rows, names, files, strict=True), 1):
             own = (intervals or {}).get(name, ())
             facts = _import_file(row, own, made / file, code_dir, options)
@@ -119,6 +130,18 @@ def import_rows(
             if progress is not None:
                 progress(done, len(rows))
     return [output_dir / file for file in files]
+
+
+@contextmanager
+def _closing(rows: Sequence[ImportRow]) -> Iterator[None]:
+    """Close the files of many trials at the end."""
+    try:
+        yield
+    finally:
+        for source in {
+            id(row.trial.source): row.trial.source for row in rows if row.trial
+        }.values():
+            source.close()
 
 
 def intervals_of(rows: Sequence[ImportRow], table: Path | None) -> dict[str, list[Interval]]:
@@ -155,21 +178,21 @@ def read_rows(manifest_csv: Path, data_dir: Path, *, outside: bool = False) -> l
     check_header(manifest_csv, header)
     if len(lines) < 2:
         raise BadTable("a row for each file", f"none in {manifest_csv}", "add rows")
-    return [
-        _row(manifest_csv, number, header, cells, data_dir, outside)
+    named = [
+        (f"{manifest_csv}, line {number}", _cells(manifest_csv, number, header, cells))
         for number, cells in enumerate(lines[1:], start=2)
         if any(cell.strip() for cell in cells)
     ]
+    often = Counter(cells["file"] for _, cells in named)
+    return [
+        row
+        for where, cells in named
+        for row in _rows(cells, data_dir, where, outside, alone=often[cells["file"]] == 1)
+    ]
 
 
-def _row(
-    path: Path,
-    number: int,
-    header: Sequence[str],
-    cells: Sequence[str],
-    data_dir: Path,
-    outside: bool,
-) -> ImportRow:
+def _cells(path: Path, number: int, header: Sequence[str], cells: Sequence[str]) -> dict[str, str]:
+    """Return a row's cells by their columns, those that must be there filled in."""
     where = f"{path}, line {number}"
     if len(cells) != len(header):
         raise BadTable(f"{len(header)} cells", f"{len(cells)} in {where}", "mend the line")
@@ -177,17 +200,49 @@ def _row(
     empty = [name for name, cell in named.items() if not cell and (":" in name or name == "file")]
     if empty:
         raise BadTable(f"something in the column {empty[0]!r}", f"nothing in {where}", "fill it in")
+    return named
+
+
+def _rows(
+    named: Mapping[str, str], data_dir: Path, where: str, outside: bool, *, alone: bool
+) -> list[ImportRow]:
+    """Return what one line of the table stands for: a file, or each trial of it."""
+    file = file_of(named["file"], data_dir, where, outside=outside)
+    if not holds_many(file, named):
+        refuse_words_of_many(named, where)
+        return [_row(file, named, where)]
+    source, trials = trials_of(file, named, data_dir, where, outside=outside)
+    array = re.sub(r"[^A-Za-z0-9_]+", "-", source.what.replace("*", "")).strip("-")
+    stem = stem_of(file.name) + (f"-{array}" if array and not alone else "")
+    place = f"{named['file']}:{source.what}" if source.what else named["file"]
+    return [
+        replace(
+            _row(file, {**named, **one.values}, where),
+            trial=one.trial,
+            name=f"{stem}-{one.name}",
+            groups=_groups({**named, **one.values}, f"{place}[{one.trial.source.keys[index]}]"),
+            details={"trial": one.trial.source.keys[index], "trials": source.what},
+        )
+        for index, one in enumerate(trials)
+    ]
+
+
+def _row(file: Path, named: Mapping[str, str], where: str) -> ImportRow:
     return ImportRow(
-        file=file_of(named["file"], data_dir, where, outside=outside),
+        file=file,
         labels={n.removeprefix("label:"): c for n, c in named.items() if n.startswith("label:")},
-        groups={"file": named["file"]}
-        | {n.removeprefix("group:"): c for n, c in named.items() if n.startswith("group:")},
+        groups=_groups(named, named["file"]),
         channels=named.get("channels", ""),
         time=named.get("time", ""),
         layout=named.get("layout", "") or "csv",
         sensor=named.get("sensor", "") or "array",
         full_scale=_full_scale(named.get("full_scale", ""), where),
     )
+
+
+def _groups(named: Mapping[str, str], file: str) -> dict[str, str]:
+    own = {n.removeprefix("group:"): c for n, c in named.items() if n.startswith("group:")}
+    return {"file": file} | own
 
 
 def _full_scale(text: str, where: str) -> float | None:
@@ -198,7 +253,7 @@ def _full_scale(text: str, where: str) -> float | None:
 
 def _output_names(rows: Sequence[ImportRow]) -> list[str]:
     """Return the recordings' names, without ending: with their folders where files share a name."""
-    stems = [stem_of(row.file.name) for row in rows]
+    stems = [row.name or stem_of(row.file.name) for row in rows]
     often = Counter(stems)
     if len(often) == len(stems):
         return stems
@@ -242,7 +297,11 @@ def _import_file(
 ) -> FileFacts:
     if not row.file.is_file():
         raise BadTable("a file to import", f"{row.file}, which is not there", "check the path")
-    table = _read(row, code_dir, options)
+    padding = 0
+    if row.trial is not None:
+        table, padding = row.trial.source.table(row.trial.index, options.missing)
+    else:
+        table = _read(row, code_dir, options)
     samples = Samples.from_values(table.values, table.time_s, row.full_scale)
     steps = np.diff(table.time_s)
     info = SensorInfo(
@@ -264,7 +323,9 @@ def _import_file(
         raise
     gaps, longest_gap_s, longest_from_s = gaps_of(table.time_s)
     return FileFacts(
-        file=row.file.name,
+        file=f"{row.file.name}[{row.details['trial']}]" if row.trial else row.file.name,
+        remarks=tuple(row.trial.source.remarks) if row.trial else (),
+        padding=padding,
         number_header=table.number_header,
         decimal_comma=table.decimal_comma,
         rate_hz=info.rate_hz,

@@ -1,0 +1,157 @@
+"""Rows of an import table that stand for many trials each, and what each of these trials is.
+
+Knows nothing about how files are read (stacks.py, trial_runs.py) or recordings are written.
+
+Background of our choices: docs/decisions/0011.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from taxel.errors import BadTable
+from taxel.foreign.array_files import NAMED_ENDINGS
+from taxel.plain_text import visible
+from taxel.recordings.stacks import ArrayTrials, StackWords
+from taxel.recordings.table_columns import npy_shape
+from taxel.recordings.table_files import file_of
+from taxel.recordings.table_form import TEXT_ENDINGS
+from taxel.recordings.trial_runs import TextTrials
+from taxel.recordings.trial_sets import (
+    FROM,
+    Reference,
+    Trial,
+    TrialSet,
+    safe_names,
+    values_beside,
+)
+
+
+@dataclass(frozen=True, slots=True)
+class OneOfMany:
+    """What one trial of a row is."""
+
+    trial: Trial
+    name: str
+    """What sets it apart from the row's other trials, fit for a file's name."""
+    values: Mapping[str, str]
+    """Column of the import table → the trial's own value."""
+
+
+def holds_many(file: Path, named: Mapping[str, str]) -> bool:
+    """Return whether a row stands for many trials: by its file's ending, shape or column trials.
+
+    Args:
+        file: The row's file.
+        named: Column → the row's cell.
+
+    Raises:
+        BadTable: A .npy file has no head.
+    """
+    if named.get("layout", "") not in ("", "csv"):
+        return False
+    ending = file.name.lower()
+    if ending.endswith(NAMED_ENDINGS) or named.get("trials") or named.get("axes"):
+        return True
+    return ending.endswith(".npy") and file.is_file() and len(npy_shape(file)) > 2
+
+
+def trials_of(
+    file: Path, named: Mapping[str, str], data_dir: Path, where: str, *, outside: bool
+) -> tuple[TrialSet, list[OneOfMany]]:
+    """Return the trials of a row, each with its own values of the columns that begin with `from:`.
+
+    Args:
+        file: The row's file.
+        named: Column → the row's cell.
+        data_dir: What files are relative to.
+        where: Table and line, for messages.
+        outside: Also files that lie outside of that folder.
+
+    Raises:
+        BadTable: The file is not there, or is not what the row says.
+    """
+    if not file.is_file():
+        raise BadTable("a file to import", f"{file}, which is not there", "check the path")
+    wanted = {name: ref for name, cell in named.items()
+              if _may_refer(name) and (ref := Reference.of(cell))}  # fmt: skip
+    beside = {
+        name: values_beside(file_of(ref.file, data_dir, where, outside=outside), ref.name)
+        for name, ref in wanted.items()
+        if ref.file
+    }
+    own = list(dict.fromkeys(ref.name for ref in wanted.values() if not ref.file))
+    source = _opened(file, named, own, [len(texts) for texts in beside.values()], where)
+    try:
+        values = {name: beside.get(name) or source.texts(ref.name) for name, ref in wanted.items()}
+        count = len(source.keys)
+        for name, texts in values.items():
+            if len(texts) not in (1, count):
+                raise BadTable(
+                    f"a value for each of {count} trials",
+                    f"{len(texts)} by {visible(named[name])} in {where}",
+                    "name another array, or correct the column 'axes'",
+                )
+        _cut(source, values.pop("length", None), named, where)
+    finally:
+        source.close()
+    names = safe_names(source.keys)
+    return source, [
+        OneOfMany(Trial(source, index), names[index],
+                  {name: texts[index if len(texts) > 1 else 0] for name, texts in values.items()})
+        for index in range(count)
+    ]  # fmt: skip
+
+
+def refuse_words_of_many(named: Mapping[str, str], where: str) -> None:
+    """Refuse what only rows of many trials may say in a row of one.
+
+    Raises:
+        BadTable: Such a cell is filled in.
+    """
+    for name, cell in named.items():
+        refers = _may_refer(name) and cell.startswith(FROM)
+        if cell and (refers or name in ("trials", "axes", "length")):
+            raise BadTable(
+                f"the column '{name}' without {cell!r} for a file of one trial",
+                f"it in {where}",
+                "write a value itself, or leave it empty; in a text with many trials, name the "
+                "column that tells them apart in the column 'trials'",
+            )
+
+
+def _may_refer(name: str) -> bool:
+    return name == "length" or name.startswith(("label:", "group:"))
+
+
+def _opened(
+    file: Path, named: Mapping[str, str], own: Sequence[str], counts: Sequence[int], where: str
+) -> TrialSet:
+    trials, channels = named.get("trials", ""), named.get("channels", "")
+    time = named.get("time", "")
+    if file.name.lower().endswith(TEXT_ENDINGS):
+        if named.get("axes"):
+            raise BadTable("'axes' for a file of arrays", f"a text in {where}", "leave it empty")
+        return TextTrials(file, trials, channels, time, own, where)
+    words = StackWords(trials=trials, axes=named.get("axes", ""), channels=channels, time=time)
+    return ArrayTrials(file, words, own, counts, where)
+
+
+def _cut(
+    source: TrialSet, lengths: Sequence[str] | None, named: Mapping[str, str], where: str
+) -> None:
+    """Take only so many rows of each trial as the column `length` says, if it says so."""
+    if lengths is None:
+        if named.get("length"):
+            raise BadTable(
+                "from:NAME in the column 'length'", f"{named['length']!r} in {where}",
+                "name the array that holds each trial's number of rows",
+            )  # fmt: skip
+        return
+    if not isinstance(source, ArrayTrials):
+        raise BadTable("'length' for a file of arrays", f"a text in {where}", "leave it empty")
+    rows = [int(text) if text.isdecimal() and len(text) < 10 else 0 for text in lengths]
+    count = len(source.keys)
+    source.cut_to(rows if len(rows) == count else rows * count)
