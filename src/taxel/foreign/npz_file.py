@@ -77,6 +77,7 @@ class NpzFile:
     """A .npz file, as np.savez and np.savez_compressed write it."""
 
     def __init__(self, path: Path) -> None:
+        self._whole: set[str] = set()
         self._kept: tuple[zipfile.ZipInfo, NDArray[Any]] | None = None
         self._file = open_file(path)
         try:
@@ -114,7 +115,11 @@ class NpzFile:
             if info.flag_bits & 1:
                 raise BadFile("arrays that anybody can read", "an encrypted one", "write it again")
             if info.compress_type == zipfile.ZIP_STORED and info.file_size == info.compress_size:
-                return _held(self._file, _start_of(self._file, info), info.file_size)
+                start = _start_of(self._file, info)
+                if name not in self._whole:
+                    _check_sum(self._file, start, info)
+                    self._whole.add(name)
+                return _held(self._file, start, info.file_size)
             return self._unpacked(name, info)
         except BadFile as error:
             raise BadFile(error.needed, f"{name}: {error.got}", error.mend) from error
@@ -188,6 +193,16 @@ def _start_of(file: BinaryIO, info: zipfile.ZipInfo) -> int:
     if head[0] != b"PK\3\4" or start + info.file_size > size_of(file):
         raise BadFile("a whole .npz file", "a member that is cut short", "copy it again")
     return start
+
+
+def _check_sum(file: BinaryIO, start: int, info: zipfile.ZipInfo) -> None:
+    """Refuse a member that is not what its check sum says, read block by block."""
+    file.seek(start)
+    left, found = info.file_size, 0
+    while left and (block := file.read(min(left, MIB))):
+        found, left = zlib.crc32(block, found), left - len(block)
+    if found != info.CRC or left:
+        raise BadFile("a whole .npz file", "an array whose check sum fails", "copy it again")
 
 
 def _held(file: BinaryIO, at: int, size: int) -> Held:

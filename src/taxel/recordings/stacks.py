@@ -162,7 +162,8 @@ class ArrayTrials:
         cells = self._trial(index)
         if self._lengths is not None:
             cells = cells[: self._lengths[index]]
-        values = np.asarray(cells[:, self._places], np.float64)
+        with np.errstate(invalid="ignore"):  # a NaN may be one that signals
+            values = np.asarray(cells[:, self._places], np.float64)
         rows = len(values) if missing == "keep" else _without_nan(values)
         padding, values = len(values) - rows, values[:rows]
         if not rows:

@@ -1,0 +1,344 @@
+"""Claims about files of many trials: each value arrives in its own trial, row and channel."""
+
+import re
+
+import h5py
+import numpy as np
+import pytest
+from array_writers import FORMS, write_hdf5, write_mat5, write_mat73
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from taxel.errors import BadTable
+from taxel.recordings.import_notes import notes_of
+from taxel.recordings.importing import ImportOptions, import_table
+from taxel.recordings.reader import list_recordings, read_recording
+
+HEADER = "file,trials,axes,label:object,group:session,channels,time\n"
+X = np.random.default_rng(0).normal(size=(6, 9, 3)).astype(np.float32)
+OBJECTS = np.array(["cup", "ball"] * 3)
+SESSIONS = np.repeat([1, 2, 3], 2)
+OWN = "a[N] b[N] c[V]"
+
+
+def bring(folder, row, *, header=HEADER, missing="refuse", notes=None):
+    """Import a table of one row, or several, and read what was made."""
+    (folder / "table.csv").write_text(header + row + "\n", encoding="utf-8")
+    facts = []
+    made = import_table(
+        folder / "table.csv", folder / "out", on_file=facts.append,
+        options=ImportOptions(missing=missing, overwrite=True),
+    )  # fmt: skip
+    assert sorted(made) == list_recordings(folder / "out")
+    if notes is not None:
+        notes.extend(notes_of(facts))
+    return [read_recording(path) for path in made]
+
+
+def refusal(folder, row, header=HEADER) -> str:
+    """Return the one line of an import that must be refused, and leave nothing."""
+    before = sorted(path.name for path in folder.iterdir())
+    (folder / "table.csv").write_text(header + row + "\n", encoding="utf-8")
+    with pytest.raises(BadTable) as caught:
+        import_table(folder / "table.csv", folder / "out")
+    assert sorted({*before, "table.csv"}) == sorted(path.name for path in folder.iterdir())
+    assert "\n" not in str(caught.value)
+    return str(caught.value)
+
+
+@pytest.mark.parametrize("form", FORMS)
+def test_a_stack_becomes_a_recording_a_trial(tmp_path, form):
+    """Values, times, labels, groups and names; its axes are found by labels and channels."""
+    ending, write = FORMS[form]
+    write(tmp_path / f"touch{ending}", {"X": X, "y": OBJECTS, "day": SESSIONS})
+    notes: list[str] = []
+    row = f"touch{ending},X,,from:y,from:day,{OWN},rate:50Hz"
+    made = bring(tmp_path, row, notes=notes)
+    assert [path.name for path in list_recordings(tmp_path / "out")] == [
+        f"touch-{number}.mcap" for number in range(1, 7)
+    ]
+    for number, recording in enumerate(made):
+        np.testing.assert_array_equal(recording.samples.values, X[number])
+        np.testing.assert_allclose(recording.samples.fitted_s, np.arange(9) / 50)
+        assert recording.manifest.labels == {"object": OBJECTS[number]}
+        assert recording.manifest.groups == {
+            "session": str(SESSIONS[number]), "file": f"touch{ending}:X[{number + 1}]",
+        }  # fmt: skip
+        assert recording.manifest.sensor.channels == ("a", "b", "c")
+        assert recording.manifest.sensor.units == ("N", "N", "V")
+    assert notes == [
+        f"X in touch{ending}, 6 × 9 × 3, was read as 'trials rows channels': 6 trials of 9 scans "
+        "of 3 channels"
+    ]
+
+
+def test_a_npy_stack_takes_its_labels_from_files_beside_it(tmp_path):
+    """Another .npy, a column of a table, an array of another file: each has a value a trial."""
+    np.save(tmp_path / "X.npy", X)
+    np.save(tmp_path / "y.npy", OBJECTS)
+    lines = "\n".join(f"{n},{day}" for n, day in enumerate(SESSIONS))
+    (tmp_path / "days.csv").write_text(f"n,day\n{lines}\n")
+    made = bring(tmp_path, f"X.npy,,,from:y.npy,from:days.csv:day,{OWN},rate:50Hz")
+    assert [one.manifest.labels["object"] for one in made] == OBJECTS.tolist()
+    assert [one.manifest.groups["session"] for one in made] == list("112233")
+    assert "lies outside" in refusal(tmp_path, f"X.npy,,,from:../y.npy,1,{OWN},rate:50Hz")
+    row = f"X.npy,,,from:y.npy,from:days.csv:hour,{OWN},rate:50Hz"
+    assert "one column 'hour'" in refusal(tmp_path, row)
+
+
+KINDS = ["<f4", "<f8", ">f4", "<i2", ">u2", "u1", "?", "<f2"]
+
+
+@settings(deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(data=st.data())
+def test_every_value_arrives_bit_for_bit_from_every_form_and_order_of_axes(tmp_path, data):
+    """Whatever the kind of number, the order in memory, a grid or not, and which file."""
+    form = data.draw(st.sampled_from([*FORMS, "npy"]))
+    grid = data.draw(st.booleans())
+    words = ["trials", "rows", *(["height", "width"] if grid else ["channels"])]
+    sides = [data.draw(st.integers(1, 4)) for _ in words]
+    kind = data.draw(st.sampled_from(KINDS))
+    if form.endswith("MATLAB 5") and kind in (">f4", ">u2", "<f2"):
+        kind = "<f8"
+    seed = data.draw(st.integers(0, 99))
+    stack = np.random.default_rng(seed).normal(scale=50, size=sides).astype(kind)
+    turned = data.draw(st.permutations(range(len(words))))
+    array = stack.transpose(turned)
+    if data.draw(st.booleans()):
+        array = np.ascontiguousarray(array)
+    axes = " ".join(words[axis] for axis in turned)
+    if "MATLAB" in form:
+        array = array.reshape(array.shape)  # MATLAB leaves out a last side of 1 itself
+    ending, write = (".npy", None) if form == "npy" else FORMS[form]
+    if write is None:
+        np.save(tmp_path / "a.npy", array)
+    else:
+        write(tmp_path / f"a{ending}", {"X": array})
+    name = "" if write is None else "X"
+    made = bring(tmp_path, f"a{ending},{name},{axes},thing,1,*[N],rate:50Hz")
+    expected = stack.reshape(sides[0], sides[1], -1).astype(np.float32)
+    assert len(made) == sides[0]
+    for recording, values in zip(made, expected, strict=True):
+        np.testing.assert_array_equal(recording.samples.values, values)
+    (tmp_path / f"a{ending}").unlink()
+    for path in list_recordings(tmp_path / "out"):
+        path.unlink()
+    (tmp_path / "out").rmdir()
+
+
+def test_a_grid_of_taxels_is_named_by_row_and_column(tmp_path):
+    """All of them, or some by name."""
+    np.save(tmp_path / "a.npy", np.arange(2 * 5 * 2 * 3, dtype="i2").reshape(2, 5, 2, 3))
+    first, _ = bring(tmp_path, "a.npy,,trials rows height width,x,1,*[count],rate:50Hz")
+    assert first.manifest.sensor.channels == ("r1c1", "r1c2", "r1c3", "r2c1", "r2c2", "r2c3")
+    np.testing.assert_array_equal(first.samples.values[1], [6, 7, 8, 9, 10, 11])
+    first, _ = bring(tmp_path, "a.npy,,trials rows height width,x,1,r2c1[count],rate:50Hz")
+    np.testing.assert_array_equal(first.samples.values[:, 0], [3, 9, 15, 21, 27])
+    assert "r1c1 to r2c3" in refusal(
+        tmp_path, "a.npy,,trials rows height width,x,1,r3c1[count],rate:50Hz"
+    )
+
+
+def test_cells_and_arrays_that_are_called_alike_are_trials_of_their_own_length(tmp_path):
+    """MATLAB's cells, np.savez(path, *trials), and a group of HDF5 for each trial."""
+    trials = [X[0], X[1, :4], X[2, :7]]
+    cells = np.empty(3, object)
+    cells[:] = trials
+    write_mat5(tmp_path / "five.mat", {"X": cells, "y": OBJECTS[:3]})
+    write_mat73(tmp_path / "seven.mat", {"X": trials, "y": OBJECTS[:3]})
+    np.savez(tmp_path / "a.npz", *trials, y=OBJECTS[:3])
+    with h5py.File(tmp_path / "a.h5", "w") as file:
+        for number, trial in enumerate(trials, start=9):  # 9, 10, 11: not in the order of letters
+            group = file.create_group(f"demo_{number}")
+            group["force"], group["day"] = trial, number
+            group.attrs["object"] = str(OBJECTS[number - 9])
+    for row, names in (
+        ("five.mat,X,,from:y,1", ["five-1", "five-2", "five-3"]),
+        ("seven.mat,X,,from:y,1", ["seven-1", "seven-2", "seven-3"]),
+        ("a.npz,arr_*,,from:y,1", ["a-0", "a-1", "a-2"]),
+        ("a.h5,demo_*/force,,from:demo_*@object,from:demo_*/day", ["a-09", "a-10", "a-11"]),
+    ):
+        made = bring(tmp_path, f"{row},*[N],rate:50Hz")
+        assert [path.stem for path in list_recordings(tmp_path / "out")] == names
+        assert [one.manifest.labels["object"] for one in made] == ["cup", "ball", "cup"]
+        for recording, trial in zip(made, trials, strict=True):
+            np.testing.assert_array_equal(recording.samples.values, trial)
+        for path in list_recordings(tmp_path / "out"):
+            path.unlink()
+
+
+def test_rows_of_nan_at_the_end_are_padding(tmp_path):
+    """Cut, with a note; kept with --missing keep; NaN further up is refused as ever."""
+    padded = X.copy()
+    padded[1, 5:] = np.nan
+    padded[2, 8:] = np.nan
+    np.savez(tmp_path / "a.npz", X=padded, y=OBJECTS)
+    row = f"a.npz,X,,from:y,1,{OWN},rate:50Hz"
+    notes: list[str] = []
+    made = bring(tmp_path, row, notes=notes)
+    assert [len(one.samples.values) for one in made] == [9, 5, 8, 9, 9, 9]
+    assert notes[1] == (
+        "2 of 6 trials end before their array does: rows of NaN at the end were taken as padding "
+        "and cut, at most 4 (a.npz[2]); --missing keep keeps them"
+    )
+    kept = bring(tmp_path, row, missing="keep")
+    assert [len(one.samples.values) for one in kept] == [9] * 6
+    assert np.isnan(kept[1].samples.values[5:]).all()
+    padded[3, 2, 1] = np.nan
+    np.savez(tmp_path / "a.npz", X=padded, y=OBJECTS)
+    for path in list_recordings(tmp_path / "out"):
+        path.unlink()
+    (tmp_path / "out").rmdir()
+    assert "nan in" in (message := refusal(tmp_path, row))
+    assert "trial 4, line 3, column 'b'" in message
+    padded[:] = np.nan
+    np.savez(tmp_path / "a.npz", X=padded, y=OBJECTS)
+    assert "rows of numbers; got none in" in refusal(tmp_path, row)
+
+
+def test_an_array_of_lengths_cuts_what_is_padded_with_zeros(tmp_path):
+    """One number of rows a trial; more than there are is refused."""
+    header = HEADER.replace("axes,", "axes,length,")
+    lengths = [9, 5, 1, 9, 8, 2]
+    np.savez(tmp_path / "a.npz", X=X, y=OBJECTS, n=lengths)
+    row = f"a.npz,X,,from:n,from:y,1,{OWN},rate:50Hz"
+    made = bring(tmp_path, row, header=header)
+    assert [len(one.samples.values) for one in made] == lengths
+    for path in list_recordings(tmp_path / "out"):
+        path.unlink()
+    (tmp_path / "out").rmdir()
+    np.savez(tmp_path / "a.npz", X=X, y=OBJECTS, n=[10, 5, 1, 9, 8, 2])
+    assert "a length of 1 to 9 rows; got 10 for trial 1" in refusal(tmp_path, row, header)
+    np.savez(tmp_path / "a.npz", X=X, y=OBJECTS, n=[0.5] * 6)
+    assert "a length of 1 to 9 rows; got 0 for trial 1" in refusal(tmp_path, row, header)
+    assert "from:NAME in the column 'length'; got '9'" in refusal(
+        tmp_path, row.replace("from:n", "9"), header
+    )
+
+
+def test_time_is_a_rate_a_channel_or_an_array_of_its_own(tmp_path):
+    """Common to all trials, or one for each; in the unit that the table says."""
+    stamps = np.cumsum(np.full((6, 9), 20.0), axis=1) + np.arange(6)[:, None] * 1000
+    with_time = np.concatenate([stamps[..., None].astype("f4"), X], axis=2)
+    np.savez(tmp_path / "a.npz", X=X, T=with_time, y=OBJECTS, t=stamps, first=stamps[0])
+    for time, expected in (("from:t[ms]", stamps), ("from:first[ms]", stamps[[0] * 6])):
+        made = bring(tmp_path, f"a.npz,X,,from:y,1,{OWN},{time}")
+        for recording, own in zip(made, expected, strict=True):
+            np.testing.assert_allclose(recording.samples.fitted_s, own / 1000)
+    for channels in (OWN, "2[N] 3[N] 4[V]", "*[N]"):
+        made = bring(tmp_path, f"a.npz,T,trials rows channels,from:y,1,{channels},1[ms]")
+        np.testing.assert_allclose(made[3].samples.fitted_s, stamps[3] / 1000)
+        np.testing.assert_array_equal(made[3].samples.values, X[3])
+    for path in list_recordings(tmp_path / "out"):
+        path.unlink()
+    (tmp_path / "out").rmdir()
+    assert "a time for each of 9 rows" in refusal(tmp_path, f"a.npz,X,,from:y,1,{OWN},from:y[ms]")
+    np.savez(tmp_path / "a.npz", X=X, y=OBJECTS, t=np.zeros((6, 9)))
+    assert "times that increase" in refusal(tmp_path, f"a.npz,X,,from:y,1,{OWN},from:t[ms]")
+
+
+@pytest.mark.parametrize(
+    ("labels", "expected"),
+    [
+        (np.array([3.0, 1.0, 2.0, 3.0, 1.0, 2.0]), list("312312")),
+        (np.array([0.5, 1.0, 2.5, 0.1, 1, 2], "f4"), ["0.5", "1", "2.5", "0.1", "1", "2"]),
+        (np.array([True, False] * 3), ["true", "false"] * 3),
+        (np.array([[1, 0], [0, 1]] * 3), list("010101")),
+        (np.array([7, 8, 9, 7, 8, 9])[:, None], list("789789")),
+        (np.array([b"cup ", b"ball"] * 3), ["cup", "ball"] * 3),
+        (np.array(["one"]), ["one"] * 6),
+    ],
+)
+def test_labels_are_texts_whole_numbers_or_one_hot_rows(tmp_path, labels, expected):
+    """A label is text in taxel; a single one holds for all trials."""
+    np.savez(tmp_path / "a.npz", X=X, y=labels)
+    notes: list[str] = []
+    made = bring(tmp_path, f"a.npz,X,trials rows channels,from:y,1,{OWN},rate:50Hz", notes=notes)
+    assert [one.manifest.labels["object"] for one in made] == expected
+    assert ("one-hot" in str(notes)) == (labels.ndim == 2 and labels.shape[1] == 2)
+
+
+@pytest.mark.parametrize(
+    ("labels", "words"),
+    [
+        (np.zeros((6, 9)), "one value for each trial, or a one-hot row; got y in .*: 6 × 9"),
+        (np.zeros((6, 9, 2)), "one value for each trial"),
+        (np.array([1.0, np.nan] * 3), "a value for each trial; got nan"),
+        (np.array(["a", "", "b", "c", "d", "e"]), "nothing for trial 2 in y"),
+        (np.arange(5), "a value for each of 6 trials; got 5 by from:y"),
+    ],
+)
+def test_what_is_no_label_a_trial_is_refused(tmp_path, labels, words):
+    """In one line, and nothing is written."""
+    np.savez(tmp_path / "a.npz", X=X, y=labels)
+    message = refusal(tmp_path, f"a.npz,X,trials rows channels,from:y,1,{OWN},rate:50Hz")
+    assert re.search(words, message)
+
+
+def test_a_split_of_the_authors_becomes_a_group(tmp_path):
+    """A row of the table for each part; recordings are called by the array."""
+    np.savez(tmp_path / "a.npz", X_train=X[:4], y_train=OBJECTS[:4], X_test=X[4:],
+             y_test=OBJECTS[4:])  # fmt: skip
+    header = HEADER.replace("session", "split")
+    rows = "\n".join(f"a.npz,X_{part},,from:y_{part},{part},{OWN},rate:50Hz"
+                     for part in ("train", "test"))  # fmt: skip
+    made = bring(tmp_path, rows, header=header)
+    assert [path.stem for path in list_recordings(tmp_path / "out")] == [
+        "a-X_test-1", "a-X_test-2", *(f"a-X_train-{number}" for number in range(1, 5)),
+    ]  # fmt: skip
+    assert sorted(one.manifest.groups["split"] for one in made) == ["test"] * 2 + ["train"] * 4
+
+
+@pytest.mark.parametrize(
+    ("row", "words"),
+    [
+        ("gone.npz,X,,from:y,1,*[N],rate:50Hz", "gone.npz, which is not there"),
+        ("a.npz,Z,,from:y,1,*[N],rate:50Hz", "the name of an array; got 'Z', where .*X .6 × 9 × 3"),
+        ("a.npz,,,from:y,1,*[N],rate:50Hz", "array of trials; got none .*holds X .*, W .6 × 9 × 3"),
+        ("a.npz,X,,from:q,1,*[N],rate:50Hz", "the name of an array; got 'q'"),
+        ("a.npz,X,,from:y,1,*[N],rate:50Hz", "'trials rows channels' .* or 'trials channels rows'"),
+        ("a.npz,X,trials rows,from:y,1,*[N],rate:50Hz", "as many axes as X in"),
+        ("a.npz,X,trials channels rows,from:y,1,a[N] b[N] c[N],rate:50Hz", "1 to 9, or 9 names"),
+        ("a.npz,X,,from:y,1,a[N] b[N],rate:50Hz", "6 × 9 × 3, with labels of 6 trials and 2 chan"),
+        ("a.npz,X,rows channels trials,from:y,1,*[N],rate:50Hz", "a value for each of 3 trials"),
+        ("a.npz,y,,from:y,1,*[N],rate:50Hz", "real numbers in y; got 6 texts"),
+        ("a.npz,C,trials rows channels,from:y,1,*[N],rate:50Hz", "complex64.*the amplitude"),
+        ("a.npz,n*,,from:y,1,*[N],rate:50Hz", "between 1 and 100,000 arrays n.; got 0"),
+        ("a.npz,X,,from:y,1,a[N] b[N] c[N],", "rate:100Hz"),
+        ("a.npz,X,,from:y,1,,rate:50Hz", "at least one channel"),
+        ("plain.csv,,,from:y,1,a[N],rate:50Hz", "'label:object' without 'from:y'"),
+        ("plain.npy,,,from:y,1,1[N],rate:50Hz", "for a file of one trial"),
+        ("obj.npz,X,,x,1,*[N],rate:50Hz", "only pickle could read"),
+    ],
+)  # fmt: skip
+def test_a_row_that_does_not_fit_its_file_is_refused(tmp_path, row, words):
+    """One plain line, no output."""
+    np.savez(tmp_path / "a.npz", X=X, W=X, y=OBJECTS, C=X * 1j)
+    np.savez(tmp_path / "obj.npz", X=np.array([X[0], None], object))
+    np.save(tmp_path / "plain.npy", X[0])
+    (tmp_path / "plain.csv").write_text("a,b\n1,2\n")
+    assert re.search(words, refusal(tmp_path, row))
+
+
+def test_a_stack_of_plain_arrays_needs_no_word_of_its_own(tmp_path):
+    """Tables of before, of arrays (rows, columns), mean what they meant."""
+    np.save(tmp_path / "a.npy", X[0])
+    header = "file,label:object,channels,time\n"
+    (made,) = bring(tmp_path, "a.npy,cup,1[N] 3[N],rate:50Hz", header=header)
+    np.testing.assert_array_equal(made.samples.values, X[0][:, [0, 2]])
+    assert made.manifest.groups == {"file": "a.npy"}
+    (made,) = bring(tmp_path, "a.npy,cup,*[N],rate:50Hz", header=header)
+    np.testing.assert_array_equal(made.samples.values, X[0])
+    assert made.manifest.sensor.channels == ("1", "2", "3")
+
+
+def test_a_large_stack_is_read_in_blocks(tmp_path, monkeypatch):
+    """Trials of a block come from one read, whichever axis they lie on."""
+    monkeypatch.setattr("taxel.recordings.stacks._BLOCK_BYTES", 2 * 9 * 3 * 4)
+    write_hdf5(tmp_path / "a.h5", {"X": X, "Y": X.transpose(1, 2, 0), "y": OBJECTS})
+    for row in ("a.h5,X,trials rows channels", "a.h5,Y,rows channels trials"):
+        made = bring(tmp_path, f"{row},from:y,1,*[N],rate:50Hz")
+        for recording, trial in zip(made, X, strict=True):
+            np.testing.assert_array_equal(recording.samples.values, trial)
+        for path in list_recordings(tmp_path / "out"):
+            path.unlink()
