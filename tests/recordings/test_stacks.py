@@ -14,6 +14,13 @@ from taxel.recordings.import_notes import notes_of
 from taxel.recordings.importing import ImportOptions, import_table
 from taxel.recordings.reader import list_recordings, read_recording
 
+
+@pytest.fixture(autouse=True)
+def untried(monkeypatch):
+    """Leave out the process that reads HDF5 first: 0.3 s a file, and tested by itself."""
+    monkeypatch.setattr("taxel.foreign.hdf5_file.try_hdf5", lambda path: None)
+
+
 HEADER = "file,trials,axes,label:object,group:session,channels,time\n"
 X = np.random.default_rng(0).normal(size=(6, 9, 3)).astype(np.float32)
 OBJECTS = np.array(["cup", "ball"] * 3)

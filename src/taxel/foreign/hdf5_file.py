@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 
 from taxel.errors import BadFile, MissingExtra
 from taxel.foreign.files import MIB, open_file, refuse_larger, size_of
+from taxel.foreign.hdf5_trial import try_hdf5
 from taxel.foreign.held_arrays import (
     LONGEST_TEXT,
     MOST_NAMES,
@@ -68,6 +69,7 @@ class Hdf5File:
             import h5py
         except ModuleNotFoundError as error:
             raise MissingExtra("h5py", "hdf5", "HDF5 and MATLAB 7.3 files") from error
+        try_hdf5(path)
         self._h5, self._matlab = h5py, matlab
         try:
             self._file = h5py.File(path, "r", locking=False)
