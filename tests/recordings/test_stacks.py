@@ -349,3 +349,42 @@ def test_a_large_stack_is_read_in_blocks(tmp_path, monkeypatch):
             np.testing.assert_array_equal(recording.samples.values, trial)
         for path in list_recordings(tmp_path / "out"):
             path.unlink()
+
+
+def test_a_file_of_arrays_for_each_trial_is_called_by_the_file(tmp_path):
+    """Its label may be an array of it; of many files only the first ways of reading are said."""
+    for number, trial in enumerate(X):
+        write_mat5(tmp_path / f"grasp{number}.mat", {"data": trial, "object": OBJECTS[number]})
+    rows = "\n".join(
+        f"grasp{n}.mat,data,rows channels,from:object,1,*[N],rate:50Hz" for n in range(6)
+    )
+    notes: list[str] = []
+    made = bring(tmp_path, rows, notes=notes)
+    assert [path.stem for path in list_recordings(tmp_path / "out")] == [
+        f"grasp{number}" for number in range(6)
+    ]
+    assert [one.manifest.labels["object"] for one in made] == OBJECTS.tolist()
+    assert [one.manifest.groups["file"] for one in made] == [f"grasp{n}.mat" for n in range(6)]
+    assert notes == [
+        *(f"data in grasp{number}.mat was read as 1 trial of 'rows channels': 9 scans of 3 channels"
+          for number in range(4)),
+        "2 more files or arrays were read likewise",
+    ]  # fmt: skip
+    for recording, trial in zip(made, X, strict=True):
+        np.testing.assert_array_equal(recording.samples.values, trial)
+
+
+def test_intervals_may_name_a_trial(tmp_path):
+    """By its recording's name."""
+    np.savez(tmp_path / "a.npz", X=X, y=OBJECTS)
+    (tmp_path / "table.csv").write_text(HEADER + f"a.npz,X,,from:y,1,{OWN},rate:50Hz\n")
+    (tmp_path / "iv.csv").write_text("file,start_s,end_s,label:phase\na-2,0.02,0.1,lift\n")
+    made = import_table(tmp_path / "table.csv", tmp_path / "out", intervals=tmp_path / "iv.csv")
+    assert [len(read_recording(path).marks) for path in made] == [0, 1, 0, 0, 0, 0]
+
+
+def test_rows_of_one_array_twice_are_refused(tmp_path):
+    """The same trials would be in two recordings."""
+    np.savez(tmp_path / "a.npz", X=X, y=OBJECTS)
+    row = f"a.npz,X,,from:y,1,{OWN},rate:50Hz"
+    assert "each file in one row" in refusal(tmp_path, f"{row}\n{row}")

@@ -24,13 +24,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taxel.errors import BadFile
+from taxel.foreign.archives import LARGEST_ARRAYS
 from taxel.foreign.files import MIB, in_words, open_file, refuse_larger, size_of
 from taxel.foreign.held_arrays import MOST_NAMES, Cells, Held, Numbers, Texts
 from taxel.foreign.npz_file import plain_text_of
 
-LARGEST_MAT = 2048 * MIB
-"""Bytes of a file, and of all that its variables unpack to. The format allows no larger
-variable."""
+LARGEST_MAT = LARGEST_ARRAYS
+"""Bytes of a file, and of what a variable unpacks to; the format itself ends at twice as much."""
 HEAD = 128
 """Bytes before the first variable."""
 _MOST_VARIABLES = 4096
@@ -75,7 +75,6 @@ class MatFile:
     def __init__(self, path: Path) -> None:
         self._file = open_file(path)
         self._kept: tuple[str, _Matrix] | None = None
-        self._unpacked = 0
         try:
             size = size_of(self._file)
             refuse_larger(path, size, LARGEST_MAT)

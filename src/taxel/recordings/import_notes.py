@@ -21,6 +21,9 @@ SLOW_HZ = 1.0
 slow, and touch is sampled faster. Source: our
 choice, docs/decisions/0004."""
 
+MOST_REMARKS = 5
+"""Lines on how files of many trials were read. Source: our choice."""
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FileFacts:
@@ -71,7 +74,7 @@ def notes_of(files: Sequence[FileFacts]) -> list[str]:
     """Return a line for each matter, however many files it is found in."""
     slow = [facts for facts in files if facts.time and 0 < facts.rate_hz < SLOW_HZ]
     return [
-        *dict.fromkeys(remark for facts in files for remark in facts.remarks),
+        *_remarks(list(dict.fromkeys(remark for facts in files for remark in facts.remarks))),
         *_paddings([facts for facts in files if facts.padding], len(files)),
         *_number_headers([facts for facts in files if facts.number_header]),
         *_decimal_commas([facts for facts in files if facts.decimal_comma]),
@@ -87,6 +90,14 @@ def _number_headers(files: Sequence[FileFacts]) -> list[str]:
         f"{_some(files)}: line 1 ({files[0].number_header}) was taken as the columns' names, not "
         "as a scan; if it is a scan, put a line of names above it"
     ]
+
+
+def _remarks(remarks: list[str]) -> list[str]:
+    """Return how files of many trials were read; of many files only the first ones."""
+    if len(remarks) <= MOST_REMARKS:
+        return remarks
+    left = len(remarks) - MOST_REMARKS + 1
+    return [*remarks[: MOST_REMARKS - 1], f"{left} more files or arrays were read likewise"]
 
 
 def _paddings(files: Sequence[FileFacts], of: int) -> list[str]:

@@ -215,16 +215,20 @@ def _rows(
     array = re.sub(r"[^A-Za-z0-9_]+", "-", source.what.replace("*", "")).strip("-")
     stem = stem_of(file.name) + (f"-{array}" if array and not alone else "")
     place = f"{named['file']}:{source.what}" if source.what else named["file"]
-    return [
-        replace(
-            _row(file, {**named, **one.values}, where),
-            trial=one.trial,
-            name=f"{stem}-{one.name}",
-            groups=_groups({**named, **one.values}, f"{place}[{one.trial.source.keys[index]}]"),
-            details={"trial": one.trial.source.keys[index], "trials": source.what},
+    made = []
+    for one in trials:
+        key, own = source.keys[one.trial.index], {**named, **one.values}
+        only = alone and len(trials) == 1
+        made.append(
+            replace(
+                _row(file, own, where),
+                trial=one.trial,
+                name=stem if only else f"{stem}-{one.name}",
+                groups=_groups(own, named["file"] if only else f"{place}[{key}]"),
+                details={"trial": key, "trials": source.what},
+            )
         )
-        for index, one in enumerate(trials)
-    ]
+    return made
 
 
 def _row(file: Path, named: Mapping[str, str], where: str) -> ImportRow:

@@ -159,7 +159,8 @@ def read_table(
         number_header, decimal_comma = found.number_header, found.decimal_comma
     else:
         raise BadTable(
-            "a .csv, .tsv, .txt or .dat file, packed as .gz or not, or .npy", str(path),
+            "a .csv, .tsv, .txt or .dat file, packed as .gz or not, .npy, .npz, .mat, .h5 or .hdf5",
+            str(path),
             "save it as one of them, or name a function of yours that reads it, as "
             "module.py:function, in the column 'layout'",
         )  # fmt: skip
