@@ -11,9 +11,9 @@ from pathlib import Path
 
 from taxel.errors import BadFile
 from taxel.foreign.files import open_file
-from taxel.foreign.hdf5_file import Hdf5File
+from taxel.foreign.hdf5_file import MATLAB_BLOCK, SIGN, Hdf5File
 from taxel.foreign.held_arrays import ArrayFile
-from taxel.foreign.mat_file import HEAD, MatFile
+from taxel.foreign.mat_file import MatFile
 from taxel.foreign.npz_file import NpyFile, NpzFile
 
 NAMED_ENDINGS = (".npz", ".mat", ".h5", ".hdf5")
@@ -38,10 +38,10 @@ def open_arrays(path: Path) -> ArrayFile:
     if ending.endswith((".h5", ".hdf5")):
         return Hdf5File(path)
     with open_file(path) as file:
-        head = file.read(HEAD)
-    if head.startswith(b"MATLAB 7.3"):
+        head = file.read(MATLAB_BLOCK + len(SIGN))
+    if head.endswith(SIGN):
         return Hdf5File(path)
-    if head.startswith(b"MATLAB 5.0") or head[126:128] in (b"IM", b"MI"):
+    if head[126:128] in (b"IM", b"MI"):
         return MatFile(path)
     raise BadFile(
         "a .mat file of MATLAB's version 5 or 7.3", "another kind of file",

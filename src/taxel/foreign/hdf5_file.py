@@ -34,7 +34,9 @@ from taxel.foreign.held_arrays import (
 from taxel.foreign.npz_file import LARGEST_STACK, plain_text_of, texts_of
 
 SIGN = b"\x89HDF\r\n\x1a\n"
-_MATLAB_SIGN = b"MATLAB 7.3"
+MATLAB_BLOCK = 512
+"""Bytes of MATLAB's own before HDF5's first."""
+_MATLAB = b"MATLAB"
 _DEEPEST = 16
 """Groups within groups. Source: our choice."""
 _FILTERS = {1: "deflate", 2: "shuffle", 3: "fletcher32", 4: "szip", 5: "nbit", 6: "scaleoffset",
@@ -43,6 +45,9 @@ _FILTERS = {1: "deflate", 2: "shuffle", 3: "fletcher32", 4: "szip", 5: "nbit", 6
 _LARGEST_CHUNK = 512 * MIB
 """Bytes of a piece, which HDF5 unpacks as a whole. Source: our choice."""
 _TEXTS_AT_ONCE = 64 * MIB
+_CLASSES = ("double", "single", "logical", "char", "int8", "uint8", "int16", "uint16", "int32",
+            "uint32", "int64", "uint64")  # fmt: skip
+"""What MATLAB calls arrays of numbers and letters."""
 _HIDDEN = ("#refs#", "#subsystem#")
 
 
@@ -61,10 +66,8 @@ class Hdf5File:
         with open_file(path) as file:
             self._size = size_of(file)
             refuse_larger(path, self._size, LARGEST_STACK)
-            matlab = file.read(len(_MATLAB_SIGN)) == _MATLAB_SIGN
-            file.seek(512 if matlab else 0)
-            if matlab and file.read(len(SIGN)) != SIGN:
-                raise BadFile("a whole .mat file", "another kind of file", "copy it again")
+            head = file.read(MATLAB_BLOCK + len(SIGN))
+        matlab = head.startswith(_MATLAB) and head.endswith(SIGN)
         try:
             import h5py
         except ModuleNotFoundError as error:
@@ -167,7 +170,10 @@ class Hdf5File:
         self._check(dataset)
         if self._h5.check_string_dtype(dataset.dtype) is not None:
             return self._texts(dataset)
-        if self._matlab and dataset.attrs.get("MATLAB_class") == b"char":
+        if self._matlab and (kind := _class_of(dataset)) not in _CLASSES:
+            raise BadFile("numbers, texts or cells of them", f"MATLAB's {kind}",
+                          "save it as one of them; texts as cellstr(…)")  # fmt: skip
+        if self._matlab and _class_of(dataset) == "char":
             return self._letters(dataset)
         if dataset.attrs.get("MATLAB_empty", 0):
             return Numbers.of(np.zeros(0))
@@ -239,6 +245,14 @@ class Hdf5File:
         if array.dtype.kind not in "biuf":
             raise BadFile("numbers or texts", f"values of the kind {array.dtype}", "write it so")
         return Numbers.of(array)
+
+
+def _class_of(dataset: Any) -> str:
+    """Return what MATLAB calls the kind of an array; of one without a word of it, double."""
+    kind = dataset.attrs.get("MATLAB_class", b"double")
+    if "MATLAB_object_decode" in dataset.attrs or not isinstance(kind, bytes):
+        return "object" if not isinstance(kind, bytes) else f"{kind.decode('latin-1')} object"
+    return kind.decode("latin-1")
 
 
 def _read(dataset: Any, places: tuple[slice, ...]) -> NDArray[Any]:

@@ -34,6 +34,8 @@ LARGEST_MAT = LARGEST_ARRAYS
 HEAD = 128
 """Bytes before the first variable."""
 _MOST_VARIABLES = 4096
+_DEEPEST = 16
+"""Structures within structures that a name may lead through. Source: our choice."""
 _MATRIX, _PACKED = 14, 15
 _STORED = {1: "i1", 2: "u1", 3: "i2", 4: "u2", 5: "i4", 6: "u4", 7: "f4", 9: "f8", 12: "i8",
            13: "u8"}  # fmt: skip
@@ -116,7 +118,7 @@ class MatFile:
             BadFile: It is damaged, or of a kind that is not taken.
         """
         variable, _, field = name.partition(".")
-        if variable not in self._variables:
+        if variable not in self._variables or field.count(".") > _DEEPEST:
             raise KeyError(name)
         try:
             matrix = self._matrix(variable)
@@ -175,6 +177,8 @@ class MatFile:
                     f"variables of at most {in_words(LARGEST_MAT)}", "a larger one",
                     "save it with save(…, '-v7.3')",
                 )  # fmt: skip
+            if not unpacker.eof:  # its check sum stands at the end
+                _no_mat("a variable that is cut short")
             kind, length = self._words(content[:8])
             if kind != _MATRIX or length > len(content) - 8:
                 _no_mat("a variable that is cut short")
@@ -206,13 +210,13 @@ class MatFile:
         kind = word & 0xFF
         if kind == 17:  # an object that only MATLAB reads; its name stands first
             _, name, content = self._part(content)
-            return _Matrix(kind, 0, (), bytes(name).decode("latin-1"), content)
+            return _Matrix(kind, 0, (), _name(name), content)
         _, sides, content = self._part(content)
         shape = tuple(np.frombuffer(sides, f"{self._order}i4").tolist())
         if min(shape, default=-1) < 0 or len(shape) > 16:
             _no_mat(f"a shape of {shape}")
         _, name, content = self._part(content)
-        return _Matrix(kind, word >> 8 & 0xFF, shape, bytes(name).decode("latin-1"), content)
+        return _Matrix(kind, word >> 8 & 0xFF, shape, _name(name), content)
 
     def _held(self, matrix: _Matrix) -> Held:
         if matrix.kind == _CELL:
@@ -281,17 +285,44 @@ class MatFile:
         words = (raw[at : at + length] for at in range(0, len(raw), length))
         return [word.split(b"\0")[0].decode("latin-1") for word in words], rest
 
-    def _field(self, matrix: _Matrix, field: str, name: str) -> Held:
-        """Return a field: as it is of a single structure, as cells of an array of them."""
+    def _field(self, matrix: _Matrix, path: str, name: str) -> Held:
+        """Return a field: as it is of a single structure, as cells of an array of them.
+
+        Args:
+            matrix: The structure.
+            path: Names of fields, each within the one before: trial.force.
+            name: Of all of it, for messages.
+        """
         fields, rest = self._fields(matrix)
+        field, _, inner = path.partition(".")
+        if not field:
+            shown = ", ".join(fields[:8])
+            raise BadFile(
+                "numbers, texts or cells", f"a structure of {shown or 'nothing'}",
+                "name one of its fields, as in data.force",
+            )  # fmt: skip
         if field not in fields:
             raise KeyError(name)
         count = math.prod(matrix.shape) * len(fields)
         as_cells = _Matrix(_CELL, 0, (count,), name, rest)
         items = self._items(as_cells)[fields.index(field) :: len(fields)]
-        if len(items) == 1:
-            return self._held(items[0])
-        return Cells(tuple(self._single(item) for item in items))
+        if len(items) != 1:
+            if inner:
+                raise KeyError(name)
+            return Cells(tuple(self._single(item) for item in items))
+        if items[0].kind == _STRUCT:
+            return self._field(items[0], inner, name)
+        if inner:
+            raise KeyError(name)
+        return self._held(items[0])
+
+
+def _name(letters: memoryview) -> str:
+    raw = bytes(letters)
+    try:
+        return raw.decode("utf-8")
+    except UnicodeDecodeError:
+        return raw.decode("latin-1")
 
 
 _EMPTY = _Matrix(_CHAR, 0, (0,), "", memoryview(b""))
