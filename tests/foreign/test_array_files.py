@@ -26,6 +26,8 @@ def untried(monkeypatch):
     monkeypatch.setattr("taxel.foreign.hdf5_file.try_hdf5", lambda path: None)
 
 
+UNSHARED = [HealthCheck.function_scoped_fixture]
+"""Examples write over one another's file."""
 STACK = np.arange(2 * 3 * 4, dtype=np.float32).reshape(2, 3, 4) / 3
 
 
@@ -296,7 +298,7 @@ def test_a_matrix_that_unpacks_beyond_its_file_is_cut_off(tmp_path, monkeypatch)
     savemat(tmp_path / "a.mat", {"X": np.zeros((64, 64, 8))}, do_compression=True)
     monkeypatch.setattr("taxel.foreign.mat_file.LARGEST_MAT", 100_000)
     with pytest.raises(BadFile, match=r"at most 100,000 bytes.*-v7\.3"):
-        held(tmp_path / "a.mat", "X")
+        values(tmp_path / "a.mat", "X")
 
 
 @pytest.mark.parametrize(
@@ -410,7 +412,7 @@ def test_a_file_that_is_cut_short_is_refused(tmp_path, form):
 
 
 @pytest.mark.parametrize("form", [form for form in FORMS if form not in ("HDF5", "MATLAB 7.3")])
-@settings(suppress_health_check=[HealthCheck.function_scoped_fixture], deadline=None)
+@settings(settings.get_profile("fuzz"), suppress_health_check=UNSHARED)
 @given(data=st.data())
 def test_changed_bytes_give_arrays_or_one_error(tmp_path, form, data):
     """Of the forms that taxel reads by itself; HDF5 is read by its own library."""

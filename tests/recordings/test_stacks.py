@@ -1,6 +1,7 @@
 """Claims about files of many trials: each value arrives in its own trial, row and channel."""
 
 import re
+import shutil
 
 import h5py
 import numpy as np
@@ -8,8 +9,9 @@ import pytest
 from array_writers import FORMS, write_hdf5, write_mat5, write_mat73
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
+from mutations import changed_bytes
 
-from taxel.errors import BadTable
+from taxel.errors import BadInput, BadTable
 from taxel.recordings.import_notes import notes_of
 from taxel.recordings.importing import ImportOptions, import_table
 from taxel.recordings.reader import list_recordings, read_recording
@@ -22,6 +24,8 @@ def untried(monkeypatch):
 
 
 HEADER = "file,trials,axes,label:object,group:session,channels,time\n"
+UNSHARED = [HealthCheck.function_scoped_fixture]
+"""Each example clears away its files itself."""
 X = np.random.default_rng(0).normal(size=(6, 9, 3)).astype(np.float32)
 OBJECTS = np.array(["cup", "ball"] * 3)
 SESSIONS = np.repeat([1, 2, 3], 2)
@@ -96,7 +100,7 @@ def test_a_npy_stack_takes_its_labels_from_files_beside_it(tmp_path):
 KINDS = ["<f4", "<f8", ">f4", "<i2", ">u2", "u1", "?", "<f2"]
 
 
-@settings(deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(settings.get_profile("fuzz"), max_examples=60, suppress_health_check=UNSHARED)
 @given(data=st.data())
 def test_every_value_arrives_bit_for_bit_from_every_form_and_order_of_axes(tmp_path, data):
     """Whatever the kind of number, the order in memory, a grid or not, and which file."""
@@ -221,6 +225,27 @@ def test_an_array_of_lengths_cuts_what_is_padded_with_zeros(tmp_path):
     assert "from:NAME in the column 'length'; got '9'" in refusal(
         tmp_path, row.replace("from:n", "9"), header
     )
+
+
+def test_rows_of_zeros_at_the_end_of_several_trials_bring_a_note(tmp_path):
+    """They may be values, and are kept; not where lengths are given, or one trial rests."""
+    padded = X.copy()
+    padded[1, 5:] = 0
+    np.savez(tmp_path / "a.npz", X=padded, y=OBJECTS, n=[9, 5, 9, 6, 9, 9])
+    row = f"a.npz,X,,from:y,1,{OWN},rate:50Hz"
+    once: list[str] = []
+    bring(tmp_path, row, notes=once)
+    assert len(once) == 1
+    padded[3, 6:] = 0
+    np.savez(tmp_path / "a.npz", X=padded, y=OBJECTS, n=[9, 5, 9, 6, 9, 9])
+    notes: list[str] = []
+    made = bring(tmp_path, row, notes=notes)
+    assert [len(one.samples.values) for one in made] == [9] * 6
+    assert notes[1].startswith("2 of 6 trials end in rows of zeros, at most 4 (a.npz[2]); if these")
+    told: list[str] = []
+    header = HEADER.replace("axes,", "axes,length,")
+    bring(tmp_path, row.replace("X,,", "X,,from:n,"), header=header, notes=told)
+    assert len(told) == 1
 
 
 def test_time_is_a_rate_a_channel_or_an_array_of_its_own(tmp_path):
@@ -388,3 +413,28 @@ def test_rows_of_one_array_twice_are_refused(tmp_path):
     np.savez(tmp_path / "a.npz", X=X, y=OBJECTS)
     row = f"a.npz,X,,from:y,1,{OWN},rate:50Hz"
     assert "each file in one row" in refusal(tmp_path, f"{row}\n{row}")
+
+
+@pytest.mark.parametrize("form", [form for form in FORMS if form not in ("HDF5", "MATLAB 7.3")])
+@settings(settings.get_profile("fuzz"), suppress_health_check=UNSHARED)
+@given(data=st.data())
+def test_a_damaged_file_is_imported_as_a_whole_or_refused_in_one_line(tmp_path, form, data):
+    """Never half, and never with another error."""
+    ending, write = FORMS[form]
+    honest = tmp_path / f"honest{ending}"
+    if not honest.exists():
+        write(honest, {"X": X, "y": OBJECTS, "t": np.arange(9.0), "n": np.full(6, 9)})
+    (tmp_path / f"a{ending}").write_bytes(data.draw(changed_bytes(honest.read_bytes())))
+    header = HEADER.replace("axes,", "axes,length,")
+    row = f"a{ending},X,,from:n,from:y,1,{OWN},from:t[ms]\n"
+    (tmp_path / "table.csv").write_text(header + row)
+    before = sorted(path.name for path in tmp_path.iterdir())
+    message = None
+    try:
+        import_table(tmp_path / "table.csv", tmp_path / "out")
+    except BadInput as error:
+        message = str(error)
+    if message is None:
+        shutil.rmtree(tmp_path / "out")
+    assert "\n" not in (message or "")
+    assert sorted(path.name for path in tmp_path.iterdir()) == before

@@ -16,7 +16,7 @@ from __future__ import annotations
 import math
 import zlib
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, BinaryIO, NoReturn
 
@@ -47,8 +47,8 @@ _CLASSES = {6: "f8", 7: "f4", 8: "i1", 9: "u1", 10: "i2", 11: "u2", 12: "i4", 13
 _OTHERS = {_OBJECT: "an object", _SPARSE: "a sparse array", 16: "a function",
            17: "an object (a string array, a table or a categorical array)"}  # fmt: skip
 _COMPLEX, _LOGICAL = 0x08, 0x02
-_HEAD_BYTES = 4096
-"""Unpacked of a variable to know its name and shape."""
+_HEAD_BYTES = 65_536
+"""Unpacked of a variable to know its name and shape, and 1,000 fields of a structure."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -85,12 +85,14 @@ class MatFile:
             if len(head) < HEAD or not self._order:
                 _no_mat("another kind of file", "save it with save(…, '-v7')")
             self._variables: dict[str, _Variable] = {}
+            self._heads: dict[str, _Matrix] = {}
             self._shown: dict[str, list[str]] = {}
             for variable in self._walk(self._file, size):
-                name, fields = self._peek(variable)
-                if name:
-                    self._variables[name] = variable
-                    self._shown[name] = fields
+                found, fields = self._peek(variable)
+                if found.name:
+                    self._variables[found.name] = variable
+                    self._heads[found.name] = replace(found, rest=memoryview(b""))
+                    self._shown[found.name] = fields
         except BadFile:
             self._file.close()
             raise
@@ -121,6 +123,9 @@ class MatFile:
         if variable not in self._variables or field.count(".") > _DEEPEST:
             raise KeyError(name)
         try:
+            found = self._heads[variable]
+            if found.kind in _CLASSES and not found.flags & _COMPLEX and not field:
+                return Numbers(found.shape, _dtype_of(found), lambda at: self._array(name)[at])
             matrix = self._matrix(variable)
             if matrix.kind == _STRUCT:
                 return self._field(matrix, field, name)
@@ -138,6 +143,15 @@ class MatFile:
         """Close the file."""
         self._file.close()
 
+    def _array(self, name: str) -> NDArray[Any]:
+        """Return a variable of numbers; the last one is kept, for its next piece."""
+        try:
+            return self._numbers(self._matrix(name))
+        except BadFile as error:
+            raise BadFile(error.needed, f"{name}: {error.got}", error.mend) from error
+        except _BROKEN as error:
+            raise _broken(error) from error
+
     def _walk(self, file: BinaryIO, size: int) -> Iterator[_Variable]:
         place = HEAD
         while place + 8 <= size:
@@ -149,8 +163,8 @@ class MatFile:
             yield _Variable(place, length, kind == _PACKED)
             place += length if kind == _PACKED else -(-length // 8) * 8
 
-    def _peek(self, variable: _Variable) -> tuple[str, list[str]]:
-        """Return a variable's name, and its fields if it is a structure."""
+    def _peek(self, variable: _Variable) -> tuple[_Matrix, list[str]]:
+        """Return a variable's head, and the names of its fields if it is a structure."""
         if len(self._variables) > _MOST_VARIABLES:
             raise BadFile(f"at most {_MOST_VARIABLES:,} variables", "more", "split the file")
         self._file.seek(variable.place)
@@ -160,8 +174,7 @@ class MatFile:
         else:
             content = self._file.read(min(variable.size, _HEAD_BYTES))
         matrix = self._head(memoryview(content))
-        fields = self._fields(matrix)[0] if matrix.kind == _STRUCT else []
-        return matrix.name, fields
+        return matrix, self._fields(matrix)[0] if matrix.kind == _STRUCT else []
 
     def _matrix(self, name: str) -> _Matrix:
         if self._kept is not None and self._kept[0] == name:
@@ -242,8 +255,7 @@ class MatFile:
         stored = np.frombuffer(body, f"{self._order}{_STORED[kind]}")
         if stored.size != math.prod(matrix.shape):
             _no_mat(f"a shape of {matrix.shape} with {stored.size:,} numbers")
-        dtype = np.dtype(bool) if matrix.flags & _LOGICAL else np.dtype(_CLASSES[matrix.kind])
-        return stored.astype(dtype, copy=False).reshape(matrix.shape, order="F")
+        return stored.astype(_dtype_of(matrix), copy=False).reshape(matrix.shape, order="F")
 
     def _texts(self, matrix: _Matrix) -> Texts:
         count = math.prod(matrix.shape)
@@ -315,6 +327,10 @@ class MatFile:
         if inner:
             raise KeyError(name)
         return self._held(items[0])
+
+
+def _dtype_of(matrix: _Matrix) -> np.dtype[Any]:
+    return np.dtype(bool) if matrix.flags & _LOGICAL else np.dtype(_CLASSES[matrix.kind])
 
 
 def _name(letters: memoryview) -> str:

@@ -21,6 +21,9 @@ SLOW_HZ = 1.0
 slow, and touch is sampled faster. Source: our
 choice, docs/decisions/0004."""
 
+ZEROS, OFTEN = 3, 0.1
+"""Rows of zeros at a trial's end, and the share of trials that end so, from which on these may be
+padding. Source: our choice."""
 MOST_REMARKS = 5
 """Lines on how files of many trials were read. Source: our choice."""
 
@@ -49,6 +52,8 @@ class FileFacts:
     """How a file of many trials was read, the same for all of its trials."""
     padding: int = 0
     """Rows of NaN at its end, which were cut."""
+    zeros: int = 0
+    """Rows of zeros at its end, which were kept."""
 
 
 def gaps_of(time_s: NDArray[np.float64]) -> tuple[int, float, float]:
@@ -76,6 +81,7 @@ def notes_of(files: Sequence[FileFacts]) -> list[str]:
     return [
         *_remarks(list(dict.fromkeys(remark for facts in files for remark in facts.remarks))),
         *_paddings([facts for facts in files if facts.padding], len(files)),
+        *_zeros([facts for facts in files if facts.zeros >= ZEROS], len(files)),
         *_number_headers([facts for facts in files if facts.number_header]),
         *_decimal_commas([facts for facts in files if facts.decimal_comma]),
         *_slow(sorted(slow, key=lambda facts: facts.rate_hz)),
@@ -107,6 +113,18 @@ def _paddings(files: Sequence[FileFacts], of: int) -> list[str]:
     return [
         f"{len(files)} of {of} trials end before their array does: rows of NaN at the end were "
         f"taken as padding and cut, at most {most.padding} ({most.file}); --missing keep keeps them"
+    ]
+
+
+def _zeros(files: Sequence[FileFacts], of: int) -> list[str]:
+    """Return a line on rows of zeros where enough trials end in them; length would tell classes."""
+    if len(files) < max(2, OFTEN * of):
+        return []
+    most = max(files, key=lambda facts: facts.zeros)
+    return [
+        f"{len(files)} of {of} trials end in rows of zeros, at most {most.zeros} ({most.file}); if "
+        "these are padding, a model may learn from it how long a trial was: name an array of "
+        "lengths in the column 'length'"
     ]
 
 

@@ -29,7 +29,7 @@ from taxel.recordings.spelling import column_name, composed
 from taxel.recordings.table_files import file_of
 from taxel.recordings.table_form import is_number
 from taxel.recordings.tables import Missing, Table
-from taxel.recordings.trial_sets import Trial
+from taxel.recordings.trial_sets import Padding, Trial
 from taxel.recordings.whole import new_folder
 from taxel.recordings.writer import Recorder
 from taxel.signals import Samples, SensorInfo
@@ -301,7 +301,7 @@ def _import_file(
 ) -> FileFacts:
     if not row.file.is_file():
         raise BadTable("a file to import", f"{row.file}, which is not there", "check the path")
-    padding = 0
+    padding = Padding()
     if row.trial is not None:
         table, padding = row.trial.source.table(row.trial.index, options.missing)
     else:
@@ -329,7 +329,8 @@ def _import_file(
     return FileFacts(
         file=f"{row.file.name}[{row.details['trial']}]" if row.trial else row.file.name,
         remarks=tuple(row.trial.source.remarks) if row.trial else (),
-        padding=padding,
+        padding=padding.cut,
+        zeros=padding.zeros,
         number_header=table.number_header,
         decimal_comma=table.decimal_comma,
         rate_hz=info.rate_hz,

@@ -36,7 +36,13 @@ from taxel.recordings.tables import (
     parse_columns,
     parse_time,
 )
-from taxel.recordings.trial_sets import FROM, MOST_TRIALS, OpenedFile, label_texts
+from taxel.recordings.trial_sets import (
+    FROM,
+    MOST_TRIALS,
+    OpenedFile,
+    Padding,
+    label_texts,
+)
 
 _BLOCK_BYTES = 64 * MIB
 """Of trials that are read at once."""
@@ -110,6 +116,11 @@ class ArrayTrials:
         return self._remarks
 
     @property
+    def _may_pad(self) -> bool:
+        """Whether trials had to be filled up: those of a stack, without a column of lengths."""
+        return self._axes.trials is not None and self._lengths is None
+
+    @property
     def _name(self) -> str:
         return visible(self.what) or "the array"
 
@@ -152,8 +163,8 @@ class ArrayTrials:
                 )  # fmt: skip
         self._lengths = list(lengths)
 
-    def table(self, index: int, missing: Missing) -> tuple[Table, int]:
-        """Return one trial's values, and how many rows were padding.
+    def table(self, index: int, missing: Missing) -> tuple[Table, Padding]:
+        """Return one trial's values, and what padding they had.
 
         Raises:
             BadTable: Its values or times are not as they should be.
@@ -165,7 +176,8 @@ class ArrayTrials:
         with np.errstate(invalid="ignore"):  # a NaN may be one that signals
             values = np.asarray(cells[:, self._places], np.float64)
         rows = len(values) if missing == "keep" else _without_nan(values)
-        padding, values = len(values) - rows, values[:rows]
+        padding = Padding(len(values) - rows, _zeros_at_end(values) if self._may_pad else 0)
+        values = values[:rows]
         if not rows:
             raise BadTable(
                 "rows of numbers", f"none in {where}",
@@ -291,18 +303,27 @@ class ArrayTrials:
             name = self._members[index].fill(name)
         held = self._file.get(name)
         shape, rows = self._shape_of(index), self._axes.size(self._shape_of(index), ROWS)
-        if isinstance(held, Numbers) and held.dtype.kind in "biuf":
-            sides = tuple(side for side in held.shape if side != 1)
-            if sides == (rows,) or (rows == 1 and not sides):
-                return np.asarray(held.whole(), np.float64).ravel()
-            words = [word for word in self._axes.words if word in (TRIALS, ROWS)]
-            if len(words) == 2 and held.shape == tuple(self._axes.size(shape, w) for w in words):
-                axis = words.index(TRIALS)
-                return np.asarray(held.part(axis, index, index + 1), np.float64).ravel()
+        words = [word for word in self._axes.words if word in (TRIALS, ROWS)]
+        own = tuple(self._axes.size(shape, word) for word in words)
+        try:
+            if isinstance(held, Numbers) and held.dtype.kind in "biuf":
+                sides = tuple(side for side in held.shape if side != 1)
+                if sides == (rows,) or (rows == 1 and not sides):
+                    return np.asarray(held.whole(), np.float64).ravel()
+                if len(words) == 2 and held.shape == own:
+                    part = held.part(words.index(TRIALS), index, index + 1)
+                    return np.asarray(part, np.float64).ravel()
+        except BadFile as error:
+            raise BadTable(error.needed, f"{self._path}: {error.got}", error.mend) from error
         raise BadTable(
             f"a time for each of {rows} rows, or for each row of each trial",
             f"{held} in {visible(name)} of {self._path}", "correct the column 'time'",
         )  # fmt: skip
+
+
+def _zeros_at_end(values: NDArray[np.float64]) -> int:
+    held = np.flatnonzero(values.any(axis=1))  # NaN is no zero
+    return len(values) - 1 - int(held[-1]) if len(held) else 0
 
 
 def _without_nan(values: NDArray[np.float64]) -> int:

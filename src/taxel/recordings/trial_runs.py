@@ -24,7 +24,7 @@ from taxel.recordings.tables import (
     parse_time,
     read_table,
 )
-from taxel.recordings.trial_sets import MOST_TRIALS
+from taxel.recordings.trial_sets import MOST_TRIALS, Padding
 
 AND = "+"
 """Between the names of columns that say together which trial a row belongs to."""
@@ -87,7 +87,7 @@ class TextTrials:
         place = self._names.index(name)
         return [run.values[place] for run in self._runs]
 
-    def table(self, index: int, missing: Missing) -> tuple[Table, int]:
+    def table(self, index: int, missing: Missing) -> tuple[Table, Padding]:
         """Return one trial's values; a text has no padding.
 
         Raises:
@@ -107,7 +107,7 @@ class TextTrials:
             values=whole.values[run.start : run.stop], time_s=time_s,
             names=whole.names, units=whole.units, decimal_comma=whole.decimal_comma,
         )  # fmt: skip
-        return table, 0
+        return table, Padding()
 
     def close(self) -> None:
         """Forget the values; they are read again where needed."""

@@ -40,8 +40,19 @@ FROM = "from:"
 """What a cell begins with that names where each trial's own value stands."""
 MOST_TRIALS = 100_000
 """Of one row, each of which becomes a file. Source: our choice."""
+_KEPT = 4
 _MOST_NUMBERS = 64 * MOST_TRIALS
 """In an array of labels, which may be one-hot."""
+
+
+@dataclass(frozen=True, slots=True)
+class Padding:
+    """What filled a trial up to the length of its array."""
+
+    cut: int = 0
+    """Rows of NaN at its end, which were cut."""
+    zeros: int = 0
+    """Rows of zeros at its end, which may be padding or values, and were kept."""
 
 
 class TrialSet(Protocol):
@@ -66,8 +77,8 @@ class TrialSet(Protocol):
             BadTable: There is no such array or column, or it has another number of values.
         """
 
-    def table(self, index: int, missing: Missing) -> tuple[Table, int]:
-        """Return one trial's values, and how many rows of padding were cut from its end.
+    def table(self, index: int, missing: Missing) -> tuple[Table, Padding]:
+        """Return one trial's values, and what padding they had.
 
         Raises:
             BadTable: Its values or times are not as they should be.
@@ -115,7 +126,7 @@ class OpenedFile:
     kept: list[ArrayFile]
     """The open one, or none."""
     last: dict[str, Held]
-    """The array that was asked for last."""
+    """Arrays that were asked for last, such as that of the trials and that of their times."""
 
     @staticmethod
     def at(path: Path) -> OpenedFile:
@@ -131,7 +142,8 @@ class OpenedFile:
         try:
             if name not in self.last:
                 held = self.opened().get(name)
-                self.last.clear()
+                if len(self.last) >= _KEPT:
+                    self.last.clear()
                 self.last[name] = held
             return self.last[name]
         except KeyError as error:
@@ -228,7 +240,10 @@ def label_texts(held: Held, what: str) -> tuple[list[str], bool]:
     shape = tuple(side for side in held.shape if side != 1)
     if len(shape) > 2 or math.prod(shape) > _MOST_NUMBERS or held.dtype.kind not in "biuf":
         raise _one_each(what, str(held))
-    array = held.whole().reshape(shape)
+    try:
+        array = held.whole().reshape(shape)
+    except BadFile as error:
+        raise BadTable(error.needed, f"{what}: {error.got}", error.mend) from error
     if array.ndim < 2:
         return _filled([_number_text(value, what) for value in array.ravel()], what), False
     if not (np.isin(array, (0, 1)).all() and (array.sum(axis=1) == 1).all()):
