@@ -1,20 +1,14 @@
 """Claims about files of many trials: each value arrives in its own trial, row and channel."""
 
-import re
-import shutil
-
 import h5py
 import numpy as np
 import pytest
 from array_writers import FORMS, write_hdf5, write_mat5, write_mat73
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
-from mutations import changed_bytes
+from stack_imports import HEADER, OBJECTS, OWN, SESSIONS, X, bring, refusal
 
-from taxel.errors import BadInput, BadTable
-from taxel.recordings.import_notes import notes_of
-from taxel.recordings.importing import ImportOptions, import_table
-from taxel.recordings.reader import list_recordings, read_recording
+from taxel.recordings.reader import list_recordings
 
 
 @pytest.fixture(autouse=True)
@@ -23,38 +17,8 @@ def untried(monkeypatch):
     monkeypatch.setattr("taxel.foreign.hdf5_file.try_hdf5", lambda path: None)
 
 
-HEADER = "file,trials,axes,label:object,group:session,channels,time\n"
 UNSHARED = [HealthCheck.function_scoped_fixture]
 """Each example clears away its files itself."""
-X = np.random.default_rng(0).normal(size=(6, 9, 3)).astype(np.float32)
-OBJECTS = np.array(["cup", "ball"] * 3)
-SESSIONS = np.repeat([1, 2, 3], 2)
-OWN = "a[N] b[N] c[V]"
-
-
-def bring(folder, row, *, header=HEADER, missing="refuse", notes=None):
-    """Import a table of one row, or several, and read what was made."""
-    (folder / "table.csv").write_text(header + row + "\n", encoding="utf-8")
-    facts = []
-    made = import_table(
-        folder / "table.csv", folder / "out", on_file=facts.append,
-        options=ImportOptions(missing=missing, overwrite=True),
-    )  # fmt: skip
-    assert sorted(made) == list_recordings(folder / "out")
-    if notes is not None:
-        notes.extend(notes_of(facts))
-    return [read_recording(path) for path in made]
-
-
-def refusal(folder, row, header=HEADER) -> str:
-    """Return the one line of an import that must be refused, and leave nothing."""
-    before = sorted(path.name for path in folder.iterdir())
-    (folder / "table.csv").write_text(header + row + "\n", encoding="utf-8")
-    with pytest.raises(BadTable) as caught:
-        import_table(folder / "table.csv", folder / "out")
-    assert sorted({*before, "table.csv"}) == sorted(path.name for path in folder.iterdir())
-    assert "\n" not in str(caught.value)
-    return str(caught.value)
 
 
 @pytest.mark.parametrize("form", FORMS)
@@ -81,20 +45,6 @@ def test_a_stack_becomes_a_recording_a_trial(tmp_path, form):
         f"X in touch{ending}, 6 × 9 × 3, was read as 'trials rows channels': 6 trials of 9 scans "
         "of 3 channels"
     ]
-
-
-def test_a_npy_stack_takes_its_labels_from_files_beside_it(tmp_path):
-    """Another .npy, a column of a table, an array of another file: each has a value a trial."""
-    np.save(tmp_path / "X.npy", X)
-    np.save(tmp_path / "y.npy", OBJECTS)
-    lines = "\n".join(f"{n},{day}" for n, day in enumerate(SESSIONS))
-    (tmp_path / "days.csv").write_text(f"n,day\n{lines}\n")
-    made = bring(tmp_path, f"X.npy,,,from:y.npy,from:days.csv:day,{OWN},rate:50Hz")
-    assert [one.manifest.labels["object"] for one in made] == OBJECTS.tolist()
-    assert [one.manifest.groups["session"] for one in made] == list("112233")
-    assert "lies outside" in refusal(tmp_path, f"X.npy,,,from:../y.npy,1,{OWN},rate:50Hz")
-    row = f"X.npy,,,from:y.npy,from:days.csv:hour,{OWN},rate:50Hz"
-    assert "one column 'hour'" in refusal(tmp_path, row)
 
 
 KINDS = ["<f4", "<f8", ">f4", "<i2", ">u2", "u1", "?", "<f2"]
@@ -171,7 +121,7 @@ def test_cells_and_arrays_that_are_called_alike_are_trials_of_their_own_length(t
     ):
         made = bring(tmp_path, f"{row},*[N],rate:50Hz")
         assert [path.stem for path in list_recordings(tmp_path / "out")] == names
-        assert [one.manifest.labels["object"] for one in made] == ["cup", "ball", "cup"]
+        assert [item.manifest.labels["object"] for item in made] == ["cup", "ball", "cup"]
         for recording, trial in zip(made, trials, strict=True):
             np.testing.assert_array_equal(recording.samples.values, trial)
         for path in list_recordings(tmp_path / "out"):
@@ -187,13 +137,13 @@ def test_rows_of_nan_at_the_end_are_padding(tmp_path):
     row = f"a.npz,X,,from:y,1,{OWN},rate:50Hz"
     notes: list[str] = []
     made = bring(tmp_path, row, notes=notes)
-    assert [len(one.samples.values) for one in made] == [9, 5, 8, 9, 9, 9]
+    assert [len(item.samples.values) for item in made] == [9, 5, 8, 9, 9, 9]
     assert notes[1] == (
         "2 of 6 trials end before their array does: rows of NaN at the end were taken as padding "
         "and cut, at most 4 (a.npz[2]); --missing keep keeps them"
     )
     kept = bring(tmp_path, row, missing="keep")
-    assert [len(one.samples.values) for one in kept] == [9] * 6
+    assert [len(item.samples.values) for item in kept] == [9] * 6
     assert np.isnan(kept[1].samples.values[5:]).all()
     padded[3, 2, 1] = np.nan
     np.savez(tmp_path / "a.npz", X=padded, y=OBJECTS)
@@ -214,7 +164,7 @@ def test_an_array_of_lengths_cuts_what_is_padded_with_zeros(tmp_path):
     np.savez(tmp_path / "a.npz", X=X, y=OBJECTS, n=lengths)
     row = f"a.npz,X,,from:n,from:y,1,{OWN},rate:50Hz"
     made = bring(tmp_path, row, header=header)
-    assert [len(one.samples.values) for one in made] == lengths
+    assert [len(item.samples.values) for item in made] == lengths
     for path in list_recordings(tmp_path / "out"):
         path.unlink()
     (tmp_path / "out").rmdir()
@@ -233,19 +183,19 @@ def test_rows_of_zeros_at_the_end_of_several_trials_bring_a_note(tmp_path):
     padded[1, 5:] = 0
     np.savez(tmp_path / "a.npz", X=padded, y=OBJECTS, n=[9, 5, 9, 6, 9, 9])
     row = f"a.npz,X,,from:y,1,{OWN},rate:50Hz"
-    once: list[str] = []
-    bring(tmp_path, row, notes=once)
-    assert len(once) == 1
+    single: list[str] = []
+    bring(tmp_path, row, notes=single)
+    assert len(single) == 1
     padded[3, 6:] = 0
     np.savez(tmp_path / "a.npz", X=padded, y=OBJECTS, n=[9, 5, 9, 6, 9, 9])
     notes: list[str] = []
     made = bring(tmp_path, row, notes=notes)
-    assert [len(one.samples.values) for one in made] == [9] * 6
+    assert [len(item.samples.values) for item in made] == [9] * 6
     assert notes[1].startswith("2 of 6 trials end in rows of zeros, at most 4 (a.npz[2]); if these")
-    told: list[str] = []
+    given: list[str] = []
     header = HEADER.replace("axes,", "axes,length,")
-    bring(tmp_path, row.replace("X,,", "X,,from:n,"), header=header, notes=told)
-    assert len(told) == 1
+    bring(tmp_path, row.replace("X,,", "X,,from:n,"), header=header, notes=given)
+    assert len(given) == 1
 
 
 def test_time_is_a_rate_a_channel_or_an_array_of_its_own(tmp_path):
@@ -267,89 +217,6 @@ def test_time_is_a_rate_a_channel_or_an_array_of_its_own(tmp_path):
     assert "a time for each of 9 rows" in refusal(tmp_path, f"a.npz,X,,from:y,1,{OWN},from:y[ms]")
     np.savez(tmp_path / "a.npz", X=X, y=OBJECTS, t=np.zeros((6, 9)))
     assert "times that increase" in refusal(tmp_path, f"a.npz,X,,from:y,1,{OWN},from:t[ms]")
-
-
-@pytest.mark.parametrize(
-    ("labels", "expected"),
-    [
-        (np.array([3.0, 1.0, 2.0, 3.0, 1.0, 2.0]), list("312312")),
-        (np.array([0.5, 1.0, 2.5, 0.1, 1, 2], "f4"), ["0.5", "1", "2.5", "0.1", "1", "2"]),
-        (np.array([True, False] * 3), ["true", "false"] * 3),
-        (np.array([[1, 0], [0, 1]] * 3), list("010101")),
-        (np.array([7, 8, 9, 7, 8, 9])[:, None], list("789789")),
-        (np.array([b"cup ", b"ball"] * 3), ["cup", "ball"] * 3),
-        (np.array(["one"]), ["one"] * 6),
-    ],
-)
-def test_labels_are_texts_whole_numbers_or_one_hot_rows(tmp_path, labels, expected):
-    """A label is text in taxel; a single one holds for all trials."""
-    np.savez(tmp_path / "a.npz", X=X, y=labels)
-    notes: list[str] = []
-    made = bring(tmp_path, f"a.npz,X,trials rows channels,from:y,1,{OWN},rate:50Hz", notes=notes)
-    assert [one.manifest.labels["object"] for one in made] == expected
-    assert ("one-hot" in str(notes)) == (labels.ndim == 2 and labels.shape[1] == 2)
-
-
-@pytest.mark.parametrize(
-    ("labels", "words"),
-    [
-        (np.zeros((6, 9)), "one value for each trial, or a one-hot row; got y in .*: 6 × 9"),
-        (np.zeros((6, 9, 2)), "one value for each trial"),
-        (np.array([1.0, np.nan] * 3), "a value for each trial; got nan"),
-        (np.array(["a", "", "b", "c", "d", "e"]), "nothing for trial 2 in y"),
-        (np.arange(5), "a value for each of 6 trials; got 5 by from:y"),
-    ],
-)
-def test_what_is_no_label_a_trial_is_refused(tmp_path, labels, words):
-    """In one line, and nothing is written."""
-    np.savez(tmp_path / "a.npz", X=X, y=labels)
-    message = refusal(tmp_path, f"a.npz,X,trials rows channels,from:y,1,{OWN},rate:50Hz")
-    assert re.search(words, message)
-
-
-def test_a_split_of_the_authors_becomes_a_group(tmp_path):
-    """A row of the table for each part; recordings are called by the array."""
-    np.savez(tmp_path / "a.npz", X_train=X[:4], y_train=OBJECTS[:4], X_test=X[4:],
-             y_test=OBJECTS[4:])  # fmt: skip
-    header = HEADER.replace("session", "split")
-    rows = "\n".join(f"a.npz,X_{part},,from:y_{part},{part},{OWN},rate:50Hz"
-                     for part in ("train", "test"))  # fmt: skip
-    made = bring(tmp_path, rows, header=header)
-    assert [path.stem for path in list_recordings(tmp_path / "out")] == [
-        "a-X_test-1", "a-X_test-2", *(f"a-X_train-{number}" for number in range(1, 5)),
-    ]  # fmt: skip
-    assert sorted(one.manifest.groups["split"] for one in made) == ["test"] * 2 + ["train"] * 4
-
-
-@pytest.mark.parametrize(
-    ("row", "words"),
-    [
-        ("gone.npz,X,,from:y,1,*[N],rate:50Hz", "gone.npz, which is not there"),
-        ("a.npz,Z,,from:y,1,*[N],rate:50Hz", "the name of an array; got 'Z', where .*X .6 × 9 × 3"),
-        ("a.npz,,,from:y,1,*[N],rate:50Hz", "array of trials; got none .*holds X .*, W .6 × 9 × 3"),
-        ("a.npz,X,,from:q,1,*[N],rate:50Hz", "the name of an array; got 'q'"),
-        ("a.npz,X,,from:y,1,*[N],rate:50Hz", "'trials rows channels' .* or 'trials channels rows'"),
-        ("a.npz,X,trials rows,from:y,1,*[N],rate:50Hz", "as many axes as X in"),
-        ("a.npz,X,trials channels rows,from:y,1,a[N] b[N] c[N],rate:50Hz", "1 to 9, or 9 names"),
-        ("a.npz,X,,from:y,1,a[N] b[N],rate:50Hz", "6 × 9 × 3, with labels of 6 trials and 2 chan"),
-        ("a.npz,X,rows channels trials,from:y,1,*[N],rate:50Hz", "a value for each of 3 trials"),
-        ("a.npz,y,,from:y,1,*[N],rate:50Hz", "real numbers in y; got 6 texts"),
-        ("a.npz,C,trials rows channels,from:y,1,*[N],rate:50Hz", "complex64.*the amplitude"),
-        ("a.npz,n*,,from:y,1,*[N],rate:50Hz", "between 1 and 100,000 arrays n.; got 0"),
-        ("a.npz,X,,from:y,1,a[N] b[N] c[N],", "rate:100Hz"),
-        ("a.npz,X,,from:y,1,,rate:50Hz", "at least one channel"),
-        ("plain.csv,,,from:y,1,a[N],rate:50Hz", "'label:object' without 'from:y'"),
-        ("plain.npy,,,from:y,1,1[N],rate:50Hz", "for a file of one trial"),
-        ("obj.npz,X,,x,1,*[N],rate:50Hz", "only pickle could read"),
-    ],
-)  # fmt: skip
-def test_a_row_that_does_not_fit_its_file_is_refused(tmp_path, row, words):
-    """One plain line, no output."""
-    np.savez(tmp_path / "a.npz", X=X, W=X, y=OBJECTS, C=X * 1j)
-    np.savez(tmp_path / "obj.npz", X=np.array([X[0], None], object))
-    np.save(tmp_path / "plain.npy", X[0])
-    (tmp_path / "plain.csv").write_text("a,b\n1,2\n")
-    assert re.search(words, refusal(tmp_path, row))
 
 
 def test_a_stack_of_plain_arrays_needs_no_word_of_its_own(tmp_path):
@@ -374,67 +241,3 @@ def test_a_large_stack_is_read_in_blocks(tmp_path, monkeypatch):
             np.testing.assert_array_equal(recording.samples.values, trial)
         for path in list_recordings(tmp_path / "out"):
             path.unlink()
-
-
-def test_a_file_of_arrays_for_each_trial_is_called_by_the_file(tmp_path):
-    """Its label may be an array of it; of many files only the first ways of reading are said."""
-    for number, trial in enumerate(X):
-        write_mat5(tmp_path / f"grasp{number}.mat", {"data": trial, "object": OBJECTS[number]})
-    rows = "\n".join(
-        f"grasp{n}.mat,data,rows channels,from:object,1,*[N],rate:50Hz" for n in range(6)
-    )
-    notes: list[str] = []
-    made = bring(tmp_path, rows, notes=notes)
-    assert [path.stem for path in list_recordings(tmp_path / "out")] == [
-        f"grasp{number}" for number in range(6)
-    ]
-    assert [one.manifest.labels["object"] for one in made] == OBJECTS.tolist()
-    assert [one.manifest.groups["file"] for one in made] == [f"grasp{n}.mat" for n in range(6)]
-    assert notes == [
-        *(f"data in grasp{number}.mat was read as 1 trial of 'rows channels': 9 scans of 3 channels"
-          for number in range(4)),
-        "2 more files or arrays were read likewise",
-    ]  # fmt: skip
-    for recording, trial in zip(made, X, strict=True):
-        np.testing.assert_array_equal(recording.samples.values, trial)
-
-
-def test_intervals_may_name_a_trial(tmp_path):
-    """By its recording's name."""
-    np.savez(tmp_path / "a.npz", X=X, y=OBJECTS)
-    (tmp_path / "table.csv").write_text(HEADER + f"a.npz,X,,from:y,1,{OWN},rate:50Hz\n")
-    (tmp_path / "iv.csv").write_text("file,start_s,end_s,label:phase\na-2,0.02,0.1,lift\n")
-    made = import_table(tmp_path / "table.csv", tmp_path / "out", intervals=tmp_path / "iv.csv")
-    assert [len(read_recording(path).marks) for path in made] == [0, 1, 0, 0, 0, 0]
-
-
-def test_rows_of_one_array_twice_are_refused(tmp_path):
-    """The same trials would be in two recordings."""
-    np.savez(tmp_path / "a.npz", X=X, y=OBJECTS)
-    row = f"a.npz,X,,from:y,1,{OWN},rate:50Hz"
-    assert "each file in one row" in refusal(tmp_path, f"{row}\n{row}")
-
-
-@pytest.mark.parametrize("form", [form for form in FORMS if form not in ("HDF5", "MATLAB 7.3")])
-@settings(settings.get_profile("fuzz"), suppress_health_check=UNSHARED)
-@given(data=st.data())
-def test_a_damaged_file_is_imported_as_a_whole_or_refused_in_one_line(tmp_path, form, data):
-    """Never half, and never with another error."""
-    ending, write = FORMS[form]
-    honest = tmp_path / f"honest{ending}"
-    if not honest.exists():
-        write(honest, {"X": X, "y": OBJECTS, "t": np.arange(9.0), "n": np.full(6, 9)})
-    (tmp_path / f"a{ending}").write_bytes(data.draw(changed_bytes(honest.read_bytes())))
-    header = HEADER.replace("axes,", "axes,length,")
-    row = f"a{ending},X,,from:n,from:y,1,{OWN},from:t[ms]\n"
-    (tmp_path / "table.csv").write_text(header + row)
-    before = sorted(path.name for path in tmp_path.iterdir())
-    message = None
-    try:
-        import_table(tmp_path / "table.csv", tmp_path / "out")
-    except BadInput as error:
-        message = str(error)
-    if message is None:
-        shutil.rmtree(tmp_path / "out")
-    assert "\n" not in (message or "")
-    assert sorted(path.name for path in tmp_path.iterdir()) == before

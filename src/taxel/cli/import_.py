@@ -15,13 +15,8 @@ from taxel.cli.printing import command, print_json, progress, say, say_aside
 from taxel.errors import BadInput, MissingExtra
 from taxel.recordings.import_header import table_cells
 from taxel.recordings.import_notes import FileFacts, notes_of
-from taxel.recordings.importing import (
-    ImportOptions,
-    ImportRow,
-    import_rows,
-    intervals_of,
-    read_rows,
-)
+from taxel.recordings.import_rows import ImportRow, read_rows
+from taxel.recordings.importing import ImportOptions, import_rows, intervals_of
 from taxel.recordings.intervals import Interval
 from taxel.recordings.known import KNOWN, KNOWN_VIDEOS
 from taxel.recordings.spelling import look_alikes

@@ -8,55 +8,27 @@ nothing about particular data sets (known.py).
 from __future__ import annotations
 
 import os
-import re
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
 from taxel.errors import BadTable
 from taxel.recordings import tables
-from taxel.recordings.import_header import PLAIN_COLUMNS, check_header, table_cells
 from taxel.recordings.import_notes import FileFacts, gaps_of
+from taxel.recordings.import_rows import ImportRow, read_rows
 from taxel.recordings.intervals import Interval, marks_of, read_intervals, stem_of, write_marked
 from taxel.recordings.layouts import find_layout
 from taxel.recordings.manifest import Manifest
-from taxel.recordings.many_trials import holds_many, refuse_words_of_many, trials_of
-from taxel.recordings.spelling import column_name, composed
-from taxel.recordings.table_files import file_of
-from taxel.recordings.table_form import is_number
+from taxel.recordings.spelling import composed
 from taxel.recordings.tables import Missing, Table
-from taxel.recordings.trial_sets import Padding, Trial
+from taxel.recordings.trial_sets import Padding
 from taxel.recordings.whole import new_folder
 from taxel.recordings.writer import Recorder
 from taxel.signals import Samples, SensorInfo
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class ImportRow:
-    """What one file is."""
-
-    file: Path
-    labels: Mapping[str, str] = field(default_factory=dict)
-    groups: Mapping[str, str] = field(default_factory=dict)
-    channels: str = ""
-    """Such as "Data0[count] Data1[count] 7[deg]"; may be empty where the layout names them."""
-    time: str = ""
-    """Such as "Timestamp[ms]" or "rate:100Hz"; empty where the layout gives times."""
-    layout: str = "csv"
-    sensor: str = "array"
-    """Short name of the sensor, the topic in the recording."""
-    full_scale: float | None = None
-    """Value from which a channel counts as saturated, in the channels' unit."""
-    details: Mapping[str, str] = field(default_factory=dict)
-    """Kept with the sensor in the manifest."""
-    trial: Trial | None = None
-    """Which of the file's trials it is; None where the file is one."""
-    name: str = ""
-    """Of the recording, without ending; the file's own by default."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -160,99 +132,6 @@ def intervals_of(rows: Sequence[ImportRow], table: Path | None) -> dict[str, lis
             raise BadTable("an interval or a label for each file", f"none for {row.file}",
                            f"add lines to {table}, or leave the file out")  # fmt: skip
     return found
-
-
-def read_rows(manifest_csv: Path, data_dir: Path, *, outside: bool = False) -> list[ImportRow]:
-    """Return the rows of an import table.
-
-    Args:
-        manifest_csv: The import table.
-        data_dir: What the column `file` is relative to.
-        outside: Also files that lie outside of that folder.
-
-    Raises:
-        BadTable: A column is unknown or missing, a row is not complete, or its file lies outside.
-    """
-    lines = table_cells(manifest_csv)
-    header = [column_name(name, PLAIN_COLUMNS) for name in lines[0]]
-    check_header(manifest_csv, header)
-    if len(lines) < 2:
-        raise BadTable("a row for each file", f"none in {manifest_csv}", "add rows")
-    named = [
-        (f"{manifest_csv}, line {number}", _cells(manifest_csv, number, header, cells))
-        for number, cells in enumerate(lines[1:], start=2)
-        if any(cell.strip() for cell in cells)
-    ]
-    often = Counter(cells["file"] for _, cells in named)
-    return [
-        row
-        for where, cells in named
-        for row in _rows(cells, data_dir, where, outside, alone=often[cells["file"]] == 1)
-    ]
-
-
-def _cells(path: Path, number: int, header: Sequence[str], cells: Sequence[str]) -> dict[str, str]:
-    """Return a row's cells by their columns, those that must be there filled in."""
-    where = f"{path}, line {number}"
-    if len(cells) != len(header):
-        raise BadTable(f"{len(header)} cells", f"{len(cells)} in {where}", "mend the line")
-    named = {name: cell.strip() for name, cell in zip(header, cells, strict=True)}
-    empty = [name for name, cell in named.items() if not cell and (":" in name or name == "file")]
-    if empty:
-        raise BadTable(f"something in the column {empty[0]!r}", f"nothing in {where}", "fill it in")
-    return named
-
-
-def _rows(
-    named: Mapping[str, str], data_dir: Path, where: str, outside: bool, *, alone: bool
-) -> list[ImportRow]:
-    """Return what one line of the table stands for: a file, or each trial of it."""
-    file = file_of(named["file"], data_dir, where, outside=outside)
-    if not holds_many(file, named):
-        refuse_words_of_many(named, where)
-        return [_row(file, named, where)]
-    source, trials = trials_of(file, named, data_dir, where, outside=outside)
-    array = re.sub(r"[^A-Za-z0-9_]+", "-", source.what.replace("*", "")).strip("-")
-    stem = stem_of(file.name) + (f"-{array}" if array and not alone else "")
-    place = f"{named['file']}:{source.what}" if source.what else named["file"]
-    made = []
-    for one in trials:
-        key, own = source.keys[one.trial.index], {**named, **one.values}
-        only = alone and len(trials) == 1
-        made.append(
-            replace(
-                _row(file, own, where),
-                trial=one.trial,
-                name=stem if only else f"{stem}-{one.name}",
-                groups=_groups(own, named["file"] if only else f"{place}[{key}]"),
-                details={"trial": key, "trials": source.what},
-            )
-        )
-    return made
-
-
-def _row(file: Path, named: Mapping[str, str], where: str) -> ImportRow:
-    return ImportRow(
-        file=file,
-        labels={n.removeprefix("label:"): c for n, c in named.items() if n.startswith("label:")},
-        groups=_groups(named, named["file"]),
-        channels=named.get("channels", ""),
-        time=named.get("time", ""),
-        layout=named.get("layout", "") or "csv",
-        sensor=named.get("sensor", "") or "array",
-        full_scale=_full_scale(named.get("full_scale", ""), where),
-    )
-
-
-def _groups(named: Mapping[str, str], file: str) -> dict[str, str]:
-    own = {n.removeprefix("group:"): c for n, c in named.items() if n.startswith("group:")}
-    return {"file": file} | own
-
-
-def _full_scale(text: str, where: str) -> float | None:
-    if text and not (is_number(text) and abs(float(text)) <= tables.LARGEST_VALUE):
-        raise BadTable("a number in 'full_scale'", f"{text[:80]!r} in {where}", "mend it")
-    return float(text) if text else None
 
 
 def _output_names(rows: Sequence[ImportRow]) -> list[str]:

@@ -69,7 +69,7 @@ class Axes:
         rows = trial.shape[self.words.index(ROWS)]
         return trial.transpose(*others, *order).reshape(rows, self.channels(trial.shape))
 
-    def told(self, shape: Sequence[int]) -> str:
+    def in_words(self, shape: Sequence[int]) -> str:
         """Return what these axes make of a shape, in words."""
         rows, channels = self.size(shape, ROWS), self.channels(shape)
         trials = f"{self.size(shape, TRIALS)} trials of " if TRIALS in self.words else ""
@@ -141,7 +141,7 @@ def find_axes(
             "say in the column 'axes' what its axes are, as in 'trials rows channels'",
         )
     # The two of most sense first: the trials outermost, as NumPy's users write them.
-    both = " or ".join(f"'{axes}' ({axes.told(shape)})" for axes in found[:2])
+    both = " or ".join(f"'{axes}' ({axes.in_words(shape)})" for axes in found[:2])
     raise BadTable(
         f"one reading of {what} of shape {sides_of(shape)}", both,
         "write the right one in the column 'axes'",

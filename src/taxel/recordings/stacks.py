@@ -108,7 +108,7 @@ class ArrayTrials:
             columns, self._axes.names(self._shapes[0]), in_channel, self._where
         )
         self.keys = self._called()
-        self._remarks.insert(0, self._told())
+        self._remarks.insert(0, self._in_words())
 
     @property
     def remarks(self) -> Sequence[str]:
@@ -249,16 +249,15 @@ class ArrayTrials:
         return ["-".join(member.stars) + cell
                 for member, cell in zip(self._members, cells, strict=True)]  # fmt: skip
 
-    def _told(self) -> str:
+    def _in_words(self) -> str:
         shape, name = self._shapes[0], f"{self._name} in {self._path.name}"
+        size = self._axes.in_words(shape)
         if self._axes.trials is not None:
-            return (
-                f"{name}, {sides_of(shape)}, was read as '{self._axes}': {self._axes.told(shape)}"
-            )
+            return f"{name}, {sides_of(shape)}, was read as '{self._axes}': {size}"
         number = len(self._members)
-        first = f", the first of {self._axes.told(shape)}" if number > 1 else ""
-        return (f"{name} was read as {number} {'trial' if number == 1 else 'trials'} of "
-                f"'{self._axes}'{first or ': ' + self._axes.told(shape)}")  # fmt: skip
+        if number == 1:
+            return f"{name} was read as 1 trial of '{self._axes}': {size}"
+        return f"{name} was read as {number} trials of '{self._axes}', the first of {size}"
 
     def _shape_of(self, index: int) -> tuple[int, ...]:
         return self._shapes[0 if self._axes.trials is not None else index]
