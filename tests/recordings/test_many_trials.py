@@ -3,6 +3,7 @@
 import re
 import shutil
 
+import h5py
 import numpy as np
 import pytest
 from array_writers import FORMS, write_mat5
@@ -185,3 +186,28 @@ def test_a_damaged_file_is_imported_as_a_whole_or_refused_in_one_line(tmp_path, 
         shutil.rmtree(tmp_path / "out")
     assert "\n" not in (message or "")
     assert sorted(path.name for path in tmp_path.iterdir()) == before
+
+
+def test_labels_may_stand_in_the_names_of_the_arrays(tmp_path):
+    """In groups of HDF5 and names of a .npz: by the number of the star."""
+    np.savez(tmp_path / "a.npz", **{f"{OBJECTS[n]}_{n}": X[n] for n in range(6)})
+    with h5py.File(tmp_path / "a.h5", "w") as file:
+        for number, trial in enumerate(X):
+            file[f"day{number // 2}/{OBJECTS[number]}/trial_{number}"] = trial
+    for row in (f"a.npz,*_*,,star:1,star:2,{OWN},rate:50Hz",
+                f"a.h5,*/*/trial_*,,star:2,star:3,{OWN},rate:50Hz"):  # fmt: skip
+        made = bring(tmp_path, row)
+        found = {item.manifest.groups["session"]: item.manifest.labels["object"] for item in made}
+        assert found == {str(number): OBJECTS[number] for number in range(6)}
+        for recording in made:
+            number = int(recording.manifest.groups["session"])
+            np.testing.assert_array_equal(recording.samples.values, X[number])
+        shutil.rmtree(tmp_path / "out")
+    np.savez(tmp_path / "b.npz", X=X, y=OBJECTS)
+    (tmp_path / "c.csv").write_text("a,b\n1,2\n")
+    for row, words in (
+        (f"a.npz,*_*,,star:3,1,{OWN},rate:50Hz", "star:1 to star:2; got 'star:3'"),
+        (f"b.npz,X,,star:1,from:y,{OWN},rate:50Hz", "a * in the column 'trials'; got 'star:1'"),
+        ("c.csv,,,star:1,1,a[N],rate:50Hz", "for a file of one trial"),
+    ):
+        assert words in refusal(tmp_path, row)

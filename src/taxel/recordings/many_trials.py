@@ -28,6 +28,9 @@ from taxel.recordings.trial_sets import (
     values_beside,
 )
 
+STAR_CELL = "star:"
+"""What a cell begins with that takes a part of the trials' own names."""
+
 
 @dataclass(frozen=True, slots=True)
 class OneOfMany:
@@ -86,6 +89,7 @@ def trials_of(
     source = _opened(file, named, own, [len(texts) for texts in beside.values()], where)
     try:
         values = {name: beside.get(name) or source.texts(ref.name) for name, ref in wanted.items()}
+        values |= _from_stars(source, named, where)
         count = len(source.keys)
         for name, texts in values.items():
             if len(texts) not in (1, count):
@@ -112,7 +116,7 @@ def refuse_words_of_many(named: Mapping[str, str], where: str) -> None:
         BadTable: Such a cell is filled in.
     """
     for name, cell in named.items():
-        refers = _may_refer(name) and cell.startswith(FROM)
+        refers = _may_refer(name) and cell.startswith((FROM, STAR_CELL))
         if cell and (refers or name in ("trials", "axes", "length")):
             raise BadTable(
                 f"the column '{name}' without {cell!r} for a file of one trial",
@@ -120,6 +124,28 @@ def refuse_words_of_many(named: Mapping[str, str], where: str) -> None:
                 "write a value itself, or leave it empty; in a text with many trials, name the "
                 "column that tells them apart in the column 'trials'",
             )
+
+
+def _from_stars(source: TrialSet, named: Mapping[str, str], where: str) -> dict[str, list[str]]:
+    """Return what stands for a * of the trials' names, where a cell asks for it: star:1."""
+    found = {}
+    for name, cell in named.items():
+        if not cell.startswith(STAR_CELL) or not _may_refer(name):
+            continue
+        number = cell.removeprefix(STAR_CELL).strip()
+        held = source.stars if isinstance(source, ArrayTrials) else ()
+        count = len(held[0]) if held else 0
+        if not (number.isdecimal() and len(number) < 4 and 1 <= int(number) <= count):
+            raise BadTable(
+                f"{STAR_CELL}1 to {STAR_CELL}{count}" if count else "a * in the column 'trials'",
+                f"{cell[:80]!r} in {where}",
+                "correct it; star:1 is what stands for the first * in the column 'trials'",
+            )
+        found[name] = [stars[int(number) - 1] for stars in held]
+        if not all(found[name]):
+            raise BadTable("a value for each trial", f"nothing by {cell!r} in {where}",
+                           "choose another pattern in the column 'trials'")  # fmt: skip
+    return found
 
 
 def _may_refer(name: str) -> bool:

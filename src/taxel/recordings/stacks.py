@@ -116,6 +116,11 @@ class ArrayTrials:
         return self._remarks
 
     @property
+    def stars(self) -> list[tuple[str, ...]]:
+        """What stands for each * in each trial's name; empty where the trials have no pattern."""
+        return [member.stars for member in self._members] if self._members[0].stars else []
+
+    @property
     def _may_pad(self) -> bool:
         """Whether trials had to be filled up: those of a stack, without a column of lengths."""
         return self._axes.trials is not None and self._lengths is None
