@@ -93,10 +93,6 @@ class Hdf5File:
         """Return the arrays' paths; MATLAB's own names, as data.force, in its files."""
         return tuple(self._arrays)
 
-    def folders(self) -> Sequence[str]:
-        """Return the paths of all groups and arrays, which may have attributes."""
-        return (*self._groups, *self._arrays)
-
     def get(self, name: str) -> Held:
         """Return an array or an attribute.
 

@@ -8,7 +8,7 @@ Background of our choices: docs/decisions/0011.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any, Protocol
 
@@ -79,9 +79,6 @@ class ArrayFile(Protocol):
     def names(self) -> Sequence[str]:
         """Return the names of all arrays, in the file's order."""
 
-    def folders(self) -> Sequence[str]:
-        """Return the names of what holds arrays or attributes, in the file's order."""
-
     def get(self, name: str) -> Held:
         """Return an array.
 
@@ -123,6 +120,3 @@ def attributes_in(name: str) -> tuple[str, str]:
     """Return the two parts of a name such as trial_1@object; the second is empty without an @."""
     path, _, attribute = name.partition("@")
     return path, attribute
-
-
-Files = Mapping[str, ArrayFile]

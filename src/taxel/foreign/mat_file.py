@@ -108,10 +108,6 @@ class MatFile:
             for field in fields or [""]
         ]
 
-    def folders(self) -> Sequence[str]:
-        """Return nothing: attributes are HDF5's."""
-        return ()
-
     def get(self, name: str) -> Held:
         """Return a variable, or a field of a structure: data.force.
 

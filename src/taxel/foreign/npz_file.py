@@ -55,10 +55,6 @@ class NpyFile:
         """Return the only name, an empty one."""
         return ("",)
 
-    def folders(self) -> Sequence[str]:
-        """Return nothing: there are none."""
-        return ()
-
     def get(self, name: str) -> Held:
         """Return the array.
 
@@ -98,10 +94,6 @@ class NpzFile:
     def names(self) -> Sequence[str]:
         """Return the arrays' names."""
         return tuple(self._members)
-
-    def folders(self) -> Sequence[str]:
-        """Return nothing: there are none."""
-        return ()
 
     def get(self, name: str) -> Held:
         """Return an array: a map of the file, or what was unpacked.
