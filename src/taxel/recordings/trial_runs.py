@@ -73,8 +73,10 @@ class TextTrials:
         self._first_line = first_line
         self._runs = list(_runs(path, rows, len(keys), names, first_line))
         self.keys = ["-".join(run.key) for run in self._runs]
+        count = len(self._runs)
         self.remarks = (
-            f"{path.name} was read as {len(self._runs)} trials by its column {visible(trials)}",
+            f"{path.name} was read as {count} {'trial' if count == 1 else 'trials'} by its column "
+            f"{visible(trials)}",
         )
         self._whole: Table | None = None
 
