@@ -13,6 +13,7 @@ from mutations import changed_bytes
 from stack_imports import HEADER, OBJECTS, OWN, SESSIONS, X, bring, refusal
 
 from taxel.errors import BadInput
+from taxel.foreign.npz_file import NpzFile
 from taxel.recordings.importing import import_table
 from taxel.recordings.reader import list_recordings, read_recording
 
@@ -211,3 +212,42 @@ def test_labels_may_stand_in_the_names_of_the_arrays(tmp_path):
         ("c.csv,,,star:1,1,a[N],rate:50Hz", "for a file of one trial"),
     ):
         assert words in refusal(tmp_path, row)
+
+
+def test_folders_may_hold_files_of_the_same_name(tmp_path):
+    """s1/touch.npz and s2/touch.npz: the folder tells their recordings apart."""
+    for number in (1, 2):
+        (tmp_path / f"s{number}").mkdir()
+        np.savez(tmp_path / f"s{number}" / "touch.npz", X=X * number, y=OBJECTS)
+    words = f"X,trials rows channels,from:y,1,{OWN},rate:50Hz"
+    twice = f"s1/touch.npz,{words}\ns1/touch.npz,{words}"
+    assert "each file in one row" in refusal(tmp_path, twice)
+    made = bring(tmp_path, f"s1/touch.npz,{words}\ns2/touch.npz,{words}")
+    names = [path.name for path in list_recordings(tmp_path / "out")]
+    assert names == [f"s{number}-touch-{n}.mcap" for number in (1, 2) for n in range(1, 7)]
+    np.testing.assert_array_equal(made[8].samples.values, X[2] * 2)
+
+
+def test_one_file_of_many_is_open_at_a_time(tmp_path, monkeypatch):
+    """A line for each of 1,000 files does not use up what a process may open."""
+    opened: list[int] = []
+    now = [0]
+    real = NpzFile.close
+
+    def init(self, path, made=NpzFile.__init__):
+        made(self, path)
+        now[0] += 1
+        opened.append(now[0])
+
+    def close(self):
+        real(self)
+        now[0] -= 1
+
+    monkeypatch.setattr(NpzFile, "__init__", init)
+    monkeypatch.setattr(NpzFile, "close", close)
+    for number in range(5):
+        np.savez(tmp_path / f"t{number}.npz", X=X[number])
+    rows = "\n".join(f"t{n}.npz,X,rows channels,cup,1,{OWN},rate:50Hz" for n in range(5))
+    assert len(bring(tmp_path, rows)) == 5
+    assert max(opened) == 1
+    assert now == [0]

@@ -94,9 +94,14 @@ def import_rows(
         _closing(rows),
         new_folder(output_dir, files, overwrite=options.overwrite) as made,
     ):
-        for done, (row, name, file) in enumerate(zip(rows, names, files, strict=True), 1):
+        following = (*rows[1:], None)
+        for done, (row, name, file, after) in enumerate(
+            zip(rows, names, files, following, strict=True), 1
+        ):
             own = (intervals or {}).get(name, ())
             facts = _import_file(row, own, made / file, code_dir, options)
+            if row.trial and not (after and after.trial and after.trial.source is row.trial.source):
+                row.trial.source.close()  # not all of 1,000 files are open at once
             if on_file is not None:
                 on_file(facts)
             if progress is not None:
@@ -106,7 +111,7 @@ def import_rows(
 
 @contextmanager
 def _closing(rows: Sequence[ImportRow]) -> Iterator[None]:
-    """Close the files of many trials at the end."""
+    """Close the files of many trials at the end, whatever happens."""
     try:
         yield
     finally:
@@ -149,15 +154,19 @@ def _output_names(rows: Sequence[ImportRow]) -> list[str]:
         if name in names:
             raise _one_name(names[name], path)
         names[name] = path
-    _refuse_twice([path for path, stem in zip(paths, stems, strict=True) if often[stem] > 1])
+    _refuse_twice([pair for pair in zip(paths, stems, strict=True) if often[pair[1]] > 1])
     return list(names)
 
 
-def _refuse_twice(paths: Sequence[Path]) -> None:
-    """Refuse a file that two paths lead to, be it by a link."""
-    found: dict[Path, Path] = {}
-    for path in paths:
-        before = found.setdefault(path.resolve(), path)
+def _refuse_twice(paths: Sequence[tuple[Path, str]]) -> None:
+    """Refuse a file, or a trial of one, that two paths lead to, be it by a link.
+
+    Args:
+        paths: Each with the name of its recording, which tells a file's trials apart.
+    """
+    found: dict[tuple[Path, str], Path] = {}
+    for path, stem in paths:
+        before = found.setdefault((path.resolve(), stem), path)
         if before is not path:
             raise _one_name(before, path)
 
