@@ -219,6 +219,30 @@ def test_time_is_a_rate_a_channel_or_an_array_of_its_own(tmp_path):
     assert "times that increase" in refusal(tmp_path, f"a.npz,X,,from:y,1,{OWN},from:t[ms]")
 
 
+def _cells(items):
+    cells = np.empty(len(items), object)
+    cells[:] = items
+    return cells
+
+
+@pytest.mark.parametrize("write", [write_mat5, write_mat73])
+def test_each_cell_may_have_a_cell_of_times(tmp_path, write):
+    """As the fields force and time of MATLAB's structures; another number of cells is refused."""
+    lengths = range(5, 9)
+    force = [X[n, :length].astype("f8") for n, length in enumerate(lengths)]
+    stamps = [np.cumsum(np.arange(1.0, length + 1))[:, None] for length in lengths]
+    held = {"force": force, "t": stamps, "fewer": stamps[:3]}
+    write(tmp_path / "a.mat", {name: _cells(items) for name, items in held.items()}
+          if write is write_mat5 else held)  # fmt: skip
+    words = refusal(tmp_path, f"a.mat,force,rows channels,cup,1,{OWN},from:fewer[ms]")
+    assert "a time for each of 5 rows" in words
+    assert "3 cells" in words
+    made = bring(tmp_path, f"a.mat,force,rows channels,cup,1,{OWN},from:t[ms]")
+    for recording, values, times in zip(made, force, stamps, strict=True):
+        np.testing.assert_array_equal(recording.samples.values, values.astype("f4"))
+        np.testing.assert_allclose(recording.samples.fitted_s, times[:, 0] / 1000)
+
+
 def test_a_stack_of_plain_arrays_needs_no_word_of_its_own(tmp_path):
     """Tables of before, of arrays (rows, columns), mean what they meant."""
     np.save(tmp_path / "a.npy", X[0])

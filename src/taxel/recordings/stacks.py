@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from taxel.errors import BadFile, BadTable
 from taxel.foreign.files import MIB
-from taxel.foreign.held_arrays import Numbers, bytes_of, sides_of
+from taxel.foreign.held_arrays import Cells, Numbers, bytes_of, sides_of
 from taxel.plain_text import visible
 from taxel.recordings.stack_axes import ROWS, TRIALS, Axes, check_axes, find_axes, parse_axes
 from taxel.recordings.stack_channels import channel_counts, take_channels
@@ -301,11 +301,13 @@ class ArrayTrials:
         return self._times_of(index)[:rows] * unit_s
 
     def _times_of(self, index: int) -> NDArray[np.float64]:
-        """Return a trial's times out of an array of their own: one for all, or one each."""
+        """Return a trial's times out of an array of their own: one for all, one each, or a cell."""
         name = self._time_array
         if STAR in name:
             name = self._members[index].fill(name)
         held = self._file.get(name)
+        if isinstance(held, Cells) and len(held.items) == len(self.keys):
+            held = held.items[index]
         shape, rows = self._shape_of(index), self._axes.size(self._shape_of(index), ROWS)
         words = [word for word in self._axes.words if word in (TRIALS, ROWS)]
         own = tuple(self._axes.size(shape, word) for word in words)
