@@ -112,7 +112,7 @@ def test_a_split_of_the_authors_becomes_a_group(tmp_path):
         ("a.npz,X,,from:y,1,a[N] b[N] c[N],", "rate:100Hz"),
         ("a.npz,X,,from:y,1,,rate:50Hz", "at least one channel"),
         ("plain.csv,,,from:y,1,a[N],rate:50Hz", "'label:object' without 'from:y'"),
-        ("plain.npy,,,from:y,1,1[N],rate:50Hz", "for a file of one trial"),
+        ("plain.npy,,,from:y,1,1[N],rate:50Hz", "got 'y', where .* from:y.npy for an array of ano"),
         ("obj.npz,X,,x,1,*[N],rate:50Hz", "only pickle could read"),
     ],
 )  # fmt: skip

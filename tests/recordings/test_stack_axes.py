@@ -16,6 +16,8 @@ ANY = range(1, 100)
         (" Trials, rows,height ,width ", ("trials", "rows", "height", "width")),
         ("trials 1 channels rows 1", ("trials", "1", "channels", "rows", "1")),
         ("rows", ("rows",)),
+        ("trials channels", ("trials", "channels")),
+        ("trials height width", ("trials", "height", "width")),
     ],
 )
 def test_axes_are_words(text, words):
@@ -24,10 +26,10 @@ def test_axes_are_words(text, words):
 
 
 @pytest.mark.parametrize(
-    "text", ["trials channels", "trials rows rows", "trial rows", "rows 2", ""]
+    "text", ["trials", "channels", "height width", "trials rows rows", "trial rows", "rows 2", ""]
 )
 def test_other_words_are_refused(text):
-    """Rows must be there, and no word twice but the 1."""
+    """Rows, or trials of a single scan, must be there, and no word twice but the 1."""
     with pytest.raises(BadTable, match="correct the column 'axes'"):
         parse_axes(text, "here")
 
@@ -76,8 +78,10 @@ def test_each_value_is_at_its_own_row_and_name():
         ((20, 50, 3), 20, range(3, 4), "trials rows channels"),
         ((20, 3, 50), 20, range(3, 4), "trials channels rows"),
         ((50, 3, 20), 20, range(3, 4), "rows channels trials"),
-        ((20, 50), 20, ANY, "trials rows"),
-        ((50, 20), 20, ANY, "rows trials"),
+        ((20, 50), 20, range(1, 2), "trials rows"),
+        ((50, 20), 20, range(1, 2), "rows trials"),
+        ((20, 50), 20, range(50, 51), "trials channels"),
+        ((20, 72), 20, range(72, 100), "trials channels"),
         ((20, 50, 300), 20, ANY, "trials channels rows"),  # no more than 99 channels here
     ],
 )
@@ -95,6 +99,8 @@ def test_axes_are_found_where_one_reading_only_is_possible(shape, trials, channe
         ((20, 20, 3), 20, range(3, 4), "'trials rows channels' .* or 'rows trials channels'"),
         ((20, 3, 3), 20, range(3, 4), "'trials rows channels' .* or 'trials channels rows'"),
         ((20, 50, 3), None, range(3, 4), "'trials rows channels' .* or 'rows trials channels'"),
+        ((20, 72), 20, ANY, "'trials rows' .20 trials of 72 scans of 1 channel. or "
+                            "'trials channels' .20 trials of 1 scan of 72 channels."),
         ((20, 9, 4, 4), 20, ANY, "'trials rows height width' .* or 'trials height rows width'"),
     ],
 )  # fmt: skip

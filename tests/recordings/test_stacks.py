@@ -219,6 +219,22 @@ def test_time_is_a_rate_a_channel_or_an_array_of_its_own(tmp_path):
     assert "times that increase" in refusal(tmp_path, f"a.npz,X,,from:y,1,{OWN},from:t[ms]")
 
 
+@pytest.mark.parametrize("order", ["trials channels", "channels trials"])
+def test_each_trial_may_be_a_single_scan(tmp_path, order):
+    """One reading a grasp: an array of (trials, channels), whose axes have to be stated."""
+    grasps = X[:, 0]
+    np.save(tmp_path / "g.npy", grasps if order == "trials channels" else grasps.T)
+    np.save(tmp_path / "y.npy", OBJECTS)
+    words = refusal(tmp_path, "g.npy,,,from:y.npy,1,*[N],rate:1Hz")
+    assert "6 trials of 3 scans of 1 channel" in words
+    assert "6 trials of 1 scan of 3" in words
+    made = bring(tmp_path, f"g.npy,,{order},from:y.npy,1,*[N],rate:1Hz")
+    assert [item.manifest.labels["object"] for item in made] == OBJECTS.tolist()
+    for recording, grasp in zip(made, grasps, strict=True):
+        np.testing.assert_array_equal(recording.samples.values, grasp[None])
+        assert recording.manifest.sensor.rate_hz == 1.0
+
+
 def _cells(items):
     cells = np.empty(len(items), object)
     cells[:] = items

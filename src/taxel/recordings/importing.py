@@ -200,7 +200,7 @@ def _import_file(
         name=row.sensor,
         channels=table.names,
         units=table.units,
-        rate_hz=round(float(1.0 / np.median(steps)), 6) if len(steps) else 0.0,
+        rate_hz=round(float(1.0 / np.median(steps)), 6) if len(steps) else _stated_rate(row),
         full_scale=row.full_scale,
         details={"imported_from": row.file.name, "layout": row.layout} | dict(row.details),
     )
@@ -227,6 +227,13 @@ def _import_file(
         longest_gap_s=longest_gap_s,
         longest_from_s=longest_from_s,
     )
+
+
+def _stated_rate(row: ImportRow) -> float:
+    """Return the rate that a row of the table states, hertz; 0 where a column holds times."""
+    if not row.time.strip().startswith("rate:"):
+        return 0.0
+    return tables.parse_time(row.time, f"the row of {row.file.name}").rate_hz or 0.0
 
 
 def _composed(pairs: Mapping[str, str]) -> dict[str, str]:

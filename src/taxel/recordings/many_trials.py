@@ -44,7 +44,7 @@ class OneOfMany:
 
 
 def holds_many(file: Path, named: Mapping[str, str]) -> bool:
-    """Return whether a row stands for many trials: by its file's ending, shape or column trials.
+    """Return whether a row stands for many trials: by its file's ending, shape, or its cells.
 
     Args:
         file: The row's file.
@@ -58,7 +58,10 @@ def holds_many(file: Path, named: Mapping[str, str]) -> bool:
     ending = file.name.lower()
     if ending.endswith(NAMED_ENDINGS) or named.get("trials") or named.get("axes"):
         return True
-    return ending.endswith(".npy") and file.is_file() and len(npy_shape(file)) > 2
+    if not ending.endswith(".npy") or not file.is_file():
+        return False
+    refers = any(_may_refer(name) and cell.startswith(FROM) for name, cell in named.items())
+    return refers or len(npy_shape(file)) > 2
 
 
 def trials_of(

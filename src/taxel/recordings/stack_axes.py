@@ -24,10 +24,10 @@ WORDS = (TRIALS, ROWS, CHANNELS, HEIGHT, WIDTH)
 """What an axis may be called, beside the 1 of an axis of that length."""
 _TAXELS = (HEIGHT, WIDTH, CHANNELS)
 """Axes that become channels, in the order of the channels' numbers: the last moves fastest."""
-_USUAL = {True: {2: (TRIALS, ROWS), 3: (TRIALS, ROWS, CHANNELS),
-                 4: (TRIALS, ROWS, HEIGHT, WIDTH)},
-          False: {1: (ROWS,), 2: (ROWS, CHANNELS), 3: (ROWS, HEIGHT, WIDTH)}}  # fmt: skip
-"""Whether an array holds many trials → how many axes → what these are, in some order."""
+_USUAL = {True: {2: ((TRIALS, ROWS), (TRIALS, CHANNELS)), 3: ((TRIALS, ROWS, CHANNELS),),
+                 4: ((TRIALS, ROWS, HEIGHT, WIDTH),)},
+          False: {1: ((ROWS,),), 2: ((ROWS, CHANNELS),), 3: ((ROWS, HEIGHT, WIDTH),)}}  # fmt: skip
+"""Whether an array holds many trials → how many axes → what these may be, in some order."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -66,14 +66,15 @@ class Axes:
         """Return one trial's array, its axis of trials cut to length 1, as (rows, channels)."""
         order = [self.words.index(word) for word in (ROWS, *_TAXELS) if word in self.words]
         others = [axis for axis in range(len(self.words)) if axis not in order]
-        rows = trial.shape[self.words.index(ROWS)]
+        rows = self.size(trial.shape, ROWS)  # 1 where each trial is a single scan
         return trial.transpose(*others, *order).reshape(rows, self.channels(trial.shape))
 
     def in_words(self, shape: Sequence[int]) -> str:
         """Return what these axes make of a shape, in words."""
         rows, channels = self.size(shape, ROWS), self.channels(shape)
         trials = f"{self.size(shape, TRIALS)} trials of " if TRIALS in self.words else ""
-        return f"{trials}{rows} scans of {channels} {'channel' if channels == 1 else 'channels'}"
+        scans = f"{rows} {'scan' if rows == 1 else 'scans'}"
+        return f"{trials}{scans} of {channels} {'channel' if channels == 1 else 'channels'}"
 
     def __str__(self) -> str:
         return " ".join(self.words)
@@ -83,14 +84,17 @@ def parse_axes(text: str, where: str) -> Axes:
     """Return the axes of a text such as "trials rows channels".
 
     Raises:
-        BadTable: A word is unknown, is there twice, or rows are missing.
+        BadTable: A word is unknown or is there twice; or rows are missing, though no axis of
+            trials and another of channels say that each trial is a single scan.
     """
     words = tuple(text.replace(",", " ").lower().split())
     own = [word for word in words if word != ONE]
-    if any(word not in WORDS for word in own) or len(set(own)) < len(own) or ROWS not in own:
+    scans = ROWS in own or (TRIALS in own and any(word in own for word in _TAXELS))
+    if any(word not in WORDS for word in own) or len(set(own)) < len(own) or not scans:
         raise BadTable(
-            f"each axis as one of {', '.join(WORDS)} (or 1, where it has that length), rows among "
-            "them, and each once", f"{text[:80]!r} in {where}", "correct the column 'axes'",
+            f"each axis as one of {', '.join(WORDS)} (or 1, where it has that length), each once, "
+            "and rows among them unless each trial is a single scan (trials channels)",
+            f"{text[:80]!r} in {where}", "correct the column 'axes'",
         )  # fmt: skip
     return Axes(words)
 
@@ -129,8 +133,10 @@ def find_axes(
     """
     shape = shapes[0]
     usual = _USUAL[many].get(len(shape), ())
-    alike = usual and all(len(other) == len(shape) for other in shapes)
-    found = list(_readings(usual, shapes, trials, channels)) if alike else []
+    alike = all(len(other) == len(shape) for other in shapes)
+    found = [
+        axes for words in usual if alike for axes in _readings(words, shapes, trials, channels)
+    ]
     if len(found) == 1:
         return found[0]
     if not found:

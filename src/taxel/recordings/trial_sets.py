@@ -147,9 +147,11 @@ class OpenedFile:
                 self.last[name] = held
             return self.last[name]
         except KeyError as error:
+            alone = self.path.name.lower().endswith(".npy")
             raise BadTable(
                 "the name of an array", f"{name!r}, where {self.path} holds "
-                f"{table_of(self.opened())}", "correct the table",
+                f"{table_of(self.opened())}", "correct the table"
+                + (f", as in from:{name}.npy for an array of another file" if alone else ""),
             ) from error  # fmt: skip
         except BadFile as error:
             raise self._refused(error) from error
