@@ -41,9 +41,10 @@ class Import:
     HDF5 (.h5, .hdf5) file. Then trials names the array that holds them (X, or trials/*/force for
     an array for each), axes says what its axes are (trials rows channels, or trials rows height
     width for a grid), and label:NAME, group:NAME and length (rows of each trial) take each trial's
-    own value from an array: from:y, or from:labels.csv:object for another file; or from its name:
-    star:1 is what stands for the first * in trials. Time may be from:t[ms]. In a text with many
-    trials, trials names the column that tells them apart.
+    own value from an array: from:y, or from:labels.csv:object for another file; from:objects[y]
+    where y numbers the classes that objects names; or from its name: star:1 is what stands for the
+    first * in trials. Time may be from:t[ms]. In a text with many trials, trials names the column
+    that tells them apart.
 
     For tactile cameras, its columns are left and right, or camera:NAME for each camera (videos, or
     folders of images, relative to the table); label:NAME; group:NAME; and optionally split (train,

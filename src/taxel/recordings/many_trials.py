@@ -14,6 +14,7 @@ from pathlib import Path
 from taxel.errors import BadTable
 from taxel.foreign.array_files import NAMED_ENDINGS
 from taxel.plain_text import visible
+from taxel.recordings.class_names import named_classes, remark_on
 from taxel.recordings.stacks import ArrayTrials, StackWords
 from taxel.recordings.table_columns import npy_shape
 from taxel.recordings.table_files import file_of
@@ -83,15 +84,25 @@ def trials_of(
         raise BadTable("a file to import", f"{file}, which is not there", "check the path")
     wanted = {name: ref for name, cell in named.items()
               if _may_refer(name) and (ref := Reference.of(cell))}  # fmt: skip
-    beside = {
-        name: values_beside(file_of(ref.file, data_dir, where, outside=outside), ref.name)
-        for name, ref in wanted.items()
-        if ref.file
-    }
+
+    def read_beside(ref: Reference) -> list[str]:
+        return values_beside(file_of(ref.file, data_dir, where, outside=outside), ref.name)
+
+    beside = {name: read_beside(ref) for name, ref in wanted.items() if ref.file}
     own = list(dict.fromkeys(ref.name for ref in wanted.values() if not ref.file))
     source = _opened(file, named, own, [len(texts) for texts in beside.values()], where)
     try:
         values = {name: beside.get(name) or source.texts(ref.name) for name, ref in wanted.items()}
+        for name, ref in wanted.items():
+            if ref.classes is not None:
+                cell, numbers = named[name], values[name]
+                classes = (
+                    read_beside(ref.classes)
+                    if ref.classes.file
+                    else _own_classes(source, ref.classes.name, cell, where)
+                )
+                values[name] = named_classes(numbers, classes, ref.first, cell, where)
+                source.remarks.append(remark_on(numbers, classes, ref.first, cell))
         values |= _from_stars(source, named, where)
         count = len(source.keys)
         for name, texts in values.items():
@@ -149,6 +160,16 @@ def _from_stars(source: TrialSet, named: Mapping[str, str], where: str) -> dict[
             raise BadTable("a value for each trial", f"nothing by {cell!r} in {where}",
                            "choose another pattern in the column 'trials'")  # fmt: skip
     return found
+
+
+def _own_classes(source: TrialSet, name: str, cell: str, where: str) -> list[str]:
+    """Return the names of classes that an array of the trials' own file holds."""
+    if isinstance(source, ArrayTrials):
+        return source.texts(name)
+    raise BadTable(
+        "names of classes in another file than a text's own", f"{cell[:80]!r} in {where}",
+        "write a table with a line for each class, as in from:classes.csv:object[label]",
+    )  # fmt: skip
 
 
 def _may_refer(name: str) -> bool:

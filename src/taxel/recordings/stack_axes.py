@@ -24,7 +24,8 @@ WORDS = (TRIALS, ROWS, CHANNELS, HEIGHT, WIDTH)
 """What an axis may be called, beside the 1 of an axis of that length."""
 _TAXELS = (HEIGHT, WIDTH, CHANNELS)
 """Axes that become channels, in the order of the channels' numbers: the last moves fastest."""
-_USUAL = {True: {2: ((TRIALS, ROWS), (TRIALS, CHANNELS)), 3: ((TRIALS, ROWS, CHANNELS),),
+_USUAL: dict[bool, dict[int, tuple[tuple[str, ...], ...]]] = {
+          True: {2: ((TRIALS, ROWS), (TRIALS, CHANNELS)), 3: ((TRIALS, ROWS, CHANNELS),),
                  4: ((TRIALS, ROWS, HEIGHT, WIDTH),)},
           False: {1: ((ROWS,),), 2: ((ROWS, CHANNELS),), 3: ((ROWS, HEIGHT, WIDTH),)}}  # fmt: skip
 """Whether an array holds many trials → how many axes → what these may be, in some order."""

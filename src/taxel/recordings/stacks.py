@@ -111,7 +111,7 @@ class ArrayTrials:
         self._remarks.insert(0, self._in_words())
 
     @property
-    def remarks(self) -> Sequence[str]:
+    def remarks(self) -> list[str]:
         """How the array was read, and which labels were one-hot."""
         return self._remarks
 

@@ -74,10 +74,10 @@ class TextTrials:
         self._runs = list(_runs(path, rows, len(keys), names, first_line))
         self.keys = ["-".join(run.key) for run in self._runs]
         count = len(self._runs)
-        self.remarks = (
+        self.remarks = [
             f"{path.name} was read as {count} {'trial' if count == 1 else 'trials'} by its column "
-            f"{visible(trials)}",
-        )
+            f"{visible(trials)}"
+        ]
         self._whole: Table | None = None
 
     def texts(self, name: str) -> list[str]:

@@ -3,7 +3,8 @@
 A row of the table may stand for many trials: those of a stacked array, of arrays that are called
 alike, of cells, or of a long text with a column that numbers them. A cell `from:NAME` then says
 that each trial has its own value, from the array (or column) NAME of the same file;
-`from:FILE:NAME` takes it from another file. Knows nothing about recordings.
+`from:FILE:NAME` takes it from another file. `from:CLASSES[NAME]` takes it for the number of a
+class, and CLASSES for the names of these. Knows nothing about recordings.
 
 Background of our choices: docs/decisions/0011.
 """
@@ -13,7 +14,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Protocol
 
@@ -67,7 +68,7 @@ class TrialSet(Protocol):
         """The array or column that holds them, as the table names it; may be empty."""
 
     @property
-    def remarks(self) -> Sequence[str]:
+    def remarks(self) -> list[str]:
         """What a person should know of how the file was read."""
 
     def texts(self, name: str) -> list[str]:
@@ -104,6 +105,10 @@ class Reference:
     file: str
     """Another file, relative to the data folder; empty for the row's own."""
     name: str
+    classes: Reference | None = None
+    """Names of the classes that the values are numbers of; None where these are values."""
+    first: int = 0
+    """The number of the first class."""
 
     @staticmethod
     def of(cell: str) -> Reference | None:
@@ -111,11 +116,20 @@ class Reference:
         if not cell.startswith(FROM):
             return None
         name = cell.removeprefix(FROM).strip()
-        endings = "|".join(map(re.escape, (*TEXT_ENDINGS, *ARRAY_ENDINGS)))
-        match = re.fullmatch(rf"(.+?(?:{endings}))(?::(.*))?", name, re.IGNORECASE)
-        if match is None:
-            return Reference("", name)
-        return Reference(match[1], (match[2] or "").strip())
+        if match := re.fullmatch(r"(.+)\[([^\[\]]+?)\s*(-\s*1)?\s*\]", name):
+            return replace(
+                _place(match[2].strip()),
+                classes=_place(match[1].strip()),
+                first=int(bool(match[3])),
+            )
+        return _place(name)
+
+
+def _place(name: str) -> Reference:
+    """Return what FILE:NAME, FILE or NAME means."""
+    endings = "|".join(map(re.escape, (*TEXT_ENDINGS, *ARRAY_ENDINGS)))
+    match = re.fullmatch(rf"(.+?(?:{endings}))(?::(.*))?", name, re.IGNORECASE)
+    return Reference("", name) if match is None else Reference(match[1], (match[2] or "").strip())
 
 
 @dataclass(frozen=True, slots=True)
