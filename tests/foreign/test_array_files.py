@@ -1,5 +1,6 @@
 """Claims about files of arrays: the same values from every form, and nothing from hostile ones."""
 
+from contextlib import closing
 from pathlib import Path
 
 import h5py
@@ -165,6 +166,17 @@ def test_attributes_of_hdf5(tmp_path):
         with pytest.raises(KeyError):
             file.get(name)
     file.close()
+
+
+def test_values_of_an_enumeration_are_their_names(tmp_path):
+    """A label of HDF5 that is one of cup and ball is that word, and not its number."""
+    with h5py.File(tmp_path / "a.h5", "w") as file:
+        kinds = h5py.enum_dtype({"cup": 0, "ball": 1}, basetype="i2")
+        file.create_dataset("y", data=[1, 0, 1], dtype=kinds)
+        file["truth"] = np.array([True, False])
+    with closing(open_arrays(tmp_path / "a.h5")) as file:
+        assert file.get("y") == Texts(("ball", "cup", "ball"))
+        assert isinstance(file.get("truth"), Numbers)
 
 
 def test_a_stack_of_npy_or_npz_is_mapped_not_read(tmp_path):

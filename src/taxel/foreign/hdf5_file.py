@@ -11,7 +11,7 @@ Background of our choices: docs/decisions/0011 and 0034.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -166,6 +166,8 @@ class Hdf5File:
         self._check(dataset)
         if self._h5.check_string_dtype(dataset.dtype) is not None:
             return self._texts(dataset)
+        if names := self._h5.check_enum_dtype(dataset.dtype):
+            return _named(dataset, names)
         if self._matlab and (kind := _class_of(dataset)) not in _CLASSES:
             raise BadFile("numbers, texts or cells of them", f"MATLAB's {kind}",
                           "save it as one of them; texts as cellstr(…)")  # fmt: skip
@@ -241,6 +243,17 @@ class Hdf5File:
         if array.dtype.kind not in "biuf":
             raise BadFile("numbers or texts", f"values of the kind {array.dtype}", "write it so")
         return Numbers.of(array)
+
+
+def _named(dataset: Any, names: Mapping[str, int]) -> Texts:
+    """Return the names of an enumeration's values; a number without one is written as it is."""
+    if dataset.size > MOST_NAMES:
+        raise BadFile(f"at most {MOST_NAMES:,} names", f"{dataset.size:,}", "write numbers")
+    of = {number: name for name, number in names.items()}
+    return Texts(tuple(
+        plain_text_of(of.get(number, str(number)))
+        for number in np.asarray(dataset[()]).ravel().tolist()
+    ))  # fmt: skip
 
 
 def _class_of(dataset: Any) -> str:
