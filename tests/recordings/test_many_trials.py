@@ -251,3 +251,40 @@ def test_one_file_of_many_is_open_at_a_time(tmp_path, monkeypatch):
     assert len(bring(tmp_path, rows)) == 5
     assert max(opened) == 1
     assert now == [0]
+
+
+def test_labels_beside_trials_that_the_file_lists_in_another_order_bring_a_note(tmp_path):
+    """HDF5 lists run10 before run2: labels written in that order would go to other trials."""
+    with h5py.File(tmp_path / "a.h5", "w") as file:
+        for number in range(1, 12):
+            file[f"run{number}/force"] = X[0] + number
+            file[f"run{number}"].attrs["object"] = f"o{number}"
+        file["y"] = np.arange(1, 12)
+    np.savez(tmp_path / "a.npz", *[X[0] + number for number in range(1, 12)], y=np.arange(1, 12))
+    expected = [str(number) for number in range(1, 12)]
+    for row, doubts in (
+        ("a.h5,run*/force,rows channels,from:y", 1),
+        ("a.h5,run*/force,rows channels,from:run*@object", 0),
+        ("a.npz,arr_*,rows channels,from:y", 0),
+    ):
+        notes: list[str] = []
+        made = bring(tmp_path, f"{row},1,{OWN},rate:50Hz", notes=notes)
+        assert [item.manifest.labels["object"].lstrip("o") for item in made] == expected
+        np.testing.assert_array_equal(made[9].samples.values, (X[0] + 10).astype("f4"))
+        assert sum("run2/force before run10/force" in note for note in notes) == doubts
+        for path in (tmp_path / "out").iterdir():
+            path.unlink()
+
+
+def test_doubts_are_shown_however_many_files_were_read(tmp_path):
+    """How files were read is cut short after a few lines; what may be wrong is not lost in it."""
+    for number in range(8):
+        np.savez(tmp_path / f"t{number}.npz", X=X, y=np.array([1, 2] * 3), names=["a", "b", "c"])
+    rows = "\n".join(
+        f"t{n}.npz,X,trials rows channels,from:names[y],1,{OWN},rate:50Hz" for n in range(8)
+    )
+    notes: list[str] = []
+    bring(tmp_path, rows, notes=notes)
+    assert "4 more files or arrays were read likewise" in notes
+    assert sum("no trial has the number 0" in note for note in notes) == 1
+    assert len(notes) == 6

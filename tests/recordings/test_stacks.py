@@ -235,6 +235,19 @@ def test_each_trial_may_be_a_single_scan(tmp_path, order):
         assert recording.manifest.sensor.rate_hz == 1.0
 
 
+def test_rows_are_padding_only_where_all_channels_of_the_array_end(tmp_path):
+    """A channel that fails before the others is refused, also where it is the only one wanted."""
+    padded = X.astype("f8")
+    padded[2, 5:, 0] = np.nan
+    np.savez(tmp_path / "a.npz", X=padded, y=OBJECTS)
+    row = "a.npz,X,trials rows channels,from:y,1,{},rate:50Hz"
+    assert "got nan in" in refusal(tmp_path, row.format("1[N]"))
+    padded[2, 5:] = np.nan
+    np.savez(tmp_path / "a.npz", X=padded, y=OBJECTS)
+    lengths = [len(item.samples) for item in bring(tmp_path, row.format("1[N]"))]
+    assert lengths == [9, 9, 5, 9, 9, 9]
+
+
 def _cells(items):
     cells = np.empty(len(items), object)
     cells[:] = items

@@ -4,6 +4,7 @@ import re
 
 import numpy as np
 import pytest
+from stack_imports import bring as import_row
 
 from taxel.errors import BadTable
 from taxel.recordings.importing import import_table
@@ -91,3 +92,27 @@ def test_axes_are_no_matter_of_texts(tmp_path):
     )
     with pytest.raises(BadTable, match="'axes' for a file of arrays"):
         import_table(tmp_path / "table.csv", tmp_path / "out")
+
+
+def test_a_column_of_one_value_a_trial_is_no_channel_without_a_note(tmp_path):
+    """* takes all columns that no cell names: a subject's number, from which a model may learn."""
+    rows = "".join(
+        f"{trial},{trial % 2},{trial * 10 + n},7,{trial // 2}\n"
+        for trial in range(4)
+        for n in range(5)
+    )
+    (tmp_path / "a.csv").write_text(f"trial,object,touch,dead,subject\n{rows}")
+    header = "file,trials,label:object,group:who,channels,time\n"
+    notes: list[str] = []
+    made = import_row(
+        tmp_path, "a.csv,trial,from:object,1,*[N],rate:50Hz", header=header, notes=notes
+    )
+    assert made[0].manifest.sensor.channels == ("touch", "dead", "subject")
+    assert sum("a.csv: subject has one value in each trial" in note for note in notes) == 1
+    for row in (
+        "a.csv,trial,from:object,from:subject,*[N],rate:50Hz",
+        "a.csv,trial,from:object,1,touch[N] subject[N],rate:50Hz",
+    ):
+        notes = []
+        import_row(tmp_path, row, header=header, notes=notes)
+        assert "one value" not in str(notes)

@@ -50,6 +50,8 @@ class FileFacts:
     """Where it starts, seconds from the first scan."""
     remarks: tuple[str, ...] = ()
     """How a file of many trials was read, the same for all of its trials."""
+    doubts: tuple[str, ...] = ()
+    """What may have been meant in another way, the same for all of its trials."""
     padding: int = 0
     """Rows of NaN at its end, which were cut."""
     zeros: int = 0
@@ -79,14 +81,17 @@ def notes_of(files: Sequence[FileFacts]) -> list[str]:
     """Return a line for each matter, however many files it is found in."""
     slow = [facts for facts in files if facts.time and 0 < facts.rate_hz < SLOW_HZ]
     return [
-        *_remarks(list(dict.fromkeys(remark for facts in files for remark in facts.remarks))),
+        *_first(list(dict.fromkeys(remark for facts in files for remark in facts.remarks)),
+                "more files or arrays were read likewise"),
+        *_first(list(dict.fromkeys(doubt for facts in files for doubt in facts.doubts)),
+                "more notes of this kind on other files"),
         *_paddings([facts for facts in files if facts.padding], len(files)),
         *_zeros([facts for facts in files if facts.zeros >= ZEROS], len(files)),
         *_number_headers([facts for facts in files if facts.number_header]),
         *_decimal_commas([facts for facts in files if facts.decimal_comma]),
         *_slow(sorted(slow, key=lambda facts: facts.rate_hz)),
         *_gaps([facts for facts in files if facts.gaps], len(files)),
-    ]
+    ]  # fmt: skip
 
 
 def _number_headers(files: Sequence[FileFacts]) -> list[str]:
@@ -98,12 +103,12 @@ def _number_headers(files: Sequence[FileFacts]) -> list[str]:
     ]
 
 
-def _remarks(remarks: list[str]) -> list[str]:
-    """Return how files of many trials were read; of many files only the first ones."""
+def _first(remarks: list[str], rest: str) -> list[str]:
+    """Return lines on how files of many trials were read; of many files only the first ones."""
     if len(remarks) <= MOST_REMARKS:
         return remarks
     left = len(remarks) - MOST_REMARKS + 1
-    return [*remarks[: MOST_REMARKS - 1], f"{left} more files or arrays were read likewise"]
+    return [*remarks[: MOST_REMARKS - 1], f"{left} {rest}"]
 
 
 def _paddings(files: Sequence[FileFacts], of: int) -> list[str]:

@@ -217,6 +217,7 @@ def _import_file(
     return FileFacts(
         file=f"{row.file.name}[{row.details['trial']}]" if row.trial else row.file.name,
         remarks=tuple(row.trial.source.remarks) if row.trial else (),
+        doubts=tuple(row.trial.source.doubts) if row.trial else (),
         padding=padding.cut,
         zeros=padding.zeros,
         number_header=table.number_header,

@@ -15,6 +15,7 @@ from taxel.errors import BadTable
 from taxel.foreign.array_files import NAMED_ENDINGS
 from taxel.plain_text import visible
 from taxel.recordings.class_names import named_classes, remark_on
+from taxel.recordings.stack_members import STAR
 from taxel.recordings.stacks import ArrayTrials, StackWords
 from taxel.recordings.table_columns import npy_shape
 from taxel.recordings.table_files import file_of
@@ -102,7 +103,10 @@ def trials_of(
                     else _own_classes(source, ref.classes.name, cell, where)
                 )
                 values[name] = named_classes(numbers, classes, ref.first, cell, where)
-                source.remarks.append(remark_on(numbers, classes, ref.first, cell))
+                source.doubts.append(remark_on(numbers, classes, ref.first, cell))
+        arrays = any(len(values[name]) > 1 and STAR not in ref.name for name, ref in wanted.items())
+        if arrays and isinstance(source, ArrayTrials) and source.order:
+            source.doubts.append(source.order)
         values |= _from_stars(source, named, where)
         count = len(source.keys)
         for name, texts in values.items():

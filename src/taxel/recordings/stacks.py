@@ -84,6 +84,7 @@ class ArrayTrials:
     ) -> None:
         self._path, self._file, self._where = path, OpenedFile.at(path), where
         self._remarks: list[str] = []
+        self.doubts: list[str] = []
         self._block: tuple[int, NDArray[Any]] | None = None
         self._lengths: list[int] | None = None
         try:
@@ -111,7 +112,7 @@ class ArrayTrials:
         self._remarks.insert(0, self._in_words())
 
     @property
-    def remarks(self) -> list[str]:
+    def remarks(self) -> Sequence[str]:
         """How the array was read, and which labels were one-hot."""
         return self._remarks
 
@@ -119,6 +120,24 @@ class ArrayTrials:
     def stars(self) -> list[tuple[str, ...]]:
         """What stands for each * in each trial's name; empty where the trials have no pattern."""
         return [member.stars for member in self._members] if self._members[0].stars else []
+
+    @property
+    def order(self) -> str:
+        """A remark on the order of trials, where numbers in their names give another than the file.
+
+        Labels in an array of their own may have been written in the file's order.
+        """
+        names = list(dict.fromkeys(member.name for member in self._members))
+        listed = [name for name in self._file.opened().names() if name in set(names)]
+        at = next((n for n, pair in enumerate(zip(names, listed, strict=False))
+                   if pair[0] != pair[1]), None)  # fmt: skip
+        if at is None:
+            return ""
+        return (
+            f"{visible(self.what)} in {self._path.name}: values of arrays of their own were given "
+            f"to trials by the numbers in the trials' names, {visible(names[at])} before "
+            f"{visible(listed[at])}; the file lists {visible(listed[at])} first: check a few labels"
+        )
 
     @property
     def _may_pad(self) -> bool:
@@ -180,7 +199,7 @@ class ArrayTrials:
             cells = cells[: self._lengths[index]]
         with np.errstate(invalid="ignore"):  # a NaN may be one that signals
             values = np.asarray(cells[:, self._places], np.float64)
-        rows = len(values) if missing == "keep" else _without_nan(values)
+            rows = len(values) if missing == "keep" else self._without_nan(cells)
         padding = Padding(len(values) - rows, _zeros_at_end(values) if self._may_pad else 0)
         values = values[:rows]
         if not rows:
@@ -199,6 +218,15 @@ class ArrayTrials:
         """Close the file; it is opened again where needed."""
         self._block = None
         self._file.close()
+
+    def _without_nan(self, cells: NDArray[Any]) -> int:
+        """Return how many rows there are up to the last one that is not all NaN.
+
+        Also channels that are not wanted count: where one goes on, others end by a fault.
+        """
+        values = cells if self._time_place is None else np.delete(cells, self._time_place, axis=1)
+        held = np.flatnonzero(~np.isnan(values).all(axis=1))
+        return int(held[-1]) + 1 if len(held) else 0
 
     def _find_axes(
         self,
@@ -330,9 +358,3 @@ class ArrayTrials:
 def _zeros_at_end(values: NDArray[np.float64]) -> int:
     held = np.flatnonzero(values.any(axis=1))  # NaN is no zero
     return len(values) - 1 - int(held[-1]) if len(held) else 0
-
-
-def _without_nan(values: NDArray[np.float64]) -> int:
-    """Return how many rows there are up to the last one that is not all NaN."""
-    held = np.flatnonzero(~np.isnan(values).all(axis=1))
-    return int(held[-1]) + 1 if len(held) else 0

@@ -62,12 +62,14 @@ class TextTrials:
         header = text_names(path)
         keys = [trials] if trials in header else [name.strip() for name in trials.split(AND)]
         self._names = list(names)
+        self._all = False
         columns = parse_columns(channels, where)
         self._time = parse_time(time, where)
         if [column.name for column in columns] == [ALL]:
             left_out = {*keys, *names, self._time.column.name if self._time.column else ""}
             columns = tuple(Column(name=name, unit=columns[0].unit)
                             for name in header if name not in left_out)  # fmt: skip
+            self._all = True
         self._columns = columns
         first_line, rows = text_cells(path, [*keys, *names])
         self._first_line = first_line
@@ -78,6 +80,7 @@ class TextTrials:
             f"{path.name} was read as {count} {'trial' if count == 1 else 'trials'} by its column "
             f"{visible(trials)}"
         ]
+        self.doubts: list[str] = []
         self._whole: Table | None = None
 
     def texts(self, name: str) -> list[str]:
@@ -98,6 +101,8 @@ class TextTrials:
         if self._whole is None:
             self._whole = read_table(self._path, self._columns, self._time, missing,
                                      in_trials=True)  # fmt: skip
+            if self._all and (steady := self._steady(self._whole)):
+                self.doubts.append(steady)
         run, whole = self._runs[index], self._whole
         where = f"{self._path}, trial {visible(self.keys[index])}"
         time_s = whole.time_s[run.start : run.stop]
@@ -110,6 +115,24 @@ class TextTrials:
             names=whole.names, units=whole.units, decimal_comma=whole.decimal_comma,
         )  # fmt: skip
         return table, Padding()
+
+    def _steady(self, whole: Table) -> str:
+        """Return a remark on columns that * took for channels, but that may describe the trial."""
+        values = whole.values
+        odd = (values != values[0]).any(axis=0)  # a dead channel is the same everywhere
+        for run in self._runs:
+            odd &= (values[run.start : run.stop] == values[run.start]).all(axis=0)
+        names = [visible(name) for name, is_odd in zip(whole.names, odd, strict=True) if is_odd]
+        longest = max(run.stop - run.start for run in self._runs)
+        if not names or longest < 2:
+            return ""
+        more = f" and {len(names) - 8} more" if len(names) > 8 else ""
+        has, each = ("has", "it") if len(names) == 1 else ("have", "each of them")
+        return (
+            f"{self._path.name}: {', '.join(names[:8])}{more} {has} one value in each trial, and * "
+            f"made a channel of {each}; if this is a label or a group, say from:{names[0]} in such "
+            "a column, or name the channels"
+        )
 
     def close(self) -> None:
         """Forget the values; they are read again where needed."""

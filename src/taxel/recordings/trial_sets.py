@@ -68,8 +68,12 @@ class TrialSet(Protocol):
         """The array or column that holds them, as the table names it; may be empty."""
 
     @property
-    def remarks(self) -> list[str]:
+    def remarks(self) -> Sequence[str]:
         """What a person should know of how the file was read."""
+
+    @property
+    def doubts(self) -> list[str]:
+        """What a person should check: it may have been meant in another way."""
 
     def texts(self, name: str) -> list[str]:
         """Return each trial's own value, as text.
@@ -311,5 +315,6 @@ def safe_names(keys: Sequence[str]) -> list[str]:
         return [f"{number:0{digits}d}" for number in range(1, len(keys) + 1)]
     if all(key.isdecimal() for key in keys):
         longest = max(map(len, keys))
-        return [key.zfill(longest) for key in keys]
+        filled = [key.zfill(longest) for key in keys]
+        return filled if len(set(filled)) == len(keys) else list(keys)  # 1 and 01 are two trials
     return list(keys)
