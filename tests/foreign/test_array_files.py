@@ -95,6 +95,13 @@ def test_structures_and_letters_of_matlab(tmp_path):
     assert [item.values for item in file.get("many.object").items] == [("cup",), ("ball",)]
     np.testing.assert_array_equal(file.get("one.force").whole(), STACK)
     assert file.get("letters") == Texts(("cup", "ball"))
+    nested = np.empty(2, object)
+    nested[:] = [{"force": STACK[0]}, {"force": STACK[1]}]
+    savemat(tmp_path / "cells.mat", {"trials": nested, "all": {"trials": nested}})
+    with closing(open_arrays(tmp_path / "cells.mat")) as cells:
+        for name in ("trials.force", "all.trials.force"):
+            with pytest.raises(BadFile, match=r"into one array of them .*\[trials\{:\}\]"):
+                cells.get(name)
     with pytest.raises(BadFile, match="a structure of force, object; name one of its fields"):
         file.get("many")
     with pytest.raises(KeyError):

@@ -114,12 +114,16 @@ def test_a_split_of_the_authors_becomes_a_group(tmp_path):
         ("plain.csv,,,from:y,1,a[N],rate:50Hz", "'label:object' without 'from:y'"),
         ("plain.npy,,,from:y,1,1[N],rate:50Hz", "got 'y', where .* from:y.npy for an array of ano"),
         ("obj.npz,X,,x,1,*[N],rate:50Hz", "only pickle could read"),
+        ("odd.npz,X,trials rows channels,from:y,1,*[N],rate:50Hz", "y: one of records with named"),
+        ("odd.npz,X,trials rows channels,from:t,1,*[N],rate:50Hz", "t: one of dates or times"),
     ],
 )  # fmt: skip
 def test_a_row_that_does_not_fit_its_file_is_refused(tmp_path, row, words):
     """One plain line, no output."""
     np.savez(tmp_path / "a.npz", X=X, W=X, y=OBJECTS, C=X * 1j)
     np.savez(tmp_path / "obj.npz", X=np.array([X[0], None], object))
+    records = np.zeros(6, [("object", "U4"), ("n", "i4")])
+    np.savez(tmp_path / "odd.npz", X=X, y=records, t=np.arange(6).astype("datetime64[D]"))
     np.save(tmp_path / "plain.npy", X[0])
     (tmp_path / "plain.csv").write_text("a,b\n1,2\n")
     assert re.search(words, refusal(tmp_path, row))
@@ -288,3 +292,17 @@ def test_doubts_are_shown_however_many_files_were_read(tmp_path):
     assert "4 more files or arrays were read likewise" in notes
     assert sum("no trial has the number 0" in note for note in notes) == 1
     assert len(notes) == 6
+
+
+def test_a_group_above_the_trials_may_hold_their_labels(tmp_path):
+    """subject*@age of subject*/trial_*/force; a pattern that begins otherwise is refused."""
+    with h5py.File(tmp_path / "a.h5", "w") as file:
+        for who in (9, 10):
+            for number in (1, 2):
+                file[f"subject{who}/trial_{number}/force"] = X[number] * who
+            file[f"subject{who}"].attrs["age"] = who + 20
+    row = f"a.h5,subject*/trial_*/force,rows channels,{{}},1,{OWN},rate:50Hz"
+    assert "needed as many * as" in refusal(tmp_path, row.format("from:trial_*@age"))
+    made = bring(tmp_path, row.format("from:subject*@age"))
+    assert [item.manifest.labels["object"] for item in made] == ["29", "29", "30", "30"]
+    np.testing.assert_array_equal(made[2].samples.values, X[1] * 10)

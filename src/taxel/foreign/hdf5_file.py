@@ -175,6 +175,10 @@ class Hdf5File:
             return self._letters(dataset)
         if dataset.attrs.get("MATLAB_empty", 0):
             return Numbers.of(np.zeros(0))
+        if dataset.dtype.names:
+            raise BadFile("numbers or texts", "records with named fields "
+                          f"({', '.join(dataset.dtype.names)[:80]})",
+                          "write each field as an array of its own")  # fmt: skip
         if dataset.dtype.kind not in "biufc":
             raise BadFile("numbers or texts", f"values of the kind {dataset.dtype}", "write it so")
         if self._matlab:  # HDF5's axes are MATLAB's from the last to the first

@@ -104,9 +104,9 @@ def bytes_of(shape: Sequence[int], dtype: np.dtype[Any]) -> int:
 def table_of(file: ArrayFile, most: int = 8) -> str:
     """Return what a file holds, in words: X (600 × 50 × 16 float32), y (600 int64)."""
     names = list(file.names())
-    said = [f"{name or 'an array'} ({_word(file, name)})" for name in names[:most]]
+    shown = [f"{name or 'an array'} ({_word(file, name)})" for name in names[:most]]
     more = f" and {len(names) - most} more" if len(names) > most else ""
-    return (", ".join(said) or "no array") + more
+    return (", ".join(shown) or "no array") + more
 
 
 def _word(file: ArrayFile, name: str) -> str:

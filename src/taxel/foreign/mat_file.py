@@ -126,7 +126,7 @@ class MatFile:
             if matrix.kind == _STRUCT:
                 return self._field(matrix, field, name)
             if field:
-                raise KeyError(name)
+                raise _no_field(matrix, name)
             return self._held(matrix)
         except BadFile as error:
             raise BadFile(error.needed, f"{name}: {error.got}", error.mend) from error
@@ -321,8 +321,18 @@ class MatFile:
         if items[0].kind == _STRUCT:
             return self._field(items[0], inner, name)
         if inner:
-            raise KeyError(name)
+            raise _no_field(items[0], name)
         return self._held(items[0])
+
+
+def _no_field(matrix: _Matrix, name: str) -> Exception:
+    """Return why something other than a structure has no such field."""
+    if matrix.kind != _CELL:
+        return KeyError(name)
+    return BadFile(
+        "an array of structures", "cells, whose fields are not read",
+        "join cells of structures into one array of them before saving: trials = [trials{:}]",
+    )  # fmt: skip
 
 
 def _dtype_of(matrix: _Matrix) -> np.dtype[Any]:

@@ -30,19 +30,26 @@ class Member:
     stars: tuple[str, ...]
     """What stands for each * of the pattern."""
 
-    def fill(self, pattern: str) -> str:
+    def fill(self, pattern: str, trials: str) -> str:
         """Return a pattern with this member's own words in the places of its stars.
+
+        Args:
+            pattern: With as many stars as the trials'; or with fewer, if it is the same up to its
+                last one: subject*@age for subject*/trial_*.
+            trials: The pattern of the trials.
 
         Raises:
             BadTable: It has another number of stars.
         """
         parts = pattern.split(STAR)
-        if len(parts) - 1 != len(self.stars):
+        count = len(parts) - 1
+        same = trials.startswith(pattern[: pattern.rfind(STAR) + 1])
+        if count != len(self.stars) and not (count < len(self.stars) and same):
             raise BadTable(
-                f"as many * as in the column 'trials', {len(self.stars)}",
-                f"{len(parts) - 1} in {pattern!r}", "correct it",
+                f"as many * as in the column 'trials', {len(self.stars)}, or its first part",
+                f"{count} in {pattern!r}", "correct it",
             )  # fmt: skip
-        return "".join(map("".join, zip(parts, (*self.stars, ""), strict=True)))
+        return "".join(map("".join, zip(parts, (*self.stars[:count], ""), strict=True)))
 
 
 def only_array(file: OpenedFile) -> str:

@@ -161,10 +161,10 @@ class ArrayTrials:
             if one_hot and remark not in self._remarks:
                 self._remarks.append(remark)
             return found
-        held = [(filled, self._file.get(filled))
-                for filled in (member.fill(name) for member in self._members)]  # fmt: skip
         found = []
-        for filled, values in held:
+        for member in self._members:
+            filled = member.fill(name, self.what)
+            values = self._file.get(filled)
             texts, _ = label_texts(values, f"{visible(filled)} in {self._path}")
             if len(texts) != 1:
                 raise BadTable("one value for each trial", f"{len(texts)} in {visible(filled)} of "
@@ -332,7 +332,7 @@ class ArrayTrials:
         """Return a trial's times out of an array of their own: one for all, one each, or a cell."""
         name = self._time_array
         if STAR in name:
-            name = self._members[index].fill(name)
+            name = self._members[index].fill(name, self.what)
         held = self._file.get(name)
         if isinstance(held, Cells) and len(held.items) == len(self.keys):
             held = held.items[index]
