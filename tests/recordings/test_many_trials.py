@@ -306,3 +306,22 @@ def test_a_group_above_the_trials_may_hold_their_labels(tmp_path):
     made = bring(tmp_path, row.format("from:subject*@age"))
     assert [item.manifest.labels["object"] for item in made] == ["29", "29", "30", "30"]
     np.testing.assert_array_equal(made[2].samples.values, X[1] * 10)
+
+
+def test_the_name_of_an_array_as_a_value_brings_a_note(tmp_path):
+    """y for from:y gives all trials the label y; a capital From:y is from:y."""
+    np.savez(tmp_path / "a.npz", X=X, y=OBJECTS, t=np.arange(9.0))
+    words = f"a.npz,X,trials rows channels,{{}},1,{OWN},{{}}"
+    assert "write from:t[ms]" in refusal(tmp_path, words.format("From:y", "t[ms]"))
+    for label, expected in (
+        ("y", "y in the column label:object is taken as the value of all trials; write from:y"),
+        ("y.npy", "write from:y.npy for each trial's own"),
+        ("From:y", ""),
+        ("cup", ""),
+    ):
+        notes: list[str] = []
+        made = bring(tmp_path, words.format(label, "From:t[ms]"), notes=notes)
+        wanted = OBJECTS.tolist() if label == "From:y" else [label] * 6
+        assert [item.manifest.labels["object"] for item in made] == wanted
+        assert sum("taken as the value" in note for note in notes) == bool(expected)
+        assert expected in str(notes)

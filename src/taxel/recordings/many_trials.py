@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from taxel.errors import BadTable
-from taxel.foreign.array_files import NAMED_ENDINGS
+from taxel.foreign.array_files import ARRAY_ENDINGS, NAMED_ENDINGS
 from taxel.plain_text import visible
 from taxel.recordings.class_names import named_classes, remark_on
 from taxel.recordings.stack_members import STAR
@@ -62,7 +62,7 @@ def holds_many(file: Path, named: Mapping[str, str]) -> bool:
         return True
     if not ending.endswith(".npy") or not file.is_file():
         return False
-    refers = any(_may_refer(name) and cell.startswith(FROM) for name, cell in named.items())
+    refers = any(_may_refer(name) and Reference.of(cell) for name, cell in named.items())
     return refers or len(npy_shape(file)) > 2
 
 
@@ -107,6 +107,7 @@ def trials_of(
         arrays = any(len(values[name]) > 1 and STAR not in ref.name for name, ref in wanted.items())
         if arrays and isinstance(source, ArrayTrials) and source.order:
             source.doubts.append(source.order)
+        source.doubts.extend(_names_as_values(source, named, where))
         values |= _from_stars(source, named, where)
         count = len(source.keys)
         for name, texts in values.items():
@@ -134,7 +135,7 @@ def refuse_words_of_many(named: Mapping[str, str], where: str) -> None:
         BadTable: Such a cell is filled in.
     """
     for name, cell in named.items():
-        refers = _may_refer(name) and cell.startswith((FROM, STAR_CELL))
+        refers = _may_refer(name) and cell.lower().startswith((FROM, STAR_CELL))
         if cell and (refers or name in ("trials", "axes", "length")):
             raise BadTable(
                 f"the column '{name}' without {cell!r} for a file of one trial",
@@ -144,13 +145,26 @@ def refuse_words_of_many(named: Mapping[str, str], where: str) -> None:
             )
 
 
+def _names_as_values(source: TrialSet, named: Mapping[str, str], where: str) -> list[str]:
+    """Return a line on each cell that may have been meant as the name of an array or a file."""
+    return [
+        f"{where}: {visible(cell)} in the column {visible(name)} is taken as the value of all "
+        f"trials; write from:{visible(cell)} for each trial's own"
+        for name, cell in named.items()
+        if _may_refer(name)
+        and not cell.lower().startswith((FROM, STAR_CELL))
+        and (cell in source.names or cell.lower().endswith((*ARRAY_ENDINGS, *TEXT_ENDINGS)))
+        and name != "length"
+    ]
+
+
 def _from_stars(source: TrialSet, named: Mapping[str, str], where: str) -> dict[str, list[str]]:
     """Return what stands for a * of the trials' names, where a cell asks for it: star:1."""
     found = {}
     for name, cell in named.items():
-        if not cell.startswith(STAR_CELL) or not _may_refer(name):
+        if not cell.lower().startswith(STAR_CELL) or not _may_refer(name):
             continue
-        number = cell.removeprefix(STAR_CELL).strip()
+        number = cell[len(STAR_CELL) :].strip()
         held = source.stars if isinstance(source, ArrayTrials) else ()
         count = len(held[0]) if held else 0
         if not (number.isdecimal() and len(number) < 4 and 1 <= int(number) <= count):

@@ -102,8 +102,14 @@ class ArrayTrials:
         columns = parse_columns(words.channels, self._where)
         self._time = parse_time(words.time, self._where)
         named = "" if self._time.column is None else self._time.column.name
-        self._time_array = named.removeprefix(FROM).strip() if named.startswith(FROM) else ""
+        self._time_array = named[len(FROM) :].strip() if named.lower().startswith(FROM) else ""
         in_channel = "" if self._time_array else named
+        if in_channel and in_channel in self.names and not in_channel.isdecimal():
+            raise BadTable(
+                "a channel that holds time, or from: and the name of an array of times",
+                f"{in_channel!r} in {self._where}, which is the name of an array",
+                f"write from:{words.time.strip()}",
+            )
         self._axes = self._find_axes(words.axes, columns, bool(in_channel), labels, counts)
         self._places, self._columns, self._time_place = take_channels(
             columns, self._axes.names(self._shapes[0]), in_channel, self._where
@@ -117,6 +123,11 @@ class ArrayTrials:
         return self._remarks
 
     @property
+    def names(self) -> Sequence[str]:
+        """All arrays of the file."""
+        return self._file.opened().names()
+
+    @property
     def stars(self) -> list[tuple[str, ...]]:
         """What stands for each * in each trial's name; empty where the trials have no pattern."""
         return [member.stars for member in self._members] if self._members[0].stars else []
@@ -128,7 +139,8 @@ class ArrayTrials:
         Labels in an array of their own may have been written in the file's order.
         """
         names = list(dict.fromkeys(member.name for member in self._members))
-        listed = [name for name in self._file.opened().names() if name in set(names)]
+        taken = set(names)
+        listed = [name for name in self.names if name in taken]
         at = next((n for n, pair in enumerate(zip(names, listed, strict=False))
                    if pair[0] != pair[1]), None)  # fmt: skip
         if at is None:

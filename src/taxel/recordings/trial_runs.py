@@ -60,6 +60,7 @@ class TextTrials:
     ) -> None:
         self._path, self.what = path, trials
         header = text_names(path)
+        self.names = header
         keys = [trials] if trials in header else [name.strip() for name in trials.split(AND)]
         self._names = list(names)
         self._all = False

@@ -72,6 +72,10 @@ class TrialSet(Protocol):
         """What a person should know of how the file was read."""
 
     @property
+    def names(self) -> Sequence[str]:
+        """All arrays, or columns, of the file."""
+
+    @property
     def doubts(self) -> list[str]:
         """What a person should check: it may have been meant in another way."""
 
@@ -117,9 +121,9 @@ class Reference:
     @staticmethod
     def of(cell: str) -> Reference | None:
         """Return what a cell names; None if it is a value of its own."""
-        if not cell.startswith(FROM):
+        if not cell.lower().startswith(FROM):
             return None
-        name = cell.removeprefix(FROM).strip()
+        name = cell[len(FROM) :].strip()
         if match := re.fullmatch(r"(.+)\[([^\[\]]+?)\s*(-\s*1)?\s*\]", name):
             return replace(
                 _place(match[2].strip()),
