@@ -30,12 +30,12 @@ LEROBOT = "lerobot"
 class Import:
     """Turn tables of values, files of arrays, or videos, into recordings, one for each trial.
 
-    For arrays, the import table is a CSV with one row for each file: a text (.csv, .tsv, .txt or
-    .dat, gzip-packed or not) or .npy. Its columns: file (relative to the table); label:NAME and
+    For arrays, the import table is a CSV with one row for each file: a text (.csv, .tsv, .txt
+    or .dat, gzip-packed or not) or .npy. Its columns: file (relative to the table); label:NAME and
     group:NAME, as many as you like; channels, each with its name or number from 1 and its unit, as
     in Data0[count] Data1[count] 7[deg], or *[N] for all; time, as in Timestamp[ms] (s, ms, us or
-    ns), or rate:100Hz; and optionally sensor (its name), full_scale (where it saturates) and layout
-    (csv, icub, or module.py:function).
+    ns), or rate:100Hz; and optionally sensor (its name), full_scale (where it saturates) and
+    layout (csv, icub, or module.py:function).
 
     One row may also stand for a file of many trials: a stacked .npy, or a .npz, MATLAB (.mat) or
     HDF5 (.h5, .hdf5) file. Then trials names the array that holds them (X, or trials/*/force for

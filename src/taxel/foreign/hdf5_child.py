@@ -4,6 +4,8 @@ Run as a script, so that nothing of taxel is loaded. It reads what a file says o
 attributes, shapes, texts, and of large arrays the first and last rows. The path is its only
 argument; it ends with 0 where the library came to the file's end. Knows nothing about what is
 taken of a file.
+
+Background of our choices: docs/decisions/0033.
 """
 
 from __future__ import annotations

@@ -23,9 +23,9 @@ choice, docs/decisions/0004."""
 
 ZEROS, OFTEN = 3, 0.1
 """Rows of zeros at a trial's end, and the share of trials that end so, from which on these may be
-padding. Source: our choice."""
+padding. Source: our choice, docs/decisions/0011."""
 MOST_REMARKS = 5
-"""Lines on how files of many trials were read. Source: our choice."""
+"""Lines on how files of many trials were read. Source: our choice, docs/decisions/0011."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -146,9 +146,10 @@ class ArrayTrials:
         if at is None:
             return ""
         return (
-            f"{visible(self.what)} in {self._path.name}: values of arrays of their own were given "
-            f"to trials by the numbers in the trials' names, {visible(names[at])} before "
-            f"{visible(listed[at])}; the file lists {visible(listed[at])} first: check a few labels"
+            f"{visible(self.what)} in {self._path.name}: the trials are in the order of the "
+            f"numbers in their names, {visible(names[at])} before {visible(listed[at])}, but the "
+            f"file lists {visible(listed[at])} first; if the labels were written in that order, "
+            "they are wrong: check a few of them"
         )
 
     @property
