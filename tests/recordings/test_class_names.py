@@ -45,6 +45,9 @@ def test_names_and_numbers_may_be_in_other_files(tmp_path):
     (tmp_path / "long.csv").write_text(f"trial,label,a\n{lines}")
     words = f"1,{OWN},rate:50Hz"
     text = "1,a[N],rate:50Hz"
+    (tmp_path / "list.txt").write_text("\n".join(CLASSES))
+    row = f"X.npy,,trials rows channels,from:list.txt[y.npy],{words}"
+    assert "write the column's name into line 1" in refusal(tmp_path, row)
     cell = "from:names[label]"
     assert "in another file" in refusal(tmp_path, f"long.csv,trial,,{cell},{text}")
     for row in (

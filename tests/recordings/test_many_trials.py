@@ -325,3 +325,22 @@ def test_the_name_of_an_array_as_a_value_brings_a_note(tmp_path):
         assert [item.manifest.labels["object"] for item in made] == wanted
         assert sum("taken as the value" in note for note in notes) == bool(expected)
         assert expected in str(notes)
+
+
+@pytest.mark.parametrize(
+    ("lines", "expected"),
+    [
+        ("5\n6\n5\n6\n5\n7\n", list("565657")),
+        ("cup\nball\ncup\nball\ncup\nball\n", ["cup", "ball"] * 3),
+        ("object\ncup\nball\ncup\nball\ncup\nball\n", ["cup", "ball"] * 3),
+    ],
+)
+def test_a_list_of_labels_needs_no_name_above_it(tmp_path, lines, expected):
+    """Its line 1 is a value where it is a number, or comes again; else it is the column's name."""
+    np.save(tmp_path / "X.npy", X)
+    (tmp_path / "y.txt").write_text(lines + "more\n")
+    row = f"X.npy,,trials rows channels,from:y.txt,1,{OWN},rate:50Hz"
+    assert "a value for each of 6 trials; got 7 by from:y.txt" in refusal(tmp_path, row)
+    (tmp_path / "y.txt").write_text(lines)
+    made = bring(tmp_path, row)
+    assert [item.manifest.labels["object"] for item in made] == expected

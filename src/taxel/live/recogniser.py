@@ -20,7 +20,7 @@ _NEAR_S = 0.03
 Source: three rows of the common grid, docs/decisions/0010."""
 _SINGLE_S = 1.0
 """From a source's only scan to the next one that is rehearsed, where no rate is known. Source: our
-choice; any time later than the scan's will do."""
+choice, docs/decisions/0011: any time later than the scan's will do."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -97,6 +97,7 @@ def trials_of(
         for name, ref in wanted.items():
             if ref.classes is not None:
                 cell, numbers = named[name], values[name]
+                _check_line_1(ref.classes, cell, where)
                 classes = (
                     read_beside(ref.classes)
                     if ref.classes.file
@@ -178,6 +179,16 @@ def _from_stars(source: TrialSet, named: Mapping[str, str], where: str) -> dict[
             raise BadTable("a value for each trial", f"nothing by {cell!r} in {where}",
                            "choose another pattern in the column 'trials'")  # fmt: skip
     return found
+
+
+def _check_line_1(classes: Reference, cell: str, where: str) -> None:
+    """Refuse a text of class names whose line 1 may be a name or the column's name."""
+    if classes.file.lower().endswith(TEXT_ENDINGS) and not classes.name:
+        raise BadTable(
+            f"the column of the classes' names, as in {classes.file}:object",
+            f"{cell[:80]!r} in {where}",
+            "write the column's name into line 1 of the file, and behind the file's name",
+        )
 
 
 def _own_classes(source: TrialSet, name: str, cell: str, where: str) -> list[str]:

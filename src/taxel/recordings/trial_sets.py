@@ -34,7 +34,7 @@ from taxel.foreign.held_arrays import (
 )
 from taxel.plain_text import visible
 from taxel.recordings.table_columns import read_cells
-from taxel.recordings.table_form import TEXT_ENDINGS
+from taxel.recordings.table_form import TEXT_ENDINGS, is_number
 from taxel.recordings.tables import Missing, Table
 
 FROM = "from:"
@@ -239,7 +239,10 @@ def _column_of(path: Path, name: str) -> list[str]:
         )
     place = names.index(name) if name else 0
     lines = [cells for cells in lines if any(cell.strip() for cell in cells)]
-    for number, cells in enumerate(lines, start=2):
+    first = 2
+    if not name and (is_number(names[0]) or any(cells[0].strip() == names[0] for cells in lines)):
+        lines, first = [header, *lines], 1  # a list of values without a name above it
+    for number, cells in enumerate(lines, start=first):
         if len(cells) != len(names) or not cells[place].strip():
             raise BadTable(
                 f"something in the column {name!r}", f"nothing in {path}, line {number}",
