@@ -23,14 +23,28 @@ class Some:
     words: tuple[str, ...] | None = None
 
 
+@dataclass(frozen=True, kw_only=True)
+class Valued:
+    """Options with a default, one that must be given, and an empty one."""
+
+    needed: int
+    count: int = 0
+    word: str = " "
+    on: bool = False
+    empty: str = ""
+
+
 @pytest.mark.parametrize("door", doors())
-def test_no_help_shows_none_as_something_to_type(
+def test_no_help_shows_none_as_something_to_type_or_as_a_default(
     door: str, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    """Nor an empty default: what happens without an option is said in words, or nothing does."""
     monkeypatch.setenv("COLUMNS", "200")
     with pytest.raises(SystemExit):
         parse(load_verb(door), door, ["--help"])
-    assert "None}" not in capsys.readouterr().out
+    text = " ".join(capsys.readouterr().out.replace("│", " ").split())
+    for shown in ("None}", "default: None", "(default: )", "(default: '')"):
+        assert shown not in text
 
 
 def test_the_help_names_the_type_of_each_value(capsys: pytest.CaptureFixture[str]) -> None:
@@ -39,6 +53,16 @@ def test_the_help_names_the_type_of_each_value(capsys: pytest.CaptureFixture[str
     text = capsys.readouterr().out
     for shown in ("--file PATH", "--count INT", "--kind {a,b}", "--limits FLOAT FLOAT"):
         assert shown in text
+
+
+def test_a_default_that_is_a_value_is_shown(capsys: pytest.CaptureFixture[str]) -> None:
+    """A number, a word and a switch; and what must be given still says so."""
+    with pytest.raises(SystemExit):
+        parse(Valued, "valued", ["--help"])
+    text = " ".join(capsys.readouterr().out.replace("│", " ").split())
+    for shown in ("(default: 0)", "(default: ' ')", "(default: False)", "(required)"):
+        assert shown in text
+    assert text.count("(default:") == 3
 
 
 @pytest.mark.parametrize(

@@ -37,6 +37,7 @@ def bundle(
     window: WindowConfig,
     channels: tuple[str, ...] = ("a", "b", "c"),
     unknown: Unknown | None = None,
+    rate_hz: float = 100.0,
 ):
     width = len(channels)
     values = touch(STEPS * 10).values.reshape(10, STEPS, CHANNELS)[:, :, :width].copy()
@@ -48,7 +49,7 @@ def bundle(
         scaling=fit_scaling("full-scale", values, mask, 3.3),
         channels=channels,
         units=("V",) * width,
-        rate_hz=100.0,
+        rate_hz=rate_hz,
         model="cnn2d",
         parameters=1,
         data_digest="0" * 64,
@@ -65,6 +66,15 @@ def bundle(
 @pytest.fixture
 def plain(tmp_path: Path) -> Bundle:
     return bundle(tmp_path, WindowConfig(steps=STEPS, stride=STEPS))
+
+
+def test_recordings_of_a_single_scan_have_no_rate_and_are_recognised(tmp_path: Path):
+    """One reading a grasp: a window of one row is answered, and rehearsing it changes nothing."""
+    window = WindowConfig(steps=STEPS, stride=STEPS, grid_hz=None, gate=None)
+    recogniser = Recogniser(bundle(tmp_path, window, rate_hz=0.0), replace(SENSOR, rate_hz=0.0))
+    for start in range(STEPS):
+        assert len(recogniser.push(touch(1, start))) == int(start == STEPS - 1)
+        recogniser.warm()
 
 
 @pytest.mark.parametrize(

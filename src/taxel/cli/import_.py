@@ -15,13 +15,8 @@ from taxel.cli.printing import command, print_json, progress, say, say_aside
 from taxel.errors import BadInput, MissingExtra
 from taxel.recordings.import_header import table_cells
 from taxel.recordings.import_notes import FileFacts, notes_of
-from taxel.recordings.importing import (
-    ImportOptions,
-    ImportRow,
-    import_rows,
-    intervals_of,
-    read_rows,
-)
+from taxel.recordings.import_rows import ImportRow, read_rows
+from taxel.recordings.importing import ImportOptions, import_rows, intervals_of
 from taxel.recordings.intervals import Interval
 from taxel.recordings.known import KNOWN, KNOWN_VIDEOS
 from taxel.recordings.spelling import look_alikes
@@ -33,14 +28,23 @@ LEROBOT = "lerobot"
 
 @dataclass(frozen=True)
 class Import:
-    """Turn tables of values, or videos, into recordings, one recording per file.
+    """Turn tables of values, files of arrays, or videos, into recordings, one for each trial.
 
-    For arrays, the import table is a CSV with one row for each file: a text (.csv, .tsv, .txt or
-    .dat, gzip-packed or not) or .npy. Its columns: file (relative to the table); label:NAME and
+    For arrays, the import table is a CSV with one row for each file: a text (.csv, .tsv, .txt
+    or .dat, gzip-packed or not) or .npy. Its columns: file (relative to the table); label:NAME and
     group:NAME, as many as you like; channels, each with its name or number from 1 and its unit, as
-    in Data0[count] Data1[count] 7[deg]; time, as in Timestamp[ms] (s, ms, us or ns), or rate:100Hz;
-    and optionally sensor (its name), full_scale (where it saturates) and layout (csv, icub, or
-    module.py:function).
+    in Data0[count] Data1[count] 7[deg], or *[N] for all; time, as in Timestamp[ms] (s, ms, us or
+    ns), or rate:100Hz; and optionally sensor (its name), full_scale (where it saturates) and
+    layout (csv, icub, or module.py:function).
+
+    One row may also stand for a file of many trials: a stacked .npy, or a .npz, MATLAB (.mat) or
+    HDF5 (.h5, .hdf5) file. Then trials names the array that holds them (X, or trials/*/force for
+    an array for each), axes says what its axes are (trials rows channels, or trials rows height
+    width for a grid), and label:NAME, group:NAME and length (rows of each trial) take each trial's
+    own value from an array: from:y, or from:labels.csv:object for another file; from:objects[y]
+    where y numbers the classes that objects names; or from its name: star:1 is what stands for the
+    first * in trials. Time may be from:t[ms]. In a text with many trials, trials names the column
+    that tells them apart.
 
     For tactile cameras, its columns are left and right, or camera:NAME for each camera (videos, or
     folders of images, relative to the table); label:NAME; group:NAME; and optionally split (train,
@@ -64,7 +68,8 @@ class Import:
     for a single file also an Audacity label track or MNE's annotations (.txt)."""
     missing: Literal["refuse", "keep"] | None = None
     """Arrays, with empty cells, NaN or infinity: refuse the file (the default), or keep them,
-    flagged as invalid."""
+    flagged as invalid. Rows of NaN at the end of a trial in a stack are padding unless they are
+    kept."""
     allow_code: bool = False
     """Run layouts of the form module.py:function; they can do whatever you can."""
     allow_outside: bool = False

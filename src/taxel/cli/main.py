@@ -54,7 +54,7 @@ VERBS = {
     "hand": "move the TENG hand's fingers and print its motor currents",
     "collect": "let the hand grasp, label and record a list of objects",
     "recover": "save the intact part of a damaged or unfinished recording",
-    "import": "turn tables of values, or a public data set, into recordings",
+    "import": "turn tables of values, files of arrays, or a public data set, into recordings",
     "export": "write recordings for LeRobot, ROS 2, tables or video players",
     "info": "print what a recording, a folder of recordings or a bundle holds",
     "view": "look at raw touch, without any model",

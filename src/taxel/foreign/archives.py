@@ -35,8 +35,18 @@ _LAST_LETTER, _SURROGATES = 0x10FFFF, 0x1B
 _MAGIC = b"\x93NUMPY"
 _LONGEST_HEAD = 4096
 """Bytes; numpy's own head has 118."""
+LONGEST_START = _LONGEST_HEAD + 12
+"""Bytes of a .npy file that `read_head` may need."""
 _MOST_AXES = 8
 _DESCR = re.compile(r"""['"]descr['"]\s*:\s*['"]([<>|=]?)([biufcUS])(\d{1,4})['"]""")
+_OBJECTS = re.compile(r"""['"]descr['"]\s*:\s*['"]\|?O['"]""")
+_OTHERS = (
+    (re.compile(r"""['"]descr['"]\s*:\s*\["""), "one of records with named fields",
+     "write each field as an array of its own, as y = records['object']"),
+    (re.compile(r"""['"]descr['"]\s*:\s*['"][<>]?[mM]8"""), "one of dates or times",
+     "write them as texts, y.astype(str), or as seconds"),
+)  # fmt: skip
+"""What else a head may say, what that is, and what to do."""
 _ORDER = re.compile(r"""['"]fortran_order['"]\s*:\s*(True|False)""")
 _SHAPE = re.compile(r"""['"]shape['"]\s*:\s*\(([\d\s,L]{0,200})\)""")
 _ZIP_END = struct.Struct("<4s4H2LH")
@@ -145,7 +155,7 @@ def array_of(content: bytes, kinds: str = "biuf") -> NDArray[Any]:
     Raises:
         BadFile: Its head cannot be right, or the bytes behind it are more or fewer.
     """
-    start, dtype, shape, by_columns = read_head(content[: _LONGEST_HEAD + 12])
+    start, dtype, shape, by_columns = read_head(content[:LONGEST_START])
     if dtype.kind not in kinds:
         _no_array(f"values of the kind {dtype}")
     count = math.prod(shape)
@@ -176,6 +186,15 @@ def read_head(content: bytes) -> tuple[int, np.dtype[Any], tuple[int, ...], bool
     if length > _LONGEST_HEAD or start > len(content):
         _no_array(f"a head of {length:,} bytes")
     head = content[start - length : start].decode("latin-1")
+    if _OBJECTS.search(head):
+        raise BadFile(
+            "an array of numbers or texts", "one of objects, which only pickle could read",
+            "write texts as y.astype(str), and trials that differ in length padded with NaN or as "
+            "arrays of their own",
+        )  # fmt: skip
+    for pattern, got, mend in _OTHERS:
+        if pattern.search(head):
+            raise BadFile("an array of numbers or texts", got, mend)
     descr, order, shape = _DESCR.search(head), _ORDER.search(head), _SHAPE.search(head)
     if descr is None or order is None or shape is None:
         _no_array("a head without the kind and shape of plain numbers")

@@ -18,6 +18,7 @@ from typing import BinaryIO
 from taxel.errors import BadFile
 
 MIB = 2**20
+GIB = 2**30
 _BLOCK = MIB
 _LARGEST_TENSORS, _LARGEST_TENSOR_HEAD = 1024 * MIB, 16 * MIB
 """Of a .safetensors file. Source: our choice."""

@@ -18,6 +18,9 @@ from taxel.windows.windower import Windower, Windows
 _NEAR_S = 0.03
 """Rows that have stopped for longer may be the contact's last: nothing to stay awake for.
 Source: three rows of the common grid, docs/decisions/0010."""
+_SINGLE_S = 1.0
+"""From a source's only scan to the next one that is rehearsed, where no rate is known. Source: our
+choice, docs/decisions/0011: any time later than the scan's will do."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,7 +56,8 @@ class Recogniser:
         window = bundle.contract.window
         self._windower = Windower(window, sensor)
         self._near = len(sensor.only(window.channels).channels) if window.layout == "A" else 1
-        self._row_s = 1.0 / (window.grid_hz or sensor.rate_hz)
+        rate_hz = window.grid_hz or sensor.rate_hz  # 0 of a recording of a single scan
+        self._row_s = 1.0 / rate_hz if rate_hz > 0 else _SINGLE_S
         self._last: Samples | None = None
         self._grown_s = -inf
         self._missing = self._windower.missing

@@ -8,10 +8,14 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
-from taxel.errors import BadTable
+from taxel.errors import BadFile, BadTable, MissingExtra
+from taxel.foreign.array_files import ARRAY_ENDINGS, open_arrays
+from taxel.foreign.held_arrays import table_of
 from taxel.recordings.table_columns import read_cells
 
-PLAIN_COLUMNS = ("file", "channels", "time", "layout", "sensor", "full_scale")
+PLAIN_COLUMNS = (
+    "file", "trials", "axes", "length", "channels", "time", "layout", "sensor", "full_scale",
+)  # fmt: skip
 """Columns of an import table beside label:NAME and group:NAME."""
 PREFIXES = ("label:", "group:")
 _NO_TABLES = (".npy", ".npz", ".mat", ".mcap", ".xls", ".xlsx", ".parquet", ".h5", ".hdf5")
@@ -29,11 +33,25 @@ def table_cells(path: Path) -> list[list[str]]:
     if path.is_dir():
         raise BadTable(_A_TABLE, f"the folder {path}", "write a table that names its files")
     if path.name.lower().endswith(_NO_TABLES) and path.is_file():
-        raise BadTable(_A_TABLE, f"{path}, which is not one", _WRITE_ONE)
+        raise BadTable(_A_TABLE, f"{path}, which {_holds(path)}", _WRITE_ONE)
     lines = read_cells(path)
     if not any(cell.strip() for cells in lines for cell in cells):
         raise BadTable(_A_TABLE, f"the empty file {path}", "write its lines")
     return lines
+
+
+def _holds(path: Path) -> str:
+    """Return what is known of a file that is no table: of arrays, their names and shapes."""
+    if not path.name.lower().endswith(ARRAY_ENDINGS):
+        return "is not one"
+    try:
+        file = open_arrays(path)
+    except (BadFile, MissingExtra, OSError):
+        return "is not one"
+    try:
+        return f"is a file of arrays: {table_of(file)}"
+    finally:
+        file.close()
 
 
 def check_header(path: Path, header: Sequence[str]) -> None:

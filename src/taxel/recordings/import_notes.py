@@ -21,6 +21,12 @@ SLOW_HZ = 1.0
 slow, and touch is sampled faster. Source: our
 choice, docs/decisions/0004."""
 
+ZEROS, OFTEN = 3, 0.1
+"""Rows of zeros at a trial's end, and the share of trials that end so, from which on these may be
+padding. Source: our choice, docs/decisions/0011."""
+MOST_REMARKS = 5
+"""Lines on how files of many trials were read. Source: our choice, docs/decisions/0011."""
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FileFacts:
@@ -42,6 +48,14 @@ class FileFacts:
     """The longest of them, from scan to scan, seconds."""
     longest_from_s: float = 0.0
     """Where it starts, seconds from the first scan."""
+    remarks: tuple[str, ...] = ()
+    """How a file of many trials was read, the same for all of its trials."""
+    doubts: tuple[str, ...] = ()
+    """What may have been meant in another way, the same for all of its trials."""
+    padding: int = 0
+    """Rows of NaN at its end, which were cut."""
+    zeros: int = 0
+    """Rows of zeros at its end, which were kept."""
 
 
 def gaps_of(time_s: NDArray[np.float64]) -> tuple[int, float, float]:
@@ -67,11 +81,17 @@ def notes_of(files: Sequence[FileFacts]) -> list[str]:
     """Return a line for each matter, however many files it is found in."""
     slow = [facts for facts in files if facts.time and 0 < facts.rate_hz < SLOW_HZ]
     return [
+        *_first(list(dict.fromkeys(remark for facts in files for remark in facts.remarks)),
+                "more files or arrays were read likewise"),
+        *_first(list(dict.fromkeys(doubt for facts in files for doubt in facts.doubts)),
+                "more notes of this kind on other files"),
+        *_paddings([facts for facts in files if facts.padding], len(files)),
+        *_zeros([facts for facts in files if facts.zeros >= ZEROS], len(files)),
         *_number_headers([facts for facts in files if facts.number_header]),
         *_decimal_commas([facts for facts in files if facts.decimal_comma]),
         *_slow(sorted(slow, key=lambda facts: facts.rate_hz)),
         *_gaps([facts for facts in files if facts.gaps], len(files)),
-    ]
+    ]  # fmt: skip
 
 
 def _number_headers(files: Sequence[FileFacts]) -> list[str]:
@@ -80,6 +100,36 @@ def _number_headers(files: Sequence[FileFacts]) -> list[str]:
     return [
         f"{_some(files)}: line 1 ({files[0].number_header}) was taken as the columns' names, not "
         "as a scan; if it is a scan, put a line of names above it"
+    ]
+
+
+def _first(remarks: list[str], rest: str) -> list[str]:
+    """Return lines on how files of many trials were read; of many files only the first ones."""
+    if len(remarks) <= MOST_REMARKS:
+        return remarks
+    left = len(remarks) - MOST_REMARKS + 1
+    return [*remarks[: MOST_REMARKS - 1], f"{left} {rest}"]
+
+
+def _paddings(files: Sequence[FileFacts], of: int) -> list[str]:
+    if not files:
+        return []
+    most = max(files, key=lambda facts: facts.padding)
+    return [
+        f"{len(files)} of {of} trials end before their array does: rows of NaN at the end were "
+        f"taken as padding and cut, at most {most.padding} ({most.file}); --missing keep keeps them"
+    ]
+
+
+def _zeros(files: Sequence[FileFacts], of: int) -> list[str]:
+    """Return a line on rows of zeros where enough trials end in them; length would tell classes."""
+    if len(files) < max(2, OFTEN * of):
+        return []
+    most = max(files, key=lambda facts: facts.zeros)
+    return [
+        f"{len(files)} of {of} trials end in rows of zeros, at most {most.zeros} ({most.file}); if "
+        "these are padding, a model may learn from it how long a trial was: name an array of "
+        "lengths in the column 'length'"
     ]
 
 

@@ -9,46 +9,26 @@ from __future__ import annotations
 
 import os
 from collections import Counter
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
 from taxel.errors import BadTable
 from taxel.recordings import tables
-from taxel.recordings.import_header import PLAIN_COLUMNS, check_header, table_cells
 from taxel.recordings.import_notes import FileFacts, gaps_of
+from taxel.recordings.import_rows import ImportRow, read_rows
 from taxel.recordings.intervals import Interval, marks_of, read_intervals, stem_of, write_marked
 from taxel.recordings.layouts import find_layout
 from taxel.recordings.manifest import Manifest
-from taxel.recordings.spelling import column_name, composed
-from taxel.recordings.table_files import file_of
-from taxel.recordings.table_form import is_number
+from taxel.recordings.spelling import composed
 from taxel.recordings.tables import Missing, Table
+from taxel.recordings.trial_sets import Padding
 from taxel.recordings.whole import new_folder
 from taxel.recordings.writer import Recorder
 from taxel.signals import Samples, SensorInfo
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class ImportRow:
-    """What one file is."""
-
-    file: Path
-    labels: Mapping[str, str] = field(default_factory=dict)
-    groups: Mapping[str, str] = field(default_factory=dict)
-    channels: str = ""
-    """Such as "Data0[count] Data1[count] 7[deg]"; may be empty where the layout names them."""
-    time: str = ""
-    """Such as "Timestamp[ms]" or "rate:100Hz"; empty where the layout gives times."""
-    layout: str = "csv"
-    sensor: str = "array"
-    """Short name of the sensor, the topic in the recording."""
-    full_scale: float | None = None
-    """Value from which a channel counts as saturated, in the channels' unit."""
-    details: Mapping[str, str] = field(default_factory=dict)
-    """Kept with the sensor in the manifest."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -110,15 +90,35 @@ def import_rows(
     """Write one recording for each row; see `import_table` and `intervals_of`."""
     names = _output_names(rows)
     files = [f"{name}.mcap" for name in names]
-    with new_folder(output_dir, files, overwrite=options.overwrite) as made:
-        for done, (row, name, file) in enumerate(zip(rows, names, files, strict=True), 1):
+    with (
+        _closing(rows),
+        new_folder(output_dir, files, overwrite=options.overwrite) as made,
+    ):
+        following = (*rows[1:], None)
+        for done, (row, name, file, after) in enumerate(
+            zip(rows, names, files, following, strict=True), 1
+        ):
             own = (intervals or {}).get(name, ())
             facts = _import_file(row, own, made / file, code_dir, options)
+            if row.trial and not (after and after.trial and after.trial.source is row.trial.source):
+                row.trial.source.close()  # not all of 1,000 files are open at once
             if on_file is not None:
                 on_file(facts)
             if progress is not None:
                 progress(done, len(rows))
     return [output_dir / file for file in files]
+
+
+@contextmanager
+def _closing(rows: Sequence[ImportRow]) -> Iterator[None]:
+    """Close the files of many trials at the end, whatever happens."""
+    try:
+        yield
+    finally:
+        for source in {
+            id(row.trial.source): row.trial.source for row in rows if row.trial
+        }.values():
+            source.close()
 
 
 def intervals_of(rows: Sequence[ImportRow], table: Path | None) -> dict[str, list[Interval]]:
@@ -139,66 +139,9 @@ def intervals_of(rows: Sequence[ImportRow], table: Path | None) -> dict[str, lis
     return found
 
 
-def read_rows(manifest_csv: Path, data_dir: Path, *, outside: bool = False) -> list[ImportRow]:
-    """Return the rows of an import table.
-
-    Args:
-        manifest_csv: The import table.
-        data_dir: What the column `file` is relative to.
-        outside: Also files that lie outside of that folder.
-
-    Raises:
-        BadTable: A column is unknown or missing, a row is not complete, or its file lies outside.
-    """
-    lines = table_cells(manifest_csv)
-    header = [column_name(name, PLAIN_COLUMNS) for name in lines[0]]
-    check_header(manifest_csv, header)
-    if len(lines) < 2:
-        raise BadTable("a row for each file", f"none in {manifest_csv}", "add rows")
-    return [
-        _row(manifest_csv, number, header, cells, data_dir, outside)
-        for number, cells in enumerate(lines[1:], start=2)
-        if any(cell.strip() for cell in cells)
-    ]
-
-
-def _row(
-    path: Path,
-    number: int,
-    header: Sequence[str],
-    cells: Sequence[str],
-    data_dir: Path,
-    outside: bool,
-) -> ImportRow:
-    where = f"{path}, line {number}"
-    if len(cells) != len(header):
-        raise BadTable(f"{len(header)} cells", f"{len(cells)} in {where}", "mend the line")
-    named = {name: cell.strip() for name, cell in zip(header, cells, strict=True)}
-    empty = [name for name, cell in named.items() if not cell and (":" in name or name == "file")]
-    if empty:
-        raise BadTable(f"something in the column {empty[0]!r}", f"nothing in {where}", "fill it in")
-    return ImportRow(
-        file=file_of(named["file"], data_dir, where, outside=outside),
-        labels={n.removeprefix("label:"): c for n, c in named.items() if n.startswith("label:")},
-        groups={"file": named["file"]}
-        | {n.removeprefix("group:"): c for n, c in named.items() if n.startswith("group:")},
-        channels=named.get("channels", ""),
-        time=named.get("time", ""),
-        layout=named.get("layout", "") or "csv",
-        sensor=named.get("sensor", "") or "array",
-        full_scale=_full_scale(named.get("full_scale", ""), where),
-    )
-
-
-def _full_scale(text: str, where: str) -> float | None:
-    if text and not (is_number(text) and abs(float(text)) <= tables.LARGEST_VALUE):
-        raise BadTable("a number in 'full_scale'", f"{text[:80]!r} in {where}", "mend it")
-    return float(text) if text else None
-
-
 def _output_names(rows: Sequence[ImportRow]) -> list[str]:
     """Return the recordings' names, without ending: with their folders where files share a name."""
-    stems = [stem_of(row.file.name) for row in rows]
+    stems = [row.name or stem_of(row.file.name) for row in rows]
     often = Counter(stems)
     if len(often) == len(stems):
         return stems
@@ -211,15 +154,19 @@ def _output_names(rows: Sequence[ImportRow]) -> list[str]:
         if name in names:
             raise _one_name(names[name], path)
         names[name] = path
-    _refuse_twice([path for path, stem in zip(paths, stems, strict=True) if often[stem] > 1])
+    _refuse_twice([pair for pair in zip(paths, stems, strict=True) if often[pair[1]] > 1])
     return list(names)
 
 
-def _refuse_twice(paths: Sequence[Path]) -> None:
-    """Refuse a file that two paths lead to, be it by a link."""
-    found: dict[Path, Path] = {}
-    for path in paths:
-        before = found.setdefault(path.resolve(), path)
+def _refuse_twice(paths: Sequence[tuple[Path, str]]) -> None:
+    """Refuse a file, or a trial of one, that two paths lead to, be it by a link.
+
+    Args:
+        paths: Each with the name of its recording, which tells a file's trials apart.
+    """
+    found: dict[tuple[Path, str], Path] = {}
+    for path, stem in paths:
+        before = found.setdefault((path.resolve(), stem), path)
         if before is not path:
             raise _one_name(before, path)
 
@@ -242,14 +189,18 @@ def _import_file(
 ) -> FileFacts:
     if not row.file.is_file():
         raise BadTable("a file to import", f"{row.file}, which is not there", "check the path")
-    table = _read(row, code_dir, options)
+    padding = Padding()
+    if row.trial is not None:
+        table, padding = row.trial.source.table(row.trial.index, options.missing)
+    else:
+        table = _read(row, code_dir, options)
     samples = Samples.from_values(table.values, table.time_s, row.full_scale)
     steps = np.diff(table.time_s)
     info = SensorInfo(
         name=row.sensor,
         channels=table.names,
         units=table.units,
-        rate_hz=round(float(1.0 / np.median(steps)), 6) if len(steps) else 0.0,
+        rate_hz=round(float(1.0 / np.median(steps)), 6) if len(steps) else _stated_rate(row),
         full_scale=row.full_scale,
         details={"imported_from": row.file.name, "layout": row.layout} | dict(row.details),
     )
@@ -264,7 +215,11 @@ def _import_file(
         raise
     gaps, longest_gap_s, longest_from_s = gaps_of(table.time_s)
     return FileFacts(
-        file=row.file.name,
+        file=f"{row.file.name}[{row.details['trial']}]" if row.trial else row.file.name,
+        remarks=tuple(row.trial.source.remarks) if row.trial else (),
+        doubts=tuple(row.trial.source.doubts) if row.trial else (),
+        padding=padding.cut,
+        zeros=padding.zeros,
         number_header=table.number_header,
         decimal_comma=table.decimal_comma,
         rate_hz=info.rate_hz,
@@ -273,6 +228,13 @@ def _import_file(
         longest_gap_s=longest_gap_s,
         longest_from_s=longest_from_s,
     )
+
+
+def _stated_rate(row: ImportRow) -> float:
+    """Return the rate that a row of the table states, hertz; 0 where a column holds times."""
+    if not row.time.strip().startswith("rate:"):
+        return 0.0
+    return tables.parse_time(row.time, f"the row of {row.file.name}").rate_hz or 0.0
 
 
 def _composed(pairs: Mapping[str, str]) -> dict[str, str]:

@@ -18,13 +18,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taxel.errors import BadTable
+from taxel.foreign.array_files import ARRAY_ENDINGS
 from taxel.recordings.spelling import column_name, composed
 from taxel.recordings.table_columns import mend_number, read_cells
 from taxel.recordings.table_form import TEXT_ENDINGS, is_number
 from taxel.recordings.writer import Recorder
 from taxel.signals import Mark, Samples
 
-SUFFIXES = (*TEXT_ENDINGS, ".npy", ".mcap")
+SUFFIXES = (*TEXT_ENDINGS, *ARRAY_ENDINGS, ".mcap")
 """Endings of a file's name that are no part of its recording's, in capitals or not."""
 COLUMNS = ("file", "start_s", "end_s", "duration_s")
 """Columns beside label:NAME and group:NAME."""

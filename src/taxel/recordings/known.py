@@ -13,7 +13,7 @@ from pathlib import Path
 
 from taxel.errors import BadTable
 from taxel.foreign.text_lines import lines_of
-from taxel.recordings.importing import ImportRow
+from taxel.recordings.import_rows import ImportRow
 from taxel.recordings.table_columns import LARGEST_TABLE
 from taxel.recordings.video_rows import VideoRow
 

@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taxel.errors import BadFile, BadTable
-from taxel.foreign.archives import read_head
+from taxel.foreign.archives import LONGEST_START, read_head
 from taxel.foreign.files import MIB, open_file, refuse_larger, size_of
 from taxel.foreign.text_lines import lines_of
 from taxel.recordings.table_form import (
@@ -41,8 +41,6 @@ _MOST_CELLS = 1_000_000
 """Of such a list, and its rows count as cells too."""
 _BLOCK_CELLS = 65_536
 _BLOCK_BYTES = 8 * MIB
-_HEAD_BYTES = 4108
-"""What `read_head` may need."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -83,6 +81,28 @@ def text_columns(path: Path, wanted: Sequence[str]) -> TextColumns:
     )  # fmt: skip
 
 
+def text_names(path: Path) -> tuple[str, ...]:
+    """Return the names of a text's columns; their numbers from 1 where no line holds names.
+
+    Raises:
+        BadTable: As `text_columns`.
+    """
+    return find_form(path, _lines(path, LARGEST_TABLE))[0].names
+
+
+def text_cells(path: Path, wanted: Sequence[str]) -> tuple[int, Iterator[list[str]]]:
+    """Return the number of a text's first row's line, and the wanted cells of each row, as text.
+
+    Raises:
+        BadTable: As `text_columns`, some of it only when the rows are taken.
+    """
+    form, below = find_form(path, _lines(path, LARGEST_TABLE))
+    what = f"a header with {_some(form.names)}" if form.named else f"{len(form.names)} columns"
+    where = _places(path, form.names, wanted, what)
+    rows = _rows(path, below, form)
+    return form.first_line, ([row[place].strip() for place in where] for row in rows)
+
+
 def _values(
     path: Path,
     rows: Iterator[list[str]],
@@ -114,7 +134,7 @@ def npy_columns(path: Path, wanted: Sequence[str]) -> NDArray[np.float64]:
         with open_file(path) as file:
             size = size_of(file)
             refuse_larger(path, size, LARGEST_TABLE)
-            start, dtype, shape, by_columns = read_head(file.read(_HEAD_BYTES))
+            start, dtype, shape, by_columns = read_head(file.read(LONGEST_START))
             if len(shape) != 2 or dtype.kind not in "iufb":
                 raise BadTable(
                     "an array of shape (rows, columns) of real numbers",
@@ -149,6 +169,21 @@ def npy_columns(path: Path, wanted: Sequence[str]) -> NDArray[np.float64]:
         if isinstance(error, BadTable):
             raise
         raise BadTable("a .npy file of numbers", f"{path}: {error}", "write it again") from error
+
+
+def npy_shape(path: Path) -> tuple[int, ...]:
+    """Return the shape of a .npy file, by its head.
+
+    Raises:
+        BadTable: It has none.
+    """
+    try:
+        with open_file(path) as file:
+            return read_head(file.read(LONGEST_START))[2]
+    except BadFile as error:
+        raise BadTable(error.needed, f"{path}: {error.got}", error.mend) from error
+    except OSError as error:
+        raise BadTable("a .npy file of numbers", f"{path}: {error}", "check the path") from error
 
 
 def read_cells(path: Path) -> list[list[str]]:

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from taxel.errors import BadTable
 from taxel.recordings.scan_layout import FURTHEST_S
-from taxel.recordings.table_columns import npy_columns, text_columns
+from taxel.recordings.table_columns import npy_columns, npy_shape, text_columns, text_names
 from taxel.recordings.table_form import TEXT_ENDINGS
 
 Missing = Literal["refuse", "keep"]
@@ -32,6 +32,8 @@ LARGEST_VALUE = float(np.finfo(np.float32).max)
 """Recordings hold values in 32 bits."""
 MOST_CHANNELS = 16_384
 """Of a table; the largest skins have some 5,000. Source: our choice."""
+ALL = "*"
+"""In the place of a channel's name: all columns but that of time."""
 TIME_UNITS_S = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
 """Unit of a time column → seconds."""
 
@@ -125,7 +127,12 @@ def parse_time(text: str, where: str) -> TimeColumn:
 
 
 def read_table(
-    path: Path, columns: Sequence[Column], time: TimeColumn, missing: Missing = "refuse"
+    path: Path,
+    columns: Sequence[Column],
+    time: TimeColumn,
+    missing: Missing = "refuse",
+    *,
+    in_trials: bool = False,
 ) -> Table:
     """Return the wanted columns of a text or a .npy file.
 
@@ -134,10 +141,12 @@ def read_table(
         columns: Wanted channels, in the order of the result.
         time: Where time comes from.
         missing: What happens to values that are not finite. Time must always be.
+        in_trials: Whether times may begin anew; then they are not looked at.
 
     Raises:
         BadTable: Anything in the file is not as it should be; says where.
     """
+    columns = _all_columns(path, columns, time)
     wanted = [column.name for column in columns]
     wanted += [time.column.name] if time.column is not None else []
     first_line, number_header, decimal_comma = 1, "", False
@@ -150,7 +159,8 @@ def read_table(
         number_header, decimal_comma = found.number_header, found.decimal_comma
     else:
         raise BadTable(
-            "a .csv, .tsv, .txt or .dat file, packed as .gz or not, or .npy", str(path),
+            "a .csv, .tsv, .txt or .dat file, packed as .gz or not, .npy, .npz, .mat, .h5 or .hdf5",
+            str(path),
             "save it as one of them, or name a function of yours that reads it, as "
             "module.py:function, in the column 'layout'",
         )  # fmt: skip
@@ -158,7 +168,7 @@ def read_table(
     check_values(path, values, [column.name for column in columns], missing, first_line)
     return Table(
         values=values,
-        time_s=_time_s(path, cells, time, first_line),
+        time_s=_time_s(path, cells, time, None if in_trials else first_line),
         names=tuple(column.name for column in columns),
         units=tuple(column.unit for column in columns),
         number_header=number_header,
@@ -167,7 +177,7 @@ def read_table(
 
 
 def check_values(
-    path: Path,
+    path: Path | str,
     values: NDArray[np.float64],
     names: Sequence[str],
     missing: Missing,
@@ -191,7 +201,7 @@ def check_values(
     )
 
 
-def check_time(path: Path, time_s: NDArray[np.float64], first_line: int = 1) -> None:
+def check_time(path: Path | str, time_s: NDArray[np.float64], first_line: int = 1) -> None:
     """Refuse times that are not finite or do not increase.
 
     Raises:
@@ -222,10 +232,38 @@ def check_time(path: Path, time_s: NDArray[np.float64], first_line: int = 1) -> 
 
 
 def _time_s(
-    path: Path, cells: NDArray[np.float64], time: TimeColumn, first_line: int
+    path: Path, cells: NDArray[np.float64], time: TimeColumn, first_line: int | None
 ) -> NDArray[np.float64]:
+    """Return the times of rows, looked at unless there is no number of a first line."""
     if time.column is None:
         return np.arange(len(cells)) / (time.rate_hz or 1.0)
     time_s = cells[:, -1] * TIME_UNITS_S[time.column.unit]
-    check_time(path, time_s, first_line)
+    if first_line is not None:
+        check_time(path, time_s, first_line)
     return time_s
+
+
+def _all_columns(path: Path, columns: Sequence[Column], time: TimeColumn) -> Sequence[Column]:
+    """Return the wanted columns, where * means all but that of time."""
+    if [column.name for column in columns] != [ALL]:
+        return columns
+    ending = path.name.lower()
+    if ending.endswith(".npy"):
+        sides = npy_shape(path)
+        names: Sequence[str] = (
+            [str(number) for number in range(1, sides[1] + 1)]
+            if len(sides) == 2 and sides[1] <= MOST_CHANNELS + 1
+            else ()
+        )
+    elif ending.endswith(TEXT_ENDINGS):
+        names = text_names(path)
+    else:
+        return columns
+    taken = {time.column.name} if time.column is not None else set()
+    rest = [name for name in names if name not in taken]
+    if len(rest) > MOST_CHANNELS or not rest:
+        raise BadTable(
+            f"between 1 and {MOST_CHANNELS:,} channels in {path}", f"{len(rest):,}",
+            "name the channels",
+        )  # fmt: skip
+    return [Column(name=name, unit=columns[0].unit) for name in rest]

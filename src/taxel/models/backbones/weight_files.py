@@ -21,7 +21,7 @@ from safetensors import SafetensorError, safe_open
 from safetensors.torch import save_file
 from torch import Tensor, nn
 
-from taxel.errors import BadFile, BadInput
+from taxel.errors import BadFile, BadInput, MissingExtra
 from taxel.foreign.files import check_tensors
 from taxel.models.backbones import efficientnet_lite, mobilenet_v2
 from taxel.models.backbones.keras_layers import Normalization
@@ -244,11 +244,7 @@ def _read_h5(name: str, path: Path) -> dict[str, list[Tensor]]:
     try:
         h5py: Any = importlib.import_module("h5py")
     except ImportError as error:
-        raise BadInput(
-            f"the package h5py to read Keras' file {path.name}",
-            "none installed",
-            "run: pip install h5py",
-        ) from error
+        raise MissingExtra("h5py", "hdf5", f"Keras' file {path.name}") from error
     try:
         with h5py.File(path, "r") as file:
             root = file.get("model_weights", file)

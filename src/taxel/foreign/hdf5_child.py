@@ -1,0 +1,98 @@
+"""The child of `hdf5_trial`: let HDF5's own library read a file, under limits of the system.
+
+Run as a script, so that nothing of taxel is loaded. It reads what a file says of itself: groups,
+attributes, shapes, texts, and of large arrays the first and last rows. The path is its only
+argument; it ends with 0 where the library came to the file's end. Knows nothing about what is
+taken of a file.
+
+Background of our choices: docs/decisions/0033.
+"""
+
+from __future__ import annotations
+
+import sys
+from typing import Any
+
+import h5py
+
+CPU_S = 60
+"""Processor time; a file of 100,000 arrays takes half of it. Source: our choice."""
+MEMORY = 1024 * 2**20
+"""Bytes beside what the libraries hold. Source: our choice."""
+_WHOLE = 2**20
+"""Bytes of an array that is read as a whole."""
+_MOST, _DEEPEST = 100_000, 16
+_KNOWN = (1, 2, 3, 4, 5, 6, 32000)
+"""Filters that come with HDF5 and h5py; another would be loaded as code."""
+
+
+def limit() -> None:
+    """Let the system end this process where it takes more."""
+    try:
+        import resource
+    except ModuleNotFoundError:  # no such limits on this system: the parent's clock remains
+        return
+    resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
+    resource.setrlimit(resource.RLIMIT_CPU, (CPU_S, CPU_S))
+    try:
+        with open("/proc/self/status") as status:
+            held = next(int(line.split()[1]) for line in status if line.startswith("VmData:"))
+    except (OSError, StopIteration):
+        return
+    resource.setrlimit(resource.RLIMIT_DATA, (held * 1024 + MEMORY,) * 2)
+
+
+def read(item: Any) -> None:
+    """Read an array, or its ends."""
+    made = item.id.get_create_plist()
+    outside = item.is_virtual or made.get_external_count()
+    filters = [made.get_filter(n)[0] for n in range(made.get_nfilters())]
+    if outside or item.shape is None or not item.size or any(n not in _KNOWN for n in filters):
+        return
+    if item.chunks is not None:
+        item.id.get_num_chunks()
+    if item.nbytes <= _WHOLE:
+        item[()]
+        return
+    item[(slice(0, 1),) * item.ndim]
+    item[(slice(-1, None),) * item.ndim]
+
+
+def walk(group: Any, depth: int, left: list[int]) -> None:
+    """Read what lies in a group, by hard links only."""
+    for name in group:
+        left[0] -= 1
+        if left[0] < 0 or depth > _DEEPEST:
+            return
+        if not isinstance(group.get(name, getlink=True), h5py.HardLink):
+            continue
+        item = group[name]
+        for own in getattr(item, "attrs", ()):
+            quiet(lambda item=item, own=own: item.attrs[own])
+        if isinstance(item, h5py.Dataset):
+            quiet(lambda item=item: read(item))
+        elif isinstance(item, h5py.Group):
+            walk(item, depth + 1, left)
+
+
+def quiet(act: Any) -> None:
+    """Do something whose errors the parent finds by itself: they end nothing."""
+    try:
+        act()
+    except Exception:  # h5py raises what it likes
+        return
+
+
+def main() -> None:
+    """Read the file that the command line names."""
+    limit()
+
+    def all_of_it() -> None:
+        with h5py.File(sys.argv[1], "r", locking=False) as file:
+            walk(file, 0, [_MOST])
+
+    quiet(all_of_it)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,139 @@
+"""What each line of an import table stands for: a file, or each of a file's trials.
+
+FORMAT.md describes the columns. Knows nothing about how recordings are written (importing.py).
+"""
+
+from __future__ import annotations
+
+import re
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+
+from taxel.errors import BadTable
+from taxel.recordings.import_header import PLAIN_COLUMNS, check_header, table_cells
+from taxel.recordings.intervals import stem_of
+from taxel.recordings.many_trials import holds_many, refuse_words_of_many, trials_of
+from taxel.recordings.spelling import column_name
+from taxel.recordings.table_files import file_of
+from taxel.recordings.table_form import is_number
+from taxel.recordings.tables import LARGEST_VALUE
+from taxel.recordings.trial_sets import Trial
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ImportRow:
+    """What one file is."""
+
+    file: Path
+    labels: Mapping[str, str] = field(default_factory=dict)
+    groups: Mapping[str, str] = field(default_factory=dict)
+    channels: str = ""
+    """Such as "Data0[count] Data1[count] 7[deg]"; may be empty where the layout names them."""
+    time: str = ""
+    """Such as "Timestamp[ms]" or "rate:100Hz"; empty where the layout gives times."""
+    layout: str = "csv"
+    sensor: str = "array"
+    """Short name of the sensor, the topic in the recording."""
+    full_scale: float | None = None
+    """Value from which a channel counts as saturated, in the channels' unit."""
+    details: Mapping[str, str] = field(default_factory=dict)
+    """Kept with the sensor in the manifest."""
+    trial: Trial | None = None
+    """Which of the file's trials it is; None where the file is one."""
+    name: str = ""
+    """Of the recording, without ending; the file's own by default."""
+
+
+def read_rows(manifest_csv: Path, data_dir: Path, *, outside: bool = False) -> list[ImportRow]:
+    """Return the rows of an import table.
+
+    Args:
+        manifest_csv: The import table.
+        data_dir: What the column `file` is relative to.
+        outside: Also files that lie outside of that folder.
+
+    Raises:
+        BadTable: A column is unknown or missing, a row is not complete, or its file lies outside.
+    """
+    lines = table_cells(manifest_csv)
+    header = [column_name(name, PLAIN_COLUMNS) for name in lines[0]]
+    check_header(manifest_csv, header)
+    if len(lines) < 2:
+        raise BadTable("a row for each file", f"none in {manifest_csv}", "add rows")
+    named = [
+        (f"{manifest_csv}, line {number}", _cells(manifest_csv, number, header, cells))
+        for number, cells in enumerate(lines[1:], start=2)
+        if any(cell.strip() for cell in cells)
+    ]
+    often = Counter(cells["file"] for _, cells in named)
+    return [
+        row
+        for where, cells in named
+        for row in _rows(cells, data_dir, where, outside, alone=often[cells["file"]] == 1)
+    ]
+
+
+def _cells(path: Path, number: int, header: Sequence[str], cells: Sequence[str]) -> dict[str, str]:
+    """Return a row's cells by their columns, those that must be there filled in."""
+    where = f"{path}, line {number}"
+    if len(cells) != len(header):
+        raise BadTable(f"{len(header)} cells", f"{len(cells)} in {where}", "mend the line")
+    named = {name: cell.strip() for name, cell in zip(header, cells, strict=True)}
+    empty = [name for name, cell in named.items() if not cell and (":" in name or name == "file")]
+    if empty:
+        raise BadTable(f"something in the column {empty[0]!r}", f"nothing in {where}", "fill it in")
+    return named
+
+
+def _rows(
+    named: Mapping[str, str], data_dir: Path, where: str, outside: bool, *, alone: bool
+) -> list[ImportRow]:
+    """Return what one line of the table stands for: a file, or each trial of it."""
+    file = file_of(named["file"], data_dir, where, outside=outside)
+    if not holds_many(file, named):
+        refuse_words_of_many(named, where)
+        return [_row(file, named, where)]
+    source, trials = trials_of(file, named, data_dir, where, outside=outside)
+    array = re.sub(r"[^A-Za-z0-9_]+", "-", source.what.replace("*", "")).strip("-")
+    stem = stem_of(file.name) + (f"-{array}" if array and not alone else "")
+    place = f"{named['file']}:{source.what}" if source.what else named["file"]
+    made = []
+    for part in trials:
+        key, own = source.keys[part.trial.index], {**named, **part.values}
+        only = alone and len(trials) == 1
+        made.append(
+            replace(
+                _row(file, own, where),
+                trial=part.trial,
+                name=stem if only else f"{stem}-{part.name}",
+                groups=_groups(own, named["file"] if only else f"{place}[{key}]"),
+                details={"trial": key, "trials": source.what},
+            )
+        )
+    return made
+
+
+def _row(file: Path, named: Mapping[str, str], where: str) -> ImportRow:
+    return ImportRow(
+        file=file,
+        labels={n.removeprefix("label:"): c for n, c in named.items() if n.startswith("label:")},
+        groups=_groups(named, named["file"]),
+        channels=named.get("channels", ""),
+        time=named.get("time", ""),
+        layout=named.get("layout", "") or "csv",
+        sensor=named.get("sensor", "") or "array",
+        full_scale=_full_scale(named.get("full_scale", ""), where),
+    )
+
+
+def _groups(named: Mapping[str, str], file: str) -> dict[str, str]:
+    own = {n.removeprefix("group:"): c for n, c in named.items() if n.startswith("group:")}
+    return {"file": file} | own
+
+
+def _full_scale(text: str, where: str) -> float | None:
+    if text and not (is_number(text) and abs(float(text)) <= LARGEST_VALUE):
+        raise BadTable("a number in 'full_scale'", f"{text[:80]!r} in {where}", "mend it")
+    return float(text) if text else None

@@ -1,0 +1,186 @@
+"""Trials out of one long text: rows that follow one another and have the same trial in a column.
+
+Knows nothing about recordings.
+
+Background of our choices: docs/decisions/0011.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from taxel.errors import BadTable
+from taxel.plain_text import visible
+from taxel.recordings.table_columns import text_cells, text_names
+from taxel.recordings.tables import (
+    ALL,
+    Column,
+    Missing,
+    Table,
+    check_time,
+    parse_columns,
+    parse_time,
+    read_table,
+)
+from taxel.recordings.trial_sets import MOST_TRIALS, Padding
+
+AND = "+"
+"""Between the names of columns that say together which trial a row belongs to."""
+
+
+@dataclass(frozen=True, slots=True)
+class _Run:
+    """The rows of one trial."""
+
+    key: tuple[str, ...]
+    values: tuple[str, ...]
+    start: int
+    stop: int
+
+
+class TextTrials:
+    """The trials of a long text.
+
+    Args:
+        path: The text.
+        trials: Column that says which trial a row belongs to, or several: subject+trial.
+        channels: As in the import table.
+        time: As in the import table.
+        names: Columns that `from:` cells name, whose value is the same in all rows of a trial.
+        where: Table and line, for messages.
+
+    Raises:
+        BadTable: The text is not as it should be, or the rows of a trial are not together.
+    """
+
+    def __init__(
+        self, path: Path, trials: str, channels: str, time: str, names: Sequence[str], where: str
+    ) -> None:
+        self._path, self.what = path, trials
+        header = text_names(path)
+        self.names = header
+        keys = [trials] if trials in header else [name.strip() for name in trials.split(AND)]
+        self._names = list(names)
+        self._all = False
+        columns = parse_columns(channels, where)
+        self._time = parse_time(time, where)
+        if [column.name for column in columns] == [ALL]:
+            left_out = {*keys, *names, self._time.column.name if self._time.column else ""}
+            columns = tuple(Column(name=name, unit=columns[0].unit)
+                            for name in header if name not in left_out)  # fmt: skip
+            self._all = True
+        self._columns = columns
+        first_line, rows = text_cells(path, [*keys, *names])
+        self._first_line = first_line
+        self._runs = list(_runs(path, rows, len(keys), names, first_line))
+        self.keys = ["-".join(run.key) for run in self._runs]
+        count = len(self._runs)
+        self.remarks = [
+            f"{path.name} was read as {count} {'trial' if count == 1 else 'trials'} by its column "
+            f"{visible(trials)}"
+        ]
+        self.doubts: list[str] = []
+        self._whole: Table | None = None
+
+    def texts(self, name: str) -> list[str]:
+        """Return each trial's value of a column.
+
+        Raises:
+            KeyError: It was not named before.
+        """
+        place = self._names.index(name)
+        return [run.values[place] for run in self._runs]
+
+    def table(self, index: int, missing: Missing) -> tuple[Table, Padding]:
+        """Return one trial's values; a text has no padding.
+
+        Raises:
+            BadTable: Its values or times are not as they should be.
+        """
+        if self._whole is None:
+            self._whole = read_table(self._path, self._columns, self._time, missing,
+                                     in_trials=True)  # fmt: skip
+            if self._all and (steady := self._steady(self._whole)):
+                self.doubts.append(steady)
+        run, whole = self._runs[index], self._whole
+        where = f"{self._path}, trial {visible(self.keys[index])}"
+        time_s = whole.time_s[run.start : run.stop]
+        if self._time.column is None:
+            time_s = whole.time_s[: run.stop - run.start]  # by the rate, from 0 in each trial
+        else:
+            check_time(where, time_s, self._first_line + run.start)
+        table = Table(
+            values=whole.values[run.start : run.stop], time_s=time_s,
+            names=whole.names, units=whole.units, decimal_comma=whole.decimal_comma,
+        )  # fmt: skip
+        return table, Padding()
+
+    def _steady(self, whole: Table) -> str:
+        """Return a remark on columns that * took for channels, but that may describe the trial."""
+        values = whole.values
+        odd = (values != values[0]).any(axis=0)  # a dead channel is the same everywhere
+        for run in self._runs:
+            odd &= (values[run.start : run.stop] == values[run.start]).all(axis=0)
+        names = [visible(name) for name, is_odd in zip(whole.names, odd, strict=True) if is_odd]
+        longest = max(run.stop - run.start for run in self._runs)
+        if not names or longest < 2:
+            return ""
+        more = f" and {len(names) - 8} more" if len(names) > 8 else ""
+        has, each = ("has", "it") if len(names) == 1 else ("have", "each of them")
+        return (
+            f"{self._path.name}: {', '.join(names[:8])}{more} {has} one value in each trial, and * "
+            f"made a channel of {each}; if this is a label or a group, say from:{names[0]} in such "
+            "a column, or name the channels"
+        )
+
+    def close(self) -> None:
+        """Forget the values; they are read again where needed."""
+        self._whole = None
+
+
+def _runs(
+    path: Path, rows: Iterable[list[str]], keys: int, names: Sequence[str], first_line: int
+) -> Iterator[_Run]:
+    """Yield each trial's rows; `names` are the columns behind the keys, the same in a trial."""
+    seen: set[tuple[str, ...]] = set()
+    key: tuple[str, ...] = ()
+    values: list[str] = []
+    start, row = 0, -1
+    for row, cells in enumerate(rows):
+        if tuple(cells[:keys]) != key:
+            if key:
+                yield _Run(key, tuple(values), start, row)
+            key, values, start = tuple(cells[:keys]), cells[keys:], row
+            if key in seen or len(seen) >= MOST_TRIALS or not all(key):
+                raise _no_run(path, key, key in seen, first_line + row)
+            if not all(values):
+                raise BadTable("a value for each trial", f"nothing in {path}, line "
+                               f"{first_line + row}", "fill it in")  # fmt: skip
+            seen.add(key)
+        elif cells[keys:] != values:
+            odd = next(n for n, value in enumerate(values) if cells[keys + n] != value)
+            raise BadTable(
+                f"one value a trial in the column {names[odd]!r}",
+                f"{values[odd]!r}, then {cells[keys + odd]!r} in trial {visible('-'.join(key))} "
+                f"of {path}, line {first_line + row}",
+                "name all columns that tell trials apart in the column 'trials', as in "
+                "subject+trial",
+            )
+    if row < 0:
+        raise BadTable("rows of numbers", f"none in {path}", "leave the file out")
+    yield _Run(key, tuple(values), start, row + 1)
+
+
+def _no_run(path: Path, own: tuple[str, ...], again: bool, line: int) -> BadTable:
+    if not all(own):
+        return BadTable("a trial in every row", f"none in {path}, line {line}", "fill it in")
+    if not again:
+        return BadTable(f"at most {MOST_TRIALS:,} trials in a file", "more", "split the file")
+    return BadTable(
+        "the rows of each trial together",
+        f"trial {visible('-'.join(own))} once more in {path}, line {line}",
+        "sort the rows by trial; or, if trials of several people or sessions are called alike, "
+        "name all columns that tell them apart in the column 'trials', as in subject+trial",
+    )

@@ -1,0 +1,118 @@
+"""Claims about one long text of many trials: told apart by a column, or by several."""
+
+import re
+
+import numpy as np
+import pytest
+from stack_imports import bring as import_row
+
+from taxel.errors import BadTable
+from taxel.recordings.importing import import_table
+from taxel.recordings.reader import read_recording
+
+HEADER = "file,trials,label:object,group:person,channels,time\n"
+TEXT = """who,trial,ms,a,b,what
+anna,1,0,1,2,cup
+anna,1,10,3,4,cup
+anna,2,500,5,6,ball
+bo,1,0,7,8,cup
+bo,1,10,9,10,cup
+bo,1,30,11,12,cup
+"""
+ROW = "all.csv,who+trial,from:what,from:who,a[N] b[N],ms[ms]"
+
+
+def bring(folder, row=ROW, text=TEXT):
+    """Import the text by a row of the table."""
+    (folder / "all.csv").write_text(text)
+    (folder / "table.csv").write_text(HEADER + row + "\n")
+    return import_table(folder / "table.csv", folder / "out")
+
+
+@pytest.mark.parametrize("channels", ["a[N] b[N]", "*[N]"])
+def test_rows_of_one_trial_become_a_recording(tmp_path, channels):
+    """Values, times of the text itself, labels and groups; called by what tells them apart."""
+    made = bring(tmp_path, ROW.replace("a[N] b[N]", channels))
+    assert [path.name for path in made] == [
+        "all-anna-1.mcap", "all-anna-2.mcap", "all-bo-1.mcap",
+    ]  # fmt: skip
+    first, second, third = map(read_recording, made)
+    np.testing.assert_array_equal(first.samples.values, [[1, 2], [3, 4]])
+    np.testing.assert_array_equal(second.samples.values, [[5, 6]])
+    np.testing.assert_array_equal(third.samples.values, [[7, 8], [9, 10], [11, 12]])
+    np.testing.assert_allclose(second.samples.fitted_s, [0.5])
+    np.testing.assert_allclose(third.samples.fitted_s, [0, 0.01, 0.03])
+    assert third.manifest.labels == {"object": "cup"}
+    assert third.manifest.groups == {"person": "bo", "file": "all.csv:who+trial[bo-1]"}
+
+
+def test_by_a_rate_each_trial_begins_at_zero(tmp_path):
+    """Its first scan is its own."""
+    *_, last = bring(tmp_path, ROW.replace("ms[ms]", "rate:50Hz"))
+    np.testing.assert_allclose(read_recording(last).samples.fitted_s, [0, 0.02, 0.04])
+
+
+def test_names_that_no_file_may_have_become_numbers(tmp_path):
+    """A trial's name in a text of others is no path."""
+    text = TEXT.replace("anna", "../../anna").replace("bo", "b/o")
+    made = bring(tmp_path, text=text)
+    assert [path.name for path in made] == ["all-1.mcap", "all-2.mcap", "all-3.mcap"]
+    assert read_recording(made[0]).manifest.groups["person"] == "../../anna"
+
+
+@pytest.mark.parametrize(
+    ("row", "text", "words"),
+    [
+        (ROW.replace("who+trial", "trial"), TEXT, "then 'bo' in trial|the rows of each trial toge"),
+        (ROW, TEXT + "anna,1,90,1,1,cup\n", "trial anna-1 once more in .*all.csv, line 8; sort"),
+        (ROW, TEXT.replace("3,4,cup", "3,4,ball"), "one value a trial in the column 'what'; got "
+                                                   "'cup', then 'ball' .*line 3"),
+        (ROW, TEXT.replace("anna,2", "anna,"), "a trial in every row; got none in .*line 4"),
+        (ROW, TEXT.replace("6,ball", "6,"), "a value for each trial; got nothing in .*line 4"),
+        (ROW, TEXT.replace("bo,1,10", "bo,1,0"), "times that increase .*trial bo-1, line 6"),
+        (ROW, TEXT.replace(",3,4,", ",x,4,"), "a number; got 'x' in .*line 3, column 'a'"),
+        (ROW.replace("who+", "whom+"), TEXT, "the column 'whom'; got no such column"),
+        (ROW.replace("from:what", "from:that"), TEXT, "the column 'that'"),
+        (ROW, "who,trial,ms,a,b,what\n", "rows of numbers; got none"),
+    ],
+)  # fmt: skip
+def test_a_text_that_does_not_tell_trials_apart_is_refused(tmp_path, row, text, words):
+    """Naming the line, and what to name instead."""
+    with pytest.raises(BadTable) as caught:
+        bring(tmp_path, row, text)
+    assert re.search(words, str(caught.value))
+    assert not (tmp_path / "out").exists()
+
+
+def test_axes_are_no_matter_of_texts(tmp_path):
+    """A column that would change nothing is refused."""
+    (tmp_path / "all.csv").write_text(TEXT)
+    (tmp_path / "table.csv").write_text(
+        HEADER.replace("trials,", "trials,axes,") + ROW.replace("trial,", "trial,rows channels,", 1)
+    )
+    with pytest.raises(BadTable, match="'axes' for a file of arrays"):
+        import_table(tmp_path / "table.csv", tmp_path / "out")
+
+
+def test_a_column_of_one_value_a_trial_is_no_channel_without_a_note(tmp_path):
+    """* takes all columns that no cell names: a subject's number, from which a model may learn."""
+    rows = "".join(
+        f"{trial},{trial % 2},{trial * 10 + n},7,{trial // 2}\n"
+        for trial in range(4)
+        for n in range(5)
+    )
+    (tmp_path / "a.csv").write_text(f"trial,object,touch,dead,subject\n{rows}")
+    header = "file,trials,label:object,group:who,channels,time\n"
+    notes: list[str] = []
+    made = import_row(
+        tmp_path, "a.csv,trial,from:object,1,*[N],rate:50Hz", header=header, notes=notes
+    )
+    assert made[0].manifest.sensor.channels == ("touch", "dead", "subject")
+    assert sum("a.csv: subject has one value in each trial" in note for note in notes) == 1
+    for row in (
+        "a.csv,trial,from:object,from:subject,*[N],rate:50Hz",
+        "a.csv,trial,from:object,1,touch[N] subject[N],rate:50Hz",
+    ):
+        notes = []
+        import_row(tmp_path, row, header=header, notes=notes)
+        assert "one value" not in str(notes)
