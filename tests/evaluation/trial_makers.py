@@ -16,6 +16,9 @@ import pytest
 from numpy.typing import NDArray
 
 import taxel.training.trial_blend as blending
+from taxel.evaluation.camera_trials.crossval import TrialSet
+from taxel.training.trial_features import TrialRows
+from taxel.windows.trial_crops import PIXELS, STATISTICS, STILLS, Layout, numbers_of
 
 SIZE = (60, 80)
 Write = Callable[[Path, list[NDArray[np.uint8]]], str]
@@ -117,3 +120,31 @@ def few_small_members(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(blending, "INNER_TREES", 6)
     few = (blending.MEMBERS[:2], lambda line: None)
     monkeypatch.setattr(blending.fit_blend, "__defaults__", few)
+
+
+def some_trials(
+    trials: int = 24, places: int = 3, lengths: tuple[int, int] = (60, 30), classes: int = 2
+) -> TrialSet:
+    """Trials whose classes show in the mean grey difference, and in length where they differ."""
+    rng = np.random.default_rng(0)
+    y = np.arange(trials) % classes
+    trial = np.repeat(np.arange(trials), places)
+    pixels = rng.normal(size=(len(trial), 2 * STATISTICS * len(PIXELS))).astype(np.float32)
+    pixels[:, numbers_of("pixels", ("step", "since"), 2)[:6]] += 3.0 * y[trial][:, None]
+    stills = rng.normal(size=(len(trial), 2 * 3 * STILLS)).astype(np.float32)
+    return TrialSet(
+        target="kind",
+        classes=tuple("abc"[:classes]),
+        y=y.astype(np.intp),
+        names=tuple(f"t{i}" for i in range(trials)),
+        groups=tuple({"object": f"o{i // 4}", "turn": str(i % 4)} for i in range(trials)),
+        lengths=np.where(y == 0, *lengths).astype(np.intp),
+        cameras=2,
+        layout=Layout(20, places),
+        cut=TrialRows(
+            rows={"pixels": pixels, "stills": stills},
+            shown={"stills": rng.normal(size=(len(trial), 3, 2, 180)).astype(np.float32)},
+            trial=trial,
+            place=np.tile(np.arange(places), trials),
+        ),
+    )

@@ -4,16 +4,21 @@ from __future__ import annotations
 
 import json
 from dataclasses import replace
-from functools import partial
 from pathlib import Path
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
-from trial_makers import as_avi, as_folder, as_mp4, few_small_members, trial_images, write_trials
+from trial_makers import (
+    as_avi,
+    as_folder,
+    as_mp4,
+    few_small_members,
+    some_trials,
+    trial_images,
+    write_trials,
+)
 
 from taxel.actions.rule_table import RuleTable
-from taxel.bundles.engine import open_engine
 from taxel.bundles.trials import (
     IN_RUN,
 )
@@ -26,7 +31,6 @@ from taxel.errors import BadBundle, BadDataset, BadInput, BadSplit, BadTable
 from taxel.evaluation.camera_trials.crossval import (
     BAR,
     OURS,
-    TrialSet,
     contenders_for,
     difference,
     judge_trials,
@@ -36,24 +40,14 @@ from taxel.evaluation.camera_trials.sides import split_by_table, split_trials
 from taxel.evaluation.camera_trials.trial_set import load_trial_set
 from taxel.recordings.video_rows import read_video_rows
 from taxel.recordings.videos import import_videos
-from taxel.training.trial_blend import MEMBERS, fit_blend, weigh
-from taxel.training.trial_features import TrialRows
-from taxel.training.trial_learning import Crops, Learning
-from taxel.training.trial_novelty import Novelty, novelty_threshold
-from taxel.training.trial_onnx import blend_to_onnx
 from taxel.windows.camera_trials import are_camera_trials, read_camera_trials
 from taxel.windows.trial_crops import (
     FAMILIES,
-    PIXELS,
-    STATISTICS,
-    STILLS,
     Layout,
     Scene,
     choose_layout,
     look_at,
-    numbers_of,
     row_of,
-    rows_alone,
 )
 
 
@@ -61,34 +55,6 @@ from taxel.windows.trial_crops import (
 def _small(monkeypatch: pytest.MonkeyPatch) -> None:
     """Few and small members: tests look at wiring, not at accuracy."""
     few_small_members(monkeypatch)
-
-
-def some_trials(
-    trials: int = 24, places: int = 3, lengths: tuple[int, int] = (60, 30), classes: int = 2
-) -> TrialSet:
-    """Trials whose classes show in the mean grey difference, and in length where they differ."""
-    rng = np.random.default_rng(0)
-    y = np.arange(trials) % classes
-    trial = np.repeat(np.arange(trials), places)
-    pixels = rng.normal(size=(len(trial), 2 * STATISTICS * len(PIXELS))).astype(np.float32)
-    pixels[:, numbers_of("pixels", ("step", "since"), 2)[:6]] += 3.0 * y[trial][:, None]
-    stills = rng.normal(size=(len(trial), 2 * 3 * STILLS)).astype(np.float32)
-    return TrialSet(
-        target="kind",
-        classes=tuple("abc"[:classes]),
-        y=y.astype(np.intp),
-        names=tuple(f"t{i}" for i in range(trials)),
-        groups=tuple({"object": f"o{i // 4}", "turn": str(i % 4)} for i in range(trials)),
-        lengths=np.where(y == 0, *lengths).astype(np.intp),
-        cameras=2,
-        layout=Layout(20, places),
-        cut=TrialRows(
-            rows={"pixels": pixels, "stills": stills},
-            shown={"stills": rng.normal(size=(len(trial), 3, 2, 180)).astype(np.float32)},
-            trial=trial,
-            place=np.tile(np.arange(places), trials),
-        ),
-    )
 
 
 def test_a_set_goes_from_a_table_to_a_live_verdict_without_glue(
@@ -309,99 +275,6 @@ def test_nothing_of_a_test_trial_reaches_training() -> None:
     assert np.array_equal(before, after)
 
 
-def test_further_crops_and_mirror_images_stay_on_their_trials_side() -> None:
-    """Other crops of test trials leave predictions unchanged, other ones of training do not."""
-    trials = some_trials()
-    first = trials.cut.place == 0
-    trials = replace(trials, further=Crops(trials.rows[first], trials.cut.trial[first]))
-    split = split_trials(trials.groups, trials.y, "group:object", 3, 0)
-    first_fold = replace(split, folds=split.folds[:1])
-    held = first_fold.folds[0].test_rows
-
-    def predicted(further: Crops | None) -> NDArray[np.float64]:
-        changed = replace(trials, further=further)
-        return judge_trials(changed, first_fold, 0, (OURS,))[0].probabilities[held]
-
-    further = trials.further
-    assert further is not None
-    before = predicted(further)
-    tested = np.isin(further.trial, held)
-    for side, same in ((tested, True), (~tested, False)):
-        rows = np.where(side[:, None], -further.rows, further.rows)
-        assert np.array_equal(predicted(replace(further, rows=rows)), before) == same
-    assert not np.array_equal(predicted(None), before)
-
-
-@pytest.mark.parametrize(("cameras", "crops"), [(1, 6), (2, 6 + 2 * 9)])
-def test_crops_that_are_only_learned_from_are_kept(
-    cameras: int, crops: int, tmp_path: Path
-) -> None:
-    """Six lie between the three; of two cameras, each alone gives every crop once more."""
-    trials = read_camera_trials(
-        write_trials(tmp_path / "a", objects=2, each=2, shorter=4, cameras=cameras)
-    )
-    load = partial(load_trial_set, trials, "slipped", tmp_path / "kept", further=True)
-    first, again = load().further, load().further
-    assert first is not None
-    assert again is not None
-    assert np.bincount(first.trial).tolist() == [crops] * len(trials)
-    assert np.array_equal(first.rows, again.rows)
-    assert load_trial_set(trials, "slipped", tmp_path / "kept").further is None
-
-
-def test_a_camera_alone_is_what_two_that_see_the_same_give() -> None:
-    scenes = [Scene(trial_images(slips, 10, 1, 100), 25.0, 0.065) for slips in (True, False)]
-    views = ("pixels", "slip", "stills")
-    for scene, alone in zip(scenes, rows_alone(look_at(views, scenes)), strict=True):
-        both = row_of(look_at(views, [scene, scene]))
-        assert all(np.array_equal(alone[name], both[name]) for name in views)
-    assert rows_alone(look_at(views, scenes[:1])) == []
-
-
-@pytest.mark.parametrize("classes", [2, 3])
-def test_the_exported_blend_gives_what_the_trained_one_gives(classes: int) -> None:
-    trials = some_trials(classes=classes)
-    learning = trials.learning(trials.rows, "object")
-    blend = fit_blend(learning, trials.cameras, trials.widths, 0, MEMBERS)
-    model = open_engine(blend_to_onnx(blend, learning.rows.shape[1]))
-    output = model.run(rows=learning.rows)
-    assert output[:, :-1] == pytest.approx(blend.crops(learning.rows), abs=1e-5)
-    assert output[:, -1] == pytest.approx(blend.novelty.measure(learning.rows), abs=1e-3)
-
-
-def test_weights_favour_the_member_that_is_right_and_sum_to_one() -> None:
-    y = np.arange(40) % 2
-    good = np.where(y[:, None] == [0, 1], 0.9, 0.1)
-    blind = np.full((40, 2), 0.5)
-    held = np.stack([blind, good], axis=1)
-    drawn, free = weigh(held, y, np.ones(2)), weigh(held, y, np.zeros(2))
-    assert drawn.sum() == pytest.approx(1.0)
-    assert 0.5 < drawn[1] < free[1]
-    assert free[1] > 0.9
-
-
-def test_a_class_of_a_single_group_still_leaves_trials_to_weigh_by() -> None:
-    """Where no group can be held out with all classes left, trials are."""
-    trials = some_trials()
-    learning = replace(
-        trials.learning(trials.rows, "object"), groups=np.array([f"o{k}" for k in trials.y])
-    )
-    blend = fit_blend(learning, trials.cameras, trials.widths, 0, MEMBERS[:2])
-    assert np.isfinite(blend.inner["blend"])
-
-
-def test_what_is_far_from_all_learned_is_novel() -> None:
-    rows = np.random.default_rng(0).normal(size=(60, 5)).astype(np.float32)
-    novelty = Novelty.of(rows)
-    assert novelty.measure(rows + 50.0).min() > novelty.measure(rows).max()
-
-
-def test_the_threshold_rejects_the_stated_share_of_trials_held_out() -> None:
-    held: NDArray[np.float64] = np.arange(1.0, 100.0)
-    assert novelty_threshold(held, 0.05) == 95.0
-    assert novelty_threshold(held[:5], 0.05) == np.inf
-
-
 def test_a_damaged_bundle_is_refused(tmp_path: Path) -> None:
     table = write_trials(tmp_path / "a", objects=2, each=2, frames=8)
     options = TrialOptions(fold_count=2, cache=tmp_path / "cache")
@@ -421,21 +294,6 @@ def test_a_label_that_is_missing_or_of_one_class_is_refused(tmp_path: Path) -> N
         load_trial_set(trials, "outcome", tmp_path)
     with pytest.raises(BadDataset, match="two or more classes"):
         load_trial_set(trials, "slipped", tmp_path)
-
-
-def test_learning_from_some_trials_numbers_them_anew() -> None:
-    learning = Learning(
-        np.arange(8, dtype=np.float32)[:, None], np.repeat(np.arange(4), 2),
-        np.array([0, 1, 0, 1]), np.array(list("aabb")), 2,
-        Crops(np.array([[10], [11], [13]], np.float32), np.array([0, 1, 3])),
-    )  # fmt: skip
-    part = learning.part(np.array([1, 3]))
-    assert part.trial.tolist() == [0, 0, 1, 1]
-    assert part.rows[:, 0].tolist() == [2, 3, 6, 7]
-    assert part.groups.tolist() == ["a", "b"]
-    assert part.further is not None
-    assert part.further.trial.tolist() == [0, 1]
-    assert part.further.rows[:, 0].tolist() == [11, 13]
 
 
 def test_unknown_is_said_of_a_trial_shorter_than_a_crop(tmp_path: Path) -> None:
