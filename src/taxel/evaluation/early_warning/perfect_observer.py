@@ -32,7 +32,7 @@ slipped while more was poured. The gel rarely gives way to more than that afterw
 _HALVINGS: Final = 6
 """Of what is left of these 40 g: to 0.6 g, one hundredth of a second of pouring."""
 _TOGETHER: Final = 20
-"""Cups that are simulated side by side: ten times as fast as one by one, and 300 MB."""
+"""Cups that are simulated side by side. Source: our choice: small arrays bound the speed."""
 _NEVER: Final = 1e-6
 """Likelihood that stands for 0: a drive must be above 0."""
 Values = NDArray[np.float64]
