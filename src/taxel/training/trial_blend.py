@@ -190,7 +190,7 @@ def fit_blend(
         weights[weights < min(LEAST_WEIGHT, weights.max())] = 0.0
         weights /= weights.sum()
         mixed = np.asarray(np.einsum("tmc,m->tc", held, weights), np.float64)
-        if inner_folds(y, learning.groups, seed):  # else a group is on both sides: too sure
+        if inner_folds(y, learning.groups, seed) or classes_are_groups(y, learning.groups):
             sharpness = sharpen(mixed, y)
         inner = {member.name: log_loss(held[:, i], y) for i, member in enumerate(members)}
         inner["blend"] = log_loss(sharpened(mixed, sharpness), y)
@@ -248,6 +248,19 @@ def inner_folds(
         if all(len(b) and set(y[a].tolist()) == set(y.tolist()) for a, b in parts):
             return parts
     return []
+
+
+def classes_are_groups(y: NDArray[np.intp], groups: NDArray[np.str_]) -> bool:
+    """Return whether each class is one group, as where the object is named by which trials group.
+
+    Then whoever asks shows an object that was learned, and trials held out are as what is to come.
+    Where only some classes are one group, other groups will come, and trials held out flatter.
+
+    Args:
+        y: Shape (trials,): class.
+        groups: Shape (trials,).
+    """
+    return len(set(zip(y.tolist(), groups.tolist(), strict=True))) == len(set(y.tolist()))
 
 
 def _held_out(

@@ -123,6 +123,21 @@ def test_a_class_of_a_single_group_still_leaves_trials_to_weigh_by() -> None:
     assert np.isfinite(blend.inner["blend"])
 
 
+def test_sharpness_is_found_where_held_out_trials_are_as_what_is_to_come() -> None:
+    """Where each class is one object, trials show how sure to be; where one class has two, no."""
+    trials = some_trials()
+    learning = trials.learning(trials.rows, "object")
+    names = [f"o{k}" for k in learning.y]
+    further = ["p0" if at == 0 else name for at, name in enumerate(names)]
+
+    def sharpness(groups: list[str]) -> float:
+        own = replace(learning, groups=np.array(groups))
+        return fit_blend(own, trials.cameras, trials.widths, 0, MEMBERS[:2]).sharpness
+
+    assert sharpness(names) > 1.1
+    assert sharpness(further) == 1.0
+
+
 def test_what_is_far_from_all_learned_is_novel() -> None:
     rows = np.random.default_rng(0).normal(size=(60, 5)).astype(np.float32)
     novelty = Novelty.of(rows)

@@ -9,8 +9,9 @@ from taxel.evaluation.early_warning.perfect_observer import (
     Foreseen,
     chance_of_slip,
     foresee,
-    needed_g,
+    limits_of,
     observer_track,
+    soonness,
 )
 from taxel.evaluation.early_warning.slip_warnings import score_warnings
 from taxel.sim.cups import AMOUNT_G
@@ -25,7 +26,8 @@ def pours():
 
 
 def test_the_least_amount_slips_and_a_little_less_holds(pours):
-    least = needed_g(pours)
+    limits = limits_of(pours)
+    least = limits.least_g
     slipping = [(run, g) for run, g in zip(pours, least, strict=True) if np.isfinite(g)]
     assert slipping
 
@@ -33,13 +35,15 @@ def test_the_least_amount_slips_and_a_little_less_holds(pours):
     less = first_slips([replace(run, amount_g=g - 1.5) for run, g in slipping], 300.0, 60.0, 6.0)
     assert (more.moment >= 0).all()
     assert (less.moment < 0).all()
+    assert (limits.due_s[np.isfinite(least)] > 0).all()
+    assert np.isinf(limits.due_s[np.isinf(least)]).all()
 
 
 def test_the_chance_is_the_share_of_amounts_that_are_enough(pours):
     """Nothing poured: all amounts are possible; half poured: those above; afterwards: certain."""
     least, most = AMOUNT_G
     run = replace(pours[0], start_s=1.0, flow_g_s=100.0, amount_g=300.0)
-    slips = Foreseen(run=run, least_g=255.0, onset_s=2.0, event_s=3.5)
+    slips = Foreseen(run=run, least_g=255.0, due_s=3.5, onset_s=2.0, event_s=3.5)
     chance = chance_of_slip(slips, np.array([0.5, 2.0, 3.0, 3.7, 4.5]))
 
     assert chance[0] == pytest.approx((most - 255) / (most - least))
@@ -49,10 +53,21 @@ def test_the_chance_is_the_share_of_amounts_that_are_enough(pours):
     assert chance[4] == 1.0
     stops = replace(slips, run=replace(run, amount_g=250.0), event_s=None)
     assert chance_of_slip(stops, np.array([4.5])) == 0.0
-    never = replace(slips, least_g=np.inf, event_s=None)
+    never = replace(slips, least_g=np.inf, due_s=np.inf, event_s=None)
     assert chance_of_slip(never, np.array([2.0])) == 0.0
     still = replace(never, run=replace(run, kind="still"))
     assert chance_of_slip(still, np.array([2.0])) == 0.0
+
+
+def test_soonness_is_the_time_left_while_it_is_poured_and_what_happens_afterwards(pours):
+    run = replace(pours[0], start_s=1.0, flow_g_s=100.0, amount_g=250.0)
+    stops = Foreseen(run=run, least_g=255.0, due_s=3.6, onset_s=None, event_s=None)
+    soon = soonness(stops, np.array([1.6, 3.4, 3.6]))
+
+    assert -np.log(soon[:2]) == pytest.approx([2.0, 0.2])
+    assert soon[2] == 0.0
+    slips = replace(stops, run=replace(run, amount_g=300.0), event_s=3.7)
+    assert -np.log(soonness(slips, np.array([4.1, 3.5]))) == pytest.approx([0.0, 0.1])
 
 
 def test_an_observer_misses_nothing_and_what_it_knows_late_is_the_same_later():

@@ -1,12 +1,14 @@
-"""The best that any slip warning could do: an observer who knows all but when the pouring ends.
+"""What a slip warning could do if it knew all but when the pouring ends.
 
 A pour's amount is drawn evenly from a range, and nothing in an image says when the person will
 stop. An observer who knows the cup, its friction, the grip and all forces exactly therefore still
 has to bet: a pour that stops just short of gross slip looks like one that goes on until it slips.
-The same pour, simulated with other amounts, gives the least amount that ends in gross slip, and so
-how likely gross slip is at each moment. To warn from a fixed likelihood on is what gives the most
-slips warned of for each false alarm; no warning that sees less can be earlier at the same number
-of false alarms, except by luck. Knows nothing about images, features, heads or files.
+The same pour, simulated with other amounts, gives the least amount that ends in gross slip. From
+it follow how likely gross slip is at each moment, and how soon it would come if the pouring went
+on. One observer warns from a fixed likelihood on, and so uses how amounts are drawn, too: that
+each pour has at least 90 g. The other warns a fixed time ahead, and uses nothing of the kind.
+Neither is the best of all rules: one that warns early only where that costs few false alarms has
+a longer median lead. Knows nothing about images, features, heads or files.
 
 Source: docs/decisions/0036.
 """
@@ -35,21 +37,35 @@ _TOGETHER: Final = 20
 """Cups that are simulated side by side. Source: our choice: small arrays bound the speed."""
 _NEVER: Final = 1e-6
 """Likelihood that stands for 0: a drive must be above 0."""
+POURED: Final = ("pour", "no-slip pour")
+"""Kinds whose amount an observer does not know."""
+LITTLE_G: Final = 110.0
+"""Of what the paper's pours have, 90 to 420 g, nearly all have more. Source: our choice."""
 Values = NDArray[np.float64]
 
 
-def needed_g(runs: Sequence[PourRun]) -> Values:
-    """Return the least amount that ends in gross slip, grams, shape (runs,).
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Limits:
+    """What some pours can bear."""
 
-    Infinite where even the largest amount does not, within the time that a pour is looked at.
+    least_g: Values
+    """Shape (runs,): the least amount that ends in gross slip, grams; infinite where even the
+    largest amount does not, within the time that a pour is looked at."""
+    due_s: Values
+    """Shape (runs,): when gross slip comes if the largest amount is poured, seconds since the
+    grasp; infinite where it does not."""
+
+
+def limits_of(runs: Sequence[PourRun]) -> Limits:
+    """Return what pours can bear, by simulating each eight times with other amounts.
 
     Args:
-        runs: Pours of the kind "pour", whose amounts are drawn from `AMOUNT_G`. Each is simulated
-            eight times with other amounts; the rest of it stays as it is.
+        runs: Of the kinds in `POURED`; all but their amounts stays as it is.
     """
-    needed = np.full(len(runs), np.inf)
+    least, due_s = (np.full(len(runs), np.inf) for _ in range(2))
     at_most = _slips(runs, np.full(len(runs), AMOUNT_G[1]))
     slips = np.flatnonzero(at_most.moment >= 0)
+    due_s[slips] = at_most.moment[slips] / FRAME_HZ
     tried = [runs[place] for place in slips]
     enough, too_little = at_most.poured_g[slips], np.zeros(len(slips))
     for turn in range(_HALVINGS + 1):
@@ -58,18 +74,21 @@ def needed_g(runs: Sequence[PourRun]) -> Values:
         slipped = _slips(tried, amount_g).moment >= 0
         enough = np.where(slipped, amount_g, enough)
         too_little = np.where(slipped, too_little, amount_g)
-    needed[slips] = enough
-    return needed
+    least[slips] = enough
+    return Limits(least_g=least, due_s=due_s)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Foreseen:
-    """One of the paper's runs, and what an observer knows of it."""
+    """A run, and what an observer knows of it."""
 
     run: PourRun
-    """Of the kind "pour" or "still"."""
+    """Of the kind "still" or one of `POURED`."""
     least_g: float
     """Least amount that ends in gross slip, grams; infinite where none does or none is poured."""
+    due_s: float
+    """When gross slip comes if the largest amount is poured, seconds since the grasp; infinite
+    where it does not or nothing is poured."""
     onset_s: float | None
     """When it first slips more than `ONSET_UM`, seconds since the grasp; None: never."""
     event_s: float | None
@@ -79,10 +98,10 @@ class Foreseen:
 def foresee(
     runs: Sequence[PourRun], on_step: Callable[[str], None] = lambda _: None
 ) -> list[Foreseen]:
-    """Return what an observer knows of the paper's runs, simulated some cups at a time.
+    """Return what an observer knows of some runs, simulated some cups at a time.
 
     Args:
-        runs: Of the kinds "pour" and "still".
+        runs: Of the kind "still" and those in `POURED`.
         on_step: Called with a line before each part.
     """
     found = []
@@ -90,20 +109,25 @@ def foresee(
     for part in np.array_split(cups, -(-len(cups) // _TOGETHER)):
         on_step(f"what is knowable of cups {part[0]} to {part[-1]}")
         own = [run for run in runs if run.cup.index in part]
-        pours = [run for run in own if run.kind == "pour"]
-        names = ((run.cup.index, run.name) for run in pours)
-        least = dict(zip(names, needed_g(pours), strict=True))
+        pours = [run for run in own if run.kind in POURED]
+        limits = limits_of(pours)
+        known = {
+            (run.cup.index, run.name): (float(least_g), float(due_s))
+            for run, least_g, due_s in zip(pours, limits.least_g, limits.due_s, strict=True)
+        }
         onsets, events = (
             first_slips(own, above_um, FRAME_HZ, DURATION_S) for above_um in (ONSET_UM, GROSS_UM)
         )
         found += [
             Foreseen(
                 run=run,
-                least_g=float(least.get((run.cup.index, run.name), np.inf)),
+                least_g=least_g,
+                due_s=due_s,
                 onset_s=_seconds(onsets, place),
                 event_s=_seconds(events, place),
             )
             for place, run in enumerate(own)
+            for least_g, due_s in [known.get((run.cup.index, run.name), (np.inf, np.inf))]
         ]
     return found
 
@@ -118,7 +142,7 @@ def chance_of_slip(foreseen: Foreseen, time_s: Values) -> Values:
         time_s: Shape (moments,), seconds since the grasp.
     """
     run, happens = foreseen.run, float(foreseen.event_s is not None)
-    if run.kind != "pour":
+    if run.kind not in POURED:
         return np.full(len(time_s), happens)
     least, most = AMOUNT_G
     poured_g = np.clip((time_s - run.start_s) * run.flow_g_s, 0.0, run.amount_g)
@@ -128,22 +152,49 @@ def chance_of_slip(foreseen: Foreseen, time_s: Values) -> Values:
     return np.where(poured_g < run.amount_g, chance, happens)
 
 
-def observer_track(foreseen: Foreseen, late_s: float) -> WarningTrack:
-    """Return a run that is driven by how likely gross slip is.
+def soonness(foreseen: Foreseen, time_s: Values) -> Values:
+    """Return a number that falls with the time until gross slip if the pouring goes on.
+
+    Its natural logarithm, with its sign turned, is that time in seconds; 0 where none would come.
+    Once the pouring has ended, and where nothing is poured, it is the time until what then happens.
+
+    Args:
+        foreseen: The run, and what is known of it.
+        time_s: Shape (moments,), seconds since the grasp.
+    """
+    run = foreseen.run
+    happens_s = np.inf if foreseen.event_s is None else foreseen.event_s
+    going_on = (run.kind in POURED) & ((time_s - run.start_s) * run.flow_g_s < run.amount_g)
+    due_s = np.where(going_on, foreseen.due_s, happens_s)
+    return np.asarray(np.exp(-np.maximum(due_s - time_s, 0.0)))
+
+
+def observer_track(
+    foreseen: Foreseen,
+    late_s: float,
+    drive: Callable[[Foreseen, Values], Values] = chance_of_slip,
+) -> WarningTrack:
+    """Return a run as an observer's warning sees it.
 
     Args:
         foreseen: The run, and what is known of it.
         late_s: How old what the observer knows is, seconds.
+        drive: What the warning follows: `chance_of_slip` or `soonness`.
     """
     time_s = np.arange(round(DURATION_S * FRAME_HZ)) / FRAME_HZ
+    little = foreseen.least_g <= LITTLE_G
     return WarningTrack(
-        drive=np.maximum(chance_of_slip(foreseen, time_s - late_s), _NEVER),
+        drive=np.maximum(drive(foreseen, time_s - late_s), _NEVER),
         time_s=time_s,
         onset_s=None if foreseen.event_s is None else foreseen.onset_s,
         event_s=foreseen.event_s,
         later_s={},
         largest_um=float("nan"),
-        groups={"cup": str(foreseen.run.cup.index), "kind": foreseen.run.kind},
+        groups={
+            "cup": str(foreseen.run.cup.index),
+            "kind": foreseen.run.kind,
+            "enough": "little" if little else "more",
+        },
     )
 
 
