@@ -92,20 +92,16 @@ $(TABLES)/cups: | $(INSTALLED)
 
 $(TABLES)/other-cups: | $(INSTALLED)
 	$(BIN)/taxel weights fetch resnet50 densenet121-typefaces
-	$(BIN)/taxel simulate cup-pour --output $@ --seed 57 --first-cup 1000 --cups 10 --camera-hz 2
-
-$(TABLES)/more-cups: | $(INSTALLED)
-	$(BIN)/taxel weights fetch resnet50
 	$(BIN)/taxel simulate cup-pour --output $@ --seed 57 --first-cup 1000 --cups 20 --camera-hz 2
 
 $(TABLES)/densenet121.safetensors: | $(TABLES)/other-cups
-	$(DISTIL) --backbone densenet121 --epochs 5 --output $@
+	$(DISTIL) --backbone densenet121 --side-px 160 --frames 8 --copies 5 --epochs 3 --output $@
 
-$(TABLES)/efficientnet-b0.safetensors: | $(TABLES)/more-cups
+$(TABLES)/efficientnet-b0.safetensors: | $(TABLES)/other-cups
 	$(DISTIL) --backbone efficientnet-b0 --side-px 160 --frames 8 --copies 5 --epochs 3 --output $@
 
 $(TABLES)/resnet101.safetensors: | $(TABLES)/other-cups
-	$(DISTIL) --backbone resnet101 --epochs 1 --output $@
+	$(DISTIL) --backbone resnet101 --side-px 192 --frames 4 --copies 5 --epochs 1 --output $@
 
 # Mutation testing of six places, an hour at most, not in CI. The tool that draws the mutants stands
 # in an environment of its own: it brings 25 distributions that nothing else needs.

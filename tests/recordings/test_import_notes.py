@@ -58,6 +58,15 @@ def test_milliseconds_taken_for_seconds_are_said(tmp_path, capsys):
     ]
 
 
+def test_seconds_taken_for_milliseconds_are_said(tmp_path, capsys):
+    """Two rows 10 ms apart would be 10 µs apart."""
+    words = write(tmp_path, "x[N],t[ms]", a="t,x\n0,1\n0.01,2\n0.02,3\n")
+    assert notes(capsys, words) == [
+        "note: a.csv: 1e+05 scans a second by the time column t[ms]; if that is too many, "
+        "its unit is wrong: s, ms, us or ns"
+    ]
+
+
 @pytest.mark.parametrize("columns", ["x[N],t[ms]", "x[N],rate:0.1Hz"])
 def test_a_rate_that_is_given_or_usual_is_not_said(tmp_path, capsys, columns):
     """Who writes a rate means it; one scan a second is the least without a word."""

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from taxel.errors import BadInput, BadSplit
 from taxel.evaluation.splits import Split, TrialFold, parse_split
 from taxel.evaluation.table_split import OWN_SPLIT, Elsewhere, split_elsewhere
-from taxel.labels.trials import coarsest_group
+from taxel.labels.trials import OBJECTS, USUAL_GROUPS, coarsest_group
 from taxel.training.choose.preparations import Base
 
 FOLDS = 5
@@ -88,7 +88,8 @@ def _of_each(counts: NDArray[np.intp]) -> str:
 def _usual(base: Base, folds: int, seed: int) -> Split:
     """Hold out the coarsest groups; where another folder is to be tested on, that.
 
-    Sessions come first, then objects that were touched several times, then files.
+    Objects that were touched several times come first, unless there are sessions; then sessions, or
+    where there are none what else people part trials by, such as persons; then files.
     """
     if base.test is not None:
         own = frozenset(base.own)
@@ -97,7 +98,8 @@ def _usual(base: Base, folds: int, seed: int) -> Split:
     key = coarsest_group(base.trials)
     finer = (name for name in ("session", "file", "recording", "trial") if name != key)
     first = ("object",) if key != "session" and _has_objects(base) else ()
-    order = [*first, key, *finer]
+    others = () if key == "session" else _parting(base)
+    order = [*first, *others, key, *finer]
     known = [name for name in order if all(name in trial.groups for trial in base.trials)]
     for name in known[:-1]:
         try:
@@ -105,6 +107,17 @@ def _usual(base: Base, folds: int, seed: int) -> Split:
         except BadInput:
             continue
     return parse_split(f"group:{known[-1]}", base.dataset, base.target, folds, seed)
+
+
+def _parting(base: Base) -> list[str]:
+    """Return sittings, days or persons, of which each trial has one: the fewest first."""
+    counts = {
+        name: len({trial.groups[name] for trial in base.trials})
+        for name in USUAL_GROUPS
+        if name not in OBJECTS and all(name in trial.groups for trial in base.trials)
+    }
+    parting = [name for name, count in counts.items() if 1 < count < len(base.trials)]
+    return sorted(parting, key=lambda name: (counts[name], name))
 
 
 def _has_objects(base: Base) -> bool:

@@ -171,7 +171,7 @@ def by_group(
             raise BadSplit(
                 f"at least two groups {key!r} for every class of {target!r}",
                 f"one ({own[0]}) for {name!r}",
-                f"record {name!r} in another {key} too, or split by random windows",
+                f"record {name!r} in another {key} too, or hold out another group",
             )
     everyone = np.arange(len(groups))
     last = sorted(set(groups))[-1] if final else None

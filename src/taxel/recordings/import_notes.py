@@ -11,16 +11,26 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from taxel.plain_text import visible
+
 GAP_STEPS = 2.0
 """Median steps beyond which a step is a gap: a scan was lost even where times jitter. Source: our
 choice, docs/decisions/0004."""
 _SLACK = 1e-6
 """Share by which rounding may lengthen a step."""
+FAST_HZ = 50_000.0
+"""Scans a second above which it may be wrong: s read as ms is 1000 times too fast. Source: our
+choice, docs/decisions/0004."""
 SLOW_HZ = 1.0
 """Scans a second below which a time column's unit may be wrong: ms read as s is 1000 times too
 slow, and touch is sampled faster. Source: our
 choice, docs/decisions/0004."""
 
+NO_CHANNELS = frozenset(
+    ("", "unnamed: 0", "index", "label", "labels", "target", "class", "state", "slip", "trial",
+     "id", "object", "session", "subject")
+)  # fmt: skip
+"""Names of columns that are rarely a sensor's: pandas' index, labels. Source: our choice."""
 ZEROS, OFTEN = 3, 0.1
 """Rows of zeros at a trial's end, and the share of trials that end so, from which on these may be
 padding. Source: our choice, docs/decisions/0011."""
@@ -80,6 +90,7 @@ def gaps_of(time_s: NDArray[np.float64]) -> tuple[int, float, float]:
 def notes_of(files: Sequence[FileFacts]) -> list[str]:
     """Return a line for each matter, however many files it is found in."""
     slow = [facts for facts in files if facts.time and 0 < facts.rate_hz < SLOW_HZ]
+    fast = [facts for facts in files if facts.time and facts.rate_hz > FAST_HZ]
     return [
         *_first(list(dict.fromkeys(remark for facts in files for remark in facts.remarks)),
                 "more files or arrays were read likewise"),
@@ -90,6 +101,7 @@ def notes_of(files: Sequence[FileFacts]) -> list[str]:
         *_number_headers([facts for facts in files if facts.number_header]),
         *_decimal_commas([facts for facts in files if facts.decimal_comma]),
         *_slow(sorted(slow, key=lambda facts: facts.rate_hz)),
+        *_fast(sorted(fast, key=lambda facts: -facts.rate_hz)),
         *_gaps([facts for facts in files if facts.gaps], len(files)),
     ]  # fmt: skip
 
@@ -139,12 +151,38 @@ def _decimal_commas(files: Sequence[FileFacts]) -> list[str]:
 
 def _slow(files: Sequence[FileFacts]) -> list[str]:
     """Return a line on files of few scans a second, the slowest first."""
+    return _rates(files, "few")
+
+
+def _fast(files: Sequence[FileFacts]) -> list[str]:
+    """Return a line on files of very many scans a second, the fastest first."""
+    return _rates(files, "many")
+
+
+def _rates(files: Sequence[FileFacts], how: str) -> list[str]:
     if not files:
         return []
     first = files[0]
     return [
         f"{_some(files)}: {first.rate_hz:.3g} scans a second by the time column {first.time}; if "
-        f"that is too few, its unit is wrong: s, ms, us or ns"
+        f"that is too {how}, its unit is wrong: s, ms, us or ns"
+    ]
+
+
+def doubtful_names(file: str, names: Sequence[str]) -> list[str]:
+    """Return a line on columns that * made channels of, but whose names speak against it.
+
+    Args:
+        file: The file's name.
+        names: Of its channels.
+    """
+    odd = [name for name in names if name.strip().lower() in NO_CHANNELS]
+    if not odd:
+        return []
+    said = ", ".join(visible(name) if name.strip() else "a column without a name" for name in odd)
+    return [
+        f"{file}: * made a channel of {said}; a label or a counter as a channel is learned from: "
+        "if it is one, name the channels in the column 'channels'"
     ]
 
 

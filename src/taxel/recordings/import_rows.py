@@ -15,9 +15,10 @@ from taxel.errors import BadTable
 from taxel.recordings.import_header import PLAIN_COLUMNS, check_header, table_cells
 from taxel.recordings.intervals import stem_of
 from taxel.recordings.many_trials import holds_many, refuse_words_of_many, trials_of
+from taxel.recordings.row_labels import ROWS, columns_by_row
 from taxel.recordings.spelling import column_name
 from taxel.recordings.table_files import file_of
-from taxel.recordings.table_form import is_number
+from taxel.recordings.table_form import TEXT_ENDINGS, is_number
 from taxel.recordings.tables import LARGEST_VALUE
 from taxel.recordings.trial_sets import Trial
 
@@ -29,6 +30,8 @@ class ImportRow:
     file: Path
     labels: Mapping[str, str] = field(default_factory=dict)
     groups: Mapping[str, str] = field(default_factory=dict)
+    by_row: Mapping[str, str] = field(default_factory=dict)
+    """Label → column of the text that holds it in each row (row_labels.py)."""
     channels: str = ""
     """Such as "Data0[count] Data1[count] 7[deg]"; may be empty where the layout names them."""
     time: str = ""
@@ -116,13 +119,20 @@ def _rows(
 
 
 def _row(file: Path, named: Mapping[str, str], where: str) -> ImportRow:
+    by_row = columns_by_row(named, where)
+    layout = named.get("layout", "") or "csv"
+    if by_row and (layout != "csv" or not file.name.lower().endswith(TEXT_ENDINGS)):
+        raise BadTable(f"a text for {ROWS}COLUMN", f"{file.name} in {where}",
+                       "write a table of intervals, and import with --intervals")  # fmt: skip
+    labels = {n.removeprefix("label:"): c for n, c in named.items() if n.startswith("label:")}
     return ImportRow(
         file=file,
-        labels={n.removeprefix("label:"): c for n, c in named.items() if n.startswith("label:")},
+        labels={name: cell for name, cell in labels.items() if name not in by_row},
+        by_row=by_row,
         groups=_groups(named, named["file"]),
         channels=named.get("channels", ""),
         time=named.get("time", ""),
-        layout=named.get("layout", "") or "csv",
+        layout=layout,
         sensor=named.get("sensor", "") or "array",
         full_scale=_full_scale(named.get("full_scale", ""), where),
     )

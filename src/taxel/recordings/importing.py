@@ -18,17 +18,20 @@ import numpy as np
 
 from taxel.errors import BadTable
 from taxel.recordings import tables
-from taxel.recordings.import_notes import FileFacts, gaps_of
+from taxel.recordings.import_notes import FileFacts, doubtful_names, gaps_of
 from taxel.recordings.import_rows import ImportRow, read_rows
 from taxel.recordings.intervals import Interval, marks_of, read_intervals, stem_of, write_marked
 from taxel.recordings.layouts import find_layout
 from taxel.recordings.manifest import Manifest
+from taxel.recordings.row_labels import marks_by_row, remarks_on_rows
 from taxel.recordings.spelling import composed
+from taxel.recordings.table_columns import text_cells, text_names
 from taxel.recordings.tables import Missing, Table
+from taxel.recordings.trial_runs import TextTrials
 from taxel.recordings.trial_sets import Padding
 from taxel.recordings.whole import new_folder
 from taxel.recordings.writer import Recorder
-from taxel.signals import Samples, SensorInfo
+from taxel.signals import Mark, Samples, SensorInfo
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -204,7 +207,7 @@ def _import_file(
         full_scale=row.full_scale,
         details={"imported_from": row.file.name, "layout": row.layout} | dict(row.details),
     )
-    marks = marks_of(intervals, samples.fitted_s, info.rate_hz)
+    marks = _marks(row, intervals, samples, info)
     labels, groups = _composed(row.labels), _composed(row.groups)
     recorder = Recorder(path, Manifest(sensor=info, labels=labels, groups=groups))
     try:
@@ -216,8 +219,8 @@ def _import_file(
     gaps, longest_gap_s, longest_from_s = gaps_of(table.time_s)
     return FileFacts(
         file=f"{row.file.name}[{row.details['trial']}]" if row.trial else row.file.name,
-        remarks=tuple(row.trial.source.remarks) if row.trial else (),
-        doubts=tuple(row.trial.source.doubts) if row.trial else (),
+        remarks=(*(row.trial.source.remarks if row.trial else ()), *remarks_on_rows(row.by_row)),
+        doubts=(*(row.trial.source.doubts if row.trial else ()), *_doubtful(row, table)),
         padding=padding.cut,
         zeros=padding.zeros,
         number_header=table.number_header,
@@ -228,6 +231,40 @@ def _import_file(
         longest_gap_s=longest_gap_s,
         longest_from_s=longest_from_s,
     )
+
+
+def _marks(
+    row: ImportRow, intervals: Sequence[Interval], samples: Samples, info: SensorInfo
+) -> list[Mark]:
+    """Return a recording's marks: of a table of intervals, or of labels that stand in its rows."""
+    if not row.by_row:
+        return marks_of(intervals, samples.fitted_s, info.rate_hz)
+    if intervals:
+        raise BadTable(
+            "labels from rows or from intervals", f"both for {row.file}",
+            "leave one of them out",
+        )  # fmt: skip
+    columns = list(row.by_row.values())
+    if row.trial is None:
+        rows = list(text_cells(row.file, columns)[1])
+        cells = [[own[place] for own in rows] for place in range(len(columns))]
+    else:
+        assert isinstance(row.trial.source, TextTrials)
+        source, index = row.trial.source, row.trial.index
+        cells = [source.by_row(index, column) for column in columns]
+    marks = marks_by_row(dict(zip(row.by_row, cells, strict=True)), samples.fitted_s)
+    if not marks and not row.labels:
+        raise BadTable(
+            "a label in some row", f"none in the column {columns[0]!r} of {row.file}",
+            "fill it in, or leave the file out",
+        )  # fmt: skip
+    return marks
+
+
+def _doubtful(row: ImportRow, table: Table) -> list[str]:
+    """Return a line on names that speak against channels, where * took all columns."""
+    taken = row.layout == "csv" and row.channels.strip().startswith(tables.ALL)
+    return doubtful_names(row.file.name, table.names) if taken else []
 
 
 def _stated_rate(row: ImportRow) -> float:
@@ -244,12 +281,15 @@ def _composed(pairs: Mapping[str, str]) -> dict[str, str]:
 def _read(row: ImportRow, code_dir: Path, options: ImportOptions) -> Table:
     where = f"the row of {row.file.name}"
     if row.layout == "csv":
-        return tables.read_table(
-            row.file,
+        columns, time = (
             tables.parse_columns(row.channels, where),
             tables.parse_time(row.time, where),
-            options.missing,
         )
+        if row.by_row and [column.name for column in columns] == [tables.ALL]:
+            left_out = {*row.by_row.values(), time.column.name if time.column else ""}
+            columns = tuple(tables.Column(name=name, unit=columns[0].unit)
+                            for name in text_names(row.file) if name not in left_out)  # fmt: skip
+        return tables.read_table(row.file, columns, time, options.missing)
     reader = find_layout(row.layout, code_dir, options.allow_code)
     try:
         values, time_s, names, units = reader(row.file)

@@ -15,6 +15,7 @@ from taxel.errors import BadTable
 from taxel.foreign.array_files import ARRAY_ENDINGS, NAMED_ENDINGS
 from taxel.plain_text import visible
 from taxel.recordings.class_names import named_classes, remark_on
+from taxel.recordings.row_labels import columns_by_row
 from taxel.recordings.stack_members import STAR
 from taxel.recordings.stacks import ArrayTrials, StackWords
 from taxel.recordings.table_columns import npy_shape
@@ -213,7 +214,8 @@ def _opened(
     if file.name.lower().endswith(TEXT_ENDINGS):
         if named.get("axes"):
             raise BadTable("'axes' for a file of arrays", f"a text in {where}", "leave it empty")
-        return TextTrials(file, trials, channels, time, own, where)
+        by_row = list(columns_by_row(named, where).values())
+        return TextTrials(file, trials, channels, time, own, where, by_row)
     words = StackWords(trials=trials, axes=named.get("axes", ""), channels=channels, time=time)
     return ArrayTrials(file, words, own, counts, where)
 

@@ -50,13 +50,21 @@ class TextTrials:
         time: As in the import table.
         names: Columns that `from:` cells name, whose value is the same in all rows of a trial.
         where: Table and line, for messages.
+        by_row: Columns whose value may be another in each row.
 
     Raises:
         BadTable: The text is not as it should be, or the rows of a trial are not together.
     """
 
     def __init__(
-        self, path: Path, trials: str, channels: str, time: str, names: Sequence[str], where: str
+        self,
+        path: Path,
+        trials: str,
+        channels: str,
+        time: str,
+        names: Sequence[str],
+        where: str,
+        by_row: Sequence[str] = (),
     ) -> None:
         self._path, self.what = path, trials
         header = text_names(path)
@@ -67,14 +75,17 @@ class TextTrials:
         columns = parse_columns(channels, where)
         self._time = parse_time(time, where)
         if [column.name for column in columns] == [ALL]:
-            left_out = {*keys, *names, self._time.column.name if self._time.column else ""}
+            left_out = {*keys, *names, *by_row, self._time.column.name if self._time.column else ""}
             columns = tuple(Column(name=name, unit=columns[0].unit)
                             for name in header if name not in left_out)  # fmt: skip
             self._all = True
         self._columns = columns
-        first_line, rows = text_cells(path, [*keys, *names])
+        first_line, rows = text_cells(path, [*keys, *names, *by_row])
         self._first_line = first_line
-        self._runs = list(_runs(path, rows, len(keys), names, first_line))
+        self._by_row = {column: place for place, column in enumerate(by_row)}
+        self._cells: list[list[str]] = []
+        described = self._apart(rows, len(keys) + len(names))
+        self._runs = list(_runs(path, described, len(keys), names, first_line))
         self.keys = ["-".join(run.key) for run in self._runs]
         count = len(self._runs)
         self.remarks = [
@@ -92,6 +103,22 @@ class TextTrials:
         """
         place = self._names.index(name)
         return [run.values[place] for run in self._runs]
+
+    def by_row(self, index: int, column: str) -> list[str]:
+        """Return a column's value in each row of a trial.
+
+        Raises:
+            KeyError: It was not named before.
+        """
+        place, run = self._by_row[column], self._runs[index]
+        return [cells[place] for cells in self._cells[run.start : run.stop]]
+
+    def _apart(self, rows: Iterable[list[str]], count: int) -> Iterator[list[str]]:
+        """Yield what describes a row's trial, and keep what may change within it."""
+        for cells in rows:
+            if self._by_row:
+                self._cells.append(cells[count:])
+            yield cells[:count]
 
     def table(self, index: int, missing: Missing) -> tuple[Table, Padding]:
         """Return one trial's values; a text has no padding.
@@ -166,7 +193,7 @@ def _runs(
                 f"{values[odd]!r}, then {cells[keys + odd]!r} in trial {visible('-'.join(key))} "
                 f"of {path}, line {first_line + row}",
                 "name all columns that tell trials apart in the column 'trials', as in "
-                "subject+trial",
+                f"subject+trial; a label that changes within a trial is written rows:{names[odd]}",
             )
     if row < 0:
         raise BadTable("rows of numbers", f"none in {path}", "leave the file out")

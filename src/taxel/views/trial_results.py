@@ -20,6 +20,7 @@ from taxel.evaluation.camera_trials.crossval import (
     by_group,
 )
 from taxel.evaluation.camera_trials.sides import TrialSplit, shared_values
+from taxel.evaluation.paired import LEVEL, smallest_p
 from taxel.plain_text import visible, visible_line, visible_names
 from taxel.windows.trial_crops import PLACES
 
@@ -58,7 +59,22 @@ def trial_tables(
     parts.append(Text(_weakest(trials, split, ours)))
     if said := shared_values(split, trials.groups, trials.y):
         parts.append(Text(f"warning: {visible_line(said)}", style="yellow"))
+    if said := _too_few(split, trials):
+        parts.append(Text(f"warning: {said}", style="yellow"))
     return Group(*parts, Text(f"Intervals in []: 95 % CI, whole {split.group}s resampled."))
+
+
+def _too_few(split: TrialSplit, trials: TrialSet) -> str:
+    """Return what must be said where so few groups are tested that no difference can be claimed."""
+    tested = {row for fold in split.folds for row in fold.test_rows.tolist()}
+    groups = {trials.groups[row].get(split.group, str(row)) for row in tested}
+    least = smallest_p(len(groups))
+    if least < LEVEL:
+        return ""
+    return (
+        f"with {len(groups)} {split.group}s no difference can be claimed (smallest possible p "
+        f"{least:.2g}), and intervals in [] are too narrow"
+    )
 
 
 def best_control(results: Sequence[TrialResult]) -> TrialResult | None:

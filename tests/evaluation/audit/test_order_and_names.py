@@ -11,6 +11,7 @@ from taxel.evaluation.audit.finding import Finding
 from taxel.evaluation.audit.names import near, near_names
 from taxel.evaluation.audit.nuisances import read_first, read_length
 from taxel.evaluation.audit.order import measure_order
+from taxel.evaluation.audit.shared import shared_copies
 from taxel.evaluation.audit.sides import named_sides
 from taxel.evaluation.audit.touch_set import TouchSet, group_values
 
@@ -170,3 +171,16 @@ def test_a_misspelt_object_is_a_hazard(make_set: Make) -> None:
     assert (found.verdict, clean.verdict) == ("hazard", "clear")
     assert found.examples == ("group object: botlle and bottle",)
     assert group_values(spoilt)["object"] == {"botlle": 1, "bottle": 29, "can": 30}
+
+
+def test_copies_with_another_label_are_said(make_set: Make) -> None:
+    """A trial that was pasted over one of another class is worse than one recorded twice."""
+    touch = make_set["array"](trials=12)
+    case = make_case(touch, named_sides(touch, "random", 10, 3, 0), 10, 0)
+    same = (0, next(b for b in range(1, 12) if touch.y[b] == touch.y[0]))
+    other = (0, next(b for b in range(1, 12) if touch.y[b] != touch.y[0]))
+    both = shared_copies(case, "duplicates", {same: 1.0, other: 1.0}, "hold the same rows")
+    alike = shared_copies(case, "duplicates", {same: 1.0}, "hold the same rows")
+
+    assert "1 of 2 pairs with two different labels" in both.said
+    assert "different labels" not in alike.said

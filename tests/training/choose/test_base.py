@@ -17,27 +17,29 @@ from taxel.training.choose.preparations import (
 from taxel.windows.dataset import load_dataset
 
 
-def test_objects_are_held_out_where_no_session_is_known(tmp_path: Path):
+@pytest.mark.parametrize("group", ["object", "person"])
+def test_objects_or_persons_are_held_out_where_no_session_is_known(tmp_path: Path, group: str):
     rng = np.random.default_rng(5)
     rows = []
     for number in range(24):
         thing = number % 6
+        kind = thing if group == "object" else number // 6
         file = tmp_path / f"t{number}.csv"
-        values = thing % 2 + rng.normal(0, 0.1, (12, 2))
+        values = kind % 2 + rng.normal(0, 0.1, (12, 2))
         file.write_text("a,b\n" + "\n".join(f"{x:.4f},{y:.4f}" for x, y in values) + "\n")
         rows.append(
-            ImportRow(file=file, labels={"kind": ("soft", "hard")[thing % 2]},
-                      groups={"object": f"o{thing}"}, channels="a[N] b[N]",
+            ImportRow(file=file, labels={"kind": ("soft", "hard")[kind % 2]},
+                      groups={group: f"o{thing}"}, channels="a[N] b[N]",
                       time="rate:50Hz", sensor="pad")
         )  # fmt: skip
     import_rows(rows, tmp_path / "recordings")
     base = load_base(tmp_path / "recordings", "kind")
 
     split = OuterSplit().of(base)
-    assert split.name == "object held out"
+    assert split.name == f"{group} held out"
     for fold in split.folds:
-        held = {base.trials[i].groups["object"] for i in fold.test}
-        assert not held & {base.trials[i].groups["object"] for i in fold.train}
+        held = {base.trials[i].groups[group] for i in fold.test}
+        assert not held & {base.trials[i].groups[group] for i in fold.train}
 
 
 def test_lost_scans_do_not_shorten_a_trial(tmp_path: Path):

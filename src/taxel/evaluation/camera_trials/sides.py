@@ -184,9 +184,11 @@ def _by_group(
     folds, seed = how
     values = values_of(groups, key)
     found = len(set(values.tolist()))
-    if folds < 2 or found < 2:
-        raise BadSplit(f"two or more folds of two or more values of {key!r}",
-                       f"{folds} folds of {found}", "name another group")  # fmt: skip
+    if found < 2:
+        raise BadSplit(f"two or more values of {key!r}, so that one can be held out",
+                       f"only {values[0]!r}", "name another group")  # fmt: skip
+    if folds < 2:
+        raise BadSplit("two or more folds", str(folds), "choose more folds")
     folds = min(folds, found)
     return TrialSplit(f"{key} held out", _folds(values, y, (folds, seed), classes, key), key)
 

@@ -1,0 +1,81 @@
+"""Claims about labels that stand in a text's rows: stretches of one label become trials."""
+
+import numpy as np
+import pytest
+
+from taxel.errors import BadTable
+from taxel.recordings.importing import import_table
+from taxel.recordings.reader import read_recording
+
+TEXT = """ms,a,b,state,who
+0,1,2,stable,anna
+10,3,4,stable,anna
+20,5,6,slip,anna
+30,7,8,,anna
+40,9,10,stable,anna
+0,11,12,slip,bo
+10,13,14,slip,bo
+"""
+ONE = "file,label:object,label:state,channels,time\nall.csv,cup,rows:state,{},ms[ms]\n"
+MANY = "file,trials,label:state,channels,time\nall.csv,who,rows:state,{},ms[ms]\n"
+
+
+def bring(folder, table, text, channels="*[N]"):
+    """Import a text by a table of one line."""
+    (folder / "all.csv").write_text(text)
+    (folder / "table.csv").write_text(table.format(channels))
+    notes = []
+    made = import_table(folder / "table.csv", folder / "out", on_file=notes.append)
+    return [read_recording(path) for path in made], notes
+
+
+@pytest.mark.parametrize("channels", ["*[N]", "a[N] b[N]"])
+def test_rows_with_one_label_are_a_trial_and_rows_without_are_none(tmp_path, channels):
+    text = "\n".join(line.rsplit(",", 1)[0] for line in TEXT.splitlines()[:6])
+    (recording,), (facts,) = bring(tmp_path, ONE, text, channels)
+    marks = [(mark.start_s, mark.end_s, dict(mark.labels)) for mark in recording.marks]
+
+    assert marks == [
+        (pytest.approx(0.00), pytest.approx(0.01), {"state": "stable"}),
+        (pytest.approx(0.02), pytest.approx(0.02), {"state": "slip"}),
+        (pytest.approx(0.04), pytest.approx(0.04), {"state": "stable"}),
+    ]
+    assert recording.manifest.labels == {"object": "cup"}
+    assert recording.manifest.sensor.channels == ("a", "b")
+    assert any("column state" in remark for remark in facts.remarks)
+
+
+def test_in_a_text_of_many_trials_each_has_its_own_stretches(tmp_path):
+    (anna, bo), _ = bring(tmp_path, MANY, TEXT)
+    assert [mark.labels["state"] for mark in anna.marks] == ["stable", "slip", "stable"]
+    assert [(mark.labels["state"], mark.end_s) for mark in bo.marks] == [("slip", 0.01)]
+    np.testing.assert_array_equal(bo.samples.values, [[11, 12], [13, 14]])
+
+
+@pytest.mark.parametrize(
+    ("table", "text", "said"),
+    [
+        (ONE.replace("rows:state", "rows:"), TEXT, "rows:COLUMN"),
+        (ONE.replace("label:state", "group:state"), TEXT, "label:NAME"),
+        (MANY.replace("rows:state", "rows:grip"), TEXT, "grip"),
+        (MANY.replace("rows:state", "from:state"), TEXT, "rows:state"),
+    ],
+)
+def test_a_slip_in_the_table_is_told_in_a_line(tmp_path, table, text, said):
+    with pytest.raises(BadTable, match=said):
+        bring(tmp_path, table, text, "a[N]")
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_column_without_any_label_is_refused(tmp_path):
+    text = "ms,a,state\n0,1,\n10,2,\n"
+    with pytest.raises(BadTable, match="a label in some row"):
+        bring(tmp_path, ONE.replace("label:object,", "").replace("cup,", ""), text)
+
+
+def test_star_names_columns_that_are_rarely_a_sensors(tmp_path):
+    """pandas' index and a label's column: channels, but said."""
+    table = "file,label:state,channels,time\nall.csv,x,*[N],rate:100Hz\n"
+    _, (facts,) = bring(tmp_path, table, ",a,label\n0,1,0\n1,2,1\n")
+    assert len(facts.doubts) == 1
+    assert "a column without a name, label" in facts.doubts[0]
