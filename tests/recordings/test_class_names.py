@@ -66,7 +66,12 @@ def test_names_and_numbers_may_be_in_other_files(tmp_path):
         (NUMBERS + 1, CLASSES, "from:names[y]", "from 0 to 2.*got '3'.*from:names.y-1. if they"),
         (NUMBERS, CLASSES, "from:names[y-1]", "from 1 to 3.*got '0'.*write from:names.y. if they"),
         (NUMBERS / 2, CLASSES, "from:names[y]", "numbers of classes .* got '0.5'"),
-        (-NUMBERS, CLASSES, "from:names[y]", "got '-2'"),
+        (
+            -NUMBERS,
+            CLASSES,
+            "from:names[y]",
+            "got '-2' of trial 2 .*leave out trials without a class",
+        ),
         (NUMBERS, ["cup", "ball", "cup"], "from:names[y]", "got 'cup' twice"),
         (NUMBERS, CLASSES, "from:other[y]", "the name of an array; got 'other'"),
     ],

@@ -128,6 +128,16 @@ def test_cells_and_arrays_that_are_called_alike_are_trials_of_their_own_length(t
             path.unlink()
 
 
+@pytest.mark.parametrize("axes", ["", "rows channels"])
+def test_an_empty_trial_is_named(tmp_path, axes):
+    """The axes are right; one cell holds nothing."""
+    cells = np.empty(3, object)
+    cells[:] = [X[0], np.zeros((0, 0)), X[2]]
+    write_mat5(tmp_path / "five.mat", {"X": cells, "y": OBJECTS[:3]})
+    message = refusal(tmp_path, f"five.mat,X,{axes},from:y,1,*[N],rate:50Hz")
+    assert "none in trial 2 of X" in message
+
+
 def test_rows_of_nan_at_the_end_are_padding(tmp_path):
     """Cut, with a note; kept with --missing keep; NaN further up is refused as ever."""
     padded = X.copy()

@@ -41,10 +41,14 @@ def named_classes(
     odd = next((number for number in numbers if number not in places), None)
     if odd is not None:
         counted = cell.replace("]", "-1]") if first == 0 else cell.replace("-1]", "]")
+        others = {str(number) for number in range(1 - first, 1 - first + len(names))}
+        fits = others.issuperset(numbers)
         raise BadTable(
             f"numbers of classes from {first} to {first + len(names) - 1}, for which there are "
-            f"{len(names)} names", f"{odd[:80]!r} by {cell[:80]!r} in {where}",
-            f"write {counted[:80]} if they count from {1 - first}, or name another array",
+            f"{len(names)} names",
+            f"{odd[:80]!r} of trial {numbers.index(odd) + 1} by {cell[:80]!r} in {where}",
+            f"write {counted[:80]} if they count from {1 - first}, or name another array" if fits
+            else "leave out trials without a class, or name another array",
         )  # fmt: skip
     return [places[number] for number in numbers]
 

@@ -250,6 +250,10 @@ class ArrayTrials:
         counts: Sequence[int],
     ) -> Axes:
         what = f"{self._name} in {self._path}"
+        empty = [number for number, shape in enumerate(self._shapes, 1) if 0 in shape]
+        if self._single and empty and len(self._shapes) > 1:
+            raise BadTable("numbers in each trial", f"none in trial {empty[0]} of {what}",
+                           "remove it, with its labels, or fill it in")  # fmt: skip
         if text:
             axes = parse_axes(text, self._where)
             for shape in self._shapes:
