@@ -2,12 +2,15 @@
 
 import io
 
+import numpy as np
 import pytest
 from rich.console import Console
 
+from taxel.decisions.recognition import UNKNOWN
+from taxel.decisions.trial_verdict import Verdict
 from taxel.evaluation.camera_trials.crossval import OURS, judge_trials
 from taxel.evaluation.camera_trials.sides import split_trials
-from taxel.views.trial_results import trial_tables
+from taxel.views.trial_results import trial_tables, unknown_line
 
 from trial_makers import few_small_members, some_trials  # isort: skip
 
@@ -25,3 +28,19 @@ def test_with_few_groups_no_difference_is_claimed(
     console.print(trial_tables(trials, split, results, []))
     warned = "4 turns no difference can be claimed (smallest possible p 0.12)"
     assert (warned in console.export_text()) == said
+
+
+def test_reasons_of_unknown_are_counted_and_unlike_images_are_said() -> None:
+    """One reason is one reason, whatever its score; most of all trials is told as such."""
+
+    def verdict(reason: str) -> Verdict:
+        return Verdict(UNKNOWN if reason else "a", 0.9, np.array([0.9, 0.1]), 1.0, reason, 3)
+
+    novel = [verdict(f"novel touch (novelty score {score}, limit 3.5)") for score in (3.7, 4.2)]
+    unsure, sure = verdict("confidence 0.40 is below 0.50"), verdict("")
+    assert unknown_line([sure]) == ""
+    few = unknown_line([*novel, unsure, sure, sure, sure])
+    assert few == "UNKNOWN: 2 times novel touch; 1 times confidence 0.40 is below 0.50"
+    most = unknown_line([*novel, unsure, sure])
+    assert "the first: novelty score 3.7, limit 3.5" in most
+    assert "how videos are compressed" in most

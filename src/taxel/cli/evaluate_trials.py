@@ -81,6 +81,7 @@ class EvaluateTrials:
         from taxel.evaluation.camera_trials.sides import interval_group, values_of
         from taxel.live.trial_watch import predict_trials
         from taxel.views.trained_on import trained_on_line
+        from taxel.views.trial_results import unknown_line
         from taxel.windows.camera_trials import read_camera_trials
 
         if self.data is None:
@@ -140,5 +141,7 @@ class EvaluateTrials:
             print_json(result)
             return
         say(line)
+        if said := unknown_line(verdicts):
+            say(said, style="yellow")
         if seen is not None:
             say(f"warning: {seen}", style="yellow")

@@ -12,6 +12,8 @@ from numpy.typing import NDArray
 
 from taxel.decisions.recognition import UNKNOWN
 
+NOVEL = "novel touch"
+"""Begins the reason where a trial is unlike what was learned."""
 _LEAST = 1e-6
 
 
@@ -74,7 +76,7 @@ def join_crops(
     if not np.isfinite(mean).all() or not np.isfinite(score):
         reason = "the model gave NaN"
     elif config.threshold is not None and score > config.threshold:
-        reason = f"novel touch (novelty score {score:.1f}, limit {config.threshold:.1f})"
+        reason = f"{NOVEL} (novelty score {score:.1f}, limit {config.threshold:.1f})"
     elif confidence < config.least_confidence:
         reason = f"confidence {confidence:.2f} is below {config.least_confidence:.2f}"
     label = UNKNOWN if reason else classes[best]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import asdict
 from typing import Any
@@ -12,6 +13,8 @@ from rich.console import Group, RenderableType
 from rich.table import Table
 from rich.text import Text
 
+from taxel.decisions.recognition import UNKNOWN
+from taxel.decisions.trial_verdict import NOVEL, Verdict
 from taxel.evaluation.camera_trials.crossval import (
     CameraTrialScores,
     Difference,
@@ -24,6 +27,8 @@ from taxel.evaluation.paired import LEVEL, smallest_p
 from taxel.plain_text import visible, visible_line, visible_names
 from taxel.windows.trial_crops import PLACES
 
+_REASONS = 3
+"""Reasons of UNKNOWN that are told."""
 _WEAKEST = 5
 """Groups that are shown, those with the fewest right first."""
 
@@ -74,6 +79,24 @@ def _too_few(split: TrialSplit, trials: TrialSet) -> str:
     return (
         f"with {len(groups)} {split.group}s no difference can be claimed (smallest possible p "
         f"{least:.2g}), and intervals in [] are too narrow"
+    )
+
+
+def unknown_line(verdicts: Sequence[Verdict]) -> str:
+    """Return why trials got no verdict, the commonest reason first; empty where all have one."""
+    reasons = [verdict.reason for verdict in verdicts if verdict.label == UNKNOWN]
+    if not reasons:
+        return ""
+    counts = Counter(reason.partition(" (")[0] for reason in reasons)
+    novel = [verdict for verdict in verdicts if verdict.reason.startswith(NOVEL)]
+    said = [f"{count} times {visible(reason)}" for reason, count in counts.most_common(_REASONS)]
+    line = f"UNKNOWN: {'; '.join(said)}"
+    if len(novel) < len(verdicts) / 2:
+        return line
+    first = visible(novel[0].reason.partition("(")[2].rstrip(")"))
+    return (
+        f"{line}. Most trials are unlike those that the bundle learned from (the first: {first}): "
+        "check sensor, light, crop, and how videos are compressed"
     )
 
 
