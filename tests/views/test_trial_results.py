@@ -40,7 +40,7 @@ def test_reasons_of_unknown_are_counted_and_unlike_images_are_said() -> None:
     unsure, sure = verdict("confidence 0.40 is below 0.50"), verdict("")
     assert unknown_line([sure]) == ""
     few = unknown_line([*novel, unsure, sure, sure, sure])
-    assert few == "UNKNOWN: 2 times novel touch; 1 times confidence 0.40 is below 0.50"
+    assert few == "UNKNOWN because of: novel touch (2), confidence 0.40 is below 0.50 (1)"
     most = unknown_line([*novel, unsure, sure])
     assert "the first: novelty score 3.7, limit 3.5" in most
     assert "how videos are compressed" in most

@@ -89,8 +89,8 @@ def unknown_line(verdicts: Sequence[Verdict]) -> str:
         return ""
     counts = Counter(reason.partition(" (")[0] for reason in reasons)
     novel = [verdict for verdict in verdicts if verdict.reason.startswith(NOVEL)]
-    said = [f"{count} times {visible(reason)}" for reason, count in counts.most_common(_REASONS)]
-    line = f"UNKNOWN: {'; '.join(said)}"
+    said = [f"{visible(reason)} ({count})" for reason, count in counts.most_common(_REASONS)]
+    line = f"UNKNOWN because of: {', '.join(said)}"
     if len(novel) < len(verdicts) / 2:
         return line
     first = visible(novel[0].reason.partition("(")[2].rstrip(")"))
