@@ -76,8 +76,8 @@ bench: $(INSTALLED)
 
 # Tables 1 to 3 of the grasp-transition paper with trained networks, and the claims card: ResNet50's
 # ImageNet weights are fetched, the other three backbones learn from it on touch images of other
-# objects than the tables' cups (docs/decisions/0057). Broken off, it goes on where it was; two
-# hours of two cores, half of them for EfficientNetB0. SLIP: the folder of gelsight-slip.
+# objects than the tables' cups (docs/decisions/0057). Broken off, it goes on where it was; four
+# hours of one core and longer where others use it. SLIP: the folder of gelsight-slip.
 SLIP ?= ../shared/data/gelsight-slip
 TABLES := build/paper-tables
 FAST := --engine openvino --precision bf16
