@@ -30,7 +30,8 @@ NO_CHANNELS = frozenset(
     ("", "unnamed: 0", "index", "label", "labels", "target", "class", "state", "slip", "trial",
      "id", "object", "session", "subject")
 )  # fmt: skip
-"""Names of columns that are rarely a sensor's: pandas' index, labels. Source: our choice."""
+"""Names of columns that are rarely a sensor's: pandas' index, labels. Source: our choice,
+docs/decisions/0011."""
 ZEROS, OFTEN = 3, 0.1
 """Rows of zeros at a trial's end, and the share of trials that end so, from which on these may be
 padding. Source: our choice, docs/decisions/0011."""
