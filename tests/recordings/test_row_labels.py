@@ -73,6 +73,21 @@ def test_a_column_without_any_label_is_refused(tmp_path):
         bring(tmp_path, ONE.replace("label:object,", "").replace("cup,", ""), text)
 
 
+def test_arrays_and_intervals_beside_are_refused(tmp_path):
+    np.savez(tmp_path / "a.npz", X=np.zeros((2, 5, 2)), y=[0, 1])
+    array = "file,axes,label:state,channels,time\na.npz,{},rows:y,*[N],rate:50Hz\n"
+    with pytest.raises(BadTable, match="a text for rows:COLUMN"):
+        bring(tmp_path, array, TEXT, "trials rows channels")
+    (tmp_path / "all.csv").write_text("a,state\n1,x\n2,x\n")
+    (tmp_path / "table.csv").write_text(
+        "file,label:state,channels,time\nall.csv,rows:state,a[N],rate:50Hz\n"
+    )
+    (tmp_path / "marks.csv").write_text("start_s,end_s,label:kind\n0,0.02,y\n")
+    with pytest.raises(BadTable, match="rows or from intervals"):
+        import_table(tmp_path / "table.csv", tmp_path / "out", intervals=tmp_path / "marks.csv")
+    assert not (tmp_path / "out").exists()
+
+
 def test_star_names_columns_that_are_rarely_a_sensors(tmp_path):
     """pandas' index and a label's column: channels, but said."""
     table = "file,label:state,channels,time\nall.csv,x,*[N],rate:100Hz\n"

@@ -182,8 +182,8 @@ def doubtful_names(file: str, names: Sequence[str]) -> list[str]:
         return []
     said = ", ".join(visible(name) if name.strip() else "a column without a name" for name in odd)
     return [
-        f"{file}: * made a channel of {said}; a label or a counter as a channel is learned from: "
-        "if it is one, name the channels in the column 'channels'"
+        f"{file}: * took {said} as a channel; if that is a label or a counter, a model would learn "
+        "from it: name the channels in the column 'channels'"
     ]
 
 

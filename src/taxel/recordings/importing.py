@@ -25,7 +25,7 @@ from taxel.recordings.layouts import find_layout
 from taxel.recordings.manifest import Manifest
 from taxel.recordings.row_labels import marks_by_row, remarks_on_rows
 from taxel.recordings.spelling import composed
-from taxel.recordings.table_columns import text_cells, text_names
+from taxel.recordings.table_columns import text_cells
 from taxel.recordings.tables import Missing, Table
 from taxel.recordings.trial_runs import TextTrials
 from taxel.recordings.trial_sets import Padding
@@ -281,15 +281,13 @@ def _composed(pairs: Mapping[str, str]) -> dict[str, str]:
 def _read(row: ImportRow, code_dir: Path, options: ImportOptions) -> Table:
     where = f"the row of {row.file.name}"
     if row.layout == "csv":
-        columns, time = (
+        return tables.read_table(
+            row.file,
             tables.parse_columns(row.channels, where),
             tables.parse_time(row.time, where),
+            options.missing,
+            but=row.by_row.values(),
         )
-        if row.by_row and [column.name for column in columns] == [tables.ALL]:
-            left_out = {*row.by_row.values(), time.column.name if time.column else ""}
-            columns = tuple(tables.Column(name=name, unit=columns[0].unit)
-                            for name in text_names(row.file) if name not in left_out)  # fmt: skip
-        return tables.read_table(row.file, columns, time, options.missing)
     reader = find_layout(row.layout, code_dir, options.allow_code)
     try:
         values, time_s, names, units = reader(row.file)

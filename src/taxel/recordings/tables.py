@@ -10,7 +10,7 @@ Background of our choices: docs/decisions/0011.
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
@@ -133,6 +133,7 @@ def read_table(
     missing: Missing = "refuse",
     *,
     in_trials: bool = False,
+    but: Collection[str] = (),
 ) -> Table:
     """Return the wanted columns of a text or a .npy file.
 
@@ -142,11 +143,12 @@ def read_table(
         time: Where time comes from.
         missing: What happens to values that are not finite. Time must always be.
         in_trials: Whether times may begin anew; then they are not looked at.
+        but: Columns that `*` leaves out, beside that of time.
 
     Raises:
         BadTable: Anything in the file is not as it should be; says where.
     """
-    columns = _all_columns(path, columns, time)
+    columns = _all_columns(path, columns, time, but)
     wanted = [column.name for column in columns]
     wanted += [time.column.name] if time.column is not None else []
     first_line, number_header, decimal_comma = 1, "", False
@@ -243,8 +245,10 @@ def _time_s(
     return time_s
 
 
-def _all_columns(path: Path, columns: Sequence[Column], time: TimeColumn) -> Sequence[Column]:
-    """Return the wanted columns, where * means all but that of time."""
+def _all_columns(
+    path: Path, columns: Sequence[Column], time: TimeColumn, but: Collection[str]
+) -> Sequence[Column]:
+    """Return the wanted columns, where * means all but that of time and those in `but`."""
     if [column.name for column in columns] != [ALL]:
         return columns
     ending = path.name.lower()
@@ -259,7 +263,7 @@ def _all_columns(path: Path, columns: Sequence[Column], time: TimeColumn) -> Seq
         names = text_names(path)
     else:
         return columns
-    taken = {time.column.name} if time.column is not None else set()
+    taken = {*but, time.column.name if time.column is not None else ""} - {""}
     rest = [name for name in names if name not in taken]
     if len(rest) > MOST_CHANNELS or not rest:
         raise BadTable(

@@ -16,7 +16,6 @@ from taxel.plain_text import visible
 from taxel.recordings.table_columns import text_cells, text_names
 from taxel.recordings.tables import (
     ALL,
-    Column,
     Missing,
     Table,
     check_time,
@@ -71,14 +70,10 @@ class TextTrials:
         self.names = header
         keys = [trials] if trials in header else [name.strip() for name in trials.split(AND)]
         self._names = list(names)
-        self._all = False
         columns = parse_columns(channels, where)
         self._time = parse_time(time, where)
-        if [column.name for column in columns] == [ALL]:
-            left_out = {*keys, *names, *by_row, self._time.column.name if self._time.column else ""}
-            columns = tuple(Column(name=name, unit=columns[0].unit)
-                            for name in header if name not in left_out)  # fmt: skip
-            self._all = True
+        self._all = [column.name for column in columns] == [ALL]
+        self._described = {*keys, *names, *by_row}
         self._columns = columns
         first_line, rows = text_cells(path, [*keys, *names, *by_row])
         self._first_line = first_line
@@ -128,7 +123,7 @@ class TextTrials:
         """
         if self._whole is None:
             self._whole = read_table(self._path, self._columns, self._time, missing,
-                                     in_trials=True)  # fmt: skip
+                                     in_trials=True, but=self._described)  # fmt: skip
             if self._all and (steady := self._steady(self._whole)):
                 self.doubts.append(steady)
         run, whole = self._runs[index], self._whole
@@ -193,7 +188,8 @@ def _runs(
                 f"{values[odd]!r}, then {cells[keys + odd]!r} in trial {visible('-'.join(key))} "
                 f"of {path}, line {first_line + row}",
                 "name all columns that tell trials apart in the column 'trials', as in "
-                f"subject+trial; a label that changes within a trial is written rows:{names[odd]}",
+                "subject+trial; a label that changes within a trial is written "
+                f"rows:{visible(names[odd])}",
             )
     if row < 0:
         raise BadTable("rows of numbers", f"none in {path}", "leave the file out")

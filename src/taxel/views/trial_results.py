@@ -77,8 +77,8 @@ def _too_few(split: TrialSplit, trials: TrialSet) -> str:
     if least < LEVEL:
         return ""
     return (
-        f"with {len(groups)} {split.group}s no difference can be claimed (smallest possible p "
-        f"{least:.2g}), and intervals in [] are too narrow"
+        f"with {len(groups)} {visible(split.group)}s no difference can be claimed (smallest "
+        f"possible p {least:.2g}), and intervals in [] are too narrow"
     )
 
 

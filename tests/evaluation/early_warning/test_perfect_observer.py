@@ -35,7 +35,9 @@ def test_the_least_amount_slips_and_a_little_less_holds(pours):
     less = first_slips([replace(run, amount_g=g - 1.5) for run, g in slipping], 300.0, 60.0, 6.0)
     assert (more.moment >= 0).all()
     assert (less.moment < 0).all()
-    assert (limits.due_s[np.isfinite(least)] > 0).all()
+    at_most = [replace(run, amount_g=AMOUNT_G[1]) for run, _ in slipping]
+    due_s = first_slips(at_most, 300.0, 60.0, 6.0).moment / 60.0
+    assert limits.due_s[np.isfinite(least)] == pytest.approx(due_s)
     assert np.isinf(limits.due_s[np.isinf(least)]).all()
 
 

@@ -156,7 +156,7 @@ def shared_copies(case: Case, kind: str, pairs: Pairs, what: str, unseen: str = 
     examples = tuple(f"{names[a]} and {names[b]} ({100 * pairs[a, b]:.1f} % alike)"
                      for a, b in shown)  # fmt: skip
     if odd := sum(bool(touch.y[a] != touch.y[b]) for a, b in pairs):
-        what += f" ({odd} of {len(pairs)} pairs with two different labels, of which one is wrong)"
+        what += f" ({odd} of {len(pairs)} pairs with two different labels)"
     whole = case.sides is None
     case, sides = (case, case.sides) if case.sides is not None else _by_trials(case)
     across: list[Partners] = []
