@@ -8,6 +8,7 @@ from rich.console import Console
 
 from taxel.evaluation.nested import Nested, TrialScores
 from taxel.evaluation.run_scores import GroupInterval
+from taxel.training.choose.candidates import Candidate
 from taxel.training.choose.choice import Choice
 from taxel.views.expert_results import leaderboard, nested_table
 from taxel.views.results import confusion_table
@@ -40,9 +41,12 @@ def test_names_of_classes_are_cut_only_as_far_as_the_line_is_short():
 
 def test_what_was_not_tried_is_named():
     """A few kinds in the line, in the order in which they would have been tried."""
-    left_out = ("touchnet · 80 rows", "perceptron 3 on all · 80 rows", "perceptron 3 on tared · 80",
-                "extra-trees 2 on tared · 80 rows", "logistic 0.03 on tared · 80 rows",
-                "random-forest 2 on all · 80 rows")  # fmt: skip
+    tried = (Candidate("network", "touchnet", ""), Candidate("perceptron", "perceptron", "all", 3),
+             Candidate("perceptron", "perceptron", "tared", 3),
+             Candidate("trees", "extra-trees", "tared", 2),
+             Candidate("linear", "logistic", "tared", 0.03),
+             Candidate("trees", "random-forest", "all", 2))  # fmt: skip
+    left_out = tuple(f"{own.name} · 80 rows" for own in tried)
     choice = cast(Choice, SimpleNamespace(
         target="y", folds=5, held="session", leaderboard=(), why="the best", loss=0.1,
         accuracy=0.9, left_out=left_out,
@@ -50,8 +54,9 @@ def test_what_was_not_tried_is_named():
 
     said = " ".join(printed(leaderboard(choice), 200).split())
 
-    assert ("6 not tried, for the time was up: touchnet, perceptron 3 on all, extra-trees 2 on "
-            "tared, logistic 0.03 on tared …; all are in expert.json") in said  # fmt: skip
+    assert ("6 not tried, for the time was up: TouchNet, perceptrons 3 on all features, "
+            "extra-trees 2 on tared features, logistic regression 0.03 on tared features …; all "
+            "are in expert.json") in said  # fmt: skip
     assert "not tried" not in printed(leaderboard(choice, repeated=True), 200)
 
 

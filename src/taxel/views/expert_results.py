@@ -22,6 +22,10 @@ SHOWN = 12
 """Lines of the leaderboard; expert.json holds all."""
 KINDS = 4
 """Kinds of models that are named of those that were not tried; expert.json names all."""
+SETTINGS = (
+    "behind a model stands its setting: a discriminant's shrinkage, C of logistic regression, "
+    "least windows in a leaf of trees, penalty of perceptrons"
+)
 
 
 def leaderboard(choice: Choice, *, repeated: bool = False) -> RenderableType:
@@ -46,6 +50,8 @@ def leaderboard(choice: Choice, *, repeated: bool = False) -> RenderableType:
     lines = [
         Text(f"chosen: {choice.why}; inner loss {choice.loss:.4f}, accuracy {choice.accuracy:.4f}")
     ]
+    if rows:
+        lines.append(Text(SETTINGS, style="dim"))
     if len(shown) < len(rows):
         lines.append(Text(f"{len(rows) - len(shown)} more in expert.json", style="dim"))
     if choice.left_out and not repeated:

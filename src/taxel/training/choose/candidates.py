@@ -54,6 +54,25 @@ MODELS_BY_FREEDOM = (
     "perceptron", "touchnet",
 )  # fmt: skip
 """The least free first."""
+MODEL_WORDS = {
+    "winsorised-discriminant": "clipped discriminant",
+    "logistic": "logistic regression",
+    "random-forest": "random forest",
+    "perceptron": "perceptrons",
+    "touchnet": "TouchNet",
+}
+"""Models whose key is not what the leaderboard calls them."""
+FEATURE_WORDS = {
+    "all": "all features",
+    "without level": "features without level",
+    "means": "channel means",
+    "all with parts": "all features, parts",
+    "across the pad": "features across the pad",
+    "tared": "tared features",
+    "both parts": "parts, also across the pad",
+    "both rows": "rows, also across the pad",
+}
+"""Feature sets whose key is not what the leaderboard calls them."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -95,9 +114,15 @@ class Candidate:
     @property
     def name(self) -> str:
         """Return it in words, for the leaderboard."""
+        model = MODEL_WORDS.get(self.model, self.model)
         setting = f" {self.strength:g}" if self.strength else ""
-        on = f" on {self.features}" if self.features else ""
-        return f"{self.model}{setting}{on}"
+        on = f" on {self.seen}" if self.features else ""
+        return f"{model}{setting}{on}"
+
+    @property
+    def seen(self) -> str:
+        """Return its feature set in words; empty for a network."""
+        return FEATURE_WORDS.get(self.features, self.features)
 
 
 def feature_sets(steps: int, channels: int, padded: bool = False) -> dict[str, tuple[str, ...]]:

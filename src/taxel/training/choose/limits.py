@@ -149,7 +149,7 @@ def _dearest(
         total[unit] = total.get(unit, 0.0) + seconds
     unit = max(total, key=lambda key: total[key])
     own = [m.candidate for m in choice.members if (m.blocks or m.candidate) == unit]
-    return (own[0].name if isinstance(unit, Candidate) else f"all on {own[0].features}"), unit
+    return (own[0].name if isinstance(unit, Candidate) else f"every model on {own[0].seen}"), unit
 
 
 def _all_of(found: Found, unit: tuple[str, ...] | Candidate, *, slow: bool) -> set[Candidate]:
