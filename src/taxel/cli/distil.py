@@ -22,6 +22,8 @@ if TYPE_CHECKING:
     from taxel.training.touch_images import ImageSource
 
 _MOST_EPOCHS, _MOST_FRAMES, _MOST_COPIES = 1000, 1000, 100
+_TEST_SEED = 0
+"""Of the changes to images that are tested, so that files of any seed are judged on the same."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -59,7 +61,7 @@ class Distil:
     """Continue an interrupted training from its last whole epoch; the checkpoint is kept
     beside --output as NAME.safetensors.checkpoint."""
     seed: int = 0
-    """Seed of everything random."""
+    """Seed of all that training draws. Objects and images that are tested do not depend on it."""
     cache: Path | None = None
     """Folder for the teacher's outputs; $TAXEL_CACHE or ~/.cache/taxel unless given."""
     json: bool = False
@@ -82,9 +84,10 @@ class Distil:
         checkpoint = self.output.with_name(f"{self.output.name}.checkpoint")
         with progress() as bar:
             videos = [video for folder in self.data for video in find_videos(folder)]
-            learn, kept = split_objects(videos, self.seed)
+            learn, kept = split_objects(videos)
             teacher = self._open_teacher()
-            lessons, unseen = (self._gather(part, teacher, bar) for part in (learn, kept))
+            lessons = self._gather(learn, teacher, bar, self.seed)
+            unseen = self._gather(kept, teacher, bar, _TEST_SEED)
             student = begin_student(self.backbone, self.start, self.seed)
             task = bar.add_task("learning", total=None)
             losses = distil(
@@ -138,12 +141,14 @@ class Distil:
             )  # fmt: skip
         return teacher
 
-    def _gather(self, videos: list[ImageSource], teacher: BackboneExtractor, bar: Bar) -> Lessons:
+    def _gather(
+        self, videos: list[ImageSource], teacher: BackboneExtractor, bar: Bar, seed: int
+    ) -> Lessons:
         from taxel.training.features import default_cache
         from taxel.training.lessons import LessonConfig, gather_lessons
 
         config = LessonConfig(
-            side_px=self.side_px, frames=self.frames, copies=self.copies, seed=self.seed
+            side_px=self.side_px, frames=self.frames, copies=self.copies, seed=seed
         )
         most = len(videos) * self.frames * self.copies
         task = bar.add_task(f"answers of {self.teacher}", total=most)
