@@ -94,8 +94,12 @@ $(TABLES)/other-cups: | $(INSTALLED)
 	$(BIN)/taxel weights fetch resnet50 densenet121-typefaces
 	$(BIN)/taxel simulate cup-pour --output $@ --seed 57 --first-cup 1000 --cups 20 --camera-hz 2
 
-$(TABLES)/densenet121.safetensors: | $(TABLES)/other-cups
+$(TABLES)/begun/densenet121.safetensors: | $(TABLES)/other-cups
+	mkdir -p $(TABLES)/begun
 	$(DISTIL) --backbone densenet121 --side-px 160 --frames 8 --copies 5 --epochs 3 --output $@
+
+$(TABLES)/densenet121.safetensors: $(TABLES)/begun/densenet121.safetensors | $(TABLES)/other-cups
+	$(DISTIL) --backbone densenet121 --side-px 160 --frames 8 --copies 5 --epochs 1 --start $< --output $@
 
 $(TABLES)/efficientnet-b0.safetensors: | $(TABLES)/other-cups
 	$(DISTIL) --backbone efficientnet-b0 --side-px 160 --frames 8 --copies 5 --epochs 3 --output $@
