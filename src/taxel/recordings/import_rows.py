@@ -1,4 +1,4 @@
-"""What each line of an import table stands for: a file, or each of a file's trials.
+"""What each line of an import table stands for: files, or each of a file's trials.
 
 FORMAT.md describes the columns. Knows nothing about how recordings are written (importing.py).
 """
@@ -12,9 +12,11 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from taxel.errors import BadTable
-from taxel.recordings.import_header import PLAIN_COLUMNS, check_header, table_cells
+from taxel.plain_text import visible
+from taxel.recordings.import_header import PLAIN_COLUMNS, PREFIXES, check_header, table_cells
 from taxel.recordings.intervals import stem_of
 from taxel.recordings.many_trials import holds_many, refuse_words_of_many, trials_of
+from taxel.recordings.matched_files import TableLine, one_line_a_file
 from taxel.recordings.row_labels import ROWS, columns_by_row
 from taxel.recordings.spelling import column_name
 from taxel.recordings.table_files import file_of
@@ -47,6 +49,10 @@ class ImportRow:
     """Which of the file's trials it is; None where the file is one."""
     name: str = ""
     """Of the recording, without ending; the file's own by default."""
+    remarks: tuple[str, ...] = ()
+    """How the names of a line's files were read, the same for all of them."""
+    doubts: tuple[str, ...] = ()
+    """What a person should check of these names."""
 
 
 def read_rows(manifest_csv: Path, data_dir: Path, *, outside: bool = False) -> list[ImportRow]:
@@ -58,23 +64,28 @@ def read_rows(manifest_csv: Path, data_dir: Path, *, outside: bool = False) -> l
         outside: Also files that lie outside of that folder.
 
     Raises:
-        BadTable: A column is unknown or missing, a row is not complete, or its file lies outside.
+        BadTable: A column is unknown or missing, a row is not complete, its file lies outside, or
+            no file matches its pattern.
     """
     lines = table_cells(manifest_csv)
     header = [column_name(name, PLAIN_COLUMNS) for name in lines[0]]
     check_header(manifest_csv, header)
     if len(lines) < 2:
         raise BadTable("a row for each file", f"none in {manifest_csv}", "add rows")
-    named = [
-        (f"{manifest_csv}, line {number}", _cells(manifest_csv, number, header, cells))
+    written = [
+        TableLine(
+            where=f"{manifest_csv}, line {number}",
+            cells=_cells(manifest_csv, number, header, cells),
+        )
         for number, cells in enumerate(lines[1:], start=2)
         if any(cell.strip() for cell in cells)
     ]
-    often = Counter(cells["file"] for _, cells in named)
+    each = _noted(one_line_a_file(written, manifest_csv, data_dir, outside=outside), manifest_csv)
+    often = Counter(line.cells["file"] for line in each)
     return [
-        row
-        for where, cells in named
-        for row in _rows(cells, data_dir, where, outside, alone=often[cells["file"]] == 1)
+        _with_name(row, line)
+        for line in each
+        for row in _rows(line, data_dir, outside, alone=often[line.cells["file"]] == 1)
     ]
 
 
@@ -84,16 +95,45 @@ def _cells(path: Path, number: int, header: Sequence[str], cells: Sequence[str])
     if len(cells) != len(header):
         raise BadTable(f"{len(header)} cells", f"{len(cells)} in {where}", "mend the line")
     named = {name: cell.strip() for name, cell in zip(header, cells, strict=True)}
-    empty = [name for name, cell in named.items() if not cell and (":" in name or name == "file")]
-    if empty:
-        raise BadTable(f"something in the column {empty[0]!r}", f"nothing in {where}", "fill it in")
+    if not named["file"]:
+        raise _nothing_in("file", where)
     return named
 
 
-def _rows(
-    named: Mapping[str, str], data_dir: Path, where: str, outside: bool, *, alone: bool
-) -> list[ImportRow]:
+def _nothing_in(column: str, where: str) -> BadTable:
+    return BadTable(f"something in the column {column!r}", f"nothing in {where}", "fill it in")
+
+
+def _noted(lines: Sequence[TableLine], table: Path) -> list[TableLine]:
+    """Return the lines, those without a value of a label with a note of how many there are.
+
+    Raises:
+        BadTable: A label has no value in any line.
+    """
+    made = list(lines)
+    columns = [name for line in lines for name in (*line.cells, *line.values)]
+    for column in dict.fromkeys(name for name in columns if name.startswith("label:")):
+        empty = [n for n, line in enumerate(lines)
+                 if not (line.cells.get(column) or line.values.get(column))]  # fmt: skip
+        if len(empty) == len(lines):
+            raise _nothing_in(column, f"any line of {table}")
+        if not empty:
+            continue
+        note = (
+            f"{len(empty)} of {len(lines)} files have no {visible(column)}, the first is "
+            f"{visible(lines[empty[0]].cells['file'])}: left out where it is to be predicted"
+        )
+        for n in empty:
+            made[n] = replace(made[n], doubts=(*made[n].doubts, note))
+    return made
+
+
+def _rows(line: TableLine, data_dir: Path, outside: bool, *, alone: bool) -> list[ImportRow]:
     """Return what one line of the table stands for: a file, or each trial of it."""
+    named, where = line.cells, line.where
+    for name, cell in named.items():
+        if name.startswith("group:") and not cell and name not in line.values:
+            raise _nothing_in(name, where)
     file = file_of(named["file"], data_dir, where, outside=outside)
     if not holds_many(file, named):
         refuse_words_of_many(named, where)
@@ -118,6 +158,19 @@ def _rows(
     return made
 
 
+def _with_name(row: ImportRow, line: TableLine) -> ImportRow:
+    """Return a row with what its file's name says: literally, whatever it begins with."""
+    read = {kind: {name.removeprefix(kind): value for name, value in line.values.items()
+                   if name.startswith(kind)} for kind in PREFIXES}  # fmt: skip
+    return replace(
+        row,
+        labels={**row.labels, **read["label:"]},
+        groups={**row.groups, **read["group:"]},
+        remarks=line.remarks,
+        doubts=line.doubts,
+    )
+
+
 def _row(file: Path, named: Mapping[str, str], where: str) -> ImportRow:
     by_row = columns_by_row(named, where)
     layout = named.get("layout", "") or "csv"
@@ -127,7 +180,7 @@ def _row(file: Path, named: Mapping[str, str], where: str) -> ImportRow:
     labels = {n.removeprefix("label:"): c for n, c in named.items() if n.startswith("label:")}
     return ImportRow(
         file=file,
-        labels={name: cell for name, cell in labels.items() if name not in by_row},
+        labels={name: cell for name, cell in labels.items() if cell and name not in by_row},
         by_row=by_row,
         groups=_groups(named, named["file"]),
         channels=named.get("channels", ""),
@@ -139,7 +192,7 @@ def _row(file: Path, named: Mapping[str, str], where: str) -> ImportRow:
 
 
 def _groups(named: Mapping[str, str], file: str) -> dict[str, str]:
-    own = {n.removeprefix("group:"): c for n, c in named.items() if n.startswith("group:")}
+    own = {n.removeprefix("group:"): c for n, c in named.items() if c and n.startswith("group:")}
     return {"file": file} | own
 
 

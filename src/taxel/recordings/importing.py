@@ -217,10 +217,11 @@ def _import_file(
         recorder.discard()
         raise
     gaps, longest_gap_s, longest_from_s = gaps_of(table.time_s)
+    source = row.trial.source if row.trial else None
     return FileFacts(
         file=f"{row.file.name}[{row.details['trial']}]" if row.trial else row.file.name,
-        remarks=(*(row.trial.source.remarks if row.trial else ()), *remarks_on_rows(row.by_row)),
-        doubts=(*(row.trial.source.doubts if row.trial else ()), *_doubtful(row, table)),
+        remarks=(*row.remarks, *(source.remarks if source else ()), *remarks_on_rows(row.by_row)),
+        doubts=(*row.doubts, *(source.doubts if source else ()), *_doubtful(row, table)),
         padding=padding.cut,
         zeros=padding.zeros,
         number_header=table.number_header,

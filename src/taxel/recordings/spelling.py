@@ -1,10 +1,11 @@
-"""One spelling a name: Unicode in composed form, and a word on values that only look alike.
+"""Names: one spelling, their order by the numbers in them, and a word on those that look alike.
 
 Knows nothing about files, recordings or tables.
 """
 
 from __future__ import annotations
 
+import re
 import unicodedata
 from collections import defaultdict
 from collections.abc import Collection, Iterable, Mapping
@@ -46,4 +47,12 @@ def look_alikes(what: str, sets: Iterable[Mapping[str, str]]) -> list[str]:
         f"they count as {len(values)}"
         for (name, _), values in sorted(lots.items())
         if len(values) > 1
+    ]
+
+
+def by_numbers(name: str) -> list[tuple[int, str]]:
+    """Return a name's key in an order in which trial_10 follows trial_9."""
+    return [
+        (int(part), "") if part.isdecimal() and len(part) < 20 else (-1, part)
+        for part in re.split(r"(\d+)", name)
     ]

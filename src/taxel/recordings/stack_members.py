@@ -13,6 +13,7 @@ from dataclasses import dataclass
 from taxel.errors import BadTable
 from taxel.foreign.held_arrays import Cells, Numbers, table_of
 from taxel.plain_text import visible
+from taxel.recordings.spelling import by_numbers
 from taxel.recordings.trial_sets import MOST_TRIALS, OpenedFile
 
 STAR = "*"
@@ -127,12 +128,6 @@ def _matching(file: OpenedFile, what: str) -> list[tuple[str, tuple[str, ...]]]:
         return [(what, ())]
     pattern = re.compile(_ANYTHING.join(map(re.escape, what.split(STAR))))
     matches = [match for name in names if (match := pattern.fullmatch(name))]
-    return sorted(((match[0], match.groups()) for match in matches), key=lambda pair: _by(pair[0]))
-
-
-def _by(name: str) -> list[tuple[int, str]]:
-    """Return a name's key in an order in which trial_10 follows trial_9."""
-    return [
-        (int(part), "") if part.isdecimal() and len(part) < 20 else (-1, part)
-        for part in re.split(r"(\d+)", name)
-    ]
+    return sorted(
+        ((match[0], match.groups()) for match in matches), key=lambda pair: by_numbers(pair[0])
+    )
