@@ -10,9 +10,9 @@ from taxel.errors import BadDataset
 from taxel.recordings.manifest import Manifest
 from taxel.recordings.writer import Recorder
 from taxel.signals import Mark, Samples, SensorInfo
-from taxel.windows.checks import check_target
+from taxel.windows.checks import check_classes
 from taxel.windows.config import WindowConfig
-from taxel.windows.dataset import load_dataset
+from taxel.windows.dataset import load_dataset, only_labelled
 from taxel.windows.joining import TEST_PREFIX, join_datasets
 
 PAD = SensorInfo(name="pad", channels=("x", "y"), units=("V", "V"), rate_hz=100.0)
@@ -78,13 +78,24 @@ def test_a_folder_of_the_same_values_another_sensor_or_without_the_label_is_refu
             join_datasets(first, folder, "kind")
 
 
-def test_a_trial_without_the_label_is_named_with_those_that_it_has(tmp_path: Path):
-    trials = load_dataset(folder_of(tmp_path, "one", 1.0), PLAIN).trials
-    check_target(trials, "kind")
+def test_trials_without_the_label_are_left_out_and_counted(tmp_path: Path):
+    whole = load_dataset(folder_of(tmp_path, "one", 1.0), PLAIN)
+    first, *others = whole.trials
+    mixed = replace(whole, trials=(replace(first, labels={"grip": "2"}), *others))
+
+    kept = only_labelled(mixed, "kind")
+    assert kept.trials == tuple(others)
+    np.testing.assert_array_equal(kept.windows.values, whole.windows.values[whole.trial > 0])
+    assert f"1 of {len(whole.trials)} trials lack the label 'kind': left out" in kept.notes[-1]
+    assert only_labelled(whole, "kind").trials == whole.trials
+
+
+def test_where_no_trial_has_the_label_those_that_they_have_are_named(tmp_path: Path):
+    whole = load_dataset(folder_of(tmp_path, "one", 1.0), PLAIN)
     with pytest.raises(BadDataset, match="with the labels kind;"):
-        check_target(trials, "shape")
-    bare = (replace(trials[0], labels={}),)
+        only_labelled(whole, "shape")
+    bare = replace(whole, trials=tuple(replace(trial, labels={}) for trial in whole.trials))
     with pytest.raises(BadDataset, match="with the labels none;"):
-        check_target(bare, "shape")
+        only_labelled(bare, "shape")
     with pytest.raises(BadDataset, match=r"one class only \(ball\)"):
-        check_target(trials[:1], "kind")
+        check_classes(whole.trials[:1], "kind")

@@ -30,10 +30,10 @@ def load_at_level(
         path: A folder of recordings, or one.
         contract: What the bundle or run says of itself.
         touches: The level of all of them; taken from each session's own touches unless given.
-        target: The label that every trial must have; none unless given.
+        target: The label; trials without it are left out. None keeps all.
 
     Raises:
-        BadDataset: There is no window, a trial lacks the target, or a session lacks its
+        BadDataset: There is no window, no trial has the target, or a session lacks its
             reference touches.
         BadBundle: The array is another than the bundle's.
         BadRecording: A recording is damaged.

@@ -26,13 +26,12 @@ from taxel.decisions.recognition import (
     RecogniseConfig,
     decide,
 )
-from taxel.errors import BadDataset
 from taxel.evaluation.metrics import accuracy_interval, cross_entropy
 from taxel.evaluation.part_scores import Parts, score_parts
 from taxel.evaluation.run_scores import reliability
 from taxel.labels.class_order import in_order
 from taxel.labels.trials import coarsest_group, lone_group
-from taxel.windows.dataset import Dataset, load_dataset, with_joined_label
+from taxel.windows.dataset import Dataset, load_dataset, only_labelled
 from taxel.windows.windower import Windows
 
 _BATCH = 256
@@ -102,25 +101,10 @@ def score_bundle(
     """
     contract = bundle.contract
     window = replace(contract.window, reference=None)
-    dataset = _labelled(load_dataset(folder, window, unusable=True), contract.target)
+    dataset = only_labelled(load_dataset(folder, window, unusable=True), contract.target)
     contract.check_sensor(dataset.sensor)
     decisions = _decisions(bundle, dataset.windows, config or RecogniseConfig())
     return _scores(bundle, dataset, decisions)
-
-
-def _labelled(dataset: Dataset, target: str) -> Dataset:
-    """Return the trials that have the target's label."""
-    trials = tuple(with_joined_label(trial, target) for trial in dataset.trials)
-    kept = [i for i, trial in enumerate(trials) if target in trial.labels]
-    if not kept:
-        known = ", ".join(sorted({name for trial in trials for name in trial.labels})) or "none"
-        raise BadDataset(f"trials with the label {target!r}, which the bundle predicts",
-                         f"trials with the labels {known}", "label them, or name other recordings",
-                         )  # fmt: skip
-    left = len(trials) - len(kept)
-    notes = (f"{left} trials lack the label {target!r}: left out",) if left else ()
-    whole = replace(dataset, trials=trials, notes=(*dataset.notes, *notes))
-    return whole.only_trials(kept)
 
 
 def _decisions(bundle: Bundle, windows: Windows, config: RecogniseConfig) -> list[Decision]:

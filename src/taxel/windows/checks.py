@@ -72,21 +72,16 @@ def nothing_found(path: Path, config: WindowConfig, where: Mapping[str, str] | N
     )
 
 
-def check_target(trials: Sequence[Trial], target: str) -> None:
-    """Refuse trials of which one lacks the target's label, or which are all of one class.
+def check_classes(trials: Sequence[Trial], target: str) -> None:
+    """Refuse trials that are all of one class.
+
+    Args:
+        trials: Each with the target's label.
+        target: The label.
 
     Raises:
         BadDataset: So it is.
     """
-    for trial in trials:
-        if target not in trial.labels:
-            known = ", ".join(trial.labels) or "none"
-            raise BadDataset(
-                f"the label {target!r} on every trial",
-                f"{trial.groups['trial']} with the labels {known}",
-                "name one of those, or label the recordings: "
-                "taxel label RECORDINGS --intervals TABLE --output FOLDER",
-            )
     classes = {trial.labels[target] for trial in trials}
     if len(classes) < 2:
         raise BadDataset(

@@ -20,8 +20,8 @@ from taxel.labels.trials import Trial, trials_of
 from taxel.recordings.reader import list_recordings, read_recording
 from taxel.signals import Samples, SensorInfo
 from taxel.windows.checks import (
+    check_classes,
     check_sensor,
-    check_target,
     filled_note,
     grid_note,
     nothing_found,
@@ -125,15 +125,15 @@ def load_dataset(
     Args:
         path: A folder of recordings, or one.
         config: What a window is.
-        target: The label that every trial must have, or several joined by "+", such as
-            "shape+material"; None asks for none.
+        target: The label to predict, or several joined by "+", such as "shape+material"; trials
+            without it are left out. None keeps all.
         where: Only trials whose label or group has this value, such as {"task": "shape"}.
         unusable: Also keep windows of missing, stale or NaN values, which live answers UNKNOWN.
 
     Raises:
         BadRecording: A recording is damaged.
         BadDataset: There is no recording, no window, the sensors differ, or their rates where
-            their own scans are rows, or a trial lacks the target.
+            their own scans are rows, no trial has the target, or all are of one class.
     """
     paths = list_recordings(path)
     sensor: SensorInfo | None = None
@@ -171,8 +171,14 @@ def load_dataset(
     if sensor is None or not sum(map(len, parts)):
         raise nothing_found(path, config, where)
     cut = _Cut(Windows.join(parts), np.concatenate(owners), trials, sensor, outside, stale)
-    made = _assemble(cut, config, target, keep=unusable)
-    return replace(made, digest=digest.hexdigest(), fingerprints=fingerprints)
+    made = replace(
+        _assemble(cut, config, keep=unusable), digest=digest.hexdigest(), fingerprints=fingerprints
+    )
+    if target is None:
+        return made
+    made = only_labelled(made, target)
+    check_classes(made.trials, target)
+    return replace(made, notes=(*made.notes, *rare_note(made.trials, target)))
 
 
 @dataclass(frozen=True, slots=True)
@@ -190,7 +196,7 @@ class _Cut:
     """Windows that hold rows whose latest scan is too old."""
 
 
-def _assemble(cut: _Cut, config: WindowConfig, target: str | None, *, keep: bool) -> Dataset:
+def _assemble(cut: _Cut, config: WindowConfig, *, keep: bool) -> Dataset:
     windows, trial, stale = cut.windows, cut.trial, cut.stale
     whole = windows.ready
     if keep:
@@ -235,10 +241,6 @@ def _assemble(cut: _Cut, config: WindowConfig, target: str | None, *, keep: bool
             f"each session's channels scaled by its reference touches ({reference.touches}), "
             "which are left out"
         )
-    if target is not None:
-        kept = tuple(with_joined_label(trial, target) for trial in kept)
-        check_target(kept, target)
-        notes += rare_note(kept, target)
     return Dataset(
         windows=windows,
         trial=trial.astype(np.intp),
@@ -338,3 +340,29 @@ def with_joined_label(trial: Trial, target: str) -> Trial:
         return trial
     joined = " ".join(trial.labels[part] for part in parts)
     return replace(trial, labels={**trial.labels, target: joined})
+
+
+def only_labelled(dataset: Dataset, target: str) -> Dataset:
+    """Return the trials that have the target's label, with a note of how many were left out.
+
+    Args:
+        dataset: Any.
+        target: The label; "a+b" where both are to be predicted together.
+
+    Raises:
+        BadDataset: No trial has it.
+    """
+    trials = tuple(with_joined_label(trial, target) for trial in dataset.trials)
+    kept = [i for i, trial in enumerate(trials) if target in trial.labels]
+    whole = replace(dataset, trials=trials)
+    if not kept:
+        known = ", ".join(sorted({name for trial in trials for name in trial.labels})) or "none"
+        raise BadDataset(
+            f"trials with the label {target!r}", f"trials with the labels {known}",
+            "name one of those, or label the recordings: "
+            "taxel label RECORDINGS --intervals TABLE --output FOLDER",
+        )  # fmt: skip
+    if len(kept) == len(trials):
+        return whole
+    note = f"{len(trials) - len(kept)} of {len(trials)} trials lack the label {target!r}: left out"
+    return replace(whole, notes=(*dataset.notes, note)).only_trials(kept)

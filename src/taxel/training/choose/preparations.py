@@ -148,7 +148,7 @@ def load_base(
         test: Another folder, to test on only.
 
     Raises:
-        BadDataset: There is no usable row, or a trial lacks the target.
+        BadDataset: There is no usable row, or no trial has the target.
     """
     config = replace(ROWS, channels=channels)
     own = dataset = load_dataset(path, config, target=target)
