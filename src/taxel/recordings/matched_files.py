@@ -174,19 +174,22 @@ def _files(
 ) -> list[_Found]:
     """Return the files that match and those beside, in the order of names and numbers."""
     level, looked_at = [_Found("", {}, {})], 0
-    for step in pattern.steps:
+    for number, step in enumerate(pattern.steps, start=1):
+        fits = os.path.isdir if number < len(pattern.steps) else os.path.isfile
         below = []
         for found in _steps(level, step, data_dir):
             looked_at += 1
             if looked_at > MOST_LOOKED_AT:
                 raise BadTable(f"at most {MOST_LOOKED_AT:,} names to hold a pattern against",
                                f"more by {where}", "write more of the names")  # fmt: skip
-            if found.values is not None and os.path.islink(data_dir / found.path):
+            path = data_dir / found.path
+            if not fits(path) or _is_table(path, table):
+                continue
+            if found.values is not None and (step == ".." or os.path.islink(path)):
                 file_of(found.path, data_dir, where, outside=outside)  # before a look into it
             below.append(found)
         level = below
-    files = [found for found in level if _is_data(data_dir / found.path, table)]
-    matches = [found.path for found in files if found.values is not None]
+    matches = [found.path for found in level if found.values is not None]
     if len(matches) > MOST_TRIALS:
         raise BadTable(f"at most {MOST_TRIALS:,} files that match a pattern",
                        f"{len(matches):,} by {where}", "write several lines")  # fmt: skip
@@ -194,13 +197,11 @@ def _files(
         file_of(path, data_dir, where, outside=outside)
         if not path.isprintable() and any("\ud800" <= sign <= "\udfff" for sign in path):
             raise BadTable("file names in UTF-8", f"{path!r} by {where}", "rename the file")
-    return sorted(files, key=lambda found: _order(found.path))
+    return sorted(level, key=lambda found: _order(found.path))
 
 
-def _is_data(path: Path, table: Path) -> bool:
-    """Return whether there is a file, and not the table itself."""
-    itself = path.name == table.name and path.resolve() == table.resolve()
-    return os.path.isfile(path) and not itself
+def _is_table(path: Path, table: Path) -> bool:
+    return path.name == table.name and path.resolve() == table.resolve()
 
 
 def _steps(level: Sequence[_Found], step: str | NamePattern, data_dir: Path) -> Iterator[_Found]:
@@ -222,7 +223,7 @@ def _steps(level: Sequence[_Found], step: str | NamePattern, data_dir: Path) -> 
 def _names(folder: Path) -> list[str]:
     """Return the names in a folder; none where it is no folder, or may not be looked into."""
     try:
-        return os.listdir(folder)
+        return sorted(os.listdir(folder))
     except OSError:
         return []
 
