@@ -31,8 +31,10 @@ def table_cells(path: Path) -> list[list[str]]:
         BadTable: It is empty, cannot be read, or its ending is that of data.
     """
     if path.is_dir():
-        raise BadTable(_A_TABLE, f"the folder {path}", "write a table that names its files; "
-                       "one line is enough where they match {label:object}_*.csv, or the like")  # fmt: skip
+        raise BadTable(
+            _A_TABLE, f"the folder {path}", "write a table that names its files; one line is "
+            "enough where their names are alike: {label:object}_*.csv",
+        )  # fmt: skip
     if path.name.lower().endswith(_NO_TABLES) and path.is_file():
         raise BadTable(_A_TABLE, f"{path}, which {_holds(path)}", _WRITE_ONE)
     lines = read_cells(path)

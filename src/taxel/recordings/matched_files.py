@@ -189,15 +189,20 @@ def _files(
                 file_of(found.path, data_dir, where, outside=outside)  # before a look into it
             below.append(found)
         level = below
-    matches = [found.path for found in level if found.values is not None]
+    _check_matches([found.path for found in level if found.values is not None], data_dir, where,
+                   outside)  # fmt: skip
+    return sorted(level, key=lambda found: _order(found.path))
+
+
+def _check_matches(matches: Sequence[str], data_dir: Path, where: str, outside: bool) -> None:
+    """Refuse files that a table may not name, or that no recording could name."""
     if len(matches) > MOST_TRIALS:
         raise BadTable(f"at most {MOST_TRIALS:,} files that match a pattern",
                        f"{len(matches):,} by {where}", "write several lines")  # fmt: skip
     for path in matches:
         file_of(path, data_dir, where, outside=outside)
-        if not path.isprintable() and any("\ud800" <= sign <= "\udfff" for sign in path):
+        if any("\ud800" <= sign <= "\udfff" for sign in path):
             raise BadTable("file names in UTF-8", f"{path!r} by {where}", "rename the file")
-    return sorted(level, key=lambda found: _order(found.path))
 
 
 def _is_table(path: Path, table: Path) -> bool:
