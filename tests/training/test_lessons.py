@@ -103,7 +103,10 @@ def test_each_image_comes_with_the_answer_to_it_as_the_teacher_saw_it(tmp_path: 
 
     assert lessons.images.shape == (12, 32, 32, 3)
     assert lessons.plain.tolist() == [True, False] * 6
-    assert np.abs(lessons.images.mean(axis=(1, 2)) - lessons.answers).max() < 8
+    images = lessons.images[np.arange(12)]
+    assert np.abs(images.mean(axis=(1, 2)) - lessons.answers).max() < 8
+    assert np.array_equal(lessons.images[np.array([7, 2])], images[[7, 2]])
+    assert not list((tmp_path / "lessons").iterdir()), "its file has no name"
 
 
 def test_answers_are_asked_for_once_and_a_call_that_was_broken_off_goes_on(

@@ -10,6 +10,7 @@ from __future__ import annotations
 import os
 import socket
 from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from time import perf_counter
@@ -198,14 +199,27 @@ def save_kept(path: Path, values: NDArray[np.float32]) -> None:
     """
     # Workers of several hosts may share the cache, and process numbers repeat.
     temporary = path.with_name(f".{path.name}.{socket.gethostname()}.{os.getpid()}.part")
+    with cache_room(path.parent):
+        try:
+            with temporary.open("wb") as file:
+                np.save(file, values, allow_pickle=False)
+            os.replace(temporary, path)
+        finally:
+            temporary.unlink(missing_ok=True)
+
+
+@contextmanager
+def cache_room(folder: Path) -> Iterator[None]:
+    """Make a folder of the cache if needed, and name it where it takes nothing more.
+
+    Raises:
+        RecordingFailed: The disk refused.
+    """
     try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        with temporary.open("wb") as file:
-            np.save(file, values, allow_pickle=False)
-        os.replace(temporary, path)
+        folder.mkdir(parents=True, exist_ok=True)
+        yield
     except OSError as error:
-        temporary.unlink(missing_ok=True)
         raise RecordingFailed(
-            f"needed room for features in {path.parent}; got {error.strerror or error}; "
+            f"needed room for features in {folder}; got {error.strerror or error}; "
             f"free space, or choose another folder with --cache or ${CACHE_VARIABLE}."
         ) from error

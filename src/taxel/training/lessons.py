@@ -1,8 +1,8 @@
 """What a student learns from: images, changed copies of them, and a teacher's answers to each.
 
 Copies are drawn once, so that the teacher answers once; its answers are kept in the cache by the
-images' contents, and a call that was broken off goes on there. Only images at the student's size
-stay in memory. Knows nothing about the student.
+images' contents, and a call that was broken off goes on there. Images at the student's size lie in
+a file without a name, not in memory. Knows nothing about the student.
 
 Background of our choices: docs/decisions/0057.
 """
@@ -10,6 +10,9 @@ Background of our choices: docs/decisions/0057.
 from __future__ import annotations
 
 import hashlib
+import os
+import tempfile
+import weakref
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -19,18 +22,59 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taxel.errors import BadDataset
-from taxel.training.features import BATCH, Extractor, load_kept, save_kept
+from taxel.training.features import BATCH, Extractor, cache_room, load_kept, save_kept
 from taxel.training.touch_images import Image, ImageSource, changed
 
 CHUNK = 256
 """Images whose answers lie in one file. Source: our choice: 59 MB of pixels, half a minute."""
 
 
+class ImageFile:
+    """Images of one size, in a file that is gone when nobody holds it.
+
+    Args:
+        side_px: Their height and width, pixels.
+        folder: On the disk to use; made if needed.
+
+    Raises:
+        RecordingFailed: The disk refused.
+    """
+
+    def __init__(self, side_px: int, folder: Path) -> None:
+        self.shape = (0, side_px, side_px, 3)
+        with cache_room(folder):
+            self._file = tempfile.TemporaryFile(dir=folder)  # noqa: SIM115
+        weakref.finalize(self, self._file.close)
+        self._folder = folder
+
+    def __len__(self) -> int:
+        return self.shape[0]
+
+    def append(self, image: Image) -> None:
+        """Add an image, shape (side, side, 3).
+
+        Raises:
+            RecordingFailed: The disk refused.
+        """
+        with cache_room(self._folder):
+            self._file.write(np.ascontiguousarray(image).data)
+            self._file.flush()
+        self.shape = (self.shape[0] + 1, *self.shape[1:])
+
+    def __getitem__(self, rows: NDArray[np.intp]) -> NDArray[np.uint8]:
+        """Return some images, shape (len(rows), side, side, 3)."""
+        size = int(np.prod(self.shape[1:]))
+        found = np.empty((len(rows), *self.shape[1:]), np.uint8)
+        for place, row in zip(found, rows.tolist(), strict=True):
+            os.preadv(self._file.fileno(), [place.data], row * size)
+        return found
+
+
 @dataclass(frozen=True, slots=True)
 class Lessons:
     """Images with the teacher's answers."""
 
-    images: NDArray[np.uint8]
+    images: NDArray[np.uint8] | ImageFile
     """Shape (n, side, side, 3), R G B."""
     answers: NDArray[np.float32]
     """Shape (n, 1000), logits."""
@@ -42,7 +86,10 @@ class Lessons:
 
     def digest(self) -> str:
         """Return the SHA-256 of all, hexadecimal."""
-        whole = hashlib.sha256(np.ascontiguousarray(self.images).data)
+        whole = hashlib.sha256()
+        for first in range(0, len(self), CHUNK):
+            rows = np.arange(first, min(first + CHUNK, len(self)))
+            whole.update(np.ascontiguousarray(self.images[rows]).data)
         whole.update(np.ascontiguousarray(self.answers).data)
         return whole.hexdigest()
 
@@ -83,20 +130,19 @@ def gather_lessons(
         RecordingFailed: The disk refused.
     """
     side = config.side_px
-    most = len(videos) * config.frames * config.copies
-    small = np.empty((most, side, side, 3), np.uint8)  # filled in place: no copy of it ever stands
+    small = ImageFile(side, cache / "lessons")
     answers: list[NDArray[np.float32]] = []
     plain: list[bool] = []
     for chunk in _chunks(_copies(videos, config)):
         images = [image for image, _ in chunk]
         answers.append(_answers(images, teacher, cache))
-        for place, image in enumerate(images, start=len(plain)):
-            small[place] = cv2.resize(image, (side, side))
+        for image in images:
+            small.append(np.asarray(cv2.resize(image, (side, side)), np.uint8))
         plain += [as_it_was for _, as_it_was in chunk]
         on_images(len(plain))
     if not plain:
         raise BadDataset("videos with images", "none", "give other recordings")
-    return Lessons(small[: len(plain)], np.concatenate(answers), np.array(plain))
+    return Lessons(small, np.concatenate(answers), np.array(plain))
 
 
 def _copies(videos: Sequence[ImageSource], config: LessonConfig) -> Iterator[tuple[Image, bool]]:
