@@ -9,7 +9,7 @@ import pytest
 from taxel.evaluation.audit.audit import audit, make_case
 from taxel.evaluation.audit.finding import Finding
 from taxel.evaluation.audit.names import near, near_names
-from taxel.evaluation.audit.nuisances import read_first, read_length
+from taxel.evaluation.audit.nuisances import read_first, read_length, read_level
 from taxel.evaluation.audit.order import measure_order
 from taxel.evaluation.audit.shared import shared_copies
 from taxel.evaluation.audit.sides import named_sides
@@ -138,6 +138,25 @@ def test_what_taring_leaves_is_said(make_set: Make) -> None:
 
         assert found.verdict == "leak"
         assert least <= still <= most
+
+
+@pytest.mark.parametrize(("spoilt", "named"), [((2,), True), ((0, 1, 2, 3, 4, 5), False)])
+def test_a_channel_that_counts_is_named(
+    make_set: Make, spoilt: tuple[int, ...], named: bool
+) -> None:
+    """The one whose level is the label; an offset of all channels has no such name."""
+    touch = make_set["array"]()
+    rows = tuple(own.copy() for own in touch.rows)
+    for own, c in zip(rows, touch.y, strict=True):
+        own[:, spoilt] += 50.0 * c
+    names = ("a", "b", "index", "d", "e", "f")
+
+    reading = read_level(make_case(replace(touch, rows=rows, channels=names), None, 10, 0))
+    found = reading.finding(reading.evidence.p)
+
+    assert found.verdict == "leak"
+    assert ("the channel index alone" in found.said) == named
+    assert found.mend.startswith("leave index out") == named
 
 
 @pytest.mark.parametrize(

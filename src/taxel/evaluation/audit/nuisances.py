@@ -13,6 +13,7 @@ from taxel.evaluation.audit.case import Case, Reading, rows_folds
 from taxel.evaluation.audit.evidence import LabelEvidence, evidence_of, predict
 from taxel.evaluation.audit.finding import Verdict
 from taxel.evaluation.audit.touch_set import TouchSet
+from taxel.plain_text import visible
 
 AT_REST = 0.8
 """A first row farther from the trial's middle than this share of its rows lies before contact.
@@ -149,6 +150,8 @@ def read_level(case: Case) -> Reading:
         alone = way >= MOSTLY and rest <= way / 2 and (start >= way / 2 or not before)
         ahead = level.accuracy >= without.accuracy + AHEAD
         if alone or (ahead and min(way, start) >= NEARLY):
+            if found := _lone_channel(case, np.stack(means), way):
+                return "leak", *found
             return (
                 "leak",
                 f"The {what} alone {verb} the label, and what changes in a trial less well "
@@ -164,6 +167,34 @@ def read_level(case: Case) -> Reading:
         )
 
     return Reading(kind="level", evidence=level, decide=decide, mended=lambda: tared(case))
+
+
+def _lone_channel(case: Case, means: NDArray[np.float64], way: float) -> tuple[str, str] | None:
+    """Return what to say and do where one channel of an array carries the whole level.
+
+    Args:
+        case: What is audited.
+        means: Of each trial's channels, shape (trials, channels).
+        way: How far all of them go from the majority class to 1.
+    """
+    names, y = case.touch.channels, case.touch.y
+    if len(names) != means.shape[1] or len(names) < 2:
+        return None
+    classes = np.stack([means[y == number].mean(axis=0) for number in y])
+    between, within = classes.var(axis=0), (means - classes).var(axis=0)
+    first = int(np.argmax(between / np.maximum(within, 1e-9 * between + np.finfo(float).tiny)))
+    own = trial_evidence(case, means[:, [first]])
+    others = trial_evidence(case, np.delete(means, first, axis=1))
+    if _way(own) < NEARLY * way or _way(others) > way / 2:
+        return None
+    name = visible(names[first])
+    return (
+        f"The mean of the channel {name} alone predicts the label ({own.accuracy:.3f}), the other "
+        f"channels' means do not ({others.accuracy:.3f}): a counter, a label, or an offset.",
+        f"leave {name} out if it does not measure touch (name the others in the table's column "
+        "'channels' and import again); else take each trial's level at rest from it and hold out "
+        "sessions",
+    )
 
 
 def trial_evidence(case: Case, features: NDArray[np.floating]) -> LabelEvidence:

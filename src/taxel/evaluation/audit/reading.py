@@ -326,6 +326,7 @@ def _assemble(
         rows=tuple(rows),
         time_s=tuple(times),
         views=views,
+        channels=() if kind == "camera" else reads[0].manifest.sensor.channels,
         squares=SQUARES if kind == "camera" else None,
         created=tuple(created),
         files=tuple(files),

@@ -48,6 +48,8 @@ class TouchSet:
     """Each shape (rows,): the recording's fitted clock, seconds."""
     views: tuple[str, ...]
     """One a channel: the camera that it belongs to; all alike for an array."""
+    channels: tuple[str, ...] = ()
+    """Names of an array's channels; empty where nobody knows them."""
     squares: tuple[int, int] | None
     """Rows and columns of a camera's small frame; None for an array."""
     created: tuple[str, ...]
