@@ -24,6 +24,7 @@ class Models:
 
     def run(self) -> None:
         """Print the lists."""
+        from taxel.evaluation.usual_split import IN_WORDS
         from taxel.models.catalogue import MODELS, Network, count_parameters
         from taxel.models.transition import TRANSITION_MODELS
         from taxel.training.recipes import RECIPES
@@ -75,5 +76,5 @@ class Models:
             window = f"{recipe.window.steps} rows" + (
                 f", gate {recipe.window.gate:g}" if recipe.window.gate is not None else ""
             )
-            recipes.add_row(name, recipe.summary, recipe.model, window, recipe.split)
+            recipes.add_row(name, recipe.summary, recipe.model, window, recipe.split or IN_WORDS)
         console.print(recipes)

@@ -162,7 +162,7 @@ def _in_folds(verb: Any) -> bool:
     if verb.split is None and verb.recipe.unnamed:
         return True
     split = verb.split or find_recipe(verb.recipe.recipe or "teng").split
-    return not split.startswith("order:")
+    return split is None or not split.startswith("order:")
 
 
 FOLD_COUNT = Only(("fold-count",), "a split in folds (not order:, --folds or --test)", _in_folds)

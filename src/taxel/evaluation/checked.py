@@ -91,7 +91,7 @@ def check_recipe(
     opened = open_source(source)
     dataset, split = opened.dataset, opened.split
     depends_on = {"recipe": asdict(recipe), "folds": folds, "data": dataset.digest,
-                  "sides": sides_of(split) if given else None}  # fmt: skip
+                  "sides": sides_of(split) if given or recipe.split is None else None}  # fmt: skip
     kept = KeptFolds(keep.folder, depends_on, dataset, recipe.target, fresh=keep.fresh)
     library = kept
     if keep.cache is not None:
@@ -118,7 +118,7 @@ def _cached(
     cache: Path, recipe: Recipe, folds: int, dataset: Dataset, split: Split, *, fresh: bool
 ) -> KeptFolds:
     """Return where library models' folds are kept for this data set and split."""
-    depends_on = {"seed": recipe.train.seed, "split": [recipe.split, split.name], "folds": folds,
+    depends_on = {"seed": recipe.train.seed, "split": split.name, "folds": folds,
                   "sides": sides_of(split), "data": dataset.digest}  # fmt: skip
     return KeptFolds(cache / "comparators", depends_on, dataset, recipe.target, fresh=fresh,
                      shared=True)  # fmt: skip

@@ -15,8 +15,9 @@ from pathlib import Path
 from taxel.errors import BadDataset
 from taxel.evaluation.crossval import FoldPredictions, run_fold
 from taxel.evaluation.kept_folds import content_digest
-from taxel.evaluation.splits import Split, WindowFold, parse_split
+from taxel.evaluation.splits import Split, WindowFold
 from taxel.evaluation.table_split import Elsewhere, split_elsewhere
+from taxel.evaluation.usual_split import recipe_split
 from taxel.training.final import check_gate
 from taxel.training.fitting import Job, training_windows
 from taxel.training.recipes import Recipe
@@ -76,7 +77,7 @@ def open_source(source: Source) -> Opened:
     if source.given:
         dataset, split = split_elsewhere(source.path, dataset, recipe.target, source.given)
     else:
-        split = parse_split(recipe.split, dataset, recipe.target, source.folds, recipe.train.seed)
+        split = recipe_split(recipe.split, dataset, recipe.target, source.folds, recipe.train.seed)
     overlaps = recipe.train_stride is not None and not isinstance(split.folds[0], WindowFold)
     training = training_windows(source.path, dataset, recipe) if overlaps else None
     return Opened(dataset, split, training)

@@ -18,7 +18,8 @@ import numpy as np
 from taxel.errors import BadSplit
 from taxel.evaluation.baselines import trivial_accuracies
 from taxel.evaluation.crossval import FoldPredictions, pool, run_fold
-from taxel.evaluation.splits import Split, TrialFold, parse_split
+from taxel.evaluation.splits import Split, TrialFold
+from taxel.evaluation.usual_split import recipe_split
 from taxel.labels.trials import coarsest_group
 from taxel.training.final import check_gate
 from taxel.training.fitting import Job
@@ -81,7 +82,7 @@ def learning_curve(
     """
     dataset = load_dataset(path, recipe.window, target=recipe.target)
     check_gate(dataset)
-    split = parse_split(recipe.split, dataset, recipe.target, folds, recipe.train.seed)
+    split = recipe_split(recipe.split, dataset, recipe.target, folds, recipe.train.seed)
     key = coarsest_group(dataset.trials, split.name)
     orders = [_order(dataset, fold, key, recipe) for fold in split.folds]
     most = max(map(len, orders))

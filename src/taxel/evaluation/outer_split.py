@@ -6,20 +6,19 @@ Knows nothing about how anything is chosen.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
-from taxel.errors import BadInput, BadSplit
+from taxel.errors import BadSplit
 from taxel.evaluation.splits import Split, TrialFold, parse_split
 from taxel.evaluation.table_split import OWN_SPLIT, Elsewhere, split_elsewhere
-from taxel.labels.trials import OBJECTS, USUAL_GROUPS, coarsest_group
+from taxel.evaluation.usual_split import usual_split
 from taxel.training.choose.preparations import Base
 
 FOLDS = 5
 """Source: our choice, docs/decisions/0039."""
-_FEWEST_OBJECTS = 3
-"""Objects from which on they are held out unless a split is named. Source: our choice, 0039."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -27,7 +26,7 @@ class OuterSplit:
     """What the outer folds are made by."""
 
     named: str | None = None
-    """As `parse_split` takes it; the coarsest groups are held out unless given."""
+    """As `parse_split` takes it; unless given the other folder, or else the coarsest groups."""
     given: Elsewhere = OWN_SPLIT
     folds: int = FOLDS
     seed: int = 0
@@ -48,9 +47,11 @@ class OuterSplit:
             raise BadSplit("at least two folds", str(self.folds), "choose more folds")
         if self.given.table is not None:
             return split_elsewhere(base.path, base.dataset, base.target, self.given)[1]
-        if self.named is not None:
-            return parse_split(self.named, base.dataset, base.target, self.folds, self.seed)
-        return _usual(base, self.folds, self.seed)
+        if self.named is None and base.test is not None:
+            return _other_folder(base, base.test)
+        if self.named is None:
+            return usual_split(base.dataset, base.target, self.folds, self.seed)
+        return parse_split(self.named, base.dataset, base.target, self.folds, self.seed)
 
 
 USUAL = OuterSplit()
@@ -85,45 +86,8 @@ def _of_each(counts: NDArray[np.intp]) -> str:
     return f"{int(held.sum())} trials of {len(held)} classes, {each},"
 
 
-def _usual(base: Base, folds: int, seed: int) -> Split:
-    """Hold out the coarsest groups; where another folder is to be tested on, that.
-
-    Objects that were touched several times come first, unless there are sessions; then sessions, or
-    where there are none what else people part trials by, such as persons; then files.
-    """
-    if base.test is not None:
-        own = frozenset(base.own)
-        fold = TrialFold("test", own, frozenset(range(len(base.trials))) - own)
-        return Split(f"trained elsewhere, tested on {base.test.name}", (fold,), None)
-    key = coarsest_group(base.trials)
-    finer = (name for name in ("session", "file", "recording", "trial") if name != key)
-    first = ("object",) if key != "session" and _has_objects(base) else ()
-    others = () if key == "session" else _parting(base)
-    order = [*first, *others, key, *finer]
-    known = [name for name in order if all(name in trial.groups for trial in base.trials)]
-    for name in known[:-1]:
-        try:
-            return parse_split(f"group:{name}", base.dataset, base.target, folds, seed)
-        except BadInput:
-            continue
-    return parse_split(f"group:{known[-1]}", base.dataset, base.target, folds, seed)
-
-
-def _parting(base: Base) -> list[str]:
-    """Return sittings, days or persons, of which each trial has one: the fewest first."""
-    counts = {
-        name: len({trial.groups[name] for trial in base.trials})
-        for name in USUAL_GROUPS
-        if name not in OBJECTS and all(name in trial.groups for trial in base.trials)
-    }
-    parting = [name for name, count in counts.items() if 1 < count < len(base.trials)]
-    return sorted(parting, key=lambda name: (counts[name], name))
-
-
-def _has_objects(base: Base) -> bool:
-    """Return whether objects can be held out whole: several trials each, several of each class."""
-    names = [trial.groups.get("object") for trial in base.trials]
-    if None in names or len(set(names)) < _FEWEST_OBJECTS or 2 * len(set(names)) > len(names):
-        return False
-    pairs = set(zip(base.y.tolist(), names, strict=True))
-    return all(sum(y == number for y, _ in pairs) > 1 for number in set(base.y.tolist()))
+def _other_folder(base: Base, folder: Path) -> Split:
+    """Return the split that tests the other folder's trials."""
+    own = frozenset(base.own)
+    fold = TrialFold("test", own, frozenset(range(len(base.trials))) - own)
+    return Split(f"trained elsewhere, tested on {folder.name}", (fold,), None)

@@ -24,8 +24,9 @@ class Recipe:
     model: str
     target: str
     """The label that it predicts unless another is asked for."""
-    split: str
-    """The split that its accuracy is measured under, as in `--split`."""
+    split: str | None = None
+    """The split that its accuracy is measured under, as in `--split`; None holds out what is usual,
+    see `taxel.evaluation.usual_split`."""
     train: TrainConfig = field(default_factory=TrainConfig)
     train_stride: int | None = None
     """Stride of the training windows, rows; None is the window's own."""
@@ -57,28 +58,24 @@ RECIPES: dict[str, Recipe] = {
         window=WindowConfig(steps=50, stride=50, grid_hz=None, max_gap_s=1.0, pad=True),
         model="touchnet",
         target="shape",
-        split="group:session",
     ),
     "teng": Recipe(
         summary="the TENG hand, image-based (thesis, section 3.6)",
         window=TENG_WINDOW,
         model="cnn2d",
         target="shape",
-        split="group:session",
     ),
     "teng-signal": Recipe(
         summary="the TENG hand, signal-based (thesis, section 3.5)",
         window=TENG_WINDOW,
         model="cnn1d",
         target="shape",
-        split="group:session",
     ),
     "teng-referenced": Recipe(
         summary="the TENG hand, each session brought to the level of three known touches",
         window=replace(TENG_WINDOW, reference="object=cylinder-glass:3"),
         model="cnn2d",
         target="shape",
-        split="group:session",
     ),
     "teng-robust": Recipe(
         summary="the TENG hand in damp, dust and motion: weak touches too, 0.6 s of contact",
@@ -87,7 +84,6 @@ RECIPES: dict[str, Recipe] = {
         ),
         model="cnn2d",
         target="shape",
-        split="group:session",
         train=TrainConfig(epochs=25),
         train_stride=12,
     ),

@@ -13,8 +13,10 @@ from taxel.plain_text import visible_line
 
 def tune_table(found: Tuned) -> Table:
     """Return inner and outer accuracies, with the trivial baselines of the same folds."""
-    table = Table(title=f"{visible_line(found.recipe.target)}: settings searched",
-                  title_justify="left")  # fmt: skip
+    title = f"{visible_line(found.recipe.target)}: settings searched"
+    if found.outer is not None:
+        title += f" · split: {visible_line(found.outer.tuned.split)}"
+    table = Table(title=title, title_justify="left")
     for column in ("", "accuracy", "95 % CI", "by"):
         table.add_column(column, justify="left" if column in ("", "by") else "right")
     outer, own = found.outer, found.found

@@ -116,7 +116,7 @@ class UnknownObjects:
 
         recipe = self.recipe.resolve(model=self.model)
         dataset = load_dataset(data, recipe.window, target=recipe.target)
-        own = recipe.split.removeprefix("group:")  # the recipe's, where these recordings have it
+        own = (recipe.split or "").removeprefix("group:")  # where these recordings have it
         if group is None and all(own in trial.groups for trial in dataset.trials):
             group = own
         config = self._config(recipe, recipe.target, self.model or "extra-trees", group)
