@@ -39,6 +39,9 @@ def world(tmp_path_factory: pytest.TempPathFactory) -> Path:
         table = write_files(world / f"{name}-files", sessions, seed)
         main(["import", str(table), "--output", str(world / name)])
     (world / "folds.csv").write_text("group:session,side\na,train\nb,validation\nc,test\n")
+    (world / "three.csv").write_text("group:session,fold\na,1\nb,2\nc,3\n")
+    (world / "wrong.csv").write_text("recording,side\na_2_0,train\nd_2_0,test\n")
+    (world / "both.csv").write_text("recording,side\na_2_0,train\na_2_0,test\n")
     main(["train", str(world / "ours"), "--folds", str(world / "folds.csv"), "--output",
           str(world / "run"), *RECIPE])  # fmt: skip
     main(["bundle", str(world / "run"), "--output", str(world / "b.taxel")])
@@ -101,6 +104,38 @@ def test_a_bundle_is_scored_and_says_what_it_learned_from(
     assert "trained on 4 of these recordings" in said
 
 
+def test_a_bundle_is_scored_on_a_tables_test_part(
+    world: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """The session that the table tests, and no other: four unseen recordings, so no warning."""
+    words = ["evaluate", world / "b.taxel", world / "ours", "--folds", world / "folds.csv"]
+    found = printed(capsys, *words)
+    main([*map(str, words)])
+    said = " ".join(capsys.readouterr().out.split())
+
+    assert (found["windows"], found["trials"]) == (16, 4)
+    assert found["split"] == "folds.csv, session held out"
+    assert found["warning"] is None
+    assert found["learned_from"] == []
+    assert "level · test part of folds.csv, session held out" in said
+    assert "8 of 12 trials are not in the test part of folds.csv: left out" in said
+    assert "warning" not in said
+
+
+def test_a_test_part_that_the_bundle_was_trained_on_is_said(
+    world: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Another table tests what this bundle has seen; training rows that are not there are none of
+    a score's business."""
+    other = tmp_path / "other.csv"
+    other.write_text("recording,side\na_2_0,test\nc_10_1.mcap,test\nelsewhere,train\n")
+    found = printed(capsys, "evaluate", world / "b.taxel", world / "ours", "--folds", other)
+
+    assert found["trials"] == 2
+    assert found["learned_from"] == ["a_2_0.mcap"]
+    assert found["warning"].startswith("the bundle was trained on 1 of these recordings")
+
+
 def test_live_replays_a_folder_and_agrees_with_the_score(
     world: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -151,6 +186,14 @@ def test_the_same_table_and_folder_are_audited(
         (["evaluate", "ours", "--test", "ours"], "which holds the values of"),
         (["evaluate", "b.taxel"], "recordings to score b.taxel on"),
         (["evaluate", "b.taxel", "ours", "--epochs", "3"], "beside --epochs"),
+        (["evaluate", "b.taxel", "ours", "--test", "theirs"], "beside --test"),
+        (["evaluate", "b.taxel", "--folds", "folds.csv"], "recordings to score b.taxel on"),
+        (
+            ["evaluate", "b.taxel", "ours", "--folds", "three.csv"],
+            "got 3 folds in three.csv, each of which needs a model of its own",
+        ),
+        (["evaluate", "b.taxel", "ours", "--folds", "wrong.csv"], "'d_2_0' in wrong.csv, line 3"),
+        (["evaluate", "b.taxel", "ours", "--folds", "both.csv"], "a_2_0#0 on two sides of test"),
         (["evaluate", "ours", "theirs"], "a bundle before the recordings"),
         (["evaluate", "ours", "--folds", "5"], "--fold-count 5"),
         (["evaluate", "ours", "--folds", "none.csv"], "a table of folds (CSV) that can be read"),

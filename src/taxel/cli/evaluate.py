@@ -18,7 +18,7 @@ from taxel.errors import BadInput
 from taxel.held import only_writer
 
 OF_A_RECIPE = (
-    "split", "folds", "test", "fold-count", "model", "members", "comparators", "output", "fresh",
+    "split", "test", "fold-count", "model", "members", "comparators", "output", "fresh",
     "html", "recipe", "target", "window", "epochs", "seed", "workers", "run-on",
 )  # fmt: skip
 """Options that mean nothing for a bundle."""
@@ -39,10 +39,12 @@ class Evaluate:
     split: str | None = None
     """Which windows are tested. group:KEY holds out whole groups, such as group:session.
     order:KEY:LAST[:END] trains up to LAST and tests above it, up to END. random splits windows,
-    which leaks. As in the recipe unless given."""
+    which leaks. Unless given: the recipe's, if it names one; else sessions are held out, else
+    objects, persons or days, else files."""
     folds: Path | None = None
     """Measure on a published split instead: a table (CSV) with the columns recording (or
-    group:KEY), side (train, validation, test) or fold, and optionally start_s, seconds."""
+    group:KEY), side (train, validation, test) or fold, and optionally start_s, seconds. With a
+    bundle: one test part, on which alone it is scored."""
     test: Path | None = None
     """Measure on this folder instead; the whole of the first folder is the training part."""
     fold_count: int = 5
@@ -87,7 +89,7 @@ class Evaluate:
         from taxel.bundles.envelope import need_bundle
 
         if _is_bundle_file(self.data):
-            _evaluate_bundle(self.data, self.recordings, as_json=self.json)
+            _evaluate_bundle(self.data, self.recordings, self.folds, as_json=self.json)
             return
         if self.recordings is not None:
             if not self.data.exists():
@@ -167,18 +169,23 @@ def _is_bundle_file(path: Path) -> bool:
     return path.is_file() and path.suffix != ".mcap"
 
 
-def _evaluate_bundle(bundle: Path, folder: Path | None, *, as_json: bool) -> None:
+def _evaluate_bundle(
+    bundle: Path, folder: Path | None, folds: Path | None, *, as_json: bool
+) -> None:
     """Score a bundle on recordings and print it.
 
     Args:
         bundle: The bundle's file.
         folder: Recordings with its label.
+        folds: A table whose one test part alone is scored; all of them without.
         as_json: Print JSON instead of tables.
 
     Raises:
         BadInput: No folder is named, or $TAXEL_DEVICE is not there.
         BadBundle: The bundle cannot be used, or is of another array.
         BadDataset: The recordings hold no window with the bundle's label.
+        BadTable: The table cannot be read, has several folds, or tests what is not there.
+        BadSplit: It puts a trial on both sides, or there is nothing to test.
     """
     from taxel.bundles.reader import read_bundle
     from taxel.evaluation.bundle_scores import score_bundle
@@ -191,7 +198,7 @@ def _evaluate_bundle(bundle: Path, folder: Path | None, *, as_json: bool) -> Non
     device = asked_device()
     with progress() as bar:
         bar.add_task(f"scoring {bundle.name}", total=None)
-        found = score_bundle(read_bundle(bundle, device=device), folder)
+        found = score_bundle(read_bundle(bundle, device=device), folder, folds=folds)
     from taxel.views.part_results import bundle_score_table
     from taxel.views.trained_on import trained_on_line
 

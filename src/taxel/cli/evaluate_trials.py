@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Annotated, Any, ClassVar
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar
 
 import tyro
 
@@ -12,6 +12,11 @@ from taxel.cli.option_rules import Only
 from taxel.cli.printing import console, print_json, progress, say
 from taxel.cli.trial_data import FOLDS_IN_TURN, TrialOptions
 from taxel.errors import BadInput
+
+if TYPE_CHECKING:
+    from taxel.evaluation.camera_trials.sides import Groups
+    from taxel.evaluation.fold_table import FoldTable
+    from taxel.windows.camera_trials import CameraTrial
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -27,14 +32,15 @@ class EvaluateTrials:
     """A table of camera trials or a folder of recordings; or a bundle, to be scored on the
     second PATH."""
     data: tyro.conf.Positional[Path | None] = None
-    """With a bundle: the trials that it is scored on."""
+    """With a bundle: the trials that it is scored on; with --folds TABLE only those that the table
+    tests, which has one test part."""
     json: bool = False
     """Print JSON."""
     options: Annotated[TrialOptions, tyro.conf.arg(name="")] = field(default_factory=TrialOptions)
 
     RULES: ClassVar = (
         Only(
-            ("target", "split", "folds", "test", "fold-count", "crop", "touch", "cache", "seed"),
+            ("target", "split", "test", "fold-count", "crop", "touch", "cache", "seed"),
             "trials without a bundle (it is scored as it is)",
             lambda verb: verb.data is None,
         ),
@@ -78,17 +84,16 @@ class EvaluateTrials:
         from taxel.decisions.recognition import UNKNOWN
         from taxel.evaluation.camera_trials.crossval import score_trials
         from taxel.evaluation.camera_trials.learned_trials import trained_on
-        from taxel.evaluation.camera_trials.sides import interval_group, values_of
+        from taxel.evaluation.camera_trials.sides import values_of
         from taxel.live.trial_watch import predict_trials
         from taxel.views.trained_on import trained_on_line
         from taxel.views.trial_results import unknown_line
-        from taxel.windows.camera_trials import read_camera_trials
 
         if self.data is None:
             raise BadInput("trials to score the bundle on", "none", "name them behind the bundle")
         bundle = read_trial_bundle(self.trials)
         target, classes = bundle.contract.target, bundle.contract.classes
-        trials = read_camera_trials(self.data)
+        trials, table = _scored_trials(self.data, self.options.folds)
         verdicts = []
         with progress() as bar:
             task = bar.add_task("trials", total=len(trials))
@@ -101,6 +106,7 @@ class EvaluateTrials:
         result: dict[str, Any] = {
             "bundle": str(self.trials),
             "target": target,
+            "split": None if table is None else table.split,
             "trials": len(trials),
             "unknown": sum(verdict.label == UNKNOWN for verdict in verdicts),
             "verdicts": [
@@ -113,10 +119,11 @@ class EvaluateTrials:
             trained_on(bundle.contract, trials), "trials", known=bool(bundle.contract.learned)
         )
         result["warning"] = seen
-        line = f"{len(trials)} trials; no known {target} on any of them"
+        where = "" if table is None else f" · test part of {table.split}"
+        line = f"{len(trials)} trials{where}; no known {target} on any of them"
         if known:
             groups = [trials[i].groups for i in known]
-            key = interval_group(groups)
+            key = _resampled(groups, table)
             names = values_of(groups, key) if key else np.array([trials[i].name for i in known])
             y = np.array([classes.index(truth[i]) for i in known])
             result["majority"] = majority = float(np.bincount(y).max() / len(y))
@@ -131,7 +138,7 @@ class EvaluateTrials:
             answered = float(np.mean([verdicts[i].label == truth[i] for i in known]))
             result["answered_accuracy"] = answered
             line = (
-                f"{target}: accuracy {scores.accuracy:.3f} [{low:.3f}, {high:.3f}], "
+                f"{target}{where}: accuracy {scores.accuracy:.3f} [{low:.3f}, {high:.3f}], "
                 f"commonest class {majority:.3f}, AUC "
                 f"{scores.auc:.3f}, log-loss {scores.loss:.3f} on {scores.trials} trials; "
                 f"UNKNOWN {result['unknown']} of {len(trials)}; accuracy with UNKNOWN counted as "
@@ -145,3 +152,28 @@ class EvaluateTrials:
             say(said, style="yellow")
         if seen is not None:
             say(f"warning: {seen}", style="yellow")
+
+
+def _scored_trials(data: Path, folds: Path | None) -> tuple[list[CameraTrial], FoldTable | None]:
+    """Return the trials that a bundle is scored on: all, or those that a table tests."""
+    from taxel.evaluation.camera_trials.sides import trials_to_score
+    from taxel.evaluation.fold_table import read_fold_table
+    from taxel.windows.camera_trials import read_camera_trials
+
+    table = None if folds is None else read_fold_table(folds)
+    if table is not None:
+        _ = table.one_fold  # refused before videos are read
+    trials = read_camera_trials(data)
+    if table is None:
+        return trials, None
+    tested = trials_to_score([own.name for own in trials], [own.groups for own in trials], table)
+    return [trials[at] for at in tested], table
+
+
+def _resampled(groups: Groups, table: FoldTable | None) -> str | None:
+    """Return the group to resample for intervals: what the table holds out, else the usual one."""
+    from taxel.evaluation.camera_trials.sides import interval_group
+
+    if table is not None and table.rows[0].key != "recording":
+        return table.rows[0].key
+    return interval_group(groups)

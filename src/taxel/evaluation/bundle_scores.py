@@ -8,7 +8,7 @@ Background of our choices: docs/decisions/0040.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, replace
 from math import inf
 from pathlib import Path
@@ -26,11 +26,14 @@ from taxel.decisions.recognition import (
     RecogniseConfig,
     decide,
 )
+from taxel.evaluation.fold_table import FoldTable, read_fold_table
 from taxel.evaluation.metrics import accuracy_interval, cross_entropy
 from taxel.evaluation.part_scores import Parts, score_parts
 from taxel.evaluation.run_scores import reliability
+from taxel.evaluation.table_split import trials_to_score
 from taxel.labels.class_order import in_order
 from taxel.labels.trials import coarsest_group, lone_group
+from taxel.recordings.reader import list_recordings
 from taxel.windows.dataset import Dataset, load_dataset, only_labelled
 from taxel.windows.windower import Windows
 
@@ -45,6 +48,8 @@ class BundleScores:
     target: str
     classes: tuple[str, ...]
     """What the bundle can answer, in its order."""
+    split: str | None
+    """The table of folds whose test part alone was scored; None where all recordings were."""
     windows: int
     trials: int
     accuracy: float
@@ -86,7 +91,7 @@ class BundleScores:
 
 
 def score_bundle(
-    bundle: Bundle, folder: Path, config: RecogniseConfig | None = None
+    bundle: Bundle, folder: Path, config: RecogniseConfig | None = None, folds: Path | None = None
 ) -> BundleScores:
     """Score a bundle on all labelled recordings of a folder, or on one.
 
@@ -94,17 +99,49 @@ def score_bundle(
         bundle: An open bundle of an array recogniser.
         folder: Recordings with the bundle's label.
         config: When an answer may be given.
+        folds: A table of folds with one test part: only its trials are scored.
 
     Raises:
         BadBundle: The recordings are of another array.
         BadDataset: There is no window, or no trial has the label.
+        BadTable: The table cannot be read, has several folds, or tests what is not there.
+        BadSplit: It puts a trial on both sides, or there is nothing to test.
     """
     contract = bundle.contract
+    table = None
+    if folds is not None:
+        table = read_fold_table(folds)
+        _ = table.one_fold  # refused before recordings are read
     window = replace(contract.window, reference=None)
-    dataset = only_labelled(load_dataset(folder, window, unusable=True), contract.target)
+    dataset = load_dataset(folder, window, unusable=True)
     contract.check_sensor(dataset.sensor)
+    if table is not None:
+        dataset = _test_part(dataset, table, folder, contract.learned)
+    dataset = only_labelled(dataset, contract.target)
     decisions = _decisions(bundle, dataset.windows, config or RecogniseConfig())
-    return _scores(bundle, dataset, decisions)
+    return _scores(bundle, dataset, decisions, None if table is None else table.split)
+
+
+def _test_part(
+    dataset: Dataset, table: FoldTable, folder: Path, learned: Collection[str]
+) -> Dataset:
+    """Return the trials that a table tests, with notes of what was left out."""
+    known = {file.name.removesuffix(".mcap") for file in list_recordings(folder)}
+    tested = trials_to_score(table, dataset.trials, known)
+    part = dataset.only_trials(tested)
+    left = [trial for i, trial in enumerate(dataset.trials) if i not in tested]
+    notes = []
+    if left:
+        notes.append(f"{len(left)} of {len(dataset.trials)} trials are not in the test part of "
+                     f"{table.name}: left out")  # fmt: skip
+    both = {trial.recording for trial in left} & {
+        name for name, own in part.fingerprints.items() if fingerprint_of(own) in learned
+    }
+    if both:
+        notes.append(f"{len(both)} of the tested recordings hold other trials too: a bundle stores "
+                     "which recordings it was trained on, and not which of their trials",
+                     )  # fmt: skip
+    return replace(part, notes=(*part.notes, *notes))
 
 
 def _decisions(bundle: Bundle, windows: Windows, config: RecogniseConfig) -> list[Decision]:
@@ -127,7 +164,9 @@ def _decisions(bundle: Bundle, windows: Windows, config: RecogniseConfig) -> lis
     return found
 
 
-def _scores(bundle: Bundle, dataset: Dataset, decisions: list[Decision]) -> BundleScores:
+def _scores(
+    bundle: Bundle, dataset: Dataset, decisions: list[Decision], split: str | None
+) -> BundleScores:
     contract, trial = bundle.contract, dataset.trial
     truth = np.array([trial.labels[contract.target] for trial in dataset.trials])
     right_answer = np.where(np.isin(truth, contract.classes), truth, UNKNOWN)
@@ -136,19 +175,20 @@ def _scores(bundle: Bundle, dataset: Dataset, decisions: list[Decision]) -> Bund
     votes = _votes(bundle, dataset, decisions)
     numbers = np.arange(len(dataset.trials))
     unknown = answers == UNKNOWN
-    key = coarsest_group(dataset.trials)
+    key = coarsest_group(dataset.trials, split or "")
     loss, error = _calibration(contract.classes, truth[trial], decisions)
     seen = {fingerprint_of(own): name for name, own in dataset.fingerprints.items()}
     return BundleScores(
         target=contract.target,
         classes=contract.classes,
+        split=split,
         windows=len(dataset),
         trials=len(dataset.trials),
         accuracy=float(right.mean()),
         interval=accuracy_interval(right, dataset.group(key)[trial]),
         interval_group=key,
         interval_groups=len(np.unique(dataset.group(key)[trial])),
-        lone=lone_group(dataset.trials),
+        lone=lone_group(dataset.trials, split or ""),
         majority=_commonest(truth[trial]),
         unknown=float(unknown.mean()),
         unknown_because=_reasons(decisions),

@@ -91,6 +91,22 @@ class FoldTable:
         key = self.rows[0].key
         return self.name if key == "recording" else f"{self.name}, {key} held out"
 
+    @property
+    def one_fold(self) -> RowFold:
+        """Its only fold, whose test part something that is trained already can be scored on.
+
+        Raises:
+            BadTable: There are several: a bundle that fits one was trained on what others test.
+        """
+        if len(self.folds) > 1:
+            raise BadTable(
+                "a table with one test part for a bundle",
+                f"{len(self.folds)} folds in {self.name}, each of which needs a model of its own",
+                "keep the rows of one fold, or leave the bundle out: each fold then trains its own "
+                "model",
+            )
+        return self.folds[0]
+
     def where(self, row: FoldRow) -> str:
         """Return a row's place, for messages."""
         return f"{self.name}, line {row.line}"

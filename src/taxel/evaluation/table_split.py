@@ -118,12 +118,38 @@ def split_by_table(
     folds = []
     for fold in table.folds:
         sides = [_all(owners[i] for i in rows) for rows in (fold.train, fold.validation, fold.test)]
-        _refuse_both(table, dataset, fold.name, sides)
+        _refuse_both(table, dataset.trials, fold.name, sides)
         folds.append(TrialFold(fold.name, sides[0], sides[2], sides[1]))
         _refuse_empty(table, folds[-1])
         check_classes(dataset, target, folds[-1])
     _refuse_twice(table, dataset, folds)
     return Split(table.split, tuple(folds), None)
+
+
+def trials_to_score(
+    table: FoldTable, trials: Sequence[Trial], recordings: Collection[str]
+) -> frozenset[int]:
+    """Return the trials of a table's only test part, as indices, to score what is trained already.
+
+    Rows of the other sides may name what is not there: a folder may hold the test part alone.
+
+    Args:
+        table: Rows and one fold.
+        trials: Those that are there.
+        recordings: Names of all recordings that are there, also of those that gave no window.
+
+    Raises:
+        BadTable: It has several folds, or a row to test names no recording or group that is there.
+        BadSplit: A trial stands on both sides, or there is nothing to test.
+    """
+    fold = table.one_fold
+    test = _all(trials_of_row(table.rows[i], table, trials, recordings) for i in fold.test)
+    train, validation = (_all(_moved(table.rows[i], trials) for i in rows)
+                         for rows in (fold.train, fold.validation))  # fmt: skip
+    _refuse_both(table, trials, fold.name, [train, validation, test])
+    if not test:
+        raise _nothing_to("test", table, fold.name)
+    return test
 
 
 def check_classes(dataset: Dataset, target: str, fold: TrialFold) -> None:
@@ -160,8 +186,7 @@ def trials_of_row(
     Raises:
         BadTable: It names no recording or group that is there.
     """
-    of_group = [i for i, trial in enumerate(trials)
-                if trial.groups.get(row.key) == row.value]  # fmt: skip
+    of_group = any(trial.groups.get(row.key) == row.value for trial in trials)
     if not of_group and row.key != "recording":
         known = sorted({trial.groups[row.key] for trial in trials
                         if row.key in trial.groups})  # fmt: skip
@@ -173,11 +198,17 @@ def trials_of_row(
     if not of_group and row.value not in recordings:
         raise BadTable("a recording of the folder", f"{row.value!r} in {table.where(row)}",
                        "correct its name, or leave the row out")  # fmt: skip
-    if row.start_s != row.start_s:
-        return frozenset(of_group)
-    return frozenset(i for i in of_group
-                     if trials[i].start_s - _SLACK_S <= row.start_s
-                     <= trials[i].end_s + _SLACK_S)  # fmt: skip
+    return _moved(row, trials)
+
+
+def _moved(row: FoldRow, trials: Sequence[Trial]) -> frozenset[int]:
+    """Return the trials that a row moves; none where it names nothing that is there."""
+    whole = row.start_s != row.start_s
+    return frozenset(
+        i for i, trial in enumerate(trials)
+        if trial.groups.get(row.key) == row.value
+        and (whole or trial.start_s - _SLACK_S <= row.start_s <= trial.end_s + _SLACK_S)
+    )  # fmt: skip
 
 
 def _all(parts: Iterable[frozenset[int]]) -> frozenset[int]:
@@ -185,12 +216,12 @@ def _all(parts: Iterable[frozenset[int]]) -> frozenset[int]:
 
 
 def _refuse_both(
-    table: FoldTable, dataset: Dataset, name: str, sides: list[frozenset[int]]
+    table: FoldTable, trials: Sequence[Trial], name: str, sides: list[frozenset[int]]
 ) -> None:
     train, validation, test = sides
     both = sorted((train & test) | (validation & test) | (train & validation))
     if both:
-        trial = dataset.trials[both[0]].groups["trial"]
+        trial = trials[both[0]].groups["trial"]
         raise BadSplit(
             "each trial on one side", f"{trial} on two sides of {name} in {table.name}"
             f"{f', and {len(both) - 1} more' if len(both) > 1 else ''}",
@@ -201,10 +232,14 @@ def _refuse_both(
 def _refuse_empty(table: FoldTable, fold: TrialFold) -> None:
     for what, side in (("train on", fold.train), ("test", fold.test)):
         if not side:
-            raise BadSplit(
-                f"windows to {what} in {fold.name}", f"none: the rows of {table.name} name trials "
-                "that gave no window", "choose shorter windows, or other trials",
-            )  # fmt: skip
+            raise _nothing_to(what, table, fold.name)
+
+
+def _nothing_to(what: str, table: FoldTable, fold: str) -> BadSplit:
+    return BadSplit(
+        f"windows to {what} in {fold}", f"none: the rows of {table.name} name trials that gave no "
+        "window", "choose shorter windows, or other trials",
+    )  # fmt: skip
 
 
 def _refuse_twice(table: FoldTable, dataset: Dataset, folds: list[TrialFold]) -> None:

@@ -70,6 +70,8 @@ def bundle_score_table(found: BundleScores, bundle: str, data: str) -> Renderabl
     table.add_row("trials", f"{found.trial_accuracy:.4f}", f"{found.trial_majority:.4f}",
                   f"{found.trial_unknown:.4f}", str(found.trials))  # fmt: skip
     title = f"{visible(bundle)} on {visible(data)}: {visible(found.target)}"
+    if found.split is not None:
+        title += f" · test part of {visible(found.split)}"
     return Group(
         Text(title, style="bold"), table, *parts_tables(found.parts), _confusion(found),
         *(Text(visible_line(line)) for line in _lines(found)),

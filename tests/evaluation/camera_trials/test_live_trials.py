@@ -112,6 +112,32 @@ def test_a_score_on_the_training_trials_says_so_beside_the_commonest_class(
     assert contract_from_json(json.dumps(older)).learned == ()
 
 
+def test_a_bundle_is_scored_on_the_test_part_that_it_did_not_learn(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Trained under a table, scored on its test part: no warning; on its training part there is."""
+    table = write_trials(tmp_path / "a", objects=3, each=4, frames=14, write=as_avi)
+    folds, turned = tmp_path / "folds.csv", tmp_path / "turned.csv"
+    folds.write_text("group:object,side\nobject 0,train\nobject 1,train\nobject 2,test\n")
+    turned.write_text("group:object,side\nobject 0,test\nobject 1,unused\nobject 2,train\n")
+    options = TrialOptions(folds=folds, cache=tmp_path / "cache")
+    TrainTrials(trials=table, output=tmp_path / "run", options=options, check=False).run()
+    bundle = tmp_path / "run" / IN_RUN
+    capsys.readouterr()
+    found = []
+    for own in (folds, turned):
+        EvaluateTrials(trials=bundle, data=table, options=TrialOptions(folds=own), json=True).run()
+        found.append(json.loads(capsys.readouterr().out))
+    EvaluateTrials(trials=bundle, data=table, options=TrialOptions(folds=folds)).run()
+    said = " ".join(capsys.readouterr().out.split())
+
+    assert [own["trials"] for own in found] == [4, 4]
+    assert found[0]["split"] == "folds.csv, object held out"
+    assert found[0]["warning"] is None
+    assert found[1]["warning"].startswith("the bundle was trained on 4 of these trials")
+    assert "slipped · test part of folds.csv, object held out: accuracy" in said
+
+
 @pytest.mark.parametrize("grey", [False, True])
 def test_a_table_is_replayed_with_the_very_images_that_training_sees(
     tmp_path: Path, grey: bool

@@ -5,8 +5,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from taxel.errors import BadSplit
-from taxel.evaluation.camera_trials.sides import shared_values, split_by_table, split_trials
+from taxel.errors import BadSplit, BadTable
+from taxel.evaluation.camera_trials.sides import (
+    shared_values,
+    split_by_table,
+    split_trials,
+    trials_to_score,
+)
+from taxel.evaluation.fold_table import read_fold_table
 
 GROUPS = [{"object": f"o{i // 4}", "file": f"{i}.avi"} for i in range(16)]
 Y = np.arange(16) % 2
@@ -52,3 +58,29 @@ def test_a_rare_class_is_named_with_its_trials(
     assert error.value.got == got
     assert mend in error.value.mend
     assert "--folds" not in str(error.value)
+
+
+@pytest.mark.parametrize(
+    ("rows", "kind", "got"),
+    [
+        ("group:object,fold\no0,1\no1,2\n", BadTable, "2 folds in folds.csv"),
+        ("recording,side\nt0,train\nt99,test\n", BadSplit, "'t99' in folds.csv, line 3"),
+        ("group:object,side\no0,test\no0,validation\n\no1,train\n", BadSplit, "4 on both sides"),
+    ],
+)
+def test_a_table_that_cannot_score_a_bundle_is_refused(
+    rows: str, kind: type[Exception], got: str, tmp_path: Path
+) -> None:
+    table = tmp_path / "folds.csv"
+    table.write_text(rows)
+
+    with pytest.raises(kind, match=got):
+        trials_to_score([f"t{i}" for i in range(16)], GROUPS, read_fold_table(table))
+
+
+def test_only_the_test_part_is_scored_though_the_training_part_is_elsewhere(tmp_path: Path) -> None:
+    table = tmp_path / "folds.csv"
+    table.write_text("group:object,side\nelsewhere,train\no3,test\no1,test\n")
+
+    found = trials_to_score([f"t{i}" for i in range(16)], GROUPS, read_fold_table(table))
+    assert found == [4, 5, 6, 7, 12, 13, 14, 15]

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taxel.errors import BadSplit
-from taxel.evaluation.fold_table import read_fold_table
+from taxel.evaluation.fold_table import FoldRow, FoldTable, read_fold_table
 from taxel.evaluation.shared_values import on_both_sides
 from taxel.evaluation.splits import TrialFold
 from taxel.labels.trials import USUAL_GROUPS
@@ -102,11 +102,7 @@ def split_by_table(
         BadSplit: A row names no trial, or a side lacks trials or classes.
     """
     table = read_fold_table(path)
-    matching = [_matching(row.key, row.value, names, groups) for row in table.rows]
-    for row, found in zip(table.rows, matching, strict=True):
-        if not found:
-            raise BadSplit("rows that name trials of this data", f"{row.value!r} in "
-                           f"{table.where(row)}", "correct or remove it")  # fmt: skip
+    matching = [_named(row, table, names, groups) for row in table.rows]
     sides = []
     for fold in table.folds:
         train, test = (
@@ -121,6 +117,39 @@ def split_by_table(
     if table.rows[0].key != "recording":
         key = table.rows[0].key
     return TrialSplit(f"folds of {table.name}", tuple(sides), key or "trial")
+
+
+def trials_to_score(names: Sequence[str], groups: Groups, table: FoldTable) -> list[int]:
+    """Return the trials of a table's only test part, as indices, to score what is trained already.
+
+    Rows of the other sides may name what is not there.
+
+    Args:
+        names: Of each trial.
+        groups: Of each trial.
+        table: Rows and one fold.
+
+    Raises:
+        BadTable: It has several folds.
+        BadSplit: A row to test names no trial, or a trial stands on both sides.
+    """
+    fold = table.one_fold
+    tested = {at for row in fold.test for at in _named(table.rows[row], table, names, groups)}
+    rows = [table.rows[row] for row in (*fold.train, *fold.validation)]
+    others = {at for row in rows for at in _matching(row.key, row.value, names, groups)}
+    return sorted(TrialFold(fold.name, frozenset(others), frozenset(tested)).test)
+
+
+def _named(row: FoldRow, table: FoldTable, names: Sequence[str], groups: Groups) -> list[int]:
+    """Return the trials that a row of a table names.
+
+    Raises:
+        BadSplit: There are none.
+    """
+    if not (found := _matching(row.key, row.value, names, groups)):
+        raise BadSplit("rows that name trials of this data", f"{row.value!r} in "
+                       f"{table.where(row)}", "correct or remove it")  # fmt: skip
+    return found
 
 
 def _matching(key: str, value: str, names: Sequence[str], groups: Groups) -> list[int]:
