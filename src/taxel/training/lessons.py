@@ -43,7 +43,7 @@ class ImageFile:
     def __init__(self, side_px: int, folder: Path) -> None:
         self.shape = (0, side_px, side_px, 3)
         with cache_room(folder):
-            self._file = tempfile.TemporaryFile(dir=folder)  # noqa: SIM115
+            self._file = tempfile.TemporaryFile(dir=folder, buffering=0)  # noqa: SIM115
         weakref.finalize(self, self._file.close)
         self._folder = folder
 
@@ -56,17 +56,24 @@ class ImageFile:
         Raises:
             RecordingFailed: The disk refused.
         """
+        data = np.ascontiguousarray(image).tobytes()
         with cache_room(self._folder):
-            self._file.write(np.ascontiguousarray(image).data)
-            self._file.flush()
+            while data:  # a full disk takes a part, and refuses the next
+                data = data[self._file.write(data) :]
         self.shape = (self.shape[0] + 1, *self.shape[1:])
 
     def __getitem__(self, rows: NDArray[np.intp]) -> NDArray[np.uint8]:
-        """Return some images, shape (len(rows), side, side, 3)."""
+        """Return some images, shape (len(rows), side, side, 3).
+
+        Raises:
+            RecordingFailed: The disk no longer gives them.
+        """
         size = int(np.prod(self.shape[1:]))
         found = np.empty((len(rows), *self.shape[1:]), np.uint8)
-        for place, row in zip(found, rows.tolist(), strict=True):
-            os.preadv(self._file.fileno(), [place.data], row * size)
+        with cache_room(self._folder):
+            for place, row in zip(found, rows.tolist(), strict=True):
+                if os.preadv(self._file.fileno(), [place.data], row * size) < size:
+                    raise OSError("a file that was cut short")
         return found
 
 

@@ -189,8 +189,9 @@ def _lone_channel(case: Case, means: NDArray[np.float64], way: float) -> tuple[s
         return None
     name = visible(names[first])
     return (
-        f"The mean of the channel {name} alone predicts the label ({own.accuracy:.3f}), the other "
-        f"channels' means do not ({others.accuracy:.3f}): a counter, a label, or an offset.",
+        f"The mean of the channel {name} alone predicts the label ({own.accuracy:.3f}), the means "
+        f"of all other channels less well ({others.accuracy:.3f}): a counter, a label, or an "
+        "offset.",
         f"leave {name} out if it does not measure touch (name the others in the table's column "
         "'channels' and import again); else take each trial's level at rest from it and hold out "
         "sessions",

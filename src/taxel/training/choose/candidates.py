@@ -66,7 +66,7 @@ FEATURE_WORDS = {
     "all": "all features",
     "without level": "features without level",
     "means": "channel means",
-    "all with parts": "all features, parts",
+    "all with parts": "all features with parts",
     "across the pad": "features across the pad",
     "tared": "tared features",
     "both parts": "parts, also across the pad",
