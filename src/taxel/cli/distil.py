@@ -125,7 +125,7 @@ class Distil:
                            f"name a file such as {self.backbone}.safetensors")  # fmt: skip
         check_place(self.output)
         if self.cache is not None:
-            check_place(self.cache / "answers")
+            check_place(self.cache / "answers" / self.teacher)
 
     def _open_teacher(self) -> BackboneExtractor:
         from taxel.models.weights import RANDOM
