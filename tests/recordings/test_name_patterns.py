@@ -117,6 +117,8 @@ def test_no_name_takes_long():
         ("{label:a}?{label:b}.csv", r"got {label:a}\?{label:b}"),
         ("**/{label:a}.csv", r"got \*\* in line 2; write \*/ for each folder"),
         ("{label:a}/{label:a}_1.csv", r"got {label:a} twice in line 2; write \* for one of them"),
+        ("{group:trial}.csv", r"got 'group:trial' in line 2; call it group:trial_number, or"),
+        ("{ Group: recording }.csv", r"got 'group:recording' in line 2; call it group:recording_n"),
     ],
 )
 def test_what_is_no_pattern_is_one_plain_line(cell, words):

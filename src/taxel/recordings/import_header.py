@@ -11,6 +11,7 @@ from pathlib import Path
 from taxel.errors import BadFile, BadTable, MissingExtra
 from taxel.foreign.array_files import ARRAY_ENDINGS, open_arrays
 from taxel.foreign.held_arrays import table_of
+from taxel.recordings.own_groups import refuse_own_groups
 from taxel.recordings.table_columns import read_cells
 
 PLAIN_COLUMNS = (
@@ -65,7 +66,8 @@ def check_header(path: Path, header: Sequence[str]) -> None:
         header: Its first line, each name as `spelling.column_name` spells it.
 
     Raises:
-        BadTable: A column is unknown, is there twice, or `file` is missing.
+        BadTable: A column is unknown, is there twice, or is a group that taxel fills in itself; or
+            `file` is missing.
     """
     if not any(header):
         raise BadTable(_A_TABLE, f"an empty line 1 in {path}", "write the columns' names there")
@@ -86,6 +88,7 @@ def check_header(path: Path, header: Sequence[str]) -> None:
         raise BadTable(
             "a column 'file', and each column once", f"{', '.join(header)} in {path}", "mend line 1"
         )
+    refuse_own_groups(header, f"{path}, line 1")
 
 
 def _quoted(name: str) -> str:

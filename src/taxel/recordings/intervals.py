@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 
 from taxel.errors import BadTable
 from taxel.foreign.array_files import ARRAY_ENDINGS
+from taxel.recordings.own_groups import refuse_own_groups
 from taxel.recordings.spelling import column_name, composed
 from taxel.recordings.table_columns import mend_number, read_cells
 from taxel.recordings.table_form import TEXT_ENDINGS, is_number
@@ -74,8 +75,9 @@ def read_intervals(table: Path, recordings: Sequence[str]) -> dict[str, list[Int
             column file is of the only one.
 
     Raises:
-        BadTable: A column is unknown or missing, a line is not complete, its file is unknown,
-            it ends before it starts, or two intervals of a file overlap.
+        BadTable: A column is unknown, missing or a group that taxel fills in itself, a line is
+            not complete, its file is unknown, it ends before it starts, or two intervals of a
+            file overlap.
     """
     header, lines = _lines(table)
     _check_header(table, header)
@@ -193,6 +195,7 @@ def _check_header(table: Path, header: Sequence[str]) -> None:
             f"{', '.join(map(repr, odd)) or ', '.join(header) or 'none'} in {table}",
             "mend its first line",
         )  # fmt: skip
+    refuse_own_groups(header, str(table))
 
 
 def _recording_of(file: str, known: Mapping[str, str]) -> str | None:

@@ -18,6 +18,7 @@ from itertools import pairwise
 from pathlib import Path
 
 from taxel.errors import BadTable
+from taxel.recordings.own_groups import refuse_own_groups
 from taxel.recordings.spelling import column_name, composed
 
 ANY = "*"
@@ -82,13 +83,15 @@ def pattern_of(cell: str, where: str) -> FilePattern | None:
         where: Table and line, for messages.
 
     Raises:
-        BadTable: A brace has no other, a part names no label or group or stands there twice, or
-            two parts follow one another without anything between.
+        BadTable: A brace has no other, a part names no label or group, one that taxel fills in
+            itself, or stands there twice, or two parts follow one another without anything
+            between.
     """
     if not any(sign in cell for sign in "{}*?"):
         return None
     pattern = FilePattern(tuple(_step(name, where) for name in Path(cell).parts))
     columns = pattern.columns
+    refuse_own_groups(columns, where)
     again = next((name for name in columns if columns.count(name) > 1), None)
     if again is not None:
         raise BadTable("each part once", f"{{{again}}} twice in {where}", "write * for one of them")

@@ -1,0 +1,33 @@
+"""Groups that taxel gives each trial itself, so that no column may be called like them.
+
+Knows nothing about tables' other columns.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+from taxel.errors import BadTable
+
+OWN_GROUPS = ("recording", "trial")
+"""Groups that a trial has when it is read, whatever its recording says (labels/trials.py)."""
+
+
+def refuse_own_groups(columns: Iterable[str], where: str) -> None:
+    """Refuse columns whose values would be overwritten.
+
+    Args:
+        columns: Names of columns, or of a pattern's parts, such as group:session.
+        where: Table and line, for messages.
+
+    Raises:
+        BadTable: One is group:recording or group:trial.
+    """
+    for column in columns:
+        kind, _, name = column.partition(":")
+        if kind == "group" and name in OWN_GROUPS:
+            raise BadTable(
+                "groups but recording and trial, which taxel fills in itself",
+                f"{column!r} in {where}",
+                f"call it group:{name}_number, or leave it out",
+            )
