@@ -2,6 +2,7 @@
 
 import json
 import os
+import unicodedata
 from pathlib import Path
 
 import numpy as np
@@ -162,7 +163,7 @@ def sent(tmp_path: Path) -> Path:
     os.symlink(tmp_path / "own", tmp_path / "sent" / "linked")
     os.symlink(tmp_path / "own/secret_1.csv", tmp_path / "sent" / "link_3.csv")
     os.symlink(tmp_path / "sent", tmp_path / "sent" / "in" / "ring")
-    os.symlink(tmp_path / "nowhere", tmp_path / "sent" / "dead_4.csv")
+    os.symlink(tmp_path / "nowhere", tmp_path / "sent" / "dead.csv")
     return tmp_path / "sent"
 
 
@@ -187,6 +188,95 @@ def test_a_match_outside_the_folder_is_refused_unless_a_person_allows_it(sent, p
 def test_links_within_the_folder_are_followed_and_no_ring_is_endless(sent):
     found, _ = bring(sent, "in/ring/in/ring/c*_{group:n}.csv")
     assert [own.groups["n"] for own in found] == ["1"]
+
+
+@pytest.mark.parametrize("literal", ["in", "in/deeper"])
+def test_no_name_outside_the_folder_is_ever_shown(tmp_path, literal):
+    """A folder that does not match is looked into for the note; a link in it is not."""
+    put(tmp_path, "own/secret_2.csv", "own/deeper/secret_2.csv", "sent/a1/cup_1.csv")
+    put(tmp_path / "sent/a1" / literal, "cup_1.csv")
+    (tmp_path / "sent" / "zz").mkdir()
+    os.symlink(tmp_path / "own", tmp_path / "sent" / "zz" / "in")
+    cell = f"{{group:s}}1/{literal}/{{label:object}}_1.csv"
+    _, notes = bring(tmp_path / "sent", cell)
+    assert [("1 file matches" in note, "secret" in note) for note in notes] == [(True, False)]
+
+    with pytest.raises(BadTable, match="matches") as caught:
+        bring(tmp_path / "sent", cell.replace("_1.csv", "_3.csv"), allow_outside=True)
+    assert "secret" not in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("pattern", "link", "got"),
+    [
+        ("day1/{label:object}_*.csv", "day1/cup_8.csv", "'day1/cup_8.csv'"),
+        ("day?/cup_1.csv", "day2/cup_1.csv", "'day2/cup_1.csv'"),
+        ("{group:day}/cup_1.csv", "day3", "'day3'"),
+        ("day?/in/cup_1.csv", "day2/in", "'day2/in'"),
+    ],
+)
+def test_a_match_that_leads_nowhere_is_refused(tmp_path, pattern, link, got):
+    """As git-annex leaves files that were not fetched."""
+    put(tmp_path, "day1/cup_1.csv", "day1/in/cup_1.csv")
+    (tmp_path / link).parent.mkdir(exist_ok=True)
+    os.symlink("gone", tmp_path / link)
+    with pytest.raises(BadTable, match="needed a match that can be read; got " + got + ", a link "
+                       r"that leads nowhere, by \S+, line 2; bring what it leads to"):  # fmt: skip
+        bring(tmp_path, pattern)
+
+
+def test_a_link_to_nothing_that_does_not_match_stops_nothing(tmp_path):
+    """Nor does one that was a file, where folders are wanted."""
+    put(tmp_path, "day1/cup_1.csv")
+    os.symlink("gone", tmp_path / "day1" / "notes.csv")
+    os.symlink("gone", tmp_path / "notes.pdf")
+    found, notes = bring(tmp_path, "{group:day}/{label:object}_1.csv")
+    assert (len(found), len(notes)) == (1, 1)
+
+
+def test_a_folder_that_may_not_be_listed_is_refused_if_it_matches(tmp_path, monkeypatch):
+    put(tmp_path, "day1/cup_1.csv", "day2/cup_1.csv", "other/cup_1.csv")
+    listed = os.listdir
+
+    def forbidden(path: Path) -> list[str]:  # root may list what is forbidden to all
+        if Path(path).name in ("day2", "other"):
+            raise PermissionError(13, "Permission denied", str(path))
+        return listed(path)
+
+    monkeypatch.setattr(os, "listdir", forbidden)
+    with pytest.raises(BadTable, match=r"got 'day2', which cannot be read \(Permission denied\), "
+                       r"by \S+, line 2; allow reading it"):  # fmt: skip
+        bring(tmp_path, "day?/{label:object}_*.csv")
+    found, _ = bring(tmp_path, "day1/{label:object}_*.csv")
+    assert len(found) == 1
+    found, _ = bring(tmp_path, "{group:d}1/{label:object}_*.csv")
+    assert len(found) == 1
+
+
+@pytest.mark.parametrize("there", ["NFC", "NFD"])
+def test_accents_may_be_typed_either_way_in_names_without_a_part_too(tmp_path, there):
+    put(tmp_path, unicodedata.normalize(there, "caf\u00e9/in/cup_1.csv"),
+        unicodedata.normalize(there, "day1/caf\u00e9/cup_2.csv"))  # fmt: skip
+    for form in ("NFC", "NFD"):
+        lines = (unicodedata.normalize(form, "caf\u00e9/in/{label:object}_?.csv"),
+                 unicodedata.normalize(form, "day?/caf\u00e9/{label:object}_?.csv"))  # fmt: skip
+        found, _ = bring(tmp_path, *lines)
+        assert [own.labels["object"] for own in found] == ["cup", "cup"]
+
+
+@pytest.mark.parametrize(("most", "count"), [(3, "at least 3 files"), (40, "10 files")])
+def test_folders_beside_never_stop_an_import(tmp_path, monkeypatch, most, count):
+    put(tmp_path, "day1/cup_1.csv", "day2/cup_1.csv", "day2/cup_2.csv",
+        *(f"images/{n:02d}.csv" for n in range(9)))  # fmt: skip
+    monkeypatch.setattr(matched_files, "MOST_LOOKED_AT", 8)
+    monkeypatch.setattr(matched_files, "MOST_BESIDE", most + 2)  # the table, the folder
+    found, notes = bring(tmp_path, "day?/{label:object}_1.csv")
+    assert len(found) == 2
+    assert f"table.csv: {count} beside those that match are in no line" in notes[-1]
+
+    with pytest.raises(BadTable, match="got none of") as caught:
+        bring(tmp_path, "day?/{label:object}_1.txt")
+    assert ("at least" in str(caught.value)) == ("at least" in count)
 
 
 def test_the_names_that_are_looked_at_have_a_bound(tmp_path, monkeypatch):
