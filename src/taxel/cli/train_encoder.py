@@ -39,6 +39,8 @@ class TrainEncoder:
     """Steps in an epoch, each on 48 pairs of images."""
     learning_rate: float = 2e-3
     """Largest step size of the optimiser."""
+    bf16: bool = False
+    """Train in 16 bits (bfloat16): faster on processors that multiply bfloat16."""
     seed: int = 0
     """Seed of everything random."""
     resume: bool = False
@@ -60,7 +62,11 @@ class TrainEncoder:
 
         begun = read_encoder(self.start) if self.start else None
         config = EncoderConfig(
-            epochs=self.epochs, steps=self.steps, learning_rate=self.learning_rate, seed=self.seed
+            epochs=self.epochs,
+            steps=self.steps,
+            learning_rate=self.learning_rate,
+            bf16=self.bf16,
+            seed=self.seed,
         )
         checkpoint = self.output.with_name(f"{self.output.name}.checkpoint")
         with progress() as bar:

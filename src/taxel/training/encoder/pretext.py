@@ -41,10 +41,15 @@ class Targets:
 
 
 class Pretext(nn.Module):
-    """The encoder and the layers behind it that are thrown away afterwards."""
+    """The encoder and the layers behind it that are thrown away afterwards.
 
-    def __init__(self) -> None:
+    Args:
+        bf16: The encoder runs in 16 bits (bfloat16), the layers behind it in 32.
+    """
+
+    def __init__(self, *, bf16: bool = False) -> None:
         super().__init__()
+        self._bf16 = bf16
         self.encoder = TouchEncoder()
         flow, grey, size = SIZES
         self.signed = nn.Linear(FEATURES, flow + grey, bias=False)
@@ -60,7 +65,9 @@ class Pretext(nn.Module):
             targets: What is to be predicted.
         """
         images = torch.cat([first, second])
-        features = self.encoder(images)
+        with torch.autocast("cpu", torch.bfloat16, enabled=self._bf16):
+            features = self.encoder(images)
+        features = features.float()
         one, two = features.chunk(2)
         apart = two - one
         signed = functional.smooth_l1_loss(
