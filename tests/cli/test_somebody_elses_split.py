@@ -31,6 +31,32 @@ def write_files(folder: Path, sessions: tuple[str, ...], seed: int) -> Path:
     return folder / "table.csv"
 
 
+def write_labels(folder: Path, levels: tuple[str, ...]) -> Path:
+    """Import a trial for each level, which may be empty, beside another label; return where to."""
+    rng = np.random.default_rng(2)
+    column = "label:level," if any(levels) else ""
+    lines = [f"file,{column}label:grip,group:session,channels,time"]
+    for n, level in enumerate(levels):
+        values = rng.normal(float(level or 5), 0.5, (80, 2))
+        np.savetxt(folder / f"{n}.csv", values, delimiter=",")
+        lines.append(f"{n}.csv,{column and f'{level},'}firm,d,1[N] 2[N],rate:100Hz")
+    (folder / "table.csv").write_text("\n".join(lines) + "\n")
+    main(["import", str(folder / "table.csv"), "--output", str(folder / "labels")])
+    return folder / "labels"
+
+
+def two_trials_each(folder: Path, parent: Path) -> Path:
+    """Return the recordings, each of whose two halves is a trial now."""
+    table = parent / "intervals.csv"
+    lines = ["recording,start_s,end_s,label:level"]
+    for path in sorted(folder.glob("*.mcap")):
+        level = path.stem.split("_")[1]
+        lines += [f"{path.stem},0.0,0.39,{level}", f"{path.stem},0.4,0.79,{level}"]
+    table.write_text("\n".join(lines) + "\n")
+    main(["label", str(folder), "--intervals", str(table), "--output", str(parent / "halves")])
+    return parent / "halves"
+
+
 @pytest.fixture(scope="module")
 def world(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Recordings of three sessions, those of another lab, a table of folds, a run and a bundle."""
@@ -177,6 +203,58 @@ def test_the_same_table_and_folder_are_audited(
     assert table["groups"]["object"] == {"cup0": 6, "cup1": 6}
 
 
+def test_a_recording_of_tested_and_other_trials_is_said_where_the_bundle_learned_from_it(
+    world: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """What it learned from is known by recording only. A table of the test side alone will do."""
+    folder = two_trials_each(world / "ours", tmp_path)
+    table = tmp_path / "tested.csv"
+    notes = {}
+    for name in ("a_2_0", "c_2_0"):
+        table.write_text(f"recording,start_s,side\n{name},0.1,test\n")
+        found = printed(capsys, "evaluate", world / "b.taxel", folder, "--folds", table)
+        assert found["trials"] == 1
+        notes[name] = [note for note in found["notes"] if "hold other trials too" in note]
+
+    assert notes["c_2_0"] == []
+    (note,) = notes["a_2_0"]
+    assert note.startswith("1 of the tested recordings hold other trials too")
+
+
+def test_runs_are_compared_on_the_trials_that_have_the_label(
+    world: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Those without are left out and counted, as everywhere."""
+    folder = write_labels(tmp_path, ("2", "10", "2", ""))
+    words = ["compare", world / "run", world / "run", "--test", folder]
+    found = printed(capsys, *words)
+    main([*map(str, words)])
+    said = capsys.readouterr().out
+
+    assert found["windows"] == 12
+    assert found["notes"] == ["1 of 4 trials lack the label 'level': left out"]
+    assert "1 of 4 trials lack the label 'level': left out" in said
+
+
+def test_recordings_without_the_label_are_named_with_what_helps(
+    world: Path, tmp_path: Path, refused: Refused
+) -> None:
+    """A bundle's target cannot be chosen, so that no other label is advised."""
+    folder = write_labels(tmp_path, ("", "", "", ""))
+    lines = [
+        refused(["evaluate", str(world / "b.taxel"), str(folder)]),
+        refused(["evaluate", str(world / "ours"), "--test", str(folder), *RECIPE]),
+        refused(["compare", str(world / "run"), str(world / "run"), "--test", str(folder)]),
+    ]
+
+    for line in lines:
+        assert (
+            f"trials with the label 'level'; got trials with the labels grip in {folder};" in line
+        )
+        assert "label the recordings: taxel label RECORDINGS --intervals TABLE" in line
+        assert "name one of those" not in line
+
+
 @pytest.mark.parametrize(
     ("words", "needed"),
     [
@@ -191,6 +269,10 @@ def test_the_same_table_and_folder_are_audited(
         (
             ["evaluate", "b.taxel", "ours", "--folds", "three.csv"],
             "got 3 folds in three.csv, each of which needs a model of its own",
+        ),
+        (
+            ["evaluate", "b.taxel", "ours", "--folds", "three.csv"],
+            "give the column side, with test in each row to score",
         ),
         (["evaluate", "b.taxel", "ours", "--folds", "wrong.csv"], "'d_2_0' in wrong.csv, line 3"),
         (["evaluate", "b.taxel", "ours", "--folds", "both.csv"], "a_2_0#0 on two sides of test"),

@@ -1,5 +1,6 @@
 """Somebody else's split: whole trials only, and each mistake in the table is one plain line."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -9,8 +10,8 @@ from make_dataset import make_dataset
 from taxel.errors import BadInput, BadSplit, BadTable
 from taxel.evaluation.fold_table import FoldTable, read_fold_table
 from taxel.evaluation.splits import Split
-from taxel.evaluation.table_split import split_by_table
-from taxel.windows.dataset import Dataset
+from taxel.evaluation.table_split import split_by_table, trials_to_score
+from taxel.windows.dataset import Dataset, only_labelled
 
 RECORDINGS = {f"s{n}" for n in range(6)} | {"too-short"}
 
@@ -129,6 +130,59 @@ def test_each_mistake_is_one_plain_line(
     assert isinstance(error.value, BadSplit | BadTable)
     assert needed in str(error.value)
     assert "\n" not in str(error.value)
+
+
+@pytest.mark.parametrize(
+    ("lines", "needed"),
+    [
+        (("recording,fold", "s0,a"), "a column side in a table for a bundle; got the fold a only"),
+        (("recording,side", "s0,train"), "rows with the side test; got train in"),
+        (("recording,fold", "s0,a", "s1,b"), "with test in each row to score"),
+        (("recording,fold,side", "s0,a,test", "s1,b,test"), "got 2 folds in folds.csv"),
+    ],
+)
+def test_a_table_for_a_bundle_needs_one_test_part_alone(
+    tmp_path: Path, lines: tuple[str, ...], needed: str
+) -> None:
+    """Rows to train on need not be there; each refusal advises what is then accepted."""
+    path = tmp_path / "folds.csv"
+    path.write_text("\n".join(lines) + "\n")
+    with pytest.raises(BadTable) as error:
+        _ = read_fold_table(path, to_score=True).one_fold
+    assert needed in str(error.value)
+
+    path.write_text("recording,side\ns0,test\n")
+    table = read_fold_table(path, to_score=True)
+    assert trials_to_score(table, make_dataset().trials, RECORDINGS) == set(range(6))
+
+
+def unlabelled(dataset: Dataset, *sessions: str) -> Dataset:
+    """Return the data set whose trials of these sessions lack the label, as training takes it."""
+    trials = tuple(replace(t, labels={}) if t.groups["session"] in sessions else t
+                   for t in dataset.trials)  # fmt: skip
+    return only_labelled(replace(dataset, trials=trials), "shape", Path("folder"))
+
+
+def test_a_side_whose_trials_lack_the_label_says_so(tmp_path: Path) -> None:
+    """By recording or by session; beside trials that gave no window, both are said."""
+    part = unlabelled(make_dataset(), "s3")
+    for lines in (SIDED, ("group:session,side", "s0,train", "s1,train", "s3,test")):
+        with pytest.raises(BadSplit) as error:
+            split(tmp_path, *lines, dataset=part)
+        assert "windows to test in test; got none" in str(error.value)
+        assert "name trials that lack the label 'shape'; label the recordings" in str(error.value)
+    with pytest.raises(BadSplit, match="lack the label 'shape' or gave no window; label the"):
+        split(tmp_path, *SIDED, "too-short,test", dataset=part)
+
+
+def test_a_session_without_the_label_is_left_out_beside_others(tmp_path: Path) -> None:
+    """A row may name it, on whatever side; one that is nowhere is refused still."""
+    part = unlabelled(make_dataset(), "s3")
+    rows = ("group:session,side", "s0,train", "s1,train", "s2,test", "s3,test")
+    (fold,) = split(tmp_path, *rows, dataset=part).folds
+    assert {part.trials[i].groups["session"] for i in fold.test} == {"s2"}
+    with pytest.raises(BadTable, match=r"s3, s4, s5\).*correct it, or leave the row out"):
+        split(tmp_path, *rows, "s9,test", dataset=part)
 
 
 def test_a_class_that_is_tested_must_be_trained(tmp_path: Path) -> None:

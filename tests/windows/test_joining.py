@@ -83,19 +83,19 @@ def test_trials_without_the_label_are_left_out_and_counted(tmp_path: Path):
     first, *others = whole.trials
     mixed = replace(whole, trials=(replace(first, labels={"grip": "2"}), *others))
 
-    kept = only_labelled(mixed, "kind")
+    kept = only_labelled(mixed, "kind", tmp_path)
     assert kept.trials == tuple(others)
     np.testing.assert_array_equal(kept.windows.values, whole.windows.values[whole.trial > 0])
     assert f"1 of {len(whole.trials)} trials lack the label 'kind': left out" in kept.notes[-1]
-    assert only_labelled(whole, "kind").trials == whole.trials
+    assert only_labelled(whole, "kind", tmp_path).trials == whole.trials
 
 
 def test_where_no_trial_has_the_label_those_that_they_have_are_named(tmp_path: Path):
     whole = load_dataset(folder_of(tmp_path, "one", 1.0), PLAIN)
-    with pytest.raises(BadDataset, match="with the labels kind;"):
-        only_labelled(whole, "shape")
+    with pytest.raises(BadDataset, match=r"with the labels kind in .*; name one of"):
+        only_labelled(whole, "shape", tmp_path)
     bare = replace(whole, trials=tuple(replace(trial, labels={}) for trial in whole.trials))
-    with pytest.raises(BadDataset, match="with the labels none;"):
-        only_labelled(bare, "shape")
+    with pytest.raises(BadDataset, match="with the labels none in "):
+        only_labelled(bare, "shape", tmp_path)
     with pytest.raises(BadDataset, match=r"one class only \(ball\)"):
         check_classes(whole.trials[:1], "kind")

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -30,7 +30,8 @@ class Compare:
     folds: Path | None = None
     """Only trials that this table of folds tests; neither run may have trained on them."""
     test: Path | None = None
-    """Other recordings to compare on; neither run may have trained on them."""
+    """Other recordings to compare on; neither run may have trained on them. Trials without the
+    label are left out."""
     json: bool = False
     """Print JSON; accuracies and differences are shares, 0 to 1."""
 
@@ -56,8 +57,8 @@ class Compare:
         first, second = (load_run(path, weights=fresh) for path in (self.first, self.second))
         target = first.contract.target
         if self.test is not None:
-            ours, theirs = (predictions_on(run, self.test) for run in (first, second))
-            return compare_predictions(ours, theirs, target, self.group)
+            (ours, notes), (theirs, _) = (predictions_on(run, self.test) for run in (first, second))
+            return replace(compare_predictions(ours, theirs, target, self.group), notes=notes)
         if self.folds is not None:
             table = read_fold_table(self.folds)
             ours, theirs = (only_tested(own, table) for own in predictions_of_both(first, second))

@@ -87,7 +87,7 @@ class EvaluateTrials:
         from taxel.evaluation.camera_trials.sides import values_of
         from taxel.live.trial_watch import predict_trials
         from taxel.views.trained_on import trained_on_line
-        from taxel.views.trial_results import unknown_line
+        from taxel.views.trial_results import score_line, trial_count, unknown_line
 
         if self.data is None:
             raise BadInput("trials to score the bundle on", "none", "name them behind the bundle")
@@ -120,7 +120,7 @@ class EvaluateTrials:
         )
         result["warning"] = seen
         where = "" if table is None else f" · test part of {table.split}"
-        line = f"{len(trials)} trials{where}; no known {target} on any of them"
+        line = f"{trial_count(len(trials))}{where}; none has a {target} that the bundle knows"
         if known:
             groups = [trials[i].groups for i in known]
             key = _resampled(groups, table)
@@ -134,15 +134,12 @@ class EvaluateTrials:
             from dataclasses import asdict
 
             result["scores"] = asdict(scores)
-            low, high = scores.accuracy_interval
             answered = float(np.mean([verdicts[i].label == truth[i] for i in known]))
             result["answered_accuracy"] = answered
             line = (
-                f"{target}{where}: accuracy {scores.accuracy:.3f} [{low:.3f}, {high:.3f}], "
-                f"commonest class {majority:.3f}, AUC "
-                f"{scores.auc:.3f}, log-loss {scores.loss:.3f} on {scores.trials} trials; "
-                f"UNKNOWN {result['unknown']} of {len(trials)}; accuracy with UNKNOWN counted as "
-                f"wrong {answered:.3f}"
+                f"{score_line(target, where, scores, majority, key)}; UNKNOWN "
+                f"{result['unknown']} of {len(trials)}; accuracy with UNKNOWN counted as wrong "
+                f"{answered:.3f}"
             )
         if self.json:
             print_json(result)
@@ -160,7 +157,7 @@ def _scored_trials(data: Path, folds: Path | None) -> tuple[list[CameraTrial], F
     from taxel.evaluation.fold_table import read_fold_table
     from taxel.windows.camera_trials import read_camera_trials
 
-    table = None if folds is None else read_fold_table(folds)
+    table = None if folds is None else read_fold_table(folds, to_score=True)
     if table is not None:
         _ = table.one_fold  # refused before videos are read
     trials = read_camera_trials(data)

@@ -34,7 +34,7 @@ from taxel.evaluation.table_split import trials_to_score
 from taxel.labels.class_order import in_order
 from taxel.labels.trials import coarsest_group, lone_group
 from taxel.recordings.reader import list_recordings
-from taxel.windows.dataset import Dataset, load_dataset, only_labelled
+from taxel.windows.dataset import LABEL_THEM, Dataset, load_dataset, only_labelled
 from taxel.windows.windower import Windows
 
 _BATCH = 256
@@ -110,14 +110,14 @@ def score_bundle(
     contract = bundle.contract
     table = None
     if folds is not None:
-        table = read_fold_table(folds)
+        table = read_fold_table(folds, to_score=True)
         _ = table.one_fold  # refused before recordings are read
     window = replace(contract.window, reference=None)
     dataset = load_dataset(folder, window, unusable=True)
     contract.check_sensor(dataset.sensor)
     if table is not None:
         dataset = _test_part(dataset, table, folder, contract.learned)
-    dataset = only_labelled(dataset, contract.target)
+    dataset = only_labelled(dataset, contract.target, folder, f"{LABEL_THEM}; or score others")
     decisions = _decisions(bundle, dataset.windows, config or RecogniseConfig())
     return _scores(bundle, dataset, decisions, None if table is None else table.split)
 

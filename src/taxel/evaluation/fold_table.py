@@ -40,6 +40,7 @@ SIDES: dict[str, Side] = {
 COLUMNS = ("recording", "fold", "side", "start_s", "end_s", "view", "label_s")
 """Beside group:KEY, which takes the place of recording."""
 GROUP = "group:"
+_TO_SCORE = "give the column side, with test in each row to score, and one fold at most"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -83,7 +84,8 @@ class FoldTable:
     """The file's name, printed beside every accuracy."""
     rows: tuple[FoldRow, ...]
     folds: tuple[RowFold, ...]
-    """At least one; each with something to train on and to test."""
+    """At least one; each with something to test and, unless it was read to score a bundle, to
+    train on."""
 
     @property
     def split(self) -> str:
@@ -102,8 +104,7 @@ class FoldTable:
             raise BadTable(
                 "a table with one test part for a bundle",
                 f"{len(self.folds)} folds in {self.name}, each of which needs a model of its own",
-                "keep the rows of one fold, or leave the bundle out: each fold then trains its own "
-                "model",
+                f"{_TO_SCORE}; or leave the bundle out: each fold then trains its own model",
             )
         return self.folds[0]
 
@@ -112,19 +113,23 @@ class FoldTable:
         return f"{self.name}, line {row.line}"
 
 
-def read_fold_table(path: Path) -> FoldTable:
+def read_fold_table(path: Path, *, to_score: bool = False) -> FoldTable:
     """Read a table of folds.
+
+    Args:
+        path: The table.
+        to_score: For a bundle, which is trained already: rows to train on need not be there.
 
     Raises:
         BadTable: It cannot be read, a column or value is none that it may hold, or a fold has
-            nothing to train on or to test; says where.
+            nothing to test or, unless it is read to score, to train on; says where.
     """
     header, lines = _lines(path)
     key = _key(path, header)
     rows = tuple(_row(path.name, number, line, key) for number, line in lines)
     if not rows:
         raise BadTable("at least one row", f"none in {path}", "add one for each recording")
-    return FoldTable(name=path.name, rows=rows, folds=_folds(path, rows))
+    return FoldTable(name=path.name, rows=rows, folds=_folds(path, rows, to_score))
 
 
 def _lines(path: Path) -> tuple[list[str], list[tuple[int, dict[str, str]]]]:
@@ -193,10 +198,13 @@ def _seconds(line: dict[str, str], key: str, where: str) -> float:
                        "correct it") from error  # fmt: skip
 
 
-def _folds(path: Path, rows: tuple[FoldRow, ...]) -> tuple[RowFold, ...]:
+def _folds(path: Path, rows: tuple[FoldRow, ...], to_score: bool) -> tuple[RowFold, ...]:
     names = list(dict.fromkeys(row.fold for row in rows))
     if rows[0].side is not None:
-        return tuple(_sided(path, rows, name) for name in names)
+        return tuple(_sided(path, rows, name, to_score) for name in names)
+    if len(names) < 2 and to_score:
+        raise BadTable("a column side in a table for a bundle", f"the fold {names[0]} only in "
+                       f"{path}", _TO_SCORE)  # fmt: skip
     if len(names) < 2:
         raise BadTable("at least two folds, or a column side", f"{', '.join(names)} in {path}",
                        "mend the column fold")  # fmt: skip
@@ -210,18 +218,20 @@ def _folds(path: Path, rows: tuple[FoldRow, ...]) -> tuple[RowFold, ...]:
     )  # fmt: skip
 
 
-def _sided(path: Path, rows: tuple[FoldRow, ...], name: str) -> RowFold:
+def _sided(path: Path, rows: tuple[FoldRow, ...], name: str, to_score: bool) -> RowFold:
     own: dict[str, list[int]] = {side: [] for side in SIDES.values()}
     for index, row in enumerate(rows):
         if row.fold == name and row.side is not None:
             own[row.side].append(index)
     of = f" of fold {name!r}" if name else ""
-    for side in ("train", "test"):
+    needed = ("test",) if to_score else ("train", "test")
+    for side in needed:
         if not own[side]:
             kinds = ", ".join(kind for kind, found in own.items() if found) or "none"
             raise BadTable(
-                f"rows with the sides train and test{of}", f"{kinds} in {path}: nothing to {side}"
-                f"{' on' if side == 'train' else ''}", "mend the column side",
+                f"rows with the side{'s' * (len(needed) - 1)} {' and '.join(needed)}{of}",
+                f"{kinds} in {path}: nothing to {side}{' on' if side == 'train' else ''}",
+                "mend the column side",
             )  # fmt: skip
     return RowFold(
         name=f"fold {name}" if name else "test", train=tuple(own["train"]),

@@ -18,20 +18,20 @@ from taxel.evaluation.table_split import trials_of_row
 from taxel.training.fitting import Fitted
 from taxel.training.predictions import Predictions
 from taxel.training.run import Run
-from taxel.windows.dataset import load_dataset, with_joined_label
+from taxel.windows.dataset import LABEL_THEM, load_dataset, only_labelled
 
 
-def predictions_on(run: Run, folder: Path) -> Predictions:
-    """Return what a run says of each window of a folder.
+def predictions_on(run: Run, folder: Path) -> tuple[Predictions, tuple[str, ...]]:
+    """Return what a run says of each labelled window of a folder, and notes of what was left out.
 
     Args:
         run: A run with weights, trained on values as measured.
-        folder: Recordings with its label.
+        folder: Recordings with its label; trials without it are left out.
 
     Raises:
         BadInput: The run has no weights.
         BadBundle: The recordings are of another array.
-        BadDataset: A trial lacks the label or is of a class that was never learned, or the run
+        BadDataset: No trial has the label, one is of a class that was never learned, or the run
             learned from one of the recordings.
     """
     contract = run.contract
@@ -40,33 +40,35 @@ def predictions_on(run: Run, folder: Path) -> Predictions:
                        "write it with: taxel train")  # fmt: skip
     dataset = load_dataset(folder, replace(contract.window, reference=None))
     contract.check_sensor(dataset.sensor)
+    dataset = only_labelled(dataset, contract.target, folder, f"{LABEL_THEM}; or test on others")
     for name, own in dataset.fingerprints.items():
         if fingerprint_of(own) in contract.learned:
             raise BadDataset("recordings that neither run was trained on", f"{name} in {folder}",
                              "take it out of the folder")  # fmt: skip
-    trials = tuple(with_joined_label(trial, contract.target) for trial in dataset.trials)
-    labels = [trial.labels.get(contract.target) for trial in trials]
-    for trial, label in zip(trials, labels, strict=True):
+    labels = [trial.labels[contract.target] for trial in dataset.trials]
+    for trial, label in zip(dataset.trials, labels, strict=True):
         if label not in contract.classes:
             raise BadDataset(
                 f"the label {contract.target!r} among {', '.join(contract.classes)} on every trial",
-                f"{label!r} on {trial.groups['trial']}", "label it, or take it out",
+                f"{label!r} on {trial.groups['trial']} in {folder}",
+                "correct the label if it is mistyped, or take the trial out",
             )  # fmt: skip
-    number = np.array([contract.classes.index(str(label)) for label in labels], np.intp)
+    number = np.array([contract.classes.index(label) for label in labels], np.intp)
     windows = dataset.windows
     fitted = Fitted(run.networks, contract.scaling, [])
-    return Predictions(
+    found = Predictions(
         split=f"trained elsewhere, tested on {folder.name or folder}",
         classes=contract.classes,
-        trials=trials,
+        trials=dataset.trials,
         folds=("test",),
-        trained=np.zeros((1, len(trials)), np.intp),
+        trained=np.zeros((1, len(dataset.trials)), np.intp),
         trial=dataset.trial,
         start_s=windows.start_s,
         fold=np.zeros(len(dataset), np.intp),
         y=number[dataset.trial],
         probabilities=fitted.probabilities(windows.values, windows.mask),
     )
+    return found, dataset.notes
 
 
 def only_tested(found: Predictions, table: FoldTable) -> Predictions:

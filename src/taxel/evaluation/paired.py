@@ -74,6 +74,8 @@ class Paired:
     smallest_p: float
     """The least that `p_groups` could be with so many groups."""
     groups: tuple[GroupPair, ...]
+    notes: tuple[str, ...] = ()
+    """What was left out of the windows, and why."""
 
     @property
     def verdict(self) -> str:

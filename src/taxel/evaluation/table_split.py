@@ -14,16 +14,18 @@ from pathlib import Path
 import numpy as np
 
 from taxel.errors import BadSplit, BadTable
-from taxel.evaluation.fold_table import FoldRow, FoldTable, read_fold_table
+from taxel.evaluation.fold_table import FoldRow, FoldTable, RowFold, read_fold_table
 from taxel.evaluation.shared_values import objects_on_both
 from taxel.evaluation.splits import Split, TrialFold
 from taxel.labels.trials import Trial
 from taxel.recordings.reader import list_recordings
-from taxel.windows.dataset import Dataset
+from taxel.windows.dataset import LABEL_THEM, Dataset
 from taxel.windows.joining import join_datasets
 
 _SLACK_S = 1e-3
 """A row may start this much before its trial, seconds: tables round. Source: our choice."""
+_NO_WINDOW = "gave no window", "choose shorter windows, or other trials"
+"""Why a row moves no trial, and what helps."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -114,13 +116,15 @@ def split_by_table(
         BadSplit: A trial stands on both sides of a fold or is tested twice, or there is nothing
             to train on or to test.
     """
-    owners = [trials_of_row(row, table, dataset.trials, recordings) for row in table.rows]
+    owners = [trials_of_row(row, table, dataset.trials, recordings, dataset.unlabelled)
+              for row in table.rows]  # fmt: skip
+    lacking = {i for i, row in enumerate(table.rows) if _moved(row, dataset.unlabelled)}
     folds = []
     for fold in table.folds:
         sides = [_all(owners[i] for i in rows) for rows in (fold.train, fold.validation, fold.test)]
         _refuse_both(table, dataset.trials, fold.name, sides)
         folds.append(TrialFold(fold.name, sides[0], sides[2], sides[1]))
-        _refuse_empty(table, folds[-1])
+        _refuse_empty(table, fold, folds[-1], lacking, target)
         check_classes(dataset, target, folds[-1])
     _refuse_twice(table, dataset, folds)
     return Split(table.split, tuple(folds), None)
@@ -148,7 +152,7 @@ def trials_to_score(
                          for rows in (fold.train, fold.validation))  # fmt: skip
     _refuse_both(table, trials, fold.name, [train, validation, test])
     if not test:
-        raise _nothing_to("test", table, fold.name)
+        raise _nothing_to("test", table, fold.name, _NO_WINDOW)
     return test
 
 
@@ -179,21 +183,32 @@ def _test_folder(dataset: Dataset, target: str, folder: Path) -> tuple[Dataset, 
 
 
 def trials_of_row(
-    row: FoldRow, table: FoldTable, trials: Sequence[Trial], recordings: Collection[str]
+    row: FoldRow,
+    table: FoldTable,
+    trials: Sequence[Trial],
+    recordings: Collection[str],
+    unlabelled: Sequence[Trial] = (),
 ) -> frozenset[int]:
-    """Return the trials that a row moves, as indices; none where they gave no window.
+    """Return the trials that a row moves, as indices; none where they gave no window or no label.
+
+    Args:
+        row: One of the table's.
+        table: It.
+        trials: Those that it may move.
+        recordings: Names of all recordings that are there.
+        unlabelled: Trials that are there and were left out, as they lack the label.
 
     Raises:
         BadTable: It names no recording or group that is there.
     """
-    of_group = any(trial.groups.get(row.key) == row.value for trial in trials)
+    there = (*trials, *unlabelled)
+    of_group = any(trial.groups.get(row.key) == row.value for trial in there)
     if not of_group and row.key != "recording":
-        known = sorted({trial.groups[row.key] for trial in trials
-                        if row.key in trial.groups})  # fmt: skip
+        known = sorted({trial.groups[row.key] for trial in there if row.key in trial.groups})
         raise BadTable(
             f"a value of the group {row.key!r} in the recordings "
             f"({', '.join(known) if known else 'which have no such group'})",
-            f"{row.value!r} in {table.where(row)}", "correct it",
+            f"{row.value!r} in {table.where(row)}", "correct it, or leave the row out",
         )  # fmt: skip
     if not of_group and row.value not in recordings:
         raise BadTable("a recording of the folder", f"{row.value!r} in {table.where(row)}",
@@ -229,16 +244,30 @@ def _refuse_both(
         )  # fmt: skip
 
 
-def _refuse_empty(table: FoldTable, fold: TrialFold) -> None:
-    for what, side in (("train on", fold.train), ("test", fold.test)):
-        if not side:
-            raise _nothing_to(what, table, fold.name)
+def _refuse_empty(
+    table: FoldTable, rows: RowFold, fold: TrialFold, lacking: Collection[int], target: str
+) -> None:
+    """Refuse a side without a trial; `lacking` are the rows whose trials lack the label."""
+    for what, side, own in (("train on", fold.train, rows.train), ("test", fold.test, rows.test)):
+        if side:
+            continue
+        without = [row in lacking for row in own]
+        label = f"lack the label {target!r}"
+        if all(without):
+            why = label, f"{LABEL_THEM}; or choose other trials"
+        elif any(without):
+            why = f"{label} or gave no window", f"{LABEL_THEM}; or choose shorter windows"
+        else:
+            why = _NO_WINDOW
+        raise _nothing_to(what, table, fold.name, why)
 
 
-def _nothing_to(what: str, table: FoldTable, fold: str) -> BadSplit:
+def _nothing_to(what: str, table: FoldTable, fold: str, why: tuple[str, str]) -> BadSplit:
+    """Return the refusal of a side without a trial: what its trials are like, what helps."""
+    like, mend = why
     return BadSplit(
-        f"windows to {what} in {fold}", f"none: the rows of {table.name} name trials that gave no "
-        "window", "choose shorter windows, or other trials",
+        f"windows to {what} in {fold}", f"none: the rows of {table.name} name trials that {like}",
+        mend,
     )  # fmt: skip
 
 

@@ -60,6 +60,7 @@ def compare_table(found: Paired, first: str, second: str) -> RenderableType:
         ),
         Text(),
         Text(visible_line(found.verdict), style="bold"),
+        *(Text(visible_line(note)) for note in found.notes),
     )
 
 

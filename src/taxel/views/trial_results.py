@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import asdict
+from math import isnan
 from typing import Any
 
 import numpy as np
@@ -25,6 +26,7 @@ from taxel.evaluation.camera_trials.crossval import (
 from taxel.evaluation.camera_trials.sides import TrialSplit, shared_values
 from taxel.evaluation.paired import LEVEL, smallest_p
 from taxel.plain_text import visible, visible_line, visible_names
+from taxel.views.results import bracketed
 from taxel.windows.trial_crops import PLACES
 
 _REASONS = 3
@@ -100,6 +102,32 @@ def unknown_line(verdicts: Sequence[Verdict]) -> str:
     )
 
 
+def score_line(
+    target: str, where: str, scores: CameraTrialScores, majority: float, key: str | None
+) -> str:
+    """Return a bundle's score on camera trials, as a sentence's first part.
+
+    Args:
+        target: What it predicts.
+        where: Behind it, such as " · test part of folds.csv"; may be empty.
+        scores: Of the trials whose class it learned.
+        majority: Share of their commonest class, 0…1.
+        key: The group that was resampled; None where each trial stands alone.
+    """
+    accuracy = bracketed(f"{scores.accuracy:.3f}", scores.accuracy_interval, ".3f",
+                         f"one {key or 'trial'}")  # fmt: skip
+    auc = "no AUC (a class has no trial)" if isnan(scores.auc) else f"AUC {scores.auc:.3f}"
+    return (
+        f"{target}{where}: accuracy {accuracy}, commonest class {majority:.3f}, {auc}, "
+        f"log-loss {scores.loss:.3f} on {trial_count(scores.trials)}"
+    )
+
+
+def trial_count(trials: int) -> str:
+    """Return how many trials there are, in words such as "1 trial"."""
+    return f"{trials} trial{'s' * (trials != 1)}"
+
+
 def best_control(results: Sequence[TrialResult]) -> TrialResult | None:
     """Return the control that reaches as many right as ours or more; none where ours is ahead."""
     controls = [result for result in results[1:] if result.leaks]
@@ -140,25 +168,24 @@ def _table(title: str, rows: Sequence[tuple[str, CameraTrialScores]]) -> Table:
 
 
 def _cells(scores: CameraTrialScores) -> list[str]:
-    low, high = (100 * end for end in scores.accuracy_interval)
-    least, most = scores.auc_interval
+    low, high = scores.accuracy_interval
     return [
-        f"{100 * scores.accuracy:.1f} [{low:.1f}, {high:.1f}]",
+        bracketed(f"{100 * scores.accuracy:.1f}", (100 * low, 100 * high), ".1f"),
         f"{100 * scores.balanced:.1f}",
-        f"{scores.auc:.3f} [{least:.3f}, {most:.3f}]",
+        "–" if isnan(scores.auc) else bracketed(f"{scores.auc:.3f}", scores.auc_interval, ".3f"),
         f"{scores.loss:.3f}",
         f"{scores.calibration_error:.3f}",
     ]
 
 
 def _said(found: Difference, group: str) -> str:
-    low, high = (100 * end for end in found.accuracy_interval)
-    least, most = found.auc_interval
-    less, more = found.loss_interval
+    low, high = found.accuracy_interval
+    accuracy = bracketed(f"{100 * found.accuracy:+.1f} points", (100 * low, 100 * high), "+.1f")
+    auc = bracketed(f"{found.auc:+.3f}", found.auc_interval, "+.3f")
+    loss = bracketed(f"{found.loss:+.3f}", found.loss_interval, "+.3f")
     return (
-        f"taxel less {found.other}: accuracy {100 * found.accuracy:+.1f} points "
-        f"[{low:+.1f}, {high:+.1f}], AUC {found.auc:+.3f} [{least:+.3f}, {most:+.3f}], log-loss "
-        f"{found.loss:+.3f} [{less:+.3f}, {more:+.3f}], on the same trials."
+        f"taxel less {found.other}: accuracy {accuracy}, AUC {'–' if isnan(found.auc) else auc}, "
+        f"log-loss {loss}, on the same trials."
     )
 
 

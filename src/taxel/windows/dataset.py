@@ -31,6 +31,8 @@ from taxel.windows.config import WindowConfig
 from taxel.windows.reference import Reference, parse_reference, session_levels, to_usual
 from taxel.windows.windower import Windows, cut_windows
 
+LABEL_THEM = "label the recordings: taxel label RECORDINGS --intervals TABLE --output FOLDER"
+"""What helps where trials lack the label, for messages."""
 _TIME_SLACK_S = 1e-6
 """A window this little outside its trial still belongs to it, seconds: hides float rounding."""
 
@@ -63,6 +65,8 @@ class Dataset:
     fingerprints: Mapping[str, str] = field(default_factory=dict)
     """Recording's file name → SHA-256 over its values, hexadecimal: the same touch is known
     again under another name."""
+    unlabelled: tuple[Trial, ...] = ()
+    """Trials that gave windows and were left out, as they lack the label that is predicted."""
 
     def __len__(self) -> int:
         return len(self.windows)
@@ -176,7 +180,7 @@ def load_dataset(
     )
     if target is None:
         return made
-    made = only_labelled(made, target)
+    made = only_labelled(made, target, path)
     check_classes(made.trials, target)
     return replace(made, notes=(*made.notes, *rare_note(made.trials, target)))
 
@@ -342,12 +346,16 @@ def with_joined_label(trial: Trial, target: str) -> Trial:
     return replace(trial, labels={**trial.labels, target: joined})
 
 
-def only_labelled(dataset: Dataset, target: str) -> Dataset:
+def only_labelled(
+    dataset: Dataset, target: str, folder: Path, mend: str = f"name one of those, or {LABEL_THEM}"
+) -> Dataset:
     """Return the trials that have the target's label, with a note of how many were left out.
 
     Args:
         dataset: Any.
         target: The label; "a+b" where both are to be predicted together.
+        folder: Where the trials are from, for the message.
+        mend: What helps where none has the label; unless given, another target may be named.
 
     Raises:
         BadDataset: No trial has it.
@@ -358,11 +366,10 @@ def only_labelled(dataset: Dataset, target: str) -> Dataset:
     if not kept:
         known = ", ".join(sorted({name for trial in trials for name in trial.labels})) or "none"
         raise BadDataset(
-            f"trials with the label {target!r}", f"trials with the labels {known}",
-            "name one of those, or label the recordings: "
-            "taxel label RECORDINGS --intervals TABLE --output FOLDER",
-        )  # fmt: skip
+            f"trials with the label {target!r}", f"trials with the labels {known} in {folder}", mend
+        )
     if len(kept) == len(trials):
         return whole
     note = f"{len(trials) - len(kept)} of {len(trials)} trials lack the label {target!r}: left out"
-    return replace(whole, notes=(*dataset.notes, note)).only_trials(kept)
+    left = tuple(trial for trial in trials if target not in trial.labels)
+    return replace(whole, notes=(*dataset.notes, note), unlabelled=left).only_trials(kept)

@@ -12,7 +12,7 @@ import numpy as np
 
 from taxel.errors import BadDataset
 from taxel.labels.trials import Trial
-from taxel.windows.dataset import Dataset, load_dataset, only_labelled
+from taxel.windows.dataset import LABEL_THEM, Dataset, load_dataset, only_labelled
 from taxel.windows.reference import to_usual
 from taxel.windows.windower import Windows
 
@@ -33,7 +33,9 @@ def join_datasets(first: Dataset, folder: Path, target: str) -> Dataset:
         BadDataset: A recording is in both, the sensors differ, no trial of the folder has the
             label, or there is no window.
     """
-    second = only_labelled(load_dataset(folder, first.config), target)
+    second = only_labelled(
+        load_dataset(folder, first.config), target, folder, f"{LABEL_THEM}; or test on others"
+    )
     _check_alike(first, second, folder)
     levels = None
     if first.reference is not None and second.reference is not None:

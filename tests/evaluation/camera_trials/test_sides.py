@@ -84,3 +84,7 @@ def test_only_the_test_part_is_scored_though_the_training_part_is_elsewhere(tmp_
 
     found = trials_to_score([f"t{i}" for i in range(16)], GROUPS, read_fold_table(table))
     assert found == [4, 5, 6, 7, 12, 13, 14, 15]
+
+    table.write_text("group:object,side\no3,test\n")
+    alone = read_fold_table(table, to_score=True)
+    assert trials_to_score([f"t{i}" for i in range(16)], GROUPS, alone) == [12, 13, 14, 15]
