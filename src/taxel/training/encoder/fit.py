@@ -13,7 +13,6 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
-import cv2
 import numpy as np
 import torch
 from numpy.typing import NDArray
@@ -29,15 +28,9 @@ from taxel.training.encoder.videos import TouchVideo, data_digest
 from taxel.training.fine_tuning import EpochLoss, KeptEpochs
 
 Image = NDArray[np.uint8]
-GAIN, LEVEL, JITTER = 0.25, 12.0, 0.02
-"""Spread of a pair's gain by colour, its level (grey levels), and each image's own gain.
+GAIN, LEVEL, JITTER, GRAIN = 0.15, 12.0, 0.02, 2.0
+"""Spread of a pair's gain by colour, its level (grey levels), each image's own gain and grain.
 Source: our choice: sensors differ in light, and one sensor's light drifts."""
-GRAIN, BLUR_PX = 5.0, 1.0
-"""Largest grain (grey levels) of an image, and blur (deviation, pixels) of a pair. Source: our
-choice, 0058."""
-LEAST_VIEW = 0.75
-"""Least share of an image's height and width that a pair shows. Source: our choice, 0058: gels
-differ in size and in their dots."""
 _DECAY = 1e-4
 _WARM = 0.05
 """Share of the steps in which the step size rises. Source: our choice."""
@@ -55,7 +48,7 @@ class EncoderConfig:
     learning_rate: float = 2e-3
     """AdamW's largest step size; it falls to 0 as a cosine."""
     bf16: bool = False
-    """Train in 16 bits: 1.7 times as fast on processors that multiply bfloat16."""
+    """Train in 16 bits: 1.7 times as fast on a processor that multiplies bfloat16."""
     seed: int = 0
 
 
@@ -161,27 +154,11 @@ def _draw(
         video = own[random.integers(len(own))]
         stretch = random.integers(len(video.images))
         one, two = random.choice(video.images.shape[1], 2, replace=False)
-        pair = _lit(_viewed(video.images[stretch, [one, two]], random), random)
+        pair = _lit(video.images[stretch, [one, two]], random)
         first.append(pair[0])
         second.append(pair[1])
         slip.append(slip_size(video.slip_um[stretch, one], video.slip_um[stretch, two]))
     return np.stack(first), np.stack(second), np.array(slip, np.float32)
-
-
-def _viewed(pair: Image, random: np.random.Generator) -> Image:
-    """Return the same part of both images at their size, blurred alike, at random."""
-    height, width = pair.shape[1:3]
-    share = random.uniform(LEAST_VIEW, 1.0)
-    own = round(share * height), round(share * width)
-    top, left = (
-        random.integers(0, n - part + 1) for n, part in zip((height, width), own, strict=True)
-    )
-    blur = random.uniform(0.0, BLUR_PX)
-    seen = []
-    for image in pair[:, top : top + own[0], left : left + own[1]]:
-        larger = cv2.resize(image, (width, height), interpolation=cv2.INTER_LINEAR)
-        seen.append(cv2.GaussianBlur(larger, (5, 5), max(blur, 0.1)))
-    return np.stack(seen).astype(np.uint8)
 
 
 def _lit(pair: Image, random: np.random.Generator) -> Image:
@@ -201,6 +178,5 @@ def _seen(images: Image, random: np.random.Generator) -> Tensor:
     pixels = torch.from_numpy(images).permute(0, 3, 1, 2).float()
     gain = torch.from_numpy(np.exp(JITTER * random.normal(size=(len(images), 1, 1, 1))))
     grain = torch.from_numpy(random.standard_normal(pixels.shape, np.float32))
-    much = torch.from_numpy(random.uniform(0.0, GRAIN, (len(images), 1, 1, 1))).float()
-    seen = pixels * gain.float() + much * grain
+    seen = pixels * gain.float() + GRAIN * grain
     return seen.contiguous(memory_format=torch.channels_last)
