@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taxel.decisions.joining import MEAN, Joining
+from taxel.decisions.still_channels import Motion, motion_from_json, motion_to_json
 from taxel.decisions.unknown import Unknown, unknown_from_json, unknown_to_json
 from taxel.errors import BadBundle, BadFile, BadInput
 from taxel.foreign.json_text import Fields, parse_json
@@ -71,6 +72,9 @@ class Contract:
 
     joining: Joining = MEAN
     """How sure the windows of a contact are together; bundles of before take the mean."""
+    motion: Motion | None = None
+    """How much each channel changed within training windows, so that one that has stopped is
+    reported; None where that is not known, as in bundles of before: none is reported."""
 
     def check_sensor(self, sensor: SensorInfo) -> None:
         """Refuse a sensor that this bundle was not made for.
@@ -154,16 +158,18 @@ def at_level(contract: Contract, level: NDArray[np.float32]) -> Contract:
             "train it with --recipe teng-referenced, or with --window reference=…",
         )  # fmt: skip
     level = np.where(level > 0, level, contract.reference.level).astype(np.float32)
+    motion = contract.motion
     return replace(
         contract,
         scaling=contract.scaling.at_level(contract.reference.level, level),
         reference=replace(contract.reference, level=level),
+        motion=None if motion is None else motion.at_level(contract.reference.level, level),
     )
 
 
 def contract_to_json(contract: Contract) -> str:
     """Return the contract as JSON text."""
-    data = asdict(replace(contract, unknown=None))
+    data = asdict(replace(contract, unknown=None, motion=None))
     data["format"] = FORMAT
     data["scaling"] = {
         "kind": contract.scaling.kind,
@@ -174,6 +180,8 @@ def contract_to_json(contract: Contract) -> str:
         data["reference"]["level"] = [float(value) for value in contract.reference.level]
     if contract.unknown is not None:
         data["unknown"] = unknown_to_json(contract.unknown)
+    if contract.motion is not None:
+        data["motion"] = motion_to_json(contract.motion)
     return json.dumps(data, indent=1, sort_keys=True)
 
 
@@ -223,6 +231,7 @@ def _contract(data: Any) -> Contract:
         unknown=_unknown(given.any("unknown"), n) if "unknown" in given else None,
         learned=given.texts("learned") if given.any("learned") != () else (),
         joining=_joining(given.any("joining")),
+        motion=motion_from_json(given.fields("motion"), n) if "motion" in given else None,
     )
 
 

@@ -15,7 +15,7 @@ from taxel.cli.live_station import StationOptions, answers_lines
 from taxel.cli.option_rules import Only
 from taxel.cli.page_address import LOCAL_ADDRESS, PageAddress, parse_address
 from taxel.cli.pairs import Pairs, parse_pairs
-from taxel.cli.printing import console, print_json, say
+from taxel.cli.printing import console, print_json, say, say_aside
 from taxel.errors import BadInput
 
 if TYPE_CHECKING:
@@ -24,7 +24,8 @@ if TYPE_CHECKING:
     from taxel.bundles.signing import Trust
     from taxel.calibration.live import LiveNewtons
     from taxel.live.recogniser import Recogniser
-    from taxel.live.session import Tally
+    from taxel.live.session import Show, Tally
+    from taxel.signals import Samples
     from taxel.sources.contract import Source
 
 
@@ -180,10 +181,12 @@ class Live:
         bundles = [read_bundle(file, trust=trust, device=device) for file in files]
         config = RecogniseConfig(least_confidence=self._least())
         shown: list[Tally] = []
+        aside = _Aside()
         for address in recordings_of(self.source):
             with open_source(address) as source:
                 recognisers = [Recogniser(bundle, source.info, config) for bundle in bundles]
-                own = self._session(source, recognisers, rules)
+                own = self._session(source, recognisers, rules, aside)
+            aside.say(own)
             for tally, more in zip(shown, own, strict=bool(shown)):
                 tally.take_in(more)
             shown = shown or own
@@ -216,6 +219,8 @@ class Live:
                 say(f"  {result['filled']} windows had short gaps filled in")
             for move in result["gate_moves"]:
                 say(f"  {move['time_s']:.1f} s: {GateMove(**move).words()}")
+            for still in result["still_channels"]:
+                say(f"  warning: {still['time_s']:.1f} s: {still['text']}", style="yellow")
             if result["windows"]:
                 say(
                     f"  latency from window to decision: median {result['latency_us_median']:.0f} "
@@ -223,18 +228,18 @@ class Live:
                 )
 
     def _session(
-        self, source: Source, recognisers: list[Recogniser], rules: RuleTable
+        self, source: Source, recognisers: list[Recogniser], rules: RuleTable, aside: _Aside
     ) -> list[Tally]:
         """Run one source to its end, on the screen where there is one."""
         from taxel.live.session import run_session
 
         newtons = self._newtons(source)
         if self.json or not console.is_terminal:
-            return run_session(source, recognisers, self.seconds, rules=rules)
+            return run_session(source, recognisers, self.seconds, aside.after(None), rules)
         from taxel.views.live import LiveView
 
         with LiveView(console, source.info, recognisers, newtons) as view:
-            return run_session(source, recognisers, self.seconds, view.show, rules=rules)
+            return run_session(source, recognisers, self.seconds, aside.after(view.show), rules)
 
     def _seen(self, bundle: Bundle) -> str | None:
         """Return what must be said of an accuracy on what the bundle was trained on."""
@@ -292,6 +297,31 @@ class Live:
             calibration=self.calibration,
             json=self.json,
         )
+
+
+class _Aside:
+    """Says on the error stream, once and at once, which channels have stopped changing."""
+
+    def __init__(self) -> None:
+        self._said: set[tuple[int, str]] = set()
+
+    def after(self, show: Show | None) -> Show:
+        """Return what draws the screen, if there is one, and then says what is new."""
+
+        def both(samples: Samples, tallies: list[Tally]) -> None:
+            if show is not None:
+                show(samples, tallies)
+            self.say(tallies)
+
+        return both
+
+    def say(self, tallies: Sequence[Tally]) -> None:
+        """Say what is new in the tallies, one for each bundle."""
+        for number, tally in enumerate(tallies):
+            for still in tally.still_channels:
+                if (number, still.channel) not in self._said:
+                    self._said.add((number, still.channel))
+                    say_aside(f"{tally.target}: {still.words()}")
 
 
 def _known_classes(bundles: Sequence[Path], trust: Trust | None) -> dict[str, tuple[str, ...]]:

@@ -16,7 +16,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from taxel.bundles.contract import fingerprint_of
+from taxel.bundles.contract import Contract, fingerprint_of
 from taxel.bundles.reader import Bundle
 from taxel.decisions.recognition import (
     UNKNOWN,
@@ -26,6 +26,7 @@ from taxel.decisions.recognition import (
     RecogniseConfig,
     decide,
 )
+from taxel.decisions.still_channels import CHANCE_ONCE, changed_words, looked_at, ranges_of
 from taxel.evaluation.fold_table import FoldTable, read_fold_table
 from taxel.evaluation.metrics import accuracy_interval, cross_entropy
 from taxel.evaluation.part_scores import Parts, score_parts
@@ -204,8 +205,23 @@ def _scores(
         confusion=_confusion(truth[trial], answers),
         learned_from=tuple(sorted(seen[own] for own in contract.learned if own in seen)),
         learned_is_known=bool(contract.learned),
-        notes=dataset.notes,
+        notes=(*dataset.notes, *_still_notes(contract, dataset)),
     )  # fmt: skip
+
+
+def _still_notes(contract: Contract, dataset: Dataset) -> list[str]:
+    """Return a note of each channel that never changes here, though it did in training."""
+    motion, windows = contract.motion, dataset.windows
+    if motion is None:
+        return []
+    ranges = ranges_of(windows.values, windows.mask)
+    count = motion.moving(ranges[looked_at(windows, dataset.trial)]).sum()
+    never = motion.unchanged(ranges).all(axis=0) & (motion.needed(CHANCE_ONCE) <= count)
+    return [
+        f"channel {contract.channels[index]} never changes in these recordings; "
+        f"{changed_words(1.0 - float(motion.still[index]))}"
+        for index in np.flatnonzero(never)
+    ]
 
 
 def _votes(bundle: Bundle, dataset: Dataset, decisions: list[Decision]) -> NDArray[np.str_]:

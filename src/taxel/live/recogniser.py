@@ -11,6 +11,7 @@ from time import perf_counter
 
 from taxel.bundles.reader import Bundle
 from taxel.decisions.recognition import Decision, Quality, RecogniseConfig, decide
+from taxel.decisions.still_channels import StillChannel, StillWatch
 from taxel.signals import Samples, SensorInfo
 from taxel.windows.following import GateMove
 from taxel.windows.windower import Windower, Windows
@@ -55,6 +56,8 @@ class Recogniser:
         self._config = config or RecogniseConfig()
         window = bundle.contract.window
         self._windower = Windower(window, sensor)
+        motion = bundle.contract.motion
+        self._still = None if motion is None else StillWatch(motion, bundle.contract.channels)
         self._near = len(sensor.only(window.channels).channels) if window.layout == "A" else 1
         rate_hz = window.grid_hz or sensor.rate_hz  # 0 of a recording of a single scan
         self._row_s = 1.0 / rate_hz if rate_hz > 0 else _SINGLE_S
@@ -77,7 +80,7 @@ class Recogniser:
     def push(self, samples: Samples) -> list[Answer]:
         """Return the answers that these scans complete, oldest first."""
         started = perf_counter()
-        answers = self._answers(self._windower.push(samples), started)
+        answers = self._watched(self._windower.push(samples), started)
         missing = self._windower.missing
         self._last = samples[-1:] if len(samples) else self._last
         if missing != self._missing:
@@ -88,10 +91,24 @@ class Recogniser:
         """Return how the contact gate was moved since the last call, oldest first."""
         return self._windower.gate_moves()
 
+    def still_channels(self) -> list[StillChannel]:
+        """Return the channels found since the last call that have stopped changing, once each;
+        none where the bundle does not say how they changed in training.
+        """
+        return [] if self._still is None else self._still.take()
+
     def flush(self) -> list[Answer]:
         """End the stream; return the answer of its last, padded window if there is one."""
         started = perf_counter()
-        return self._answers(self._windower.flush(), started)
+        return self._watched(self._windower.flush(), started)
+
+    def _watched(self, windows: Windows, started: float) -> list[Answer]:
+        """Return the answers of windows that really came, and look for channels that stopped."""
+        answers = self._answers(windows, started)
+        if self._still is not None:
+            for answer in answers:
+                self._still.look(answer.window)
+        return answers
 
     def _answers(self, windows: Windows, started: float) -> list[Answer]:
         cutting_s = (perf_counter() - started) / max(1, len(windows))

@@ -15,6 +15,7 @@ import numpy as np
 
 from taxel.actions.rule_table import RuleTable
 from taxel.decisions.recognition import UNKNOWN, Decision, GraspVote
+from taxel.decisions.still_channels import StillChannel
 from taxel.live.recogniser import Answer, Recogniser
 from taxel.signals import Mark, Samples
 from taxel.sources.contract import Source
@@ -53,6 +54,8 @@ class Tally:
     latencies_s: list[float] = field(default_factory=list)
     gate_moves: list[GateMove] = field(default_factory=list)
     """How the contact gate was moved, oldest first; the last `_KEPT_ANSWERS`."""
+    still_channels: list[StillChannel] = field(default_factory=list)
+    """Channels that have stopped changing, once each, in the order in which they were noticed."""
     late: bool = False
     """True where an answer may come after the mark that it lies in, as of a padded window."""
     _waiting: list[Decision] = field(default_factory=list)
@@ -78,6 +81,11 @@ class Tally:
         """Keep how the contact gate was moved."""
         self.gate_moves += moves
         del self.gate_moves[:-_KEPT_ANSWERS]
+
+    def note_still(self, channels: Sequence[StillChannel]) -> None:
+        """Keep which channels have stopped changing; one that is known is not kept again."""
+        known = {still.channel for still in self.still_channels}
+        self.still_channels += [still for still in channels if still.channel not in known]
 
     def compare(self, mark: Mark) -> None:
         """Count the windows inside a mark as right or wrong; their vote is the grasp's.
@@ -132,6 +140,7 @@ class Tally:
         self.latencies_s += other.latencies_s
         del self.latencies_s[:-_KEPT_LATENCIES]
         self.note(other.gate_moves)
+        self.note_still(other.still_channels)
         self.latest, self.grasp_answer = other.latest, other.grasp_answer
 
     def summary(self) -> dict[str, Any]:
@@ -149,6 +158,9 @@ class Tally:
             "grasps_right": self.grasps_right,
             "grasps_without": self.grasps_without,
             "gate_moves": [asdict(move) for move in self.gate_moves],
+            "still_channels": [
+                asdict(still) | {"text": still.words()} for still in self.still_channels
+            ],
             "latency_us_median": float(np.median(latencies)),
             "latency_us_p99": float(np.percentile(latencies, 99)),
         }
@@ -202,12 +214,14 @@ def run_session(
             for answer in recogniser.push(samples):
                 tally.add(answer)
             tally.note(recogniser.gate_moves())
+            tally.note_still(recogniser.still_channels())
         _compare(source, tallies, end_s)
         if show is not None:
             show(samples, tallies)
     for recogniser, tally in zip(recognisers, tallies, strict=True):
         for answer in recogniser.flush():
             tally.add(answer)
+        tally.note_still(recogniser.still_channels())
     _compare(source, tallies, end_s)
     for tally in tallies:
         tally.settle()

@@ -41,6 +41,7 @@ from taxel.training.checkpoints import load_weights, save_weights
 from taxel.training.curves import Curve, Epoch, curves_from_json, curves_to_json
 from taxel.training.environment import Made
 from taxel.training.loop import TrainConfig
+from taxel.training.motion import measure_motion
 from taxel.training.predictions import Predictions, load_predictions, save_predictions
 from taxel.windows.dataset import Dataset
 from taxel.windows.scaling import Scaling
@@ -100,6 +101,7 @@ def contract_of(
         parity=None,
         reference=dataset.reference,
         learned=tuple(sorted({fingerprint_of(own) for own in dataset.fingerprints.values()})),
+        motion=measure_motion(dataset, target),
     )
 
 

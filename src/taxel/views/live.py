@@ -109,6 +109,8 @@ class LiveView:
             lines.append(f"  {visible_line(latest.decision.reason)}\n", style="red")
         if tally.gate_moves:
             lines.append(f"  {visible_line(tally.gate_moves[-1].words())}\n", style="yellow")
+        for still in tally.still_channels:
+            lines.append(f"  {visible_line(still.words())}\n", style="bold yellow")
         lines.append(
             f"  {tally.windows} windows, {1e6 * latest.latency_s:.0f} µs the last"
             + (f", right {tally.right} of {tally.marked}" if tally.marked else ""),

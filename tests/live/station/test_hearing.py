@@ -220,7 +220,7 @@ def test_an_action_is_an_event_once_until_another_answer(make: Any):
 
 def test_a_gate_that_moved_is_an_event(make: Any):
     rig = make()
-    rig.monitor.put(pack({"kind": "gate", "who": RECOGNISER["who"], "text": "shape: gate up"}))
+    rig.monitor.put(pack({"kind": "news", "who": RECOGNISER["who"], "text": "shape: gate up"}))
     rig.hear(1.0)
     assert "shape: gate up" in rig.words
 

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from time import monotonic
@@ -25,6 +25,7 @@ from taxel.bundles.signing import Trust
 from taxel.decisions.reasons import kind_of
 from taxel.decisions.recognition import GraspVote, RecogniseConfig
 from taxel.decisions.stability import Stability, StabilityDecision
+from taxel.decisions.still_channels import StillChannel
 from taxel.live.grasp_monitor import GraspMonitor
 from taxel.live.recogniser import Answer, Recogniser
 from taxel.live.station.beats import Work
@@ -33,6 +34,7 @@ from taxel.live.station.ring import RingReader, RingWriter
 from taxel.live.station.worker import Place, Pulse, Rank, at_work, settle_memory
 from taxel.models.devices import CPU
 from taxel.signals import CameraInfo, Frame, Mark, Samples, SensorInfo
+from taxel.windows.following import GateMove
 from taxel.windows.pairs import FramePairer, FrameSet
 
 BEHIND = 3
@@ -247,14 +249,20 @@ class _RecogniseWatcher:
             times = {"arrival_s": float(packet.arrival_s[-1]), **came, "began_s": monotonic()}
             for answer in self._recogniser.push(packet):
                 self._send(answer, times)
-            for move in self._recogniser.gate_moves():
-                text = f"{self._target}: {move.words()}"
-                self._writer.put(pack({"kind": "gate", "who": self._who, "text": text}))
+            self._say(self._recogniser.gate_moves())
+            self._say(self._recogniser.still_channels())
 
     def end(self) -> None:
         """Answer the stream's last, padded window, if there is one."""
         for answer in self._recogniser.flush():
             self._send(answer, {})
+        self._say(self._recogniser.still_channels())
+
+    def _say(self, news: Sequence[GateMove] | Sequence[StillChannel]) -> None:
+        """Send news of channels, for the log and the page."""
+        for item in news:
+            text = f"{self._target}: {item.words()}"
+            self._writer.put(pack({"kind": "news", "who": self._who, "text": text}))
 
     def _send(self, answer: Answer, times: dict[str, float]) -> None:
         decision = answer.decision

@@ -333,7 +333,7 @@ class Station:
                     self._recorder.keep_slip(note)
                     self.skipped = max(self.skipped, int(note["skipped"]))
                     self._weigh_late(note, now_s)
-                elif note["kind"] == "gate":
+                elif note["kind"] == "news":
                     self.say(note["text"])
                 else:
                     answer, news = self.answers.add(note)

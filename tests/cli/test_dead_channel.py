@@ -1,0 +1,84 @@
+"""A channel that moved in training and is dead now: what `live` and `evaluate` say of it."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from taxel.bundles.reader import read_bundle
+from taxel.cli.main import main
+
+
+def _set(folder: Path, *, dead: bool) -> Path:
+    """Presses of two strengths in each of four sessions, 50 scans a second, 20 s each."""
+    folder.mkdir()
+    rng = np.random.default_rng(int(dead))
+    lines = ["file,label:level,group:session,channels,time"]
+    for n in range(8):
+        press = np.sin(np.linspace(0, 100 * np.pi, 1000))[:, None] * (2.0, 10.0)[n % 2]
+        values = press + rng.normal(0.0, 0.5, (1000, 3))
+        if dead:
+            values[:, 1] = 0.25
+        np.savetxt(folder / f"t{n}.csv", values, delimiter=",")
+        lines.append(f"t{n}.csv,{('2', '10')[n % 2]},s{n // 2},1[N] 2[N] 3[N],rate:50Hz")
+    (folder / "table.csv").write_text("\n".join(lines) + "\n")
+    main(["import", str(folder / "table.csv"), "--output", str(folder / "set")])
+    return folder / "set"
+
+
+@pytest.fixture(scope="module")
+def bundle(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("dead")
+    alive = _set(folder / "alive", dead=False)
+    run, bundle = folder / "run", folder / "press.taxel"
+    main(["train", str(alive), "--model", "cnn1d", "--epochs", "1", "--window", "steps=20",
+          "gate=none", "--no-check", "--output", str(run)])  # fmt: skip
+    main(["bundle", str(run), "--output", str(bundle)])
+    _set(folder / "dead", dead=True)
+    return bundle
+
+
+def test_live_names_it_once_on_the_error_stream_and_in_json(
+    bundle: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    source = f"replay://{bundle.parent / 'dead' / 'set'}?speed=max"
+    capsys.readouterr()
+
+    main(["live", str(bundle), source, "--json"])
+    said = capsys.readouterr()
+
+    (still,) = json.loads(said.out)[0]["still_channels"]
+    assert (still["channel"], still["changed"]) == ("2", 1.0)
+    assert said.err.count("channel 2 has not changed for ") == 1
+    assert "in training it changed in every window: check its cable" in said.err
+
+
+def test_nothing_is_said_where_all_channels_move(
+    bundle: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    alive = bundle.parent / "alive" / "set"
+    capsys.readouterr()
+
+    main(["live", str(bundle), f"replay://{alive}?speed=max", "--json"])
+    main(["evaluate", str(bundle), str(alive)])
+    said = capsys.readouterr()
+
+    assert "changed" not in said.err
+    assert "never changes" not in said.out
+
+
+def test_a_score_says_it(bundle: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    capsys.readouterr()
+
+    main(["evaluate", str(bundle), str(bundle.parent / "dead" / "set")])
+    said = " ".join(capsys.readouterr().out.split())
+
+    assert "channel 2 never changes in these recordings; in training it changed in every" in said
+
+
+def test_a_bundle_keeps_how_its_channels_moved(bundle: Path) -> None:
+    motion = read_bundle(bundle).contract.motion
+
+    assert motion is not None
+    assert motion.still.tolist() == [0.0, 0.0, 0.0]
