@@ -94,12 +94,19 @@ $(TABLES)/other-cups: | $(INSTALLED)
 	$(BIN)/taxel weights fetch resnet50 densenet121-typefaces
 	$(BIN)/taxel simulate cup-pour --output $@ --seed 57 --first-cup 1000 --cups 20 --camera-hz 2
 
-$(TABLES)/begun/densenet121.safetensors: | $(TABLES)/other-cups
-	mkdir -p $(TABLES)/begun
-	$(DISTIL) --backbone densenet121 --side-px 160 --frames 8 --copies 5 --epochs 3 --output $@
+# Three epochs, a fourth of smaller steps, two on other copies of the images (docs/decisions/0057).
+DENSENET = $(DISTIL) --backbone densenet121 --side-px 160 --frames 8 --copies 5
 
-$(TABLES)/densenet121.safetensors: $(TABLES)/begun/densenet121.safetensors | $(TABLES)/other-cups
-	$(DISTIL) --backbone densenet121 --side-px 160 --frames 8 --copies 5 --epochs 1 --start $< --output $@
+$(TABLES)/first/densenet121.safetensors: | $(TABLES)/other-cups
+	mkdir -p $(@D)
+	$(DENSENET) --epochs 3 --output $@
+
+$(TABLES)/second/densenet121.safetensors: $(TABLES)/first/densenet121.safetensors | $(TABLES)/other-cups
+	mkdir -p $(@D)
+	$(DENSENET) --epochs 1 --start $< --output $@
+
+$(TABLES)/densenet121.safetensors: $(TABLES)/second/densenet121.safetensors | $(TABLES)/other-cups
+	$(DENSENET) --epochs 2 --start $< --seed 1 --output $@
 
 $(TABLES)/efficientnet-b0.safetensors: | $(TABLES)/other-cups
 	$(DISTIL) --backbone efficientnet-b0 --side-px 160 --frames 8 --copies 5 --epochs 3 --output $@
