@@ -148,7 +148,7 @@ def test_a_table_for_a_bundle_needs_one_test_part_alone(
     path = tmp_path / "folds.csv"
     path.write_text("\n".join(lines) + "\n")
     with pytest.raises(BadTable) as error:
-        _ = read_fold_table(path, to_score=True).one_fold
+        read_fold_table(path, to_score=True)
     assert needed in str(error.value)
 
     path.write_text("recording,side\ns0,test\n")

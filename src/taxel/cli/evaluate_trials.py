@@ -158,8 +158,6 @@ def _scored_trials(data: Path, folds: Path | None) -> tuple[list[CameraTrial], F
     from taxel.windows.camera_trials import read_camera_trials
 
     table = None if folds is None else read_fold_table(folds, to_score=True)
-    if table is not None:
-        _ = table.one_fold  # refused before videos are read
     trials = read_camera_trials(data)
     if table is None:
         return trials, None

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from taxel.bundles.signing import Trust
     from taxel.calibration.live import LiveNewtons
     from taxel.live.recogniser import Recogniser
-    from taxel.live.session import Show, Tally
+    from taxel.live.session import Tally
     from taxel.signals import Samples
     from taxel.sources.contract import Source
 
@@ -186,7 +186,6 @@ class Live:
             with open_source(address) as source:
                 recognisers = [Recogniser(bundle, source.info, config) for bundle in bundles]
                 own = self._session(source, recognisers, rules, aside)
-            aside.say(own)
             for tally, more in zip(shown, own, strict=bool(shown)):
                 tally.take_in(more)
             shown = shown or own
@@ -235,11 +234,13 @@ class Live:
 
         newtons = self._newtons(source)
         if self.json or not console.is_terminal:
-            return run_session(source, recognisers, self.seconds, aside.after(None), rules)
+            own = run_session(source, recognisers, self.seconds, aside.show, rules)
+            aside.say(own)
+            return own
         from taxel.views.live import LiveView
 
         with LiveView(console, source.info, recognisers, newtons) as view:
-            return run_session(source, recognisers, self.seconds, aside.after(view.show), rules)
+            return run_session(source, recognisers, self.seconds, view.show, rules)
 
     def _seen(self, bundle: Bundle) -> str | None:
         """Return what must be said of an accuracy on what the bundle was trained on."""
@@ -300,23 +301,17 @@ class Live:
 
 
 class _Aside:
-    """Says on the error stream, once and at once, which channels have stopped changing."""
+    """Says which channels have stopped changing, once and at once, where no screen shows it."""
 
     def __init__(self) -> None:
         self._said: set[tuple[int, str]] = set()
 
-    def after(self, show: Show | None) -> Show:
-        """Return what draws the screen, if there is one, and then says what is new."""
-
-        def both(samples: Samples, tallies: list[Tally]) -> None:
-            if show is not None:
-                show(samples, tallies)
-            self.say(tallies)
-
-        return both
+    def show(self, samples: Samples, tallies: list[Tally]) -> None:
+        """Say it while a session runs."""
+        self.say(tallies)
 
     def say(self, tallies: Sequence[Tally]) -> None:
-        """Say what is new in the tallies, one for each bundle."""
+        """Say on the error stream what is new in the tallies, one for each bundle."""
         for number, tally in enumerate(tallies):
             for still in tally.still_channels:
                 if (number, still.channel) not in self._said:

@@ -109,10 +109,7 @@ def score_bundle(
         BadSplit: It puts a trial on both sides, or there is nothing to test.
     """
     contract = bundle.contract
-    table = None
-    if folds is not None:
-        table = read_fold_table(folds, to_score=True)
-        _ = table.one_fold  # refused before recordings are read
+    table = None if folds is None else read_fold_table(folds, to_score=True)
     window = replace(contract.window, reference=None)
     dataset = load_dataset(folder, window, unusable=True)
     contract.check_sensor(dataset.sensor)

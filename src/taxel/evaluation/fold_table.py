@@ -93,21 +93,6 @@ class FoldTable:
         key = self.rows[0].key
         return self.name if key == "recording" else f"{self.name}, {key} held out"
 
-    @property
-    def one_fold(self) -> RowFold:
-        """Its only fold, whose test part something that is trained already can be scored on.
-
-        Raises:
-            BadTable: There are several: a bundle that fits one was trained on what others test.
-        """
-        if len(self.folds) > 1:
-            raise BadTable(
-                "a table with one test part for a bundle",
-                f"{len(self.folds)} folds in {self.name}, each of which needs a model of its own",
-                f"{_TO_SCORE}; or leave the bundle out: each fold then trains its own model",
-            )
-        return self.folds[0]
-
     def where(self, row: FoldRow) -> str:
         """Return a row's place, for messages."""
         return f"{self.name}, line {row.line}"
@@ -118,18 +103,27 @@ def read_fold_table(path: Path, *, to_score: bool = False) -> FoldTable:
 
     Args:
         path: The table.
-        to_score: For a bundle, which is trained already: rows to train on need not be there.
+        to_score: For a bundle, which is trained already: rows to train on need not be there, and
+            there is one fold, for a bundle that fits one was trained on what others test.
 
     Raises:
-        BadTable: It cannot be read, a column or value is none that it may hold, or a fold has
-            nothing to test or, unless it is read to score, to train on; says where.
+        BadTable: It cannot be read, a column or value is none that it may hold, a fold has nothing
+            to test or, unless it is read to score, to train on, or there are several folds to
+            score; says where.
     """
     header, lines = _lines(path)
     key = _key(path, header)
     rows = tuple(_row(path.name, number, line, key) for number, line in lines)
     if not rows:
         raise BadTable("at least one row", f"none in {path}", "add one for each recording")
-    return FoldTable(name=path.name, rows=rows, folds=_folds(path, rows, to_score))
+    folds = _folds(path, rows, to_score)
+    if to_score and len(folds) > 1:
+        raise BadTable(
+            "a table with one test part for a bundle",
+            f"{len(folds)} folds in {path.name}, each of which needs a model of its own",
+            f"{_TO_SCORE}; or leave the bundle out: each fold then trains its own model",
+        )
+    return FoldTable(name=path.name, rows=rows, folds=folds)
 
 
 def _lines(path: Path) -> tuple[list[str], list[tuple[int, dict[str, str]]]]:

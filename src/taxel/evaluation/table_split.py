@@ -138,15 +138,15 @@ def trials_to_score(
     Rows of the other sides may name what is not there: a folder may hold the test part alone.
 
     Args:
-        table: Rows and one fold.
+        table: Rows and one fold, as it is read to score.
         trials: Those that are there.
         recordings: Names of all recordings that are there, also of those that gave no window.
 
     Raises:
-        BadTable: It has several folds, or a row to test names no recording or group that is there.
+        BadTable: A row to test names no recording or group that is there.
         BadSplit: A trial stands on both sides, or there is nothing to test.
     """
-    fold = table.one_fold
+    (fold,) = table.folds
     test = _all(trials_of_row(table.rows[i], table, trials, recordings) for i in fold.test)
     train, validation = (_all(_moved(table.rows[i], trials) for i in rows)
                          for rows in (fold.train, fold.validation))  # fmt: skip

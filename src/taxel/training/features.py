@@ -220,6 +220,6 @@ def cache_room(folder: Path) -> Iterator[None]:
         yield
     except OSError as error:
         raise RecordingFailed(
-            f"needed room for features in {folder}; got {error.strerror or error}; "
+            f"needed room in the cache, {folder}; got {error.strerror or error}; "
             f"free space, or choose another folder with --cache or ${CACHE_VARIABLE}."
         ) from error

@@ -75,14 +75,16 @@ def test_a_table_that_cannot_score_a_bundle_is_refused(
     table.write_text(rows)
 
     with pytest.raises(kind, match=got):
-        trials_to_score([f"t{i}" for i in range(16)], GROUPS, read_fold_table(table))
+        trials_to_score([f"t{i}" for i in range(16)], GROUPS, read_fold_table(table, to_score=True))
 
 
 def test_only_the_test_part_is_scored_though_the_training_part_is_elsewhere(tmp_path: Path) -> None:
     table = tmp_path / "folds.csv"
     table.write_text("group:object,side\nelsewhere,train\no3,test\no1,test\n")
 
-    found = trials_to_score([f"t{i}" for i in range(16)], GROUPS, read_fold_table(table))
+    found = trials_to_score(
+        [f"t{i}" for i in range(16)], GROUPS, read_fold_table(table, to_score=True)
+    )
     assert found == [4, 5, 6, 7, 12, 13, 14, 15]
 
     table.write_text("group:object,side\no3,test\n")

@@ -127,13 +127,12 @@ def trials_to_score(names: Sequence[str], groups: Groups, table: FoldTable) -> l
     Args:
         names: Of each trial.
         groups: Of each trial.
-        table: Rows and one fold.
+        table: Rows and one fold, as it is read to score.
 
     Raises:
-        BadTable: It has several folds.
         BadSplit: A row to test names no trial, or a trial stands on both sides.
     """
-    fold = table.one_fold
+    (fold,) = table.folds
     tested = {at for row in fold.test for at in _named(table.rows[row], table, names, groups)}
     rows = [table.rows[row] for row in (*fold.train, *fold.validation)]
     others = {at for row in rows for at in _matching(row.key, row.value, names, groups)}
