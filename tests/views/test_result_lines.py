@@ -49,7 +49,7 @@ def test_what_was_not_tried_is_named():
     left_out = tuple(f"{own.name} · 80 rows" for own in tried)
     choice = cast(Choice, SimpleNamespace(
         target="y", folds=5, held="session", leaderboard=(), why="the best", loss=0.1,
-        accuracy=0.9, left_out=left_out,
+        accuracy=0.9, left_out=left_out, behind=(),
     ))  # fmt: skip
 
     said = " ".join(printed(leaderboard(choice), 200).split())

@@ -32,8 +32,7 @@ class Discriminant:
 def fit_discriminant(data: NDArray[np.float64], y: NDArray[np.intp], shrink: float) -> Discriminant:
     """Fit a discriminant; its logits have unit spread over what it learned from.
 
-    With more features than windows the logits themselves would be thousands. Outside of what was
-    seen the covariance is even and no class's mean differs, so that all is solved inside.
+    With more features than windows the logits themselves would be thousands.
 
     Args:
         data: Shape (n, features), of like scale and about 0.
@@ -41,15 +40,36 @@ def fit_discriminant(data: NDArray[np.float64], y: NDArray[np.intp], shrink: flo
         shrink: 0, the covariance as found, to 1, an even one.
     """
     known, own, count = np.unique(y, return_inverse=True, return_counts=True)
-    features = data.shape[1]
-    basis = np.linalg.qr(data.T)[0] if len(data) < features else np.eye(features)
-    inside = data @ basis
-    means = np.stack([inside[own == number].mean(axis=0) for number in range(len(known))])
-    apart = inside - means[own]
-    scatter = apart.T @ apart / len(apart)
-    even = shrink * np.trace(scatter) / features + _NO_SPREAD
-    weight = np.linalg.solve((1 - shrink) * scatter + even * np.eye(len(scatter)), means.T).T
+    means = np.stack([data[own == number].mean(axis=0) for number in range(len(known))])
+    apart = data - means[own]
+    share = (1 - shrink) / len(apart)
+    even = shrink * float((apart**2).sum()) / len(apart) / data.shape[1] + _NO_SPREAD
+    weight = _solve(apart, share, even, means.T).T
     bias = np.log(count / len(y)) - 0.5 * (weight * means).sum(axis=1)
-    logits = inside @ weight.T + bias
+    logits = data @ weight.T + bias
     spread = max(float((logits - logits.mean(axis=1, keepdims=True)).std()), 1.0)
-    return Discriminant(known.astype(np.intp), weight @ basis.T / spread, bias / spread)
+    return Discriminant(known.astype(np.intp), weight / spread, bias / spread)
+
+
+def _solve(
+    apart: NDArray[np.float64], share: float, even: float, right: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """Return the inverse of `share · apartᵀ apart + even · 1`, times `right`.
+
+    With more features than windows by the Woodbury identity, whose matrix is of the windows' size.
+
+    Args:
+        apart: Shape (n, features).
+        share: Of the scatter.
+        even: On the diagonal, above 0.
+        right: Shape (features, columns).
+
+    Source:
+        Hager, "Updating the inverse of a matrix", SIAM Review 31(2), 1989.
+    """
+    windows, features = apart.shape
+    if features <= windows:
+        whole = share * (apart.T @ apart) + even * np.eye(features)
+        return np.asarray(np.linalg.solve(whole, right))
+    inner = share * (apart @ apart.T) + even * np.eye(windows)
+    return np.asarray((right - share * apart.T @ np.linalg.solve(inner, apart @ right)) / even)

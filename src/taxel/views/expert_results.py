@@ -54,6 +54,13 @@ def leaderboard(choice: Choice, *, repeated: bool = False) -> RenderableType:
         lines.append(Text(SETTINGS, style="dim"))
     if len(shown) < len(rows):
         lines.append(Text(f"{len(rows) - len(shown)} more in expert.json", style="dim"))
+    if choice.behind:
+        lines.append(
+            Text(
+                f"far behind on the first inner fold, and not compared further: windows of "
+                f"{', '.join(map(visible, choice.behind))}"
+            )
+        )
     if choice.left_out and not repeated:
         count = len(choice.left_out)
         lines.append(

@@ -9,7 +9,7 @@ from taxel.sim.teng_constants import SENSORS
 from taxel.training.choose.budget import Budget
 from taxel.training.choose.inner_folds import Held
 from taxel.training.choose.preparations import Base, load_base, prepare_all
-from taxel.training.choose.search import Effort, choose
+from taxel.training.choose.search import Effort, Found, choose
 
 RATE = 100.0
 PRESSES = 24
@@ -42,6 +42,13 @@ def hand(folder: Path) -> Base:
     return load_base(folder / "recordings", "kind")
 
 
+def until(tries: int) -> Effort:
+    """Return an effort whose time is up after so many tries began."""
+    begun: list[str] = []
+    clock = lambda: 0.0 if len(begun) <= tries else 1e9  # noqa: E731
+    return Effort(budget=Budget(60.0, clock=clock, at_once=1), on_step=begun.append)
+
+
 def test_a_gate_that_leaves_most_touches_undecided_is_not_chosen_for_being_right_on_the_rest(
     tmp_path: Path,
 ):
@@ -50,10 +57,85 @@ def test_a_gate_that_leaves_most_touches_undecided_is_not_chosen_for_being_right
     decided = {own.config.gate: len(set(own.trial)) for own in prepared}
     assert decided == {0.6: PRESSES, 1.55: PRESSES // 3}
 
+    found = choose(base, prepared, range(PRESSES), Held("session"), until(2 + 2 + 2))
+    gated = choose(base, prepared[1:], range(PRESSES), Held("session"), until(2))
+
+    assert tree_loss(gated) < tree_loss(found)
+    assert found.part.prepared.config.gate == 0.6
+
+
+def tree_loss(found: Found) -> float:
+    return next(tried.loss for _, _, tried in found.board if tried.candidate.family == "trees")
+
+
+def slides(folder: Path, *, told: str) -> Base:
+    """Return long slides of two kinds, told by a bump's place in the slide or by each row's level.
+
+    Short windows do not see the place.
+    """
+    rng = np.random.default_rng(4)
+    rows = []
+    for number in range(24):
+        kind = number % 2
+        values = rng.normal(0.0, 0.05, (900, 2))
+        if told == "place":
+            start = 40 + 600 * kind + int(rng.integers(0, 40))
+            values[start : start + 30] += 1.0
+        else:
+            values += 0.5 * kind
+        file = folder / f"s{number}.csv"
+        lines = [",".join(f"{value:.4f}" for value in row) for row in values]
+        file.write_text("\n".join(["a,b", *lines]) + "\n")
+        rows.append(
+            ImportRow(file=file, labels={"kind": ("early", "late")[kind]},
+                      groups={"session": f"s{number // 6}"}, time="rate:100Hz", sensor="pad",
+                      channels="a[V] b[V]")
+        )  # fmt: skip
+    import_rows(rows, folder / "recordings")
+    return load_base(folder / "recordings", "kind")
+
+
+def board_cuts(found: Found) -> list[str]:
+    """Return the ways to cut on the leaderboard, each once."""
+    return list(dict.fromkeys(cut for cut, _, _ in found.board))
+
+
+def test_a_way_to_cut_that_is_far_behind_on_one_inner_fold_is_not_compared_on_all(tmp_path: Path):
+    base = slides(tmp_path, told="place")
+    prepared = prepare_all(base)
+    assert [own.config.steps for own in prepared] == [900, 400, 100, 25]
+
+    found = choose(base, prepared, range(24), Held("session"), until(2 + 2 + 2 + 2 + 2))
+
+    assert found.behind == ("100 rows", "25 rows")
+    assert board_cuts(found) == ["900 rows", "400 rows"]
+    assert found.choice().behind == found.behind
+
+
+def test_what_a_first_look_found_is_used_again_and_changes_nothing(tmp_path: Path):
+    base = slides(tmp_path, told="level")
+    prepared = [own for own in prepare_all(base) if own.config.steps in (400, 900)]
+
+    found = choose(base, prepared, range(24), Held("session"), until(2 + 2 + 2))
+    alone = choose(base, prepared[1:], range(24), Held("session"), until(2 + 2))
+
+    assert board_cuts(found) == ["900 rows", "400 rows"]
+    for model in ("logistic", "extra-trees"):
+        looked, plain = (
+            next(tried for cut, _, tried in own.board
+                 if cut == "400 rows" and tried.candidate.model == model
+                 and tried.candidate.features == "all")
+            for own in (found, alone)
+        )  # fmt: skip
+        assert np.array_equal(looked.probabilities, plain.probabilities)
+
+
+def test_without_time_the_most_natural_way_is_taken_and_the_others_are_said(tmp_path: Path):
+    base = slides(tmp_path, told="level")
+
     found = choose(
-        base, prepared, range(PRESSES), Held("session"), Effort(budget=Budget(0.0, at_once=1))
+        base, prepare_all(base), range(24), Held("session"), Effort(budget=Budget(0.0, at_once=1))
     )
 
-    quick = {cut: tried.loss for cut, _, tried in found.board if "trees" in tried.candidate.name}
-    assert quick["12 rows above 1.55"] < quick["60 rows above 0.6"]
-    assert found.part.prepared.config.gate == 0.6
+    assert board_cuts(found) == ["900 rows"]
+    assert any(name.endswith("· 100 rows") for name in found.left_out)

@@ -20,8 +20,8 @@ _FREE = ("shape", "course", "quantiles", "octaves", "spectrum", "correlation")
 _UNIT = tuple(f"{UNIT}{name}" for name in ("level", "shape", "course"))
 FEATURE_SETS: dict[str, tuple[str, ...]] = {
     "all": ("level", "tared", *_FREE, "pattern"),
-    "without level": _FREE,
     "means": ("mean",),
+    "without level": _FREE,
     "all with parts": ("level", "tared", *_FREE, "pattern", "parts"),
     "statistics": ("statistics",),
     "across the pad": (*_UNIT, *_FREE, "pattern"),

@@ -73,6 +73,8 @@ class Choice:
     leaderboard: tuple[Standing, ...]
     left_out: tuple[str, ...] = ()
     """What was not tried, for the time was up."""
+    behind: tuple[str, ...] = ()
+    """Ways to cut that were far behind on the first inner fold, and not compared further."""
 
 
 def choice_to_json(choice: Choice) -> str:
@@ -125,6 +127,7 @@ def _choice(given: Fields) -> Choice:
         accuracy=given.number("accuracy", 0.0, 1.0),
         leaderboard=tuple(record_of(Standing, standing) for standing in given.items("leaderboard")),
         left_out=given.texts("left_out"),
+        behind=given.texts("behind") if "behind" in given else (),
     )
 
 

@@ -23,7 +23,7 @@ from taxel.recordings.whole import write_whole
 from taxel.training.choose.candidates import Candidate
 
 if TYPE_CHECKING:
-    from taxel.training.choose.search import Part
+    from taxel.training.choose.part import Part
 
 
 def tries_folder(output: Path) -> Path:

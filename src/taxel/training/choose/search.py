@@ -12,7 +12,7 @@ import warnings
 from collections.abc import Callable, Collection, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager, nullcontext
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from threading import Lock
 
 import numpy as np
@@ -29,84 +29,26 @@ from taxel.training.choose.blending import (
     softmax,
 )
 from taxel.training.choose.budget import Budget
-from taxel.training.choose.candidates import (
-    Candidate,
-    feature_sets,
-    first_round,
-    second_round,
-)
+from taxel.training.choose.candidates import Candidate, first_round, second_round
 from taxel.training.choose.choice import Choice, Member, Standing
 from taxel.training.choose.cores import shared_cores
+from taxel.training.choose.cuts import Sets, best_cut
 from taxel.training.choose.fitting import fit_head, head_logits
 from taxel.training.choose.inner_folds import (
     Held,
     groups_of,
     inner_folds,
-    judged,
     learned_from,
     tested_folds,
 )
-from taxel.training.choose.joining import fit_joining, join, unit_classes
+from taxel.training.choose.joining import fit_joining
 from taxel.training.choose.kept_tries import KeptTries
 from taxel.training.choose.networks import predict_network
+from taxel.training.choose.part import Part, Tried, training_part
 from taxel.training.choose.preparations import Base, Prepared
 
 _FEWEST = 2
 """Candidates that are tried whatever the time. Source: our choice, 0039."""
-_QUICK_WINDOWS = 1500
-"""Windows on which ways to cut are compared. Source: our choice, 0039."""
-BETTER_CUT, CUT_SLACK = 1.1, 0.01
-"""A way to cut replaces a more natural one where the latter's loss is so many times its own and so
-much more. Source: our choice, 0039."""
-_PAIR = ("all", "both rows", "rows", "statistics")
-"""The feature set on which ways to cut are compared: the first of these that there is."""
-
-
-@dataclass(frozen=True, slots=True)
-class Part:
-    """The training part of one choice, in one way to cut."""
-
-    prepared: Prepared
-    rows: NDArray[np.intp]
-    """Kept windows of training trials, as places in `Prepared.kept`."""
-    fold: NDArray[np.intp]
-    """Inner fold of each, shape (rows,)."""
-    y: NDArray[np.intp]
-    """Class of each, shape (rows,)."""
-    scored: NDArray[np.bool_]
-    """Which of them are scored: those that overlap no earlier one, shape (rows,)."""
-    classes: int
-    ordered: bool = False
-    """Whether a fold is tested on what was learned from earlier folds alone."""
-
-    @property
-    def windows(self) -> NDArray[np.intp]:
-        """Return the windows' places in the data set, shape (rows,)."""
-        return self.prepared.kept[self.rows]
-
-    @property
-    def steps(self) -> int:
-        """Return the rows of a window."""
-        return int(self.prepared.dataset.windows.values.shape[1])
-
-    def feature_sets(self) -> dict[str, tuple[str, ...]]:
-        """Return the feature sets that windows of this size have."""
-        windows = self.prepared.dataset.windows
-        _, steps, channels = windows.values.shape
-        return feature_sets(steps, channels, padded=bool(windows.padded))
-
-
-@dataclass(frozen=True, slots=True)
-class Tried:
-    """A candidate with its predictions on inner folds."""
-
-    candidate: Candidate
-    probabilities: NDArray[np.float64]
-    """Calibrated, of the scored windows, shape (scored, classes)."""
-    sharpness: float
-    loss: float
-    accuracy: float
-    seconds: float
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -139,7 +81,12 @@ def choose(
     search = _Search(effort)
     fold_of = inner_folds(base.trials, base.y, train, held)
     parts = [training_part(base, own, train, fold_of, ordered=held.ordered) for own in prepared]
-    part = search.best_cut(parts) if len(parts) > 1 else parts[0]
+    part: Part = parts[0]
+    behind: tuple[str, ...] = ()
+    if len(parts) > 1:
+        cuts = best_cut(parts, search)
+        part, behind = cuts.best, cuts.behind
+        search.left_out += cuts.left_out
     sets = part.feature_sets()
     search.try_all(part, first_round(sets, part.steps), sets)
     tried = search.of(part)
@@ -151,7 +98,7 @@ def choose(
     linear = ranked["linear"] or list(sets)
     finer = second_round(ranked["discriminant"] or linear, linear, ranked["trees"] or linear)
     search.try_all(part, finer, sets)
-    return Found(base, part, tuple(search.all), tuple(search.left_out), sets, held)
+    return Found(base, part, tuple(search.all), tuple(search.left_out), sets, held, behind)
 
 
 class _Search:
@@ -162,43 +109,52 @@ class _Search:
         self._kept, self._on_step = effort.kept, effort.on_step
         self.left_out: list[str] = []
         self.all: list[tuple[str, Part, Tried]] = []
+        self._looked: dict[tuple[int, Candidate], tuple[int, NDArray[np.float64], float]] = {}
+
+    def spent(self) -> float:
+        """Return the share of this choice's time that has passed."""
+        return self._budget.spent()
 
     def of(self, part: Part) -> list[Tried]:
         """Return what was tried on one way to cut."""
         return [tried for _, own, tried in self.all if own is part]
 
-    def best_cut(self, parts: list[Part]) -> Part:
-        """Return the way to cut on which two quick models do best, in equal stretches of time.
+    def look(
+        self, part: Part, candidates: Sequence[Candidate], sets: Sets, fold: int
+    ) -> list[Tried]:
+        """Score candidates on one inner fold only; what was found there is used again."""
+        test = (part.fold == fold) & part.scored
+        train = learned_from(part.fold, fold, ordered=part.ordered)
 
-        A trial that a way leaves without a window, as a high gate does, counts as guessed at there.
-        """
-        decided = [len(set(part.prepared.trial[part.windows])) for part in parts]
-        found = []
-        for whole, trials in zip(parts, decided, strict=True):
-            part = _thinned(whole)
-            sets = part.feature_sets()
-            name = next(name for name in _PAIR if name in sets)
-            pair = [Candidate("linear", "logistic", name, 0.03),
-                    Candidate("trees", "extra-trees", name, 2)]  # fmt: skip
-            self.try_all(part, pair, sets)
-            share = trials / max(decided)
-            guess = float(np.log(part.classes))
-            found.append(share * _stretch_loss(part, self.of(part)) + (1.0 - share) * guess)
-        enough = BETTER_CUT * min(found) + CUT_SLACK
-        return next(part for part, loss in zip(parts, found, strict=True) if loss <= enough)
+        def one(candidate: Candidate) -> Tried:
+            self._on_step(f"{candidate.name} · {part.prepared.name}")
+            started = self._budget.clock()
+            blocks = sets.get(candidate.features, ())
+            logits = out_of_fold(part, candidate, blocks, train, test, self._seed)
+            seconds = self._budget.clock() - started
+            self._looked[id(part), candidate] = (fold, logits, seconds)
+            return _tried(part, candidate, logits, test, seconds)
+
+        with self._pool() as pool:
+            return list(pool.map(one, candidates))
 
     def try_all(
-        self, part: Part, candidates: Sequence[Candidate], sets: dict[str, tuple[str, ...]]
+        self, part: Part, candidates: Sequence[Candidate], sets: Sets, *, must: bool = True
     ) -> None:
         """Score candidates on all inner folds, some at a time, if they were not and time allows.
 
         Networks draw from PyTorch's one generator, so that never two of them are at work.
+
+        Args:
+            part: The windows.
+            candidates: The most promising first.
+            sets: Feature sets and their blocks.
+            must: Whether the first few are tried whatever the time.
         """
         done = {tried.candidate for tried in self.of(part)}
         new = [candidate for candidate in candidates if candidate not in done]
-        must = len(done) < _FEWEST
-        at_once = self._budget.at_once
-        with _without_warnings(), shared_cores(at_once), ThreadPoolExecutor(at_once) as pool:
+        must = must and len(done) < _FEWEST
+        with self._pool() as pool:
             one_network = Lock()
             jobs = [
                 pool.submit(self._try, part, candidate, sets, one_network,
@@ -213,11 +169,18 @@ class _Search:
             else:
                 self.all.append((cut, part, tried))
 
+    @contextmanager
+    def _pool(self) -> Iterator[ThreadPoolExecutor]:
+        """Yield threads that share the cores evenly."""
+        at_once = self._budget.at_once
+        with _without_warnings(), shared_cores(at_once), ThreadPoolExecutor(at_once) as pool:
+            yield pool
+
     def _try(
         self,
         part: Part,
         candidate: Candidate,
-        sets: dict[str, tuple[str, ...]],
+        sets: Sets,
         one_network: Lock,
         *,
         must: bool,
@@ -232,18 +195,14 @@ class _Search:
             if logits is None:
                 return None
             self._kept.keep(part, candidate, blocks, logits, seconds)
-        y = part.y[part.scored]
-        trials = len(set(part.prepared.trial[part.windows[part.scored]]))
-        sharpness = fit_sharpness(logits, y, trials)
-        found = softmax(sharpness * logits)
-        loss, accuracy = losses(found, y).mean(), (found.argmax(axis=1) == y).mean()
-        return Tried(candidate, found, sharpness, float(loss), float(accuracy), seconds)
+        return _tried(part, candidate, logits, part.scored, seconds)
 
     def _score(
         self, part: Part, candidate: Candidate, blocks: tuple[str, ...], *, must: bool
     ) -> tuple[NDArray[np.float64] | None, float]:
         """Return logits of the scored windows; None where the time would not do."""
-        clock, started = self._budget.clock, self._budget.clock()
+        fold, looked, before = self._looked.get((id(part), candidate), (-1, None, 0.0))
+        clock, started = self._budget.clock, self._budget.clock() - before
         numbers = tested_folds(part.fold, ordered=part.ordered)
         if not must and not self._budget.allows(0.0):
             return None, 0.0
@@ -251,13 +210,39 @@ class _Search:
         for done, number in enumerate(numbers):
             train = learned_from(part.fold, number, ordered=part.ordered)
             test = (part.fold == number) & part.scored
-            if test.any():
+            if number == fold and looked is not None:
+                logits[test] = looked
+            elif test.any():
                 logits[test] = out_of_fold(part, candidate, blocks, train, test, self._seed)
             spent = clock() - started
             left = spent / (done + 1) * (len(numbers) - done - 1)
             if not must and not self._budget.allows(left):
                 return None, spent
         return logits[part.scored], clock() - started
+
+
+def _tried(
+    part: Part,
+    candidate: Candidate,
+    logits: NDArray[np.float64],
+    own: NDArray[np.bool_],
+    seconds: float,
+) -> Tried:
+    """Return a candidate's scores on some windows of a part.
+
+    Args:
+        part: The windows.
+        candidate: Tried on them.
+        logits: Of those windows, shape (own, classes).
+        own: Which these are, shape (rows,).
+        seconds: That it took.
+    """
+    y = part.y[own]
+    trials = len(set(part.prepared.trial[part.windows[own]]))
+    sharpness = fit_sharpness(logits, y, trials)
+    found = softmax(sharpness * logits)
+    loss, accuracy = losses(found, y).mean(), (found.argmax(axis=1) == y).mean()
+    return Tried(candidate, found, sharpness, float(loss), float(accuracy), seconds)
 
 
 @contextmanager
@@ -268,37 +253,6 @@ def _without_warnings() -> Iterator[None]:
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         yield
-
-
-def training_part(
-    base: Base,
-    prepared: Prepared,
-    train: Sequence[int],
-    fold_of: NDArray[np.intp],
-    *,
-    ordered: bool,
-) -> Part:
-    """Return the kept windows of some trials, with their inner folds and classes."""
-    fold = np.full(len(base.trials), -1, np.intp)
-    fold[np.asarray(train, np.intp)] = fold_of
-    own = fold[prepared.trial[prepared.kept]]
-    rows = np.flatnonzero(own >= 0)
-    windows = prepared.kept[rows]
-    y = base.y[prepared.trial[windows]]
-    scored = prepared.scored[windows] & judged(own[rows], y, ordered=ordered)
-    classes = len(base.dataset.classes(base.target))
-    return Part(prepared, rows, own[rows], y, scored, classes, ordered)
-
-
-def _thinned(part: Part) -> Part:
-    """Return every so many of a part's stretches as a whole, with all their windows."""
-    every = -(-len(part.rows) // _QUICK_WINDOWS)
-    if every < 2:
-        return part
-    own = part.prepared.stretch[part.windows] % every == 0
-    return replace(
-        part, rows=part.rows[own], fold=part.fold[own], y=part.y[own], scored=part.scored[own]
-    )
 
 
 def out_of_fold(
@@ -318,17 +272,6 @@ def out_of_fold(
     return head_logits(head, features[test])
 
 
-def _stretch_loss(part: Part, tried: list[Tried]) -> float:
-    """Return the calibrated loss of two models' mean, its windows joined over equal stretches."""
-    if not tried:
-        return float("inf")
-    windows, y = part.windows[part.scored], part.y[part.scored]
-    mean = np.mean([attempt.probabilities for attempt in tried], axis=0)
-    unit = part.prepared.stretch[windows]
-    numbers, found = join(fit_joining(unit, mean, y), unit, mean)
-    return float(losses(found, unit_classes(unit, y, numbers)).mean())
-
-
 @dataclass(frozen=True, slots=True)
 class Found:
     """All that was tried, from which a blend is made."""
@@ -338,8 +281,10 @@ class Found:
     """The way to cut that was chosen."""
     board: tuple[tuple[str, Part, Tried], ...]
     left_out: tuple[str, ...]
-    sets: dict[str, tuple[str, ...]]
+    sets: Sets
     held: Held
+    behind: tuple[str, ...] = ()
+    """Ways to cut that were far behind on the first inner fold, in words."""
 
     def choice(self, without: Collection[Candidate] = ()) -> Choice:
         """Return the blend that is best, without some candidates if their bundle is too large."""
@@ -372,6 +317,7 @@ class Found:
             accuracy=float((final.argmax(axis=1) == y).mean()),
             leaderboard=self._leaderboard(weight),
             left_out=self.left_out,
+            behind=self.behind,
         )
 
     def _member(self, tried: Tried, weight: float) -> Member:

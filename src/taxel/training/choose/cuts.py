@@ -1,0 +1,175 @@
+"""Compare ways to cut recordings into windows with two quick models, in equal stretches of time.
+
+The most natural way stands first. A later one is looked at on one inner fold, and compared on all
+of them only where it is not far behind there. Knows nothing about how models are fitted.
+
+Source: docs/decisions/0039.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from taxel.training.choose.blending import losses
+from taxel.training.choose.candidates import Candidate
+from taxel.training.choose.inner_folds import tested_folds
+from taxel.training.choose.joining import fit_joining, join, unit_classes
+from taxel.training.choose.part import Part, Tried
+
+_QUICK_WINDOWS = 1500
+"""Windows on which ways to cut are compared. Source: our choice, 0039."""
+BETTER_CUT, CUT_SLACK = 1.1, 0.01
+"""A way to cut replaces a more natural one where the latter's loss is so many times its own and so
+much more. Source: our choice, 0039."""
+FAR_BEHIND, FAR_NATS = 2.0, 0.1
+"""A way whose loss on the first inner fold is so many times the best one's there, and so much more,
+is not compared further. Source: our choice, 0039."""
+MOST_ON_CUTS = 0.5
+"""Share of a choice's time after which no further way is compared. Source: our choice, 0039."""
+_PAIR = ("all", "both rows", "rows", "statistics")
+"""The feature set on which ways to cut are compared: the first of these that there is."""
+
+Sets = dict[str, tuple[str, ...]]
+
+
+class Tries(Protocol):
+    """What tries candidates, and keeps the time."""
+
+    def spent(self) -> float:
+        """Return the share of this choice's time that has passed."""
+
+    def look(
+        self, part: Part, candidates: Sequence[Candidate], sets: Sets, fold: int
+    ) -> list[Tried]:
+        """Score candidates on one inner fold only."""
+
+    def try_all(
+        self, part: Part, candidates: Sequence[Candidate], sets: Sets, *, must: bool
+    ) -> None:
+        """Score candidates on all inner folds; where they must be, whatever the time."""
+
+    def of(self, part: Part) -> list[Tried]:
+        """Return what was scored on all inner folds of a part."""
+
+
+@dataclass(frozen=True, slots=True)
+class Cuts:
+    """What became of the ways to cut."""
+
+    best: Part
+    behind: tuple[str, ...] = ()
+    """Ways that were far behind on the first inner fold."""
+    left_out: tuple[str, ...] = ()
+    """What was not tried, for the time was up."""
+
+
+def best_cut(parts: Sequence[Part], tries: Tries) -> Cuts:
+    """Return the way to cut on which two quick models do best, in equal stretches of time.
+
+    A trial that a way leaves without a window, as a high gate does, counts as guessed at there.
+
+    Args:
+        parts: The most natural way first.
+        tries: Scores candidates.
+    """
+    decided = [len(set(part.prepared.trial[part.windows])) for part in parts]
+    ways = [
+        _Way(whole, _thinned(whole), trials / max(decided))
+        for whole, trials in zip(parts, decided, strict=True)
+    ]
+    compared: list[_Way] = []
+    behind: list[str] = []
+    left_out: list[str] = []
+    for way in ways:
+        sets = way.part.feature_sets()
+        pair = _quick_pair(sets)
+        name = way.part.prepared.name
+        if compared and tries.spent() > MOST_ON_CUTS:
+            left_out += [f"{candidate.name} · {name}" for candidate in pair]
+            continue
+        if compared and _is_far_behind(way, min(compared, key=lambda w: w.loss), pair, tries):
+            behind.append(name)
+            continue
+        tries.try_all(way.part, pair, sets, must=not compared)
+        tried = tries.of(way.part)
+        if compared and len(tried) < len(pair):
+            continue
+        way.loss = way.with_guesses(_stretch_loss(way.part, tried, way.part.scored))
+        compared.append(way)
+    enough = BETTER_CUT * min(way.loss for way in compared) + CUT_SLACK
+    best = next(way.whole for way in compared if way.loss <= enough)
+    return Cuts(best, tuple(behind), tuple(left_out))
+
+
+@dataclass(slots=True)
+class _Way:
+    whole: Part
+    part: Part
+    """Thinned out."""
+    share: float
+    """Of the trials that any way decides."""
+    loss: float = float("inf")
+
+    def with_guesses(self, loss: float) -> float:
+        """Return a loss of the decided trials, nats, with the others guessed at."""
+        return self.share * loss + (1.0 - self.share) * float(np.log(self.part.classes))
+
+
+def _quick_pair(sets: Sets) -> list[Candidate]:
+    name = next(name for name in _PAIR if name in sets)
+    return [
+        Candidate("linear", "logistic", name, 0.03),
+        Candidate("trees", "extra-trees", name, 2),
+    ]
+
+
+def _is_far_behind(way: _Way, best: _Way, pair: list[Candidate], tries: Tries) -> bool:
+    """Return whether a way's first inner fold rules it out beside the best way so far."""
+    for fold in tested_folds(way.part.fold, ordered=way.part.ordered):
+        own = way.part.scored & (way.part.fold == fold)
+        other = best.part.scored & (best.part.fold == fold)
+        if own.any() and other.any():
+            break
+    else:
+        return False
+    seen = tries.look(way.part, pair, way.part.feature_sets(), fold)
+    loss = way.with_guesses(_stretch_loss(way.part, seen, own))
+    inside = other[best.part.scored]
+    there = [
+        replace(tried, probabilities=tried.probabilities[inside]) for tried in tries.of(best.part)
+    ]
+    least = best.with_guesses(_stretch_loss(best.part, there, other))
+    return loss > FAR_BEHIND * least + FAR_NATS
+
+
+def _thinned(part: Part) -> Part:
+    """Return every so many of a part's stretches as a whole, with all their windows."""
+    every = -(-len(part.rows) // _QUICK_WINDOWS)
+    if every < 2:
+        return part
+    own = part.prepared.stretch[part.windows] % every == 0
+    return replace(
+        part, rows=part.rows[own], fold=part.fold[own], y=part.y[own], scored=part.scored[own]
+    )
+
+
+def _stretch_loss(part: Part, tried: Sequence[Tried], own: NDArray[np.bool_]) -> float:
+    """Return the calibrated loss of two models' mean, its windows joined over equal stretches.
+
+    Args:
+        part: The way to cut.
+        tried: With probabilities of those windows.
+        own: Which windows of the part these are, shape (rows,).
+    """
+    if not tried:
+        return float("inf")
+    windows, y = part.windows[own], part.y[own]
+    mean = np.mean([attempt.probabilities for attempt in tried], axis=0)
+    unit = part.prepared.stretch[windows]
+    numbers, found = join(fit_joining(unit, mean, y), unit, mean)
+    return float(losses(found, unit_classes(unit, y, numbers)).mean())
