@@ -21,6 +21,8 @@ MORE_WINDOWS = (
     "choose fewer steps, a lower gate or another --window grid=; taxel info shows what is missing"
 )
 """What helps where trials gave no window, for messages."""
+OUTSIDE = "lie across a trial's border or between trials"
+"""Of windows that belong to no one trial."""
 _UNEVEN = 5
 """A class with so many times fewer trials than the commonest is rare. Source: our choice."""
 

@@ -20,6 +20,7 @@ from taxel.labels.trials import Trial, trials_of
 from taxel.recordings.reader import list_recordings, read_recording
 from taxel.signals import Samples, SensorInfo
 from taxel.windows.checks import (
+    OUTSIDE,
     check_classes,
     check_sensor,
     filled_note,
@@ -217,7 +218,7 @@ def _assemble(cut: _Cut, config: WindowConfig, *, keep: bool) -> Dataset:
         whole, stale = np.ones(len(windows), bool), 0
     notes = grid_note(cut.sensor, config)
     if cut.outside:
-        notes.append(f"{cut.outside} windows lie across a trial's border or outside: left out")
+        notes.append(f"{cut.outside} windows {OUTSIDE}, and so have no label: left out")
     if stale:
         notes.append(
             f"{stale} windows hold rows whose latest scan is {too_old(config)}: left out; "
