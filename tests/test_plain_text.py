@@ -152,6 +152,34 @@ def test_live_screens_and_progress_obey_no_name_either():
     assert r"a[red]\x1b[2J" in shown
 
 
+def test_progress_prints_a_line_now_and_then_where_there_is_no_terminal(
+    monkeypatch: pytest.MonkeyPatch,
+):
+    now_s = [100.0]
+    monkeypatch.setattr("taxel.views.console.monotonic", lambda: now_s[0])
+    out = io.StringIO()
+    with progress_on(PlainConsole(file=out, width=40)) as bar:
+        task = bar.add_task("starting", total=None)
+        for passed_s in range(0, 50, 5):
+            now_s[0] = 100.0 + passed_s
+            bar.update(task, description=f"choosing\x1b {passed_s}", completed=passed_s)
+        bar.update(task, total=60)
+        now_s[0] = 170.0
+        bar.update(task, advance=1)
+
+    assert out.getvalue().splitlines() == [
+        r"20 s · choosing\x1b 20", r"40 s · choosing\x1b 40", r"70 s · choosing\x1b 45 · 46 of 60"
+    ]  # fmt: skip
+
+
+def test_quick_work_prints_no_progress_where_there_is_no_terminal():
+    out = io.StringIO()
+    with progress_on(PlainConsole(file=out)) as bar:
+        bar.update(bar.add_task("starting", total=None), description="reading")
+
+    assert out.getvalue() == ""
+
+
 WRITERS = {
     "cli/printing.py": {"print", "sys.stdout.write"},
     # Before anything is imported that could print: its own words, and one line made visible.

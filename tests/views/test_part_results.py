@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import io
+import math
 
 from rich.console import Console, Group
 
+from taxel.evaluation.bundle_scores import BundleScores
 from taxel.evaluation.part_scores import Parts, PartScore
-from taxel.views.part_results import parts_tables
+from taxel.views.part_results import bundle_score_table, parts_tables
 
 
 def text_of(parts: Parts) -> str:
@@ -48,3 +50,19 @@ def test_one_value_apart_is_another_parting():
     )  # fmt: skip
 
     assert "the same trials" not in text_of(parts)
+
+
+def test_a_bundle_that_names_nothing_says_why():
+    found = BundleScores(
+        target="grit", classes=("a", "b"), split=None, windows=510, trials=510, accuracy=0.0,
+        interval=(0.0, 0.0), interval_group="session", interval_groups=5, lone=None, majority=0.5,
+        unknown=1.0, unknown_because={"low confidence": 510}, answered_accuracy=math.nan,
+        filled=0.0, trial_accuracy=0.0, trial_majority=0.5, trial_unknown=1.0, loss=1.4,
+        calibration_error=0.1, parts=Parts(classes=(), groups={}),
+        confusion={"a": {"UNKNOWN": 510}}, learned_from=(), learned_is_known=True, notes=(),
+    )  # fmt: skip
+    console = Console(file=io.StringIO(), width=120, record=True)
+    console.print(bundle_score_table(found, "s4.taxel", "rec"))
+
+    line = "no window was answered; UNKNOWN because of: low confidence 510"
+    assert line in console.export_text()

@@ -4,12 +4,16 @@ import io
 from types import SimpleNamespace
 from typing import cast
 
+import numpy as np
 from rich.console import Console
 
+from taxel.evaluation.baselines import TRIVIAL
 from taxel.evaluation.nested import Nested, TrialScores
 from taxel.evaluation.run_scores import GroupInterval
+from taxel.labels.trials import Trial
 from taxel.training.choose.candidates import Candidate
 from taxel.training.choose.choice import Choice
+from taxel.training.predictions import Predictions
 from taxel.views.expert_results import leaderboard, nested_table
 from taxel.views.results import confusion_table
 
@@ -60,6 +64,62 @@ def test_what_was_not_tried_is_named():
     assert "not tried" not in printed(leaderboard(choice, repeated=True), 200)
 
 
+def judged(confidence: float, windows_a_trial: int = 1, shared: bool = False) -> Predictions:
+    """Return predictions of four trials of equal length in two sessions, two folds.
+
+    Args:
+        confidence: The largest of three probabilities in each window.
+        windows_a_trial: How many windows a trial has.
+        shared: Whether each fold learned from trials of the tested session, too.
+    """
+    trials = tuple(
+        Trial(recording=f"r{i}", start_s=0.0, end_s=2.0, labels={"k": "ab"[i % 2]},
+              groups={"recording": f"r{i}", "trial": f"r{i}", "session": f"s{i // 2}"})
+        for i in range(4)
+    )  # fmt: skip
+    trial = np.repeat(np.arange(4), windows_a_trial)
+    return Predictions(
+        split="session held out", classes=("a", "b", "c"), trials=trials, folds=("s0", "s1"),
+        trained=np.array([[0, shared, 1, 1], [1, 1, 0, shared]], np.intp), trial=trial,
+        start_s=np.tile(np.arange(windows_a_trial) / 2.0, 4), fold=trial // 2, y=trial % 2,
+        probabilities=np.tile([confidence, *[(1.0 - confidence) / 2] * 2], (len(trial), 1)),
+    )  # fmt: skip
+
+
+def shown(predictions: Predictions, folds: int = 2) -> str:
+    """Return the lines of a nested score."""
+    scored = SimpleNamespace(
+        scores=SimpleNamespace(accuracy=0.4, loss=0.7), calibration_error=0.1, group="session",
+        intervals={"session": GroupInterval(0.3, 0.5, 2)}, lone=None,
+    )  # fmt: skip
+    nested = SimpleNamespace(
+        scores=scored, by_trial=TrialScores(accuracy=0.4, loss=0.7, trials=4), fixed=False,
+        split="session held out", choices=(None,) * folds, predictions=predictions, bars={},
+        trivial=dict.fromkeys(("majority", *TRIVIAL), 0.2), warning=None,
+    )  # fmt: skip
+    return printed(nested_table(cast(Nested, nested)), 200)
+
+
+def test_train_says_where_live_would_name_hardly_a_window():
+    assert "live would name 0.0 % of these test windows" in shown(judged(0.45))
+    assert "confidence of at least 0.5" in shown(judged(0.45))
+    assert "live would name" not in shown(judged(0.8))
+
+
+def test_baselines_that_have_nothing_to_go_by_are_not_in_the_table():
+    line = "nothing to go by here: place in the trial, length of the trial, session"
+    assert line in shown(judged(0.8))
+    assert "channel means" in shown(judged(0.8))
+    text = shown(judged(0.8, windows_a_trial=3, shared=True))
+    assert "nothing to go by" not in text
+    assert all(name in text for name in TRIVIAL)
+
+
+def test_one_outer_fold_is_no_folds():
+    assert "nested: chosen on the training part alone" in shown(judged(0.8), folds=1)
+    assert "nested: each of 2 folds chose" in shown(judged(0.8))
+
+
 def test_train_says_that_one_session_was_tested():
     """Beside an interval over its files; not beside one over sessions."""
     scored = SimpleNamespace(
@@ -68,7 +128,7 @@ def test_train_says_that_one_session_was_tested():
     )  # fmt: skip
     nested = SimpleNamespace(
         scores=scored, by_trial=TrialScores(accuracy=0.9, loss=0.3, trials=66), fixed=False,
-        split="folds.csv, session held out", choices=(None,), predictions=range(66), bars={},
+        split="folds.csv, session held out", choices=(None,), predictions=judged(0.9), bars={},
         trivial={}, warning=None,
     )  # fmt: skip
 

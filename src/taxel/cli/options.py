@@ -87,20 +87,26 @@ class RecipeOptions:
             split: Another split.
             members: Another number of networks.
             data: Recordings whose only label is predicted where none is named and they lack the
-                recipe's.
+                recipe's; where their own rates differ, they are put on one grid unless one is
+                named.
 
         Raises:
             BadInput: There is no such recipe, or a change does not fit.
+            BadRecording: A recording is damaged.
         """
         from taxel.cli.window_words import changed_window
         from taxel.training.recipes import find_recipe
+        from taxel.windows.rates import with_common_grid
 
         for name, value in (("epochs", self.epochs), ("members", members)):
             if value is not None and value < 1:
                 raise BadInput(f"--{name} of at least 1", str(value), "give a larger number")
         self.checked_seed()
         recipe = find_recipe(self.recipe or default)
-        window = changed_window(recipe.window, parse_pairs(self.window, "--window"))
+        changes = parse_pairs(self.window, "--window")
+        window = changed_window(recipe.window, changes)
+        if data is not None and "grid" not in changes:
+            window = with_common_grid(window, data)
         train = replace(recipe.train, seed=self.seed)
         if self.epochs is not None:
             train = replace(train, epochs=self.epochs)

@@ -51,7 +51,7 @@ def print_json(data: Any, indent: int | None = 1) -> None:
 
 
 def progress() -> Progress:
-    """Return a progress bar on the error stream; silent where that is no terminal."""
+    """Return a progress bar on the error stream; a line now and then where that is no terminal."""
     return progress_on(error_console())
 
 

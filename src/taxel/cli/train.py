@@ -239,6 +239,7 @@ class Train:
 
 def print_checked(checked: Checked) -> None:
     """Print a cross-validation: accuracies, warnings, confusions, each class and group."""
+    from taxel.evaluation.run_scores import few_named
     from taxel.views.part_results import parts_tables
     from taxel.views.results import checked_table, confusion_table
 
@@ -246,8 +247,9 @@ def print_checked(checked: Checked) -> None:
     console.print(checked_table(checked))
     if checked.kept:
         say(_kept_line(checked))
-    if said := warning(checked):
-        say(f"warning: {said}", style="yellow")
+    for said in (warning(checked), few_named(checked.predictions)):
+        if said:
+            say(f"warning: {said}", style="yellow")
     classes = checked.dataset.classes(checked.recipe.target)
     console.print(confusion_table(classes, pooled.scores.confusion, console.width))
     for table in parts_tables(pooled.parts) if pooled.parts is not None else ():

@@ -15,6 +15,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from taxel.decisions.recognition import RecogniseConfig
 from taxel.evaluation.metrics import Scores, accuracy_interval, by_trial, score
 from taxel.evaluation.paired import LEVEL, coarsest_of, smallest_p, tested_of
 from taxel.labels.trials import lone_group
@@ -22,6 +23,11 @@ from taxel.training.predictions import Predictions
 
 BINS = 10
 """Bins of confidence in a reliability diagram. Source: our choice, the usual one."""
+FEW_NAMED = 0.5
+"""Below this share of test windows that are sure enough to be named, 0…1, that is said. Source:
+our choice, docs/decisions/0039: a recogniser that is silent on most touch is not what was asked."""
+_SAME_S = 1e-3
+"""Times that differ by less are one time, seconds: hides rounding of clocks and rates."""
 _MOST_GROUPS = 40
 """A group with more values than this is too fine to be drawn or listed."""
 
@@ -191,6 +197,49 @@ def baseline_warning(
         "few": "record more of them",
     }
     return f"{said}: {mend[standing]}" if standing in mend else None
+
+
+def few_named(predictions: Predictions) -> str | None:
+    """Return what must be said where live would name fewer than half of the test windows.
+
+    Args:
+        predictions: What was said of each test window.
+    """
+    least = RecogniseConfig().least_confidence
+    share = float((predictions.probabilities.max(axis=1) >= least).mean())
+    if share >= FEW_NAMED:
+        return None
+    return (
+        f"live would name {share:.1%} of these test windows, and answer UNKNOWN to the others: it "
+        f"asks for a confidence of at least {least:g}; record more, or take less with "
+        "taxel live --least-confidence"
+    ).replace("%", " %")
+
+
+def blind_baselines(predictions: Predictions) -> tuple[str, ...]:
+    """Return the trivial baselines that see the same of each window here, or nothing they know.
+
+    Args:
+        predictions: The test windows, and which trials each fold learned from.
+    """
+    trials, own = predictions.trials, predictions.trial
+    counts = np.bincount(own, minlength=len(trials))[np.unique(own)]
+    lasts_s = np.array([trials[i].duration_s for i in np.unique(own)])
+    single = bool((counts == 1).all())
+    since_s = predictions.start_s - np.array([trial.start_s for trial in trials])[own]
+    found = []
+    if single and np.ptp(since_s) < _SAME_S:
+        found.append("place in the trial")
+    if single and np.ptp(lasts_s) < _SAME_S:
+        found.append("length of the trial")
+    key = "session" if all("session" in trial.groups for trial in trials) else "recording"
+    names = np.array([trial.groups[key] for trial in trials])
+    if not any(
+        np.isin(names[own[predictions.fold == fold]], names[trained > 0]).any()
+        for fold, trained in enumerate(predictions.trained)
+    ):
+        found.append("session")
+    return tuple(found)
 
 
 def few_groups(group: str, groups: int) -> str | None:

@@ -16,7 +16,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taxel.errors import BadSplit
-from taxel.windows.dataset import Dataset
+from taxel.windows.checks import MORE_WINDOWS, no_window
+from taxel.windows.dataset import Dataset, with_joined_label
 
 _TRIES = 50
 """Seeds tried until every training part holds every class."""
@@ -165,8 +166,16 @@ def by_group(
     _check_folds(folds)
     groups = dataset.group(key)
     classes = [trial.labels[target] for trial in dataset.trials]
+    empty = [with_joined_label(trial, target) for trial in dataset.empty]
     for name in sorted(set(classes)):
         own = sorted({g for g, c in zip(groups, classes, strict=True) if c == name})
+        lost = [t for t in empty if t.labels.get(target) == name and t.groups.get(key) not in own]
+        if len(own) < 2 and lost:
+            raise BadSplit(
+                f"windows of at least two groups {key!r} for every class of {target!r}",
+                f"one ({own[0]}) for {name!r}: {no_window(lost, 'its other groups')}",
+                MORE_WINDOWS,
+            )
         if len(own) < 2:
             raise BadSplit(
                 f"at least two groups {key!r} for every class of {target!r}",

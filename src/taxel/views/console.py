@@ -8,12 +8,21 @@ about what is printed.
 
 from __future__ import annotations
 
+import math
 import sys
 from collections.abc import Iterable
+from time import monotonic
 from typing import Any
 
 from rich.console import Console, ConsoleOptions, RenderableType
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
+from rich.progress import (
+    BarColumn,
+    MofNCompleteColumn,
+    Progress,
+    TaskID,
+    TextColumn,
+    TimeElapsedColumn,
+)
 from rich.segment import Segment
 from rich.text import Text
 
@@ -21,6 +30,11 @@ from taxel.plain_text import without_controls
 
 PLAIN_WIDTH = 110
 """Columns where the output is no terminal: a file or a pipe has no width of its own."""
+
+
+LINE_S = 20.0
+"""Seconds between lines of progress where there is no terminal. Source: our choice,
+docs/decisions/0031: seldom enough for a log, often enough to see that work goes on."""
 
 
 class PlainConsole(Console):
@@ -62,9 +76,36 @@ def error_console() -> PlainConsole:
     return PlainConsole(stderr=True)
 
 
+class LineProgress(Progress):
+    """A progress bar that prints a line now and then where its console is no terminal.
+
+    The first comes after `LINE_S`, so that quick work prints none.
+    """
+
+    _began_s = _said_s = -math.inf
+
+    def start(self) -> None:
+        """Begin to show progress, or to count the time to the first line."""
+        self._began_s = self._said_s = monotonic()
+        super().start()
+
+    def update(self, task_id: TaskID, *args: Any, **changes: Any) -> None:
+        """Note what changed; as of `rich.progress.Progress`."""
+        super().update(task_id, *args, **changes)
+        now_s = monotonic()
+        with self._lock:
+            if self.console.is_terminal or now_s - self._said_s < LINE_S:
+                return
+            self._said_s = now_s
+            task = self._tasks[task_id]
+            of = f" · {task.completed:g} of {task.total:g}" if task.total else ""
+            took = f"{now_s - self._began_s:.0f} s"
+        self.console.print(Text(f"{took} · {task.description}{of}"), soft_wrap=True)
+
+
 def progress_on(console: Console) -> Progress:
-    """Return a progress bar; silent where the console is no terminal."""
-    return Progress(
+    """Return a progress bar; a line now and then where the console is no terminal."""
+    return LineProgress(
         TextColumn("{task.description}", markup=False),
         BarColumn(),
         MofNCompleteColumn(),

@@ -13,10 +13,11 @@ from scipy.stats import binomtest
 
 from taxel.evaluation.expert import Expert
 from taxel.evaluation.nested import Nested
-from taxel.evaluation.run_scores import only_one
+from taxel.evaluation.run_scores import blind_baselines, few_named, only_one
 from taxel.plain_text import visible, visible_line
 from taxel.training.choose.choice import Choice
 from taxel.views.results import result_table
+from taxel.windows.checks import OUTSIDE
 
 SHOWN = 12
 """Lines of the leaderboard; expert.json holds all."""
@@ -85,6 +86,8 @@ def nested_table(nested: Nested) -> RenderableType:
     """Return the outer score, by window and by trial, with its bars on the same windows."""
     scores, by_trial = nested.scores, nested.by_trial
     how = f"nested: each of {len(nested.choices)} folds chose on its own training part"
+    if len(nested.choices) == 1:
+        how = "nested: chosen on the training part alone"
     if nested.fixed:
         how = "chosen before, then trained on each training part; not nested if the choice saw it"
     table = result_table(
@@ -98,15 +101,23 @@ def nested_table(nested: Nested) -> RenderableType:
             name, f"{own.scores.accuracy:.4f}", f"{trials.accuracy:.4f}",
             f"{own.scores.loss:.4f}", f"{trials.loss:.4f}", f"{own.calibration_error:.4f}",
         )  # fmt: skip
+    blind = [name for name in blind_baselines(nested.predictions) if name in nested.trivial]
     for name, accuracy in nested.trivial.items():
-        table.add_row(name, f"{accuracy:.4f}", style="dim")
+        if name not in blind:
+            table.add_row(name, f"{accuracy:.4f}", style="dim")
     interval = scores.intervals[scores.group]
     over = f"95 % CI over {interval.groups} {visible(scores.group)}s: "
     lines = [Text(f"{over}{interval.low:.4f} … {interval.high:.4f}{_all_right(nested)}")]
+    if blind:
+        hidden = ", ".join(blind)
+        text = f"baselines not shown, for they have nothing to go by here: {hidden}"
+        lines.append(Text(text, style="dim"))
     if said := only_one(scores.lone, scores.group):
         lines.append(Text(visible_line(said), style="yellow"))
     if nested.warning:
         lines.append(Text(f"warning: {visible_line(nested.warning)}", style="yellow"))
+    if said := few_named(nested.predictions):
+        lines.append(Text(f"warning: {said}", style="yellow"))
     return Group(table, *lines)
 
 
@@ -132,7 +143,8 @@ def expert_report(expert: Expert) -> RenderableType:
         )
     )
     parts += [Text(visible_line(f"given up: {line}")) for line in expert.given_up]
-    parts += [Text(visible_line(note)) for note in expert.notes]
+    # Windows overlap where they are searched among: how many of those fit no trial tells nothing.
+    parts += [Text(visible_line(note)) for note in expert.notes if OUTSIDE not in note]
     if expert.tries_kept:
         parts.append(Text(f"{expert.tries_kept} tries kept from a run that was interrupted"))
     return Group(*parts)

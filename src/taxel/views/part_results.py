@@ -80,10 +80,14 @@ def bundle_score_table(found: BundleScores, bundle: str, data: str) -> Renderabl
 
 def _lines(found: BundleScores) -> list[str]:
     lines = ["accuracy: UNKNOWN counts as wrong; majority: always naming the commonest class"]
-    if found.unknown and not math.isnan(found.answered_accuracy):
+    if found.unknown:
         why = ", ".join(f"{name} {count}" for name, count in found.unknown_because.items())
-        lines.append(f"of the windows that were answered, {found.answered_accuracy:.4f} are "
-                     f"correct; UNKNOWN because of: {why}")  # fmt: skip
+        answered = "no window was answered"
+        if not math.isnan(found.answered_accuracy):
+            answered = (
+                f"of the windows that were answered, {found.answered_accuracy:.4f} are correct"
+            )
+        lines.append(f"{answered}; UNKNOWN because of: {why}")
     if found.filled:
         lines.append(f"{100 * found.filled:.1f} % of the windows had short gaps filled in")
     if not math.isnan(found.loss):

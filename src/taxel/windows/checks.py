@@ -17,6 +17,12 @@ from taxel.signals import SensorInfo
 from taxel.windows.config import MOST_RATE_CHANGE, SLOW_GRID, WindowConfig
 from taxel.windows.windower import Windows
 
+MORE_WINDOWS = (
+    "choose fewer steps, a lower gate or another --window grid=; taxel info shows what is missing"
+)
+"""What helps where trials gave no window, for messages."""
+OUTSIDE = "lie across a trial's border or between trials"
+"""Of windows that belong to no one trial."""
 _UNEVEN = 5
 """A class with so many times fewer trials than the commonest is rare. Source: our choice."""
 
@@ -46,11 +52,12 @@ def check_sensor(first: SensorInfo, own: SensorInfo, file: Path, config: WindowC
             "put recordings of different sensors into different folders",
         )
     low_hz, high_hz = sorted((first.rate_hz, own.rate_hz))
-    if config.grid_hz is None and high_hz > MOST_RATE_CHANGE * low_hz > 0:
+    several = config.steps > 1  # one row lasts no time
+    if config.grid_hz is None and several and high_hz > MOST_RATE_CHANGE * low_hz > 0:
         raise BadDataset(
             f"about {first.rate_hz:g} scans/s in every recording, for their own scans are rows",
             f"{own.rate_hz:g} in {file.name}",
-            f"choose a common grid, such as --window grid={low_hz:g}, or separate the rates",
+            f"choose a common grid, such as --window grid={low_hz:.3g}, or separate the rates",
         )
     missing = [name for name in config.channels or () if name not in own.channels]
     if missing:
@@ -72,23 +79,68 @@ def nothing_found(path: Path, config: WindowConfig, where: Mapping[str, str] | N
     )
 
 
-def check_classes(trials: Sequence[Trial], target: str) -> None:
+def nothing_usable(windows: int, stale: int, config: WindowConfig) -> BadDataset:
+    """Return the refusal of windows none of which may be used.
+
+    Args:
+        windows: How many there are.
+        stale: How many for the age of their scans alone.
+        config: How they were cut.
+    """
+    if stale < windows:
+        got, mend = "each window holds missing, stale or NaN values", ""
+    else:
+        got = f"in each of {windows} windows a row's latest scan is {too_old(config)}"
+        mend = ", or take each scan as a row: --window grid=own"
+    return BadDataset(
+        "at least one window of usable values",
+        f"none: {got}",
+        f"look at the recordings with: taxel info{mend}",
+    )
+
+
+def too_old(config: WindowConfig) -> str:
+    """Return when a scan is too old for a row, in words."""
+    return f"over {1000 * (config.max_age_s or 0.0):.3g} ms old"
+
+
+def check_classes(trials: Sequence[Trial], target: str, empty: Sequence[Trial] = ()) -> None:
     """Refuse trials that are all of one class.
 
     Args:
         trials: Each with the target's label.
         target: The label.
+        empty: Trials that gave no window: they are not counted, and not hidden either.
 
     Raises:
         BadDataset: So it is.
     """
     classes = {trial.labels[target] for trial in trials}
-    if len(classes) < 2:
+    if len(classes) >= 2:
+        return
+    lost = [trial for trial in empty if trial.labels.get(target, *classes) not in classes]
+    if lost:
         raise BadDataset(
-            f"at least two classes of {target!r}",
-            f"one class only ({', '.join(classes)})",
-            "record or import the other classes too",
+            f"windows of at least two classes of {target!r}",
+            f"windows of one class only ({', '.join(classes)}): {no_window(lost, 'other classes')}",
+            MORE_WINDOWS,
         )
+    raise BadDataset(
+        f"at least two classes of {target!r}",
+        f"one class only ({', '.join(classes)})",
+        "record or import the other classes too",
+    )
+
+
+def no_window(trials: Sequence[Trial], which: str) -> str:
+    """Return that trials are there and gave no window, in words.
+
+    Args:
+        trials: At least one.
+        which: What they are of, such as "other classes".
+    """
+    count = f"{len(trials)} trial" + "s" * (len(trials) > 1)
+    return f"{count} of {which} gave no window: too short, below the gate or not usable"
 
 
 def grid_note(sensor: SensorInfo, config: WindowConfig) -> list[str]:

@@ -17,6 +17,9 @@ GRID_RATE_HZ = 100.0
 (the thesis does not say), docs/decisions/0003."""
 LARGEST_AGE_S = 0.030
 """A value older than this is stale, seconds. Source: our choice, docs/decisions/0003."""
+LARGEST_AGE_PERIODS = 3.0
+"""Or so many periods of the sensor's own rate, where these last longer: as many as 30 ms are on the
+grid of 100 Hz, so that a lost scan or a late one leaves no window out. Source: as above."""
 SLOW_GRID = 1 / 3
 """A grid below this share of the sensor's own rate is said to be slow. Source: our choice."""
 MOST_RATE_CHANGE = 1.25
@@ -35,6 +38,15 @@ WAVELET = "db2"
 and not for noise. Source: our choice, docs/decisions/0024."""
 
 
+def largest_age_s(rate_hz: float) -> float:
+    """Return when a value is too old for a row of the grid, seconds.
+
+    Args:
+        rate_hz: The sensor's own rate, hertz; 0 where it is not known.
+    """
+    return max(LARGEST_AGE_S, LARGEST_AGE_PERIODS / rate_hz if rate_hz > 0 else 0.0)
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class WindowConfig:
     """What a window is. Saved with every run and inside every bundle."""
@@ -46,8 +58,9 @@ class WindowConfig:
     grid_hz: float | None = GRID_RATE_HZ
     """Rate of the common time grid, hertz; None takes the sensor's own scans as rows.
     A sensor whose nominal rate is the grid's gives its scans as rows too."""
-    max_age_s: float = LARGEST_AGE_S
-    """A value older than this at a row's time is not used, seconds."""
+    max_age_s: float | None = None
+    """A value older than this at a row's time is not used, seconds. None: `largest_age_s` of the
+    sensor's own rate; data sets state it by their recordings' usual one, and bundles store that."""
     gate: float | None = None
     """Only rows with a channel above this count, in the channels' unit; None takes all."""
     gate_follow_s: float | None = None

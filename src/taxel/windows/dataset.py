@@ -20,14 +20,18 @@ from taxel.labels.trials import Trial, trials_of
 from taxel.recordings.reader import list_recordings, read_recording
 from taxel.signals import Samples, SensorInfo
 from taxel.windows.checks import (
+    OUTSIDE,
     check_classes,
     check_sensor,
     filled_note,
     grid_note,
     nothing_found,
+    nothing_usable,
     rare_note,
+    too_old,
 )
 from taxel.windows.config import WindowConfig
+from taxel.windows.rates import fit_age, rates_note, rates_of
 from taxel.windows.reference import Reference, parse_reference, session_levels, to_usual
 from taxel.windows.windower import Windows, cut_windows
 
@@ -67,6 +71,8 @@ class Dataset:
     again under another name."""
     unlabelled: tuple[Trial, ...] = ()
     """Trials that gave windows and were left out, as they lack the label that is predicted."""
+    empty: tuple[Trial, ...] = ()
+    """Trials that gave no window."""
 
     def __len__(self) -> int:
         return len(self.windows)
@@ -140,6 +146,8 @@ def load_dataset(
             their own scans are rows, no trial has the target, or all are of one class.
     """
     paths = list_recordings(path)
+    rates_hz = rates_of(paths)
+    config = fit_age(config, rates_hz)
     sensor: SensorInfo | None = None
     trials: list[Trial] = []
     parts: list[Windows] = []
@@ -175,13 +183,16 @@ def load_dataset(
     if sensor is None or not sum(map(len, parts)):
         raise nothing_found(path, config, where)
     cut = _Cut(Windows.join(parts), np.concatenate(owners), trials, sensor, outside, stale)
+    made = _assemble(cut, config, keep=unusable)
     made = replace(
-        _assemble(cut, config, keep=unusable), digest=digest.hexdigest(), fingerprints=fingerprints
-    )
+        made, digest=digest.hexdigest(), fingerprints=fingerprints,
+        notes=(*rates_note(config, rates_hz), *made.notes),
+    )  # fmt: skip
     if target is None:
         return made
     made = only_labelled(made, target, path)
-    check_classes(made.trials, target)
+    empty = [with_joined_label(trial, target) for trial in made.empty]
+    check_classes(made.trials, target, empty)
     return replace(made, notes=(*made.notes, *rare_note(made.trials, target)))
 
 
@@ -207,11 +218,11 @@ def _assemble(cut: _Cut, config: WindowConfig, *, keep: bool) -> Dataset:
         whole, stale = np.ones(len(windows), bool), 0
     notes = grid_note(cut.sensor, config)
     if cut.outside:
-        notes.append(f"{cut.outside} windows lie across a trial's border or outside: left out")
+        notes.append(f"{cut.outside} windows {OUTSIDE}, and so have no label: left out")
     if stale:
         notes.append(
-            f"{stale} windows hold rows whose latest scan is over {1000 * config.max_age_s:g} ms "
-            "old: left out; --window grid=own takes each scan as a row"
+            f"{stale} windows hold rows whose latest scan is {too_old(config)}: left out; "
+            "--window grid=own takes each scan as a row"
         )
     if unusable := int((~whole).sum()) - stale:
         noun = "scans" if config.steps == 1 else "windows"
@@ -224,11 +235,7 @@ def _assemble(cut: _Cut, config: WindowConfig, *, keep: bool) -> Dataset:
             f"{config.steps} rows: padded and masked"
         )
     if not len(windows):
-        raise BadDataset(
-            "at least one window of usable values",
-            "none: each window holds missing, stale or NaN values",
-            "look at the recordings with: taxel info",
-        )
+        raise nothing_usable(len(whole), stale, config)
     used, trial = np.unique(trial, return_inverse=True)
     if without := len(cut.trials) - len(used):
         notes.append(
@@ -236,6 +243,7 @@ def _assemble(cut: _Cut, config: WindowConfig, *, keep: bool) -> Dataset:
             "not usable"
         )
     kept = tuple(cut.trials[index] for index in used)
+    empty = tuple(cut.trials[index] for index in sorted(set(range(len(cut.trials))) - set(used)))
     reference = to_level = None
     if config.reference is not None:
         windows, trial, kept, reference, to_level = _referred(
@@ -256,6 +264,7 @@ def _assemble(cut: _Cut, config: WindowConfig, *, keep: bool) -> Dataset:
         reference=reference,
         to_level=to_level,
         missing=max(unusable, 0),
+        empty=empty,
     )
 
 

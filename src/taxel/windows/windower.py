@@ -15,7 +15,7 @@ from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
 from taxel.signals import UNUSABLE, Samples, SensorInfo, Validity
-from taxel.windows.config import WindowConfig
+from taxel.windows.config import WindowConfig, largest_age_s
 from taxel.windows.denoise import cleaner
 from taxel.windows.following import GateFollower, GateMove
 from taxel.windows.gaps import fill_gaps
@@ -119,7 +119,8 @@ class Windower:
         self._clean = cleaner(config)
         self._columns = sensor.indices(config.channels) if config.channels else None
         self._channels = len(sensor.only(config.channels).channels)
-        self._grid = Grid(config.grid_hz, sensor.rate_hz, config.max_age_s)
+        age_s = largest_age_s(sensor.rate_hz) if config.max_age_s is None else config.max_age_s
+        self._grid = Grid(config.grid_hz, sensor.rate_hz, age_s)
         own = sensor.only(config.channels)
         self._untouched = own.indices((config.subtract,))[0] if config.subtract else None
         self._follower: GateFollower | None = None

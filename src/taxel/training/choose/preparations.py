@@ -23,6 +23,7 @@ from taxel.sim.teng_constants import SENSORS
 from taxel.windows.config import GATE_V, WindowConfig
 from taxel.windows.dataset import Dataset, load_dataset
 from taxel.windows.joining import TEST_PREFIX, join_datasets
+from taxel.windows.rates import with_common_grid
 
 SHORT = 800
 """Rows up to which a whole trial is the only window: a touch, not a session. Source: our choice,
@@ -139,7 +140,7 @@ class Prepared:
 def load_base(
     path: Path, target: str, channels: tuple[str, ...] | None = None, test: Path | None = None
 ) -> Base:
-    """Read recordings row by row.
+    """Read recordings row by row: each scan, or on one grid where their own rates differ.
 
     Args:
         path: A folder of recordings, or one.
@@ -150,12 +151,13 @@ def load_base(
     Raises:
         BadDataset: There is no usable row, or no trial has the target.
     """
-    config = replace(ROWS, channels=channels)
+    folders = (path,) if test is None else (path, test)
+    config = with_common_grid(replace(ROWS, channels=channels), *folders)
     own = dataset = load_dataset(path, config, target=target)
     if test is not None:
         dataset = join_datasets(own, test, target)
     rows = np.bincount(dataset.trial, minlength=len(dataset.trials)).astype(np.intp)
-    if own.missing:
+    if own.missing or config.grid_hz is not None:  # on a grid, rows may be too old as well
         rows[: len(own.trials)] = _all_rows(load_dataset(path, config, unusable=True), own)
     return Base(path, dataset, target, rows, test, notes=_constant(dataset))
 
