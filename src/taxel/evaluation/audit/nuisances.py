@@ -97,7 +97,7 @@ def read_first(case: Case) -> Reading:
     """Return how well a trial's first row or frame predicts the label."""
     touch = case.touch
     what = "frame" if touch.kind == "camera" else "row"
-    first = trial_evidence(case, np.stack([rows[0] for rows in touch.rows]))
+    first = _first_evidence(case)
     middle = trial_evidence(case, np.stack([rows[len(rows) // 2] for rows in touch.rows]))
     before = starts_at_rest(touch)
 
@@ -140,7 +140,7 @@ def read_level(case: Case) -> Reading:
          for rows, m in zip(touch.rows, means, strict=True)]
     )  # fmt: skip
     without = trial_evidence(case, moved)
-    first = trial_evidence(case, np.stack([rows[0] for rows in touch.rows]))
+    first = _first_evidence(case)
     before = starts_at_rest(touch)
 
     def decide(counts: bool) -> tuple[Verdict, str, str]:
@@ -203,6 +203,13 @@ def trial_evidence(case: Case, features: NDArray[np.floating]) -> LabelEvidence:
     y = case.touch.y
     found = predict(features, y, case.folds, case.seed)
     return evidence_of(found, y, np.arange(len(y)), case.groups, case.folds)
+
+
+def _first_evidence(case: Case) -> LabelEvidence:
+    """Return how well a trial's first row predicts the label, computed once in an audit."""
+    if "first" not in case.known:
+        case.known["first"] = trial_evidence(case, np.stack([rows[0] for rows in case.touch.rows]))
+    return case.known["first"]
 
 
 def cropped(case: Case) -> tuple[float, str]:

@@ -155,7 +155,8 @@ def shared_copies(case: Case, kind: str, pairs: Pairs, what: str, unseen: str = 
     shown = sorted(pairs, key=lambda pair: -pairs[pair])[:3]
     examples = tuple(f"{names[a]} and {names[b]} ({100 * pairs[a, b]:.1f} % alike)"
                      for a, b in shown)  # fmt: skip
-    if odd := sum(bool(touch.y[a] != touch.y[b]) for a, b in pairs):
+    y = touch.y
+    if odd := sum(bool(y[a] != y[b]) for a, b in pairs):
         what += f" ({odd} of {len(pairs)} pairs with two different labels)"
     whole = case.sides is None
     case, sides = (case, case.sides) if case.sides is not None else _by_trials(case)
