@@ -118,7 +118,7 @@ def _shared_runs(
     return {
         (a, b): count / min(sizes[a], sizes[b])
         for (a, b), count in shared.items()
-        if not _overlap(touch, a, b)
+        if not overlap(touch, a, b)
     }, bool(np.median(sizes) >= min(RUN, longest - run + 1))
 
 
@@ -145,7 +145,7 @@ def near_copies(touch: TouchSet, known: Pairs) -> tuple[Pairs, Pairs, Pairs]:
     shifted, backwards = shared_noise(touch.rows)
     for found, more in ((near, shifted), (turned, backwards), (turned, rows_backwards(touch))):
         fresh = more.keys() - known.keys() - near.keys() - found.keys()
-        found |= {pair: more[pair] for pair in sorted(fresh) if not _overlap(touch, *pair)}
+        found |= {pair: more[pair] for pair in sorted(fresh) if not overlap(touch, *pair)}
     return near, {pair: straight[pair] for pair in straight.keys() - near.keys()}, turned
 
 
@@ -173,7 +173,8 @@ def row_numbers(trials: Sequence[NDArray[np.float32]]) -> list[NDArray[np.uint64
     ends = np.cumsum([len(rows) for rows in trials])
     channels = trials[0].shape[1]
     found = np.zeros(ends[-1], np.uint64)
-    drawn = np.random.default_rng(0).integers(1, 2**63, channels, dtype=np.uint64)
+    rng = np.random.default_rng(0)
+    drawn = np.asarray(rng.integers(1, 2**63, channels, dtype=np.uint64))
     parts = np.searchsorted(ends, np.arange(0, ends[-1], _ROWS_AT_ONCE))
     for first, stop in pairwise([*dict.fromkeys(parts.tolist()), len(trials)]):
         rows = np.concatenate(trials[first:stop])
@@ -258,7 +259,7 @@ def _outliers(
             limit = 1.0 - np.partition(honest, -tenth)[-tenth]
             for near in np.flatnonzero((row >= ALIKE) & (1.0 - row <= RATIO * limit)):
                 a, b = sorted((int(index[place]), int(index[near])))
-                if (a, b) not in known and not _overlap(touch, a, b):
+                if (a, b) not in known and not overlap(touch, a, b):
                     found[a, b] = float(row[near])
     return found
 
@@ -287,7 +288,7 @@ def _turns(touch: TouchSet) -> list[Callable[[NDArray[np.float64]], NDArray[np.f
     ]
 
 
-def _overlap(touch: TouchSet, a: int, b: int) -> bool:
+def overlap(touch: TouchSet, a: int, b: int) -> bool:
     """Return whether two trials are overlapping stretches of one recording."""
     one, two = touch.trials[a], touch.trials[b]
     return one.recording == two.recording and one.start_s < two.end_s and two.start_s < one.end_s
