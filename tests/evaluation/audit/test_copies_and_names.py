@@ -67,11 +67,12 @@ def test_copies_on_one_side_of_a_split_are_a_note(make_set: Make) -> None:
 def test_each_kind_of_copy_is_a_leak_across_and_a_note_within(make_set: Make, kind: str) -> None:
     """The same rows, scaled, or run backwards: in one session that is held out, or in two."""
     touch = make_set["array"]()
-    change = {"duplicates": lambda r: r, "near-duplicates": lambda r: 1.3 * r + 2,
-              "augmented copies": lambda r: r[::-1]}[kind]  # fmt: skip
+    first = touch.rows[0]
+    changed = {"duplicates": first, "near-duplicates": 1.3 * first + 2,
+               "augmented copies": first[::-1]}[kind]  # fmt: skip
     for other, verdict in ((5, "note"), (1, "leak")):
         rows = list(touch.rows)
-        rows[other] = np.ascontiguousarray(change(rows[0]), np.float32)
+        rows[other] = np.ascontiguousarray(changed, np.float32)
         spoilt = replace(touch, rows=tuple(rows))
         split = named_sides(spoilt, "group:session", usual_steps(spoilt), 5, 0)
         found = {finding.kind: finding for finding in audit(spoilt, "x", split).findings}

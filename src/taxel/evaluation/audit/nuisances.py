@@ -280,7 +280,8 @@ def stands_still_first(touch: TouchSet) -> bool:
 
 def _spread(touch: TouchSet) -> NDArray[np.floating]:
     """Return each channel's deviation over some rows of all trials, shape (channels,)."""
-    return np.concatenate([rows[:: max(1, len(rows) // 16)] for rows in touch.rows]).std(axis=0)
+    some = [rows[:: max(1, len(rows) // 16)] for rows in touch.rows]
+    return np.asarray(np.concatenate(some).std(axis=0))
 
 
 def sum_up(rows: NDArray[np.floating]) -> NDArray[np.float32]:
