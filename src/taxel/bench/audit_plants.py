@@ -113,18 +113,19 @@ def _levels(touch: TouchSet, _: Path) -> Planted:
 
 
 def _own_sessions(touch: TouchSet, _: Path) -> Planted:
-    """Each class in a session, by an operator, with a firmware and at a time of its own."""
+    """Each class in a session, by two operators, with two firmwares and at a time of its own."""
     order = np.argsort(touch.y, kind="stable")
     rank = np.empty(len(order), int)
     rank[order] = np.arange(len(order))
     trials = tuple(
-        replace(t, groups={**t.groups, "session": f"day-{c}", "operator": f"person-{c}"})
-        for t, c in zip(touch.trials, touch.y, strict=True)
+        replace(t, groups={**t.groups, "session": f"day-{c}", "operator": f"person-{c}-{r % 2}"})
+        for t, c, r in zip(touch.trials, touch.y, rank, strict=True)
     )
     return replace(
         touch, trials=trials,
         created=tuple(f"2026-01-01T{r // 60:02d}:{r % 60:02d}:00Z" for r in rank),
-        files=tuple({**f, "firmware": f"1.{c}"} for f, c in zip(touch.files, touch.y, strict=True)),
+        files=tuple({**f, "firmware": f"1.{c}.{r // 2 % 2}"} for f, c, r in
+                    zip(touch.files, touch.y, rank, strict=True)),
     ), None, None  # fmt: skip
 
 

@@ -82,7 +82,8 @@ def legend(found: Audit) -> list[str]:
     """Return what each column says, a line each."""
     return [
         "accuracy: reached on test parts from this alone; where p is “rule”, by answering with the "
-        "label of the piece of the same trial, session or copy that is in the training part",
+        "label of the piece of the same trial, session or copy that is in the training part, and "
+        "with the commonest class where there is none",
         f"found by: small trees and look-ups, {found.read_on}"
         + ("" if found.read_on == found.split else ", since the split divides trials or none is "
            "given") + "; other test parts give other figures",

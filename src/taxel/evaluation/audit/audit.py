@@ -10,6 +10,7 @@ from pathlib import Path
 
 from taxel.evaluation.audit.case import Case, Reading
 from taxel.evaluation.audit.copies import near_copies, same_rows
+from taxel.evaluation.audit.cut_windows import beside_windows, cut_windows
 from taxel.evaluation.audit.evidence import trial_folds
 from taxel.evaluation.audit.finding import Audit, Finding, holm, sort_findings
 from taxel.evaluation.audit.gaps import Gap, measure_gaps
@@ -76,9 +77,12 @@ def audit(
         facts.append(scaled_run(case, run))
     on_step("copies")
     same = same_rows(touch)
-    facts.append(COPIES_UNKNOWN if same is None else
-                 shared_copies(case, "duplicates", same, "hold the same rows"))  # fmt: skip
-    near, repeats, turned = near_copies(touch, same or {})
+    cut = cut_windows(touch)
+    copied = None if same is None else beside_windows(touch, same, cut)
+    facts.append(COPIES_UNKNOWN if copied is None else
+                 shared_copies(case, "duplicates", copied, "hold the same rows"))  # fmt: skip
+    facts.append(shared_copies(case, "cut with overlap", cut, _CUT, streams=True))
+    near, repeats, turned = near_copies(touch, {**cut, **(same or {})})
     unseen = left_out(touch.rows)
     if near or not repeats:
         facts.append(shared_copies(case, "near-duplicates", near,
@@ -130,6 +134,7 @@ def audit(
     )
 
 
+_CUT = "go on where another has begun: they were cut from one stream and overlap"
 _READ: dict[str, Callable[[Case], Reading]] = {
     "length": read_length, "place": read_place, "first rows": read_first, "level": read_level,
 }  # fmt: skip

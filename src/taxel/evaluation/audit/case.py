@@ -6,7 +6,7 @@ Knows nothing about single checks.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -36,6 +36,8 @@ class Case:
     seed: int
     steps: int
     """Rows of a window."""
+    known: dict[str, LabelEvidence] = field(default_factory=dict, compare=False, repr=False)
+    """What several checks ask for, by name, kept once it is computed."""
 
     @property
     def groups(self) -> NDArray[np.str_] | None:

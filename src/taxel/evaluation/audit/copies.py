@@ -11,9 +11,9 @@ Background of our choices: docs/decisions/0023.
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
-from itertools import combinations
+from itertools import combinations, pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -39,6 +39,8 @@ of noise added reach 0.8 and more, a machine's repeats with 1 % of noise 0.6. Ou
 _TENTH = 10
 _FAINT = 0.2
 """Size of a trial's change over the median one, below which it has no course. Our choice."""
+_ROWS_AT_ONCE = 16384
+"""Rows that are put beside each other at once: 20 MB of 300 channels."""
 _ENDS = 2
 """Moments at either end that are left out."""
 
@@ -55,10 +57,17 @@ def same_rows(
     runs are asked for until that is no longer so, up to what nine trials of ten have: None where
     that is not enough to tell copies and chance apart. Only pairs that are wanted count.
     """
-    longest = int(np.percentile([len(rows) for rows in touch.rows], 10))
+    return _same_numbers(touch, row_numbers(touch.rows), wanted)
+
+
+def _same_numbers(
+    touch: TouchSet, numbers: list[NDArray[np.uint64]], wanted: Callable[[int, int], bool]
+) -> Pairs | None:
+    """Return what `same_rows` does, given one number for each row of each trial."""
+    longest = int(np.percentile([len(own) for own in numbers], 10))
     run = min(RUN, longest)
     while True:
-        found, plenty = _shared_runs(touch, run, longest)
+        found, plenty = _shared_runs(touch, numbers, run, longest)
         every = {pair: share for pair, share in found.items() if wanted(*pair)}
         alike = {pair: share for pair, share in every.items() if share >= SHARED}
         if plenty and 4 * len(alike) >= 3 * len(every):
@@ -71,19 +80,22 @@ def same_rows(
 def rows_backwards(touch: TouchSet) -> Pairs:
     """Return pairs of trials of which one, run backwards, shares runs of rows with the other."""
     n = len(touch)
-    both = replace(touch, trials=2 * touch.trials,
-                   rows=(*touch.rows, *(rows[::-1] for rows in touch.rows)))  # fmt: skip
+    both = replace(touch, trials=2 * touch.trials, rows=2 * touch.rows)
+    numbers = row_numbers(touch.rows)
+    numbers += [own[::-1] for own in numbers]
     return {(min(a, b - n), max(a, b - n)): share for (a, b), share in
-            (same_rows(both, lambda a, b: a < n <= b) or {}).items()}  # fmt: skip
+            (_same_numbers(both, numbers, lambda a, b: a < n <= b) or {}).items()}  # fmt: skip
 
 
-def _shared_runs(touch: TouchSet, run: int, longest: int) -> tuple[Pairs, bool]:
+def _shared_runs(
+    touch: TouchSet, numbers: list[NDArray[np.uint64]], run: int, longest: int
+) -> tuple[Pairs, bool]:
     """Return pairs of trials that share any run of so many rows → share of the shorter one's.
 
     And whether half of the trials have several such runs: where values are coarse or held for many
     rows, few runs say something.
     """
-    each = [np.unique(_runs(rows, run)) for rows in touch.rows]
+    each = [np.unique(_runs(own, run)) for own in numbers]
     sizes = [len(own) for own in each]
     owner = np.repeat(np.arange(len(each)), sizes)
     every = np.concatenate(each)
@@ -106,7 +118,7 @@ def _shared_runs(touch: TouchSet, run: int, longest: int) -> tuple[Pairs, bool]:
     return {
         (a, b): count / min(sizes[a], sizes[b])
         for (a, b), count in shared.items()
-        if not _overlap(touch, a, b)
+        if not overlap(touch, a, b)
     }, bool(np.median(sizes) >= min(RUN, longest - run + 1))
 
 
@@ -133,7 +145,7 @@ def near_copies(touch: TouchSet, known: Pairs) -> tuple[Pairs, Pairs, Pairs]:
     shifted, backwards = shared_noise(touch.rows)
     for found, more in ((near, shifted), (turned, backwards), (turned, rows_backwards(touch))):
         fresh = more.keys() - known.keys() - near.keys() - found.keys()
-        found |= {pair: more[pair] for pair in sorted(fresh) if not _overlap(touch, *pair)}
+        found |= {pair: more[pair] for pair in sorted(fresh) if not overlap(touch, *pair)}
     return near, {pair: straight[pair] for pair in straight.keys() - near.keys()}, turned
 
 
@@ -149,23 +161,46 @@ def _same_noise(first: NDArray[np.float32], other: NDArray[np.float32]) -> bool:
     return float(of_channel.mean()) >= SAME_NOISE
 
 
-def _runs(rows: NDArray[np.float32], run: int) -> NDArray[np.uint64]:
+def row_numbers(trials: Sequence[NDArray[np.float32]]) -> list[NDArray[np.uint64]]:
+    """Return one number for each row of each trial: equal rows have equal ones.
+
+    Args:
+        trials: Each shape (rows, channels).
+
+    Returns:
+        Each shape (rows,).
+    """
+    ends = np.cumsum([len(rows) for rows in trials])
+    channels = trials[0].shape[1]
+    found = np.zeros(ends[-1], np.uint64)
+    rng = np.random.default_rng(0)
+    drawn = np.asarray(rng.integers(1, 2**63, channels, dtype=np.uint64))
+    parts = np.searchsorted(ends, np.arange(0, ends[-1], _ROWS_AT_ONCE))
+    for first, stop in pairwise([*dict.fromkeys(parts.tolist()), len(trials)]):
+        rows = np.concatenate(trials[first:stop])
+        own = found[ends[stop - 1] - len(rows) : ends[stop - 1]]
+        with np.errstate(over="ignore"):
+            for number, factor in enumerate(drawn | np.uint64(1)):
+                bits = np.ascontiguousarray(rows[:, number]).view(np.uint32).astype(np.uint64)
+                mixed = (bits ^ (bits >> np.uint64(7))) * factor
+                own ^= mixed * (mixed >> np.uint64(29) | np.uint64(1))
+    return np.split(found, ends[:-1])
+
+
+def _runs(of_row: NDArray[np.uint64], run: int) -> NDArray[np.uint64]:
     """Return one number for each run of rows that says something, shape (m,).
 
     A trial that is shorter than the shortest runs is one by itself.
+
+    Args:
+        of_row: One number for each row, shape (rows,).
+        run: Rows in a run.
     """
-    if len(rows) < run > RUN:
+    if len(of_row) < run > RUN:
         return np.zeros(0, np.uint64)
-    run = min(run, len(rows))
-    rng = np.random.default_rng(0)
-    drawn = np.asarray(rng.integers(1, 2**63, rows.shape[1], dtype=np.uint64))
-    of_row = np.zeros(len(rows), np.uint64)
+    run = min(run, len(of_row))
+    found = np.zeros(len(of_row) - run + 1, np.uint64)
     with np.errstate(over="ignore"):
-        for number, factor in enumerate(drawn | np.uint64(1)):
-            bits = np.ascontiguousarray(rows[:, number]).view(np.uint32).astype(np.uint64)
-            mixed = (bits ^ (bits >> np.uint64(7))) * factor
-            of_row ^= mixed * (mixed >> np.uint64(29) | np.uint64(1))
-        found = np.zeros(len(rows) - run + 1, np.uint64)
         for k in range(run):
             found = found * np.uint64(0x9E3779B97F4A7C15) + of_row[k : k + len(found)]
     fresh = np.concatenate([[False], of_row[1:] != of_row[:-1]])
@@ -224,7 +259,7 @@ def _outliers(
             limit = 1.0 - np.partition(honest, -tenth)[-tenth]
             for near in np.flatnonzero((row >= ALIKE) & (1.0 - row <= RATIO * limit)):
                 a, b = sorted((int(index[place]), int(index[near])))
-                if (a, b) not in known and not _overlap(touch, a, b):
+                if (a, b) not in known and not overlap(touch, a, b):
                     found[a, b] = float(row[near])
     return found
 
@@ -253,7 +288,7 @@ def _turns(touch: TouchSet) -> list[Callable[[NDArray[np.float64]], NDArray[np.f
     ]
 
 
-def _overlap(touch: TouchSet, a: int, b: int) -> bool:
+def overlap(touch: TouchSet, a: int, b: int) -> bool:
     """Return whether two trials are overlapping stretches of one recording."""
     one, two = touch.trials[a], touch.trials[b]
     return one.recording == two.recording and one.start_s < two.end_s and two.start_s < one.end_s

@@ -10,14 +10,17 @@ from dataclasses import dataclass, field
 from typing import Literal
 
 Verdict = Literal["leak", "hazard", "note", "clear", "too few", "not checked"]
-"""leak: must be mended, whatever is claimed; hazard: becomes a leak under a split that allows it;
-note: worth a sentence beside the result; clear: looked for and not found, though it would have been
-seen; too few: could not be decided with so few trials, which is not the same."""
+"""leak: must be mended, whatever is claimed; hazard: becomes a leak under a split that allows it,
+or if trials begin before contact, which recordings do not say; note: worth a sentence beside the
+result; clear: looked for and not found, though it would have been seen; too few: could not be
+decided with so few trials, which is not the same."""
 
+UNSURE = "first frame"
+"""The kind whose hazard waits for an answer of the reader's, not for a split."""
 ALARMS: tuple[Verdict, ...] = ("leak", "hazard")
 MEANING: dict[Verdict, str] = {
     "leak": "an accuracy measured here is not to be believed until this is mended",
-    "hazard": "becomes a leak under a split that allows it",
+    "hazard": "becomes a leak under a split that allows it, or if its condition holds",
     "note": "state it beside the result",
     "clear": "looked for, not found",
     "too few": "could not be decided: with so few trials even a large leak would not have counted",
@@ -86,16 +89,20 @@ class Audit:
     def verdict(self) -> str:
         """One sentence for a reader in a hurry."""
         leaks = sum(finding.verdict == "leak" for finding in self.findings)
-        hazards = sum(finding.verdict == "hazard" for finding in self.findings)
+        waiting = [finding.kind for finding in self.findings if finding.verdict == "hazard"]
+        unsure = UNSURE in waiting
+        hazards = len(waiting) - unsure
         where = f"under the split {self.split!r}" if self.split else "in these recordings"
         if leaks:
             more = f", and {hazards} more would leak under a careless split" if hazards else ""
+            more += f", and the {UNSURE} leaks if trials begin before contact" if unsure else ""
             return f"{leaks} leak{'s' * (leaks > 1)} {where}{more}: do not publish yet."
+        less = f", unless trials begin before contact ({UNSURE})" if unsure else ""
         if hazards:
             verb = "waits" if hazards == 1 else "wait"
-            hazard = f"hazard{'s' * (hazards > 1)}"
-            return f"No leak {where}; {hazards} {hazard} {verb} for a careless split{self._few}."
-        return f"No leak found {where}{self._few}."
+            hazard = f"hazard{'s' * (hazards > 1)} {verb}"
+            return f"No leak {where}{less}; {hazards} {hazard} for a careless split{self._few}."
+        return f"No leak found {where}{less}{self._few}."
 
     @property
     def _few(self) -> str:

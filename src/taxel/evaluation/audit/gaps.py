@@ -22,6 +22,7 @@ from taxel.evaluation.audit.evidence import (
     trial_folds,
 )
 from taxel.evaluation.audit.finding import Finding, Verdict
+from taxel.evaluation.audit.names import several
 from taxel.evaluation.audit.nuisances import sum_up
 from taxel.evaluation.audit.touch_set import Pieces, TouchSet, cut_pieces
 
@@ -116,8 +117,8 @@ def measure_gaps(case: Case) -> list[Gap]:
                 kind=f"{case.key} leak", of=str(case.key), high=high, low=low, p=p,
                 majority=majority(y, by_group), units=len(set(units)),
                 loosely=f"trials of one {case.key} on both sides",
-                strictly=f"whole {case.key}s held out",
-                mend=f"hold out whole {case.key}s and quote that figure",
+                strictly=f"whole {several(str(case.key))} held out",
+                mend=f"hold out whole {several(str(case.key))} and quote that figure",
                 split_does=None if case.sides is None else _shares(case, groups),
             )
         )  # fmt: skip

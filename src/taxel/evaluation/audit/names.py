@@ -56,6 +56,13 @@ def near_names(case: Case) -> Finding:
     )  # fmt: skip
 
 
+def several(key: str) -> str:
+    """Return a group's name for several of its values: "session" → "sessions"."""
+    if key.endswith("y") and key[-2:-1] not in "aeiou":
+        return f"{key[:-1]}ies"
+    return f"{key}es" if key.endswith(("s", "x", "ch", "sh")) else f"{key}s"
+
+
 def near(a: str, b: str) -> bool:
     """Return whether two different names are probably one."""
     if a == b:

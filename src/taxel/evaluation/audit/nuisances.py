@@ -11,13 +11,17 @@ from numpy.typing import NDArray
 
 from taxel.evaluation.audit.case import Case, Reading, rows_folds
 from taxel.evaluation.audit.evidence import LabelEvidence, evidence_of, predict
-from taxel.evaluation.audit.finding import Verdict
+from taxel.evaluation.audit.finding import UNSURE, Verdict
 from taxel.evaluation.audit.touch_set import TouchSet
 from taxel.plain_text import visible
 
 AT_REST = 0.8
-"""A first row farther from the trial's middle than this share of its rows lies before contact.
-Our choice, docs/decisions/0023."""
+"""A trial moves away from a first row that is farther from its middle than this share of its
+rows. Our choice, docs/decisions/0023."""
+STILL, LEAST_STILL = 0.1, 3
+"""Share of a trial's way from its first row within which it stands still, and rows for which it
+does, at least; half of the way is reached in twice as many rows at most. Source: our choice,
+docs/decisions/0023."""
 AHEAD = 0.10
 """Accuracy by which a first row in touch must beat the middle row. Our choice, decision 23."""
 NEARLY = 0.95
@@ -97,24 +101,32 @@ def read_first(case: Case) -> Reading:
     """Return how well a trial's first row or frame predicts the label."""
     touch = case.touch
     what = "frame" if touch.kind == "camera" else "row"
-    first = trial_evidence(case, np.stack([rows[0] for rows in touch.rows]))
+    first = _first_evidence(case)
     middle = trial_evidence(case, np.stack([rows[len(rows) // 2] for rows in touch.rows]))
-    before = starts_at_rest(touch)
+    before = leaves_its_start(touch)
 
     def decide(counts: bool) -> tuple[Verdict, str, str]:
         if not counts:
             return "clear", f"A trial's first {what} does not predict the label.", ""
         mend = f"take each trial's first {what} from it (tare), hold out sessions, and print a " \
                f"control that sees the first {what} only"  # fmt: skip
-        if before:
-            return ("leak", f"The first {what} predicts the label before contact: drift or "
-                    "setting, not touch.", mend)  # fmt: skip
         if first.accuracy >= middle.accuracy + AHEAD:
             return (
                 "leak",
                 f"The first {what} predicts the label better than the middle one "
                 f"({middle.accuracy:.3f}): something at the start gives it away.",
                 mend,
+            )
+        if before and stands_still_first(touch):
+            return ("leak", f"The first {what} predicts the label, and trials stand still there "
+                    "before anything happens: drift or setting, not touch.", mend)  # fmt: skip
+        if before:
+            return (
+                "hazard",
+                f"The first {what} predicts the label, and trials move away from it. If touch has "
+                "not begun there, it is drift or setting, and a leak; if it has, it may be touch "
+                f"itself (the middle one: {middle.accuracy:.3f}). The recordings do not say which.",
+                f"look whether trials begin before contact; if so, {mend}",
             )
         return (
             "note",
@@ -123,7 +135,7 @@ def read_first(case: Case) -> Reading:
             f"print a control that sees the first {what} only",
         )
 
-    return Reading(kind="first frame", evidence=first, decide=decide, mended=lambda: tared(case))
+    return Reading(kind=UNSURE, evidence=first, decide=decide, mended=lambda: tared(case))
 
 
 def read_level(case: Case) -> Reading:
@@ -140,8 +152,8 @@ def read_level(case: Case) -> Reading:
          for rows, m in zip(touch.rows, means, strict=True)]
     )  # fmt: skip
     without = trial_evidence(case, moved)
-    first = trial_evidence(case, np.stack([rows[0] for rows in touch.rows]))
-    before = starts_at_rest(touch)
+    first = _first_evidence(case)
+    before = leaves_its_start(touch)
 
     def decide(counts: bool) -> tuple[Verdict, str, str]:
         if not counts:
@@ -205,6 +217,13 @@ def trial_evidence(case: Case, features: NDArray[np.floating]) -> LabelEvidence:
     return evidence_of(found, y, np.arange(len(y)), case.groups, case.folds)
 
 
+def _first_evidence(case: Case) -> LabelEvidence:
+    """Return how well a trial's first row predicts the label, computed once in an audit."""
+    if "first" not in case.known:
+        case.known["first"] = trial_evidence(case, np.stack([rows[0] for rows in case.touch.rows]))
+    return case.known["first"]
+
+
 def cropped(case: Case) -> tuple[float, str]:
     """Return what cheap trees reach on crops of one length from each trial's start, and that in
     words.
@@ -230,15 +249,39 @@ def tared(case: Case) -> tuple[float, str]:
                   f"(majority {still.majority:.3f}).")  # fmt: skip
 
 
-def starts_at_rest(touch: TouchSet) -> bool:
-    """Return whether trials begin before contact: their first row is unlike most others."""
-    spread = np.concatenate([rows[:: max(1, len(rows) // 16)] for rows in touch.rows]).std(axis=0)
+def leaves_its_start(touch: TouchSet) -> bool:
+    """Return whether trials move away from their first row: it is unlike most others.
+
+    So do trials that begin before contact, and those of a hold that settles, or of a press that
+    goes on: values alone do not say which.
+    """
+    spread = _spread(touch)
     shares = []
     for rows in touch.rows:
         scaled = rows / np.where(spread > 0, spread, 1.0)
         far = np.linalg.norm(scaled - np.median(scaled, axis=0), axis=1)
         shares.append((far[1:] < far[0]).mean())
     return float(np.mean(shares)) >= AT_REST
+
+
+def stands_still_first(touch: TouchSet) -> bool:
+    """Return whether most trials stand still at first and then leave fast, as at an onset.
+
+    A press that has begun leaves slowly, a hold that settles at once.
+    """
+    spread = _spread(touch)
+    found = []
+    for rows in touch.rows:
+        away = np.linalg.norm((rows - rows[0]) / np.where(spread > 0, spread, 1.0), axis=1)
+        still, half = (int(np.argmax(away > part * away.max())) for part in (STILL, 0.5))
+        found.append(still >= LEAST_STILL and half <= 2 * still)
+    return float(np.mean(found)) > 0.5
+
+
+def _spread(touch: TouchSet) -> NDArray[np.floating]:
+    """Return each channel's deviation over some rows of all trials, shape (channels,)."""
+    some = [rows[:: max(1, len(rows) // 16)] for rows in touch.rows]
+    return np.asarray(np.concatenate(some).std(axis=0))
 
 
 def sum_up(rows: NDArray[np.floating]) -> NDArray[np.float32]:

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from taxel.evaluation.audit.case import Case, Reading
 from taxel.evaluation.audit.evidence import LabelEvidence, evidence_of, look_up, predict
 from taxel.evaluation.audit.finding import Verdict
+from taxel.evaluation.audit.names import several
 from taxel.evaluation.audit.touch_set import SESSIONS, TouchSet
 from taxel.labels.class_order import in_order
 from taxel.labels.trials import OBJECTS
@@ -21,13 +22,15 @@ FINGERPRINT = 0.9
 NUMBERS = ("trial_number", "number", "index", "order", "attempt", "repetition", "rep", "repeat",
            "take")  # fmt: skip
 """Groups that count trials in the order in which they were recorded."""
+_FILES = ("recording", "file", "detail imported_from")
+"""Names of files: what belongs in them is no setting."""
 _UNITS = ("_n", "_mm", "_s", "_c", "_pct", "_hz", "_v", "_g", "_kg", "_deg", "_ppm", "_pf", "_um")
 
 
 def read_origins(case: Case) -> list[Reading]:
     """Return how well sessions, order and other names predict the label, one reading each."""
     touch = case.touch
-    readings = [_read_key(case, key, values) for key, values in _named(case)]
+    readings = [_read_key(case, *names) for names in _once(_named(case))]
     order = recorded_order(touch)
     if order is not None:
         readings.append(_read_order(case, order))
@@ -53,8 +56,53 @@ def _named(case: Case) -> list[tuple[str, NDArray[np.str_]]]:
     return [(k, v) for k, v in found.items() if 1 < len(set(v)) <= limit and k not in OBJECTS]
 
 
-def _read_key(case: Case, key: str, values: NDArray[np.str_]) -> Reading:
+def _once(
+    named: list[tuple[str, NDArray[np.str_]]],
+) -> list[tuple[str, NDArray[np.str_], tuple[str, ...]]]:
+    """Return each way to share trials out once: its name, values, and other names for the same.
+
+    A session's name stands for a file's and a stream's that are one to one with it; a group, which
+    can be held out, for what a file says beside.
+    """
+    rank = {key: number for number, key in enumerate(SESSIONS)}
+    order = sorted(named, key=lambda own: (rank.get(own[0], len(rank)), _is_detail(own[0])))
+    found: dict[bytes, tuple[str, NDArray[np.str_], tuple[str, ...]]] = {}
+    for key, values in order:
+        first = {name: number for number, name in reversed(list(enumerate(values.tolist())))}
+        same = np.array([first[name] for name in values.tolist()]).tobytes()
+        kept, own, others = found.get(same, (key, values, ()))
+        found[same] = (kept, own, others if kept == key else (*others, key))
+    return list(found.values())
+
+
+def _is_detail(key: str) -> bool:
+    """Return whether a name is what a file says beside, which no split can hold out."""
+    return " " in key or ":" in key
+
+
+def _words(key: str) -> tuple[str, str]:
+    """Return a name in plain words, one and several: what a file says beside is no group."""
+    if key == "detail imported_from":
+        return "imported file", "files"
+    plain = key.removeprefix("detail ").replace("_", " ") if _is_detail(key) else key
+    return plain, f"sets of equal {plain}" if _is_detail(key) else several(key)
+
+
+def _read_key(
+    case: Case, key: str, values: NDArray[np.str_], others: tuple[str, ...] = ()
+) -> Reading:
+    """Return how well a name predicts the label.
+
+    Args:
+        case: What is audited.
+        key: The name.
+        values: Of each trial, shape (trials,).
+        others: Names that share the trials out alike.
+    """
     touch = case.touch
+    one, many = _words(key)
+    like = " and ".join(repr(_words(other)[0]) for other in others)
+    too = f" (and so does {like}, one to one with it)" if others else ""
     y = touch.y
     found = evidence_of(look_up(values, y, case.plain), y, np.arange(len(y)), None, case.plain)
     nested = _nested(y, values)
@@ -62,8 +110,8 @@ def _read_key(case: Case, key: str, values: NDArray[np.str_]) -> Reading:
 
     def decide(counts: bool) -> tuple[Verdict, str, str]:
         if not counts:
-            return "clear", f"{key!r} alone does not predict the label.", ""
-        several = f"several {key}s each" if session else "every setting"
+            return "clear", f"{one!r} alone does not predict the label.", ""
+        each = f"several {many} each" if session or key in _FILES else "every setting"
         if case.sides is not None:
             verdict: Verdict = "leak" if session or found.accuracy >= FINGERPRINT else "note"
         elif nested and found.accuracy >= FINGERPRINT and _few(y, values):
@@ -73,17 +121,16 @@ def _read_key(case: Case, key: str, values: NDArray[np.str_]) -> Reading:
         else:
             verdict = "note"
         if nested:
-            said = f"Each {key!r} holds one class only: its name predicts the label, and so may " \
-                   "anything that differs between them."  # fmt: skip
+            said = f"Each {one!r} holds one class only: its name predicts the label{too}, and so " \
+                   "may anything that differs between them."  # fmt: skip
         else:
-            said = (
-                f"Classes are shared out unevenly over {key!r}: its name alone predicts the label."
-            )
-        return verdict, said, f"record every class in {several}, and hold out whole {key}s"
+            said = f"Classes are shared out unevenly over {one!r}: its name alone predicts the " \
+                   f"label{too}."  # fmt: skip
+        return verdict, said, f"record every class in {each}, and hold out whole {many}"
 
     examples = [f"{name}: {', '.join(touch.classes[c] for c in sorted(set(y[values == name])))}"
                 for name in in_order(values)]  # fmt: skip
-    return Reading(kind=f"name: {key}", evidence=found, decide=decide, examples=tuple(examples))
+    return Reading(kind=f"name: {one}", evidence=found, decide=decide, examples=tuple(examples))
 
 
 def _nested(inner: NDArray[np.generic], outer: NDArray[np.str_]) -> bool:

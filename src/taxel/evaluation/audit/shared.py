@@ -1,7 +1,8 @@
 """What stands on both sides of a split: moments, trials, sessions, objects, views, copies.
 
 Each is a fact, not a guess, so that one piece is enough for an alarm. The accuracy beside it is
-what looking up the label of the training part's own gives, and the majority elsewhere. Knows
+what looking up the label of the training part's own gives, and elsewhere the test parts' commonest
+class, so that it is never below the majority for want of a partner. Knows
 nothing about values.
 """
 
@@ -17,8 +18,9 @@ from taxel.evaluation.audit.case import Case
 from taxel.evaluation.audit.copies import Pairs
 from taxel.evaluation.audit.evidence import majority, trial_folds
 from taxel.evaluation.audit.finding import Finding
+from taxel.evaluation.audit.names import several
 from taxel.evaluation.audit.sides import Sides
-from taxel.evaluation.audit.touch_set import SESSIONS, TIMES, Pieces
+from taxel.evaluation.audit.touch_set import SESSIONS, TIMES, Pieces, TouchSet
 from taxel.labels.trials import OBJECTS
 
 Partners = Sequence[NDArray[np.intp]]
@@ -90,7 +92,7 @@ def shared_names(case: Case) -> list[Finding]:
     if not sessions:
         findings.append(SESSIONS_UNKNOWN)
     found = {key: _name(case, f"same {key}", key, _of(case, key),
-                        f"hold out whole {key}s, as with --split group:{key}")
+                        f"hold out whole {several(key)}, as with --split group:{key}")
              for key in sessions}  # fmt: skip
     single = [key for key in sessions if len(set(_of(case, key))) == 1]
     apart = {key for key in sessions if key not in single and not found[key].alarm}
@@ -106,7 +108,7 @@ def shared_names(case: Case) -> list[Finding]:
         if values is None or key in sessions:
             continue
         kind = "same object" if key in OBJECTS else f"same {key}"
-        finding = _name(case, kind, key, values, f"hold out whole {key}s")
+        finding = _name(case, kind, key, values, f"hold out whole {several(key)}")
         claimed = key in case.sides.claimed
         findings.append(finding if claimed or not finding.alarm else _known_only(finding, key))
     return findings
@@ -116,19 +118,29 @@ def _known_only(finding: Finding, key: str) -> Finding:
     """Return a finding as the note that the figure holds for what training has seen."""
     return replace(
         finding, verdict="note",
-        said=f"The same {key}s stand on both sides: the figure holds for known ones only.",
-        mend=f"say so, or hold out whole {key}s and add --unseen {key}",
+        said=f"The same {several(key)} stand on both sides: the figure holds for known ones only.",
+        mend=f"say so, or hold out whole {several(key)} and add --unseen {key}",
     )  # fmt: skip
 
 
 def _of(case: Case, key: str) -> NDArray[np.str_]:
-    values = case.touch.group(key)
+    return _values(case.touch, key)
+
+
+def _values(touch: TouchSet, key: str) -> NDArray[np.str_]:
+    values = touch.group(key)
     assert values is not None
     return values
 
 
-def shared_copies(case: Case, kind: str, pairs: Pairs, what: str, unseen: str = "") -> Finding:
-    """Return the finding on copies: across sides, within the test part, or anywhere.
+def shared_copies(
+    case: Case, kind: str, pairs: Pairs, what: str, unseen: str = "", *, streams: bool = False
+) -> Finding:
+    """Return the finding on copies: across sides, on one side only, or anywhere.
+
+    Across the sides they are a leak. On one side nothing of a test trial is known in training, so
+    that they are a note. Without a split they are a hazard where a group that the recordings name
+    keeps all copies together, and a leak where none does.
 
     Args:
         case: The audit.
@@ -136,6 +148,7 @@ def shared_copies(case: Case, kind: str, pairs: Pairs, what: str, unseen: str = 
         pairs: Trials that are copies of each other.
         what: What they are, such as "hold the same rows".
         unseen: A sentence on what was not compared; empty where all was.
+        streams: They are windows of one stream that overlap, none of which is to be dropped.
     """
     touch = case.touch
     names = [trial.groups["trial"] for trial in touch.trials]
@@ -153,33 +166,75 @@ def shared_copies(case: Case, kind: str, pairs: Pairs, what: str, unseen: str = 
         partners.setdefault(a, set()).add(b)
         partners.setdefault(b, set()).add(a)
     shown = sorted(pairs, key=lambda pair: -pairs[pair])[:3]
-    examples = tuple(f"{names[a]} and {names[b]} ({100 * pairs[a, b]:.1f} % alike)"
+    alike = "of the rows in common" if streams else "alike"
+    examples = tuple(f"{names[a]} and {names[b]} ({100 * pairs[a, b]:.1f} % {alike})"
                      for a, b in shown)  # fmt: skip
-    if odd := sum(bool(touch.y[a] != touch.y[b]) for a, b in pairs):
+    y = touch.y
+    if odd := sum(bool(y[a] != y[b]) for a, b in pairs):
         what += f" ({odd} of {len(pairs)} pairs with two different labels)"
+    one = f"{len(partners)} of {len(touch)} trials"
     whole = case.sides is None
     case, sides = (case, case.sides) if case.sides is not None else _by_trials(case)
+    own = case.pieces.trial
     across: list[Partners] = []
-    twice = 0
+    crossing, twice = set[int](), set[int]()
     for train, test in sides.folds:
-        own = [case.pieces.trial[train], case.pieces.trial[test]]
-        across.append([train[np.isin(own[0], list(partners.get(t, ())))] for t in own[1]])
-        twice += sum(bool(partners.get(t, set()) & set(own[1].tolist())) for t in own[1])
+        tested = set(own[test].tolist())
+        of_trial = {t: train[np.isin(own[train], list(partners.get(t, ())))] for t in tested}
+        across.append([of_trial[t] for t in own[test].tolist()])
+        crossing |= {t for t, found in of_trial.items() if len(found)}
+        twice |= {t for t in tested if partners.get(t, set()) & tested}
+    key = joining_group(touch, pairs)
+    joins = "" if key is None else f"whole {several(key)}"
     mend = "keep one of each, or give all copies of a trial to the side of their original"
-    alone, usual, count, total = _looked_up(case, across)
+    if streams:
+        mend = f"hold out {joins}" if joins else (
+            "hold out whole streams: name what the trials were cut from as a group of the import "
+            "(such as group:stream)")  # fmt: skip
+    elif joins:
+        mend = f"keep one of each, or hold out {joins}, which keep them together"
+    if not whole and not crossing:
+        twice_said = f"{len(twice)} tested trials count more than once" if twice else (
+            "all of them in training")  # fmt: skip
+        return Finding(
+            kind=kind, verdict="note", examples=examples,
+            said=f"{len(pairs)} pairs of trials {what}, each on one side of the split: nothing of "
+                 f"a test trial is in its training part; {twice_said}.",
+            mend="say so" if streams or not twice else "keep one of each, or say so",
+        )  # fmt: skip
+    alone, usual, _, _ = _looked_up(case, across)
     if whole:
-        said = f"{len(pairs)} pairs of trials {what}: a split of trials puts them on both sides."
-    elif count:
-        said = f"{count} of {total} test pieces have a copy in training: trials {what}."
-    elif twice:
-        said = f"{twice} of {total} test pieces count more than once: trials {what}."
-        mend = "test on originals only, and make copies of the training part alone"
+        side = "a split of trials puts them on both sides"
+        if joins:
+            side = f"a split that does not hold out {joins} puts them on both sides"
+        said = f"{len(pairs)} pairs of trials ({one}) {what}: {side}."
     else:
-        return Finding(kind=kind, verdict="note", examples=examples, mend="say so",
-                       said=f"{len(pairs)} pairs of trials {what}; none across the sides.",
-                       )  # fmt: skip
-    return Finding(kind=kind, verdict="leak", said=said, mend=mend, alone=alone, majority=usual,
-                   examples=examples)  # fmt: skip
+        total = len({t for _, test in sides.folds for t in own[test].tolist()})
+        said = f"{len(crossing)} of {total} tested trials have such a one in training: trials " \
+               f"{what}."  # fmt: skip
+    return Finding(kind=kind, verdict="hazard" if whole and joins else "leak", said=said, mend=mend,
+                   alone=alone, majority=usual, examples=examples)  # fmt: skip
+
+
+def joining_group(touch: TouchSet, pairs: Pairs) -> str | None:
+    """Return a group that can be held out whole and keeps all pairs together; None if none does.
+
+    One that says when or by whom comes first, then objects, then the others; of several the one
+    with most values, which is least likely to join them by chance. Each class has at least two
+    values of it.
+    """
+    y, classes = touch.y, range(len(touch.classes))
+    others = sorted({key for trial in touch.trials for key in trial.groups} - {"trial"})
+    for keys in (SESSIONS, OBJECTS, [k for k in others if k not in (*SESSIONS, *OBJECTS)]):
+        found: dict[str, int] = {}
+        for key in touch.keys(tuple(keys)):
+            own = _values(touch, key)
+            apart = all(len(set(own[y == c])) > 1 for c in classes)
+            if apart and all(own[a] == own[b] for a, b in pairs):
+                found[key] = len(set(own))
+        if found:
+            return max(found, key=found.__getitem__)
+    return None
 
 
 def repeated(pairs: Pairs) -> Finding:
@@ -242,8 +297,8 @@ def future_labels(case: Case) -> Finding:
         )
     y = case.touch.y[case.pieces.trial]
     right = total = 0
-    for train, test in case.sides.folds:
-        usual = np.bincount(y[train]).argmax()
+    usual = np.bincount(np.concatenate([y[test] for _, test in case.sides.folds])).argmax()
+    for _, test in case.sides.folds:
         right += int((late[test] | (y[test] == usual)).sum())
         total += len(test)
     return Finding(
@@ -283,8 +338,8 @@ def _looked_up(case: Case, partners: Sequence[Partners]) -> tuple[float, float, 
     assert case.sides is not None
     y = case.touch.y[case.pieces.trial]
     right = count = total = 0
-    for (train, test), own in zip(case.sides.folds, partners, strict=True):
-        usual = int(np.bincount(y[train]).argmax())
+    usual = int(np.bincount(np.concatenate([y[test] for _, test in case.sides.folds])).argmax())
+    for (_, test), own in zip(case.sides.folds, partners, strict=True):
         for piece, found in zip(test, own, strict=True):
             named = int(np.bincount(y[found]).argmax()) if len(found) else usual
             right += named == y[piece]
