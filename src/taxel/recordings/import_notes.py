@@ -49,6 +49,8 @@ class FileFacts:
     """Its first line where it was taken as names though it holds only numbers; or empty."""
     decimal_comma: bool = False
     """Whether commas were taken for decimal signs."""
+    one_more: bool = False
+    """Whether each of its rows ends in a separator, though the line of names does not."""
     rate_hz: float = 0.0
     """Scans a second, hertz, by the median step; 0 for a single scan."""
     time: str = ""
@@ -101,6 +103,7 @@ def notes_of(files: Sequence[FileFacts]) -> list[str]:
         *_zeros([facts for facts in files if facts.zeros >= ZEROS], len(files)),
         *_number_headers([facts for facts in files if facts.number_header]),
         *_decimal_commas([facts for facts in files if facts.decimal_comma]),
+        *_one_more([facts for facts in files if facts.one_more]),
         *_slow(sorted(slow, key=lambda facts: facts.rate_hz)),
         *_fast(sorted(fast, key=lambda facts: -facts.rate_hz)),
         *_gaps([facts for facts in files if facts.gaps], len(files)),
@@ -148,6 +151,15 @@ def _zeros(files: Sequence[FileFacts], of: int) -> list[str]:
 
 def _decimal_commas(files: Sequence[FileFacts]) -> list[str]:
     return [f"{_some(files)}: commas were taken as decimal signs: 0,5 is a half"] if files else []
+
+
+def _one_more(files: Sequence[FileFacts]) -> list[str]:
+    if not files:
+        return []
+    return [
+        f"{_some(files)}: each row ends in a separator, the line of names does not; the empty cell "
+        "behind it was left out"
+    ]
 
 
 def _slow(files: Sequence[FileFacts]) -> list[str]:

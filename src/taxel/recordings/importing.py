@@ -226,6 +226,7 @@ def _import_file(
         zeros=padding.zeros,
         number_header=table.number_header,
         decimal_comma=table.decimal_comma,
+        one_more=table.one_more,
         rate_hz=info.rate_hz,
         time=row.time if row.layout == "csv" and not row.time.strip().startswith("rate:") else "",
         gaps=gaps,

@@ -55,6 +55,8 @@ class TextColumns:
     """The names in line 1 where all of them are numbers, which values could be, too; or empty."""
     decimal_comma: bool = False
     """Whether commas were taken for decimal signs."""
+    one_more: bool = False
+    """Whether each row ends in a separator, with an empty cell behind it that was left out."""
 
 
 def text_columns(path: Path, wanted: Sequence[str]) -> TextColumns:
@@ -77,7 +79,7 @@ def text_columns(path: Path, wanted: Sequence[str]) -> TextColumns:
     values = _values(path, _rows(path, below, form), form, where, sign)
     return TextColumns(
         values=values, first_line=form.first_line, decimal_comma=sign.comma,
-        number_header=_some(names) if form.counting else "",
+        number_header=_some(names) if form.counting else "", one_more=form.one_more,
     )  # fmt: skip
 
 
@@ -236,19 +238,40 @@ def _lines(path: Path, most: int) -> Iterator[str]:
 
 def _rows(path: Path, lines: Iterator[str], form: TableForm) -> Iterator[list[str]]:
     """Yield the cells of each line, which must be as many as there are columns."""
-    width, blank = len(form.names), 0
+    width, blank = len(form.names) + form.one_more, 0
     for number, line in enumerate(lines, start=form.first_line):
         if not line:
             blank = blank or number
             continue
         cells = cells_of(path, number, line, form.separator)
-        wrong = (0, blank) if blank else (len(cells), number)  # blank lines may only come last
-        if blank or len(cells) != width:
+        if blank or len(cells) != width:  # blank lines may only come last
+            raise _ragged(path, form, *((0, blank) if blank else (len(cells), number)))
+        if form.one_more and (odd := cells.pop().strip()):
             raise BadTable(
-                f"{width} cells in every line", f"{wrong[0]} in {path}, line {wrong[1]}",
-                "mend the file, which may have been cut short",
+                "nothing behind the last name's column in every line, as in line "
+                f"{form.first_line}", f"{odd[:80]!r} in {path}, line {number}",
+                "name that column too, in the line of names",
             )  # fmt: skip
         yield cells
+
+
+def _ragged(path: Path, form: TableForm, count: int, number: int) -> BadTable:
+    """Return the error of a line that has another number of cells than there are columns."""
+    names, got = len(form.names), f"{count} in {path}, line {number}"
+    if form.one_more:
+        return BadTable(
+            f"{names} cells and a separator behind them in every line, as in line "
+            f"{form.first_line}", got, "write all lines alike",
+        )  # fmt: skip
+    if count < names:
+        mend = "mend the file, which may have been cut short"
+    elif form.named:
+        got += f", where {names} are named"
+        mend = "name every column in the line of names, or remove what stands in none"
+    else:
+        got += f", where line {form.first_line} has {names}"
+        mend = "put a line of names above, one for each column, or write all lines alike"
+    return BadTable(f"{names} cells in every line", got, mend)
 
 
 def _places(path: Path, names: Sequence[str], wanted: Sequence[str], what: str) -> list[int]:

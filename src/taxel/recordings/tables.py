@@ -69,6 +69,8 @@ class Table:
     """The file's first line where it was taken as names though it holds only numbers; or empty."""
     decimal_comma: bool = False
     """Whether commas were taken for decimal signs."""
+    one_more: bool = False
+    """Whether each row ends in a separator, with an empty cell behind it that was left out."""
 
 
 def parse_columns(text: str, where: str) -> tuple[Column, ...]:
@@ -151,7 +153,7 @@ def read_table(
     columns = _all_columns(path, columns, time, but)
     wanted = [column.name for column in columns]
     wanted += [time.column.name] if time.column is not None else []
-    first_line, number_header, decimal_comma = 1, "", False
+    first_line, number_header, decimal_comma, one_more = 1, "", False, False
     ending = path.name.lower()
     if ending.endswith(".npy"):
         cells = npy_columns(path, wanted)
@@ -159,6 +161,7 @@ def read_table(
         found = text_columns(path, wanted)
         cells, first_line = found.values, found.first_line
         number_header, decimal_comma = found.number_header, found.decimal_comma
+        one_more = found.one_more
     else:
         raise BadTable(
             "a .csv, .tsv, .txt or .dat file, packed as .gz or not, .npy, .npz, .mat, .h5 or .hdf5",
@@ -175,6 +178,7 @@ def read_table(
         units=tuple(column.unit for column in columns),
         number_header=number_header,
         decimal_comma=decimal_comma,
+        one_more=one_more,
     )
 
 

@@ -136,6 +136,7 @@ class TextTrials:
         table = Table(
             values=whole.values[run.start : run.stop], time_s=time_s,
             names=whole.names, units=whole.units, decimal_comma=whole.decimal_comma,
+            one_more=whole.one_more,
         )  # fmt: skip
         return table, Padding()
 
