@@ -143,7 +143,8 @@ def test_the_table_itself_matches_no_pattern(tmp_path):
         ("file,label:object", ["day1/{label:object}_*.csv,cup"], "a value of 'label:object' from "
          r"the file's name or from its column; got both in \S+, line 2"),
         ("file,group:day", ["{group:day}/*.csv,", "day1/cup_1.csv,"], "each file in one line"),
-        ("file,group:day,group:who", ["{group:day}/*.csv,,"], "the column 'group:who'"),
+        ("file,group:day,group:who", ["{group:day}/cup_1.csv,,x", "{group:day}/cup_2.csv,,"],
+         "the column 'group:who'; got nothing in .*line 3"),
         ("file,label:object", ["*/*.csv,"], "something in the column 'label:object'; got nothing"),
         ("file", ["{day}/*.csv"], "got '{day}' in the column 'file' in"),
     ],
