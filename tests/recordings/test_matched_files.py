@@ -327,3 +327,52 @@ def test_the_command_line_prints_the_notes_and_refuses_in_one_line(tmp_path, cap
         main(["import", str(tmp_path / "table.csv"), "--output", str(tmp_path / "again")])
     assert ended.value.code == 2
     assert capsys.readouterr().err.startswith("taxel: needed a file that matches")
+
+
+def test_files_of_one_name_in_two_folders_are_counted_as_two(tmp_path):
+    """The notes on how arrays were read and the number of the others make the number of files."""
+    for side in ("train", "test"):
+        (tmp_path / side).mkdir()
+        for number in range(6):
+            np.save(tmp_path / side / f"{number}_cup.npy", np.ones((9, 3)))
+    (tmp_path / "table.csv").write_text(
+        "file,axes,channels,time\n{group:side}/*_{label:object}.npy,rows channels,*[N],rate:9Hz\n"
+    )
+    facts: list[FileFacts] = []
+    import_table(tmp_path / "table.csv", tmp_path / "out", on_file=facts.append)
+    first, *arrays, rest = notes_of(facts)
+
+    assert "12 files match, the first is test/0_cup.npy" in first
+    assert [note.split(",")[0] for note in arrays] == [
+        f"the array in test/{number}_cup.npy was read as 1 trial of 'rows channels': 9 scans of 3 "
+        "channels" for number in range(4)
+    ]  # fmt: skip
+    assert rest == "8 more files or arrays were read likewise"
+
+
+def test_of_many_lines_of_the_table_the_first_are_said_and_the_others_counted(tmp_path):
+    """Apart from the arrays: a line stands for many of these."""
+    for number in range(7):
+        np.save(tmp_path / f"{number}_cup.npy", np.ones((9, 3)))
+    (tmp_path / "table.csv").write_text(
+        "file,axes,channels,time\n"
+        + "".join(f"{n}_{{label:object}}.npy,rows channels,*[N],rate:9Hz\n" for n in range(7))
+    )
+    facts: list[FileFacts] = []
+    import_table(tmp_path / "table.csv", tmp_path / "out", on_file=facts.append)
+    notes = notes_of(facts)
+
+    assert ["1 file matches" in note for note in notes] == [True] * 4 + [False] * 6
+    assert notes[4] == "3 more lines of the table were read likewise"
+    assert notes[-1] == "3 more files or arrays were read likewise"
+
+
+def test_a_doubt_on_channels_names_the_file_as_the_table_does(tmp_path):
+    for side in ("train", "test"):
+        (tmp_path / side).mkdir()
+        (tmp_path / side / "a.csv").write_text("ms,a,label\n0,1,2\n10,2,2\n")
+    _, notes = bring(tmp_path, "{group:side}/a.csv")
+
+    assert [note.split(":")[0] for note in notes if "* took label" in note] == [
+        "test/a.csv", "train/a.csv",
+    ]  # fmt: skip

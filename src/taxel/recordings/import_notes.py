@@ -36,7 +36,7 @@ ZEROS, OFTEN = 3, 0.1
 """Rows of zeros at a trial's end, and the share of trials that end so, from which on these may be
 padding. Source: our choice, docs/decisions/0011."""
 MOST_REMARKS = 5
-"""Lines on how files of many trials were read. Source: our choice, docs/decisions/0011."""
+"""Lines on how lines of the table, or files of many trials, were read. Source: our choice, docs/decisions/0011."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -61,6 +61,8 @@ class FileFacts:
     """The longest of them, from scan to scan, seconds."""
     longest_from_s: float = 0.0
     """Where it starts, seconds from the first scan."""
+    of_line: tuple[str, ...] = ()
+    """How its line of the table was read, the same for all of the line's files."""
     remarks: tuple[str, ...] = ()
     """How a file of many trials was read, the same for all of its trials."""
     doubts: tuple[str, ...] = ()
@@ -95,6 +97,8 @@ def notes_of(files: Sequence[FileFacts]) -> list[str]:
     slow = [facts for facts in files if facts.time and 0 < facts.rate_hz < SLOW_HZ]
     fast = [facts for facts in files if facts.time and facts.rate_hz > FAST_HZ]
     return [
+        *_first(list(dict.fromkeys(remark for facts in files for remark in facts.of_line)),
+                "more lines of the table were read likewise"),
         *_first(list(dict.fromkeys(remark for facts in files for remark in facts.remarks)),
                 "more files or arrays were read likewise"),
         *_first(list(dict.fromkeys(doubt for facts in files for doubt in facts.doubts)),

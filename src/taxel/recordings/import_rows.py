@@ -47,6 +47,8 @@ class ImportRow:
     """Kept with the sensor in the manifest."""
     trial: Trial | None = None
     """Which of the file's trials it is; None where the file is one."""
+    called: str = ""
+    """The file as the table names it, for notes; its name where there is no table."""
     name: str = ""
     """Of the recording, without ending; the file's own by default."""
     remarks: tuple[str, ...] = ()
@@ -197,6 +199,7 @@ def _row(file: Path, named: Mapping[str, str], where: str) -> ImportRow:
     labels = {n.removeprefix("label:"): c for n, c in named.items() if n.startswith("label:")}
     return ImportRow(
         file=file,
+        called=named["file"],
         labels={name: cell for name, cell in labels.items() if cell and name not in by_row},
         by_row=by_row,
         groups=_groups(named, named["file"]),

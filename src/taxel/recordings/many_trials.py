@@ -210,14 +210,14 @@ def _opened(
     file: Path, named: Mapping[str, str], own: Sequence[str], counts: Sequence[int], where: str
 ) -> TrialSet:
     trials, channels = named.get("trials", ""), named.get("channels", "")
-    time = named.get("time", "")
+    time, called = named.get("time", ""), named["file"]
     if file.name.lower().endswith(TEXT_ENDINGS):
         if named.get("axes"):
             raise BadTable("'axes' for a file of arrays", f"a text in {where}", "leave it empty")
         by_row = list(columns_by_row(named, where).values())
-        return TextTrials(file, trials, channels, time, own, where, by_row)
+        return TextTrials(file, trials, channels, time, own, where, called, by_row)
     words = StackWords(trials=trials, axes=named.get("axes", ""), channels=channels, time=time)
-    return ArrayTrials(file, words, own, counts, where)
+    return ArrayTrials(file, words, own, counts, where, called)
 
 
 def _cut(

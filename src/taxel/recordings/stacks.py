@@ -69,6 +69,8 @@ class ArrayTrials:
         labels: Names of this file's arrays that hold a value for each trial.
         counts: How many values such arrays of other files hold.
         where: Table and line, for messages.
+        called: The file as the table names it, for remarks: two files of one name, in two folders,
+            are two.
 
     Raises:
         BadTable: There is no such array, or it is not certain what its axes are.
@@ -81,8 +83,10 @@ class ArrayTrials:
         labels: Sequence[str],
         counts: Sequence[int],
         where: str,
+        called: str,
     ) -> None:
         self._path, self._file, self._where = path, OpenedFile.at(path), where
+        self._called_file = visible(called)
         self._remarks: list[str] = []
         self.doubts: list[str] = []
         self._block: tuple[int, NDArray[Any]] | None = None
@@ -146,7 +150,7 @@ class ArrayTrials:
         if at is None:
             return ""
         return (
-            f"{visible(self.what)} in {self._path.name}: the trials are in the order of the "
+            f"{visible(self.what)} in {self._called_file}: the trials are in the order of the "
             f"numbers in their names, {visible(names[at])} before {visible(listed[at])}, but the "
             f"file lists {visible(listed[at])} first; if the labels were written in that order, "
             "they are wrong: check a few of them"
@@ -300,7 +304,7 @@ class ArrayTrials:
                 for member, cell in zip(self._members, cells, strict=True)]  # fmt: skip
 
     def _in_words(self) -> str:
-        shape, name = self._shapes[0], f"{self._name} in {self._path.name}"
+        shape, name = self._shapes[0], f"{self._name} in {self._called_file}"
         size = self._axes.in_words(shape)
         if self._axes.trials is not None:
             return f"{name}, {sides_of(shape)}, was read as '{self._axes}': {size}"

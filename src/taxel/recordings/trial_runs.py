@@ -49,6 +49,8 @@ class TextTrials:
         time: As in the import table.
         names: Columns that `from:` cells name, whose value is the same in all rows of a trial.
         where: Table and line, for messages.
+        called: The file as the table names it, for remarks: two files of one name, in two folders,
+            are two.
         by_row: Columns whose value may be another in each row.
 
     Raises:
@@ -63,9 +65,10 @@ class TextTrials:
         time: str,
         names: Sequence[str],
         where: str,
+        called: str,
         by_row: Sequence[str] = (),
     ) -> None:
-        self._path, self.what = path, trials
+        self._path, self.what, self._called = path, trials, visible(called)
         header = text_names(path)
         self.names = header
         keys = [trials] if trials in header else [name.strip() for name in trials.split(AND)]
@@ -84,7 +87,7 @@ class TextTrials:
         self.keys = ["-".join(run.key) for run in self._runs]
         count = len(self._runs)
         self.remarks = [
-            f"{path.name} was read as {count} {'trial' if count == 1 else 'trials'} by its column "
+            f"{self._called} was read as {count} {'trial' if count == 1 else 'trials'} by its column "
             f"{visible(trials)}"
         ]
         self.doubts: list[str] = []
@@ -153,7 +156,7 @@ class TextTrials:
         more = f" and {len(names) - 8} more" if len(names) > 8 else ""
         has, each = ("has", "it") if len(names) == 1 else ("have", "each of them")
         return (
-            f"{self._path.name}: {', '.join(names[:8])}{more} {has} one value in each trial, and * "
+            f"{self._called}: {', '.join(names[:8])}{more} {has} one value in each trial, and * "
             f"made a channel of {each}; if this is a label or a group, say from:{names[0]} in such "
             "a column, or name the channels"
         )
