@@ -137,5 +137,5 @@ def test_more_cells_than_names_are_no_file_that_was_cut_short(tmp_path, text, wo
 
 def test_fewer_cells_than_names_may_be_a_file_that_was_cut_short(tmp_path):
     (tmp_path / "a.csv").write_text("t,a,b\n10,1,2\n20,2\n")
-    with pytest.raises(BadTable, match="3 cells in every line; got 2 .*line 3; .*cut short"):
+    with pytest.raises(BadTable, match=r"3 cells in every line; got 2 .*line 3; .*cut short"):
         read(tmp_path / "a.csv")

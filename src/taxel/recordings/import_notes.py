@@ -36,7 +36,8 @@ ZEROS, OFTEN = 3, 0.1
 """Rows of zeros at a trial's end, and the share of trials that end so, from which on these may be
 padding. Source: our choice, docs/decisions/0011."""
 MOST_REMARKS = 5
-"""Lines on how lines of the table, or files of many trials, were read. Source: our choice, docs/decisions/0011."""
+"""Lines on how lines of the table, or files of many trials, were read. Source: our choice,
+docs/decisions/0011."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -39,6 +39,8 @@ LARGEST_LIST = 8 * MIB
 """Bytes of a table that lists files or intervals, some 100,000 of them. Source: our choice."""
 _MOST_CELLS = 1_000_000
 """Of such a list, and its rows count as cells too."""
+_MOST_PLACES = 6
+"""Columns of one name that a message counts up. Source: our choice, docs/decisions/0011."""
 _BLOCK_CELLS = 65_536
 _BLOCK_BYTES = 8 * MIB
 
@@ -281,13 +283,13 @@ def _places(path: Path, names: Sequence[str], wanted: Sequence[str], what: str) 
     """
     counted = not any(map(_is_whole, names))
     found: dict[str, int] = {}
-    times: dict[str, int] = {}
+    twice: set[str] = set()
     for index, name in enumerate(names):
-        found.setdefault(name, index)
-        times[name] = times.get(name, 0) + 1
+        if found.setdefault(name, index) != index:
+            twice.add(name)
     for name in wanted:
-        if times.get(name, 0) > 1:
-            raise _no_column(path, name, f"{times[name]} columns of that name", what)
+        if name in twice:
+            raise _several(path, name, names, what, counted=counted)
         if name not in found:
             index = _as_number(name) if counted else 0
             if not 1 <= index <= len(names):
@@ -319,6 +321,19 @@ def _no_column(path: Path, name: str, problem: str, what: str) -> BadTable:
     if _is_whole(name) and what.startswith("a header"):
         mend = "write a name as it stands there; if line 1 holds values, put names above it"
     return BadTable(f"the column {name[:80]!r}", f"{problem} in {path} ({what})", mend)
+
+
+def _several(path: Path, name: str, names: Sequence[str], what: str, *, counted: bool) -> BadTable:
+    """Return the error of a name that several columns have: it says which."""
+    places = [number for number, own in enumerate(names, start=1) if own == name]
+    shown = ", ".join(map(str, places[:_MOST_PLACES])) + (" …" if places[_MOST_PLACES:] else "")
+    mend = "rename all but one of them in the file"
+    if counted:
+        mend = f"write the number of the one that is meant, such as {places[0]}, or {mend}"
+    return BadTable(
+        f"the column {name[:80]!r}",
+        f"{len(places)} columns of that name in {path}, columns {shown} ({what})", mend,
+    )  # fmt: skip
 
 
 def _numbers(path: Path, cells: list[str], name: str, first_line: int) -> NDArray[np.float64]:
