@@ -100,7 +100,7 @@ def test_a_column_of_a_group_that_is_empty_everywhere_is_none(folder):
         (HEADER + "a.csv,,1,x[V],t[ms],,\n", "'label:object'"),
         (
             HEADER + "a.csv,cup,1,x[V],t[ms],,\nb.csv,cup,,x[V],t[ms],,\n",
-            "'group:session'; got nothing in .*line 3, where other lines have it: a split could not",
+            "'group:session'; got nothing in .*line 3, where other lines have it: a split",
         ),
         (HEADER + "gone.csv,cup,1,x[V],t[ms],,\n", "gone.csv"),
         (HEADER + "a.csv,cup,1,x,t[ms],,\n", "name each unit"),
