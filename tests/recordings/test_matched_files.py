@@ -376,3 +376,18 @@ def test_a_doubt_on_channels_names_the_file_as_the_table_does(tmp_path):
     assert [note.split(":")[0] for note in notes if "* took label" in note] == [
         "test/a.csv", "train/a.csv",
     ]  # fmt: skip
+
+
+def test_an_array_whose_label_is_in_its_name_may_be_one_trial(tmp_path):
+    """The refusal says which axes that would be; so does it where the table has its label."""
+    np.save(tmp_path / "0_cup.npy", np.ones((39, 2, 250)))
+    for header, cells in (("", "*_{label:object}.npy"), (",label:object", "0_cup.npy,cup")):
+        (tmp_path / "table.csv").write_text(f"file{header},channels,time\n{cells},*[N],rate:9Hz\n")
+        with pytest.raises(BadTable, match=r"'height width rows' .250 scans of 78 channels. if"):
+            import_table(tmp_path / "table.csv", tmp_path / "out")
+    with (tmp_path / "table.csv").open("w") as file:
+        file.write(
+            "file,axes,channels,time\n*_{label:object}.npy,height width rows,*[N],rate:9Hz\n"
+        )
+    (made,) = import_table(tmp_path / "table.csv", tmp_path / "out")
+    assert read_recording(made).samples.values.shape == (250, 78)

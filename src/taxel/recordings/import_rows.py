@@ -157,7 +157,10 @@ def _rows(line: TableLine, data_dir: Path, outside: bool, *, alone: bool) -> lis
     if not holds_many(file, named):
         refuse_words_of_many(named, where)
         return [_row(file, named, where)]
-    source, trials = trials_of(file, named, data_dir, where, outside=outside)
+    source, trials = trials_of(
+        file, named, data_dir, where, outside=outside,
+        labelled=any(name.startswith("label:") for name in line.values),
+    )  # fmt: skip
     array = re.sub(r"[^A-Za-z0-9_]+", "-", source.what.replace("*", "")).strip("-")
     stem = stem_of(file.name) + (f"-{array}" if array and not alone else "")
     place = f"{named['file']}:{source.what}" if source.what else named["file"]

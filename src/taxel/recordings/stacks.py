@@ -58,6 +58,8 @@ class StackWords:
     """What its axes are, as in "trials rows channels"; empty where one reading only is possible."""
     channels: str = ""
     time: str = ""
+    one_label: bool = False
+    """Whether the file has a label of its own, written out or in its name."""
 
 
 class ArrayTrials:
@@ -114,7 +116,7 @@ class ArrayTrials:
                 f"{in_channel!r} in {self._where}, which is the name of an array",
                 f"write from:{words.time.strip()}",
             )
-        self._axes = self._find_axes(words.axes, columns, bool(in_channel), labels, counts)
+        self._axes = self._find_axes(words, columns, bool(in_channel), labels, counts)
         self._places, self._columns, self._time_place = take_channels(
             columns, self._axes.names(self._shapes[0]), in_channel, self._where
         )
@@ -247,7 +249,7 @@ class ArrayTrials:
 
     def _find_axes(
         self,
-        text: str,
+        words: StackWords,
         columns: Sequence[Column],
         with_time: bool,
         labels: Sequence[str],
@@ -258,8 +260,8 @@ class ArrayTrials:
         if self._single and empty and len(self._shapes) > 1:
             raise BadTable("numbers in each trial", f"none in trial {empty[0]} of {what}",
                            "remove it, with its labels, or fill it in")  # fmt: skip
-        if text:
-            axes = parse_axes(text, self._where)
+        if words.axes:
+            axes = parse_axes(words.axes, self._where)
             for shape in self._shapes:
                 check_axes(axes, shape, what)
             if self._single and axes.trials is not None:
@@ -272,7 +274,8 @@ class ArrayTrials:
             trials = next((count for count in (*own, *counts) if count > 1), None)
             many = not self._single and (trials is not None or len(self._shapes[0]) > 2)
             axes = find_axes(self._shapes, what, many=many, trials=trials,
-                             channels=channel_counts(columns, with_time))  # fmt: skip
+                             channels=channel_counts(columns, with_time),
+                             one_label=words.one_label)  # fmt: skip
         self._check_sizes(axes, what)
         return axes
 

@@ -25,10 +25,7 @@ from taxel.recordings.tables import (
     parse_time,
     read_table,
 )
-from taxel.recordings.trial_sets import MOST_TRIALS, Padding
-
-AND = "+"
-"""Between the names of columns that say together which trial a row belongs to."""
+from taxel.recordings.trial_sets import AND, MOST_TRIALS, Padding
 
 
 @dataclass(frozen=True, slots=True)
