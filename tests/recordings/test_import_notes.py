@@ -48,6 +48,15 @@ def test_decimal_commas_are_said(tmp_path, capsys):
     ]
 
 
+def test_a_separator_at_the_end_of_each_row_is_said_once(tmp_path, capsys):
+    text = "t,x\n0,1,\n5,2,\n10,3,\n"
+    words = write(tmp_path, "x[N],t[ms]", a=text, b=text, c="t,x\n0,1\n5,2\n")
+    assert notes(capsys, words) == [
+        "note: a.csv and 1 more: each row ends in a separator, the line of names does not; the "
+        "empty cell behind it was left out"
+    ]
+
+
 def test_milliseconds_taken_for_seconds_are_said(tmp_path, capsys):
     """2 s of touch would last 33 minutes; the slowest file is quoted."""
     rows = "".join(f"{10 * i},{i}\n" for i in range(200))

@@ -74,6 +74,15 @@ def test_kept_cells_are_flagged(folder):
     assert samples.validity.tolist() == [[0, 0], [Validity.NOT_FINITE, 0]]
 
 
+def test_a_column_of_a_group_that_is_empty_everywhere_is_none(folder):
+    """Somebody who has no sessions may leave the column as it came with the table."""
+    (folder / "table.csv").write_text(HEADER + "a.csv,cup,,x[V],t[ms],,\nb.csv,cup,,x[V],t[ms],,\n")
+    made = import_table(folder / "table.csv", folder / "out")
+    assert [dict(read_recording(path).manifest.groups) for path in made] == [
+        {"file": "a.csv"}, {"file": "b.csv"},
+    ]  # fmt: skip
+
+
 @pytest.mark.parametrize(
     ("table", "words"),
     [
@@ -89,6 +98,10 @@ def test_kept_cells_are_flagged(folder):
         ("file,file\na.csv,b.csv\n", "each column once"),
         (HEADER + "a.csv,cup\n", "line 2"),
         (HEADER + "a.csv,,1,x[V],t[ms],,\n", "'label:object'"),
+        (
+            HEADER + "a.csv,cup,1,x[V],t[ms],,\nb.csv,cup,,x[V],t[ms],,\n",
+            "'group:session'; got nothing in .*line 3, where other lines have it: a split",
+        ),
         (HEADER + "gone.csv,cup,1,x[V],t[ms],,\n", "gone.csv"),
         (HEADER + "a.csv,cup,1,x,t[ms],,\n", "name each unit"),
         (HEADER + "a.csv,cup,1,x[V],t[h],,\n", "rate:100Hz"),

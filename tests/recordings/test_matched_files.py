@@ -143,7 +143,8 @@ def test_the_table_itself_matches_no_pattern(tmp_path):
         ("file,label:object", ["day1/{label:object}_*.csv,cup"], "a value of 'label:object' from "
          r"the file's name or from its column; got both in \S+, line 2"),
         ("file,group:day", ["{group:day}/*.csv,", "day1/cup_1.csv,"], "each file in one line"),
-        ("file,group:day,group:who", ["{group:day}/*.csv,,"], "the column 'group:who'"),
+        ("file,group:day,group:who", ["{group:day}/cup_1.csv,,x", "{group:day}/cup_2.csv,,"],
+         "the column 'group:who'; got nothing in .*line 3"),
         ("file,label:object", ["*/*.csv,"], "something in the column 'label:object'; got nothing"),
         ("file", ["{day}/*.csv"], "got '{day}' in the column 'file' in"),
     ],
@@ -326,3 +327,67 @@ def test_the_command_line_prints_the_notes_and_refuses_in_one_line(tmp_path, cap
         main(["import", str(tmp_path / "table.csv"), "--output", str(tmp_path / "again")])
     assert ended.value.code == 2
     assert capsys.readouterr().err.startswith("taxel: needed a file that matches")
+
+
+def test_files_of_one_name_in_two_folders_are_counted_as_two(tmp_path):
+    """The notes on how arrays were read and the number of the others make the number of files."""
+    for side in ("train", "test"):
+        (tmp_path / side).mkdir()
+        for number in range(6):
+            np.save(tmp_path / side / f"{number}_cup.npy", np.ones((9, 3)))
+    (tmp_path / "table.csv").write_text(
+        "file,axes,channels,time\n{group:side}/*_{label:object}.npy,rows channels,*[N],rate:9Hz\n"
+    )
+    facts: list[FileFacts] = []
+    import_table(tmp_path / "table.csv", tmp_path / "out", on_file=facts.append)
+    first, *arrays, rest = notes_of(facts)
+
+    assert "12 files match, the first is test/0_cup.npy" in first
+    assert [note.split(",")[0] for note in arrays] == [
+        f"the array in test/{number}_cup.npy was read as 1 trial of 'rows channels': 9 scans of 3 "
+        "channels" for number in range(4)
+    ]  # fmt: skip
+    assert rest == "8 more files or arrays were read likewise"
+
+
+def test_of_many_lines_of_the_table_the_first_are_said_and_the_others_counted(tmp_path):
+    """Apart from the arrays: a line stands for many of these."""
+    for number in range(7):
+        np.save(tmp_path / f"{number}_cup.npy", np.ones((9, 3)))
+    (tmp_path / "table.csv").write_text(
+        "file,axes,channels,time\n"
+        + "".join(f"{n}_{{label:object}}.npy,rows channels,*[N],rate:9Hz\n" for n in range(7))
+    )
+    facts: list[FileFacts] = []
+    import_table(tmp_path / "table.csv", tmp_path / "out", on_file=facts.append)
+    notes = notes_of(facts)
+
+    assert ["1 file matches" in note for note in notes] == [True] * 4 + [False] * 6
+    assert notes[4] == "3 more lines of the table were read likewise"
+    assert notes[-1] == "3 more files or arrays were read likewise"
+
+
+def test_a_doubt_on_channels_names_the_file_as_the_table_does(tmp_path):
+    for side in ("train", "test"):
+        (tmp_path / side).mkdir()
+        (tmp_path / side / "a.csv").write_text("ms,a,label\n0,1,2\n10,2,2\n")
+    _, notes = bring(tmp_path, "{group:side}/a.csv")
+
+    assert [note.split(":")[0] for note in notes if "* took label" in note] == [
+        "test/a.csv", "train/a.csv",
+    ]  # fmt: skip
+
+
+def test_an_array_whose_label_is_in_its_name_may_be_one_trial(tmp_path):
+    """The refusal says which axes that would be; so does it where the table has its label."""
+    np.save(tmp_path / "0_cup.npy", np.ones((39, 2, 250)))
+    for header, cells in (("", "*_{label:object}.npy"), (",label:object", "0_cup.npy,cup")):
+        (tmp_path / "table.csv").write_text(f"file{header},channels,time\n{cells},*[N],rate:9Hz\n")
+        with pytest.raises(BadTable, match=r"'height width rows' .250 scans of 78 channels. if"):
+            import_table(tmp_path / "table.csv", tmp_path / "out")
+    with (tmp_path / "table.csv").open("w") as file:
+        file.write(
+            "file,axes,channels,time\n*_{label:object}.npy,height width rows,*[N],rate:9Hz\n"
+        )
+    (made,) = import_table(tmp_path / "table.csv", tmp_path / "out")
+    assert read_recording(made).samples.values.shape == (250, 78)

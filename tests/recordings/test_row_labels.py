@@ -42,7 +42,7 @@ def test_rows_with_one_label_are_a_trial_and_rows_without_are_none(tmp_path, cha
     ]
     assert recording.manifest.labels == {"object": "cup"}
     assert recording.manifest.sensor.channels == ("a", "b")
-    assert any("column state" in remark for remark in facts.remarks)
+    assert any("column state" in remark for remark in facts.of_line)
 
 
 def test_in_a_text_of_many_trials_each_has_its_own_stretches(tmp_path):

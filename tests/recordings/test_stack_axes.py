@@ -122,6 +122,31 @@ def test_no_reading_is_refused(shape, trials, channels):
         find_axes([shape], "X", many=True, trials=trials, channels=channels)
 
 
+def test_an_array_with_one_label_may_be_one_trial():
+    """Both are named; it is taken so only where nothing else is possible."""
+
+    def find(channels, one_label=True):
+        return str(find_axes([(39, 2, 250)], "X", many=True, trials=None, channels=channels,
+                             one_label=one_label))  # fmt: skip
+
+    with pytest.raises(BadTable, match="one reading of X of shape 39 × 2 × 250") as caught:
+        find(range(1, 20_000))
+    one, many = str(caught.value).split("suggests; ")
+    assert "'height width rows' (250 scans of 78 channels) if the file is one trial, as" in one
+    assert "'rows height width' (39 scans of 500 channels) or" in one
+    assert many.startswith("'trials rows channels' (39 trials of 2 scans of 250 channels) or 'tria")
+    assert "if it holds many; write the right one in the column 'axes'" in many
+
+    with pytest.raises(BadTable, match="'trials rows channels'") as caught:
+        find(range(1, 20_000), one_label=False)
+    assert "one trial" not in str(caught.value)
+    assert find(range(78, 79)) == "height width rows"
+    with pytest.raises(BadTable, match="say in the column 'axes'"):
+        find(range(78, 79), one_label=False)
+    with pytest.raises(BadTable, match=r"'height rows width' .* if the .* suggests; write"):
+        find(range(300, 9_999))
+
+
 def test_trials_of_different_length_say_which_axis_is_which():
     """All of them have the same channels; where they are equally long, both readings are."""
     shapes = [(50, 16), (61, 16), (16, 16)]

@@ -229,6 +229,19 @@ def test_time_is_a_rate_a_channel_or_an_array_of_its_own(tmp_path):
     assert "times that increase" in refusal(tmp_path, f"a.npz,X,,from:y,1,{OWN},from:t[ms]")
 
 
+def test_several_arrays_are_not_joined_and_the_refusal_says_what_to_do(tmp_path):
+    """A name with a plus that is there is a name; one that is not there is said as ever."""
+    np.savez(tmp_path / "a.npz", **{"F0": X, "F1": X, "F0+F2": X, "y": OBJECTS})
+    for trials in ("F0+F1", "F0 + F1", "F*+y"):
+        words = refusal(tmp_path, f"a.npz,{trials},,from:y,1,{OWN},rate:9Hz")
+        assert "no arrays are joined" in words
+        assert f"got 2, {trials}; save one array that holds the channels of all, as numpy" in words
+    assert len(bring(tmp_path, f"a.npz,F0+F2,,from:y,1,{OWN},rate:9Hz")) == 6
+    (tmp_path / "out").rename(tmp_path / "made")
+    words = refusal(tmp_path, f"a.npz,F0+F9,,from:y,1,{OWN},rate:9Hz")
+    assert "needed the name of an array; got 'F0+F9'" in words
+
+
 @pytest.mark.parametrize("order", ["trials channels", "channels trials"])
 def test_each_trial_may_be_a_single_scan(tmp_path, order):
     """One reading a grasp: an array of (trials, channels), whose axes have to be stated."""

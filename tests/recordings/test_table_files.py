@@ -42,6 +42,26 @@ def test_a_file_outside_is_refused_and_nothing_is_written(folder, name):
     assert not (folder / "out").exists()
 
 
+@pytest.mark.parametrize(("name", "link"), [
+    ("link.csv", "link.csv"), ("../own.csv", ""), ("days/mon/b.csv", "days/mon"),
+    ("days/{group:day}/b.csv", "days/mon"), ("days/mon/{group:n}.csv", "days/mon"),
+    ("days/twice/*.csv", "days/twice"),
+])  # fmt: skip
+def test_a_link_that_leads_out_is_named(folder, name, link):
+    """As it stands in the table, though a pattern that matches it names it by its own name."""
+    (folder.parent / "monday").mkdir()
+    (folder.parent / "monday" / "b.csv").write_bytes((folder / "a.csv").read_bytes())
+    (folder / "days").mkdir()
+    os.symlink(folder.parent / "monday", folder / "days" / "mon")
+    os.symlink("mon", folder / "days" / "twice")
+    with pytest.raises(BadTable, match="which lies outside") as caught:
+        import_table(table(folder, name), folder / "out")
+    said = f"line 2, which lies outside, as '{link}' is a link that leads there; copy what it lea"
+    assert (said in str(caught.value)) == bool(link)
+    assert "--allow-outside" in str(caught.value)
+    assert not (folder / "out").exists()
+
+
 @pytest.mark.parametrize("name", ["../own.csv", "link.csv", "{above}/own.csv"])
 def test_a_person_may_allow_it(folder, name):
     path = table(folder, name.format(above=folder.parent))

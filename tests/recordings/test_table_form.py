@@ -103,3 +103,39 @@ def test_signs_must_agree_from_block_to_block(tmp_path, monkeypatch):
     (tmp_path / "a.csv").write_text("\n".join(["t;a;b", *rows, "10;2.5;1"]) + "\n")
     with pytest.raises(BadTable, match="one decimal sign"):
         read(tmp_path / "a.csv")
+
+
+@pytest.mark.parametrize("text", [
+    "t,a,b\n10,1.5,-2,\n20,2.5,300,\n", "t;a;b\n10;1,5;-2;\n20;2,5;300; \n",
+    "# ROS\nt\ta\tb\n10\t1.5\t-2\t\n20\t2.5\t300\t\n\n",
+])  # fmt: skip
+@pytest.mark.parametrize("channels", ["a[V] b[V]", "*[V]"])
+def test_rows_may_end_in_a_separator_that_the_names_do_not_end_in(tmp_path, text, channels):
+    """Nothing stands behind it in any row: every cell still stands below its own name."""
+    (tmp_path / "a.csv").write_text(text)
+    table = read(tmp_path / "a.csv", channels)
+
+    np.testing.assert_array_equal(table.values, WANTED)
+    assert (table.names, table.one_more) == (("a", "b"), True)
+
+
+@pytest.mark.parametrize(("text", "words"), [
+    ("t,a,b\n10,1,2,\n20,2,3,4\n", "nothing behind the last.*line 2; got '4' in .*, line 3; name"),
+    ("t,a,b\n10,1,2,\n20,2,3\n", "3 cells and a separator .*line 2; got 3 in .*, line 3; write"),
+    ("t,a,b\n10,1,2,,\n", "3 cells in every line; got 5 in .*, line 2, where 3 are named; name "),
+    ("t,a,b\n10,1,2\n20,2,3,\n", "3 cells in every line; got 4 in .*, line 3, where 3 are named"),
+    ("t,a,b\n0,10,1,2\n1,20,2,3\n", "3 cells in every line; got 4 in .*line 2, where 3 are named"),
+    ("10,1,2\n20,2,3,4\n", "3 cells in every line; got 4 in .*, line 2, where line 1 has 3; put"),
+])  # fmt: skip
+def test_more_cells_than_names_are_no_file_that_was_cut_short(tmp_path, text, words):
+    """Which name each cell belongs to is then uncertain, as below names without an index."""
+    (tmp_path / "a.csv").write_text(text)
+    with pytest.raises(BadTable, match=words) as caught:
+        read(tmp_path / "a.csv", "2[V] 3[V]", "1[ms]")
+    assert "cut short" not in str(caught.value)
+
+
+def test_fewer_cells_than_names_may_be_a_file_that_was_cut_short(tmp_path):
+    (tmp_path / "a.csv").write_text("t,a,b\n10,1,2\n20,2\n")
+    with pytest.raises(BadTable, match=r"3 cells in every line; got 2 .*line 3; .*cut short"):
+        read(tmp_path / "a.csv")

@@ -207,3 +207,47 @@ def test_utf_16_with_its_mark_is_read(tmp_path):
 def test_a_decimal_comma_is_called_one(tmp_path):
     (tmp_path / "a.csv").write_text('t,a,b\n10,"1,5",2\n')
     assert "decimal points, not commas" in refusal(tmp_path / "a.csv")
+
+
+@pytest.mark.parametrize(("header", "words"), [
+    ("t,a,b,a", "2 columns of that name in {}, columns 2, 4 (a header with t, a, b, a); write the "
+                "number of the one that is meant, such as 2, or rename all but one of them in the"),
+    ("t,a,3,a", "2 columns of that name in {}, columns 2, 4 (a header with t, a, 3, a); rename "),
+    ("t,b" + 8 * ",a", "8 columns of that name in {}, columns 3, 4, 5, 6, 7, 8 … (a header"),
+])  # fmt: skip
+def test_columns_of_one_name_are_counted_up(tmp_path, header, words):
+    """Where a name is a whole number, no column goes by its number."""
+    path = tmp_path / "a.csv"
+    path.write_text(f"{header}\n{','.join('1' * len(header.split(',')))}\n")
+    assert words.format(path) in refusal(path)
+
+
+def test_one_of_several_columns_of_a_name_is_taken_by_its_number(tmp_path):
+    (tmp_path / "a.csv").write_text("t,a,b,a\n1,2,3,4\n")
+    table = read_table(tmp_path / "a.csv", parse_columns("4[V] b[V]", "here"), MILLISECONDS)
+    assert table.values.tolist() == [[4, 3]]
+
+
+@pytest.mark.parametrize(("times", "words"), [
+    ("0 10 20 0 10 20 1 11", "0 s after 0.02 s in {}, line 5: time goes back 2 times, each time to "
+     "about where it began; a restart usually begins a new trial: write restarts in the column"),
+    ("5 10 20 1 10", "0.001 s after 0.02 s in {}, line 5: time goes back once, to about where it"),
+    ("0 10 8 20 30 0 10", "0 s after 0.03 s in {}, line 7: time goes back 2 times, 1 of them to "),
+    ("0 10 20 15 30", "0.015 s after 0.02 s in {}, line 5: time goes back once; sort the rows"),
+    ("30 20 10", "0.02 s after 0.03 s in {}, line 3: time goes back 2 times; sort the rows, or gi"),
+    ("0 10 10 20 20", "0.01 s after 0.01 s in {}, line 4: 2 rows have the time of the row above; "
+     "leave such rows out, or give a rate"),
+])  # fmt: skip
+def test_times_that_go_back_are_said_with_how_often(tmp_path, times, words):
+    """Only rows in a wrong order are mended by sorting: that would mix trials with one another."""
+    path = tmp_path / "a.csv"
+    path.write_text("t,a,b\n" + "".join(f"{time},1,2\n" for time in times.split()))
+    said = refusal(path)
+    assert f"times that increase from row to row; got {words.format(path)}" in said
+    assert ("sort" in said) == ("about where it began" not in said and "row above" not in said)
+
+
+def test_times_of_an_array_that_begin_anew_are_not_cut_by_the_table(tmp_path):
+    np.save(tmp_path / "a.npy", [[0, 1], [9, 1], [0, 1]])
+    with pytest.raises(BadTable, match=r"once, to about .*save each trial as an array or file of"):
+        read_table(tmp_path / "a.npy", parse_columns("2[V]", "here"), parse_time("1[s]", "here"))

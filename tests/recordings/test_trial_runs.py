@@ -116,3 +116,58 @@ def test_a_column_of_one_value_a_trial_is_no_channel_without_a_note(tmp_path):
         notes = []
         import_row(tmp_path, row, header=header, notes=notes)
         assert "one value" not in str(notes)
+
+
+ANEW = """day,ms,a,b,what
+1,7,1,2,cup
+1,17,3,4,cup
+1,27,3,4,cup
+1,8,5,6,ball
+1,18,5,7,ball
+2,9,7,8,cup
+2,19,9,10,cup
+2,9.5,11,12,cup
+"""
+
+
+@pytest.mark.parametrize(("trials", "names", "said"), [
+    ("restarts", ["all-1", "all-2", "all-3", "all-4"], "by where the times in ms begin anew"),
+    ("day+restarts", ["all-1-1", "all-1-2", "all-2-1", "all-2-2"],
+     "by its column day, and by where the times in ms begin anew"),
+])  # fmt: skip
+def test_a_text_is_cut_where_its_times_begin_anew(tmp_path, trials, names, said):
+    """Beside a column that says the day, restarts are counted within each day."""
+    (tmp_path / "all.csv").write_text(ANEW)
+    notes: list[str] = []
+    made = import_row(
+        tmp_path, f"all.csv,{trials},from:what,from:day,*[N],ms[ms]", header=HEADER, notes=notes
+    )
+    assert sorted(path.stem for path in (tmp_path / "out").iterdir()) == names
+    assert [item.manifest.labels["object"] for item in made] == ["cup", "ball", "cup", "cup"]
+    np.testing.assert_allclose(made[1].samples.fitted_s, [0.008, 0.018])
+    np.testing.assert_array_equal(made[1].samples.values, [[5, 6], [5, 7]])
+    assert notes == [f"all.csv was read as 4 trials {said}"]
+
+
+def test_a_column_that_is_called_restarts_tells_trials_apart(tmp_path):
+    text = "restarts,ms,a\n4,0,1\n4,9,1\n5,1,1\n"
+    made = bring(tmp_path, "all.csv,restarts,cup,,a[N],ms[ms]", text)
+    assert [path.stem for path in made] == ["all-4", "all-5"]
+
+
+@pytest.mark.parametrize(("time", "text", "words"), [
+    ("rate:9Hz", ANEW, "a column of time for restarts in the column 'trials'; got a rate"),
+    ("ms[ms]", ANEW.replace("1,18,", "1,,"), "a time in every row; got '' in .*all.csv, line 6"),
+    ("ms[ms]", ANEW.replace("1,27,", "1,12,"), "begin anew near where they began; got 12 after 17 "
+     "in .*line 4; sort the rows of each trial"),
+    ("ms[ms]", ANEW.replace("1,27,", "1,17,"), "times that increase .*trial 1, line 4: 1 row has"),
+])  # fmt: skip
+def test_what_cannot_be_cut_where_times_begin_anew_is_refused(tmp_path, time, text, words):
+    with pytest.raises(BadTable, match=words):
+        bring(tmp_path, f"all.csv,restarts,from:what,,a[N],{time}", text)
+    assert not (tmp_path / "out").exists()
+
+
+def test_times_that_begin_anew_within_a_trial_say_how_to_cut_there(tmp_path):
+    with pytest.raises(BadTable, match=r"trial 1, line 5: time goes back once, .* run\+restarts"):
+        bring(tmp_path, "all.csv,day,cup,,a[N],ms[ms]", ANEW)

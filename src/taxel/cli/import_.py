@@ -45,7 +45,7 @@ class Import:
     own value from an array: from:y, or from:labels.csv:object for another file; from:objects[y]
     where y numbers the classes that objects names; or from its name: star:1 is what stands for the
     first * in trials. Time may be from:t[ms]. In a text with many trials, trials names the column
-    that tells them apart.
+    that tells them apart, or is restarts, where the times begin anew in each.
 
     For tactile cameras, its columns are left and right, or camera:NAME for each camera (videos, or
     folders of images, relative to the table); label:NAME; group:NAME; and optionally split (train,

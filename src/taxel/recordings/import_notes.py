@@ -36,7 +36,8 @@ ZEROS, OFTEN = 3, 0.1
 """Rows of zeros at a trial's end, and the share of trials that end so, from which on these may be
 padding. Source: our choice, docs/decisions/0011."""
 MOST_REMARKS = 5
-"""Lines on how files of many trials were read. Source: our choice, docs/decisions/0011."""
+"""Lines on how lines of the table, or files of many trials, were read. Source: our choice,
+docs/decisions/0011."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -49,6 +50,8 @@ class FileFacts:
     """Its first line where it was taken as names though it holds only numbers; or empty."""
     decimal_comma: bool = False
     """Whether commas were taken for decimal signs."""
+    one_more: bool = False
+    """Whether each of its rows ends in a separator, though the line of names does not."""
     rate_hz: float = 0.0
     """Scans a second, hertz, by the median step; 0 for a single scan."""
     time: str = ""
@@ -59,6 +62,8 @@ class FileFacts:
     """The longest of them, from scan to scan, seconds."""
     longest_from_s: float = 0.0
     """Where it starts, seconds from the first scan."""
+    of_line: tuple[str, ...] = ()
+    """How its line of the table was read, the same for all of the line's files."""
     remarks: tuple[str, ...] = ()
     """How a file of many trials was read, the same for all of its trials."""
     doubts: tuple[str, ...] = ()
@@ -93,6 +98,8 @@ def notes_of(files: Sequence[FileFacts]) -> list[str]:
     slow = [facts for facts in files if facts.time and 0 < facts.rate_hz < SLOW_HZ]
     fast = [facts for facts in files if facts.time and facts.rate_hz > FAST_HZ]
     return [
+        *_first(list(dict.fromkeys(remark for facts in files for remark in facts.of_line)),
+                "more lines of the table were read likewise"),
         *_first(list(dict.fromkeys(remark for facts in files for remark in facts.remarks)),
                 "more files or arrays were read likewise"),
         *_first(list(dict.fromkeys(doubt for facts in files for doubt in facts.doubts)),
@@ -101,6 +108,7 @@ def notes_of(files: Sequence[FileFacts]) -> list[str]:
         *_zeros([facts for facts in files if facts.zeros >= ZEROS], len(files)),
         *_number_headers([facts for facts in files if facts.number_header]),
         *_decimal_commas([facts for facts in files if facts.decimal_comma]),
+        *_one_more([facts for facts in files if facts.one_more]),
         *_slow(sorted(slow, key=lambda facts: facts.rate_hz)),
         *_fast(sorted(fast, key=lambda facts: -facts.rate_hz)),
         *_gaps([facts for facts in files if facts.gaps], len(files)),
@@ -148,6 +156,15 @@ def _zeros(files: Sequence[FileFacts], of: int) -> list[str]:
 
 def _decimal_commas(files: Sequence[FileFacts]) -> list[str]:
     return [f"{_some(files)}: commas were taken as decimal signs: 0,5 is a half"] if files else []
+
+
+def _one_more(files: Sequence[FileFacts]) -> list[str]:
+    if not files:
+        return []
+    return [
+        f"{_some(files)}: each row ends in a separator, the line of names does not; the empty cell "
+        "behind it was left out"
+    ]
 
 
 def _slow(files: Sequence[FileFacts]) -> list[str]:

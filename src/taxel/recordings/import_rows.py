@@ -47,6 +47,8 @@ class ImportRow:
     """Kept with the sensor in the manifest."""
     trial: Trial | None = None
     """Which of the file's trials it is; None where the file is one."""
+    called: str = ""
+    """The file as the table names it, for notes; its name where there is no table."""
     name: str = ""
     """Of the recording, without ending; the file's own by default."""
     remarks: tuple[str, ...] = ()
@@ -81,6 +83,7 @@ def read_rows(manifest_csv: Path, data_dir: Path, *, outside: bool = False) -> l
         if any(cell.strip() for cell in cells)
     ]
     each = _noted(one_line_a_file(written, manifest_csv, data_dir, outside=outside), manifest_csv)
+    _refuse_half_a_group(each)
     often = Counter(line.cells["file"] for line in each)
     return [
         _with_name(row, line)
@@ -128,17 +131,36 @@ def _noted(lines: Sequence[TableLine], table: Path) -> list[TableLine]:
     return made
 
 
+def _refuse_half_a_group(lines: Sequence[TableLine]) -> None:
+    """Refuse a group that some lines have and others leave empty; an empty column is none.
+
+    Raises:
+        BadTable: A split by that group would not know where the files of such a line belong.
+    """
+    for column in dict.fromkeys(name for line in lines for name in line.cells):
+        empty = [line for line in lines if not (line.cells[column] or line.values.get(column))]
+        if not column.startswith("group:") or len(empty) in (0, len(lines)):
+            continue
+        raise BadTable(
+            f"something in the column {column!r}",
+            f"nothing in {empty[0].where}, where other lines have it: a split could not tell which "
+            "side such files belong to",
+            "fill it in, each file that belongs with no other with a value of its own; or empty "
+            "the column",
+        )
+
+
 def _rows(line: TableLine, data_dir: Path, outside: bool, *, alone: bool) -> list[ImportRow]:
     """Return what one line of the table stands for: a file, or each trial of it."""
     named, where = line.cells, line.where
-    for name, cell in named.items():
-        if name.startswith("group:") and not cell and name not in line.values:
-            raise _nothing_in(name, where)
     file = file_of(named["file"], data_dir, where, outside=outside)
     if not holds_many(file, named):
         refuse_words_of_many(named, where)
         return [_row(file, named, where)]
-    source, trials = trials_of(file, named, data_dir, where, outside=outside)
+    source, trials = trials_of(
+        file, named, data_dir, where, outside=outside,
+        labelled=any(name.startswith("label:") for name in line.values),
+    )  # fmt: skip
     array = re.sub(r"[^A-Za-z0-9_]+", "-", source.what.replace("*", "")).strip("-")
     stem = stem_of(file.name) + (f"-{array}" if array and not alone else "")
     place = f"{named['file']}:{source.what}" if source.what else named["file"]
@@ -180,6 +202,7 @@ def _row(file: Path, named: Mapping[str, str], where: str) -> ImportRow:
     labels = {n.removeprefix("label:"): c for n, c in named.items() if n.startswith("label:")}
     return ImportRow(
         file=file,
+        called=named["file"],
         labels={name: cell for name, cell in labels.items() if cell and name not in by_row},
         by_row=by_row,
         groups=_groups(named, named["file"]),

@@ -17,6 +17,7 @@ from pathlib import Path
 import numpy as np
 
 from taxel.errors import BadTable
+from taxel.plain_text import visible
 from taxel.recordings import tables
 from taxel.recordings.import_notes import FileFacts, doubtful_names, gaps_of
 from taxel.recordings.import_rows import ImportRow, read_rows
@@ -220,12 +221,14 @@ def _import_file(
     source = row.trial.source if row.trial else None
     return FileFacts(
         file=f"{row.file.name}[{row.details['trial']}]" if row.trial else row.file.name,
-        remarks=(*row.remarks, *(source.remarks if source else ()), *remarks_on_rows(row.by_row)),
+        of_line=(*row.remarks, *remarks_on_rows(row.by_row)),
+        remarks=tuple(source.remarks) if source else (),
         doubts=(*row.doubts, *(source.doubts if source else ()), *_doubtful(row, table)),
         padding=padding.cut,
         zeros=padding.zeros,
         number_header=table.number_header,
         decimal_comma=table.decimal_comma,
+        one_more=table.one_more,
         rate_hz=info.rate_hz,
         time=row.time if row.layout == "csv" and not row.time.strip().startswith("rate:") else "",
         gaps=gaps,
@@ -265,7 +268,7 @@ def _marks(
 def _doubtful(row: ImportRow, table: Table) -> list[str]:
     """Return a line on names that speak against channels, where * took all columns."""
     taken = row.layout == "csv" and row.channels.strip().startswith(tables.ALL)
-    return doubtful_names(row.file.name, table.names) if taken else []
+    return doubtful_names(visible(row.called or row.file.name), table.names) if taken else []
 
 
 def _stated_rate(row: ImportRow) -> float:

@@ -68,7 +68,13 @@ def holds_many(file: Path, named: Mapping[str, str]) -> bool:
 
 
 def trials_of(
-    file: Path, named: Mapping[str, str], data_dir: Path, where: str, *, outside: bool
+    file: Path,
+    named: Mapping[str, str],
+    data_dir: Path,
+    where: str,
+    *,
+    outside: bool,
+    labelled: bool = False,
 ) -> tuple[TrialSet, list[OneOfMany]]:
     """Return the trials of a row, each with its own values of the columns that begin with `from:`.
 
@@ -78,6 +84,7 @@ def trials_of(
         data_dir: What files are relative to.
         where: Table and line, for messages.
         outside: Also files that lie outside of that folder.
+        labelled: Whether a label stands in the file's name.
 
     Raises:
         BadTable: The file is not there, or is not what the row says.
@@ -92,7 +99,12 @@ def trials_of(
 
     beside = {name: read_beside(ref) for name, ref in wanted.items() if ref.file}
     own = list(dict.fromkeys(ref.name for ref in wanted.values() if not ref.file))
-    source = _opened(file, named, own, [len(texts) for texts in beside.values()], where)
+    labelled = labelled or any(
+        cell and name.startswith("label:") and not cell.lower().startswith((FROM, STAR_CELL))
+        for name, cell in named.items()
+    )
+    counts = [len(texts) for texts in beside.values()]
+    source = _opened(file, named, own, counts, where, labelled=labelled)
     try:
         values = {name: beside.get(name) or source.texts(ref.name) for name, ref in wanted.items()}
         for name, ref in wanted.items():
@@ -207,17 +219,24 @@ def _may_refer(name: str) -> bool:
 
 
 def _opened(
-    file: Path, named: Mapping[str, str], own: Sequence[str], counts: Sequence[int], where: str
+    file: Path,
+    named: Mapping[str, str],
+    own: Sequence[str],
+    counts: Sequence[int],
+    where: str,
+    *,
+    labelled: bool,
 ) -> TrialSet:
     trials, channels = named.get("trials", ""), named.get("channels", "")
-    time = named.get("time", "")
+    time, called = named.get("time", ""), named["file"]
     if file.name.lower().endswith(TEXT_ENDINGS):
         if named.get("axes"):
             raise BadTable("'axes' for a file of arrays", f"a text in {where}", "leave it empty")
         by_row = list(columns_by_row(named, where).values())
-        return TextTrials(file, trials, channels, time, own, where, by_row)
-    words = StackWords(trials=trials, axes=named.get("axes", ""), channels=channels, time=time)
-    return ArrayTrials(file, words, own, counts, where)
+        return TextTrials(file, trials, channels, time, own, where, called, by_row)
+    words = StackWords(trials=trials, axes=named.get("axes", ""), channels=channels, time=time,
+                       one_label=labelled)  # fmt: skip
+    return ArrayTrials(file, words, own, counts, where, called)
 
 
 def _cut(

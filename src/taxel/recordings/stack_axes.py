@@ -117,7 +117,13 @@ def check_axes(axes: Axes, shape: Sequence[int], what: str) -> None:
 
 
 def find_axes(
-    shapes: Sequence[Sequence[int]], what: str, *, many: bool, trials: int | None, channels: range
+    shapes: Sequence[Sequence[int]],
+    what: str,
+    *,
+    many: bool,
+    trials: int | None,
+    channels: range,
+    one_label: bool = False,
 ) -> Axes:
     """Return the only reading of arrays.
 
@@ -128,18 +134,26 @@ def find_axes(
         many: Whether an array holds many trials.
         trials: How many there are, where labels say so.
         channels: How many channels there may be.
+        one_label: Whether the file has one label, so that an array that seems to hold many trials
+            may be a single one.
 
     Raises:
         BadTable: None or several are possible.
     """
     shape = shapes[0]
-    usual = _USUAL[many].get(len(shape), ())
-    alike = all(len(other) == len(shape) for other in shapes)
-    found = [
-        axes for words in usual if alike for axes in _readings(words, shapes, trials, channels)
-    ]
-    if len(found) == 1:
-        return found[0]
+    found = _all_readings(shapes, trials, channels, many=many)
+    single = (
+        _all_readings(shapes, None, channels, many=False)
+        if one_label and many and trials is None and len(found) != 1
+        else []
+    )
+    if len(found) == 1 or (not found and len(single) == 1):
+        return (found or single)[0]
+    if single:
+        readings = f"{_or(single, shape)} if the file is one trial, as its one label suggests"
+        if found:
+            readings += f"; {_or(found[:2], shape)} if it holds many"
+        raise _several(what, shape, readings)
     if not found:
         labels = f", with labels of {trials} trials" if trials is not None and many else ""
         raise BadTable(
@@ -148,11 +162,28 @@ def find_axes(
             "say in the column 'axes' what its axes are, as in 'trials rows channels'",
         )
     # The two of most sense first: the trials outermost, as NumPy's users write them.
-    both = " or ".join(f"'{axes}' ({axes.in_words(shape)})" for axes in found[:2])
-    raise BadTable(
-        f"one reading of {what} of shape {sides_of(shape)}", both,
+    raise _several(what, shape, _or(found[:2], shape))
+
+
+def _or(found: Sequence[Axes], shape: Sequence[int]) -> str:
+    return " or ".join(f"'{axes}' ({axes.in_words(shape)})" for axes in found)
+
+
+def _several(what: str, shape: Sequence[int], readings: str) -> BadTable:
+    return BadTable(
+        f"one reading of {what} of shape {sides_of(shape)}", readings,
         "write the right one in the column 'axes'",
     )  # fmt: skip
+
+
+def _all_readings(
+    shapes: Sequence[Sequence[int]], trials: int | None, channels: range, *, many: bool
+) -> list[Axes]:
+    """Return all readings of arrays, those of most sense first."""
+    usual = _USUAL[many].get(len(shapes[0]), ())
+    alike = all(len(other) == len(shapes[0]) for other in shapes)
+    return [axes for words in usual if alike
+            for axes in _readings(words, shapes, trials, channels)]  # fmt: skip
 
 
 def _wanted(channels: range) -> str:

@@ -14,7 +14,7 @@ from taxel.errors import BadTable
 from taxel.foreign.held_arrays import Cells, Numbers, table_of
 from taxel.plain_text import visible
 from taxel.recordings.spelling import by_numbers
-from taxel.recordings.trial_sets import MOST_TRIALS, OpenedFile
+from taxel.recordings.trial_sets import AND, MOST_TRIALS, OpenedFile
 
 STAR = "*"
 """In a name: anything but a slash, a point or an @."""
@@ -88,8 +88,9 @@ def members_of(file: OpenedFile, what: str) -> list[Member]:
         what: The array's name, or a pattern.
 
     Raises:
-        BadTable: There is none, or there are too many.
+        BadTable: There is none, or there are too many, or several would have to be joined.
     """
+    _refuse_joined(file, what)
     found: list[Member] = []
     for name, stars in _matching(file, what):
         held = file.get(name)
@@ -102,6 +103,21 @@ def members_of(file: OpenedFile, what: str) -> list[Member]:
             "correct the column 'trials'",
         )  # fmt: skip
     return found
+
+
+def _refuse_joined(file: OpenedFile, what: str) -> None:
+    """Refuse several arrays as one, F0+F1, as a text may have several columns that tell trials."""
+    parts = [part.strip() for part in what.split(AND)]
+    if len(parts) < 2 or what in file.opened().names():
+        return
+    known = [_matching(file, part) for part in parts]
+    if all(matches and matches[0][0] in file.opened().names() for matches in known):
+        raise BadTable(
+            f"one array of trials in the column 'trials', as no arrays are joined (in {file.path})",
+            f"{len(parts)}, {visible(what)}",
+            "save one array that holds the channels of all, as numpy.concatenate joins them along "
+            "the axis of channels, or name one of them",
+        )  # fmt: skip
 
 
 def numbers_of(file: OpenedFile, member: Member) -> Numbers:

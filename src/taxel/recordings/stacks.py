@@ -58,6 +58,8 @@ class StackWords:
     """What its axes are, as in "trials rows channels"; empty where one reading only is possible."""
     channels: str = ""
     time: str = ""
+    one_label: bool = False
+    """Whether the file has a label of its own, written out or in its name."""
 
 
 class ArrayTrials:
@@ -69,6 +71,8 @@ class ArrayTrials:
         labels: Names of this file's arrays that hold a value for each trial.
         counts: How many values such arrays of other files hold.
         where: Table and line, for messages.
+        called: The file as the table names it, for remarks: two files of one name, in two folders,
+            are two.
 
     Raises:
         BadTable: There is no such array, or it is not certain what its axes are.
@@ -81,8 +85,10 @@ class ArrayTrials:
         labels: Sequence[str],
         counts: Sequence[int],
         where: str,
+        called: str,
     ) -> None:
         self._path, self._file, self._where = path, OpenedFile.at(path), where
+        self._called_file = visible(called)
         self._remarks: list[str] = []
         self.doubts: list[str] = []
         self._block: tuple[int, NDArray[Any]] | None = None
@@ -110,7 +116,7 @@ class ArrayTrials:
                 f"{in_channel!r} in {self._where}, which is the name of an array",
                 f"write from:{words.time.strip()}",
             )
-        self._axes = self._find_axes(words.axes, columns, bool(in_channel), labels, counts)
+        self._axes = self._find_axes(words, columns, bool(in_channel), labels, counts)
         self._places, self._columns, self._time_place = take_channels(
             columns, self._axes.names(self._shapes[0]), in_channel, self._where
         )
@@ -146,7 +152,7 @@ class ArrayTrials:
         if at is None:
             return ""
         return (
-            f"{visible(self.what)} in {self._path.name}: the trials are in the order of the "
+            f"{visible(self.what)} in {self._called_file}: the trials are in the order of the "
             f"numbers in their names, {visible(names[at])} before {visible(listed[at])}, but the "
             f"file lists {visible(listed[at])} first; if the labels were written in that order, "
             "they are wrong: check a few of them"
@@ -243,7 +249,7 @@ class ArrayTrials:
 
     def _find_axes(
         self,
-        text: str,
+        words: StackWords,
         columns: Sequence[Column],
         with_time: bool,
         labels: Sequence[str],
@@ -254,8 +260,8 @@ class ArrayTrials:
         if self._single and empty and len(self._shapes) > 1:
             raise BadTable("numbers in each trial", f"none in trial {empty[0]} of {what}",
                            "remove it, with its labels, or fill it in")  # fmt: skip
-        if text:
-            axes = parse_axes(text, self._where)
+        if words.axes:
+            axes = parse_axes(words.axes, self._where)
             for shape in self._shapes:
                 check_axes(axes, shape, what)
             if self._single and axes.trials is not None:
@@ -268,7 +274,8 @@ class ArrayTrials:
             trials = next((count for count in (*own, *counts) if count > 1), None)
             many = not self._single and (trials is not None or len(self._shapes[0]) > 2)
             axes = find_axes(self._shapes, what, many=many, trials=trials,
-                             channels=channel_counts(columns, with_time))  # fmt: skip
+                             channels=channel_counts(columns, with_time),
+                             one_label=words.one_label)  # fmt: skip
         self._check_sizes(axes, what)
         return axes
 
@@ -300,7 +307,7 @@ class ArrayTrials:
                 for member, cell in zip(self._members, cells, strict=True)]  # fmt: skip
 
     def _in_words(self) -> str:
-        shape, name = self._shapes[0], f"{self._name} in {self._path.name}"
+        shape, name = self._shapes[0], f"{self._name} in {self._called_file}"
         size = self._axes.in_words(shape)
         if self._axes.trials is not None:
             return f"{name}, {sides_of(shape)}, was read as '{self._axes}': {size}"

@@ -39,6 +39,8 @@ LARGEST_LIST = 8 * MIB
 """Bytes of a table that lists files or intervals, some 100,000 of them. Source: our choice."""
 _MOST_CELLS = 1_000_000
 """Of such a list, and its rows count as cells too."""
+_MOST_PLACES = 6
+"""Columns of one name that a message counts up. Source: our choice, docs/decisions/0011."""
 _BLOCK_CELLS = 65_536
 _BLOCK_BYTES = 8 * MIB
 
@@ -55,6 +57,8 @@ class TextColumns:
     """The names in line 1 where all of them are numbers, which values could be, too; or empty."""
     decimal_comma: bool = False
     """Whether commas were taken for decimal signs."""
+    one_more: bool = False
+    """Whether each row ends in a separator, with an empty cell behind it that was left out."""
 
 
 def text_columns(path: Path, wanted: Sequence[str]) -> TextColumns:
@@ -77,7 +81,7 @@ def text_columns(path: Path, wanted: Sequence[str]) -> TextColumns:
     values = _values(path, _rows(path, below, form), form, where, sign)
     return TextColumns(
         values=values, first_line=form.first_line, decimal_comma=sign.comma,
-        number_header=_some(names) if form.counting else "",
+        number_header=_some(names) if form.counting else "", one_more=form.one_more,
     )  # fmt: skip
 
 
@@ -236,19 +240,40 @@ def _lines(path: Path, most: int) -> Iterator[str]:
 
 def _rows(path: Path, lines: Iterator[str], form: TableForm) -> Iterator[list[str]]:
     """Yield the cells of each line, which must be as many as there are columns."""
-    width, blank = len(form.names), 0
+    width, blank = len(form.names) + form.one_more, 0
     for number, line in enumerate(lines, start=form.first_line):
         if not line:
             blank = blank or number
             continue
         cells = cells_of(path, number, line, form.separator)
-        wrong = (0, blank) if blank else (len(cells), number)  # blank lines may only come last
-        if blank or len(cells) != width:
+        if blank or len(cells) != width:  # blank lines may only come last
+            raise _ragged(path, form, *((0, blank) if blank else (len(cells), number)))
+        if form.one_more and (odd := cells.pop().strip()):
             raise BadTable(
-                f"{width} cells in every line", f"{wrong[0]} in {path}, line {wrong[1]}",
-                "mend the file, which may have been cut short",
+                "nothing behind the last name's column in every line, as in line "
+                f"{form.first_line}", f"{odd[:80]!r} in {path}, line {number}",
+                "name that column too, in the line of names",
             )  # fmt: skip
         yield cells
+
+
+def _ragged(path: Path, form: TableForm, count: int, number: int) -> BadTable:
+    """Return the error of a line that has another number of cells than there are columns."""
+    names, got = len(form.names), f"{count} in {path}, line {number}"
+    if form.one_more:
+        return BadTable(
+            f"{names} cells and a separator behind them in every line, as in line "
+            f"{form.first_line}", got, "write all lines alike",
+        )  # fmt: skip
+    if count < names:
+        mend = "mend the file, which may have been cut short"
+    elif form.named:
+        got += f", where {names} are named"
+        mend = "name every column in the line of names, or remove what stands in none"
+    else:
+        got += f", where line {form.first_line} has {names}"
+        mend = "put a line of names above, one for each column, or write all lines alike"
+    return BadTable(f"{names} cells in every line", got, mend)
 
 
 def _places(path: Path, names: Sequence[str], wanted: Sequence[str], what: str) -> list[int]:
@@ -258,13 +283,13 @@ def _places(path: Path, names: Sequence[str], wanted: Sequence[str], what: str) 
     """
     counted = not any(map(_is_whole, names))
     found: dict[str, int] = {}
-    times: dict[str, int] = {}
+    twice: set[str] = set()
     for index, name in enumerate(names):
-        found.setdefault(name, index)
-        times[name] = times.get(name, 0) + 1
+        if found.setdefault(name, index) != index:
+            twice.add(name)
     for name in wanted:
-        if times.get(name, 0) > 1:
-            raise _no_column(path, name, f"{times[name]} columns of that name", what)
+        if name in twice:
+            raise _several(path, name, names, what, counted=counted)
         if name not in found:
             index = _as_number(name) if counted else 0
             if not 1 <= index <= len(names):
@@ -296,6 +321,19 @@ def _no_column(path: Path, name: str, problem: str, what: str) -> BadTable:
     if _is_whole(name) and what.startswith("a header"):
         mend = "write a name as it stands there; if line 1 holds values, put names above it"
     return BadTable(f"the column {name[:80]!r}", f"{problem} in {path} ({what})", mend)
+
+
+def _several(path: Path, name: str, names: Sequence[str], what: str, *, counted: bool) -> BadTable:
+    """Return the error of a name that several columns have: it says which."""
+    places = [number for number, own in enumerate(names, start=1) if own == name]
+    shown = ", ".join(map(str, places[:_MOST_PLACES])) + (" …" if places[_MOST_PLACES:] else "")
+    mend = "rename all but one of them in the file"
+    if counted:
+        mend = f"write the number of the one that is meant, such as {places[0]}, or {mend}"
+    return BadTable(
+        f"the column {name[:80]!r}",
+        f"{len(places)} columns of that name in {path}, columns {shown} ({what})", mend,
+    )  # fmt: skip
 
 
 def _numbers(path: Path, cells: list[str], name: str, first_line: int) -> NDArray[np.float64]:

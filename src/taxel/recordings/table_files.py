@@ -32,8 +32,26 @@ def file_of(cell: str, data_dir: Path, where: str, *, outside: bool = False) -> 
     except (OSError, ValueError, RuntimeError) as error:  # too long, zero bytes, links in a ring
         raise BadTable("a file's name", f"{cell!r} in {where}", "correct it") from error
     if not inside:
-        raise BadTable(
-            f"a file in the folder {data_dir}", f"{cell!r} in {where}, which lies outside",
-            "name a folder that holds all files with --data, or allow it with --allow-outside",
-        )  # fmt: skip
+        got = f"{cell!r} in {where}, which lies outside"
+        mend = "name a folder that holds all files with --data, or allow it with --allow-outside"
+        if link := _link_out(cell, data_dir):
+            got += f", as {link!r} is a link that leads there"
+            mend = (
+                "copy what it leads to into the folder, put the table beside the files themselves "
+                "(or name their folder with --data), or allow it with --allow-outside"
+            )
+        raise BadTable(f"a file in the folder {data_dir}", got, mend)
     return path
+
+
+def _link_out(cell: str, data_dir: Path) -> str:
+    """Return the part of a cell, from its beginning, that is a link out of the folder; or empty."""
+    parts = Path(cell).parts
+    if Path(cell).is_absolute() or ".." in parts:
+        return ""
+    inside = data_dir.resolve()
+    for number in range(1, len(parts) + 1):
+        path = data_dir.joinpath(*parts[:number])
+        if path.is_symlink() and not path.resolve().is_relative_to(inside):
+            return "/".join(parts[:number])
+    return ""

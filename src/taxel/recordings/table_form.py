@@ -42,6 +42,8 @@ class TableForm:
     """Whether they are in a line that holds only numbers, which values could be, too."""
     first_line: int
     """Number of the line that holds the first row."""
+    one_more: bool = False
+    """Whether each row ends in a separator that the line of names does not end in."""
 
 
 def find_form(path: Path, lines: Iterator[str]) -> tuple[TableForm, Iterator[str]]:
@@ -50,6 +52,8 @@ def find_form(path: Path, lines: Iterator[str]) -> tuple[TableForm, Iterator[str
     A first line of nothing but numbers is a row of values, unless they count the columns, from 0
     (as pandas does) or 1, and the line below does not. Lines above it that begin with # are
     remarks; the last of them names the columns where it has as many words (as NumPy writes it).
+    Rows may end in a separator (as dumps of ROS do) where the names do not: nothing stands behind
+    it, in any row, so that no cell can belong to another name.
 
     Args:
         path: For messages.
@@ -70,8 +74,10 @@ def find_form(path: Path, lines: Iterator[str]) -> tuple[TableForm, Iterator[str
     )
     below = lines if second is None else chain([second], lines)
     if counting or any(name and not _is_value(name) for name in top):
+        cells = [] if second is None else cells_of(path, number + 1, second, separator)
         form = TableForm(separator=separator, names=tuple(top), named=True, counting=counting,
-                         first_line=number + 1)  # fmt: skip
+                         first_line=number + 1,
+                         one_more=len(cells) == len(top) + 1 and not cells[-1].strip())  # fmt: skip
         return form, below
     names = above or [str(number) for number in range(1, len(top) + 1)]
     form = TableForm(separator=separator, names=tuple(names), named=bool(above), counting=False,

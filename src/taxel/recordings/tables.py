@@ -19,6 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taxel.errors import BadTable
+from taxel.recordings.restarts import RESTARTS, restarts_of
 from taxel.recordings.scan_layout import FURTHEST_S
 from taxel.recordings.table_columns import npy_columns, npy_shape, text_columns, text_names
 from taxel.recordings.table_form import TEXT_ENDINGS
@@ -69,6 +70,8 @@ class Table:
     """The file's first line where it was taken as names though it holds only numbers; or empty."""
     decimal_comma: bool = False
     """Whether commas were taken for decimal signs."""
+    one_more: bool = False
+    """Whether each row ends in a separator, with an empty cell behind it that was left out."""
 
 
 def parse_columns(text: str, where: str) -> tuple[Column, ...]:
@@ -151,7 +154,7 @@ def read_table(
     columns = _all_columns(path, columns, time, but)
     wanted = [column.name for column in columns]
     wanted += [time.column.name] if time.column is not None else []
-    first_line, number_header, decimal_comma = 1, "", False
+    first_line, number_header, decimal_comma, one_more = 1, "", False, False
     ending = path.name.lower()
     if ending.endswith(".npy"):
         cells = npy_columns(path, wanted)
@@ -159,6 +162,7 @@ def read_table(
         found = text_columns(path, wanted)
         cells, first_line = found.values, found.first_line
         number_header, decimal_comma = found.number_header, found.decimal_comma
+        one_more = found.one_more
     else:
         raise BadTable(
             "a .csv, .tsv, .txt or .dat file, packed as .gz or not, .npy, .npz, .mat, .h5 or .hdf5",
@@ -175,6 +179,7 @@ def read_table(
         units=tuple(column.unit for column in columns),
         number_header=number_header,
         decimal_comma=decimal_comma,
+        one_more=one_more,
     )
 
 
@@ -203,8 +208,16 @@ def check_values(
     )
 
 
-def check_time(path: Path | str, time_s: NDArray[np.float64], first_line: int = 1) -> None:
+def check_time(
+    path: Path | str, time_s: NDArray[np.float64], first_line: int = 1, *, text: bool = False
+) -> None:
     """Refuse times that are not finite or do not increase.
+
+    Args:
+        path: The file, for messages; and the trial, where it holds several.
+        time_s: Shape (n,), seconds.
+        first_line: Number of the line that holds the first of them.
+        text: Whether it is a text, whose trials the column `trials` may tell apart.
 
     Raises:
         BadTable: Says file and line.
@@ -225,12 +238,34 @@ def check_time(path: Path | str, time_s: NDArray[np.float64], first_line: int = 
             "correct the column's unit: s, ms, us or ns",
         )  # fmt: skip
     if (steps <= 0).any():
-        row = int(np.argmax(steps <= 0)) + 1
-        raise BadTable(
-            "times that increase from row to row",
-            f"{time_s[row]:.6g} s after {time_s[row - 1]:.6g} s in {path}, line {row + first_line}",
-            "sort the rows, or give a rate instead of a time column",
-        )
+        raise _no_increase(path, time_s, first_line, text=text)
+
+
+def _no_increase(
+    path: Path | str, time_s: NDArray[np.float64], first_line: int, *, text: bool
+) -> BadTable:
+    """Return the error of times that stand still or go back; where they begin anew it says so."""
+    steps, anew = np.diff(time_s), restarts_of(time_s)
+    back = int((steps < 0).sum())
+    row = anew[0] if anew else int(np.argmax(steps < 0 if back else steps == 0)) + 1
+    got = f"{time_s[row]:.6g} s after {time_s[row - 1]:.6g} s in {path}, line {row + first_line}"
+    often = "once" if back == 1 else f"{back} times"
+    if anew:
+        own = "" if back == 1 else " each time" if len(anew) == back else f" {len(anew)} of them"
+        got += f": time goes back {often},{own} to about where it began"
+        mend = "a restart usually begins a new trial: " + (
+            f"write {RESTARTS} in the column 'trials' (or beside a column, as in run+{RESTARTS}) "
+            "to cut there, or name a column there that numbers the trials" if text
+            else "save each trial as an array or file of its own"
+        )  # fmt: skip
+    elif back:
+        got += f": time goes back {often}"
+        mend = "sort the rows, or give a rate instead of a time column"
+    else:
+        count = int((steps == 0).sum())
+        got += f": {count} {'row has' if count == 1 else 'rows have'} the time of the row above"
+        mend = "leave such rows out, or give a rate instead of a time column"
+    return BadTable("times that increase from row to row", got, mend)
 
 
 def _time_s(
@@ -241,7 +276,7 @@ def _time_s(
         return np.arange(len(cells)) / (time.rate_hz or 1.0)
     time_s = cells[:, -1] * TIME_UNITS_S[time.column.unit]
     if first_line is not None:
-        check_time(path, time_s, first_line)
+        check_time(path, time_s, first_line, text=path.name.lower().endswith(TEXT_ENDINGS))
     return time_s
 
 

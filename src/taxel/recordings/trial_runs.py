@@ -13,7 +13,9 @@ from pathlib import Path
 
 from taxel.errors import BadTable
 from taxel.plain_text import visible
+from taxel.recordings.restarts import RESTARTS, begins_anew
 from taxel.recordings.table_columns import text_cells, text_names
+from taxel.recordings.table_form import is_number
 from taxel.recordings.tables import (
     ALL,
     Missing,
@@ -23,10 +25,7 @@ from taxel.recordings.tables import (
     parse_time,
     read_table,
 )
-from taxel.recordings.trial_sets import MOST_TRIALS, Padding
-
-AND = "+"
-"""Between the names of columns that say together which trial a row belongs to."""
+from taxel.recordings.trial_sets import AND, MOST_TRIALS, Padding
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,11 +43,14 @@ class TextTrials:
 
     Args:
         path: The text.
-        trials: Column that says which trial a row belongs to, or several: subject+trial.
+        trials: Column that says which trial a row belongs to, or several: subject+trial. Where no
+            column is called so, restarts stands for where time begins anew.
         channels: As in the import table.
         time: As in the import table.
         names: Columns that `from:` cells name, whose value is the same in all rows of a trial.
         where: Table and line, for messages.
+        called: The file as the table names it, for remarks: two files of one name, in two folders,
+            are two.
         by_row: Columns whose value may be another in each row.
 
     Raises:
@@ -63,19 +65,24 @@ class TextTrials:
         time: str,
         names: Sequence[str],
         where: str,
+        called: str,
         by_row: Sequence[str] = (),
     ) -> None:
-        self._path, self.what = path, trials
+        self._path, self.what, self._called = path, trials, visible(called)
         header = text_names(path)
         self.names = header
         keys = [trials] if trials in header else [name.strip() for name in trials.split(AND)]
         self._names = list(names)
         columns = parse_columns(channels, where)
         self._time = parse_time(time, where)
+        anew = RESTARTS in keys and RESTARTS not in header
+        asked = [self._time_name(where) if anew and name == RESTARTS else name for name in keys]
         self._all = [column.name for column in columns] == [ALL]
         self._described = {*keys, *names, *by_row}
         self._columns = columns
-        first_line, rows = text_cells(path, [*keys, *names, *by_row])
+        first_line, rows = text_cells(path, [*asked, *names, *by_row])
+        if anew:
+            rows = _numbered(path, rows, keys, first_line)
         self._first_line = first_line
         self._by_row = {column: place for place, column in enumerate(by_row)}
         self._cells: list[list[str]] = []
@@ -84,11 +91,25 @@ class TextTrials:
         self.keys = ["-".join(run.key) for run in self._runs]
         count = len(self._runs)
         self.remarks = [
-            f"{path.name} was read as {count} {'trial' if count == 1 else 'trials'} by its column "
-            f"{visible(trials)}"
+            f"{self._called} was read as {count} {'trial' if count == 1 else 'trials'} by "
+            + (self._where_anew(keys) if anew else f"its column {visible(trials)}")
         ]
         self.doubts: list[str] = []
         self._whole: Table | None = None
+
+    def _time_name(self, where: str) -> str:
+        if self._time.column is None:
+            raise BadTable(
+                f"a column of time for {RESTARTS} in the column 'trials'", f"a rate in {where}",
+                "name the column whose times begin anew in the column 'time'",
+            )  # fmt: skip
+        return self._time.column.name
+
+    def _where_anew(self, keys: Sequence[str]) -> str:
+        assert self._time.column is not None
+        others = AND.join(visible(name) for name in keys if name != RESTARTS)
+        before = f"its column {others}, and by " if others else ""
+        return f"{before}where the times in {visible(self._time.column.name)} begin anew"
 
     def texts(self, name: str) -> list[str]:
         """Return each trial's value of a column.
@@ -132,10 +153,11 @@ class TextTrials:
         if self._time.column is None:
             time_s = whole.time_s[: run.stop - run.start]  # by the rate, from 0 in each trial
         else:
-            check_time(where, time_s, self._first_line + run.start)
+            check_time(where, time_s, self._first_line + run.start, text=True)
         table = Table(
             values=whole.values[run.start : run.stop], time_s=time_s,
             names=whole.names, units=whole.units, decimal_comma=whole.decimal_comma,
+            one_more=whole.one_more,
         )  # fmt: skip
         return table, Padding()
 
@@ -152,7 +174,7 @@ class TextTrials:
         more = f" and {len(names) - 8} more" if len(names) > 8 else ""
         has, each = ("has", "it") if len(names) == 1 else ("have", "each of them")
         return (
-            f"{self._path.name}: {', '.join(names[:8])}{more} {has} one value in each trial, and * "
+            f"{self._called}: {', '.join(names[:8])}{more} {has} one value in each trial, and * "
             f"made a channel of {each}; if this is a label or a group, say from:{names[0]} in such "
             "a column, or name the channels"
         )
@@ -160,6 +182,41 @@ class TextTrials:
     def close(self) -> None:
         """Forget the values; they are read again where needed."""
         self._whole = None
+
+
+def _numbered(
+    path: Path, rows: Iterable[list[str]], keys: Sequence[str], first_line: int
+) -> Iterator[list[str]]:
+    """Yield rows with a number in the place of their time: how often it has begun, from 1.
+
+    Numbers begin with 1 where another of the keys changes.
+
+    Raises:
+        BadTable: A time is no number, or goes back without beginning anew.
+    """
+    place = keys.index(RESTARTS)
+    others: list[str] | None = None
+    count, start, before = 1, 0.0, 0.0
+    for line, cells in enumerate(rows, start=first_line):
+        text = cells[place].replace(",", ".")
+        if not is_number(text):
+            raise BadTable("a time in every row", f"{cells[place][:80]!r} in {path}, line {line}",
+                           "mend the file")  # fmt: skip
+        now, own = float(text), [*cells[:place], *cells[place + 1 : len(keys)]]
+        if own != others:
+            others, count, start = own, 1, now
+        elif begins_anew(now, before, start):
+            count, start = count + 1, now
+        elif now < before:
+            raise BadTable(
+                "times that increase, or begin anew near where they began",
+                f"{now:.6g} after {before:.6g} in {path}, line {line}",
+                "sort the rows of each trial, or name a column that numbers the trials in the "
+                "column 'trials'",
+            )  # fmt: skip
+        before = now
+        cells[place] = str(count)
+        yield cells
 
 
 def _runs(

@@ -39,6 +39,8 @@ from taxel.recordings.tables import Missing, Table
 
 FROM = "from:"
 """What a cell begins with that names where each trial's own value stands."""
+AND = "+"
+"""Between the names of a text's columns that say together which trial a row belongs to."""
 MOST_TRIALS = 100_000
 """Of one row, each of which becomes a file. Source: our choice."""
 _KEPT = 4
