@@ -132,6 +132,7 @@ def some_trials(
     pixels = rng.normal(size=(len(trial), 2 * STATISTICS * len(PIXELS))).astype(np.float32)
     pixels[:, numbers_of("pixels", ("step", "since"), 2)[:6]] += 3.0 * y[trial][:, None]
     stills = rng.normal(size=(len(trial), 2 * 3 * STILLS)).astype(np.float32)
+    picture = rng.normal(size=(len(trial), 2 * 30)).astype(np.float32)
     return TrialSet(
         target="kind",
         classes=tuple("abc"[:classes]),
@@ -142,7 +143,7 @@ def some_trials(
         cameras=2,
         layout=Layout(20, places),
         cut=TrialRows(
-            rows={"pixels": pixels, "stills": stills},
+            rows={"pixels": pixels, "stills": stills, "picture": picture},
             shown={"stills": rng.normal(size=(len(trial), 3, 2, 180)).astype(np.float32)},
             trial=trial,
             place=np.tile(np.arange(places), trials),

@@ -1,8 +1,8 @@
 """A recogniser of camera trials: several models on several views, weighed by inner folds.
 
-Forests, sums of ranks and a discriminant see grey differences, flow, the slip signal or stills; the
-weight of each comes from trials of groups that it was not fitted on, as does the mean's sharpness.
-Knows nothing about images, files or outer folds.
+Forests, sums of ranks and discriminants see grey differences, flow, the slip signal, stills or a
+plain picture; the weight of each comes from trials of groups that it was not fitted on, as does the
+mean's sharpness. Knows nothing about images, files or outer folds.
 
 Source: docs/decisions/0041.
 """
@@ -20,7 +20,13 @@ from sklearn.model_selection import StratifiedGroupKFold
 
 from taxel.training.rank_sums import Logistic, Steady
 from taxel.training.trial_learning import Crops, Learning, Rows
-from taxel.training.trial_novelty import Novelty, held_out_novelty, novelty_threshold
+from taxel.training.trial_novelty import (
+    Novelty,
+    held_out_novelty,
+    novelty_columns,
+    novelty_threshold,
+)
+from taxel.training.trial_weights import log_loss, sharpen, sharpened, trusted, weigh
 from taxel.windows.trial_crops import numbers_of
 from taxel.windows.trial_mirrors import Mirror, mirrors
 
@@ -28,21 +34,8 @@ TREES: Final = 400
 INNER_TREES: Final = 150
 """Of a forest that is kept, and of one on an inner fold. Source: our choice, decision 41."""
 INNER_FOLDS: Final = 5
-PRIOR: Final = 2.0
-"""Weight of the members' priors beside the trials, as a multiple of their number: few trials part
-members of a kind badly. Source: our choice, decision 41."""
-TRUST: Final = 1.0
-"""Observations that a held-out group is worth where its trials part the two kinds of members, those
-that see movement only and those that see stills too. Source: our choice, decision 41."""
 LEAST_WEIGHT: Final = 0.04
 """A member below it is left out. Source: our choice."""
-DOUBT: Final = 2.0
-"""What a squared logarithm of a power adds to the summed log-loss under which it is found, nats:
-few trials leave it near 1. Source: our choice, decision 41."""
-_ROUNDS: Final = 200
-_BLUNTEST, _SHARPEST, _POWERS = 0.2, 6.0, 41
-LEAST: Final = 1e-6
-"""Least probability that is raised to a power, or whose logarithm is taken."""
 _TRIES: Final = 50
 
 
@@ -64,9 +57,11 @@ class TrialMember:
     """Whether it learns from further crops too: those between the places, and each camera alone."""
 
     @property
-    def sees_look(self) -> bool:
-        """Whether it sees stills too, and not movement only."""
-        return not set(self.views) <= {"pixels", "slip"}
+    def kind(self) -> str:
+        """What it sees: movement only, the plain picture only, or look, all else."""
+        if set(self.views) <= {"pixels", "slip"}:
+            return "movement"
+        return "picture" if set(self.views) == {"picture"} else "look"
 
     def columns(self, cameras: int, widths: Mapping[str, int]) -> NDArray[np.intp]:
         """Return which columns of all views, side by side in their order, it sees."""
@@ -116,6 +111,11 @@ MEMBERS: Final[tuple[TrialMember, ...]] = (
     TrialMember(
         name="discriminant on everything", views=EVERYTHING,
         make=lambda seed, trees: Steady(0.5), mirrored=True,
+    ),
+    TrialMember(name="extra-trees on the picture", views={"picture": ()}, make=extra),
+    TrialMember(
+        name="discriminant on the picture", views={"picture": ()},
+        make=lambda seed, trees: Steady(0.5),
     ),
     TrialMember(
         name="logistic on the touch encoder", views={"touch": ()},
@@ -178,15 +178,16 @@ def fit_blend(
     members = [member for member in members if set(member.views) <= set(widths)]
     columns = [member.columns(cameras, widths) for member in members]
     images = mirrors(widths, cameras)
-    held, novelty = _held_out(learning, members, columns, images, seed, on_step)
+    novel = novelty_columns(widths)
+    held, novelty = _held_out(learning, members, columns, images, novel, seed, on_step)
     prior = np.array([member.prior for member in members])
     weights = prior / prior.sum() if prior.any() else np.full(len(members), 1 / len(members))
     sharpness, inner = 1.0, {}
     if held is not None:
         y = learning.y
-        look = np.array([member.sees_look for member in members])
+        kinds = np.array([member.kind for member in members])
         groups = len(set(learning.groups.tolist()))
-        weights = weigh(held, y, trusted(held, y, groups, prior, look))
+        weights = weigh(held, y, trusted(held, y, groups, prior, kinds))
         weights[weights < min(LEAST_WEIGHT, weights.max())] = 0.0
         weights /= weights.sum()
         mixed = np.asarray(np.einsum("tmc,m->tc", held, weights), np.float64)
@@ -204,7 +205,7 @@ def fit_blend(
         sharpness=sharpness,
         classes=learning.classes,
         inner=inner,
-        novelty=Novelty.of(learning.rows),
+        novelty=Novelty.of(learning.rows, novel),
         threshold=novelty_threshold(novelty[np.isfinite(novelty)]),
     )
 
@@ -221,11 +222,12 @@ def _fit(
     crops = [Crops(learning.rows, learning.trial)]
     if member.further and learning.further is not None:
         crops.append(learning.further)
-    if member.mirrored:
-        crops += [Crops(image.apply(own.rows), own.trial) for own in crops for image in images]
-    seen = np.concatenate([own.rows[:, columns] for own in crops])
-    trial = np.concatenate([own.trial for own in crops])
-    return member.make(seed, trees).fit(seen, learning.y[trial])
+    seen = [own.rows[:, columns] for own in crops]
+    trial = [own.trial for own in crops]
+    for image in images if member.mirrored else ():
+        seen += [image.apply(own.rows, columns) for own in crops]
+        trial += [own.trial for own in crops]
+    return member.make(seed, trees).fit(np.concatenate(seen), learning.y[np.concatenate(trial)])
 
 
 def inner_folds(
@@ -268,6 +270,7 @@ def _held_out(
     members: Sequence[TrialMember],
     columns: Sequence[NDArray[np.intp]],
     images: Sequence[Mirror],
+    novel: NDArray[np.intp],
     seed: int,
     on_step: Callable[[str], None],
 ) -> tuple[NDArray[np.float64] | None, NDArray[np.float64]]:
@@ -289,7 +292,7 @@ def _held_out(
             model = _fit(member, own, columns[index], images, seed, INNER_TREES)
             crops = proba_of(model, other.rows[:, columns[index]], learning.classes)
             found[test, index] = mean_of_crops(crops, other.trial)
-        novelty[test] = held_out_novelty(own.rows, other.rows, other.trial)
+        novelty[test] = held_out_novelty(own.rows, other.rows, other.trial, novel)
     return found if parts else None, novelty
 
 
@@ -305,84 +308,3 @@ def mean_of_crops(crops: NDArray[np.float64], trial: NDArray[np.intp]) -> NDArra
     count = np.bincount(trial)
     sums = [np.bincount(trial, weights=column) for column in crops.T]
     return np.asarray(np.stack(sums, axis=1) / count[:, None], np.float64)
-
-
-def weigh(
-    held: NDArray[np.float64], y: NDArray[np.intp], prior: NDArray[np.float64]
-) -> NDArray[np.float64]:
-    """Return weights under which the members' mean is likeliest, drawn towards their priors.
-
-    Expectation maximisation of a mixture's weights with a Dirichlet prior.
-
-    Args:
-        held: Shape (trials, members, classes).
-        y: Shape (trials,).
-        prior: Shape (members,).
-    """
-    right = np.maximum(held[np.arange(len(y)), :, y], LEAST)
-    count, members = right.shape
-    drawn = PRIOR * count * prior / prior.sum() if prior.any() else np.zeros(members)
-    weights = np.full(members, 1 / members)
-    for _ in range(_ROUNDS):
-        share = right * weights
-        share /= share.sum(axis=1, keepdims=True)
-        weights = share.sum(axis=0) + drawn
-        weights /= weights.sum()
-    return weights
-
-
-def trusted(
-    held: NDArray[np.float64],
-    y: NDArray[np.intp],
-    groups: int,
-    prior: NDArray[np.float64],
-    look: NDArray[np.bool_],
-) -> NDArray[np.float64]:
-    """Return priors of which each kind of members has the share that its predictions deserve.
-
-    The two kinds' means are compared as models are by their likelihoods on trials held out. Trials
-    of a group are alike: each group counts as `TRUST` observations, whatever its trials' number. A
-    mean's log-loss is taken at its own best sharpness.
-
-    Args:
-        held: Shape (trials, members, classes).
-        y: Shape (trials,).
-        groups: How many the trials are of.
-        prior: Shape (members,): shares within a kind.
-        look: Shape (members,): which are of the kind that sees stills too.
-
-    Source:
-        Pseudo-Bayesian model averaging, Yao et al., Bayesian Analysis 13(3), 2018, with groups in
-        place of trials; docs/decisions/0041.
-    """
-    shares = [np.where(kind, prior, 0.0) for kind in (look, ~look)]
-    shares = [share / share.sum() for share in shares if share.any()]
-    if not shares:
-        return prior
-    losses = []
-    for share in shares:
-        mean = np.asarray(np.einsum("tmc,m->tc", held, share), np.float64)
-        losses.append(log_loss(sharpened(mean, sharpen(mean, y)), y))
-    behind = np.array(losses) - min(losses)
-    return np.asarray(np.exp(-TRUST * groups * behind) @ np.stack(shares), np.float64)
-
-
-def sharpen(probabilities: NDArray[np.float64], y: NDArray[np.intp]) -> float:
-    """Return the power that makes probabilities likeliest, shape (trials, classes), near 1."""
-
-    def cost(power: float) -> float:
-        loss = log_loss(sharpened(probabilities, power), y)
-        return len(y) * loss + DOUBT * float(np.log(power)) ** 2
-
-    return float(min(np.geomspace(_BLUNTEST, _SHARPEST, _POWERS), key=cost))
-
-
-def sharpened(probabilities: NDArray[np.float64], power: float) -> NDArray[np.float64]:
-    """Return probabilities raised to a power and made to sum to 1."""
-    raised = np.maximum(probabilities, LEAST) ** power
-    return np.asarray(raised / raised.sum(axis=-1, keepdims=True), np.float64)
-
-
-def log_loss(probabilities: NDArray[np.float64], y: NDArray[np.intp]) -> float:
-    """Return the mean negative logarithm of the true class's probability, nats."""
-    return float(-np.log(np.maximum(probabilities[np.arange(len(y)), y], LEAST)).mean())

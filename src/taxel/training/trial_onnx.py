@@ -118,7 +118,8 @@ def _squeezed(graph: _Graph, rows: str, squeezed: Squeezed) -> str:
 
 def _novelty(graph: _Graph, novelty: Novelty) -> str:
     """Add the mean distance to the nearest learned crops, (n, 1)."""
-    alike = _squeezed(graph, "rows", novelty.squeezed)
+    seen = graph.add("Gather", "rows", graph.const(novelty.columns.astype(np.int32)), axis=1)
+    alike = _squeezed(graph, seen, novelty.squeezed)
     at = graph.add("MatMul", alike, graph.const(novelty.directions))
     apart = graph.add(
         "Sub", graph.add("Unsqueeze", at, graph.const(np.array([1]))),

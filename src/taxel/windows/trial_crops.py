@@ -22,6 +22,7 @@ from numpy.typing import NDArray
 from taxel.errors import BadDataset, BadInput
 from taxel.gel.slip_signal import TREND_FEATURES, USUAL_MM_PER_PX, GelSlip
 from taxel.gel.touch_poses import TouchFollower
+from taxel.windows import trial_picture as picture
 from taxel.windows.touch_view import FEATURES as TOUCH_FEATURES
 from taxel.windows.touch_view import VERSION as TOUCH_VERSION
 from taxel.windows.touch_view import look_through_touch, touch_courses
@@ -289,10 +290,6 @@ def _stills(scene: Scene) -> NDArray[np.float32]:
     return np.stack([_look_of(scene.images[at]) for at in (0, last // 2, last)])
 
 
-def _touch(scene: Scene) -> NDArray[np.float32]:
-    return look_through_touch(scene.images)
-
-
 def _look_of(image: Image) -> NDArray[np.float32]:
     grey = small_grey(image)
     thumb = cv2.resize(grey.astype(np.float32), (THUMB[1], THUMB[0]), interpolation=cv2.INTER_AREA)
@@ -390,10 +387,13 @@ FAMILIES: Final[dict[str, Family]] = {
     ),
     "stills": Family(STILLS, _stills, _looks, "stills-1"),
     "moves": Family(len(MOVES), _moves, _courses, "moves-2"),
-    "touch": Family(TOUCH_FEATURES, _touch, touch_courses, TOUCH_VERSION),
+    "touch": Family(TOUCH_FEATURES, lambda scene: look_through_touch(scene.images), touch_courses,
+                    TOUCH_VERSION),
+    "picture": Family(picture.COLUMNS, lambda scene: picture.look_at_picture(scene.images),
+                      picture.sum_up_picture, picture.VERSION),
 }  # fmt: skip
-"""Name → what is looked at: grey differences and flow, the slip signal, how the crop's first,
-middle and last frame look, where object and gel went; touch, only where it is asked for, is the
-touch encoder."""
-USUAL: Final = ("pixels", "slip", "stills")
+"""Name → what is looked at: grey differences and flow, the slip signal, how first, middle and last
+frame look, where object and gel went; touch, only where asked for, is the touch encoder; picture is
+a coarse grid of colour and its spread."""
+USUAL: Final = ("pixels", "slip", "stills", "picture")
 """The families that every recogniser learns from."""

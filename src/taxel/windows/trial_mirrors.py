@@ -38,9 +38,11 @@ class Mirror:
     sign: NDArray[np.float32]
     """Shape (columns,): 1 or -1."""
 
-    def apply(self, rows: NDArray[np.float32]) -> NDArray[np.float32]:
-        """Return the mirror images of crops, shape (n, columns)."""
-        return np.asarray(rows[:, self.order] * self.sign, np.float32)
+    def apply(
+        self, rows: NDArray[np.float32], columns: NDArray[np.intp] | slice = slice(None)
+    ) -> NDArray[np.float32]:
+        """Return some columns, all unless given, of the mirror images of crops (n, columns)."""
+        return np.asarray(rows[:, self.order[columns]] * self.sign[columns], np.float32)
 
     def then(self, other: Mirror) -> Mirror:
         """Return this mirror seen in another."""
@@ -51,7 +53,8 @@ def mirrors(widths: Mapping[str, int], cameras: int) -> tuple[Mirror, ...]:
     """Return the three mirrors of crops: left for right, up for down, and both.
 
     The slip signal is of distances and sizes of turns, which no mirror changes; features of the
-    touch encoder are left as they are.
+    touch encoder and the plain picture, of which no model learns mirror images, are left as they
+    are.
 
     Args:
         widths: View → numbers a crop, in the order in which they stand side by side.

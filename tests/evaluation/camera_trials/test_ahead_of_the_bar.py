@@ -13,7 +13,7 @@ import taxel.training.trial_blend as blending
 from taxel.cli.evaluate_trials import EvaluateTrials
 from taxel.cli.train_trials import TrainTrials
 from taxel.cli.trial_data import TrialOptions
-from taxel.training.trial_blend import trusted
+from taxel.training.trial_weights import trusted
 
 SPEEDS = {"holds": 0.0, "creeps": 0.25, "slides": 1.2}
 """What an object does → pixels of a slip in a frame."""

@@ -24,12 +24,12 @@ from taxel.training.trial_blend import (
     TrialBlend,
     fit_blend,
     forest,
-    log_loss,
     mean_of_crops,
     proba_of,
 )
 from taxel.training.trial_features import TrialRows
 from taxel.training.trial_learning import Crops, Learning
+from taxel.training.trial_weights import log_loss
 from taxel.windows.trial_crops import BAR as BAR_COLUMNS
 from taxel.windows.trial_crops import THUMB, Layout, numbers_of
 

@@ -1,0 +1,107 @@
+"""Trials in which nothing moves are told by how they look; bundles of before still open."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+from trial_makers import some_trials
+
+import taxel.training.trial_blend as blending
+from taxel.bundles.trials import read_trial_bundle
+from taxel.evaluation.camera_trials.crossval import BAR, OURS, judge_trials
+from taxel.evaluation.camera_trials.final import fit_final
+from taxel.evaluation.camera_trials.sides import split_trials
+from taxel.evaluation.camera_trials.trial_set import load_trial_set
+from taxel.live.trial_watch import predict_trials
+from taxel.training.trial_blend import MEMBERS, fit_blend
+from taxel.training.trial_novelty import Novelty, novelty_columns
+from taxel.windows.camera_trials import read_camera_trials
+from taxel.windows.trial_crops import USUAL
+
+COLOURS = {"brick": (150, 80, 80), "moss": (80, 116, 80), "slate": (85, 85, 175)}
+"""Class → colour of its patch, red first."""
+
+
+@pytest.fixture(autouse=True)
+def _small(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(blending, "TREES", 20)
+    monkeypatch.setattr(blending, "INNER_TREES", 10)
+
+
+def write_stills(folder: Path, objects: int = 4, each: int = 2) -> Path:
+    """Write trials of eight equal images, a patch on a ground of the object's own grey."""
+    folder.mkdir()
+    rng = np.random.default_rng(0)
+    lines = ["camera:gel,label:kind,group:object"]
+    for thing in range(objects):
+        for number in range(each):
+            for kind, colour in COLOURS.items():
+                image = np.full((60, 80, 3), 90 + 5 * thing, np.float32)
+                image[20:44, 26:54] = colour
+                image += rng.normal(0, 6.0, image.shape)
+                name = f"{kind}-{thing}-{number}"
+                (folder / name).mkdir()
+                kept = np.clip(image, 0, 255).astype(np.uint8)[..., ::-1]
+                for frame in range(8):
+                    cv2.imwrite(str(folder / name / f"{frame}.png"), kept)
+                lines.append(f"{name},{kind},object {thing}")
+    (folder / "trials.csv").write_text("\n".join(lines) + "\n")
+    return folder / "trials.csv"
+
+
+def test_a_patchs_colour_tells_classes_where_nothing_moves(tmp_path: Path) -> None:
+    """On objects held out, where a forest on movement is at chance."""
+    read = read_camera_trials(write_stills(tmp_path / "a"))
+    trials = load_trial_set(read, "kind", tmp_path / "kept")
+    split = split_trials(trials.groups, trials.y, "group:object", 2, 0)
+    ours, bar = judge_trials(trials, split, 0, (OURS, BAR))
+    assert ours.whole.accuracy >= 0.95
+    assert ours.whole.loss < 0.2
+    assert bar.whole.accuracy < 0.6
+
+    blend = fit_blend(trials.learning(trials.rows, "object"), 1, trials.widths, 0)
+    weights = dict(zip((m.kind for m in blend.members), blend.weights, strict=True))
+    assert "movement" not in weights
+    assert "picture" in weights
+
+
+@pytest.mark.parametrize("views", [USUAL, ("pixels", "slip", "stills")])
+def test_a_bundle_says_of_images_what_the_trained_blend_says(
+    views: tuple[str, ...], tmp_path: Path
+) -> None:
+    """With the picture; and without it, as bundles were before."""
+    read = read_camera_trials(write_stills(tmp_path / "a", each=1))
+    trials = load_trial_set(read, "kind", tmp_path / "kept", views=views)
+    split = split_trials(trials.groups, trials.y, "group:object", 2, 0)
+    (tmp_path / "b.taxel").write_bytes(fit_final(trials, read, split, 0, {}).bundle)
+    bundle = read_trial_bundle(tmp_path / "b.taxel")
+    assert bundle.contract.views == views
+
+    blend = fit_blend(trials.learning(trials.rows, "object"), 1, trials.widths, 0)
+    seen = {member.kind for member in blend.members}
+    assert ("picture" in seen) == ("picture" in views)
+    wanted = blend.trials(trials.rows, trials.cut.trial)
+    told = list(predict_trials(bundle, read, 0.0))
+    found = np.stack([verdict.probabilities for verdict in told])
+    np.testing.assert_allclose(found, wanted, atol=1e-4)
+
+
+def test_members_are_of_three_kinds_and_the_picture_is_none_of_the_others() -> None:
+    kinds = [member.kind for member in MEMBERS]
+    assert kinds.count("movement") == 3
+    assert kinds.count("picture") == 2
+    assert set(kinds) == {"movement", "look", "picture"}
+
+
+def test_what_a_picture_shows_makes_nothing_novel() -> None:
+    """Its many columns would outweigh those by which a trial is unlike what was learned."""
+    rows = some_trials().rows[:, :40]
+    novelty = Novelty.of(rows, novelty_columns({"pixels": 30, "picture": 6, "touch": 4}))
+    other = rows.copy()
+    other[:, 30:36] += 100.0
+    assert np.array_equal(novelty.measure(other), novelty.measure(rows))
+    other[:, 36:] += 100.0
+    assert (novelty.measure(other) > novelty.measure(rows)).all()
