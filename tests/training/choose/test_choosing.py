@@ -13,7 +13,12 @@ from taxel.evaluation.expert import Task, train_expert
 from taxel.models.blend import Blend, read_plan
 from taxel.models.touchnet import TouchNet
 from taxel.recordings.importing import ImportRow, import_rows
-from taxel.training.choose.blending import fit_last, fit_sharpness, losses, mix, softmax
+from taxel.training.choose.blending import (
+    fit_last,
+    fit_sharpness,
+    losses,
+    softmax,
+)
 from taxel.training.choose.budget import Budget
 from taxel.training.choose.candidates import Candidate, discriminant, feature_sets
 from taxel.training.choose.choice import Member, read_choice, write_choice
@@ -96,30 +101,6 @@ def test_a_winsorised_discriminant_says_no_more_of_what_is_further_away():
     assert np.array_equal(head_logits(cut, near), head_logits(cut, far))
     assert not np.allclose(head_logits(plain, near), head_logits(plain, far), atol=0.01)
     assert (head_logits(cut, x).argmax(axis=1) == y).mean() > 0.75
-
-
-def test_kinds_that_do_about_as_well_are_averaged_and_one_far_behind_is_not():
-    y = np.arange(300) % 2
-    good = softmax(np.eye(2)[y] * 2 + RNG.normal(size=(300, 2)))
-    other = softmax(np.eye(2)[y] * 2 + RNG.normal(size=(300, 2)))
-    bad = np.full((300, 2), 0.5)
-
-    groups = np.arange(300) // 10
-    found = mix([good, other, bad], ["a", "b", "c"], ["a", "b", "c"], [(0,)] * 3, y, groups)
-
-    assert found.members == (0, 1)
-    assert found.weights == (0.5, 0.5)
-
-
-def test_kinds_that_fail_together_share_one_weight():
-    y = np.arange(300) % 2
-    each = [softmax(np.eye(2)[y] * 2 + RNG.normal(size=(300, 2))) for _ in range(3)]
-
-    found = mix(each, ["linear", "perceptron", "trees"], ["sums", "sums", "trees"], [(0,)] * 3, y,
-                np.arange(300) // 10)  # fmt: skip
-
-    assert found.members == (0, 1, 2)
-    assert found.weights == (0.25, 0.25, 0.5)
 
 
 def test_dependent_windows_are_not_multiplied_as_if_each_added_something_new():

@@ -16,6 +16,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.special import stdtrit
 
 LEAST = 1e-6
 """Probabilities are cut here before the logarithm. Source: our choice, 0039."""
@@ -23,9 +24,10 @@ SHARPNESS = np.geomspace(0.05, 200.0, 100)
 """What logits may be multiplied by: a discriminant's, of unit spread where it learned, by much."""
 ROUNDS = 8
 """Members that are added one by one in the greedy blend. Source: our choice, 0039."""
-LEAST_GAIN, ERRORS = 0.1, 2.0
-"""Share of that mean's loss, and standard errors, by which anything must beat it. Source: our
-choice, 0039: weights fitted to held-out groups favour what fits groups like those."""
+LEAST_GAIN, CHANCE = 0.1, 0.025
+"""Share of that mean's loss by which anything must beat it, and how likely so much is by chance,
+by Student's t over the groups held out. Source: our choice, 0039: weights fitted to held-out groups
+favour what fits groups like those."""
 LEAST_NATS = 0.03
 """And so much more. Source: as above."""
 BEHIND, SLACK = 1.3, 0.05
@@ -161,7 +163,7 @@ def mix(
     chosen, most = equal, LEAST_GAIN * base.mean() + LEAST_NATS
     for other in others:
         gain = base - losses(joined(probabilities, other), y)
-        if gain.mean() > most and gain.mean() > ERRORS * standard_error(gain, groups):
+        if gain.mean() > most and gain.mean() > by_chance(gain, groups):
             chosen, most = other, gain.mean()
     return chosen
 
@@ -204,6 +206,19 @@ def standard_error(gain: NDArray[np.float64], groups: NDArray[np.intp]) -> float
         return float("inf")
     apart = np.bincount(index, weights=gain - gain.mean())
     return float(np.sqrt((apart**2).sum() * len(count) / (len(count) - 1)) / len(gain))
+
+
+def by_chance(gain: NDArray[np.float64], groups: NDArray[np.intp]) -> float:
+    """Return what a mean over windows exceeds by chance, so likely as `CHANCE` says.
+
+    Args:
+        gain: Of each window, shape (n,).
+        groups: What must be taken as a whole, shape (n,).
+    """
+    many = len(np.unique(groups))
+    if many < 2:
+        return float("inf")
+    return float(stdtrit(many - 1, 1.0 - CHANCE)) * standard_error(gain, groups)
 
 
 def _champions(

@@ -89,10 +89,15 @@ class Candidate:
 
     @property
     def kind(self) -> str:
-        """Return what makes the same mistakes: a family on means, with level or without."""
+        """Return what makes the same mistakes: a family on means, with level or without.
+
+        A random forest is a kind of its own beside extra-trees: it looks for the best threshold, so
+        that of many features that drift few are used.
+        """
+        name = "forest" if self.model == "random-forest" else self.family
         if self.features == PLAIN:
-            return f"{self.family} of means"
-        return f"{self.family}{' without level' if self.features in LEVEL_FREE else ''}"
+            return f"{name} of means"
+        return f"{name}{' without level' if self.features in LEVEL_FREE else ''}"
 
     @property
     def camp(self) -> str:
@@ -181,6 +186,7 @@ def first_round(sets: dict[str, tuple[str, ...]], steps: int) -> list[Candidate]
 
     early, late = list(sets)[:3], list(sets)[3:]
     found = [candidate for name in early for candidate in (*linear(name), trees(name))]
+    found.append(Candidate("trees", "random-forest", early[0], 2))
     found += [candidate for name in late for candidate in linear(name)]
     least, most = NETWORK_ROWS
     found += [Candidate("network", "touchnet", "")] if least <= steps <= most else []

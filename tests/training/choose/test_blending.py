@@ -1,0 +1,41 @@
+"""What is blended: kinds that do about as well, camps that fail apart, and what chance allows."""
+
+import numpy as np
+import pytest
+
+from taxel.training.choose.blending import by_chance, mix, softmax, standard_error
+
+RNG = np.random.default_rng(0)
+
+
+def test_kinds_that_do_about_as_well_are_averaged_and_one_far_behind_is_not():
+    y = np.arange(300) % 2
+    good = softmax(np.eye(2)[y] * 2 + RNG.normal(size=(300, 2)))
+    other = softmax(np.eye(2)[y] * 2 + RNG.normal(size=(300, 2)))
+    bad = np.full((300, 2), 0.5)
+
+    groups = np.arange(300) // 10
+    found = mix([good, other, bad], ["a", "b", "c"], ["a", "b", "c"], [(0,)] * 3, y, groups)
+
+    assert found.members == (0, 1)
+    assert found.weights == (0.5, 0.5)
+
+
+def test_few_groups_leave_more_to_chance_than_many():
+    gain = RNG.normal(size=600)
+    five, many = np.arange(600) % 5, np.arange(600)
+
+    assert by_chance(gain, five) == pytest.approx(2.776 * standard_error(gain, five), rel=1e-3)
+    assert by_chance(gain, many) == pytest.approx(1.964 * standard_error(gain, many), rel=1e-3)
+    assert by_chance(gain, np.zeros(600, np.intp)) == np.inf
+
+
+def test_kinds_that_fail_together_share_one_weight():
+    y = np.arange(300) % 2
+    each = [softmax(np.eye(2)[y] * 2 + RNG.normal(size=(300, 2))) for _ in range(3)]
+
+    found = mix(each, ["linear", "perceptron", "trees"], ["sums", "sums", "trees"], [(0,)] * 3, y,
+                np.arange(300) // 10)  # fmt: skip
+
+    assert found.members == (0, 1, 2)
+    assert found.weights == (0.25, 0.25, 0.5)
