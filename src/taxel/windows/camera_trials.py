@@ -1,7 +1,7 @@
 """Camera trials as data: what each is labelled, who belongs together, and its images on demand.
 
-A trial is a recording of tactile cameras, or a row of a table that names videos or folders of
-images, which are read where they lie. Knows nothing about crops, features or models.
+A trial is a recording of tactile cameras, or a row of a table that names videos, folders of
+images or single ones, which are read where they lie. Knows nothing about crops, features or models.
 """
 
 from __future__ import annotations
@@ -111,7 +111,7 @@ def read_camera_trials(path: Path, *, outside: bool = False) -> list[CameraTrial
     elif rows := _known(path):
         trials = [_of_row(row) for row in rows]
     else:
-        trials = [_of_pour(pour) for pour in read_camera_recordings(path)]
+        trials = [_of_pour(pour) for pour in read_camera_recordings(path, least=1)]
     counts = {len(trial.cameras) for trial in trials}
     if len(counts) > 1:
         raise BadDataset(
