@@ -31,6 +31,8 @@ LARGEST_IMAGE = 64 * MIB
 """Bytes of an image's file. Source: our choice."""
 IMAGES = (".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff")
 """Endings of images: those of a folder, or one that is a trial by itself."""
+VIDEOS = (".avi", ".mp4", ".m4v", ".mov", ".mkv", ".webm", ".mpg", ".mpeg")
+"""Endings by which a video is known where a table or a recording belongs."""
 NO_RATE_HZ = 25.0
 """Frames a second of images without a clock, unless the table says: a GelSight Mini's nominal
 rate. Source: our choice, docs/decisions/0041."""

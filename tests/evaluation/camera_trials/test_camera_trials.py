@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections import Counter
 from dataclasses import replace
 from pathlib import Path
 
@@ -69,7 +70,12 @@ def test_a_set_goes_from_a_table_to_a_live_verdict_without_glue(
     assert printed["classes"] == ["0", "1"]
     assert (printed["crop"], printed["crops_a_trial"]) == (14, 1)
     assert printed["rows"][0]["trials"]["trials"] == 12
-    assert printed["rows"][2]["name"] == "control: the commonest class"
+    assert [row["name"] for row in printed["rows"][2:]] == [
+        "control: the trial's first frame, 8×6 grey", "control: the commonest class",
+    ]  # fmt: skip
+    folds = {own["trial"]: own["fold"] for own in printed["predictions"]}
+    assert len(folds) == 12
+    assert set(Counter(folds.values()).values()) == {4}
     assert printed["differences"][0]["other"] == BAR.name
     assert printed["parity"] < 1e-4
 

@@ -3,6 +3,7 @@
 import json
 from collections.abc import Callable
 from pathlib import Path
+from types import SimpleNamespace
 
 import cv2
 import numpy as np
@@ -11,7 +12,11 @@ from numpy.typing import NDArray
 from trial_makers import few_small_members
 
 import taxel.training.trial_blend as blending
+from taxel.actions.rule_table import RuleTable
+from taxel.cli.live_trials import live_trials
 from taxel.cli.main import main
+from taxel.errors import BadDataset, BadTable
+from taxel.evaluation.audit.reading import read_touch
 from taxel.windows.camera_trials import read_camera_trials
 from taxel.windows.trial_crops import FAMILIES, LEAST_CROP, MOVEMENT, Scene, look_at
 
@@ -123,3 +128,26 @@ def test_beside_longer_trials_no_crop_shows_which_are_of_one_image(
     found = json.loads(taxel("evaluate-trials", table, "--cache", tmp_path / "cache", "--json"))
     assert (found["crop"], found["crops_a_trial"]) == (1, 3)
     assert "leave those out to see motion in the others" in found["note"]
+
+
+@pytest.mark.parametrize("source", ["set/touch_1_img_0.png", "clip.avi", "set/t0"])
+def test_live_says_that_a_table_of_a_video_works_in_place(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, source: str
+) -> None:
+    pictures(tmp_path / "set", longer=2)
+    (tmp_path / "set" / "touch_1_img_0.png").write_bytes(b"")
+    (tmp_path / "clip.avi").write_bytes(b"RIFF")
+    contract = SimpleNamespace(cameras=1, crop=1)
+    monkeypatch.setattr(
+        "taxel.bundles.trials.read_trial_bundle", lambda *_: SimpleNamespace(contract=contract)
+    )
+    words = {"as_json": True, "rules": RuleTable(()), "device": "cpu"}
+    with pytest.raises(BadTable, match=r"works in place, as taxel live BUNDLE trials\.csv"):
+        live_trials(tmp_path / "a.taxel", str(tmp_path / source), None, 0.5, **words)
+    with pytest.raises(BadTable, match="works in place"):
+        read_camera_trials(tmp_path / source)
+
+
+def test_audit_names_the_verb_for_single_images(tmp_path: Path) -> None:
+    with pytest.raises(BadDataset, match="3 frames.*24 trials.*taxel evaluate-trials --split"):
+        read_touch(pictures(tmp_path / "set"), None, lambda *_: None)
