@@ -27,7 +27,7 @@ class EvaluateTrials:
 
     The first PATH is a table (CSV) with one row for each trial, or a folder of recordings of
     tactile cameras. The table's columns: left and right, or camera:NAME for each camera (a video,
-    or a folder of images); label:NAME; group:NAME; and, where wanted, split.
+    an image or a folder of images); label:NAME; group:NAME; and, where wanted, split.
     """
 
     trials: tyro.conf.Positional[Path]

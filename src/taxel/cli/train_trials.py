@@ -28,8 +28,8 @@ class TrainTrials:
     """Train a recogniser of camera trials; its accuracy is measured first.
 
     PATH is a table (CSV) with one row for each trial, or a folder of recordings of tactile
-    cameras. The table's columns: left and right, or camera:NAME for each camera (a video, or a
-    folder of images); label:NAME; group:NAME; and, where wanted, split.
+    cameras. The table's columns: left and right, or camera:NAME for each camera (a video, an
+    image or a folder of images); label:NAME; group:NAME; and, where wanted, split.
     """
 
     trials: tyro.conf.Positional[Path]
@@ -106,7 +106,8 @@ class TrainTrials:
         members = ", ".join(f"{name} {share:.2f}" for name, share in about["members"].items())
         say(f"blend, weights by inner folds: {members}")
         replaced = ", replaced" if about["replaced"] else ""
-        classes = visible_names(sorted(trials.classes, key=lambda name: by_numbers(name)))
+        ordered = sorted(trials.classes, key=by_numbers)
+        classes = visible_names(ordered)
         say(
             f"{output}{replaced}: predicts {visible(trials.target)} ({classes}) from crops of "
             f"{trials.layout.crop} "
