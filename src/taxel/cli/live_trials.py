@@ -72,7 +72,7 @@ def live_trials(
     if total.looks_s:
         say(
             f"a look at a crop: median {result['look_ms_median']:.0f} ms, at most "
-            f"{result['look_ms_max']:.0f} ms, each {opened.contract.layout.every} frames"
+            f"{result['look_ms_max']:.0f} ms, each {opened.contract.layout.every} frame(s)"
         )
 
 
