@@ -111,7 +111,8 @@ class TrainTrials:
         say(
             f"{output}{replaced}: predicts {visible(trials.target)} ({classes}) from crops of "
             f"{trials.layout.crop} frame{'s' * (trials.layout.crop > 1)}, trained on "
-            f"{about['learned_trials']} trials; bundle {about['bytes']:,} bytes, equal to training within {about['parity']:.1e}"
+            f"{about['learned_trials']} trials; bundle {about['bytes']:,} bytes, "
+            f"equal to training within {about['parity']:.1e}"
         )
         live = command("taxel", "live", output / IN_RUN, self.options.test or self.trials)
         say(f"next: {live}")
