@@ -13,7 +13,8 @@ from rich.progress import Progress, TaskID
 from taxel.cli.printing import say_aside
 
 EVERY_S = 15.0
-"""Time between two lines where no terminal shows a bar, seconds. Source: our choice."""
+"""Time between two lines where no terminal shows a bar, seconds. Source: our choice,
+docs/decisions/0041."""
 
 
 class LongWork:
