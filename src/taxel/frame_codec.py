@@ -1,4 +1,4 @@
-"""Images to pixels and back: JPEG, depth as PNG of 16 bits; still PNGs are read.
+"""Images to pixels and back: JPEG, depth as PNG of 16 bits; still PNG, BMP and TIFF are read.
 
 The one place where images are coded.
 
@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from taxel.errors import BadSource, MissingExtra
 from taxel.image_head import read_png16
 from taxel.jpeg_head import check_size, read_head
+from taxel.raster_head import is_raster, raster_size
 from taxel.signals import CameraInfo
 
 try:
@@ -158,11 +159,17 @@ def depth_picture(png: bytes, camera: CameraInfo) -> bytes:
 
 
 def still_size(image: bytes) -> tuple[int, int]:
-    """Return the width and height that a PNG or JPEG declares, pixels, without decoding it.
+    """Return the width and height that an image declares, pixels, without decoding it.
+
+    Args:
+        image: A PNG, JPEG, BMP or TIFF.
 
     Raises:
-        BadSource: It is neither, is empty, or is larger than `taxel.jpeg_head.LARGEST_PX`.
+        BadSource: It is none of these, is empty, holds several, or is larger than
+            `taxel.jpeg_head.LARGEST_PX`.
     """
+    if is_raster(image):
+        return raster_size(image)
     if not image.startswith(_PNG):
         head = read_head(image)
         return head.width, head.height
@@ -172,7 +179,7 @@ def still_size(image: bytes) -> tuple[int, int]:
 
 
 def decode_still(image: bytes) -> NDArray[np.uint8]:
-    """Return a PNG's or JPEG's pixels, shape (height, width, 3), red first.
+    """Return the pixels of a PNG, JPEG, BMP or TIFF, shape (height, width, 3), red first.
 
     Raises:
         BadSource: As `still_size` raises, or it is damaged.

@@ -1,6 +1,7 @@
-"""What the terminal says of camera trials that few groups part."""
+"""What the terminal says of camera trials: of few groups, short trials, idle controls."""
 
 import io
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -8,8 +9,19 @@ from rich.console import Console
 
 from taxel.decisions.recognition import UNKNOWN
 from taxel.decisions.trial_verdict import Verdict
-from taxel.evaluation.camera_trials.crossval import OURS, judge_trials
+from taxel.evaluation.camera_trials.crossval import (
+    BAR,
+    OURS,
+    CameraTrialScores,
+    TrialResult,
+    TrialSet,
+    contenders_for,
+    judge_trials,
+    nothing_moves,
+    rival,
+)
 from taxel.evaluation.camera_trials.sides import split_trials
+from taxel.views.trial_notes import control_warnings, frames_note, trial_notes
 from taxel.views.trial_results import trial_tables, unknown_line
 
 from trial_makers import few_small_members, some_trials  # isort: skip
@@ -44,3 +56,73 @@ def test_reasons_of_unknown_are_counted_and_unlike_images_are_said() -> None:
     most = unknown_line([*novel, unsure, sure])
     assert "the first: novelty score 3.7, limit 3.5" in most
     assert "how videos are compressed" in most
+
+
+def scored(name: str, accuracy: float, loss: float, leaks: str = "sees nothing") -> TrialResult:
+    """A contender's result of which nothing but accuracy and log-loss matters."""
+    whole = CameraTrialScores(
+        trials=9, accuracy=accuracy, accuracy_interval=(0.0, 1.0), balanced=accuracy, auc=0.5,
+        auc_interval=(0.0, 1.0), loss=loss, calibration_error=0.0,
+    )  # fmt: skip
+    return TrialResult(
+        name=name, leaks=leaks, whole=whole, places=(), probabilities=np.zeros((9, 2))
+    )
+
+
+@pytest.mark.parametrize(
+    ("accuracy", "loss", "said"),
+    [
+        (0.7, 0.7, []),
+        (0.8, 0.7, ["still is as accurate (80.0 %, taxel 80.0 %): do not claim the recogniser's"]),
+        (0.7, 0.5, ["still has as low a log-loss (0.500, taxel 0.500)"]),
+        (0.9, 0.1, ["still is as accurate (90.0 %", "still has as low a log-loss (0.100"]),
+    ],
+)
+def test_a_control_as_good_in_accuracy_or_in_loss_is_said(
+    accuracy: float, loss: float, said: list[str]
+) -> None:
+    """Only controls count: the bar may be as good."""
+    ours, bar = scored("taxel", 0.8, 0.5, ""), scored("bar", 1.0, 0.0, "")
+    found = control_warnings([ours, bar, scored("still", accuracy, loss)])
+    assert len(found) == len(said)
+    assert all(line.startswith(words) for line, words in zip(found, said, strict=True))
+    assert control_warnings([ours, bar]) == []
+
+
+def test_short_trials_are_said_in_a_note() -> None:
+    assert frames_note([8, 30], 8) is None
+    assert frames_note([1, 1], 1) == "trials of 1 frame: pictures alone, no motion"
+    assert (
+        frames_note([5, 5], 5) == "trials of 5 frames, the last one repeated up to 8: little motion"
+    )
+    mixed = frames_note([1, 30, 30], 1)
+    assert mixed is not None
+    assert mixed.startswith("1 of 3 trials has 1 frame: of each trial, so that no length shows")
+    assert frames_note([3, 3, 30], 3).startswith("2 of 3 trials have 3 frames")  # type: ignore[union-attr]
+
+
+def still(trials: TrialSet) -> TrialSet:
+    """The same trials, as if nothing moved in them."""
+    rows = {**trials.cut.rows, "pixels": np.zeros_like(trials.cut.rows["pixels"])}
+    return replace(trials, cut=replace(trials.cut, rows=rows))
+
+
+def test_where_nothing_moves_the_still_control_is_compared_with() -> None:
+    moving, resting = some_trials(), still(some_trials())
+    assert (nothing_moves(moving), nothing_moves(resting)) == (False, True)
+    names = [contender.name for contender in contenders_for(resting)]
+    results = [scored(name, 0.5, 0.5) for name in names]
+    assert rival(moving, results).name == BAR.name
+    assert rival(resting, results).name == "control: the trial's first frame, 8×6 grey"
+    assert trial_notes(moving) == []
+    assert trial_notes(resting) == ["nothing moves: all frames of each crop are alike"]
+
+
+def test_classes_are_shown_by_the_numbers_in_their_names() -> None:
+    """m2 comes before m10; in the probabilities they keep their own order."""
+    trials = replace(some_trials(), classes=("m10", "m2"))
+    split = split_trials(trials.groups, trials.y, "group:object", 3, 0)
+    console = Console(width=200, record=True, file=io.StringIO())
+    whole = replace(scored("taxel", 0.5, 0.5, ""), probabilities=np.full((24, 2), 0.5))
+    console.print(trial_tables(trials, split, [whole], []))
+    assert "kind: 12 m2, 12 m10;" in console.export_text()

@@ -5,7 +5,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from taxel.errors import BadDataset, BadInput
+from taxel.errors import BadInput
 from taxel.gel.slip_signal import USUAL_MM_PER_PX
 from taxel.windows import trial_crops
 from taxel.windows.trial_crops import (
@@ -15,13 +15,12 @@ from taxel.windows.trial_crops import (
     STATISTICS,
     Layout,
     Scene,
-    choose_layout,
-    count_between,
     look_at,
     mm_per_px,
     numbers_of,
     row_of,
 )
+from taxel.windows.trial_layout import choose_layout, count_between
 
 PLACES = (3, 4)
 
@@ -66,8 +65,10 @@ def test_crops_fit_into_the_shortest_trial():
     for crop in (7, 21):
         with pytest.raises(BadInput, match="8 to 20 frames"):
             choose_layout([20, 30], crop=crop)
-    with pytest.raises(BadDataset, match="7 in the shortest"):
-        choose_layout([7, 30])
+    assert choose_layout([7, 30]) == Layout(7, 3)
+    assert choose_layout([1, 1]) == Layout(1, 1)
+    with pytest.raises(BadInput, match="3 to 3 frames"):
+        choose_layout([3, 30], crop=8)
 
 
 def test_a_still_is_a_small_grey_image_edges_and_colours_by_place():

@@ -27,7 +27,7 @@ from taxel.bundles.signing import Trust
 from taxel.errors import BadBundle
 from taxel.foreign.json_text import Fields, parse_json
 from taxel.models.devices import CPU
-from taxel.windows.trial_crops import FAMILIES, LEAST_CROP, PLACES, Layout
+from taxel.windows.trial_crops import FAMILIES, PLACES, Layout
 
 FORMAT = 1
 IN_RUN = "recogniser.taxel"
@@ -96,7 +96,7 @@ class TrialContract:
                     f"frames of {self.width}×{self.height}", f"{width}×{height}",
                     "train a bundle on trials of this camera",
                 )  # fmt: skip
-        for rate_hz in rates_hz:
+        for rate_hz in rates_hz if self.crop > 1 else ():  # an image alone has no rate
             if not 0.8 <= rate_hz / self.rate_hz <= 1.25:
                 raise BadBundle(
                     f"about {self.rate_hz:g} frames/s", f"{rate_hz:g}",
@@ -227,7 +227,7 @@ def _contract(given: Fields) -> TrialContract:
     return TrialContract(
         target=given.text("target"),
         classes=classes,
-        crop=given.count("crop", LEAST_CROP, _MOST_FRAMES),
+        crop=given.count("crop", 1, _MOST_FRAMES),
         places=places,
         views=views,
         versions=versions,

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar
 
 import tyro
 
+from taxel.cli.long_work import LongWork
 from taxel.cli.option_rules import Only
 from taxel.cli.printing import console, print_json, progress, say
 from taxel.cli.trial_data import FOLDS_IN_TURN, TrialOptions
@@ -25,7 +27,7 @@ class EvaluateTrials:
 
     The first PATH is a table (CSV) with one row for each trial, or a folder of recordings of
     tactile cameras. The table's columns: left and right, or camera:NAME for each camera (a video,
-    or a folder of images); label:NAME; group:NAME; and, where wanted, split.
+    an image or a folder of images); label:NAME; group:NAME; and, where wanted, split.
     """
 
     trials: tyro.conf.Positional[Path]
@@ -58,24 +60,29 @@ class EvaluateTrials:
             raise BadInput("one data set, or a bundle and a data set",
                            f"{self.trials}, which is no bundle, and {self.data}",
                            "leave one out")  # fmt: skip
-        from taxel.evaluation.camera_trials.crossval import contenders_for, difference, judge_trials
-        from taxel.views.trial_results import best_control, trial_json, trial_tables
+        from taxel.evaluation.camera_trials.crossval import (
+            contenders_for,
+            difference,
+            judge_trials,
+            rival,
+        )
+        from taxel.views.trial_notes import control_warnings
+        from taxel.views.trial_results import trial_json, trial_tables
 
         with progress() as bar:
-            trials, split, _ = self.options.load(self.trials, bar)
-            task = bar.add_task("training", total=None)
+            work = LongWork(bar)
+            trials, split, _ = self.options.load(self.trials, work)
             results = judge_trials(
                 trials, split, self.options.seed, contenders_for(trials),
-                lambda line: bar.update(task, description=line),
+                partial(work.step, "training"),
             )  # fmt: skip
-            differences = [difference(trials, split, results[0], results[1])]
+            differences = [difference(trials, split, results[0], rival(trials, results))]
         if self.json:
             print_json(trial_json(trials, split, results, differences))
             return
         console.print(trial_tables(trials, split, results, differences))
-        if (control := best_control(results)) is not None:
-            say(f"warning: {control.name} is as accurate: do not claim the recogniser's accuracy",
-                style="yellow")  # fmt: skip
+        for warning in control_warnings(results):
+            say(f"warning: {warning}", style="yellow")
 
     def _score_bundle(self) -> None:
         import numpy as np
@@ -87,6 +94,7 @@ class EvaluateTrials:
         from taxel.evaluation.camera_trials.sides import values_of
         from taxel.live.trial_watch import predict_trials
         from taxel.views.trained_on import trained_on_line
+        from taxel.views.trial_notes import frames_note
         from taxel.views.trial_results import score_line, trial_count, unknown_line
 
         if self.data is None:
@@ -96,10 +104,10 @@ class EvaluateTrials:
         trials, table = _scored_trials(self.data, self.options.folds)
         verdicts = []
         with progress() as bar:
-            task = bar.add_task("trials", total=len(trials))
+            work = LongWork(bar)
             for verdict in predict_trials(bundle, trials):
                 verdicts.append(verdict)
-                bar.update(task, advance=1)
+                work.at("trials", len(verdicts), len(trials))
         truth = [trial.labels.get(target, "") for trial in trials]
         known = [i for i, own in enumerate(truth)
                  if own in classes and np.isfinite(verdicts[i].confidence)]  # fmt: skip
@@ -119,6 +127,8 @@ class EvaluateTrials:
             trained_on(bundle.contract, trials), "trials", known=bool(bundle.contract.learned)
         )
         result["warning"] = seen
+        crop = bundle.contract.crop
+        result["note"] = note = frames_note([max(crop, t.frames) for t in trials], crop)
         where = "" if table is None else f" · test part of {table.split}"
         line = f"{trial_count(len(trials))}{where}; none has a {target} that the bundle knows"
         if known:
@@ -145,6 +155,8 @@ class EvaluateTrials:
             print_json(result)
             return
         say(line)
+        if note is not None:
+            say(f"note: {note}")
         if said := unknown_line(verdicts):
             say(said, style="yellow")
         if seen is not None:

@@ -86,7 +86,7 @@ def _trial_lines(contract: trials.TrialContract) -> dict[str, str]:
         "predicts": _classes(contract.target, contract.classes),
         "from": f"camera trials of {contract.cameras} camera(s), {contract.width}×"
         f"{contract.height}, {contract.rate_hz:g} frames/s; {contract.places} crop(s) of "
-        f"{contract.crop} frames",
+        f"{contract.crop} frame{'s' * (contract.crop > 1)}",
         "model": f"a blend of models on {', '.join(map(visible, contract.views))}",
         "says UNKNOWN": _trial_unknown(contract),
         "measured": _measured(contract.measured) + _chance(contract.classes),
@@ -113,8 +113,9 @@ def _trial_unknown(contract: trials.TrialContract) -> str:
     novel = "novel touch is not tested"
     if contract.threshold is not None:
         novel = f"a novelty score above {contract.threshold:.3g}"
+    short = f"fewer than {contract.crop} frames; " if contract.crop > 1 else ""
     return (
-        f"{_confidence(VerdictConfig().least_confidence)}; fewer than {contract.crop} frames; "
+        f"{_confidence(VerdictConfig().least_confidence)}; {short}"
         f"a camera that is silent or stands still; {novel}"
     )
 

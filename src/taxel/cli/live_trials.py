@@ -40,6 +40,8 @@ def live_trials(
     opened = read_trial_bundle(bundle, trust, device)
     total: TrialTally | None = None
     _check_cameras(opened.contract, source)
+    if opened.contract.crop == 1 and not as_json:
+        say("note: trials of 1 frame: pictures alone, no motion")
     for name, open_trial in _trials(source):
         if name and not as_json:
             say(f"{visible(name)}:")
@@ -70,7 +72,7 @@ def live_trials(
     if total.looks_s:
         say(
             f"a look at a crop: median {result['look_ms_median']:.0f} ms, at most "
-            f"{result['look_ms_max']:.0f} ms, each {opened.contract.layout.every} frames"
+            f"{result['look_ms_max']:.0f} ms, each {opened.contract.layout.every} frame(s)"
         )
 
 
@@ -79,11 +81,16 @@ def _check_cameras(contract: TrialContract, source: str) -> None:
 
     Raises:
         BadBundle: There is one.
+        BadTable: The source is a video or an image, which belongs in a table.
     """
     from taxel.errors import BadBundle
     from taxel.recordings.reader import read_manifest
     from taxel.sources.opening import replayed_files
+    from taxel.windows.camera_trials import refuse_footage
 
+    given = Path(source.removeprefix("replay://"))
+    if given.exists() and not _is_table(given):
+        refuse_footage(given)
     for file in () if _is_table(Path(source)) else replayed_files(source):
         manifest = read_manifest(file)
         found = len(manifest.tactile)

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar
 
 import tyro
 
 from taxel.bundles.trials import IN_RUN
+from taxel.cli.long_work import LongWork
 from taxel.cli.option_rules import Only
 from taxel.cli.options import check_run_folder
 from taxel.cli.printing import command, console, print_json, progress, say
@@ -26,8 +28,8 @@ class TrainTrials:
     """Train a recogniser of camera trials; its accuracy is measured first.
 
     PATH is a table (CSV) with one row for each trial, or a folder of recordings of tactile
-    cameras. The table's columns: left and right, or camera:NAME for each camera (a video, or a
-    folder of images); label:NAME; group:NAME; and, where wanted, split.
+    cameras. The table's columns: left and right, or camera:NAME for each camera (a video, an
+    image or a folder of images); label:NAME; group:NAME; and, where wanted, split.
     """
 
     trials: tyro.conf.Positional[Path]
@@ -55,11 +57,10 @@ class TrainTrials:
 
     def _train(self, output: Path) -> None:
         from taxel.evaluation.camera_trials.crossval import (
-            BAR,
-            MAJORITY,
-            OURS,
+            contenders_for,
             difference,
             judge_trials,
+            rival,
         )
         from taxel.evaluation.camera_trials.final import fit_final, save_trial_run
         from taxel.views.trial_results import trial_json
@@ -67,16 +68,13 @@ class TrainTrials:
         results: list[TrialResult] = []
         differences: list[Difference] = []
         with progress() as bar:
-            trials, split, found = self.options.load(self.trials, bar)
-            task = bar.add_task("training", total=None)
-
-            def on_step(line: str) -> None:
-                bar.update(task, description=line)
-
+            work = LongWork(bar)
+            trials, split, found = self.options.load(self.trials, work)
+            on_step = partial(work.step, "training")
             if self.check:
                 seed = self.options.seed
-                results = judge_trials(trials, split, seed, (OURS, BAR, MAJORITY), on_step)
-                differences = [difference(trials, split, results[0], results[1])]
+                results = judge_trials(trials, split, seed, contenders_for(trials), on_step)
+                differences = [difference(trials, split, results[0], rival(trials, results))]
             measured = _measured(split, results)
             final = fit_final(trials, found, split, self.options.seed, measured, on_step)
         result = trial_json(trials, split, results, differences) if results else {}
@@ -95,35 +93,29 @@ class TrainTrials:
         results: list[TrialResult],
         differences: list[Difference],
     ) -> None:
+        from taxel.recordings.spelling import by_numbers
+        from taxel.views.trial_notes import control_warnings, trial_notes
         from taxel.views.trial_results import trial_tables
 
         if results:
             console.print(trial_tables(trials, split, results, differences))
+        for note in () if results else trial_notes(trials):
+            say(f"note: {note}")
+        for warning in control_warnings(results):
+            say(f"warning: {warning}", style="yellow")
         members = ", ".join(f"{name} {share:.2f}" for name, share in about["members"].items())
         say(f"blend, weights by inner folds: {members}")
         replaced = ", replaced" if about["replaced"] else ""
-        classes = visible_names(trials.classes)
+        ordered = sorted(trials.classes, key=by_numbers)
+        classes = visible_names(ordered)
         say(
             f"{output}{replaced}: predicts {visible(trials.target)} ({classes}) from crops of "
-            f"{trials.layout.crop} "
-            f"frames, trained on {about['learned_trials']} trials; bundle {about['bytes']:,} "
-            f"bytes, equal to training within {about['parity']:.1e}"
+            f"{trials.layout.crop} frame{'s' * (trials.layout.crop > 1)}, trained on "
+            f"{about['learned_trials']} trials; bundle {about['bytes']:,} bytes, "
+            f"equal to training within {about['parity']:.1e}"
         )
         live = command("taxel", "live", output / IN_RUN, self.options.test or self.trials)
         say(f"next: {live}")
-        if not results:
-            return
-        say("or:  ", command("taxel", "evaluate-trials", self.trials, *_same(self.options)),
-            "  (all controls)")  # fmt: skip
-
-
-def _same(options: TrialOptions) -> list[str]:
-    """Return the options that say what is judged."""
-    named = {"--target": options.target, "--split": options.split, "--folds": options.folds,
-             "--test": options.test, "--crop": options.crop}  # fmt: skip
-    return [
-        word for name, value in named.items() if value is not None for word in (name, str(value))
-    ]
 
 
 def _measured(split: TrialSplit, results: list[TrialResult]) -> dict[str, float]:

@@ -9,8 +9,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from rich.progress import Progress as Bar
-
+from taxel.cli.long_work import LongWork
 from taxel.cli.option_rules import Only
 from taxel.errors import BadInput
 
@@ -44,7 +43,7 @@ class TrialOptions:
     seed: int = 0
     """Seed of folds and models."""
 
-    def load(self, data: Path, bar: Bar) -> tuple[TrialSet, TrialSplit, list[CameraTrial]]:
+    def load(self, data: Path, work: LongWork) -> tuple[TrialSet, TrialSplit, list[CameraTrial]]:
         """Read, cut and look at the trials; return them, how they are parted, and their images.
 
         Raises:
@@ -55,12 +54,8 @@ class TrialOptions:
         from taxel.windows.trial_crops import USUAL
 
         self._check()
-        task = bar.add_task("reading trials", total=None)
+        work.step("reading trials", "reading trials")
         found = self._read(data)
-
-        def show(done: int, of: int) -> None:
-            bar.update(task, description="features of trials", completed=done, total=of)
-
         trials = load_trial_set(
             found,
             self.target,
@@ -68,7 +63,7 @@ class TrialOptions:
             crop=self.crop,
             views=(*USUAL, *(("touch",) if self.touch else ())),
             further=True,
-            on_trial=show,
+            on_trial=work.at,
         )
         return trials, self._split(trials), found
 

@@ -203,7 +203,8 @@ def predict_trials(
     for trial in trials:
         contract.check([(trial.width, trial.height)] * len(trial.cameras), [trial.rate_hz])
         if trial.frames < contract.crop:
-            yield no_verdict(contract.classes, f"{trial.frames} frames, fewer than a crop")
+            count = f"{trial.frames} frame{'s' * (trial.frames != 1)}"
+            yield no_verdict(contract.classes, f"{count}, fewer than a crop")
             continue
         starts = contract.layout.starts(trial.frames)
         wanted = [start + at for start in starts for at in range(contract.crop)]

@@ -1,4 +1,4 @@
-"""Frames of one camera from a video file, or from a folder of images.
+"""Frames of one camera from a video file, from a folder of images, or from one image.
 
 A video's coding has no check sums: damage that the decoder can conceal is not noticed. Images of
 a folder come in the order of the numbers in their names. Knows nothing about tables, trials or
@@ -23,13 +23,16 @@ from taxel.errors import BadFile, BadSource, BadTable
 from taxel.foreign.files import MIB, open_file, read_bytes
 from taxel.frame_codec import decode_still, still_size
 from taxel.jpeg_head import check_size
+from taxel.raster_head import is_raster
 
 LARGEST_SIDE = 8192
 """Pixels; beyond it a frame alone takes 200 MB. Source: our choice."""
 LARGEST_IMAGE = 64 * MIB
 """Bytes of an image's file. Source: our choice."""
-IMAGES = (".png", ".jpg", ".jpeg")
-"""Endings of a folder's images."""
+IMAGES = (".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff")
+"""Endings of images: those of a folder, or one that is a trial by itself."""
+VIDEOS = (".avi", ".mp4", ".m4v", ".mov", ".mkv", ".webm", ".mpg", ".mpeg")
+"""Endings by which a video is known where a table or a recording belongs."""
 NO_RATE_HZ = 25.0
 """Frames a second of images without a clock, unless the table says: a GelSight Mini's nominal
 rate. Source: our choice, docs/decisions/0041."""
@@ -40,12 +43,14 @@ Result = TypeVar("Result")
 
 
 def open_footage(path: Path) -> Footage:
-    """Open a video, or a folder of images.
+    """Open a video, a folder of images, or one image: footage of one frame.
 
     Raises:
         BadTable: It is missing, empty, cut short, or larger than any camera's.
     """
-    return ImageFolder(path) if path.is_dir() else Video(path)
+    if path.is_dir() or (path.is_file() and path.suffix.lower() in IMAGES):
+        return Images(path)
+    return Video(path)
 
 
 class Video:
@@ -64,9 +69,10 @@ class Video:
         _refuse_side(path, self.width, self.height)
         if not self._capture.isOpened() or self.count < 1 or self.rate_hz <= 0:
             raise BadTable(
-                "a video with frames", f"{path} of {path.stat().st_size} bytes without any",
+                f"a video with frames, or an image ({', '.join(IMAGES)})",
+                f"{path} of {path.stat().st_size} bytes without any",
                 "copy or record it again",
-            )  # fmt: skip
+            )
         _refuse_large(path, self.width, self.height)
 
     def digest(self) -> str:
@@ -115,13 +121,14 @@ class Video:
         self._capture.release()
 
 
-class ImageFolder:
-    """A folder of images of one size, one a frame."""
+class Images:
+    """A folder of images of one size, one a frame; or a single image, of one frame."""
 
     def __init__(self, path: Path) -> None:
         self.path = path
+        inside = path.iterdir() if path.is_dir() else [path]
         self._files = sorted(
-            (file for file in path.iterdir() if file.suffix.lower() in IMAGES), key=_in_order
+            (file for file in inside if file.suffix.lower() in IMAGES), key=_in_order
         )
         if not self._files:
             raise BadTable(
@@ -155,7 +162,7 @@ class ImageFolder:
         """Do nothing: no file stays open."""
 
 
-Footage = Video | ImageFolder
+Footage = Video | Images
 """What `open_footage` gives: count, rate_hz, width, height, path and frames."""
 
 
@@ -199,14 +206,16 @@ def _readable(file: Path, read: Callable[[bytes], Result]) -> Result:
     """Return what is read from an image; its head is looked at before it is decoded.
 
     Raises:
-        BadTable: It is neither PNG nor JPEG, damaged, or larger than any camera's.
+        BadTable: It is no image that is known, damaged, or larger than any camera's.
     """
+    image = _bytes_of(file)
     try:
-        return read(_bytes_of(file))
+        return read(image)
     except BadSource as error:
         raise BadTable(
-            f"{error.needed}, as PNG or JPEG", f"{file}: {error.got}", "save or copy them again"
-        ) from error
+            f"{error.needed}, as PNG, JPEG, BMP or TIFF", f"{file}: {error.got}",
+            error.mend if is_raster(image) else "save or copy it again",
+        ) from error  # fmt: skip
 
 
 def _same_size(footage: Footage, bgr: NDArray[np.generic]) -> None:

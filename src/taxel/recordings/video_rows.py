@@ -5,9 +5,10 @@ FORMAT.md describes the table. Knows nothing about pixels.
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
-from pathlib import Path
+from dataclasses import dataclass, field, replace
+from pathlib import Path, PurePath
 
 from taxel.errors import BadTable
 from taxel.recordings.spelling import column_name, composed
@@ -18,6 +19,8 @@ _CAMERA_COLUMNS = ("left", "right")
 _CAMERA = "camera:"
 SPLIT = "split"
 """Column, and group, that says on which side a trial stands."""
+_LONGEST_NAME = 150
+"""Characters of a file and its folders that a recording is called by."""
 _PLAIN = (*_CAMERA_COLUMNS, SPLIT, "rate", "mm_per_px")
 TEST = "test"
 """Value of it whose trials are only tested on."""
@@ -32,7 +35,7 @@ class VideoRow:
     name: str
     """Of the recording, without ending."""
     files: Mapping[str, Path]
-    """Camera's name → its video, or its folder of images."""
+    """Camera's name → its video, its folder of images, or its one image."""
     labels: Mapping[str, str] = field(default_factory=dict)
     groups: Mapping[str, str] = field(default_factory=dict)
     rate_hz: float | None = None
@@ -63,7 +66,53 @@ def read_video_rows(table: Path, data_dir: Path, *, outside: bool = False) -> li
     ]
     if not rows:
         raise BadTable("at least one row", f"none in {table}", "add one a recording")
-    return rows
+    return _named(rows, data_dir)
+
+
+def _named(rows: Sequence[VideoRow], data_dir: Path) -> list[VideoRow]:
+    """Return the rows, called by their first camera's files, and by folders where those repeat."""
+    files = [next(iter(row.files.values())) for row in rows]
+    inside = [file.is_relative_to(data_dir) for file in files]
+    names = names_apart(
+        [
+            file.relative_to(data_dir) if own else file
+            for file, own in zip(files, inside, strict=True)
+        ]
+    )
+    return [
+        replace(row, name=f"{row.name}-{name[-_LONGEST_NAME:]}")
+        for row, name in zip(rows, names, strict=True)
+    ]
+
+
+def names_apart(paths: Sequence[PurePath]) -> list[str]:
+    """Return what files are called: without ending, and with the folders that tell them apart.
+
+    As few folders as do, nearest first, and none that all of them share; a file's own name is left
+    out where it is that of all, as of `camera_0.avi` in a folder of each trial.
+
+    Args:
+        paths: Of the files, such as `mug/try_1/camera_0.avi`.
+    """
+    often = Counter(path.stem for path in paths)
+    apart = [(*_folders(path), path.stem) for path in paths]
+    several = [parts for parts in apart if often[parts[-1]] > 1]
+    if not several:
+        return [path.stem for path in paths]
+    counts = range(2, max(map(len, several)) + 1)
+    most = len(set(several))
+    count = next((n for n in counts if len({parts[-n:] for parts in several}) == most), 1)
+    levels = [n for n in range(count, 1, -1) if len({parts[-n:][:1] for parts in several}) > 1]
+    levels += [1] if len(often) > 1 or not levels else []
+    names = []
+    for path, parts in zip(paths, apart, strict=True):
+        found = [parts[-n] for n in levels if n <= len(parts)] if often[path.stem] > 1 else []
+        names.append("-".join(found) or path.stem)
+    return names
+
+
+def _folders(path: PurePath) -> tuple[str, ...]:
+    return tuple(part for part in path.parent.parts if part not in ("..", path.anchor))
 
 
 def names_videos(columns: Sequence[str]) -> bool:
@@ -119,7 +168,7 @@ def _row(
     }
     first = next(iter(cameras))
     return VideoRow(
-        name=f"{number - 1:04d}-{files[first].stem}",
+        name=f"{number - 1:04d}",
         files=files,
         labels=_prefixed(line, "label:"),
         groups={"file": cameras[first], **_prefixed(line, "group:"), **_side(line, where)},

@@ -26,7 +26,9 @@ from taxel.evaluation.camera_trials.crossval import (
 from taxel.evaluation.camera_trials.sides import TrialSplit, shared_values
 from taxel.evaluation.paired import LEVEL, smallest_p
 from taxel.plain_text import visible, visible_line, visible_names
+from taxel.recordings.spelling import by_numbers
 from taxel.views.results import bracketed
+from taxel.views.trial_notes import control_warnings, trial_notes
 from taxel.windows.trial_crops import PLACES
 
 _REASONS = 3
@@ -64,6 +66,7 @@ def trial_tables(
     parts += [Text(_said(difference, split.group)) for difference in differences]
     parts += [Text(f"{result.name}: {result.leaks}.") for result in results if result.leaks]
     parts.append(Text(_weakest(trials, split, ours)))
+    parts += [Text(f"note: {note}") for note in trial_notes(trials)]
     if said := shared_values(split, trials.groups, trials.y):
         parts.append(Text(f"warning: {visible_line(said)}", style="yellow"))
     if said := _too_few(split, trials):
@@ -128,22 +131,14 @@ def trial_count(trials: int) -> str:
     return f"{trials} trial{'s' * (trials != 1)}"
 
 
-def best_control(results: Sequence[TrialResult]) -> TrialResult | None:
-    """Return the control that reaches as many right as ours or more; none where ours is ahead."""
-    controls = [result for result in results[1:] if result.leaks]
-    best = max(controls, key=lambda control: control.whole.accuracy, default=None)
-    ahead = best is None or results[0].whole.accuracy > best.whole.accuracy
-    return None if ahead else best
-
-
 def _head(trials: TrialSet, split: TrialSplit, ours: TrialResult) -> str:
+    ordered = sorted(enumerate(trials.classes), key=lambda pair: by_numbers(pair[1]))
     counts = ", ".join(
-        f"{int((trials.y == number).sum())} {visible_names([name])}"
-        for number, name in enumerate(trials.classes[:8])
+        f"{int((trials.y == number).sum())} {visible_names([name])}" for number, name in ordered[:8]
     )
     more = f", and {len(trials.classes) - 8} more classes" if len(trials.classes) > 8 else ""
     layout = trials.layout
-    frames = f"{layout.crop} frames each, seen whole"
+    frames = f"{layout.crop} frame{'s' * (layout.crop > 1)} each, seen whole"
     if layout.places > 1:
         frames = (
             f"{trials.lengths.min()} to {trials.lengths.max()} frames, of each the first, the "
@@ -207,7 +202,8 @@ def trial_json(
     results: Sequence[TrialResult],
     differences: Sequence[Difference],
 ) -> dict[str, Any]:
-    """Return what was measured, for printing: predictions of tested trials only."""
+    """Return what was measured, for printing: predictions of tested trials only, with the fold."""
+    folds = {row: fold.name for fold in split.folds for row in fold.test_rows.tolist()}
 
     def row(result: TrialResult) -> dict[str, Any]:
         places = {place: asdict(s) for place, s in zip(PLACES, result.places, strict=False)}
@@ -224,6 +220,8 @@ def trial_json(
         "split": split.name,
         "folds": len(split.folds),
         "warning": shared_values(split, trials.groups, trials.y),
+        "note": "; ".join(trial_notes(trials)) or None,
+        "control_warnings": control_warnings(results),
         "rows": [row(result) for result in results],
         "differences": [asdict(difference) for difference in differences],
         "groups": {
@@ -231,8 +229,13 @@ def trial_json(
             for name, (right, of) in by_group(trials, split, results[0]).items()
         },
         "predictions": [
-            {"trial": name, "truth": trials.classes[y], "probabilities": p.tolist()}
-            for name, y, p in zip(trials.names, trials.y, results[0].probabilities, strict=True)
+            {
+                "trial": trials.names[row],
+                "fold": folds.get(row),
+                "truth": trials.classes[y],
+                "probabilities": p.tolist(),
+            }
+            for row, (y, p) in enumerate(zip(trials.y, results[0].probabilities, strict=True))
             if np.isfinite(p).all()
         ],
     }

@@ -59,8 +59,12 @@ class CameraRecording:
         return int(self.image.max()) + 1
 
 
-def read_camera_recording(path: Path) -> CameraRecording:
+def read_camera_recording(path: Path, least: int = LEAST_FRAMES) -> CameraRecording:
     """Read what a recording holds, but for the pixels.
+
+    Args:
+        path: The recording.
+        least: Sets of frames that it must have.
 
     Raises:
         BadRecording: It is damaged.
@@ -85,9 +89,9 @@ def read_camera_recording(path: Path) -> CameraRecording:
             row.append(known.setdefault(digest, len(known)))
         image.append(row)
         times.append(found.time_s)
-    if len(times) < LEAST_FRAMES:
+    if len(times) < least:
         raise BadDataset(
-            f"at least {LEAST_FRAMES} moments with a frame of each camera",
+            f"at least {least} moments with a frame of each camera",
             f"{len(times)} in {path}",
             "record for longer, or check that all cameras deliver",
         )
@@ -107,14 +111,18 @@ def read_camera_recording(path: Path) -> CameraRecording:
     )
 
 
-def read_camera_recordings(path: Path) -> list[CameraRecording]:
+def read_camera_recordings(path: Path, least: int = LEAST_FRAMES) -> list[CameraRecording]:
     """Read a folder of recordings, or one.
+
+    Args:
+        path: The folder or recording.
+        least: Sets of frames that each must have.
 
     Raises:
         BadRecording: One is damaged.
         BadDataset: One has no cameras, or they differ in number.
     """
-    pours = [read_camera_recording(file) for file in list_recordings(path)]
+    pours = [read_camera_recording(file, least) for file in list_recordings(path)]
     counts = {len(pour.cameras) for pour in pours}
     if len(counts) > 1:
         raise BadDataset(

@@ -1,7 +1,7 @@
 """Camera trials as data: what each is labelled, who belongs together, and its images on demand.
 
-A trial is a recording of tactile cameras, or a row of a table that names videos or folders of
-images, which are read where they lie. Knows nothing about crops, features or models.
+A trial is a recording of tactile cameras, or a row of a table that names videos, folders of
+images or single ones, which are read where they lie. Knows nothing about crops, features or models.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from taxel.errors import BadDataset, BadTable
 from taxel.frame_codec import decode_jpeg, encode_jpeg
-from taxel.recordings.footage import open_footage
+from taxel.recordings.footage import IMAGES, VIDEOS, open_footage
 from taxel.recordings.known import KNOWN_VIDEOS
 from taxel.recordings.reader import list_recordings, read_manifest
 from taxel.recordings.table_columns import read_cells
@@ -94,6 +94,26 @@ def are_camera_trials(path: Path) -> bool:
         return False
 
 
+def refuse_footage(path: Path) -> None:
+    """Refuse a video, an image or a folder of them where trials belong: a table names them.
+
+    Raises:
+        BadTable: It is one.
+    """
+    inside = list(path.iterdir()) if path.is_dir() else [path]
+    if any(file.name.lower().endswith((".mcap", ".mcap.tmp")) for file in inside):
+        return
+    found = next((f for f in inside if f.suffix.lower() in (*IMAGES, *VIDEOS)), None)
+    if found is not None and found.exists() and not _known(path):
+        what = "images or videos alone" if path.is_dir() else "one video or image"
+        raise BadTable(
+            "a table of camera trials (CSV), or a recording (MCAP) or a folder of them",
+            f"{path}, {what}",
+            "name them in a table trials.csv: first line camera:NAME, then a line for each trial "
+            "with its video, image or folder; it works in place, as taxel live BUNDLE trials.csv",
+        )
+
+
 def read_camera_trials(path: Path, *, outside: bool = False) -> list[CameraTrial]:
     """Return the trials of a table, of a folder of recordings, or of a public data set's folder.
 
@@ -111,7 +131,8 @@ def read_camera_trials(path: Path, *, outside: bool = False) -> list[CameraTrial
     elif rows := _known(path):
         trials = [_of_row(row) for row in rows]
     else:
-        trials = [_of_pour(pour) for pour in read_camera_recordings(path)]
+        refuse_footage(path)
+        trials = [_of_pour(pour) for pour in read_camera_recordings(path, least=1)]
     counts = {len(trial.cameras) for trial in trials}
     if len(counts) > 1:
         raise BadDataset(

@@ -12,14 +12,13 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from taxel.errors import BadDataset, BadInput
 from taxel.gel.slip_signal import TREND_FEATURES, USUAL_MM_PER_PX, GelSlip
 from taxel.gel.touch_poses import TouchFollower
 from taxel.windows import trial_picture as picture
@@ -28,18 +27,11 @@ from taxel.windows.touch_view import VERSION as TOUCH_VERSION
 from taxel.windows.touch_view import look_through_touch, touch_courses
 
 Image = NDArray[np.uint8]
-LONGEST_CROP: Final = 48
-"""Frames of a crop where all trials are longer: 2 s at 25 frames a second. Source: our choice,
-docs/decisions/0041."""
 LEAST_CROP: Final = 8
-"""Shortest crop, frames. Source: our choice."""
+"""Frames in which movement is summed up; of a shorter crop the last frame stands still to them.
+Source: our choice, docs/decisions/0041."""
 PLACES: Final[tuple[str, ...]] = ("first", "middle", "last")
 """The crops of each trial; a set whose trials all have a crop's length has the first alone."""
-BETWEEN: Final = 6, 2, 0
-"""Crops between the places, even numbers, of which the most are taken that `MOST_CROPS` allow."""
-MOST_CROPS: Final = 3000
-"""Of all trials, with those between the places: one of two cameras and 48 frames takes 0.5 s.
-Source of both: our choice, docs/decisions/0041."""
 REFERENCE_FRAMES: Final = 3
 """Frames at a crop's start whose median is its reference: 0.12 s at 25 frames a second."""
 LAG: Final = 5
@@ -113,39 +105,6 @@ class Layout:
         return max(1, self.crop // 2)
 
 
-def choose_layout(lengths: Sequence[int], crop: int | None = None) -> Layout:
-    """Return crops that fit into the shortest trial.
-
-    Args:
-        lengths: Frames of each trial.
-        crop: Frames in a crop; the shortest trial's, `LONGEST_CROP` at most, unless given.
-
-    Raises:
-        BadInput: The crop asked for is too short or too long for a trial.
-        BadDataset: A trial is shorter than any crop.
-    """
-    shortest = min(lengths)
-    if shortest < LEAST_CROP:
-        raise BadDataset(
-            f"at least {LEAST_CROP} frames in each trial", f"{shortest} in the shortest",
-            "leave such trials out",
-        )  # fmt: skip
-    if crop is not None and not LEAST_CROP <= crop <= shortest:
-        raise BadInput(
-            f"--crop of {LEAST_CROP} to {shortest} frames, the shortest trial's", str(crop),
-            "choose another, or leave it out",
-        )  # fmt: skip
-    chosen = crop or min(shortest, LONGEST_CROP)
-    return Layout(chosen, 1 if max(lengths) == chosen else len(PLACES))
-
-
-def count_between(layout: Layout, trials: int) -> int:
-    """Return how many crops between the places each of so many trials is learned from by."""
-    if layout.places == 1:
-        return 0
-    return next((n for n in BETWEEN if trials * (layout.places + n) <= MOST_CROPS), BETWEEN[-1])
-
-
 @dataclass(frozen=True, slots=True)
 class Scene:
     """One camera's images of one crop, and what must be known of the camera."""
@@ -181,10 +140,16 @@ def look_at(families: Sequence[str], scenes: Sequence[Scene]) -> dict[str, NDArr
         families: Names in `FAMILIES`.
         scenes: One a camera.
     """
-    return {
-        name: np.stack([FAMILIES[name].look(scene) for scene in scenes], axis=1)
-        for name in families
-    }
+    return {name: np.stack([_shown(name, own) for own in scenes], axis=1) for name in families}
+
+
+def _shown(name: str, scene: Scene) -> NDArray[np.float32]:
+    """Return what a family sees; of fewer images than `LEAST_CROP` the last one stands still."""
+    lacking = LEAST_CROP - len(scene.images)
+    if len(scene.images) == 1 and name in MOVEMENT:  # nothing can have moved, be it noise
+        return np.zeros((LEAST_CROP, FAMILIES[name].columns), np.float32)
+    held = [*scene.images, *[scene.images[-1]] * lacking]
+    return FAMILIES[name].look(replace(scene, images=held) if lacking > 0 else scene)
 
 
 def row_of(shown: Mapping[str, NDArray[np.float32]]) -> dict[str, NDArray[np.float32]]:
@@ -397,3 +362,5 @@ frame look, where object and gel went; touch, only where asked for, is the touch
 a coarse grid of colour and its spread."""
 USUAL: Final = ("pixels", "slip", "stills", "picture")
 """The families that every recogniser learns from."""
+MOVEMENT: Final = ("pixels", "slip", "moves")
+"""The families that see how a crop differs from its own first frames, and nothing else."""

@@ -13,6 +13,7 @@ from taxel.evaluation.audit.copies import near_copies, same_rows
 from taxel.evaluation.audit.cut_windows import beside_windows, cut_windows
 from taxel.evaluation.audit.evidence import trial_folds
 from taxel.evaluation.audit.finding import Audit, Finding, holm, sort_findings
+from taxel.evaluation.audit.frame_words import as_frames
 from taxel.evaluation.audit.gaps import Gap, measure_gaps
 from taxel.evaluation.audit.names import near_names
 from taxel.evaluation.audit.noise import left_out
@@ -128,7 +129,7 @@ def audit(
         classes=counts(touch),
         split="" if case.sides is None else case.sides.name,
         read_on=_read_on(case),
-        findings=sort_findings(facts),
+        findings=sort_findings(list(map(as_frames, facts)) if touch.kind == "camera" else facts),
         notes=(*touch.notes, *_figures(touch)),
         groups=group_values(touch),
     )

@@ -242,7 +242,7 @@ def _read_videos(rows: list[VideoRow], on_progress: Progress) -> list[_Read]:
         count = min(map(len, greys))
         if not count:
             raise BadTable("videos with frames", f"none in {row.name}", "copy them again")
-        files = {f"{name}: bytes of a frame": f"{_bytes_of(file) / count:.0f}"
+        files = {f"{name}: kind of file": file.suffix.lower() if file.is_file() else "folder"
                  for name, file in row.files.items()}  # fmt: skip
         reads.append(
             _Read(
@@ -267,12 +267,6 @@ def _small_video(path: Path) -> NDArray[np.float32]:
             for image in footage.frames()
         ]
     return np.array(rows, np.float32).reshape(len(rows), _SQUARES)
-
-
-def _bytes_of(path: Path) -> int:
-    """Return the bytes of a video, or of a folder's images."""
-    files = [path] if path.is_file() else path.iterdir()
-    return sum(file.stat().st_size for file in files)
 
 
 def _assemble(
@@ -301,20 +295,23 @@ def _assemble(
             times.append(read.time_s[inside])
             created.append(read.manifest.created)
             files.append(read.files)
+    what = "frames" if kind == "camera" else "rows"
     if short and not trials:
+        mend = "readings under splits of their groups: taxel train --split group:KEY"
+        if kind == "camera":
+            mend = "images under splits of their groups: taxel evaluate-trials --split group:KEY"
         raise BadDataset(
-            f"trials of at least {LEAST_ROWS} rows, to look for copies, drift and leaks in",
-            f"{short} trials, all shorter",
-            "judge single readings under splits of their groups: taxel train --split group:KEY",
-        )
+            f"trials of at least {LEAST_ROWS} {what}, to look for copies, drift and leaks in",
+            f"{short} trials, all shorter", f"judge single {mend}",
+        )  # fmt: skip
     target, notes = _target(trials, target)
     if short:
-        notes += (f"{short} trials have fewer than {LEAST_ROWS} rows: left out",)
+        notes += (f"{short} trials have fewer than {LEAST_ROWS} {what}: left out",)
     every = {read.name: read.every for read in reads if read.every > 1}
     if every:
         rate = " or ".join(map(str, sorted(set(every.values()))))
-        notes += (f"more values than are held: one row of {rate} is seen in {len(every)} of "
-                  f"{len(reads)} recordings; copies that begin between those cannot be found",
+        notes += (f"more values than are held: one {what[:-1]} of {rate} is seen in {len(every)} "
+                  f"of {len(reads)} recordings; copies that begin between those cannot be found",
                   )  # fmt: skip
     labelled = np.flatnonzero([target in trial.labels for trial in trials])
     if len(labelled) < len(trials):

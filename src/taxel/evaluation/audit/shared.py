@@ -151,7 +151,7 @@ def shared_copies(
         streams: They are windows of one stream that overlap, none of which is to be dropped.
     """
     touch = case.touch
-    names = [trial.groups["trial"] for trial in touch.trials]
+    names = _named(touch, pairs)
     thinned = max(touch.every.values(), default=1)
     if thinned > 1:
         unseen = f"One row of {thinned} is seen where files are large. {unseen}".rstrip()
@@ -165,7 +165,7 @@ def shared_copies(
     for a, b in pairs:
         partners.setdefault(a, set()).add(b)
         partners.setdefault(b, set()).add(a)
-    shown = sorted(pairs, key=lambda pair: -pairs[pair])[:3]
+    shown = _foremost(touch, pairs)
     alike = "of the rows in common" if streams else "alike"
     examples = tuple(f"{names[a]} and {names[b]} ({100 * pairs[a, b]:.1f} % {alike})"
                      for a, b in shown)  # fmt: skip
@@ -235,6 +235,28 @@ def joining_group(touch: TouchSet, pairs: Pairs) -> str | None:
         if found:
             return max(found, key=found.__getitem__)
     return None
+
+
+def _odd(touch: TouchSet, pairs: Pairs) -> list[tuple[int, int]]:
+    """Return pairs with two different labels, most alike first: one of the labels is wrong."""
+    odd = [pair for pair in pairs if touch.y[pair[0]] != touch.y[pair[1]]]
+    return sorted(odd, key=lambda pair: -pairs[pair])
+
+
+def _foremost(touch: TouchSet, pairs: Pairs) -> list[tuple[int, int]]:
+    """Return the pairs to name: all with two different labels, or else the most alike."""
+    odd = _odd(touch, pairs)
+    rest = sorted(pairs.keys() - set(odd), key=lambda pair: (-pairs[pair], pair))
+    return [*odd, *rest[: max(0, 3 - len(odd))]]
+
+
+def _named(touch: TouchSet, pairs: Pairs) -> list[str]:
+    """Return what trials are called, with the label of those that a pair labels otherwise."""
+    odd = {trial for pair in _odd(touch, pairs) for trial in pair}
+    return [
+        trial.groups["trial"] + (f" [{trial.labels[touch.target]}]" if number in odd else "")
+        for number, trial in enumerate(touch.trials)
+    ]
 
 
 def repeated(pairs: Pairs) -> Finding:

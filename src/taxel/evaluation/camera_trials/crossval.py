@@ -201,6 +201,22 @@ def thumbs(trials: TrialSet) -> Rows:
     return np.ascontiguousarray(first.reshape(len(first), -1))
 
 
+def nothing_moves(trials: TrialSet) -> bool:
+    """Return whether all frames of each crop are alike, so that the bar has nothing to see."""
+    return not BAR.rows(trials).any()
+
+
+def rival(trials: TrialSet, results: Sequence[TrialResult]) -> TrialResult:
+    """Return what the recogniser is compared with: the bar, or a still where nothing moves.
+
+    Args:
+        trials: What was judged.
+        results: As `contenders_for` orders them.
+    """
+    name = _FIRST_FRAME.name if nothing_moves(trials) else BAR.name
+    return next((result for result in results if result.name == name), results[1])
+
+
 def contenders_for(trials: TrialSet) -> tuple[Contender, ...]:
     """Return what is judged, ours and the bar first; a control that cannot differ is left out."""
     found = [OURS, BAR]

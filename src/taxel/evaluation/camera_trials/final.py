@@ -73,6 +73,7 @@ def fit_final(
     rows = trials.rows
     learning = trials.learning(rows, split.group, trials.further).part(learned)
     blend = fit_blend(learning, trials.cameras, trials.widths, seed, on_step=on_step)
+    on_step("training: checking the bundle, and naming its trials")
     own = learning.rows
     at = np.linspace(0, len(own) - 1, min(_CHECKED, len(own))).astype(int)
     both = np.concatenate([blend.crops(own[at]), blend.novelty.measure(own[at])[:, None]], axis=1)

@@ -6,7 +6,9 @@ Knows nothing about splits, models or screens.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from functools import partial
 from pathlib import Path
+from typing import Final
 
 import numpy as np
 
@@ -15,7 +17,12 @@ from taxel.evaluation.camera_trials.crossval import TrialSet
 from taxel.labels.class_order import in_order
 from taxel.training.trial_features import further_crops, trial_rows
 from taxel.windows.camera_trials import CameraTrial
-from taxel.windows.trial_crops import USUAL, choose_layout, count_between
+from taxel.windows.trial_crops import USUAL
+from taxel.windows.trial_layout import choose_layout, count_between
+
+JUDGED: Final = "features of trials"
+LEARNED: Final = "features of further crops, only learned from"
+"""The passes over the trials."""
 
 
 def load_trial_set(
@@ -26,7 +33,7 @@ def load_trial_set(
     crop: int | None = None,
     views: Sequence[str] = USUAL,
     further: bool = False,
-    on_trial: Callable[[int, int], None] = lambda done, of: None,
+    on_trial: Callable[[str, int, int], None] = lambda name, done, of: None,
 ) -> TrialSet:
     """Return trials with their label, cut and looked at.
 
@@ -37,7 +44,7 @@ def load_trial_set(
         crop: Frames in a crop; chosen by the shortest trial unless given.
         views: Names in `FAMILIES`.
         further: Whether there are crops that are only learned from, too.
-        on_trial: Called with trials done and in all.
+        on_trial: Called with the pass over the trials, trials done and in all.
 
     Raises:
         BadDataset: A trial lacks the label, there is one class only, or cameras differ in size.
@@ -64,9 +71,12 @@ def load_trial_set(
                          "record others too, or name another label with --target")  # fmt: skip
     lengths = [trial.frames for trial in trials]
     layout = choose_layout(lengths, crop)
-    cut = trial_rows(trials, layout, views, cache, on_trial)
+    cut = trial_rows(trials, layout, views, cache, partial(on_trial, JUDGED))
     count = count_between(layout, len(trials)) if further else 0
-    between = trial_rows(trials, layout, views, cache, on_trial, between=count) if count else None
+    between = None
+    if count:
+        on_between = partial(on_trial, LEARNED)
+        between = trial_rows(trials, layout, views, cache, on_between, between=count)
     return TrialSet(
         target=target,
         classes=classes,

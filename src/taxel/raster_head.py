@@ -1,0 +1,88 @@
+"""How large an image of BMP or TIFF says it is, before anything is decoded.
+
+Only images of one page and of at most 16 bits a colour are known: what a decoder would silently
+leave out, or show otherwise, is refused. Knows nothing about pixels or OpenCV.
+
+Source: Microsoft, BITMAPFILEHEADER and BITMAPINFOHEADER; Adobe, TIFF revision 6.0, part 1.
+"""
+
+from __future__ import annotations
+
+from taxel.errors import BadSource
+from taxel.jpeg_head import check_size
+
+_BMP = b"BM"
+_TIFF = {b"II*\x00": "little", b"MM\x00*": "big"}
+_OLD_HEAD = 12
+"""Bytes of the oldest head of a BMP, with sides of two bytes; later ones have sides of four."""
+_WIDTH, _HEIGHT, _BITS = 256, 257, 258
+_SHORT, _LONG = 3, 4
+_MOST_TAGS = 1000
+_MOST_BITS = 16
+_MEND = "save it as PNG"
+
+
+def is_raster(image: bytes) -> bool:
+    """Return whether bytes begin as those of a BMP or a TIFF."""
+    return image.startswith(_BMP) or image[:4] in _TIFF
+
+
+def raster_size(image: bytes) -> tuple[int, int]:
+    """Return the width and height that a BMP or TIFF declares, pixels.
+
+    Raises:
+        BadSource: It is neither, is cut short, has several pages or more than 16 bits a colour,
+            or is larger than `taxel.jpeg_head.LARGEST_PX`.
+    """
+    width, height = _bmp(image) if image.startswith(_BMP) else _tiff(image)
+    check_size(width, height)
+    return width, height
+
+
+def _bmp(image: bytes) -> tuple[int, int]:
+    old = int.from_bytes(image[14:18], "little") == _OLD_HEAD
+    size = 2 if old else 4
+    across, down = image[18 : 18 + size], image[18 + size : 18 + 2 * size]
+    if len(down) < size:
+        raise BadSource("a whole BMP image", f"{len(image)} bytes", "copy it again")
+    # A height below 0 says that the rows run downwards.
+    signed = not old
+    return (
+        abs(int.from_bytes(across, "little", signed=signed)),
+        abs(int.from_bytes(down, "little", signed=signed)),
+    )
+
+
+def _tiff(image: bytes) -> tuple[int, int]:
+    order = _TIFF.get(image[:4])
+    if order is None:
+        raise BadSource("a BMP or TIFF image", f"{len(image)} bytes that are neither", _MEND)
+
+    def number(at: int, size: int) -> int:
+        own = image[at : at + size]
+        if len(own) < size:
+            raise BadSource("a whole TIFF image", f"{len(image)} bytes", "copy it again")
+        return int.from_bytes(own, "little" if order == "little" else "big")
+
+    first = number(4, 4)
+    count = number(first, 2)
+    if count > _MOST_TAGS:
+        raise BadSource("a TIFF image", f"one of {count} tags", _MEND)
+    found = {}
+    for at in range(first + 2, first + 2 + 12 * count, 12):
+        kind, values = number(at + 2, 2), number(at + 4, 4)
+        size = {_SHORT: 2, _LONG: 4}.get(kind, 0)
+        if size:
+            inside = size * values <= 4
+            found[number(at, 2)] = number(at + 8 if inside else number(at + 8, 4), size)
+    if number(first + 2 + 12 * count, 4):
+        raise BadSource(
+            "a TIFF of one image", "one of several", "save each as a file of its own in a folder"
+        )
+    if found.get(_BITS, 1) > _MOST_BITS:
+        raise BadSource(
+            f"a TIFF of at most {_MOST_BITS} bits a colour", f"{found[_BITS]} bits", _MEND
+        )
+    if not {_WIDTH, _HEIGHT} <= found.keys():
+        raise BadSource("a TIFF that says its size", "one that does not", _MEND)
+    return found[_WIDTH], found[_HEIGHT]

@@ -1,0 +1,66 @@
+"""What must be said beside the scores of camera trials: short ones, still ones, idle controls.
+
+Knows nothing about how anything was made or is drawn.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from taxel.evaluation.camera_trials.crossval import TrialResult, TrialSet, nothing_moves
+from taxel.windows.trial_crops import LEAST_CROP
+
+
+def frames_note(lengths: Sequence[int], crop: int) -> str | None:
+    """Return what short trials leave to be seen; None where a crop is long enough.
+
+    Args:
+        lengths: Frames of each trial.
+        crop: Frames of each that are seen together.
+    """
+    short = sum(frames == crop for frames in lengths)
+    if crop >= LEAST_CROP:
+        return None
+    seen = "1 frame: pictures alone, no motion" if crop == 1 else (
+        f"{crop} frames, the last one repeated up to {LEAST_CROP}: little motion"
+    )  # fmt: skip
+    if short == len(lengths):
+        return f"trials of {seen}"
+    return (
+        f"{short} of {len(lengths)} trials {'have' if short > 1 else 'has'} {crop} "
+        f"frame{'s' * (crop > 1)}: of each trial, so that no length shows, crops of {seen}; "
+        "leave those out to see motion in the others"
+    )
+
+
+def trial_notes(trials: TrialSet) -> list[str]:
+    """Return notes on what trials show: their frames, and whether anything moves in them."""
+    found = [frames_note(trials.lengths.tolist(), trials.layout.crop)]
+    if trials.layout.crop > 1 and nothing_moves(trials):
+        found.append("nothing moves: all frames of each crop are alike")
+    return [note for note in found if note is not None]
+
+
+def control_warnings(results: Sequence[TrialResult]) -> list[str]:
+    """Return what must be said where a control is as good as the recogniser; empty otherwise.
+
+    Args:
+        results: Of the recogniser first; controls are those that leak.
+    """
+    controls = [result for result in results[1:] if result.leaks]
+    if not controls:
+        return []
+    ours, found = results[0].whole, []
+    best = max(controls, key=lambda control: control.whole.accuracy)
+    if best.whole.accuracy >= ours.accuracy:
+        found.append(
+            f"{best.name} is as accurate ({100 * best.whole.accuracy:.1f} %, taxel "
+            f"{100 * ours.accuracy:.1f} %): do not claim the recogniser's accuracy"
+        )
+    best = min(controls, key=lambda control: control.whole.loss)
+    if best.whole.loss <= ours.loss:
+        found.append(
+            f"{best.name} has as low a log-loss ({best.whole.loss:.3f}, taxel {ours.loss:.3f}): "
+            "do not claim the recogniser's probabilities"
+        )
+    return found

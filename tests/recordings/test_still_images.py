@@ -1,0 +1,101 @@
+"""Single images as footage: their heads are read before they are decoded, names tell them apart."""
+
+from pathlib import Path, PurePath
+
+import cv2
+import numpy as np
+import pytest
+
+from taxel.errors import BadSource, BadTable
+from taxel.raster_head import raster_size
+from taxel.recordings.footage import open_footage
+from taxel.recordings.video_rows import names_apart, read_video_rows
+
+IMAGE = np.random.default_rng(0).integers(0, 256, (30, 44, 3), np.uint8)
+
+
+def coded(ending: str, image: np.ndarray = IMAGE) -> bytes:
+    done, found = cv2.imencode(ending, image)
+    assert done
+    return found.tobytes()
+
+
+@pytest.mark.parametrize("ending", [".png", ".bmp", ".tif", ".TIFF"])
+@pytest.mark.parametrize("grey", [False, True])
+def test_an_image_is_footage_of_one_frame(tmp_path: Path, ending: str, grey: bool) -> None:
+    own = IMAGE[..., 0] if grey else IMAGE
+    path = tmp_path / f"a{ending}"
+    path.write_bytes(coded(ending.lower(), own))
+    footage = open_footage(path)
+    (rgb,) = footage.frames()
+    assert (footage.count, footage.width, footage.height) == (1, 44, 30)
+    np.testing.assert_array_equal(
+        rgb, cv2.cvtColor(own, cv2.COLOR_GRAY2RGB) if grey else own[..., ::-1]
+    )
+
+
+def test_heads_of_bmp_and_tiff_say_their_size_in_either_order_of_bytes() -> None:
+    assert raster_size(coded(".bmp")) == (44, 30)
+    assert raster_size(coded(".tif")) == (44, 30)
+    upright = bytearray(coded(".bmp"))
+    upright[22:26] = (-30).to_bytes(4, "little", signed=True)
+    assert raster_size(bytes(upright)) == (44, 30)
+    old = b"BM" + bytes(12) + (12).to_bytes(4, "little") + bytes((44, 0, 30, 0))
+    assert raster_size(old) == (44, 30)
+    assert raster_size(tiff([(256, 3, 44), (257, 4, 30)], "big")) == (44, 30)
+
+
+def tiff(tags: list[tuple[int, int, int]], order: str = "little", more: int = 0) -> bytes:
+    """A TIFF's head: tag, kind (3 short, 4 long) and value."""
+    head = b"II*\x00" if order == "little" else b"MM\x00*"
+    text = head + (8).to_bytes(4, order) + len(tags).to_bytes(2, order)
+    for tag, kind, value in tags:
+        size = 2 if kind == 3 else 4
+        own = value.to_bytes(size, order).ljust(4, b"\x00")
+        text += tag.to_bytes(2, order) + kind.to_bytes(2, order) + (1).to_bytes(4, order) + own
+    return text + more.to_bytes(4, order)
+
+
+@pytest.mark.parametrize(
+    ("image", "said"),
+    [
+        (tiff([(256, 3, 44), (257, 3, 30)], more=400), "one of several; save each"),
+        (tiff([(256, 3, 44), (257, 3, 30), (258, 3, 32)]), "at most 16 bits a colour; got 32"),
+        (tiff([(256, 3, 44)]), "says its size"),
+        (tiff([(256, 4, 90_000), (257, 4, 90_000)]), "90000"),
+        (tiff([(256, 3, 44)])[:15], "a whole TIFF"),
+        (b"II*\x00\x08\x00\x00\x00\xff\xff", "65535 tags"),
+        (b"BM" + bytes(10), "a whole BMP"),
+        (b"II+\x00" + bytes(20), "that are neither"),
+    ],
+)
+def test_what_a_decoder_would_hide_is_refused(image: bytes, said: str) -> None:
+    with pytest.raises(BadSource, match=said):
+        raster_size(image)
+
+
+@pytest.mark.parametrize("ending", [".png", ".jpg", ".bmp", ".tif"])
+def test_a_damaged_image_is_one_plain_line_and_no_video(tmp_path: Path, ending: str) -> None:
+    (tmp_path / f"a{ending}").write_bytes(coded(ending)[:9])
+    with pytest.raises(BadTable, match=f"a{ending}") as error:
+        list(open_footage(tmp_path / f"a{ending}").frames())
+    assert "video" not in str(error.value)
+
+
+def test_folders_tell_files_of_one_name_apart() -> None:
+    def called(*paths: str) -> list[str]:
+        return names_apart([PurePath(path) for path in paths])
+
+    assert called("set/a.avi", "set/b.avi") == ["a", "b"]
+    trials = ("mug/try_1/camera_0.avi", "mug/try_2/camera_0.avi", "can/try_1/camera_0.avi")
+    assert called(*trials) == ["mug-try_1", "mug-try_2", "can-try_1"]
+    assert called("set/new/1/c.avi", "set/new/2/c.avi") == ["1", "2"]
+    assert called("a/x.avi", "b/x.avi", "b/y.avi") == ["a-x", "b-x", "y"]
+    assert called("x.avi", "b/x.avi") == ["x", "b"]
+    assert called("a/x.avi", "a/x.avi") == ["x", "x"]
+
+
+def test_a_trial_s_name_holds_the_folders_that_tell_it_apart(tmp_path: Path) -> None:
+    table = tmp_path / "trials.csv"
+    table.write_text("left,right\na/1/l.avi,a/1/r.avi\na/2/l.avi,a/2/r.avi\n")
+    assert [row.name for row in read_video_rows(table, tmp_path)] == ["0001-1", "0002-2"]
