@@ -44,9 +44,11 @@ STEADY_WEIGHT = 2.0
 
 
 _MEAN = (
-    "the mean of the best of each kind of model, for none is better by more than chance and groups "
-    "to come may suit another"
+    "the mean of the best of each kind of model that is not far behind, logistic regression and "
+    "perceptrons only where clearly ahead of discriminants; none is better than this mean by more "
+    "than chance, and groups to come may suit another kind"
 )
+_ALONE = "the best model, for all other kinds are far behind it"
 
 
 @dataclass(frozen=True, slots=True)
@@ -154,7 +156,8 @@ def mix(
     each = by_window.mean(axis=1)
     best = int(each.argmin())
     champions = _without_likes(_champions(by_window, kinds, freedom, groups), camps, each)
-    equal = Mix(champions, _shared(champions, camps), _MEAN)
+    why = _MEAN if len(champions) > 1 else _ALONE
+    equal = Mix(champions, _shared(champions, camps), why)
     others = [
         Mix((best,), (1.0,), "this model alone, clearly ahead of all blends"),
         _greedy(probabilities, y, best),
