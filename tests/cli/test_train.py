@@ -30,8 +30,8 @@ def test_a_network_behind_a_baseline_is_warned_of_and_what_is_unknown_is_reporte
     tyro.cli(Train, args=[*words, "--reject-novel", "0.2"]).run()
 
     lines = capsys.readouterr().out.splitlines()
-    (warned,) = (line for line in lines if line.startswith("warning: "))
-    assert "is no better than the baseline “" in warned
+    warned = [line for line in lines if line.startswith("warning: ")]
+    assert "is no better than the baseline “" in warned[0]
     assert any(line.startswith("3 sessions: the interval is about") for line in lines)
     assert any(line.startswith("worse than always guessing the majority class") for line in lines)
     assert any(line.startswith("confusion") for line in lines)

@@ -131,9 +131,9 @@ def test_an_array_with_one_label_may_be_one_trial():
 
     with pytest.raises(BadTable, match="one reading of X of shape 39 × 2 × 250") as caught:
         find(range(1, 20_000))
-    one, many = str(caught.value).split("suggests; ")
-    assert "'height width rows' (250 scans of 78 channels) if the file is one trial, as" in one
-    assert "'rows height width' (39 scans of 500 channels) or" in one
+    single, many = str(caught.value).split("suggests; ")
+    assert "'height width rows' (250 scans of 78 channels) if the file is one trial, as" in single
+    assert "'rows height width' (39 scans of 500 channels) or" in single
     assert many.startswith("'trials rows channels' (39 trials of 2 scans of 250 channels) or 'tria")
     assert "if it holds many; write the right one in the column 'axes'" in many
 

@@ -228,15 +228,15 @@ def _opened(
     labelled: bool,
 ) -> TrialSet:
     trials, channels = named.get("trials", ""), named.get("channels", "")
-    time, called = named.get("time", ""), named["file"]
+    time = named.get("time", "")
     if file.name.lower().endswith(TEXT_ENDINGS):
         if named.get("axes"):
             raise BadTable("'axes' for a file of arrays", f"a text in {where}", "leave it empty")
         by_row = list(columns_by_row(named, where).values())
-        return TextTrials(file, trials, channels, time, own, where, called, by_row)
+        return TextTrials(file, named, own, where, by_row)
     words = StackWords(trials=trials, axes=named.get("axes", ""), channels=channels, time=time,
                        one_label=labelled)  # fmt: skip
-    return ArrayTrials(file, words, own, counts, where, called)
+    return ArrayTrials(file, words, own, counts, where, named["file"])
 
 
 def _cut(

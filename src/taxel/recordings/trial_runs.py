@@ -7,7 +7,7 @@ Background of our choices: docs/decisions/0011.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -43,14 +43,12 @@ class TextTrials:
 
     Args:
         path: The text.
-        trials: Column that says which trial a row belongs to, or several: subject+trial. Where no
-            column is called so, restarts stands for where time begins anew.
-        channels: As in the import table.
-        time: As in the import table.
+        named: The table's cells. `trials`: the column that says which trial a row belongs to, or
+            several: subject+trial; where no column is called so, restarts stands for where time
+            begins anew. `channels` and `time`. `file`, for remarks: two files of one name, in two
+            folders, are two.
         names: Columns that `from:` cells name, whose value is the same in all rows of a trial.
         where: Table and line, for messages.
-        called: The file as the table names it, for remarks: two files of one name, in two folders,
-            are two.
         by_row: Columns whose value may be another in each row.
 
     Raises:
@@ -60,21 +58,19 @@ class TextTrials:
     def __init__(
         self,
         path: Path,
-        trials: str,
-        channels: str,
-        time: str,
+        named: Mapping[str, str],
         names: Sequence[str],
         where: str,
-        called: str,
         by_row: Sequence[str] = (),
     ) -> None:
-        self._path, self.what, self._called = path, trials, visible(called)
+        trials = named.get("trials", "")
+        self._path, self.what, self._called = path, trials, visible(named["file"])
         header = text_names(path)
         self.names = header
         keys = [trials] if trials in header else [name.strip() for name in trials.split(AND)]
         self._names = list(names)
-        columns = parse_columns(channels, where)
-        self._time = parse_time(time, where)
+        columns = parse_columns(named.get("channels", ""), where)
+        self._time = parse_time(named.get("time", ""), where)
         anew = RESTARTS in keys and RESTARTS not in header
         asked = [self._time_name(where) if anew and name == RESTARTS else name for name in keys]
         self._all = [column.name for column in columns] == [ALL]

@@ -81,12 +81,12 @@ def test_a_cell_that_names_an_image_is_a_trial_of_one_frame(tmp_path: Path, endi
 
 
 def test_one_image_has_no_movement_and_few_stand_still_at_their_end() -> None:
-    one, other = picture(0, True), picture(1, False)
-    alone = look_at(tuple(FAMILIES), [Scene([one], 25.0, 0.065)])
+    first, other = picture(0, True), picture(1, False)
+    alone = look_at(tuple(FAMILIES), [Scene([first], 25.0, 0.065)])
     assert all(not alone[name].any() and len(alone[name]) == LEAST_CROP for name in MOVEMENT)
     np.testing.assert_array_equal(alone["stills"][0], alone["stills"][2])
-    few = look_at(tuple(FAMILIES), [Scene([one, other], 25.0, 0.065)])
-    held = look_at(tuple(FAMILIES), [Scene([one, *[other] * 7], 25.0, 0.065)])
+    few = look_at(tuple(FAMILIES), [Scene([first, other], 25.0, 0.065)])
+    held = look_at(tuple(FAMILIES), [Scene([first, *[other] * 7], 25.0, 0.065)])
     for name in FAMILIES:
         np.testing.assert_array_equal(few[name], held[name])
 

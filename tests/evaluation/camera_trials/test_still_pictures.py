@@ -1,4 +1,4 @@
-"""Trials in which nothing moves are told by how they look; bundles of before still open."""
+"""Trials in which nothing moves are recognised by how they look; bundles of before still open."""
 
 from __future__ import annotations
 
@@ -84,8 +84,8 @@ def test_a_bundle_says_of_images_what_the_trained_blend_says(
     seen = {member.kind for member in blend.members}
     assert ("picture" in seen) == ("picture" in views)
     wanted = blend.trials(trials.rows, trials.cut.trial)
-    told = list(predict_trials(bundle, read, 0.0))
-    found = np.stack([verdict.probabilities for verdict in told])
+    verdicts = list(predict_trials(bundle, read, 0.0))
+    found = np.stack([verdict.probabilities for verdict in verdicts])
     np.testing.assert_allclose(found, wanted, atol=1e-4)
 
 

@@ -18,7 +18,7 @@ PRESSES = 24
 def hand(folder: Path) -> Base:
     """Return presses on a hand's twelve sensors: every third crosses 1.55 V, and is plain there.
 
-    The others reach 1 V, where the two classes are told apart four times in five.
+    The others reach 1 V, where the two classes are distinguished four times in five.
     """
     rng = np.random.default_rng(3)
     rows = []
@@ -68,8 +68,8 @@ def tree_loss(found: Found) -> float:
     return next(tried.loss for _, _, tried in found.board if tried.candidate.family == "trees")
 
 
-def slides(folder: Path, *, told: str) -> Base:
-    """Return long slides of two kinds, told by a bump's place in the slide or by each row's level.
+def slides(folder: Path, *, differ_in: str) -> Base:
+    """Return long slides of two kinds that differ in a bump's place or in each row's level.
 
     Short windows do not see the place.
     """
@@ -78,7 +78,7 @@ def slides(folder: Path, *, told: str) -> Base:
     for number in range(24):
         kind = number % 2
         values = rng.normal(0.0, 0.05, (900, 2))
-        if told == "place":
+        if differ_in == "place":
             start = 40 + 600 * kind + int(rng.integers(0, 40))
             values[start : start + 30] += 1.0
         else:
@@ -101,7 +101,7 @@ def board_cuts(found: Found) -> list[str]:
 
 
 def test_a_way_to_cut_that_is_far_behind_on_one_inner_fold_is_not_compared_on_all(tmp_path: Path):
-    base = slides(tmp_path, told="place")
+    base = slides(tmp_path, differ_in="place")
     prepared = prepare_all(base)
     assert [own.config.steps for own in prepared] == [900, 400, 100, 25]
 
@@ -113,7 +113,7 @@ def test_a_way_to_cut_that_is_far_behind_on_one_inner_fold_is_not_compared_on_al
 
 
 def test_what_a_first_look_found_is_used_again_and_changes_nothing(tmp_path: Path):
-    base = slides(tmp_path, told="level")
+    base = slides(tmp_path, differ_in="level")
     prepared = [own for own in prepare_all(base) if own.config.steps in (400, 900)]
 
     found = choose(base, prepared, range(24), Held("session"), until(2 + 2 + 2))
@@ -131,7 +131,7 @@ def test_what_a_first_look_found_is_used_again_and_changes_nothing(tmp_path: Pat
 
 
 def test_without_time_the_most_natural_way_is_taken_and_the_others_are_said(tmp_path: Path):
-    base = slides(tmp_path, told="level")
+    base = slides(tmp_path, differ_in="level")
 
     found = choose(
         base, prepare_all(base), range(24), Held("session"), Effort(budget=Budget(0.0, at_once=1))

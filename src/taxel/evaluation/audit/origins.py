@@ -100,7 +100,7 @@ def _read_key(
         others: Names that share the trials out alike.
     """
     touch = case.touch
-    one, many = _words(key)
+    single, many = _words(key)
     like = " and ".join(repr(_words(other)[0]) for other in others)
     too = f" (and so does {like}, one to one with it)" if others else ""
     y = touch.y
@@ -110,7 +110,7 @@ def _read_key(
 
     def decide(counts: bool) -> tuple[Verdict, str, str]:
         if not counts:
-            return "clear", f"{one!r} alone does not predict the label.", ""
+            return "clear", f"{single!r} alone does not predict the label.", ""
         each = f"several {many} each" if session or key in _FILES else "every setting"
         if case.sides is not None:
             verdict: Verdict = "leak" if session or found.accuracy >= FINGERPRINT else "note"
@@ -121,16 +121,16 @@ def _read_key(
         else:
             verdict = "note"
         if nested:
-            said = f"Each {one!r} holds one class only: its name predicts the label{too}, and so " \
-                   "may anything that differs between them."  # fmt: skip
+            said = f"Each {single!r} holds one class only: its name predicts the label{too}, and " \
+                   "so may anything that differs between them."  # fmt: skip
         else:
-            said = f"Classes are shared out unevenly over {one!r}: its name alone predicts the " \
-                   f"label{too}."  # fmt: skip
+            said = f"Classes are shared out unevenly over {single!r}: its name alone predicts " \
+                   f"the label{too}."  # fmt: skip
         return verdict, said, f"record every class in {each}, and hold out whole {many}"
 
     examples = [f"{name}: {', '.join(touch.classes[c] for c in sorted(set(y[values == name])))}"
                 for name in in_order(values)]  # fmt: skip
-    return Reading(kind=f"name: {one}", evidence=found, decide=decide, examples=tuple(examples))
+    return Reading(kind=f"name: {single}", evidence=found, decide=decide, examples=tuple(examples))
 
 
 def _nested(inner: NDArray[np.generic], outer: NDArray[np.str_]) -> bool:

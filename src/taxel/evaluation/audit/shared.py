@@ -172,7 +172,7 @@ def shared_copies(
     y = touch.y
     if odd := sum(bool(y[a] != y[b]) for a, b in pairs):
         what += f" ({odd} of {len(pairs)} pairs with two different labels)"
-    one = f"{len(partners)} of {len(touch)} trials"
+    share = f"{len(partners)} of {len(touch)} trials"
     whole = case.sides is None
     case, sides = (case, case.sides) if case.sides is not None else _by_trials(case)
     own = case.pieces.trial
@@ -207,7 +207,7 @@ def shared_copies(
         side = "a split of trials puts them on both sides"
         if joins:
             side = f"a split that does not hold out {joins} puts them on both sides"
-        said = f"{len(pairs)} pairs of trials ({one}) {what}: {side}."
+        said = f"{len(pairs)} pairs of trials ({share}) {what}: {side}."
     else:
         total = len({t for _, test in sides.folds for t in own[test].tolist()})
         said = f"{len(crossing)} of {total} tested trials have such a one in training: trials " \
