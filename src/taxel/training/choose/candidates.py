@@ -186,7 +186,7 @@ def first_round(sets: dict[str, tuple[str, ...]], steps: int) -> list[Candidate]
 
     early, late = list(sets)[:3], list(sets)[3:]
     found = [candidate for name in early for candidate in (*linear(name), trees(name))]
-    found.append(Candidate("trees", "random-forest", early[0], 2))
+    found.insert(3, Candidate("trees", "random-forest", early[0], 2))
     found += [candidate for name in late for candidate in linear(name)]
     least, most = NETWORK_ROWS
     found += [Candidate("network", "touchnet", "")] if least <= steps <= most else []
