@@ -143,7 +143,7 @@ def expert_report(expert: Expert) -> RenderableType:
         )
     )
     parts += [Text(visible_line(f"given up: {line}")) for line in expert.given_up]
-    # Windows overlap where they are searched among: how many of those fit no trial tells nothing.
+    # Windows overlap where they are searched among: how many of those fit no trial says nothing.
     parts += [Text(visible_line(note)) for note in expert.notes if OUTSIDE not in note]
     if expert.tries_kept:
         parts.append(Text(f"{expert.tries_kept} tries kept from a run that was interrupted"))

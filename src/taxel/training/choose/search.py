@@ -126,7 +126,7 @@ class _Search:
         test = (part.fold == fold) & part.scored
         train = learned_from(part.fold, fold, ordered=part.ordered)
 
-        def one(candidate: Candidate) -> Tried:
+        def score(candidate: Candidate) -> Tried:
             self._on_step(f"{candidate.name} · {part.prepared.name}")
             started = self._budget.clock()
             blocks = sets.get(candidate.features, ())
@@ -136,7 +136,7 @@ class _Search:
             return _tried(part, candidate, logits, test, seconds)
 
         with self._pool() as pool:
-            return list(pool.map(one, candidates))
+            return list(pool.map(score, candidates))
 
     def try_all(
         self, part: Part, candidates: Sequence[Candidate], sets: Sets, *, must: bool = True
