@@ -5,21 +5,25 @@ import io
 import pytest
 from rich.console import Console
 
-from taxel.cli.long_work import EVERY_S, LongWork
-from taxel.views.console import progress_on
+from taxel.cli.long_work import LongWork
+from taxel.views.console import LINE_S, progress_on
 
 
-def test_without_a_terminal_a_line_is_said_now_and_then(capsys: pytest.CaptureFixture[str]) -> None:
+def test_without_a_terminal_a_line_is_said_now_and_then(monkeypatch: pytest.MonkeyPatch) -> None:
     now = [0.0]
-    with progress_on(Console(file=io.StringIO())) as bar:
-        work = LongWork(bar, clock=lambda: now[0])
-        for done in range(1, 41):
+    monkeypatch.setattr("taxel.views.console.monotonic", lambda: now[0])
+    said = io.StringIO()
+    with progress_on(Console(file=said)) as bar:
+        work = LongWork(bar)
+        for done in range(1, 51):
             now[0] += 1.0
-            work.at("features of trials", done, 40)
-    out, said = capsys.readouterr()
-    assert out == ""
-    assert said.splitlines() == [
-        f"taxel: features of trials: {done} of 40" for done in (int(EVERY_S), int(2 * EVERY_S))
+            work.at("features of trials", done, 50)
+        now[0] += LINE_S
+        work.step("training", "taxel, fold 1")
+    assert said.getvalue().splitlines() == [
+        "20 s · features of trials · 20 of 50",
+        "40 s · features of trials · 40 of 50",
+        "70 s · taxel, fold 1",
     ]
 
 
@@ -27,7 +31,7 @@ def test_on_a_terminal_each_pass_has_a_name_and_a_clock_and_nothing_is_printed_b
     capsys: pytest.CaptureFixture[str],
 ) -> None:
     with progress_on(Console(file=io.StringIO(), force_terminal=True)) as bar:
-        work = LongWork(bar, clock=iter(range(0, 10_000, 100)).__next__)
+        work = LongWork(bar)
         work.at("features of trials", 1, 2)
         work.at("features of trials", 2, 2)
         first = bar.tasks[0]
