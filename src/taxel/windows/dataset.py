@@ -146,7 +146,8 @@ def load_dataset(
             their own scans are rows, no trial has the target, or all are of one class.
     """
     paths = list_recordings(path)
-    rates_hz = rates_of(paths)
+    stated = config.max_age_s is not None and config.grid_hz is None  # then no rate is asked for
+    rates_hz = [] if stated else rates_of(paths)
     config = fit_age(config, rates_hz)
     sensor: SensorInfo | None = None
     trials: list[Trial] = []
