@@ -210,10 +210,10 @@ def few_named(predictions: Predictions) -> str | None:
     if share >= FEW_NAMED:
         return None
     return (
-        f"live would name {share:.1%} of these test windows, and answer UNKNOWN to the others: it "
-        f"asks for a confidence of at least {least:g}; record more, or take less with "
+        f"live would name {100 * share:.1f} % of these test windows, and answer UNKNOWN to the "
+        f"others: it asks for a confidence of at least {least:g}; record more, or take less with "
         "taxel live --least-confidence"
-    ).replace("%", " %")
+    )
 
 
 def blind_baselines(predictions: Predictions) -> tuple[str, ...]:

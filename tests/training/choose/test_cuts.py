@@ -1,15 +1,18 @@
 """The way to cut that is chosen: what it leaves without a window counts against it."""
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
+import pytest
 
 from taxel.recordings.importing import ImportRow, import_rows
 from taxel.sim.teng_constants import SENSORS
 from taxel.training.choose.budget import Budget
 from taxel.training.choose.inner_folds import Held
+from taxel.training.choose.part import Part
 from taxel.training.choose.preparations import Base, load_base, prepare_all
-from taxel.training.choose.search import Effort, Found, choose
+from taxel.training.choose.search import Effort, Found, choose, out_of_fold
 
 RATE = 100.0
 PRESSES = 24
@@ -112,11 +115,22 @@ def test_a_way_to_cut_that_is_far_behind_on_one_inner_fold_is_not_compared_on_al
     assert found.choice().behind == found.behind
 
 
-def test_what_a_first_look_found_is_used_again_and_changes_nothing(tmp_path: Path):
+def test_what_a_first_look_found_is_used_again_and_changes_nothing(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
+    fits: list[int] = []
+
+    def counted(part: Part, *rest: Any) -> Any:
+        fits.append(part.steps)
+        return out_of_fold(part, *rest)
+
+    monkeypatch.setattr("taxel.training.choose.search.out_of_fold", counted)
     base = slides(tmp_path, differ_in="level")
     prepared = [own for own in prepare_all(base) if own.config.steps in (400, 900)]
 
     found = choose(base, prepared, range(24), Held("session"), until(2 + 2 + 2))
+    assert (fits.count(900), fits.count(400)) == (2 * 3, 2 * 3)  # two models on three folds
+
     alone = choose(base, prepared[1:], range(24), Held("session"), until(2 + 2))
 
     assert board_cuts(found) == ["900 rows", "400 rows"]
