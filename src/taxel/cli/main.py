@@ -1,7 +1,7 @@
 """The command `taxel`: finds the verb, runs it, and turns a known error into one plain line.
 
 Each verb is a dataclass in a file of its own, whose fields are its options
-(read by tyro) and whose `run` does the work. Two verbs, of `KINDS`, do a job
+(read by tyro) and whose `run` does the work. Three verbs, those of `KINDS`, do a job
 whose options differ by kind: `taxel simulate cup-pour`; there each kind is such
 a dataclass. Only the chosen verb is imported, so that `taxel --help` is quick
 and the live path stays small (docs/decisions/0038).
