@@ -46,11 +46,11 @@ REASONS: dict[str, Reason] = {
     "no input": Reason(
         "no input yet",
         "The monitor runs; no pair of frames has reached it since it was started.",
-        "Wait a second. If it stays: is the source live on the page?",
+        "Wait a second. If it stays, check on the page whether the source is live.",
     ),
     "settling": Reason(
         "learning the settled grasp, {left_s:.1f} s left",
-        "A grasp begins. Its first moments are what all later ones are compared with.",
+        "A grasp begins. All later moments are compared with its first ones.",
         "Hold still and wait; after a false start press n for a new grasp.",
     ),
     "window": Reason(
@@ -60,14 +60,14 @@ REASONS: dict[str, Reason] = {
     ),
     "evidence": Reason(
         "weighing the first answers, {left_s:.1f} s left",
-        "The model answers; a state is given once its answers have agreed for long enough, "
+        "The model answers; a state is shown once its answers have agreed for long enough, "
         "also after lost input.",
         "Wait. If it stays, the answers contradict each other: look at the number on the page.",
     ),
     "grasp over": Reason(
         "the grasp has ended: nothing is held",
-        "The source said that a grasp is over. The state is NO GRASP: it raises nothing, allows "
-        "nothing to be lowered and is no fault.",
+        "The source reported that a grasp is over. The state is NO GRASP: no grip is raised or "
+        "lowered, and it is not a fault.",
         "Nothing: the next frames begin the next grasp.",
     ),
     "source over": Reason(
@@ -77,7 +77,7 @@ REASONS: dict[str, Reason] = {
     ),
     "no frame yet": Reason(
         "the {camera} camera has sent no frame yet",
-        "The other camera delivers, this one has not begun.",
+        "The other camera sends frames, this one has not begun.",
         "Check its cable; run taxel doctor.",
     ),
     "gone": Reason(
@@ -87,15 +87,15 @@ REASONS: dict[str, Reason] = {
     ),
     "frozen": Reason(
         "the {camera} camera is frozen",
-        "Frames come, and show the very same image, byte by byte, for longer than 2.6 of the "
-        "camera's own image periods. After “simulated:” the simulator does that on purpose.",
+        "Frames come, but with exactly the same image, byte by byte, for longer than 2.6 of the "
+        "camera's own image periods. After “simulated:” the simulator does this on purpose.",
         "Unplug the camera and plug it in again. If its driver repeats images, lower its rate.",
     ),
     "bad image": Reason(
         "the {camera} camera's image cannot be used: {why}",
         "A frame is no JPEG, is cut short, has another size than the camera, or a coding that "
         "cameras do not send; it was not decoded.",
-        "Check cable and hub. In a replay: where does the recording come from?",
+        "Check cable and hub; in a replay, check where the recording comes from.",
     ),
     "slip lost": Reason(
         "the slip over the {camera} gel cannot be followed",
@@ -106,8 +106,8 @@ REASONS: dict[str, Reason] = {
     ),
     "unusable": Reason(
         "the images cannot be used",
-        "The frames of this window were marked as not to be trusted.",
-        "See what else is reported about the cameras.",
+        "The frames of this window were flagged as unusable.",
+        "Look at what else is reported about the cameras.",
     ),
     "old": Reason(
         "the newest input is {age_s:.2f} s old",
@@ -116,18 +116,18 @@ REASONS: dict[str, Reason] = {
     ),
     "unchanged": Reason(
         "the input has not changed for {same_s:.2f} s",
-        "The model gave the very same number, to the last bit, for too long.",
+        "The model gave exactly the same number, to the last bit, for too long.",
         "Check that the camera delivers new images.",
     ),
     "no time": Reason(
         "the input has no time",
         "A frame's time is NaN or infinite.",
-        "Look at the source: its clock cannot be used.",
+        "Check the source: its clock cannot be used.",
     ),
     "time stepped back": Reason(
         "the input's time stepped back",
         "A frame is older than the one before it: a clock was set, or a device was restarted.",
-        "Nothing: the new clock is believed from the next frame on.",
+        "Nothing: the new clock is used from the next frame on.",
     ),
     "nan": Reason(
         "the model gave NaN",
@@ -136,38 +136,39 @@ REASONS: dict[str, Reason] = {
     ),
     "no probability": Reason(
         "the model gave no number within 0 and 1",
-        "The model's answer is no probability and no score.",
+        "The model's answer is neither a probability nor a score.",
         "Start the monitor again; check the bundle with taxel info.",
     ),
     "monitor ended": Reason(
         "{who} has ended",
         "The monitor's process died. Shown as STOP.",
-        "It is started again by itself; arm again once the state is STABLE.",
+        "It is restarted automatically; arm again once the state is STABLE.",
     ),
     "monitor silent": Reason(
         "{who} gives no sign of life",
-        "The monitor's process stands still or hangs. Shown as STOP.",
-        "Close other programs; a monitor that hangs is started again after 5 s.",
+        "The monitor's process hangs, or the machine is too busy. Shown as STOP.",
+        "Close other programs; a monitor that hangs is restarted after 5 s.",
     ),
     "monitor mute": Reason(
         "{who} lives and decides nothing",
-        "Signs of life go on, and no decision has come for 0.3 s. Shown as STOP.",
-        "Start taxel again; please report it with the log.",
+        "The monitor sends signs of life, but no decision for 0.3 s. Shown as STOP.",
+        "Restart taxel; please report it with the log.",
     ),
     "long step": Reason(
         "{who} is in a step that takes long",
-        "The monitor said beforehand that its present step takes long, such as taking in the "
-        "settled grasp; its last decision is too old to be shown.",
+        "The monitor announced that its present step takes long, such as learning the settled "
+        "grasp; its last decision is too old to be shown.",
         "Wait a second.",
     ),
     "alarm": Reason(
         "an alarm about lost input is on",
-        "The monitor says STABLE while lost input is still alarmed: STABLE is not shown.",
+        "The monitor reports STABLE, but an alarm about lost input is still on: STABLE is not "
+        "shown.",
         "Look at the alarms.",
     ),
     "no word": Reason(
         "the monitor gave no word that is known",
-        "A monitor of another version sent a state without a meaning here.",
+        "A monitor of another version sent a state that this version does not know.",
         "Install one version everywhere.",
     ),
     "no station": Reason(
@@ -177,8 +178,8 @@ REASONS: dict[str, Reason] = {
     ),
     "no state": Reason(
         "the station gave no state",
-        "The page got a state without a meaning there.",
-        "Load the page again; install one version everywhere.",
+        "The page got a state that it does not know.",
+        "Reload the page; install one version everywhere.",
     ),
     "recording": Reason(
         "a recording: nothing is judged",
@@ -217,10 +218,10 @@ def _in_italics(field: re.Match[str]) -> str:
 
 _HEAD = """# Why a state is UNKNOWN
 
-Beside UNKNOWN (and NO GRASP) the page and the terminal say why, for how long it has been so, and
-what is left where that is known. Every reason stands here; fields are in italics, times in
-seconds unless marked ms. STABLE is never shown while any of them holds, and the interlock only
-holds the grip.
+Beside UNKNOWN (and NO GRASP) the page and the terminal show the reason, for how long it has lasted,
+and what still works, where that is known. This page lists every reason. Fields are in italics,
+times in seconds unless marked ms. While any of these reasons applies, STABLE is never shown, and
+the interlock only holds the grip.
 
 *This page is written by `python -m taxel.decisions.reasons > docs/reference/unknown.md`.*
 
