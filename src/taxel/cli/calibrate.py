@@ -49,20 +49,20 @@ class Calibrate:
     """Tables of presses (CSV: sensor, force_n, start_s, end_s; and where known direction, round,
     reference_v), one a recording, times in s since its first scan; instead of marks."""
     measure: Literal["peak", "plateau"] = "peak"
-    """Where a press is read: at its peak (sensors that answer to a change), or in its middle
+    """Where a press is read: at its peak (sensors that respond to a change), or in its middle
     (sensors that hold their value)."""
     forces: tuple[float, ...] = FORCES_N
     """Live: forces to ask for, N."""
     rounds: int = 3
-    """Live: times up and down these forces, on each sensor."""
+    """Live: rounds of rising and falling forces, on each sensor."""
     sensors: tuple[str, ...] = ()
-    """Live: which channels to press; all unless given. --cycles: which to look at; of sim://teng
-    which to tap, the first unless given."""
+    """Live: channels to press; all unless given. With --cycles: channels to evaluate; with
+    sim://teng, channels that the gauge taps, the first unless given."""
     cycles: int | None = None
     """Measure durability instead of curves, over this many taps, which are detected automatically.
     With sim://teng the simulated gauge taps, otherwise a person or a machine."""
     tap_hz: tuple[float, ...] = (0.5, 1.0, 4.0, 8.0)
-    """--cycles of sim://teng: further rates to tap at, 1/s; other taps come as they come."""
+    """With --cycles and sim://teng: further rates of tapping, 1/s; real taps may have any rate."""
     recording: Path | None = None
     """Live: where the raw recording goes; beside --output unless given. sim://teng keeps none
     unless this is given."""

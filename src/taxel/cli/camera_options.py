@@ -65,7 +65,7 @@ class FitOptions:
     ahead: int = 0
     """Frames by which training labels run ahead, so that a head learns to warn."""
     paper_settings: bool = False
-    """Train as the paper did: batch 4, 100 epochs, no change of step size, features as they are."""
+    """Train as the paper did: batch 4, 100 epochs, constant step size, features not scaled."""
     seed: int = 0
     """Seed of everything random."""
 
@@ -77,7 +77,7 @@ class WeightOptions:
     weights: Path | None = None
     """A file or folder of backbone weights; see also the variable TAXEL_WEIGHTS."""
     threads: int = 1
-    """Threads of the engine; more help on an idle machine only."""
+    """Threads of the engine; more than one helps on an idle machine only."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -87,7 +87,7 @@ class EngineOptions:
     engine: Literal["onnxruntime", "openvino"] = "onnxruntime"
     """Which library runs backbones."""
     precision: Literal["f32", "bf16", "int8"] = "f32"
-    """Numbers within the backbone; bf16 needs --engine openvino, int8 the extra openvino and
+    """Number format within the backbone; bf16 needs --engine openvino, int8 the extra openvino and
     frames of the recordings for calibration."""
 
 

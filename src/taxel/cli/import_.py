@@ -35,21 +35,21 @@ class Import:
     group:NAME, as many as you like; channels, each with its name or number from 1 and its unit, as
     in Data0[count] Data1[count] 7[deg], or *[N] for all; time, as in Timestamp[ms] (s, ms, us or
     ns), or rate:100Hz; and optionally sensor (its name), full_scale (where it saturates) and
-    layout (csv, icub, or module.py:function). Where labels stand in names, one row may stand for
-    all files that match: {group:session}/{label:object}_trial*.csv; * and ? are what says nothing.
+    layout (csv, icub, or module.py:function). If file names contain labels, one row may name all
+    files that match a pattern: {group:session}/{label:object}_trial*.csv; * and ? match the rest.
 
-    One row may also stand for a file of many trials: a stacked .npy, or a .npz, MATLAB (.mat) or
+    One row may also name a file of many trials: a stacked .npy, or a .npz, MATLAB (.mat) or
     HDF5 (.h5, .hdf5) file. Then trials names the array that holds them (X, or trials/*/force for
-    an array for each), axes says what its axes are (trials rows channels, or trials rows height
-    width for a grid), and label:NAME, group:NAME and length (rows of each trial) take each trial's
+    one array per trial), and axes names its axes (trials rows channels, or trials rows height
+    width for a grid). label:NAME, group:NAME and length (rows of each trial) take each trial's
     own value from an array: from:y, or from:labels.csv:object for another file; from:objects[y]
-    where y numbers the classes that objects names; or from its name: star:1 is what stands for the
-    first * in trials. Time may be from:t[ms]. In a text with many trials, trials names the column
-    that tells them apart, or is restarts, where the times begin anew in each.
+    where y numbers the classes that objects names; or from its name: star:1 is the text that the
+    first * in trials matches. Time may be from:t[ms]. In a text with many trials, trials names the
+    column that numbers them, or is restarts where the times begin anew in each trial.
 
-    For tactile cameras, its columns are left and right, or camera:NAME for each camera (videos, or
-    folders of images, relative to the table); label:NAME; group:NAME; and optionally split (train,
-    validation, test), rate (Hz) and mm_per_px.
+    For tactile cameras, the table's columns are left and right, or camera:NAME for each camera
+    (videos, or folders of images, relative to the table); label:NAME; group:NAME; and optionally
+    split (train, validation, test), rate (Hz) and mm_per_px.
 
     Instead of a table, name a public data set (teng-glove, icub-grasp or gelsight-slip), or
     lerobot for the LeRobot data set (version 3.0, images in Parquet) that --data names. For long

@@ -30,7 +30,7 @@ class Label:
     interval becomes a mark, and so a trial. Without, it shows when each grasp before cameras
     turned unstable, by rule, and how far the rules agree; with --onset, --frame or --stable it
     writes a person's correction of one rule on one recording, beside the recording as
-    NAME.labels.json, which wins over the rule from then on.
+    NAME.labels.json, which overrides the rule from then on.
     """
 
     path: tyro.conf.Positional[Path]
@@ -45,7 +45,7 @@ class Label:
     """Label: replace an existing output folder."""
     rule: str = "change"
     """Rule that is shown and corrected: change (the paper's, from images), micro-slip, slip,
-    gross-slip or drop (from the simulator's physics truth)."""
+    gross-slip or drop (from the simulator's ground truth)."""
     onset: float | None = None
     """Correct: first unstable moment, seconds after the recording's first frame."""
     frame: int | None = None

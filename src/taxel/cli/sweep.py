@@ -66,9 +66,9 @@ class Sweep:
     work: Annotated[WorkOptions, tyro.conf.arg(name="")] = field(default_factory=WorkOptions)
     json: bool = False
     """Print JSON: a list of {fault, level, unit, accuracy, low, high, answered, windows, grasps,
-    grasps_answered, outside, draws, base}; shares 0…1, the first without any fault. draws: passes
-    with other random choices, all windows of which are counted. base: skew: accuracy without it of
-    as many first windows of each touch as are left, null where all are."""
+    grasps_answered, outside, draws, base}; shares 0…1, the first entry without any fault. draws:
+    passes with other random choices, all windows of which are counted. base, for skew: accuracy
+    without it on the first windows of each touch, as many as are left; null where all are left."""
 
     RULES: ClassVar = (Only(("sessions", "session-s"), "--simulate", lambda o: o.simulate),)
 

@@ -47,8 +47,8 @@ class Train:
     split: str | None = None
     """How accuracy is measured. group:KEY holds out whole groups, such as group:session.
     order:KEY:LAST[:END] trains up to LAST and tests above it, up to END. random splits windows,
-    which leaks, and takes the recipe. Unless given: the recipe's, if it names one; else sessions
-    are held out, else objects, persons or days, else files."""
+    which leaks; it trains the recipe, without a search. Unless given: the recipe's, if it names
+    one; else sessions are held out, else objects, persons or days, else files."""
     folds: Path | None = None
     """Measure on a published split instead: a table (CSV) with the columns recording (or
     group:KEY), side (train, validation, test) or fold, and optionally start_s, seconds."""

@@ -37,7 +37,7 @@ if TYPE_CHECKING:
 class TrainMonitor:
     """Train a monitor that warns before a grasp turns unstable, from tactile cameras.
 
-    The last cups are held out where there are enough; what is written is the bundle that runs live.
+    The last cups are held out if there are enough. Writes the bundle that runs live.
     """
 
     data: tyro.conf.Positional[Path]
@@ -45,7 +45,7 @@ class TrainMonitor:
     output: Path
     """The bundle to write, NAME.taxel; an older one there is replaced."""
     features: str = GEL
-    """What each frame is turned into: gel (what markers and imprint do) or a backbone's name."""
+    """Features of each frame: gel (from markers and imprint), or the name of a backbone."""
     json: bool = False
     """Print JSON."""
     labels: Annotated[LabelOptions, tyro.conf.arg(name="")] = field(default_factory=LabelOptions)

@@ -33,14 +33,14 @@ class TrainSlip:
     output: Path
     """The bundle to write, NAME.taxel; an older one there is replaced."""
     head: Literal["forecast", "boosting", "logistic", "rule"] = "forecast"
-    """What is learned: forecast, how far the object will slip within 0.5 s and 1 s (0.75 s with
-    --gel 2); boosting and logistic, whether it slips within 1 s; rule: nothing but the threshold
-    for slip and its rate."""
+    """What is learned. forecast: how far the object will slip within 0.5 s and 1 s (0.75 s with
+    --gel 2). boosting and logistic: whether it slips within 1 s. rule: only the threshold for slip
+    and its rate."""
     gel: Literal[1, 2] = 1
     """How the simulated gels shear: 1, as rigid pieces; 2, as elastic layers."""
     cups: int | None = None
-    """Simulated cups to learn from, 8 to 480. Unless given 480, 25 minutes of one core from
-    nothing; with --gel 2 120, eight minutes. With fewer it warns less well."""
+    """Simulated cups to learn from, 8 to 480; unless given 480, which takes 25 minutes of one core
+    from an empty folder, or with --gel 2 120, eight minutes. Fewer cups make a worse warning."""
     false_alarms: float = 0.3
     """Most false alarms per minute of grasps that hold, as a median over cups held out."""
     seed: int = 0

@@ -20,7 +20,7 @@ class Foxglove:
     """
 
     recordings: tyro.conf.Positional[Path]
-    """A recording, or a folder of them, of which the first is looked at."""
+    """A recording, or a folder of them, of which the first is used."""
     output: Path
     """The layout (.json)."""
     overwrite: bool = False

@@ -19,10 +19,10 @@ class Lerobot:
     """Write recordings as a LeRobot data set, version 3.0, without LeRobot.
 
     observation.state and observation.tactile: touch at each frame, and the window of scans up to
-    it with validity. Images stay JPEG: LeRobot's video codecs move the gel quantities by 0.2 to
-    0.4 of their standard deviation. Labels become tasks; labels and groups are columns of the
-    episodes too. LeRobot's time is frame / fps; the exact times are columns of their own. Depth is
-    left out.
+    it with validity. Images stay JPEG: LeRobot's video codecs would change what taxel measures in
+    gel images by 0.2 to 0.4 standard deviations. Labels become tasks; labels and groups are
+    columns of the episodes too. LeRobot's time is frame / fps; the exact times are columns of
+    their own. Depth is left out.
     """
 
     recordings: tyro.conf.Positional[Path]
@@ -35,7 +35,7 @@ class Lerobot:
     rows: int | None = None
     """Scans in the window of each frame; by default a tenth more than fit between two frames."""
     episodes: Literal["recording", "mark"] = "recording"
-    """What an episode is: a whole recording, or each labelled stretch in it."""
+    """What an episode is: a whole recording, or each labelled interval in it."""
     overwrite: bool = False
     """Replace an older folder of the same kind."""
     json: bool = False

@@ -16,9 +16,9 @@ from taxel.recordings.reader import list_recordings
 class Parquet:
     """Write Parquet tables of each recording: scans, frames and marks, nothing resampled.
 
-    NAME.scans.parquet has the times, the counter, a column a channel and one of its flags;
-    NAME.frames.parquet the cameras' images (JPEG, depth as PNG) and times; NAME.marks.parquet
-    labels and groups.
+    NAME.scans.parquet has the times, the counter, and for each channel a column of values and one
+    of flags; NAME.frames.parquet the cameras' images (JPEG, depth as PNG) and times;
+    NAME.marks.parquet labels and groups.
     """
 
     recordings: tyro.conf.Positional[Path]

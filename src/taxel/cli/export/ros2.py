@@ -14,7 +14,7 @@ from taxel.recordings.reader import list_recordings
 
 @dataclass(frozen=True)
 class Ros2:
-    """Write a ROS 2 bag for each recording, and the package of its message of touch.
+    """Write a ROS 2 bag for each recording, and the package that defines the touch message.
 
     Images are sensor_msgs/CompressedImage, marks and slip std_msgs/String with JSON, touch is
     taxel_msgs/TactileState: header, names, units, values, validity. Build the folder taxel_msgs

@@ -17,9 +17,9 @@ from taxel.recordings.reader import list_recordings
 class Video:
     """Write a video for each camera of each recording, with the times of its frames.
 
-    mjpeg (.mkv) keeps the camera's own JPEG byte by byte. h264 (.mp4) plays in every browser, and
-    is for looking at only: it moves the gel quantities by 0.4 of their standard deviation. Depth
-    is left out.
+    mjpeg (.mkv) keeps the camera's own JPEG byte by byte. h264 (.mp4) plays in every browser, but
+    use it for viewing only: it changes what taxel measures in gel images by 0.4 standard
+    deviations. Depth is left out.
     """
 
     recordings: tyro.conf.Positional[Path]

@@ -42,8 +42,8 @@ class GraspWarnings:
     test: Path | None = None
     """A folder of cups that are only tested; without it each cup of --data is held out in turn."""
     features: tuple[str, ...] = ("efficientnet-lite0",)
-    """What each frame is turned into: gel (what markers and imprint do), names of backbones, or
-    "paper" for the paper's four."""
+    """Features of each frame: gel (from markers and imprint), names of backbones, or "paper" for
+    the paper's four."""
     plot: Path | None = None
     """Write a figure of probability over time with the true events (PNG)."""
     json: bool = False

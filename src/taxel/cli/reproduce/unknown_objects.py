@@ -26,10 +26,10 @@ SIMULATED = ("shape", "material", "shape+material")
 
 @dataclass(frozen=True, kw_only=True)
 class UnknownObjects:
-    """Print how often touch of objects that were never trained on is rejected, and known touch.
+    """Print how often unknown objects' touch is rejected, and how often known touch is.
 
     On the simulated hand with an elongated prism and a rubber composite; or on recordings of an
-    array, of which each class is left out in turn. Answers without rejection stand beside it.
+    array, of which each class is left out in turn. Answers without rejection are shown beside it.
     """
 
     data: Path | None = None

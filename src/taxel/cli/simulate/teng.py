@@ -23,24 +23,24 @@ QUICK_SCANS = 16_000
 
 @dataclass(frozen=True, kw_only=True)
 class Teng:
-    """Write a data set of the simulated TENG hand, one recording a session."""
+    """Write a data set of the simulated TENG hand, one recording per session."""
 
     output: Path
     """Folder to write to; it must not exist yet."""
     preset: Literal["honest", "paper"] = "honest"
-    """honest: sessions shared by all classes; paper: one session a class (leaky)."""
+    """honest: every session has all classes; paper: each class has its own session (leaks)."""
     seed: int = 0
     """Seed of everything random."""
     scans_per_class: int = 160_000
     """Scans of each shape, and of each material."""
     quick: bool = False
-    """A small set: 16,000 scans a class."""
+    """A small set: 16,000 scans per class."""
     sessions: int = 6
-    """With --preset honest: sessions."""
+    """With --preset honest: number of sessions."""
     rate_hz: float = GRID_RATE_HZ
     """Scans a second, Hz; the windows' own grid unless given."""
     wiring: Literal["three-boards", "one-board"] = "three-boards"
-    """one-board: all 12 channels on one converter, with hum and ghosts."""
+    """one-board: all 12 channels on one converter, with hum and ghosting."""
     force_n: tuple[float, float] = (0.5, 5.0)
     """Grip force from and to, N."""
     temperature_c: tuple[float, float] = (20.0, 35.0)
@@ -54,15 +54,15 @@ class Teng:
     moving: float = 0.1
     """Share of grasps whose object moves, 0…1."""
     unknown: bool = False
-    """Among the rest an elongated prism and a rubber composite, as objects to be left unlearned."""
+    """Also grasp an elongated prism and a rubber composite, to test models not trained on them."""
     reference_v: float = 3.3
     """The converter's reference, V: 3.3 or 5."""
     size_mm: tuple[float, float] = HALF_WIDTH_MM
     """Half of the object's width from and to, mm."""
     contact_angle_deg: float = 0.0
-    """How much further objects are turned in the hand than grasps scatter, °."""
+    """Additional rotation of objects in the hand, beyond their random rotation, °."""
     fatigue: float = 0.0
-    """Share of its output that a pad loses in 10,000 full presses, 0…1; 0 does not wear."""
+    """Share of its output that a pad loses in 10,000 full presses, 0…1; 0: no wear."""
     json: bool = False
     """Print the table as JSON."""
 
