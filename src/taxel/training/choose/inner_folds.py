@@ -52,11 +52,15 @@ class Held:
 
 def groups_of(trials: Sequence[Trial], held: Held) -> NDArray[np.intp]:
     """Return what must be taken as a whole when scores are compared, a number a trial."""
-    values = [
-        trial.groups["trial"] if held.key is None else trial.groups[held.key] for trial in trials
-    ]
-    _, index = np.unique(np.array(values), return_inverse=True)
+    _, index = np.unique(_values(trials, held.key or "trial"), return_inverse=True)
     return np.asarray(index, np.intp)
+
+
+def _values(trials: Sequence[Trial], key: str) -> NDArray[np.str_]:
+    """Return a group's value of each trial; one that lacks it, as a table of folds may leave out,
+    stands alone.
+    """
+    return np.array([trial.groups.get(key, trial.groups["trial"]) for trial in trials])
 
 
 def what_is_held(
@@ -136,10 +140,10 @@ def inner_folds(
             f"{len(own)} trials", "record more of them",
         )  # fmt: skip
     if held.key is not None:
-        values = np.array([trials[i].groups[held.key] for i in own])
-        if held.ordered:
-            return _by_blocks(values.astype(float), y[own])
-        fold = _by_groups(values, y[own])
+        if held.ordered:  # what lacks the number comes last
+            numbers = [float(trials[i].groups.get(held.key, "nan")) for i in own]
+            return _by_blocks(np.array(numbers), y[own])
+        fold = _by_groups(_values([trials[i] for i in own], held.key), y[own])
         if fold is not None:
             return fold
     return _by_blocks(np.array([_order(trials[i]) for i in own]), y[own])
@@ -165,7 +169,8 @@ def learned_from(fold: NDArray[np.intp], number: int, *, ordered: bool) -> NDArr
 def judged(
     fold: NDArray[np.intp], y: NDArray[np.intp], *, ordered: bool = False
 ) -> NDArray[np.bool_]:
-    """Return what can be judged, shape (n,): whose class is also learned from for its fold.
+    """Return what can be judged, shape (n,): whose class is also learned from for its fold,
+    beside another.
 
     Args:
         fold: Inner fold of each trial or window, shape (n,).
@@ -174,8 +179,9 @@ def judged(
     """
     found = np.zeros(len(y), bool)
     for number in tested_folds(fold, ordered=ordered):
-        learned = learned_from(fold, number, ordered=ordered)
-        found |= (fold == number) & np.isin(y, y[learned])
+        learned = np.unique(y[learned_from(fold, number, ordered=ordered)])
+        if len(learned) > 1:
+            found |= (fold == number) & np.isin(y, learned)
     return found
 
 
