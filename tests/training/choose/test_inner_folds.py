@@ -138,3 +138,27 @@ def test_in_an_order_a_trial_without_a_number_comes_last():
     fold = inner_folds(own, np.arange(12) % 2, range(12), Held("number", ordered=True))
 
     assert fold[0] == fold.max()
+
+
+def test_where_later_sessions_are_held_out_none_stands_on_both_sides_of_an_inner_fold():
+    session = [str(1 + i // 20) for i in range(80)]
+    own = trials(session=session)
+    y = np.arange(80) % 2
+
+    fold = inner_folds(own, y, range(80), Held("session", ordered=True))
+
+    assert len(inner.tested_folds(fold, ordered=True)) == 2
+    for number in inner.tested_folds(fold, ordered=True):
+        learned = {session[i] for i in np.flatnonzero(learned_from(fold, number, ordered=True))}
+        tested = {session[i] for i in np.flatnonzero(fold == number)}
+        assert max(learned) < min(tested)
+
+
+def test_a_class_of_one_session_is_judged_all_the_same():
+    """Its later trials are: there is no later session of it."""
+    own = trials(session=[str(1 + i // 10) for i in range(40)])
+    y = np.arange(40) // 20
+
+    fold = inner_folds(own[:30], y[:30], range(30), Held("session", ordered=True))
+
+    assert set(y[:30][judged(fold, y[:30], ordered=True)].tolist()) == {0, 1}

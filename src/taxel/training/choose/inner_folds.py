@@ -119,9 +119,9 @@ def inner_folds(
     """Return each training trial's inner fold, shape (len(train),).
 
     Whole values of the group are held out, spread so that folds are alike in size and classes;
-    without a group, with one of too few values, or where later ones are held out, each class's
-    trials are parted into successive blocks, so that a fold is tested on what was recorded at
-    another time.
+    where later ones are held out, in their order. Without a group, or with one of too few values,
+    each class's trials are parted into successive blocks, so that a fold is tested on what was
+    recorded at another time.
 
     Args:
         trials: All of them.
@@ -142,7 +142,7 @@ def inner_folds(
     if held.key is not None:
         if held.ordered:  # what lacks the number comes last
             numbers = [float(trials[i].groups.get(held.key, "nan")) for i in own]
-            return _by_blocks(np.array(numbers), y[own])
+            return _by_later(np.array(numbers), y[own])
         fold = _by_groups(_values([trials[i] for i in own], held.key), y[own])
         if fold is not None:
             return fold
@@ -212,6 +212,20 @@ def _by_groups(groups: NDArray[np.str_], y: NDArray[np.intp]) -> NDArray[np.intp
     if len(set(fold)) < 2 or judged(fold, y).mean() < LEAST_JUDGED:
         return None
     return np.asarray(fold, np.intp)
+
+
+def _by_later(values: NDArray[np.float64], y: NDArray[np.intp]) -> NDArray[np.intp]:
+    """Return folds of successive values of each class, whole ones unless these are so few that a
+    class would not be judged.
+    """
+    parted = _by_blocks(values, y)
+    whole = parted.copy()
+    for number in np.unique(y):
+        for value in np.unique(values[y == number]):
+            own = (y == number) & ((values == value) | (np.isnan(values) & np.isnan(value)))
+            whole[own] = parted[own].min()
+    found, wanted = (np.unique(y[judged(fold, y, ordered=True)]) for fold in (whole, parted))
+    return whole if np.array_equal(found, wanted) else parted
 
 
 def _by_blocks(order: NDArray[np.float64], y: NDArray[np.intp]) -> NDArray[np.intp]:
