@@ -78,6 +78,22 @@ def test_a_folder_of_the_same_values_another_sensor_or_without_the_label_is_refu
             join_datasets(first, folder, "kind")
 
 
+def test_a_folder_of_another_rate_is_refused_unless_a_grid_makes_its_windows_as_long(
+    tmp_path: Path,
+):
+    """Four scans of 25 a second last four times as long as four of 100."""
+    own = folder_of(tmp_path, "one", 1.0)
+    slow = folder_of(tmp_path, "slow", 2.0, sensor=replace(PAD, rate_hz=25.0))
+    near = folder_of(tmp_path, "near", 3.0, sensor=replace(PAD, rate_hz=90.0))
+    first = load_dataset(own, PLAIN)
+
+    with pytest.raises(BadDataset, match=r"25 in .*slow.* --window grid=25"):
+        join_datasets(first, slow, "kind")
+    assert len(join_datasets(first, near, "kind").trials) == 6
+    on_grid = load_dataset(own, replace(PLAIN, grid_hz=100.0))
+    assert len(join_datasets(on_grid, slow, "kind").trials) == 6
+
+
 def test_trials_without_the_label_are_left_out_and_counted(tmp_path: Path):
     whole = load_dataset(folder_of(tmp_path, "one", 1.0), PLAIN)
     first, *others = whole.trials

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass, field
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar
@@ -16,6 +17,8 @@ from taxel.cli.trial_data import FOLDS_IN_TURN, TrialOptions
 from taxel.errors import BadInput
 
 if TYPE_CHECKING:
+    from taxel.bundles.trials import TrialContract
+    from taxel.decisions.trial_verdict import Verdict
     from taxel.evaluation.camera_trials.sides import Groups
     from taxel.evaluation.fold_table import FoldTable
     from taxel.windows.camera_trials import CameraTrial
@@ -85,22 +88,16 @@ class EvaluateTrials:
             say(f"warning: {warning}", style="yellow")
 
     def _score_bundle(self) -> None:
-        import numpy as np
-
         from taxel.bundles.trials import read_trial_bundle
-        from taxel.decisions.recognition import UNKNOWN
-        from taxel.evaluation.camera_trials.crossval import score_trials
         from taxel.evaluation.camera_trials.learned_trials import trained_on
-        from taxel.evaluation.camera_trials.sides import values_of
         from taxel.live.trial_watch import predict_trials
         from taxel.views.trained_on import trained_on_line
         from taxel.views.trial_notes import frames_note
-        from taxel.views.trial_results import score_line, trial_count, unknown_line
+        from taxel.views.trial_results import unknown_line
 
         if self.data is None:
             raise BadInput("trials to score the bundle on", "none", "name them behind the bundle")
         bundle = read_trial_bundle(self.trials)
-        target, classes = bundle.contract.target, bundle.contract.classes
         trials, table = _scored_trials(self.data, self.options.folds)
         verdicts = []
         with progress() as bar:
@@ -108,51 +105,14 @@ class EvaluateTrials:
             for verdict in predict_trials(bundle, trials):
                 verdicts.append(verdict)
                 work.at("trials", len(verdicts), len(trials))
-        truth = [trial.labels.get(target, "") for trial in trials]
-        known = [i for i, own in enumerate(truth)
-                 if own in classes and np.isfinite(verdicts[i].confidence)]  # fmt: skip
-        result: dict[str, Any] = {
-            "bundle": str(self.trials),
-            "target": target,
-            "split": None if table is None else table.split,
-            "trials": len(trials),
-            "unknown": sum(verdict.label == UNKNOWN for verdict in verdicts),
-            "verdicts": [
-                {"trial": t.name, "truth": own, "verdict": v.label, "confidence": v.confidence,
-                 "reason": v.reason}
-                for t, own, v in zip(trials, truth, verdicts, strict=True)
-            ],
-        }  # fmt: skip
         seen = trained_on_line(
             trained_on(bundle.contract, trials), "trials", known=bool(bundle.contract.learned)
         )
-        result["warning"] = seen
         crop = bundle.contract.crop
-        result["note"] = note = frames_note([max(crop, t.frames) for t in trials], crop)
-        where = "" if table is None else f" · test part of {table.split}"
-        line = f"{trial_count(len(trials))}{where}; none has a {target} that the bundle knows"
-        if known:
-            groups = [trials[i].groups for i in known]
-            key = _resampled(groups, table)
-            names = values_of(groups, key) if key else np.array([trials[i].name for i in known])
-            y = np.array([classes.index(truth[i]) for i in known])
-            result["majority"] = majority = float(np.bincount(y).max() / len(y))
-            scores = score_trials(
-                y,
-                np.stack([verdicts[i].probabilities for i in known]), names,
-            )  # fmt: skip
-            from dataclasses import asdict
-
-            result["scores"] = asdict(scores)
-            answered = float(np.mean([verdicts[i].label == truth[i] for i in known]))
-            result["answered_accuracy"] = answered
-            line = (
-                f"{score_line(target, where, scores, majority, key)}; UNKNOWN "
-                f"{result['unknown']} of {len(trials)}; accuracy with UNKNOWN counted as wrong "
-                f"{answered:.3f}"
-            )
+        note = frames_note([max(crop, t.frames) for t in trials], crop)
+        line, scores = _scores(bundle.contract, trials, verdicts, table)
         if self.json:
-            print_json(result)
+            print_json({"bundle": str(self.trials), **scores, "warning": seen, "note": note})
             return
         say(line)
         if note is not None:
@@ -161,6 +121,60 @@ class EvaluateTrials:
             say(said, style="yellow")
         if seen is not None:
             say(f"warning: {seen}", style="yellow")
+
+
+def _scores(
+    contract: TrialContract,
+    trials: Sequence[CameraTrial],
+    verdicts: Sequence[Verdict],
+    table: FoldTable | None,
+) -> tuple[str, dict[str, Any]]:
+    """Return a bundle's score as a line, and as plain values with each trial's verdict.
+
+    Args:
+        contract: What the bundle predicts.
+        trials: Those that were scored.
+        verdicts: What the bundle says of each.
+        table: The table of folds whose test part they are; None where all are scored.
+    """
+    import numpy as np
+
+    from taxel.decisions.recognition import UNKNOWN
+    from taxel.evaluation.camera_trials.crossval import score_trials
+    from taxel.evaluation.camera_trials.sides import values_of
+    from taxel.views.trial_results import score_line, trial_count
+
+    target, classes = contract.target, contract.classes
+    truth = [trial.labels.get(target, "") for trial in trials]
+    known = [i for i, own in enumerate(truth)
+             if own in classes and np.isfinite(verdicts[i].confidence)]  # fmt: skip
+    result: dict[str, Any] = {
+        "target": target,
+        "split": None if table is None else table.split,
+        "trials": len(trials),
+        "unknown": sum(verdict.label == UNKNOWN for verdict in verdicts),
+        "verdicts": [
+            {"trial": t.name, "truth": own, "verdict": v.label, "confidence": v.confidence,
+             "reason": v.reason}
+            for t, own, v in zip(trials, truth, verdicts, strict=True)
+        ],
+    }  # fmt: skip
+    where = "" if table is None else f" · test part of {table.split}"
+    if not known:
+        count = trial_count(len(trials))
+        return f"{count}{where}; none has a {target} that the bundle knows", result
+    groups = [trials[i].groups for i in known]
+    key = _resampled(groups, table)
+    names = values_of(groups, key) if key else np.array([trials[i].name for i in known])
+    y = np.array([classes.index(truth[i]) for i in known])
+    majority = float(np.bincount(y).max() / len(y))
+    scores = score_trials(y, np.stack([verdicts[i].probabilities for i in known]), names)
+    answered = float(np.mean([verdicts[i].label == truth[i] for i in known]))
+    result |= {"majority": majority, "scores": asdict(scores), "answered_accuracy": answered}
+    return (
+        f"{score_line(target, where, scores, majority, key)}; UNKNOWN {result['unknown']} of "
+        f"{len(trials)}; accuracy with UNKNOWN counted as wrong {answered:.3f}"
+    ), result
 
 
 def _scored_trials(data: Path, folds: Path | None) -> tuple[list[CameraTrial], FoldTable | None]:

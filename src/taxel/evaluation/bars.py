@@ -87,6 +87,8 @@ def bar_probabilities(
         classes: How many there are.
         seed: Of the estimator.
     """
+    if not len(test[0]):
+        return np.zeros((0, classes))
     estimator = BARS[name](seed)
     known = np.unique(train[2])
     estimator.fit(train[0], train[1], np.searchsorted(known, train[2]).astype(np.intp))

@@ -17,7 +17,6 @@ from taxel.bundles.contract import Contract
 from taxel.bundles.reader import read_bundle
 from taxel.bundles.writer import write_bundle
 from taxel.decisions.joining import Joining
-from taxel.decisions.unknown import Unknown
 from taxel.errors import BadInput
 from taxel.evaluation.nested import Nested, check_choice, check_choosing
 from taxel.evaluation.outer_split import USUAL, OuterSplit, check_training_parts
@@ -43,7 +42,9 @@ from taxel.training.environment import Made, code_digest, environment
 from taxel.training.loop import TrainConfig
 from taxel.training.run import Run, contract_of
 from taxel.training.unknown import check_enough, fit_unknown
+from taxel.windows.dataset import Dataset
 from taxel.windows.scaling import Scaling
+from taxel.windows.windower import Windows
 
 TRYING = 0.75
 """Share of the minutes in which candidates are tried; in the rest what was chosen is trained and
@@ -190,16 +191,15 @@ def _within(
     on_step("training what was chosen on all data")
     fitted = fit_within(found, own, limits, seed=seed)
     base = found.base
-    unknown = _novelty(base, found.part.prepared, own, reject_novel)
-    learned = _learned_alone(base, found.part.prepared, own)
+    learned = learned_windows(base, found.part.prepared, own)
     run, measured = _run_of(
-        base, learned, fitted.blend, fitted.choice.joining, nested, unknown, seed
+        base, learned, fitted.blend, fitted.choice.joining, nested, reject_novel, seed
     )
     over = _over(measured, limits)
     return Expert(
         run=run, choice=fitted.choice, nested=nested, measured=measured,
         given_up=fitted.given_up,
-        notes=(*base.notes, *learned.dataset.notes, *live_note(base, learned.config), *over),
+        notes=(*base.notes, *learned.notes, *live_note(base, learned.config), *over),
     )  # fmt: skip
 
 
@@ -227,9 +227,8 @@ def _repeat(
 ) -> Expert:
     on_step("training on all data as chosen before")
     blend = fit_choice(like, base, prepared, own, seed)
-    unknown = _novelty(base, prepared, own, reject_novel)
-    learned = _learned_alone(base, prepared, own)
-    run, measured = _run_of(base, learned, blend, like.joining, None, unknown, seed)
+    learned = learned_windows(base, prepared, own)
+    run, measured = _run_of(base, learned, blend, like.joining, None, reject_novel, seed)
     return Expert(run=run, choice=like, nested=None, measured=measured,
                   notes=(*base.notes, *prepared.dataset.notes,
                          *live_note(base, prepared.config)),
@@ -253,51 +252,53 @@ def _with_score(expert: Expert, nested: Nested) -> Expert:
     return replace(expert, run=run, nested=nested)
 
 
-def _learned_alone(base: Base, prepared: Prepared, trials: Sequence[int]) -> Prepared:
-    """Return windows that know only those recordings by their values that are learned from.
+def learned_windows(base: Base, prepared: Prepared, trials: Sequence[int]) -> Dataset:
+    """Return the windows that are learned from, one after another as they are live.
 
-    What is held out for good, in a table of folds or another folder, must not count as learned.
+    What is held out for good, in a table of folds or another folder, must not count as learned: it
+    gives no window, and no recording is known by its values. Its classes and trials stay.
+
+    Args:
+        base: The recordings.
+        prepared: Them, cut.
+        trials: Indices of the trials to learn from.
     """
     names = {base.trials[index].recording for index in trials}
     whole = prepared.dataset
-    known = {name: own for name, own in whole.fingerprints.items() if name in names}
-    return replace(prepared, dataset=replace(whole, fingerprints=known))
+    rows = np.flatnonzero(prepared.scored & np.isin(prepared.trial, np.asarray(trials, np.intp)))
+    return replace(
+        whole,
+        windows=whole.windows[rows],
+        trial=whole.trial[rows],
+        config=prepared.config,
+        fingerprints={name: own for name, own in whole.fingerprints.items() if name in names},
+    )
 
 
-def _unscaled(prepared: Prepared) -> Scaling:
-    channels = len(prepared.dataset.sensor.channels)
+def _unscaled(dataset: Dataset) -> Scaling:
+    channels = len(dataset.sensor.channels)
     return Scaling(
         kind="none", offset=np.zeros(channels, np.float32), factor=np.ones(channels, np.float32)
     )
 
 
-def _novelty(
-    base: Base, prepared: Prepared, own: Sequence[int], rejected: float | None
-) -> Unknown | None:
-    """Learn what is usual from windows that follow one another, as they do live."""
-    if rejected is None:
-        return None
-    rows = np.flatnonzero(prepared.scored & np.isin(prepared.trial, np.asarray(own, np.intp)))
-    whole = prepared.dataset
-    part = replace(whole, windows=whole.windows[rows], trial=whole.trial[rows])
-    return fit_unknown(part, base.target, _unscaled(prepared), rejected)
-
-
 def _run_of(
     base: Base,
-    prepared: Prepared,
+    learned: Dataset,
     blend: Blend,
     joining: Joining,
     nested: Nested | None,
-    unknown: Unknown | None,
+    reject_novel: float | None,
     seed: int,
 ) -> tuple[Run, Measured]:
     """Return a trained blend as a run, and what its bundle costs."""
-    unscaled = _unscaled(prepared)
+    unscaled = _unscaled(learned)
     accuracy = {} if nested is None else {nested.split: nested.scores.scores.accuracy}
+    unknown = None
+    if reject_novel is not None:
+        unknown = fit_unknown(learned, base.target, unscaled, reject_novel)
     contract = replace(
-        contract_of(prepared.dataset, base.target, EXPERT, (blend,), unscaled, accuracy),
-        window=prepared.config,
+        contract_of(learned, base.target, EXPERT, (blend,), unscaled, accuracy),
         joining=joining,
         unknown=unknown,
         parameters=sum(table.numel() for table in blend.state_dict().values()),
@@ -312,12 +313,11 @@ def _run_of(
         trivial={} if nested is None else nested.trivial,
         made=Made.now(),
     )
-    return run, measure(run, prepared)
+    return run, measure(run, learned.windows[:_PARITY_WINDOWS])
 
 
-def measure(run: Run, prepared: Prepared) -> Measured:
+def measure(run: Run, windows: Windows) -> Measured:
     """Write the bundle aside, open it, and measure what a window costs on one core."""
-    windows = prepared.dataset.windows[:_PARITY_WINDOWS]
     with tempfile.TemporaryDirectory(prefix="taxel-") as scratch:
         path = Path(scratch) / "bundle.taxel"
         contract: Contract = write_bundle(

@@ -22,12 +22,13 @@ from __future__ import annotations
 
 import csv
 import io
+from collections.abc import Sequence
 from dataclasses import dataclass
 from math import nan
 from pathlib import Path
 from typing import Literal
 
-from taxel.errors import BadFile, BadTable
+from taxel.errors import BadFile, BadSplit, BadTable
 from taxel.foreign.text_lines import lines_of
 from taxel.recordings.table_columns import LARGEST_LIST
 
@@ -124,6 +125,25 @@ def read_fold_table(path: Path, *, to_score: bool = False) -> FoldTable:
             f"{_TO_SCORE}; or leave the bundle out: each fold then trains its own model",
         )
     return FoldTable(name=path.name, rows=rows, folds=folds)
+
+
+def refuse_twice(table: str, names: Sequence[str], tested: Sequence[int]) -> None:
+    """Refuse a table that tests a trial in several folds: one of its answers would be lost.
+
+    Args:
+        table: Its name.
+        names: Of the trials.
+        tested: In how many folds each is tested.
+
+    Raises:
+        BadSplit: So it is.
+    """
+    most = max(tested, default=0)
+    if most > 1:
+        raise BadSplit(
+            "each trial tested in one fold", f"{names[tested.index(most)]} in {most} of {table}",
+            "give each repetition a table of its own",
+        )  # fmt: skip
 
 
 def _lines(path: Path) -> tuple[list[str], list[tuple[int, dict[str, str]]]]:

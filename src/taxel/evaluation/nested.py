@@ -108,7 +108,8 @@ def check_choosing(
         limits: What is judged keeps to the limits of what is shipped.
 
     Raises:
-        BadSplit: A fold parts windows, not trials, or leaves too few trials to learn from.
+        BadSplit: A fold parts windows, not trials, or leaves too few trials to learn from; or no
+            test trial gives a window.
     """
     check_training_parts(base, split)
     tested, choices = [], []
@@ -129,7 +130,7 @@ def check_choosing(
         say("training what was chosen")
         fitted = fit_within(tried, train, limits, seed=effort.seed)
         choice, own = fitted.choice, tried.part.prepared
-        tested.append(_test(fitted.blend, choice, own, test))
+        tested.append(_test(base, fitted.blend, choice, own, test))
         index = tested[-1].index
         choices.append(choice)
         started = effort.budget.clock()
@@ -171,7 +172,7 @@ def check_choice(
         on_step: Called with a line before each fold.
 
     Raises:
-        BadSplit: A fold parts windows, not trials, or leaves too few trials to learn from.
+        BadSplit: A fold parts windows, not trials; or no test trial gives a window.
     """
     tested = []
     for fold in split.folds:
@@ -181,13 +182,14 @@ def check_choice(
             )
         on_step(f"{fold.name} · training as chosen before")
         blend = fit_choice(choice, base, prepared, sorted(fold.train), seed)
-        tested.append(_test(blend, choice, prepared, sorted(fold.test)))
+        tested.append(_test(base, blend, choice, prepared, sorted(fold.test)))
     return replace(_nested(base, split, tested, [choice] * len(tested)), fixed=True)
 
 
-def _test(blend: nn.Module, choice: Choice, own: Prepared, test: list[int]) -> _Tested:
+def _test(base: Base, blend: nn.Module, choice: Choice, own: Prepared, test: list[int]) -> _Tested:
+    """Return what is said of a fold's test windows, of which a gate may leave none."""
     index = np.flatnonzero(np.isin(own.trial, test) & own.scored)
-    found = predict_blend(blend, own, index)
+    found = predict_blend(blend, own, index, len(base.dataset.classes(base.target)))
     return _Tested(own, index, found, join(choice.joining, own.trial[index], found))
 
 
@@ -196,6 +198,9 @@ def _nested(
 ) -> Nested:
     """Return the scores of all folds' test windows together, trivial baselines beside."""
     predictions = _predictions(base, split, tested)
+    if not len(predictions):
+        raise BadSplit("windows to test on", f"none in the test trials ({split.name})",
+                       "hold out other trials, or record longer ones")  # fmt: skip
     right: Counter[str] = Counter()
     for fold, own in zip(split.folds, tested, strict=True):
         assert isinstance(fold, TrialFold)

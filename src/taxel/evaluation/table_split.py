@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 
 from taxel.errors import BadSplit, BadTable
-from taxel.evaluation.fold_table import FoldRow, FoldTable, RowFold, read_fold_table
+from taxel.evaluation.fold_table import FoldRow, FoldTable, RowFold, read_fold_table, refuse_twice
 from taxel.evaluation.shared_values import objects_on_both
 from taxel.evaluation.splits import Split, TrialFold
 from taxel.labels.trials import Trial
@@ -126,7 +126,9 @@ def split_by_table(
         folds.append(TrialFold(fold.name, sides[0], sides[2], sides[1]))
         _refuse_empty(table, fold, folds[-1], lacking, target)
         check_classes(dataset, target, folds[-1])
-    _refuse_twice(table, dataset, folds)
+    refuse_twice(table.name, [trial.groups["trial"] for trial in dataset.trials],
+                 [sum(i in fold.test for fold in folds) for i in range(len(dataset.trials))],
+                 )  # fmt: skip
     return Split(table.split, tuple(folds), None)
 
 
@@ -269,18 +271,6 @@ def _nothing_to(what: str, table: FoldTable, fold: str, why: tuple[str, str]) ->
         f"windows to {what} in {fold}", f"none: the rows of {table.name} name trials that {like}",
         mend,
     )  # fmt: skip
-
-
-def _refuse_twice(table: FoldTable, dataset: Dataset, folds: list[TrialFold]) -> None:
-    tested = np.zeros(len(dataset.trials), int)
-    for fold in folds:
-        tested[sorted(fold.test)] += 1
-    if tested.max() > 1:
-        trial = dataset.trials[int(tested.argmax())].groups["trial"]
-        raise BadSplit(
-            "each trial tested in one fold", f"{trial} in {tested.max()} of {table.name}",
-            "give each repetition a table of its own",
-        )  # fmt: skip
 
 
 def _left_out(dataset: Dataset, split: Split) -> list[str]:

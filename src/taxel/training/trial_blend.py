@@ -256,13 +256,15 @@ def classes_are_groups(y: NDArray[np.intp], groups: NDArray[np.str_]) -> bool:
     """Return whether each class is one group, as where the object is named by which trials group.
 
     Then whoever asks shows an object that was learned, and trials held out are as what is to come.
-    Where only some classes are one group, other groups will come, and trials held out flatter.
+    Where only some classes are one group, or one session holds all classes, other groups will come,
+    and trials held out flatter.
 
     Args:
         y: Shape (trials,): class.
         groups: Shape (trials,).
     """
-    return len(set(zip(y.tolist(), groups.tolist(), strict=True))) == len(set(y.tolist()))
+    pairs = set(zip(y.tolist(), groups.tolist(), strict=True))
+    return len(pairs) == len(set(y.tolist())) == len(set(groups.tolist()))
 
 
 def _held_out(

@@ -13,6 +13,7 @@ import numpy as np
 from taxel.errors import BadDataset
 from taxel.labels.trials import Trial
 from taxel.windows.dataset import LABEL_THEM, Dataset, load_dataset, only_labelled
+from taxel.windows.rates import differ
 from taxel.windows.reference import to_usual
 from taxel.windows.windower import Windows
 
@@ -30,8 +31,8 @@ def join_datasets(first: Dataset, folder: Path, target: str) -> Dataset:
         target: The label; trials of the folder without it are left out.
 
     Raises:
-        BadDataset: A recording is in both, the sensors differ, no trial of the folder has the
-            label, or there is no window.
+        BadDataset: A recording is in both, the sensors differ, or their rates where their own
+            scans are rows, no trial of the folder has the label, or there is no window.
     """
     second = only_labelled(
         load_dataset(folder, first.config), target, folder, f"{LABEL_THEM}; or test on others"
@@ -64,6 +65,14 @@ def _check_alike(first: Dataset, second: Dataset, folder: Path) -> None:
             f"the channels {', '.join(first.sensor.channels)} in the folder to test on too",
             f"{', '.join(second.sensor.channels)} in {folder}", "name recordings of this sensor",
         )  # fmt: skip
+    rates_hz = first.sensor.rate_hz, second.sensor.rate_hz
+    if first.config.grid_hz is None and min(rates_hz) > 0 and differ(rates_hz):
+        raise BadDataset(
+            f"about {rates_hz[0]:g} scans/s in the folder to test on too, for own scans are rows",
+            f"{rates_hz[1]:g} in {folder}, where a window would last another time",
+            "test on recordings of that rate; or, with a recipe, choose a common grid, such as "
+            f"--window grid={min(rates_hz):.3g}",
+        )
     known = {own: name for name, own in first.fingerprints.items()}
     for name, own in second.fingerprints.items():
         if own in known:

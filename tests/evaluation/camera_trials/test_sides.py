@@ -90,3 +90,15 @@ def test_only_the_test_part_is_scored_though_the_training_part_is_elsewhere(tmp_
     table.write_text("group:object,side\no3,test\n")
     alone = read_fold_table(table, to_score=True)
     assert trials_to_score([f"t{i}" for i in range(16)], GROUPS, alone) == [12, 13, 14, 15]
+
+
+def test_a_trial_that_a_table_tests_twice_is_refused(tmp_path: Path) -> None:
+    """Its first answer would be overwritten by that of the second repetition."""
+    table = tmp_path / "folds.csv"
+    table.write_text(
+        "group:object,fold,side\no0,1,train\no1,1,train\no2,1,test\n"
+        "o1,2,train\no3,2,train\no2,2,test\n"
+    )
+
+    with pytest.raises(BadSplit, match=r"t8 in 2 of folds\.csv"):
+        split_by_table([f"t{i}" for i in range(16)], GROUPS, Y, table)

@@ -23,7 +23,7 @@ from taxel.evaluation.camera_trials.crossval import (
 )
 from taxel.evaluation.camera_trials.sides import split_trials
 from taxel.evaluation.camera_trials.trial_set import load_trial_set
-from taxel.training.trial_blend import MEMBERS, fit_blend
+from taxel.training.trial_blend import MEMBERS, classes_are_groups, fit_blend
 from taxel.training.trial_learning import Crops, Learning
 from taxel.training.trial_novelty import Novelty, novelty_threshold
 from taxel.training.trial_onnx import blend_to_onnx
@@ -164,3 +164,26 @@ def test_learning_from_some_trials_numbers_them_anew() -> None:
     assert part.further is not None
     assert part.further.trial.tolist() == [0, 1]
     assert part.further.rows[:, 0].tolist() == [11, 13]
+
+
+@pytest.mark.parametrize(
+    ("groups", "are"), [("abc", True), ("abb", False), ("aaa", False), ("aab", False)]
+)
+def test_classes_are_groups_only_where_each_is_one_of_its_own(groups: str, are: bool) -> None:
+    """One session that holds all classes is no object by which a class is known."""
+    y = np.arange(3).repeat(4)
+    assert classes_are_groups(y, np.array(list(groups)).repeat(4)) is are
+
+
+def test_one_session_does_not_make_a_blend_surer_of_the_sessions_to_come() -> None:
+    """Nothing but single trials can be held out, which are of a session that was learned."""
+    y = np.arange(24) % 2
+    rows = (y[:, None] + np.random.default_rng(1).normal(0, 0.3, (24, 3))).astype(np.float32)
+    member = replace(MEMBERS[4], views={"look": ()})
+
+    def sharpness(groups: NDArray[np.str_]) -> float:
+        learning = Learning(rows, np.arange(24), y, groups, 2)
+        return fit_blend(learning, 1, {"look": 3}, 0, (member,)).sharpness
+
+    assert sharpness(np.full(24, "day")) == 1.0
+    assert sharpness(np.array(["ball", "cup"])[y]) > 1.0

@@ -5,6 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from taxel.evaluation.expert import learned_windows
 from taxel.evaluation.outer_split import OuterSplit
 from taxel.recordings.importing import ImportOptions, ImportRow, import_rows, import_table
 from taxel.training.choose.preparations import (
@@ -14,6 +15,7 @@ from taxel.training.choose.preparations import (
     load_base,
     prepare_all,
 )
+from taxel.training.motion import measure_motion
 from taxel.windows.dataset import load_dataset
 
 
@@ -103,3 +105,40 @@ def test_windows_of_marked_touches_lie_inside_them_live_too(tmp_path: Path, rows
     live = load_dataset(base.path, config, target="kind")
     assert len(live.trials) == 12
     assert prepare_all(base)[0].config == config
+
+
+def presses(folder: Path, seed: int, *, dead: bool) -> Path:
+    """Import twelve touches of two channels, of which the second may be dead."""
+    rng = np.random.default_rng(seed)
+    folder.mkdir()
+    rows = []
+    for number in range(12):
+        file = folder / f"t{number}.csv"
+        values = number % 2 + rng.normal(0, 0.1, (30, 2))
+        values[:, 1] *= not dead
+        file.write_text("a,b\n" + "\n".join(f"{x:.4f},{y:.4f}" for x, y in values) + "\n")
+        rows.append(
+            ImportRow(file=file, labels={"kind": ("soft", "hard")[number % 2]},
+                      channels="a[N] b[N]", time="rate:50Hz", sensor="pad")
+        )  # fmt: skip
+    import_rows(rows, folder / "recordings")
+    return folder / "recordings"
+
+
+def test_what_is_tested_only_is_no_part_of_what_a_bundle_knows_of_training(tmp_path: Path):
+    """A channel that is dead in the folder to test on moved in all windows of training."""
+    own, test = (presses(tmp_path / name, len(name), dead=name == "later")
+                 for name in ("own", "later"))  # fmt: skip
+    base = load_base(own, "kind", test=test)
+    (prepared,) = prepare_all(base)
+
+    learned = learned_windows(base, prepared, base.own)
+
+    assert len(learned) == 12
+    assert not any(name.startswith("test/") for name in learned.fingerprints)
+    assert learned.config == prepared.config
+    both, alone = (measure_motion(data, "kind") for data in (prepared.dataset, learned))
+    assert both is not None
+    assert alone is not None
+    assert both.still[1] > 0.3
+    assert alone.still[1] == 0.0

@@ -1,17 +1,21 @@
 """The way to cut that is chosen: what it leaves without a window counts against it."""
 
 from pathlib import Path
-from typing import Any
+from types import SimpleNamespace
+from typing import Any, cast
 
 import numpy as np
 import pytest
 
+from taxel.errors import BadSplit
 from taxel.recordings.importing import ImportRow, import_rows
 from taxel.sim.teng_constants import SENSORS
 from taxel.training.choose.budget import Budget
+from taxel.training.choose.candidates import Candidate
+from taxel.training.choose.cuts import best_cut
 from taxel.training.choose.inner_folds import Held
-from taxel.training.choose.part import Part
-from taxel.training.choose.preparations import Base, load_base, prepare_all
+from taxel.training.choose.part import Part, Tried
+from taxel.training.choose.preparations import Base, Prepared, load_base, prepare_all
 from taxel.training.choose.search import Effort, Found, choose, out_of_fold
 
 RATE = 100.0
@@ -69,6 +73,27 @@ def test_a_gate_that_leaves_most_touches_undecided_is_not_chosen_for_being_right
 
 def tree_loss(found: Found) -> float:
     return next(tried.loss for _, _, tried in found.board if tried.candidate.family == "trees")
+
+
+def weak(base: Base, strong: set[int], kind: str) -> list[int]:
+    """Return all trials but the strong ones of a kind, of both unless one is named."""
+    return [i for i, trial in enumerate(base.trials)
+            if i not in strong or kind not in ("", trial.labels["kind"])]  # fmt: skip
+
+
+@pytest.mark.parametrize("kind", ["flat", ""])
+def test_a_gate_that_leaves_fewer_than_two_classes_to_learn_from_is_not_tried(
+    tmp_path: Path, kind: str
+):
+    base = hand(tmp_path)
+    prepared = prepare_all(base)
+    train = weak(base, set(prepared[1].trial.tolist()), kind)
+
+    found = choose(base, prepared, train, Held("session"), until(6))
+
+    assert {cut for cut, _, _ in found.board} == {"60 rows above 0.6"}
+    with pytest.raises(BadSplit, match="windows in two training trials of two classes"):
+        choose(base, prepared[1:], train, Held("session"), until(6))
 
 
 def slides(folder: Path, *, differ_in: str) -> Base:
@@ -142,6 +167,50 @@ def test_what_a_first_look_found_is_used_again_and_changes_nothing(
             for own in (found, alone)
         )  # fmt: skip
         assert np.array_equal(looked.probabilities, plain.probabilities)
+
+
+class Seen:
+    """Tries that note the parts they are asked about, and know nothing of them."""
+
+    def __init__(self) -> None:
+        self.parts: list[Part] = []
+
+    def spent(self) -> float:
+        return 0.0
+
+    def look(self, *_: Any) -> list[Tried]:
+        raise AssertionError("one way to cut is not looked at before it is compared")
+
+    def try_all(self, part: Part, *_: Any, must: bool) -> None:
+        self.parts.append(part)
+
+    def of(self, part: Part) -> list[Tried]:
+        even = np.full((int(part.scored.sum()), part.classes), 1 / part.classes)
+        candidate = Candidate("linear", "logistic", "all", 0.03)
+        return [Tried(candidate, even, 1.0, 1.0, 0.5, 0.0)]
+
+
+@pytest.mark.parametrize("classes", [2, 3, 4])
+def test_of_many_windows_those_compared_are_of_all_classes_though_recorded_in_turn(classes: int):
+    """480 trials of ten windows, of one class after another: a third of them would do."""
+    trial = np.repeat(np.arange(480), 10)
+    prepared = SimpleNamespace(
+        name="25 rows", trial=trial, kept=np.arange(len(trial)), stretch=trial,
+        dataset=SimpleNamespace(
+            windows=SimpleNamespace(values=np.zeros((len(trial), 25, 2)), padded=0)
+        ),
+    )  # fmt: skip
+    part = Part(cast(Prepared, prepared), np.arange(len(trial)), trial // classes % 3,
+                trial % classes, np.ones(len(trial), bool), classes)  # fmt: skip
+    tries = Seen()
+
+    assert best_cut([part], tries).best is part
+
+    (thin,) = tries.parts
+    cells = np.bincount(thin.fold * classes + thin.y, minlength=3 * classes)
+    assert len(thin.rows) < len(trial) / 3
+    assert (cells > 0.9 * cells.max()).all()
+    assert set(np.bincount(thin.prepared.trial[thin.windows]).tolist()) == {0, 10}
 
 
 def test_without_time_the_most_natural_way_is_taken_and_the_others_are_said(tmp_path: Path):

@@ -1,5 +1,7 @@
 """Inner folds hold out what the split holds out."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -8,6 +10,7 @@ from taxel.labels.trials import Trial
 from taxel.training.choose import inner_folds as inner
 from taxel.training.choose.inner_folds import (
     Held,
+    groups_of,
     inner_folds,
     judged,
     learned_from,
@@ -104,3 +107,58 @@ def test_a_class_of_one_trial_is_learned_from_but_not_judged():
 def test_one_trial_of_each_class_is_not_enough_to_choose():
     with pytest.raises(BadSplit, match="two classes"):
         inner_folds(trials(object=["a", "b", "c"]), np.array([0, 1, 2]), range(3), Held(None))
+
+
+def test_what_would_be_judged_by_a_model_of_one_class_is_not_judged():
+    """All of class 1 is in the last object's fold: the others teach class 0 alone."""
+    own = trials(object=["a"] * 4 + ["b"] * 4 + ["c"] * 3)
+    y = np.array([0] * 8 + [0, 1, 1])
+
+    fold = inner_folds(own, y, range(11), Held("object"))
+
+    assert judged(fold, y).tolist() == [True] * 8 + [False] * 3
+
+
+def test_a_trial_without_the_group_that_is_held_out_stands_alone():
+    """A table of folds may hold out sessions and leave out a recording that has none."""
+    own = trials(session=["m", "m", "t", "t", "w", "w", "s", "s"])
+    own[7] = replace(own[7], groups={"trial": "r7#0", "recording": "r7"})
+    y = np.arange(8) % 2
+
+    groups = groups_of(own, Held("session")).tolist()
+    assert len(set(groups)) == 5
+    assert groups.count(groups[7]) == 1
+    assert len(inner_folds(own, y, range(8), Held("session"))) == 8
+
+
+def test_in_an_order_a_trial_without_a_number_comes_last():
+    own = trials(number=[str(i) for i in range(12)])
+    own[0] = replace(own[0], groups={"trial": "r0#0", "recording": "r0"})
+
+    fold = inner_folds(own, np.arange(12) % 2, range(12), Held("number", ordered=True))
+
+    assert fold[0] == fold.max()
+
+
+def test_where_later_sessions_are_held_out_none_stands_on_both_sides_of_an_inner_fold():
+    session = [str(1 + i // 20) for i in range(80)]
+    own = trials(session=session)
+    y = np.arange(80) % 2
+
+    fold = inner_folds(own, y, range(80), Held("session", ordered=True))
+
+    assert len(inner.tested_folds(fold, ordered=True)) == 2
+    for number in inner.tested_folds(fold, ordered=True):
+        learned = {session[i] for i in np.flatnonzero(learned_from(fold, number, ordered=True))}
+        tested = {session[i] for i in np.flatnonzero(fold == number)}
+        assert max(learned) < min(tested)
+
+
+def test_a_class_of_one_session_is_judged_all_the_same():
+    """Its later trials are: there is no later session of it."""
+    own = trials(session=[str(1 + i // 10) for i in range(40)])
+    y = np.arange(40) // 20
+
+    fold = inner_folds(own[:30], y[:30], range(30), Held("session", ordered=True))
+
+    assert set(y[:30][judged(fold, y[:30], ordered=True)].tolist()) == {0, 1}

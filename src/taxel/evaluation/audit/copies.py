@@ -290,5 +290,6 @@ def _turns(touch: TouchSet) -> list[Callable[[NDArray[np.float64]], NDArray[np.f
 
 def overlap(touch: TouchSet, a: int, b: int) -> bool:
     """Return whether two trials are overlapping stretches of one recording."""
-    one, two = touch.trials[a], touch.trials[b]
-    return one.recording == two.recording and one.start_s < two.end_s and two.start_s < one.end_s
+    own, other = touch.trials[a], touch.trials[b]
+    same = own.recording == other.recording
+    return same and own.start_s < other.end_s and other.start_s < own.end_s

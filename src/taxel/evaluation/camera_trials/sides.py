@@ -7,6 +7,7 @@ Background of our choices: docs/decisions/0041.
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -16,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taxel.errors import BadSplit
-from taxel.evaluation.fold_table import FoldRow, FoldTable, read_fold_table
+from taxel.evaluation.fold_table import FoldRow, FoldTable, read_fold_table, refuse_twice
 from taxel.evaluation.shared_values import on_both_sides
 from taxel.evaluation.splits import TrialFold
 from taxel.labels.trials import USUAL_GROUPS
@@ -99,7 +100,7 @@ def split_by_table(
 
     Raises:
         BadTable: The table is not as it should be.
-        BadSplit: A row names no trial, or a side lacks trials or classes.
+        BadSplit: A row names no trial, a side lacks trials or classes, or a trial is tested twice.
     """
     table = read_fold_table(path)
     matching = [_named(row, table, names, groups) for row in table.rows]
@@ -113,6 +114,8 @@ def split_by_table(
             raise BadSplit(f"every class on the training side of {fold.name}",
                            "one that is missing", "mend the table")  # fmt: skip
         sides.append(TrialFold.of(fold.name, train, test))
+    often = Counter(at for fold in sides for at in fold.test)
+    refuse_twice(table.name, names, [often[at] for at in range(len(names))])
     key = interval_group(groups)
     if table.rows[0].key != "recording":
         key = table.rows[0].key

@@ -167,10 +167,11 @@ def discriminant(features: str, shrink: float) -> Candidate:
 
 
 def first_round(sets: dict[str, tuple[str, ...]], steps: int) -> list[Candidate]:
-    """Return one of each kind, the cheapest first.
+    """Return one of each kind, the most telling for its time first.
 
-    Whatever the time, linear models on every set are tried, which say what carries over; then
-    networks, which are like nothing else; last trees on the other sets, which take most time.
+    All kinds on the broadest sets; then linear models on the others, which say what carries over;
+    then networks, which are like nothing else, and perceptrons; last trees on the other sets, which
+    take most time.
 
     Args:
         sets: Feature sets of these windows, the broadest first.

@@ -148,11 +148,17 @@ def _is_far_behind(way: _Way, best: _Way, pair: list[Candidate], tries: Tries) -
 
 
 def _thinned(part: Part) -> Part:
-    """Return every so many of a part's stretches as a whole, with all their windows."""
+    """Return every so many stretches of each class in each inner fold, with all their windows.
+
+    Counted over all trials, classes that were recorded in turn would be left out as a whole.
+    """
     every = -(-len(part.rows) // _QUICK_WINDOWS)
     if every < 2:
         return part
-    own = part.prepared.stretch[part.windows] % every == 0
+    stretch = part.prepared.stretch[part.windows]
+    numbers, first = np.unique(stretch, return_index=True)
+    cell = part.fold[first] * part.classes + part.y[first]
+    own = np.isin(stretch, np.concatenate([numbers[cell == c][::every] for c in np.unique(cell)]))
     return replace(
         part, rows=part.rows[own], fold=part.fold[own], y=part.y[own], scored=part.scored[own]
     )

@@ -91,11 +91,11 @@ def _head(
 
 
 def predict_blend(
-    blend: nn.Module, prepared: Prepared, windows: NDArray[np.intp]
+    blend: nn.Module, prepared: Prepared, windows: NDArray[np.intp], classes: int
 ) -> NDArray[np.float64]:
     """Return probabilities of some windows, shape (n, classes)."""
     own = prepared.dataset.windows
-    parts = []
+    parts = [np.zeros((0, classes))]
     with torch.inference_mode():
         for start in range(0, len(windows), 256):
             part = windows[start : start + 256]

@@ -52,11 +52,15 @@ class Held:
 
 def groups_of(trials: Sequence[Trial], held: Held) -> NDArray[np.intp]:
     """Return what must be taken as a whole when scores are compared, a number a trial."""
-    values = [
-        trial.groups["trial"] if held.key is None else trial.groups[held.key] for trial in trials
-    ]
-    _, index = np.unique(np.array(values), return_inverse=True)
+    _, index = np.unique(_values(trials, held.key or "trial"), return_inverse=True)
     return np.asarray(index, np.intp)
+
+
+def _values(trials: Sequence[Trial], key: str) -> NDArray[np.str_]:
+    """Return a group's value of each trial; one that lacks it, as a table of folds may leave out,
+    stands alone.
+    """
+    return np.array([trial.groups.get(key, trial.groups["trial"]) for trial in trials])
 
 
 def what_is_held(
@@ -115,9 +119,9 @@ def inner_folds(
     """Return each training trial's inner fold, shape (len(train),).
 
     Whole values of the group are held out, spread so that folds are alike in size and classes;
-    without a group, with one of too few values, or where later ones are held out, each class's
-    trials are parted into successive blocks, so that a fold is tested on what was recorded at
-    another time.
+    where later ones are held out, in their order. Without a group, or with one of too few values,
+    each class's trials are parted into successive blocks, so that a fold is tested on what was
+    recorded at another time.
 
     Args:
         trials: All of them.
@@ -136,10 +140,10 @@ def inner_folds(
             f"{len(own)} trials", "record more of them",
         )  # fmt: skip
     if held.key is not None:
-        values = np.array([trials[i].groups[held.key] for i in own])
-        if held.ordered:
-            return _by_blocks(values.astype(float), y[own])
-        fold = _by_groups(values, y[own])
+        if held.ordered:  # what lacks the number comes last
+            numbers = [float(trials[i].groups.get(held.key, "nan")) for i in own]
+            return _by_later(np.array(numbers), y[own])
+        fold = _by_groups(_values([trials[i] for i in own], held.key), y[own])
         if fold is not None:
             return fold
     return _by_blocks(np.array([_order(trials[i]) for i in own]), y[own])
@@ -165,7 +169,8 @@ def learned_from(fold: NDArray[np.intp], number: int, *, ordered: bool) -> NDArr
 def judged(
     fold: NDArray[np.intp], y: NDArray[np.intp], *, ordered: bool = False
 ) -> NDArray[np.bool_]:
-    """Return what can be judged, shape (n,): whose class is also learned from for its fold.
+    """Return what can be judged, shape (n,): whose class is also learned from for its fold,
+    beside another.
 
     Args:
         fold: Inner fold of each trial or window, shape (n,).
@@ -174,8 +179,9 @@ def judged(
     """
     found = np.zeros(len(y), bool)
     for number in tested_folds(fold, ordered=ordered):
-        learned = learned_from(fold, number, ordered=ordered)
-        found |= (fold == number) & np.isin(y, y[learned])
+        learned = np.unique(y[learned_from(fold, number, ordered=ordered)])
+        if len(learned) > 1:
+            found |= (fold == number) & np.isin(y, learned)
     return found
 
 
@@ -206,6 +212,20 @@ def _by_groups(groups: NDArray[np.str_], y: NDArray[np.intp]) -> NDArray[np.intp
     if len(set(fold)) < 2 or judged(fold, y).mean() < LEAST_JUDGED:
         return None
     return np.asarray(fold, np.intp)
+
+
+def _by_later(values: NDArray[np.float64], y: NDArray[np.intp]) -> NDArray[np.intp]:
+    """Return folds of successive values of each class, whole ones unless these are so few that a
+    class would not be judged.
+    """
+    parted = _by_blocks(values, y)
+    whole = parted.copy()
+    for number in np.unique(y):
+        for value in np.unique(values[y == number]):
+            own = (y == number) & ((values == value) | (np.isnan(values) & np.isnan(value)))
+            whole[own] = parted[own].min()
+    found, wanted = (np.unique(y[judged(fold, y, ordered=True)]) for fold in (whole, parted))
+    return whole if np.array_equal(found, wanted) else parted
 
 
 def _by_blocks(order: NDArray[np.float64], y: NDArray[np.intp]) -> NDArray[np.intp]:

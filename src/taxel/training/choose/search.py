@@ -19,6 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taxel.decisions.joining import Joining
+from taxel.errors import BadSplit
 from taxel.training.choose.blending import (
     LEAST,
     fit_last,
@@ -76,11 +77,13 @@ def choose(
         train: Indices of the trials that may be looked at.
         held: What the outer split holds out, and so the inner folds.
         effort: How long it may take, and how it is carried out.
+
+    Raises:
+        BadSplit: Fewer than two classes have two trials, or windows of them in any way to cut.
     """
     effort.budget.begin()
     search = _Search(effort)
-    fold_of = inner_folds(base.trials, base.y, train, held)
-    parts = [training_part(base, own, train, fold_of, ordered=held.ordered) for own in prepared]
+    parts = _judged_parts(base, prepared, train, held)
     part: Part = parts[0]
     behind: tuple[str, ...] = ()
     if len(parts) > 1:
@@ -99,6 +102,24 @@ def choose(
     finer = second_round(ranked["discriminant"] or linear, linear, ranked["trees"] or linear)
     search.try_all(part, finer, sets)
     return Found(base, part, tuple(search.all), tuple(search.left_out), sets, held, behind)
+
+
+def _judged_parts(
+    base: Base, prepared: Sequence[Prepared], train: Sequence[int], held: Held
+) -> list[Part]:
+    """Return the training part in each way to cut that leaves something to judge, as a high gate
+    may not.
+    """
+    fold_of = inner_folds(base.trials, base.y, train, held)
+    parts = [training_part(base, own, train, fold_of, ordered=held.ordered) for own in prepared]
+    found = [part for part in parts if part.scored.any()]
+    if not found:
+        raise BadSplit(
+            "windows in two training trials of two classes, to learn from and to choose on",
+            f"none in {len(train)} trials, however they are cut",
+            "record more of them, or longer ones",
+        )
+    return found
 
 
 class _Search:

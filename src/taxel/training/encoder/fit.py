@@ -153,11 +153,11 @@ def _draw(
         own = by_folder[number % len(by_folder)]
         video = own[random.integers(len(own))]
         stretch = random.integers(len(video.images))
-        one, two = random.choice(video.images.shape[1], 2, replace=False)
-        pair = _lit(video.images[stretch, [one, two]], random)
+        before, after = random.choice(video.images.shape[1], 2, replace=False)
+        pair = _lit(video.images[stretch, [before, after]], random)
         first.append(pair[0])
         second.append(pair[1])
-        slip.append(slip_size(video.slip_um[stretch, one], video.slip_um[stretch, two]))
+        slip.append(slip_size(video.slip_um[stretch, before], video.slip_um[stretch, after]))
     return np.stack(first), np.stack(second), np.array(slip, np.float32)
 
 
