@@ -79,6 +79,8 @@ void line_in(emulated *board);
 void line_out(emulated *board);
 
 /* Microseconds of the outer world at the board's present cycle. */
-double outer_us(const emulated *board);
+static inline double outer_us(const emulated *board) {
+  return (double)board->avr->cycle / 16.0 / (1.0 + board->ppm * 1e-6);
+}
 
 #endif

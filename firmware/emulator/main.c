@@ -43,10 +43,6 @@ static emulated boards[MOST_BOARDS];
 static int count;
 static uint64_t now_us;
 
-double outer_us(const emulated *board) {
-  return (double)board->avr->cycle / 16.0 / (1.0 + board->ppm * 1e-6);
-}
-
 static void fail(const char *what, const char *name) {
   fprintf(stderr, "taxel_boards: %s: %s\n", what, name);
   exit(2);

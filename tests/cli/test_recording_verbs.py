@@ -10,7 +10,7 @@ import pytest
 from taxel.cli.import_ import Import
 from taxel.cli.info import Info
 from taxel.cli.pairs import parse_pairs
-from taxel.cli.record import ledger_line, record_source, stop_signals
+from taxel.cli.recording import ledger_line, record_source, stop_signals
 from taxel.cli.recover import Recover
 from taxel.errors import BadInput, BadSource
 from taxel.recordings.manifest import NO_ARRAY

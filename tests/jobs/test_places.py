@@ -8,7 +8,8 @@ import pytest
 
 from taxel.errors import BadInput
 from taxel.jobs.local import LocalEngine
-from taxel.jobs.places import Place, open_engine, parse_place
+from taxel.jobs.place import Place
+from taxel.jobs.places import open_engine, parse_place
 
 
 @pytest.mark.parametrize(

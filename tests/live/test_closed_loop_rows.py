@@ -5,7 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from taxel.bench.closed_loop import HARD, UNSEEN, JudgedPour, data_digest, loop_rows
+from taxel.bench.closed_loop import JudgedPour, data_digest, loop_rows
+from taxel.bench.closed_loop_pours import HARD, UNSEEN
 from taxel.bench.closed_loop_scores import LoopCase
 from taxel.bench.closed_loop_training import PIXEL_CUPS, raisable
 from taxel.live.closed_loop import GripCommand, LoopTrack

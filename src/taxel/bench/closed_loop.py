@@ -13,7 +13,7 @@ import hashlib
 import tempfile
 from collections import Counter
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
 from time import perf_counter
@@ -22,6 +22,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from taxel.actions.grip_policy import GripPolicy, PixelDifference, PixelDifferenceConfig
+from taxel.bench.closed_loop_bound import grip_bound
+from taxel.bench.closed_loop_pours import FAILING, HARD, UNSEEN, is_preventable
 from taxel.bench.closed_loop_scores import (
     NEEDLESS,
     PERSON_PREVENTED,
@@ -47,20 +49,12 @@ from taxel.live.closed_loop import (
     run_loop,
 )
 from taxel.live.grasp_monitor import GraspMonitor
-from taxel.sim.cup_pour import CupPourConfig, list_runs
+from taxel.sim.cup_pour import list_runs
 from taxel.sim.cups import PourRun
 
 if TYPE_CHECKING:
     from taxel.bench.closed_loop_training import Learnt
 
-UNSEEN = CupPourConfig(cups=42, first_cup=5100, forces_n=(15.0, 25.0, 40.0), negatives=0.25)
-"""Cups to judge on, fixed before any of them was looked at; at 50 N there is nothing to raise."""
-HARD = replace(
-    UNSEEN, kinds=("grip drop", "late slip", "bump"), positions=("middle",), negatives=0.0
-)
-"""The same cups, with failing grips, sudden slips and pushes: of these only drops that full force
-would have prevented are played, which is found without taxel."""
-FAILING = ("grip drop", "late slip")
 LEAST_PREVENTED, FAILING_PREVENTED = 0.93, 0.5
 """Goals: the lower end of the interval of the share prevented; failing grips and sudden slips."""
 FORCE_N = 31.1
@@ -130,15 +124,7 @@ def unseen_cups(
 
 def bound_of_grips() -> list[Row]:
     """Raise by the simulator's own slip: what no grip that is raised by slip alone can exceed."""
-    from taxel.bench.closed_loop_bound import grip_bound
-
     return grip_bound()
-
-
-def is_preventable(run: PourRun) -> bool:
-    """Return whether a cup drops without taxel and full force would have held it."""
-    config = LoopConfig()
-    return replay_loop(run, config).dropped and not at_full_force(run, config).dropped
 
 
 def judge_cups(

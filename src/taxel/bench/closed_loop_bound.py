@@ -12,7 +12,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Final
 
-from taxel.bench.closed_loop import FAILING, HARD, UNSEEN, is_preventable
+from taxel.bench.closed_loop_pours import FAILING, HARD, UNSEEN, is_preventable
 from taxel.bench.closed_loop_training import raisable
 from taxel.bench.rows import Row
 from taxel.jobs.running import side_by_side

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING
 from matplotlib.axes import Axes
 
 from taxel.actions.grip_policy import GripPolicy
-from taxel.bench.closed_loop import UNSEEN
+from taxel.bench.closed_loop_pours import UNSEEN
 from taxel.bench.closed_loop_scores import NEEDLESS, PREVENTED, LoopScores
 from taxel.bundles.grasp import read_grasp_bundle
 from taxel.live.closed_loop import (

@@ -18,7 +18,7 @@ from pathlib import Path
 
 import numpy as np
 
-from taxel.bench.faults import STILL, paired_ratios
+from taxel.bench.quiet_station import STILL, paired_ratios
 from taxel.bench.real_mosquitto import free_port
 from taxel.bench.rows import Row, missing, row
 from taxel.bundles.shipped import CUP_POUR, shipped_bundle

@@ -20,6 +20,7 @@ import numpy as np
 from taxel.actions.actuators import Health
 from taxel.actions.gripper import ForceRange
 from taxel.actions.interlock import Interlock, Order, OrderKind
+from taxel.bench.quiet_station import STILL, is_calm, paired_ratios, until
 from taxel.bench.rows import Row, row
 from taxel.bundles.shipped import CUP_POUR, shipped_bundle
 from taxel.decisions.stability import Stability, StabilityDecision
@@ -32,8 +33,6 @@ DRILLS = 20
 """Of each kind. Source: issue of live work."""
 _KILLED_S, _SILENT_S = 0.025, 0.07
 """From death, and from the last sign of life, to the STOP, seconds. Source: as above."""
-STILL = "sim://cup-pour?kind=still&force_n=50&duration_s=600"
-"""A grasp in which nothing happens."""
 _DECIDES_S = 0.02
 """What a STOP may take on top of a decision's life, seconds. Source: issue of live work."""
 _ROUNDS = 5
@@ -43,8 +42,6 @@ _SPELLS = (False, True, True, False)
 """Whether the page is stopped, spell by spell."""
 _PAIRS, _SPELL_S = 4, 1.0
 """How often those follow each other, and how long each is measured, seconds. Our choice."""
-_READY_S = 30.0
-"""How long a monitor may take to come back, seconds."""
 Measure = Callable[[], list[Row]]
 
 
@@ -194,19 +191,6 @@ def slow_page_rows() -> list[Row]:
     ]  # fmt: skip
 
 
-def paired_ratios(spells: list[float]) -> tuple[list[float], list[float]]:
-    """Return stopped over running of neighbours, and of neighbours that are alike the ratio.
-
-    Args:
-        spells: One figure a spell: running, stopped, stopped, running, and again, so that
-            neither a drift nor an order favours either side.
-    """
-    pairs = list(zip(spells[0::2], spells[1::2], strict=True))
-    over = [b / a if number % 2 == 0 else a / b for number, (a, b) in enumerate(pairs)]
-    alike = [b / a for a, b in zip(spells[1:-1:2], spells[2::2], strict=True)]
-    return over, alike
-
-
 def full_disk_rows() -> list[Row]:
     """Let the disk end in the middle of a recording."""
     from taxel.recordings.reader import iterate_frames
@@ -334,31 +318,9 @@ def _drill(station: Station, witness: _Witness, bring_about: Callable[[Station],
     return noticed_s - began_s
 
 
-def is_calm(station: Station) -> bool:
-    """True where the monitor says STABLE, whatever an interlock that has stopped shows."""
-    return station.guard.decision.state is Stability.STABLE
-
-
 def _noticed(station: Station) -> bool:
     waiting = [a for a in station.guard.alarms.alarms if not a.acknowledged]
     return station.guard.shown[0] == STOP and any(a.kind == "monitor" for a in waiting)
-
-
-def until(station: Station, holds: Callable[[], bool]) -> float:
-    """Supervise until something holds; return when, monotonic seconds.
-
-    Raises:
-        TimeoutError: It never does.
-    """
-    limit_s = monotonic() + _READY_S
-    while True:
-        now_s = monotonic()
-        station.tick(now_s)
-        if holds():
-            return monotonic()
-        if now_s > limit_s:
-            raise TimeoutError(f"not within {_READY_S:g} s; shown: {station.guard.shown}")
-        sleep(TICK_S)
 
 
 def _ever(station: Station, seconds: float, holds: Callable[[], bool]) -> int:

@@ -16,7 +16,7 @@ from typing import Any
 from taxel.actions.actuators import Health
 from taxel.actions.gripper import ForceRange
 from taxel.actions.interlock import Interlock, InterlockConfig, InterlockState, Order, OrderKind
-from taxel.bench.faults import STILL, is_calm, until
+from taxel.bench.quiet_station import STILL, is_calm, until
 from taxel.bundles.shipped import CUP_POUR, shipped_bundle
 from taxel.decisions.stability import StabilityDecision
 from taxel.live.station.station import Station

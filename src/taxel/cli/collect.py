@@ -11,7 +11,7 @@ import tyro
 
 from taxel.cli.option_rules import Only
 from taxel.cli.printing import console, print_json, progress, say, say_aside
-from taxel.cli.record import stop_signals
+from taxel.cli.recording import stop_signals
 from taxel.errors import BadInput
 from taxel.views.keys import Keys
 

@@ -9,7 +9,7 @@ import tyro
 
 from taxel.cli.page_address import LOCAL_ADDRESS, PageAddress, parse_address
 from taxel.cli.printing import console, print_json, say, say_aside
-from taxel.cli.record import stop_signals
+from taxel.cli.recording import stop_signals
 from taxel.errors import BadInput
 
 

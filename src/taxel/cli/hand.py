@@ -14,7 +14,7 @@ import tyro
 from taxel.cli.figure_files import need_figures
 from taxel.cli.option_rules import Only
 from taxel.cli.printing import print_json, say
-from taxel.cli.record import stop_signals
+from taxel.cli.recording import stop_signals
 from taxel.errors import BadInput
 
 if TYPE_CHECKING:

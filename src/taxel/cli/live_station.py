@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Any
 from rich.text import Text
 
 from taxel.cli.printing import console, print_json, say, say_aside
-from taxel.cli.record import stop_signals
+from taxel.cli.recording import stop_signals
 from taxel.errors import BadInput
 from taxel.plain_text import visible, visible_line
 

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 from taxel.cli.plan_page import Shower, open_shower
 from taxel.cli.printing import console, print_json, say, say_aside
+from taxel.cli.recording import record_source
 from taxel.errors import BadInput
 from taxel.recordings.trial_plan import PlannedTrial, balance_line, done_of, read_plan
 from taxel.sources.contract import Source
@@ -203,7 +204,6 @@ class _Session:
         return gripper
 
     def _record_untouched(self) -> None:
-        from taxel.cli.record import record_source
 
         path = self._options.output / TARE
         if path.exists():

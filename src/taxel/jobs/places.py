@@ -13,12 +13,12 @@ from __future__ import annotations
 import os
 import socket
 from collections.abc import Callable
-from dataclasses import dataclass
 from pathlib import Path
 from urllib.parse import parse_qsl, urlsplit
 
 from taxel.errors import BadInput
 from taxel.jobs.local import LocalEngine
+from taxel.jobs.place import Place
 from taxel.jobs.running import MOST_WORKERS, Engine, usual_workers
 
 PLACE_VARIABLE = "TAXEL_RUN_ON"
@@ -33,24 +33,6 @@ _STARTED_BY = {
     "dask": ("a Dask scheduler", "dask scheduler --host 127.0.0.1"),
     "ray": ("a Ray cluster", "ray start --head --node-ip-address 127.0.0.1"),
 }
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Place:
-    """Where jobs run."""
-
-    engine: str
-    """One of `PLACES`."""
-    address: str = ""
-    """HOST:PORT of a running scheduler, or a partition; empty starts an engine here."""
-    minutes: int = 60
-    """SLURM: the longest that a job may take."""
-    memory_gb: int = 4
-    """SLURM: memory of a job."""
-    folder: Path = Path("taxel-slurm")
-    """SLURM: where jobs and their logs are kept, on a disk that all nodes share."""
-    executor: str = "slurm"
-    """SLURM: "local" runs the same jobs as processes of this machine, to try them."""
 
 
 def parse_place(text: str) -> Place:

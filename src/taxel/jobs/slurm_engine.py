@@ -18,7 +18,7 @@ from typing import Any
 from taxel.errors import BadInput, MissingExtra, WorkerLost
 from taxel.jobs.call import Call, Done, last_line, perform
 from taxel.jobs.local import ATTEMPTS
-from taxel.jobs.places import Place
+from taxel.jobs.place import Place
 
 LOOK_S = {"slurm": 5.0, "local": 0.05}
 """How often finished jobs are looked for, seconds. A queue is not asked more often than it bears.

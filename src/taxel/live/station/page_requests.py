@@ -8,15 +8,37 @@ Background of our choices: docs/decisions/0018.
 from __future__ import annotations
 
 from datetime import datetime
-from typing import TYPE_CHECKING
+from pathlib import Path
+from typing import Any, Protocol
 
 from taxel.live.station.packets import Packet
-
-if TYPE_CHECKING:
-    from taxel.live.station.station import Station
+from taxel.live.station.wiring import StationConfig
 
 
-def fulfil(station: Station, request: Packet) -> None:
+class Askable(Protocol):
+    """What a page may ask: the part of a station that it reaches."""
+
+    @property
+    def config(self) -> StationConfig:
+        """Labels, groups and the folder of recordings."""
+
+    def acknowledge(self) -> Any:
+        """Let alarms end that a person has seen."""
+
+    def disarm(self, by: str) -> Any:
+        """Take the grip's power to follow."""
+
+    def react(self, what: str) -> Any:
+        """Log what the person did."""
+
+    def record(self, path: Path, labels: dict[str, str], groups: dict[str, str]) -> Any:
+        """Begin a recording."""
+
+    def end_recording(self) -> Any:
+        """End it."""
+
+
+def fulfil(station: Askable, request: Packet) -> None:
     """Do what the page asks.
 
     Raises:
