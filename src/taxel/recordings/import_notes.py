@@ -52,6 +52,8 @@ class FileFacts:
     """Whether commas were taken for decimal signs."""
     one_more: bool = False
     """Whether each of its rows ends in a separator, though the line of names does not."""
+    passed_over: str = ""
+    """Which of its lines around the names are no rows, and why; or empty."""
     rate_hz: float = 0.0
     """Scans a second, hertz, by the median step; 0 for a single scan."""
     time: str = ""
@@ -109,6 +111,7 @@ def notes_of(files: Sequence[FileFacts]) -> list[str]:
         *_number_headers([facts for facts in files if facts.number_header]),
         *_decimal_commas([facts for facts in files if facts.decimal_comma]),
         *_one_more([facts for facts in files if facts.one_more]),
+        *_passed_over([facts for facts in files if facts.passed_over]),
         *_slow(sorted(slow, key=lambda facts: facts.rate_hz)),
         *_fast(sorted(fast, key=lambda facts: -facts.rate_hz)),
         *_gaps([facts for facts in files if facts.gaps], len(files)),
@@ -165,6 +168,10 @@ def _one_more(files: Sequence[FileFacts]) -> list[str]:
         f"{_some(files)}: each row ends in a separator, the line of names does not; the empty cell "
         "behind it was left out"
     ]
+
+
+def _passed_over(files: Sequence[FileFacts]) -> list[str]:
+    return [f"{_some(files)}: passed over {files[0].passed_over}"] if files else []
 
 
 def _slow(files: Sequence[FileFacts]) -> list[str]:

@@ -229,6 +229,7 @@ def _import_file(
         number_header=table.number_header,
         decimal_comma=table.decimal_comma,
         one_more=table.one_more,
+        passed_over=table.passed_over,
         rate_hz=info.rate_hz,
         time=row.time if row.layout == "csv" and not row.time.strip().startswith("rate:") else "",
         gaps=gaps,
