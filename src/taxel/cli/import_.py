@@ -34,9 +34,10 @@ class Import:
     or .dat, gzip-packed or not) or .npy. Its columns: file (relative to the table); label:NAME and
     group:NAME, as many as you like; channels, each with its name or number from 1 and its unit, as
     in Data0[count] Data1[count] 7[deg], or *[N] for all; time, as in Timestamp[ms] (s, ms, us,
-    ns; iso for time stamps), or rate:100Hz; and optionally sensor (its name), full_scale (where it saturates) and
-    layout (csv, icub, or module.py:function). Where labels stand in names, one row may stand for
-    all files that match: {group:session}/{label:object}_trial*.csv; * and ? are what says nothing.
+    ns; iso for time stamps), or rate:100Hz; and optionally sensor (its name), full_scale (where it
+    saturates) and layout (csv, icub, or module.py:function). Where labels stand in names, one row
+    may stand for all files that match: {group:session}/{label:object}_trial*.csv; * and ? are what
+    says nothing.
 
     One row may also stand for a file of many trials: a stacked .npy, or a .npz, MATLAB (.mat) or
     HDF5 (.h5, .hdf5) file. Then trials names the array that holds them (X, or trials/*/force for
