@@ -125,7 +125,7 @@ def test_channels_that_32_bits_wear_away_are_named():
     assert coarse_of(values, ("clock", "adc", "huge", "still", "broken")) == "clock, huge"
     (note,) = notes_of([FileFacts(file="a.csv", coarse="clock")])
     assert note.startswith("a.csv: values are kept in 32 bits")
-    assert "of clock; subtract" in note
+    assert "lost in channels clock; subtract" in note
 
 
 def test_an_array_far_wider_than_long_may_lie_on_its_side():

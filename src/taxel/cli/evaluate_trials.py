@@ -11,7 +11,7 @@ import tyro
 
 from taxel.cli.long_work import LongWork
 from taxel.cli.option_rules import Only
-from taxel.cli.printing import console, print_json, progress, say
+from taxel.cli.printing import command, console, print_json, progress, say
 from taxel.cli.trial_data import FOLDS_IN_TURN, TrialOptions
 from taxel.errors import BadInput
 
@@ -51,11 +51,15 @@ class EvaluateTrials:
 
     def run(self) -> None:
         """Measure and print."""
+        from taxel.bundles.envelope import kind_of
         from taxel.bundles.trials import is_trial_bundle
 
         if self.trials.is_file() and is_trial_bundle(self.trials):
             self._score_bundle()
             return
+        if self.data is not None and kind_of(self.trials):
+            raise BadInput("a bundle of camera trials", f"{self.trials}, a bundle of another kind",
+                           f"run: {command('taxel', 'evaluate', self.trials, self.data)}")  # fmt: skip
         if self.data is not None:
             raise BadInput("one data set, or a bundle and a data set",
                            f"{self.trials}, which is no bundle, and {self.data}",
@@ -95,7 +99,12 @@ class EvaluateTrials:
         from taxel.live.trial_watch import predict_trials
         from taxel.views.trained_on import trained_on_line
         from taxel.views.trial_notes import frames_note
-        from taxel.views.trial_results import score_line, trial_count, unknown_line
+        from taxel.views.trial_results import (
+            not_scored_line,
+            score_line,
+            trial_count,
+            unknown_line,
+        )
 
         if self.data is None:
             raise BadInput("trials to score the bundle on", "none", "name them behind the bundle")
@@ -128,6 +137,7 @@ class EvaluateTrials:
         )
         result["warning"] = seen
         crop = bundle.contract.crop
+        result["not_scored"] = left_out = not_scored_line(target, truth, classes)
         result["note"] = note = frames_note([max(crop, t.frames) for t in trials], crop)
         where = "" if table is None else f" · test part of {table.split}"
         line = f"{trial_count(len(trials))}{where}; none has a {target} that the bundle knows"
@@ -157,6 +167,8 @@ class EvaluateTrials:
         say(line)
         if note is not None:
             say(f"note: {note}")
+        if left_out:
+            say(f"warning: {left_out}", style="yellow")
         if said := unknown_line(verdicts):
             say(said, style="yellow")
         if seen is not None:
