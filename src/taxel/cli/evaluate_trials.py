@@ -58,8 +58,9 @@ class EvaluateTrials:
             self._score_bundle()
             return
         if self.data is not None and kind_of(self.trials):
+            other = command("taxel", "evaluate", self.trials, self.data)
             raise BadInput("a bundle of camera trials", f"{self.trials}, a bundle of another kind",
-                           f"run: {command('taxel', 'evaluate', self.trials, self.data)}")  # fmt: skip
+                           f"run: {other}")  # fmt: skip
         if self.data is not None:
             raise BadInput("one data set, or a bundle and a data set",
                            f"{self.trials}, which is no bundle, and {self.data}",

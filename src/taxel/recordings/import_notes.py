@@ -219,7 +219,8 @@ def _coarse(files: Sequence[FileFacts]) -> list[str]:
         return []
     return [
         f"{_some(files)}: values are kept in 32 bits, in which more than a hundredth of the range "
-        f"is lost in channels {files[0].coarse}; subtract an offset before, or leave counters and clocks out"
+        f"is lost in channels {files[0].coarse}; subtract an offset before, or leave counters and "
+        "clocks out"
     ]
 
 
