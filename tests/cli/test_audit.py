@@ -79,6 +79,10 @@ def test_a_table_of_folds_is_audited(
         (lambda hand: Audit(data=hand, split="random", folds=hand), "one of --split"),
         (lambda hand: Audit(data=hand, unseen=("object",)), "--split, --folds"),
         (lambda hand: Audit(data=hand, split="random", unseen=("colour",)), "'colour'"),
+        (
+            lambda hand: Audit(data=hand, target="shape", split="random", unseen=("shape",)),
+            "with it as group:shape, too",
+        ),
         (lambda hand: Audit(data=hand, folds=hand / "none.csv"), "check the path"),
         (lambda hand: Audit(data=hand, trained=hand), "taxel train"),
         (lambda hand: Audit(data=hand, steps=1), "--steps"),

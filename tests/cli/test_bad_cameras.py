@@ -138,3 +138,14 @@ def files(world: Path) -> list[str]:
     """Return what lies in the folder, but for the cache, which may grow."""
     found = (path for path in world.rglob("*") if "cache" not in path.relative_to(world).parts)
     return sorted(str(path) for path in found)
+
+
+def test_a_bundle_of_another_kind_is_sent_to_its_own_verb(
+    world: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(world)
+    monkeypatch.setattr("taxel.bundles.envelope.kind_of", lambda path: "array")
+    with pytest.raises(SystemExit) as ended:
+        main(["evaluate-trials", "a.taxel", "one.csv"])
+    assert ended.value.code == 2
+    assert "another kind; run: taxel evaluate a.taxel one.csv." in capsys.readouterr().err

@@ -191,3 +191,17 @@ def test_a_class_that_is_tested_must_be_trained(tmp_path: Path) -> None:
 
     with pytest.raises(BadSplit, match=r"every tested class.*none of c2"):
         split(tmp_path, "recording,side", "s0,train", "s1,train", "s2,test", dataset=dataset)
+
+
+@pytest.mark.parametrize(("lines", "said"), [
+    (("group:shape,side", "cube,train", "x,test"), "import again with it as group:shape, too"),
+    (("group:trial,side", "1,train", "2,test"), "import them as group:trial_number"),
+    (("session,side", "s0,train"), r"tabs: group:session if session is a group\."),
+    (("group:trial,side", "1,train", "2,test"), r"and \d+ more\); got '1'"),
+])  # fmt: skip
+def test_what_people_write_instead_is_answered_with_what_to_write(
+    tmp_path: Path, lines: tuple[str, ...], said: str
+) -> None:
+    with pytest.raises(BadTable, match=said) as caught:
+        split(tmp_path, *lines)
+    assert len(str(caught.value)) < 500

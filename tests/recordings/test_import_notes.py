@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from taxel.cli.main import main
-from taxel.recordings.import_notes import gaps_of
+from taxel.recordings.import_notes import FileFacts, coarse_of, gaps_of, lying_of, notes_of
 
 Capture = pytest.CaptureFixture[str]
 
@@ -113,3 +113,23 @@ def test_a_gap_is_more_than_two_median_steps(time_s, found):
 def test_an_ordinary_import_says_nothing(tmp_path, capsys):
     words = write(tmp_path, "x[N],t[ms]", a="t,x\n10,1\n20,2\n30,3\n")
     assert notes(capsys, words) == []
+
+
+def test_channels_that_32_bits_wear_away_are_named():
+    """A clock, or counts around 2^53, would become steps or a constant; counts of 24 bits not."""
+    time_ms = 1709294400000.0 + np.arange(50.0)
+    fine = 8_000_000 + np.arange(50.0)
+    gone = np.where(np.arange(50) == 3, np.nan, 2.0**53 + 2 * np.arange(50.0))
+    values = np.stack([time_ms, fine, gone, np.full(50, 1e9 + 1), np.full(50, np.nan)], 1)
+
+    assert coarse_of(values, ("clock", "adc", "huge", "still", "broken")) == "clock, huge"
+    (note,) = notes_of([FileFacts(file="a.csv", coarse="clock")])
+    assert note.startswith("a.csv: values are kept in 32 bits")
+    assert "lost in channels clock; subtract" in note
+
+
+def test_an_array_far_wider_than_long_may_lie_on_its_side():
+    assert (lying_of(60, 3), lying_of(40, 80)) == ("", "")
+    assert lying_of(3, 60) == "3 scans of 60 channels"
+    (note,) = notes_of([FileFacts(file="a.npy", lying="3 scans of 60 channels")] * 2)
+    assert note.startswith("a.npy and 1 more: read as 3 scans of 60 channels; if its rows are")

@@ -99,3 +99,17 @@ def test_a_trial_s_name_holds_the_folders_that_tell_it_apart(tmp_path: Path) -> 
     table = tmp_path / "trials.csv"
     table.write_text("left,right\na/1/l.avi,a/1/r.avi\na/2/l.avi,a/2/r.avi\n")
     assert [row.name for row in read_video_rows(table, tmp_path)] == ["0001-1", "0002-2"]
+
+
+def test_hidden_files_beside_the_images_are_no_frames(tmp_path: Path) -> None:
+    """macOS leaves ._frame1.png, a few bytes, beside each image on a stick."""
+    (tmp_path / "frame1.png").write_bytes(coded(".png"))
+    (tmp_path / "._frame1.png").write_bytes(b"Mac OS X")
+
+    assert open_footage(tmp_path).count == 1
+
+
+def test_a_pattern_in_a_table_of_videos_is_refused_by_its_reason(tmp_path: Path) -> None:
+    """In tables of arrays such a cell stands for many files, so people write it here too."""
+    with pytest.raises(BadTable, match="write a row for each trial"):
+        open_footage(tmp_path / "{label:object}_*.png")

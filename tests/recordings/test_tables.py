@@ -154,7 +154,11 @@ def test_other_files_are_refused(tmp_path):
     assert "check the path" in refusal(tmp_path / "gone.csv")
     (tmp_path / "a.csv").write_bytes("t,a,b\n1,2,µ\n".encode("latin-1"))
     assert "UTF-8" in refusal(tmp_path / "a.csv")
-    for name, array in (("one", np.zeros(3)), ("text", np.array([["x"]])), ("z", np.array([[1j]]))):
+    for name, array in (
+        ("one", np.zeros((2, 2, 2))),
+        ("text", np.array([["x"]])),
+        ("z", np.array([[1j]])),
+    ):
         np.save(tmp_path / f"{name}.npy", array)
         assert "(rows, columns)" in refusal(tmp_path / f"{name}.npy")
     np.save(tmp_path / "object.npy", np.array([[{}]], dtype=object), allow_pickle=True)

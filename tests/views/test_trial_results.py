@@ -22,7 +22,7 @@ from taxel.evaluation.camera_trials.crossval import (
 )
 from taxel.evaluation.camera_trials.sides import split_trials
 from taxel.views.trial_notes import control_warnings, frames_note, trial_notes
-from taxel.views.trial_results import trial_tables, unknown_line
+from taxel.views.trial_results import not_scored_line, trial_tables, unknown_line
 
 from trial_makers import few_small_members, some_trials  # isort: skip
 
@@ -126,3 +126,12 @@ def test_classes_are_shown_by_the_numbers_in_their_names() -> None:
     whole = replace(scored("taxel", 0.5, 0.5, ""), probabilities=np.full((24, 2), 0.5))
     console.print(trial_tables(trials, split, [whole], []))
     assert "kind: 12 m2, 12 m10;" in console.export_text()
+
+
+def test_trials_of_a_class_that_the_bundle_never_learned_are_counted() -> None:
+    """They are in no accuracy: 12 of 12 right must not hide four called Slip instead of 1."""
+    assert not_scored_line("slipped", ["0", "1", "1"], ["0", "1"]) == ""
+    line = not_scored_line("slipped", ["0", "Slip", "1", "", "Slip"], ["0", "1"])
+
+    assert line.startswith("3 of 5 trials are in no accuracy, for the bundle knows the slipped 0, ")
+    assert "1 only, not Slip, none; mend" in line

@@ -118,7 +118,10 @@ class Audit:
         for key in self.unseen:
             if touch.group(key) is None:
                 known = ", ".join(sorted(touch.trials[0].groups))
-                raise BadInput(f"groups among {known} for --unseen", repr(key), "name one of them")
+                mend = "name one of them"
+                if key == touch.target:
+                    mend = f"{key} is the label: import again with it as group:{key}, too"
+                raise BadInput(f"groups among {known} for --unseen", repr(key), mend)
         own = not split_given(self.split, self.folds, self.test) and self.split is None
         if self.split == "split" or (own and are_given(touch)):
             return given_sides(touch, steps, self.unseen)

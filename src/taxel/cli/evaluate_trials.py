@@ -12,7 +12,7 @@ import tyro
 
 from taxel.cli.long_work import LongWork
 from taxel.cli.option_rules import Only
-from taxel.cli.printing import console, print_json, progress, say
+from taxel.cli.printing import command, console, print_json, progress, say
 from taxel.cli.trial_data import FOLDS_IN_TURN, TrialOptions
 from taxel.errors import BadInput
 
@@ -54,11 +54,16 @@ class EvaluateTrials:
 
     def run(self) -> None:
         """Measure and print."""
+        from taxel.bundles.envelope import kind_of
         from taxel.bundles.trials import is_trial_bundle
 
         if self.trials.is_file() and is_trial_bundle(self.trials):
             self._score_bundle()
             return
+        if self.data is not None and kind_of(self.trials):
+            other = command("taxel", "evaluate", self.trials, self.data)
+            raise BadInput("a bundle of camera trials", f"{self.trials}, a bundle of another kind",
+                           f"run: {other}")  # fmt: skip
         if self.data is not None:
             raise BadInput("one data set, or a bundle and a data set",
                            f"{self.trials}, which is no bundle, and {self.data}",
@@ -93,7 +98,7 @@ class EvaluateTrials:
         from taxel.live.trial_watch import predict_trials
         from taxel.views.trained_on import trained_on_line
         from taxel.views.trial_notes import frames_note
-        from taxel.views.trial_results import unknown_line
+        from taxel.views.trial_results import not_scored_line, unknown_line
 
         if self.data is None:
             raise BadInput("trials to score the bundle on", "none", "name them behind the bundle")
@@ -110,13 +115,19 @@ class EvaluateTrials:
         )
         crop = bundle.contract.crop
         note = frames_note([max(crop, t.frames) for t in trials], crop)
+        target, classes = bundle.contract.target, bundle.contract.classes
+        truth = [trial.labels.get(target, "") for trial in trials]
+        left_out = not_scored_line(target, truth, classes)
         line, scores = _scores(bundle.contract, trials, verdicts, table)
         if self.json:
-            print_json({"bundle": str(self.trials), **scores, "warning": seen, "note": note})
+            beside = {"warning": seen, "not_scored": left_out, "note": note}
+            print_json({"bundle": str(self.trials), **scores, **beside})
             return
         say(line)
         if note is not None:
             say(f"note: {note}")
+        if left_out:
+            say(f"warning: {left_out}", style="yellow")
         if said := unknown_line(verdicts):
             say(said, style="yellow")
         if seen is not None:

@@ -170,8 +170,9 @@ def _key(path: Path, header: list[str]) -> str:
         raise BadTable(
             "the columns recording (or group:KEY), fold or side or both, and if need be start_s, "
             "end_s, view, label_s",
-            f"{', '.join(header) or 'none'} in {path}", "mend line 1, "
-            "whose names stand between commas, semicolons or tabs",
+            f"{', '.join(header) or 'none'} in {path}",
+            "mend line 1, whose names stand between commas, semicolons or tabs"
+            + (f": {GROUP}{others[0]} if {others[0]} is a group" if others and not names else ""),
         )  # fmt: skip
     return names[0]
 

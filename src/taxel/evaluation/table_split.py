@@ -24,6 +24,8 @@ from taxel.windows.joining import join_datasets
 
 _SLACK_S = 1e-3
 """A row may start this much before its trial, seconds: tables round. Source: our choice."""
+MOST_KNOWN = 12
+"""Values of a group that a message lists. Source: our choice, docs/decisions/0040."""
 _NO_WINDOW = "gave no window", "choose shorter windows, or other trials"
 """Why a row moves no trial, and what helps."""
 
@@ -207,15 +209,25 @@ def trials_of_row(
     of_group = any(trial.groups.get(row.key) == row.value for trial in there)
     if not of_group and row.key != "recording":
         known = sorted({trial.groups[row.key] for trial in there if row.key in trial.groups})
+        mend = "correct it, or leave the row out"
+        if not known and any(row.key in trial.labels for trial in there):
+            mend = f"{row.key} is a label there: import again with it as group:{row.key}, too"
+        elif row.key == "trial":
+            mend = "write it so; for numbers of your own, import them as group:trial_number"
         raise BadTable(
             f"a value of the group {row.key!r} in the recordings "
-            f"({', '.join(known) if known else 'which have no such group'})",
-            f"{row.value!r} in {table.where(row)}", "correct it, or leave the row out",
+            f"({_some(known) if known else 'which have no such group'})",
+            f"{row.value!r} in {table.where(row)}", mend,
         )  # fmt: skip
     if not of_group and row.value not in recordings:
         raise BadTable("a recording of the folder", f"{row.value!r} in {table.where(row)}",
                        "correct its name, or leave the row out")  # fmt: skip
     return _moved(row, trials)
+
+
+def _some(values: Sequence[str]) -> str:
+    more = f" and {len(values) - MOST_KNOWN} more" if len(values) > MOST_KNOWN else ""
+    return ", ".join(values[:MOST_KNOWN]) + more
 
 
 def _moved(row: FoldRow, trials: Sequence[Trial]) -> frozenset[int]:

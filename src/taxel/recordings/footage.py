@@ -38,6 +38,9 @@ NO_RATE_HZ = 25.0
 rate. Source: our choice, docs/decisions/0041."""
 _GREY = 3.0
 """Mean difference between colours, grey levels, below which a video has no colour."""
+HIDDEN = "."
+"""First letter of names that are passed over in a folder: macOS leaves `._frame1.png` beside each
+image on a stick."""
 _BLOCK = MIB
 Result = TypeVar("Result")
 
@@ -59,7 +62,12 @@ class Video:
     def __init__(self, path: Path) -> None:
         self.path = path
         if not path.is_file():
-            raise BadTable("a video of each camera", f"no file {path}", "check the path")
+            pattern = any(sign in path.name for sign in "{*")
+            raise BadTable(
+                "a video of each camera", f"no file {path}",
+                "write a row for each trial: in tables of videos no cell stands for several files"
+                if pattern else "check the path",
+            )  # fmt: skip
         _refuse_cut(path)
         self._capture = cv2.VideoCapture(str(path))
         self.count = int(self._capture.get(cv2.CAP_PROP_FRAME_COUNT))
@@ -128,7 +136,13 @@ class Images:
         self.path = path
         inside = path.iterdir() if path.is_dir() else [path]
         self._files = sorted(
-            (file for file in inside if file.suffix.lower() in IMAGES), key=_in_order
+            (
+                file
+                for file in inside
+                if file.suffix.lower() in IMAGES
+                and not (file.name.startswith(HIDDEN) and file != path)
+            ),
+            key=_in_order,
         )
         if not self._files:
             raise BadTable(

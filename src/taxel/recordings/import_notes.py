@@ -32,6 +32,11 @@ NO_CHANNELS = frozenset(
 )  # fmt: skip
 """Names of columns that are rarely a sensor's: pandas' index, labels. Source: our choice,
 docs/decisions/0011."""
+COARSE = 0.01
+"""Share of a channel's range that 32 bits may lose. Source: our choice, docs/decisions/0011."""
+LYING = 2
+"""Channels for each scan beyond which an array may lie on its side. Source: our choice,
+docs/decisions/0011."""
 ZEROS, OFTEN = 3, 0.1
 """Rows of zeros at a trial's end, and the share of trials that end so, from which on these may be
 padding. Source: our choice, docs/decisions/0011."""
@@ -52,6 +57,8 @@ class FileFacts:
     """Whether commas were taken for decimal signs."""
     one_more: bool = False
     """Whether each of its rows ends in a separator, though the line of names does not."""
+    passed_over: str = ""
+    """Which of its lines around the names are no rows, and why; or empty."""
     rate_hz: float = 0.0
     """Scans a second, hertz, by the median step; 0 for a single scan."""
     time: str = ""
@@ -68,6 +75,10 @@ class FileFacts:
     """How a file of many trials was read, the same for all of its trials."""
     doubts: tuple[str, ...] = ()
     """What may have been meant in another way, the same for all of its trials."""
+    coarse: str = ""
+    """Channels that lose much in 32 bits; or empty."""
+    lying: str = ""
+    """How it was read where its rows may be its channels; or empty."""
     padding: int = 0
     """Rows of NaN at its end, which were cut."""
     zeros: int = 0
@@ -93,6 +104,35 @@ def gaps_of(time_s: NDArray[np.float64]) -> tuple[int, float, float]:
     return count, float(steps_s[longest]), float(time_s[longest] - time_s[0])
 
 
+def coarse_of(values: NDArray[np.float64], names: Sequence[str]) -> str:
+    """Return the channels that lose more than a hundredth of their range in 32 bits.
+
+    Args:
+        values: Shape (n, channels).
+        names: Of the channels.
+    """
+    low, high = np.fmin.reduce(values, axis=0), np.fmax.reduce(values, axis=0)  # passes over NaN
+    with np.errstate(over="ignore", invalid="ignore"):
+        step = np.spacing(np.maximum(np.abs(low), np.abs(high)).astype(np.float32))
+        most = COARSE * (high - low)
+        may = np.flatnonzero((most > 0) & (step.astype(np.float64) > most))
+    odd = [names[column] for column in may if _lost(values[:, column]) > most[column]]
+    more = f" and {len(odd) - 8} more" if len(odd) > 8 else ""
+    return ", ".join(map(visible, odd[:8])) + more
+
+
+def _lost(channel: NDArray[np.float64]) -> float:
+    """Return the most that a value of a channel loses in 32 bits."""
+    return float(np.fmax.reduce(np.abs(channel - channel.astype(np.float32))))
+
+
+def lying_of(rows: int, channels: int) -> str:
+    """Return how an array was read, if it is far wider than long: its rows may be its channels."""
+    if channels <= LYING * rows:
+        return ""
+    return f"{rows} {'scan' if rows == 1 else 'scans'} of {channels} channels"
+
+
 def notes_of(files: Sequence[FileFacts]) -> list[str]:
     """Return a line for each matter, however many files it is found in."""
     slow = [facts for facts in files if facts.time and 0 < facts.rate_hz < SLOW_HZ]
@@ -109,6 +149,9 @@ def notes_of(files: Sequence[FileFacts]) -> list[str]:
         *_number_headers([facts for facts in files if facts.number_header]),
         *_decimal_commas([facts for facts in files if facts.decimal_comma]),
         *_one_more([facts for facts in files if facts.one_more]),
+        *_coarse([facts for facts in files if facts.coarse]),
+        *_lying([facts for facts in files if facts.lying]),
+        *_passed_over([facts for facts in files if facts.passed_over]),
         *_slow(sorted(slow, key=lambda facts: facts.rate_hz)),
         *_fast(sorted(fast, key=lambda facts: -facts.rate_hz)),
         *_gaps([facts for facts in files if facts.gaps], len(files)),
@@ -164,6 +207,29 @@ def _one_more(files: Sequence[FileFacts]) -> list[str]:
     return [
         f"{_some(files)}: each row ends in a separator, the line of names does not; the empty cell "
         "behind it was left out"
+    ]
+
+
+def _passed_over(files: Sequence[FileFacts]) -> list[str]:
+    return [f"{_some(files)}: passed over {files[0].passed_over}"] if files else []
+
+
+def _coarse(files: Sequence[FileFacts]) -> list[str]:
+    if not files:
+        return []
+    return [
+        f"{_some(files)}: values are kept in 32 bits, in which more than a hundredth of the range "
+        f"is lost in channels {files[0].coarse}; subtract an offset before, or leave counters and "
+        "clocks out"
+    ]
+
+
+def _lying(files: Sequence[FileFacts]) -> list[str]:
+    if not files:
+        return []
+    return [
+        f"{_some(files)}: read as {files[0].lying}; if its rows are the channels, write "
+        "channels rows in the column 'axes'"
     ]
 
 

@@ -19,7 +19,13 @@ import numpy as np
 from taxel.errors import BadTable
 from taxel.plain_text import visible
 from taxel.recordings import tables
-from taxel.recordings.import_notes import FileFacts, doubtful_names, gaps_of
+from taxel.recordings.import_notes import (
+    FileFacts,
+    coarse_of,
+    doubtful_names,
+    gaps_of,
+    lying_of,
+)
 from taxel.recordings.import_rows import ImportRow, read_rows
 from taxel.recordings.intervals import Interval, marks_of, read_intervals, stem_of, write_marked
 from taxel.recordings.layouts import find_layout
@@ -224,11 +230,16 @@ def _import_file(
         of_line=(*row.remarks, *remarks_on_rows(row.by_row)),
         remarks=tuple(source.remarks) if source else (),
         doubts=(*row.doubts, *(source.doubts if source else ()), *_doubtful(row, table)),
+        coarse=coarse_of(table.values, table.names),
+        lying=lying_of(*table.values.shape)
+        if _by_star(row) and row.trial is None and row.file.name.lower().endswith(".npy")
+        else "",
         padding=padding.cut,
         zeros=padding.zeros,
         number_header=table.number_header,
         decimal_comma=table.decimal_comma,
         one_more=table.one_more,
+        passed_over=table.passed_over,
         rate_hz=info.rate_hz,
         time=row.time if row.layout == "csv" and not row.time.strip().startswith("rate:") else "",
         gaps=gaps,
@@ -267,8 +278,12 @@ def _marks(
 
 def _doubtful(row: ImportRow, table: Table) -> list[str]:
     """Return a line on names that speak against channels, where * took all columns."""
-    taken = row.layout == "csv" and row.channels.strip().startswith(tables.ALL)
-    return doubtful_names(visible(row.called or row.file.name), table.names) if taken else []
+    called = visible(row.called or row.file.name)
+    return doubtful_names(called, table.names) if _by_star(row) else []
+
+
+def _by_star(row: ImportRow) -> bool:
+    return row.layout == "csv" and row.channels.strip().startswith(tables.ALL)
 
 
 def _stated_rate(row: ImportRow) -> float:

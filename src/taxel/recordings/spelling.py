@@ -10,6 +10,8 @@ import unicodedata
 from collections import defaultdict
 from collections.abc import Collection, Iterable, Mapping
 
+_NUMBER = re.compile(r"([+-]?)([0-9]{1,40})(?:\.([0-9]{0,40}))?")
+
 
 def composed(text: str) -> str:
     """Return a text with composed letters (NFC): "é" is one letter, however it was typed."""
@@ -31,23 +33,37 @@ def column_name(text: str, plain: Collection[str]) -> str:
 
 
 def look_alikes(what: str, sets: Iterable[Mapping[str, str]]) -> list[str]:
-    """Return a line for each lot of values that differ in case or blanks only.
+    """Return a line for each lot of values that differ in case or blanks only, or in zeros.
 
     Args:
         what: What the values are: "label" or "group".
         sets: Labels, or groups, of everything there is: name → value.
     """
     lots: dict[tuple[str, str], set[str]] = defaultdict(set)
+    numbers: dict[tuple[str, str], set[str]] = defaultdict(set)
     for group in sets:
         for name, value in group.items():
             spelt = composed(value)
             lots[composed(name), "".join(spelt.casefold().split())].add(spelt)
+            if number := _plain_number(spelt):
+                numbers[composed(name), number].add(spelt)
     return [
-        f"{what} {name}: {', '.join(map(repr, sorted(values)))} differ in case or blanks only; "
+        f"{what} {name}: {', '.join(map(repr, sorted(values)))} differ in {how} only; "
         f"they count as {len(values)}"
-        for (name, _), values in sorted(lots.items())
+        for how, own in (("case or blanks", lots), ("how a number is written", numbers))
+        for (name, _), values in sorted(own.items())
         if len(values) > 1
     ]
+
+
+def _plain_number(text: str) -> str:
+    """Return a number without needless zeros, so that 1, 01 and 1.0 are alike; else nothing."""
+    found = _NUMBER.fullmatch(text.strip())
+    if found is None:
+        return ""
+    sign, whole, fraction = found.groups()
+    left, right = whole.lstrip("0") or "0", (fraction or "").rstrip("0")
+    return f"{'-' * (sign == '-' and (left, right) != ('0', ''))}{left}.{right}"
 
 
 def by_numbers(name: str) -> list[tuple[int, str]]:

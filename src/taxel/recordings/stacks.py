@@ -35,6 +35,7 @@ from taxel.recordings.tables import (
     check_values,
     parse_columns,
     parse_time,
+    refuse_stamps,
 )
 from taxel.recordings.trial_sets import (
     FROM,
@@ -107,6 +108,8 @@ class ArrayTrials:
     def _read_words(self, words: StackWords, labels: Sequence[str], counts: Sequence[int]) -> None:
         columns = parse_columns(words.channels, self._where)
         self._time = parse_time(words.time, self._where)
+        if self._time.column is not None:
+            refuse_stamps(self._time.column, self._where)
         named = "" if self._time.column is None else self._time.column.name
         self._time_array = named[len(FROM) :].strip() if named.lower().startswith(FROM) else ""
         in_channel = "" if self._time_array else named

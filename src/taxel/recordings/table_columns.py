@@ -29,6 +29,7 @@ from taxel.recordings.table_form import (
     find_form,
     is_number,
 )
+from taxel.recordings.time_stamps import is_stamp, seconds_of
 
 LARGEST_TABLE = 1024 * MIB
 """Bytes of a table of values, unpacked: three hours of twelve channels at 1 kHz as text. Our
@@ -59,9 +60,11 @@ class TextColumns:
     """Whether commas were taken for decimal signs."""
     one_more: bool = False
     """Whether each row ends in a separator, with an empty cell behind it that was left out."""
+    passed_over: str = ""
+    """Which lines around the names are no rows, and why, for a note; or empty."""
 
 
-def text_columns(path: Path, wanted: Sequence[str]) -> TextColumns:
+def text_columns(path: Path, wanted: Sequence[str], stamps: str = "") -> TextColumns:
     """Return the wanted columns of a text; `table_form.find_form` says how it may be written.
 
     Args:
@@ -69,29 +72,37 @@ def text_columns(path: Path, wanted: Sequence[str]) -> TextColumns:
             separate.
         wanted: Names as in the header, or numbers from 1. Where the header itself holds whole
             numbers, these are names, and nothing is counted.
+        stamps: The wanted column that holds dates or times of day, which become seconds
+            (time_stamps.py); none by default.
 
     Raises:
         BadTable: Anything in the file is not as it should be; says where.
     """
-    form, below = find_form(path, _lines(path, LARGEST_TABLE))
+    form, below = find_form(path, _lines(path, LARGEST_TABLE), wanted)
     names = form.names
     what = f"a header with {_some(names)}" if form.named else f"{len(names)} columns, no header"
     where = _places(path, names, wanted, what)
     sign = DecimalSign(path, form.separator)
-    values = _values(path, _rows(path, below, form), form, where, sign)
+    stamped = where[wanted.index(stamps)] if stamps else -1
+    values = _values(path, _rows(path, below, form), form, where, sign, stamped)
     return TextColumns(
         values=values, first_line=form.first_line, decimal_comma=sign.comma,
         number_header=_some(names) if form.counting else "", one_more=form.one_more,
+        passed_over=form.passed_over,
     )  # fmt: skip
 
 
-def text_names(path: Path) -> tuple[str, ...]:
+def text_names(path: Path, wanted: Sequence[str] = ()) -> tuple[str, ...]:
     """Return the names of a text's columns; their numbers from 1 where no line holds names.
+
+    Args:
+        path: The file.
+        wanted: Names by which their line is known, such as that of the column of time.
 
     Raises:
         BadTable: As `text_columns`.
     """
-    return find_form(path, _lines(path, LARGEST_TABLE))[0].names
+    return find_form(path, _lines(path, LARGEST_TABLE), wanted)[0].names
 
 
 def text_cells(path: Path, wanted: Sequence[str]) -> tuple[int, Iterator[list[str]]]:
@@ -100,7 +111,7 @@ def text_cells(path: Path, wanted: Sequence[str]) -> tuple[int, Iterator[list[st
     Raises:
         BadTable: As `text_columns`, some of it only when the rows are taken.
     """
-    form, below = find_form(path, _lines(path, LARGEST_TABLE))
+    form, below = find_form(path, _lines(path, LARGEST_TABLE), wanted)
     what = f"a header with {_some(form.names)}" if form.named else f"{len(form.names)} columns"
     where = _places(path, form.names, wanted, what)
     rows = _rows(path, below, form)
@@ -113,14 +124,22 @@ def _values(
     form: TableForm,
     where: Sequence[int],
     sign: DecimalSign,
+    stamped: int,
 ) -> NDArray[np.float64]:
-    """Return the columns at the places `where` as numbers, shape (rows, places)."""
+    """Return the columns at the places `where` as numbers, shape (rows, places).
+
+    Time stamps at the place `stamped` become seconds.
+    """
     blocks, count = [np.empty((0, len(where)))], 0
     while block := list(islice(rows, max(1, _BLOCK_CELLS // len(form.names)))):
         found = np.empty((len(block), len(where)))
         for place, index in enumerate(where):
             line = form.first_line + count
-            cells = sign.with_points([row[index] for row in block], line)
+            cells = [row[index] for row in block]
+            if index == stamped:
+                found[:, place] = seconds_of(path, cells, form.names[index], line)
+                continue
+            cells = sign.with_points(cells, line)
             found[:, place] = _numbers(path, cells, form.names[index], line)
         blocks.append(found)
         count += len(block)
@@ -131,6 +150,8 @@ def _values(
 def npy_columns(path: Path, wanted: Sequence[str]) -> NDArray[np.float64]:
     """Return the wanted columns of a .npy file of shape (rows, columns), numbered from 1.
 
+    One of shape (rows,) has one column.
+
     Raises:
         BadTable: It holds no such array, or its size is not what it says.
     """
@@ -139,12 +160,12 @@ def npy_columns(path: Path, wanted: Sequence[str]) -> NDArray[np.float64]:
             size = size_of(file)
             refuse_larger(path, size, LARGEST_TABLE)
             start, dtype, shape, by_columns = read_head(file.read(LONGEST_START))
-            if len(shape) != 2 or dtype.kind not in "iufb":
+            if len(shape) not in (1, 2) or dtype.kind not in "iufb":
                 raise BadTable(
                     "an array of shape (rows, columns) of real numbers",
                     f"{path} of shape {shape}, {dtype}", "write it so",
                 )  # fmt: skip
-            rows, columns = shape
+            rows, columns = (*shape, 1)[:2]
             if rows * columns * dtype.itemsize != size - start:
                 raise BadFile(
                     "as many bytes as its shape says", f"{size - start:,} for {shape}", "write it"
@@ -349,8 +370,9 @@ def _numbers(path: Path, cells: list[str], name: str, first_line: int) -> NDArra
             raise BadTable(
                 "a number",
                 f"{cell[:80]!r} in {path}, line {row + first_line}, column {name[:80]!r}",
-                mend_number(cell),
-            )
+                "if it is the time, write NAME[iso] in the column 'time'; else choose other columns"
+                if is_stamp(cell) else mend_number(cell),
+            )  # fmt: skip
         numbers[row] = float(cell) if cell.strip() else np.nan
     return numbers
 

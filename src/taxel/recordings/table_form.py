@@ -12,12 +12,14 @@ from __future__ import annotations
 
 import csv
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass
 from itertools import chain
 from pathlib import Path
 
 from taxel.errors import BadTable
+from taxel.plain_text import visible
+from taxel.recordings.table_head import below_head, holds_units
 
 _ENDINGS = (".csv", ".tsv", ".txt", ".dat")
 TEXT_ENDINGS = (*(f"{ending}.gz" for ending in _ENDINGS), *_ENDINGS)
@@ -44,25 +46,33 @@ class TableForm:
     """Number of the line that holds the first row."""
     one_more: bool = False
     """Whether each row ends in a separator that the line of names does not end in."""
+    passed_over: str = ""
+    """Which lines around the names are no rows, and why, for a note; or empty."""
 
 
-def find_form(path: Path, lines: Iterator[str]) -> tuple[TableForm, Iterator[str]]:
+def find_form(
+    path: Path, lines: Iterator[str], wanted: Collection[str] = ()
+) -> tuple[TableForm, Iterator[str]]:
     """Return how a text is written, and the lines that hold its rows.
 
     A first line of nothing but numbers is a row of values, unless they count the columns, from 0
     (as pandas does) or 1, and the line below does not. Lines above it that begin with # are
     remarks; the last of them names the columns where it has as many words (as NumPy writes it).
     Rows may end in a separator (as dumps of ROS do) where the names do not: nothing stands behind
-    it, in any row, so that no cell can belong to another name.
+    it, in any row, so that no cell can belong to another name. Lines above that of the wanted
+    names, and a line of units below it, are passed over (table_head.py).
 
     Args:
         path: For messages.
         lines: Without their ends.
+        wanted: Names of columns by which the line of names is known.
 
     Raises:
         BadTable: The first line is empty, or there is none.
     """
+    above_names, lines = below_head(lines, wanted)
     first, number, remark = _below_remarks(path, lines)
+    number += above_names
     second = next(lines, None)
     separator = _separator(path, first, second)
     top = [name.strip() for name in cells_of(path, number, first, separator)]
@@ -75,14 +85,49 @@ def find_form(path: Path, lines: Iterator[str]) -> tuple[TableForm, Iterator[str
     below = lines if second is None else chain([second], lines)
     if counting or any(name and not _is_value(name) for name in top):
         cells = [] if second is None else cells_of(path, number + 1, second, separator)
+        one_more = len(cells) == len(top) + 1 and not cells[-1].strip()
+        units, below = _below_units(path, number + 1, cells, below, separator)
         form = TableForm(separator=separator, names=tuple(top), named=True, counting=counting,
-                         first_line=number + 1,
-                         one_more=len(cells) == len(top) + 1 and not cells[-1].strip())  # fmt: skip
+                         first_line=number + 1 + bool(units), one_more=one_more,
+                         passed_over=_passed_over(above_names, number + 1, units))  # fmt: skip
         return form, below
     names = above or [str(number) for number in range(1, len(top) + 1)]
     form = TableForm(separator=separator, names=tuple(names), named=bool(above), counting=False,
-                     first_line=number)  # fmt: skip
+                     first_line=number, passed_over=_passed_over(above_names, 0, []))  # fmt: skip
     return form, chain([first], below)
+
+
+def _below_units(
+    path: Path, number: int, second: list[str], below: Iterator[str], separator: str
+) -> tuple[list[str], Iterator[str]]:
+    """Return the units in the line below the names, if it holds units, and the lines of rows.
+
+    Args:
+        path: For messages.
+        number: Of the line below the names.
+        second: Its cells.
+        below: That line and those below it.
+        separator: Of the cells.
+    """
+    line, after = next(below, None), next(below, None)
+    if line is None or after is None:
+        return [], chain([] if line is None else [line], below)
+    third = cells_of(path, number + 1, after, separator)
+    if holds_units(second, third, _is_value):
+        return second, chain([after], below)
+    return [], chain([line, after], below)
+
+
+def _passed_over(above: int, number: int, units: Sequence[str]) -> str:
+    """Return which lines are no rows: those above the names, and the one of units."""
+    found = []
+    if above:
+        lines = "line 1" if above == 1 else f"lines 1 to {above}"
+        found.append(f"{lines} above the names")
+    if units:
+        shown = ", ".join(visible(cell.strip()) for cell in units[:6]) + (" …" * bool(units[6:]))
+        found.append(f"line {number}, which holds units ({shown})")
+    return " and ".join(found)
 
 
 def _names_in(remark: str, separator: str, columns: int) -> list[str]:

@@ -21,7 +21,13 @@ from numpy.typing import NDArray
 from taxel.errors import BadTable
 from taxel.recordings.restarts import RESTARTS, restarts_of
 from taxel.recordings.scan_layout import FURTHEST_S
-from taxel.recordings.table_columns import npy_columns, npy_shape, text_columns, text_names
+from taxel.recordings.table_columns import (
+    TextColumns,
+    npy_columns,
+    npy_shape,
+    text_columns,
+    text_names,
+)
 from taxel.recordings.table_form import TEXT_ENDINGS
 
 Missing = Literal["refuse", "keep"]
@@ -37,6 +43,8 @@ ALL = "*"
 """In the place of a channel's name: all columns but that of time."""
 TIME_UNITS_S = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
 """Unit of a time column → seconds."""
+STAMPS = "iso"
+"""In the place of its unit: dates with times, or times of day (time_stamps.py)."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -72,6 +80,8 @@ class Table:
     """Whether commas were taken for decimal signs."""
     one_more: bool = False
     """Whether each row ends in a separator, with an empty cell behind it that was left out."""
+    passed_over: str = ""
+    """Which lines around the names are no rows, and why, for a note; or empty."""
 
 
 def parse_columns(text: str, where: str) -> tuple[Column, ...]:
@@ -106,10 +116,10 @@ def _no_unit(word: str, where: str) -> BadTable:
 
 
 def parse_time(text: str, where: str) -> TimeColumn:
-    """Return where time comes from: "Timestamp[ms]", "1[s]" or "rate:100Hz".
+    """Return where time comes from: "Timestamp[ms]", "1[s]", "stamp[iso]" or "rate:100Hz".
 
     Raises:
-        BadTable: It is neither, or the unit is not s, ms, us or ns.
+        BadTable: It is neither, or the unit is not s, ms, us, ns or iso.
     """
     rate = re.fullmatch(r"rate:\s*([0-9.]{1,40})\s*Hz", text.strip())
     if rate is not None:
@@ -120,13 +130,26 @@ def parse_time(text: str, where: str) -> TimeColumn:
         if 0 < rate_hz <= LARGEST_RATE_HZ:
             return TimeColumn(rate_hz=rate_hz)
     match = re.fullmatch(r"\s*([^\[\]]+)\[([^\[\]]+)\]\s*", text)
-    if match is None or match[2].strip() not in TIME_UNITS_S:
+    if match is None or match[2].strip() not in (*TIME_UNITS_S, STAMPS):
         raise BadTable(
-            f"time as NAME[s], NAME[ms], NAME[us], NAME[ns] or rate:100Hz in {where}",
+            f"time as NAME[s], NAME[ms], NAME[us], NAME[ns], NAME[iso] or rate:100Hz in {where}",
             repr(text[:80]),
             "correct it",
         )
     return TimeColumn(column=Column(name=match[1].strip(), unit=match[2].strip()))
+
+
+def refuse_stamps(column: Column, where: str) -> None:
+    """Refuse time stamps as texts, for arrays hold numbers.
+
+    Raises:
+        BadTable: The column's unit says that it holds stamps.
+    """
+    if column.unit == STAMPS:
+        raise BadTable(
+            "times as numbers in an array", f"{column.name}[{STAMPS}] in {where}",
+            "save seconds in it and write s, or give a rate, as in rate:100Hz",
+        )  # fmt: skip
 
 
 def read_table(
@@ -154,15 +177,14 @@ def read_table(
     columns = _all_columns(path, columns, time, but)
     wanted = [column.name for column in columns]
     wanted += [time.column.name] if time.column is not None else []
-    first_line, number_header, decimal_comma, one_more = 1, "", False, False
+    stamps = time.column.name if time.column and time.column.unit == STAMPS else ""
     ending = path.name.lower()
     if ending.endswith(".npy"):
-        cells = npy_columns(path, wanted)
+        if time.column is not None:
+            refuse_stamps(time.column, str(path))
+        found = TextColumns(values=npy_columns(path, wanted), first_line=1)
     elif ending.endswith(TEXT_ENDINGS):
-        found = text_columns(path, wanted)
-        cells, first_line = found.values, found.first_line
-        number_header, decimal_comma = found.number_header, found.decimal_comma
-        one_more = found.one_more
+        found = text_columns(path, wanted, stamps)
     else:
         raise BadTable(
             "a .csv, .tsv, .txt or .dat file, packed as .gz or not, .npy, .npz, .mat, .h5 or .hdf5",
@@ -170,6 +192,7 @@ def read_table(
             "save it as one of them, or name a function of yours that reads it, as "
             "module.py:function, in the column 'layout'",
         )  # fmt: skip
+    cells, first_line = found.values, found.first_line
     values = cells[:, : len(columns)]
     check_values(path, values, [column.name for column in columns], missing, first_line)
     return Table(
@@ -177,9 +200,10 @@ def read_table(
         time_s=_time_s(path, cells, time, None if in_trials else first_line),
         names=tuple(column.name for column in columns),
         units=tuple(column.unit for column in columns),
-        number_header=number_header,
-        decimal_comma=decimal_comma,
-        one_more=one_more,
+        number_header=found.number_header,
+        decimal_comma=found.decimal_comma,
+        one_more=found.one_more,
+        passed_over=found.passed_over,
     )
 
 
@@ -274,7 +298,7 @@ def _time_s(
     """Return the times of rows, looked at unless there is no number of a first line."""
     if time.column is None:
         return np.arange(len(cells)) / (time.rate_hz or 1.0)
-    time_s = cells[:, -1] * TIME_UNITS_S[time.column.unit]
+    time_s = cells[:, -1] * TIME_UNITS_S.get(time.column.unit, 1.0)
     if first_line is not None:
         check_time(path, time_s, first_line, text=path.name.lower().endswith(TEXT_ENDINGS))
     return time_s
@@ -289,13 +313,12 @@ def _all_columns(
     ending = path.name.lower()
     if ending.endswith(".npy"):
         sides = npy_shape(path)
+        count = (*sides, 1)[1] if len(sides) in (1, 2) else 0  # one axis is one channel
         names: Sequence[str] = (
-            [str(number) for number in range(1, sides[1] + 1)]
-            if len(sides) == 2 and sides[1] <= MOST_CHANNELS + 1
-            else ()
+            [str(number) for number in range(1, count + 1)] if count <= MOST_CHANNELS + 1 else ()
         )
     elif ending.endswith(TEXT_ENDINGS):
-        names = text_names(path)
+        names = text_names(path, [time.column.name] if time.column is not None else [])
     else:
         return columns
     taken = {*but, time.column.name if time.column is not None else ""} - {""}

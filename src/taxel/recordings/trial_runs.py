@@ -25,6 +25,7 @@ from taxel.recordings.tables import (
     parse_time,
     read_table,
 )
+from taxel.recordings.time_stamps import stamp_s
 from taxel.recordings.trial_sets import AND, MOST_TRIALS, Padding
 
 
@@ -65,12 +66,13 @@ class TextTrials:
     ) -> None:
         trials = named.get("trials", "")
         self._path, self.what, self._called = path, trials, visible(named["file"])
-        header = text_names(path)
+        self._time = parse_time(named.get("time", ""), where)
+        timed = [self._time.column.name] if self._time.column is not None else []
+        header = text_names(path, [*names, *by_row, *timed])
         self.names = header
         keys = [trials] if trials in header else [name.strip() for name in trials.split(AND)]
         self._names = list(names)
         columns = parse_columns(named.get("channels", ""), where)
-        self._time = parse_time(named.get("time", ""), where)
         anew = RESTARTS in keys and RESTARTS not in header
         asked = [self._time_name(where) if anew and name == RESTARTS else name for name in keys]
         self._all = [column.name for column in columns] == [ALL]
@@ -153,7 +155,7 @@ class TextTrials:
         table = Table(
             values=whole.values[run.start : run.stop], time_s=time_s,
             names=whole.names, units=whole.units, decimal_comma=whole.decimal_comma,
-            one_more=whole.one_more,
+            one_more=whole.one_more, passed_over=whole.passed_over,
         )  # fmt: skip
         return table, Padding()
 
@@ -195,10 +197,11 @@ def _numbered(
     count, start, before = 1, 0.0, 0.0
     for line, cells in enumerate(rows, start=first_line):
         text = cells[place].replace(",", ".")
-        if not is_number(text):
+        now = float(text) if is_number(text) else stamp_s(cells[place])
+        if now is None:
             raise BadTable("a time in every row", f"{cells[place][:80]!r} in {path}, line {line}",
                            "mend the file")  # fmt: skip
-        now, own = float(text), [*cells[:place], *cells[place + 1 : len(keys)]]
+        own = [*cells[:place], *cells[place + 1 : len(keys)]]
         if own != others:
             others, count, start = own, 1, now
         elif begins_anew(now, before, start):

@@ -82,8 +82,29 @@ def _too_few(split: TrialSplit, trials: TrialSet) -> str:
     if least < LEVEL:
         return ""
     return (
-        f"with {len(groups)} {visible(split.group)}s no difference can be claimed (smallest "
+        f"with {_counted(len(groups), split.group)} no difference can be claimed (smallest "
         f"possible p {least:.2g}), and intervals in [] are too narrow"
+    )
+
+
+def not_scored_line(target: str, truth: Sequence[str], classes: Sequence[str]) -> str:
+    """Return how many trials a bundle's accuracy leaves out, for it never learned their class.
+
+    Args:
+        target: What it predicts.
+        truth: Each trial's own label; empty where it has none.
+        classes: Those that the bundle knows.
+
+    Returns:
+        A sentence; empty where it knows all.
+    """
+    odd = [own for own in truth if own not in classes]
+    if not odd:
+        return ""
+    shown = visible_names(dict.fromkeys(own or "none" for own in odd[:_WEAKEST]))
+    return (
+        f"{len(odd)} of {len(truth)} trials are in no accuracy, for the bundle knows the {target} "
+        f"{visible_names(classes)} only, not {shown}; mend the label if it is misspelt"
     )
 
 
@@ -184,11 +205,16 @@ def _said(found: Difference, group: str) -> str:
     )
 
 
+def _counted(count: int, group: str) -> str:
+    return f"{count} {visible(group)}{'s' * (count != 1)}"
+
+
 def _weakest(trials: TrialSet, split: TrialSplit, ours: TrialResult) -> str:
     groups = by_group(trials, split, ours)
     missed = [(name, right, of) for name, (right, of) in groups.items() if right < of]
     if not missed:
-        return f"all trials of all {len(groups)} {split.group}s are correct."
+        several = "all " * (len(groups) > 1)
+        return f"all trials of {several}{_counted(len(groups), split.group)} are correct."
     shown = ", ".join(f"{visible(name)} {right}/{of}" for name, right, of in missed[:_WEAKEST])
     return (
         f"{len(groups) - len(missed)} of {len(groups)} {split.group}s have all trials correct; "

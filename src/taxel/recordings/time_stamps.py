@@ -1,0 +1,69 @@
+"""Dates with times, and times of day, as loggers write them into tables: seconds from texts.
+
+Read are ISO 8601, `2024-03-01T12:00:00.250Z`, also with a blank for the T and without an offset,
+and times of day, `12:00:00.250`. Nothing else is: whether 03/04 is in March or April is not
+certain. Knows nothing about tables' forms or recordings.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from datetime import UTC, datetime, time
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from taxel.errors import BadTable
+
+_SHORTEST = len("12:00")
+"""Characters; a number such as 20240301 would be read as a date."""
+
+
+def is_stamp(cell: str) -> bool:
+    """Return whether a cell is a date with a time, or a time of day."""
+    return stamp_s(cell) is not None
+
+
+def seconds_of(path: Path, cells: Sequence[str], name: str, first_line: int) -> NDArray[np.float64]:
+    """Return a column of time stamps as seconds since 1970 in UTC, or since midnight.
+
+    Stamps without an offset count as UTC: only differences matter. Digits beyond microseconds are
+    left out.
+
+    Args:
+        path: For messages.
+        cells: The stamps.
+        name: Of their column.
+        first_line: Number of the first one's line.
+
+    Raises:
+        BadTable: A cell is no time stamp; says line and column.
+    """
+    found = np.empty(len(cells))
+    for row, cell in enumerate(cells):
+        seconds = stamp_s(cell)
+        if seconds is None:
+            raise BadTable(
+                "a time stamp such as 2024-03-01T12:00:00.250, 2024-03-01 12:00:00.250 or "
+                "12:00:00.250",
+                f"{cell[:80]!r} in {path}, line {row + first_line}, column {name[:80]!r}",
+                "write times so, or as seconds, or give a rate instead of a time column",
+            )
+        found[row] = seconds
+    return found
+
+
+def stamp_s(cell: str) -> float | None:
+    """Return a time stamp as `seconds_of` does; None where it is none."""
+    text = cell.strip()
+    if len(text) < _SHORTEST or ":" not in text:
+        return None
+    try:
+        if "-" not in text[1:]:
+            own = time.fromisoformat(text)
+            return own.hour * 3600 + own.minute * 60 + own.second + own.microsecond * 1e-6
+        stamp = datetime.fromisoformat(text)
+        return (stamp if stamp.tzinfo else stamp.replace(tzinfo=UTC)).timestamp()
+    except (ValueError, OverflowError):
+        return None
