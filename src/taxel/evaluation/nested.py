@@ -26,6 +26,7 @@ from taxel.evaluation.outer_split import check_training_parts
 from taxel.evaluation.run_scores import RunScores, baseline_warning, judge
 from taxel.evaluation.splits import Split, TrialFold
 from taxel.training.choose.choice import Choice
+from taxel.training.choose.costs import KnownCosts
 from taxel.training.choose.fit_choice import fit_choice, predict_blend
 from taxel.training.choose.inner_folds import what_is_held
 from taxel.training.choose.joining import join
@@ -113,6 +114,7 @@ def check_choosing(
     """
     check_training_parts(base, split)
     tested, choices = [], []
+    costs = KnownCosts(limits.bare_us)
     bars_s = 0.0
     beside: dict[str, list[_Tested]] = {name: [] for name in bars}
     for fold in split.folds:
@@ -128,7 +130,8 @@ def check_choosing(
         held = what_is_held(base.trials, base.y, train, test)
         tried = choose(base, prepared, train, held, replace(effort, on_step=say))
         say("training what was chosen")
-        fitted = fit_within(tried, train, limits, seed=effort.seed)
+        with effort.budget.training():
+            fitted = fit_within(tried, train, limits, seed=effort.seed, cost=costs)
         choice, own = fitted.choice, tried.part.prepared
         tested.append(_test(base, fitted.blend, choice, own, test))
         index = tested[-1].index

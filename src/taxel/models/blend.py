@@ -13,6 +13,7 @@ from typing import Any
 
 import torch
 from torch import Tensor, nn
+from torch.nn import functional
 
 from taxel.errors import BadInput
 from taxel.foreign.json_text import Fields, parse_json
@@ -23,7 +24,9 @@ EXPERT = "expert"
 """What a contract calls such a model."""
 LEAST_PROBABILITY = 1e-6
 """Source: our choice, docs/decisions/0039."""
+NETWORK = "network:"
 _MOST_MEMBERS = 64
+_MOST_ROWS = 100
 _LARGEST_PLAN = 100_000
 _TIMED = 5
 
@@ -33,7 +36,8 @@ class Part:
     """One member of a blend."""
 
     head: str
-    """A key of `HEADS`, or "network:NAME" for a network of the catalogue."""
+    """A key of `HEADS`, or "network:NAME" for a network of the catalogue; "network:NAME/2" for one
+    that sees the mean of each two rows."""
     blocks: tuple[str, ...]
     """Its features; none for a network, which sees the window."""
 
@@ -55,22 +59,42 @@ class ScaledNetwork(nn.Module):
     Args:
         network: forward(values, mask) → logits.
         channels: Of the array.
+        thin: Rows whose mean it sees as one.
     """
 
     offset: Tensor
     factor: Tensor
 
-    def __init__(self, network: nn.Module, channels: int) -> None:
+    def __init__(self, network: nn.Module, channels: int, thin: int = 1) -> None:
         super().__init__()
         self.network = network
+        self.thin = thin
         self.register_buffer("offset", torch.zeros(channels))
         self.register_buffer("factor", torch.ones(channels))
 
     def forward(self, values: Tensor, mask: Tensor) -> Tensor:
         """Return logits, shape (n, classes), of unscaled windows."""
         scaled = (values - self.offset) * self.factor * mask.unsqueeze(2)
-        found: Tensor = self.network(scaled, mask)
+        found: Tensor = self.network(*thinned(scaled, mask, self.thin))
         return found
+
+
+def thinned(values: Tensor, mask: Tensor, rows: int) -> tuple[Tensor, Tensor]:
+    """Return the mean of each so many rows, and where all of them are measured.
+
+    Args:
+        values: Shape (n, steps, channels).
+        mask: Shape (n, steps), False where a row is padding.
+        rows: How many become one; those left over at the end are dropped.
+
+    Returns:
+        Shapes (n, steps / rows, channels) and (n, steps / rows).
+    """
+    if rows == 1:
+        return values, mask
+    mean = functional.avg_pool1d(values.transpose(1, 2), rows).transpose(1, 2)
+    measured = functional.avg_pool1d(mask.to(values.dtype).unsqueeze(1), rows).squeeze(1)
+    return mean, measured > 1.0 - 0.5 / rows
 
 
 class Blend(nn.Module):
@@ -193,9 +217,16 @@ def read_plan(text: bytes) -> Plan:
 def _part(given: Fields) -> Part:
     head, blocks = given.text("head"), given.texts("blocks")
     unknown = [name for name in blocks if name.removeprefix(UNIT) not in BLOCKS]
-    if unknown or (head not in HEADS and not head.startswith("network:")):
+    network = head.startswith(NETWORK) and _rows_named(head)
+    if unknown or (head not in HEADS and not network):
         raise ValueError(f"{head} on {', '.join(blocks)}")
     return Part(head, blocks)
+
+
+def _rows_named(head: str) -> bool:
+    """Return whether a network's rows are a small count, where it names them."""
+    _, named, rows = head.partition("/")
+    return not named or (rows.isascii() and rows.isdigit() and 0 < int(rows[:4]) <= _MOST_ROWS)
 
 
 def _empty_head(plan: Plan, part: Part) -> nn.Module:
@@ -203,6 +234,7 @@ def _empty_head(plan: Plan, part: Part) -> nn.Module:
         return HEADS[part.head]()
     from taxel.models.catalogue import find_network
 
-    network = find_network(part.head.removeprefix("network:"))
-    built = network.build(plan.steps, len(plan.pads), plan.classes)
-    return ScaledNetwork(built, len(plan.pads))
+    name, _, rows = part.head.removeprefix(NETWORK).partition("/")
+    thin = int(rows or 1)
+    built = find_network(name).build(plan.steps // thin, len(plan.pads), plan.classes)
+    return ScaledNetwork(built, len(plan.pads), thin)

@@ -10,7 +10,7 @@ import torch
 
 from taxel.errors import BadDataset, BadInput
 from taxel.evaluation.expert import Task, train_expert
-from taxel.models.blend import Blend, read_plan
+from taxel.models.blend import Blend, read_plan, thinned
 from taxel.models.touchnet import TouchNet
 from taxel.recordings.importing import ImportRow, import_rows
 from taxel.training.choose.blending import (
@@ -19,15 +19,16 @@ from taxel.training.choose.blending import (
     losses,
     softmax,
 )
-from taxel.training.choose.budget import Budget
+from taxel.training.choose.budget import TRYING, Budget
 from taxel.training.choose.candidates import Candidate, discriminant, feature_sets
 from taxel.training.choose.choice import Member, read_choice, write_choice
+from taxel.training.choose.costs import Cost
 from taxel.training.choose.fit_choice import fit_choice
 from taxel.training.choose.fitting import fit_head, head_logits
 from taxel.training.choose.inner_folds import Held
 from taxel.training.choose.joining import fit_joining, join
 from taxel.training.choose.kept_tries import KeptTries
-from taxel.training.choose.limits import Cost, Limits, fit_within
+from taxel.training.choose.limits import Limits, fit_within
 from taxel.training.choose.networks import TRAIN, settle_norms
 from taxel.training.choose.preparations import (
     Base,
@@ -184,7 +185,7 @@ class Frozen:
 
 
 def search(base: Base, train: list[int], seconds: float, kept: KeptTries | None = None):
-    budget = Budget(seconds, 1, Frozen(), at_once=1)
+    budget = Budget(seconds / TRYING, 1, Frozen(), at_once=1)
     effort = Effort(budget=budget, kept=kept or KeptTries(None, {}))
     return choose(base, prepare_all(base), train, Held("session"), effort)
 
@@ -346,6 +347,41 @@ def test_a_chosen_network_is_three_of_other_seeds_that_share_its_weight(base: Ba
     np.testing.assert_allclose(blend.weights.numpy(), [0.2, 0.2, 0.2, 0.4], atol=1e-6)
     first, second, _ = (dict(head.named_parameters()) for head in blend.heads[:3])
     assert any(not torch.equal(first[name], second[name]) for name in first)
+
+
+def test_a_network_sees_the_mean_of_rows_where_windows_are_long(
+    base: Base, monkeypatch: pytest.MonkeyPatch
+):
+    """A blend that is loaded gives what the trained one gives."""
+    monkeypatch.setattr("taxel.training.choose.networks.LONG_ROWS", 10)
+    (prepared, *_) = prepare_all(base)
+    network = Member(
+        candidate=Candidate("network", "touchnet", ""), blocks=(), weight=1.0, sharpness=1.0
+    )
+    found = search(base, list(range(16)), 12.0).choice()
+    choice = replace(found, members=(network,), window=prepared.config)
+    steps = prepared.config.steps
+
+    blend = fit_choice(choice, base, prepared, list(range(16)))
+    loaded = Blend()
+    loaded.load_state_dict(blend.state_dict())
+    values = torch.from_numpy(prepared.dataset.windows.values[:5])
+    mask = torch.from_numpy(prepared.dataset.windows.mask[:5])
+
+    assert steps >= 20
+    assert read_plan(bytes(blend.plan.tolist())).parts[0].head == f"network:touchnet/{steps // 10}"
+    with torch.inference_mode():
+        assert torch.equal(blend(values, mask), loaded.eval()(values, mask))
+
+
+def test_the_mean_of_rows_is_measured_where_all_of_them_are():
+    values = torch.arange(14.0).reshape(1, 7, 2)
+    mask = torch.tensor([[True, True, True, False, True, True, True]])
+
+    mean, measured = thinned(values, mask, 2)
+
+    assert mean.tolist() == [[[1.0, 2.0], [5.0, 6.0], [9.0, 10.0]]]
+    assert measured.tolist() == [[True, False, True]]
 
 
 def test_a_bundle_beyond_its_limits_says_so(recordings: Path):

@@ -188,9 +188,10 @@ def first_round(sets: dict[str, tuple[str, ...]], steps: int) -> list[Candidate]
     early, late = list(sets)[:3], list(sets)[3:]
     found = [candidate for name in early for candidate in (*linear(name), trees(name))]
     found.insert(3, Candidate("trees", "random-forest", early[0], 2))
-    found += [candidate for name in late for candidate in linear(name)]
     least, most = NETWORK_ROWS
-    found += [Candidate("network", "touchnet", "")] if least <= steps <= most else []
+    if least <= steps <= most:
+        found.insert(3, Candidate("network", "touchnet", ""))
+    found += [candidate for name in late for candidate in linear(name)]
     found += [Candidate("perceptron", "perceptron", n, 3.0) for n in early if n != PLAIN]
     return found + [trees(name) for name in late]
 

@@ -12,6 +12,9 @@ from contextlib import contextmanager
 import torch
 from threadpoolctl import threadpool_limits
 
+AT_ONCE = 2
+"""Models at work at a time: issue 16 gives two cores."""
+
 
 @contextmanager
 def shared_cores(at_once: int) -> Iterator[None]:

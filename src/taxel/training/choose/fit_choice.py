@@ -6,21 +6,27 @@ Knows nothing about how it was chosen.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import nullcontext
+from threading import Lock
 
 import numpy as np
 import torch
 from numpy.typing import NDArray
 from torch import nn
 
-from taxel.models.blend import Blend, Part, Plan
+from taxel.models.blend import NETWORK, Blend, Part, Plan
 from taxel.training.choose.candidates import Candidate
 from taxel.training.choose.choice import Choice, Member
+from taxel.training.choose.cores import AT_ONCE, shared_cores
 from taxel.training.choose.fitting import fit_head
-from taxel.training.choose.networks import fit_network
+from taxel.training.choose.networks import fit_network, thinning
 from taxel.training.choose.preparations import Base, Prepared
 
 KINDS = {"discriminant": "linear", "linear": "linear", "trees": "trees", "perceptron": "perceptron"}
 """Family → head; a network is named after its model."""
+LONGEST = ("network", "trees")
+"""Families that take longest to fit, and so are begun first."""
 NETWORKS = 3
 """Networks that stand for one that was chosen, of other seeds; inner folds see one, for time.
 Source: our choice, docs/decisions/0039."""
@@ -49,12 +55,20 @@ def fit_choice(
     y = base.y[prepared.trial[prepared.kept[rows]]]
     classes = len(base.dataset.classes(base.target))
     each = copies(choice)
-    for member, copy in each:
-        if (member.candidate, copy) not in fitted:
-            head = _head(member, prepared, rows, y, classes, seed + copy)
+    new = [(member, copy) for member, copy in each if (member.candidate, copy) not in fitted]
+    new.sort(key=lambda own: own[0].candidate.family not in LONGEST)
+    one_network = Lock()
+
+    def head_of(own: tuple[Member, int]) -> nn.Module:
+        member, copy = own
+        with one_network if member.candidate.family == "network" else nullcontext():
+            return _head(member, prepared, rows, y, classes, seed + copy)
+
+    with shared_cores(AT_ONCE), ThreadPoolExecutor(AT_ONCE) as pool:
+        for (member, copy), head in zip(new, pool.map(head_of, new), strict=True):
             fitted[member.candidate, copy] = head
     parts = tuple(
-        Part(KINDS.get(own.candidate.family, f"network:{own.candidate.model}"), own.blocks)
+        Part(KINDS.get(own.candidate.family, _network_name(own, choice.window.steps)), own.blocks)
         for own, _ in each
     )
     return Blend(
@@ -64,6 +78,12 @@ def fit_choice(
         tuple(member.sharpness for member, _ in each),
         choice.last,
     ).eval()
+
+
+def _network_name(member: Member, steps: int) -> str:
+    """Return what a plan calls a network on windows of so many rows."""
+    rows = thinning(steps)
+    return f"{NETWORK}{member.candidate.model}" + (f"/{rows}" if rows > 1 else "")
 
 
 def copies_of(member: Member) -> int:

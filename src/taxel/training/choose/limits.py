@@ -9,21 +9,18 @@ Source: docs/decisions/0039.
 
 from __future__ import annotations
 
-import zlib
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from time import perf_counter
 from typing import Final
 
 import numpy as np
 import torch
 from torch import nn
 
-from taxel.bundles.engine import open_engine
-from taxel.bundles.writer import Classifier, export_onnx
 from taxel.models.blend import Blend
 from taxel.training.choose.candidates import Candidate
 from taxel.training.choose.choice import Choice
+from taxel.training.choose.costs import Cost, cost_of
 from taxel.training.choose.fit_choice import copies, fit_choice
 from taxel.training.choose.preparations import Prepared
 from taxel.training.choose.search import Found
@@ -32,10 +29,6 @@ MINUTES = 5.0
 """Default: to choose and train. Source: issue 16."""
 MOST_MB, MOST_US = 20.0, 2000.0
 """Defaults: megabytes of a bundle, microseconds a window on one core. Source: issue 16."""
-TIMED, QUIET = 60, 10.0
-"""Runs that are timed, and which percentile counts: another program can only lengthen a time."""
-
-
 BARE: Final = 0.85
 """Share of a window's time that the bare model may take: the bundle's own checks and scaling, timed
 later, take the rest. Source: our choice, docs/decisions/0039."""
@@ -51,18 +44,14 @@ class Limits:
     most_us: float = MOST_US
     """Of one window on one core."""
 
+    @property
+    def bare_us(self) -> float:
+        """Return what the bare model may take of it."""
+        return BARE * self.most_us
+
 
 USUAL_LIMITS = Limits()
 """Source: issue 16."""
-
-
-@dataclass(frozen=True, slots=True)
-class Cost:
-    """What a blend costs live."""
-
-    mb: float
-    us: float
-    """Of one window on one core: the quietest tenth of them."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -101,7 +90,7 @@ def fit_within(
         blend = fit_choice(choice, found.base, found.part.prepared, train, seed, heads)
         now = measure(blend, found.part.prepared)
         units = _units(choice)
-        slow = now.us > BARE * limits.most_us
+        slow = now.us > limits.bare_us
         if (now.mb <= limits.most_mb and not slow) or len(units) == 1:
             return Fitted(choice, blend, tuple(given_up))
         name, unit = _dearest(choice, blend, found.part.prepared, slow=slow)
@@ -111,22 +100,6 @@ def fit_within(
             f"{name}: {now.mb:.1f} MB and {now.us:.0f} µs with it; inner accuracy "
             f"{whole.accuracy:.4f} → {choice.accuracy:.4f}"
         )
-
-
-def cost_of(blend: Blend, prepared: Prepared) -> Cost:
-    """Export a blend and run it on single windows."""
-    windows = prepared.dataset.windows
-    steps, channels = windows.values.shape[1:]
-    model = export_onnx(Classifier((blend,)).eval(), steps, channels)
-    engine = open_engine(model)
-    times = []
-    for number in range(TIMED):
-        place = number % len(windows)
-        part = slice(place, place + 1)
-        started = perf_counter()
-        engine.run(values=windows.values[part], mask=windows.mask[part])
-        times.append(perf_counter() - started)
-    return Cost(len(zlib.compress(model, 1)) / 1e6, float(np.percentile(times, QUIET)) * 1e6)
 
 
 def _units(choice: Choice) -> list[tuple[str, ...] | Candidate]:

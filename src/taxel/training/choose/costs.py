@@ -1,0 +1,86 @@
+"""What a blend costs live: megabytes of its bundle, microseconds of a window on one core.
+
+Knows nothing about limits, or about what is given up to keep to them.
+
+Source: docs/decisions/0039.
+"""
+
+from __future__ import annotations
+
+import zlib
+from collections import Counter
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from time import perf_counter
+
+import numpy as np
+
+from taxel.bundles.engine import open_engine
+from taxel.bundles.writer import Classifier, export_onnx
+from taxel.models.blend import Blend, Part, read_plan
+from taxel.training.choose.preparations import Prepared
+
+ROUNDS, RUNS, QUIET = 4, 30, 10.0
+"""Stretches of single windows that are timed, windows in each, and which percentile counts in the
+quietest stretch: another program can only lengthen a time."""
+
+
+@dataclass(frozen=True, slots=True)
+class Cost:
+    """What a blend costs live."""
+
+    mb: float
+    us: float
+    """Of one window on one core."""
+
+
+def cost_of(blend: Blend, prepared: Prepared) -> Cost:
+    """Export a blend and run it on single windows."""
+    windows = prepared.dataset.windows
+    steps, channels = windows.values.shape[1:]
+    model = export_onnx(Classifier((blend,)).eval(), steps, channels)
+    engine = open_engine(model)
+    times = np.empty((ROUNDS, RUNS))
+    for number in range(times.size):
+        place = number % len(windows)
+        part = slice(place, place + 1)
+        started = perf_counter()
+        engine.run(values=windows.values[part], mask=windows.mask[part])
+        times.flat[number] = perf_counter() - started
+    quietest = float(np.percentile(times, QUIET, axis=1).min())
+    return Cost(len(zlib.compress(model, 1)) / 1e6, quietest * 1e6)
+
+
+@dataclass(slots=True)
+class KnownCosts:
+    """Costs of blends in several folds, timed once for all with the same heads and features.
+
+    To export a blend takes seconds in which nothing else runs, and its time hardly differs between
+    folds. A part of a blend that was quick enough is quick enough; what holds a blend that was too
+    slow is too slow. Megabytes are of the blend itself.
+
+    Args:
+        most_us: From where on a window is too slow.
+        measure: Times a blend that is not known.
+    """
+
+    most_us: float
+    measure: Callable[[Blend, Prepared], Cost] = cost_of
+    _known: list[tuple[int, Counter[Part], float]] = field(default_factory=list)
+
+    def __call__(self, blend: Blend, prepared: Prepared) -> Cost:
+        """Return a blend's cost."""
+        plan = read_plan(bytes(blend.plan.tolist()))
+        parts = Counter(plan.parts)
+        for steps, known, us in self._known:
+            within = parts <= known if us <= self.most_us else parts >= known
+            if steps == plan.steps and within:
+                return Cost(_packed_mb(blend), us)
+        cost = self.measure(blend, prepared)
+        self._known.append((plan.steps, parts, cost.us))
+        return cost
+
+
+def _packed_mb(blend: Blend) -> float:
+    tables = (table.numpy().tobytes() for table in blend.state_dict().values())
+    return len(zlib.compress(b"".join(tables), 1)) / 1e6
