@@ -48,7 +48,7 @@ FAKED_VERB_PARTS = {
     "taxel.cli.calibrate_cycles.write_cycles",
     "taxel.cli.power.estimate_power",
     "taxel.cli.power._print",
-    "taxel.cli.recording.ledger_line",
+    "taxel.cli.record.ledger_line",
     "taxel.cli.record_plan.record_plan",
     "taxel.cli.hand.use_hand",
     "taxel.cli.hand._line",

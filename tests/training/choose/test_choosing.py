@@ -10,7 +10,7 @@ import torch
 
 from taxel.errors import BadDataset, BadInput
 from taxel.evaluation.expert import Task, train_expert
-from taxel.models.blend import Blend, read_plan, thinned
+from taxel.models.blend import Blend, read_plan
 from taxel.models.touchnet import TouchNet
 from taxel.recordings.importing import ImportRow, import_rows
 from taxel.training.choose.blending import (
@@ -372,16 +372,6 @@ def test_a_network_sees_the_mean_of_rows_where_windows_are_long(
     assert read_plan(bytes(blend.plan.tolist())).parts[0].head == f"network:touchnet/{steps // 10}"
     with torch.inference_mode():
         assert torch.equal(blend(values, mask), loaded.eval()(values, mask))
-
-
-def test_the_mean_of_rows_is_measured_where_all_of_them_are():
-    values = torch.arange(14.0).reshape(1, 7, 2)
-    mask = torch.tensor([[True, True, True, False, True, True, True]])
-
-    mean, measured = thinned(values, mask, 2)
-
-    assert mean.tolist() == [[[1.0, 2.0], [5.0, 6.0], [9.0, 10.0]]]
-    assert measured.tolist() == [[True, False, True]]
 
 
 def test_a_bundle_beyond_its_limits_says_so(recordings: Path):

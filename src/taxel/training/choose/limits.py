@@ -89,9 +89,9 @@ def fit_within(
     while True:
         blend = fit_choice(choice, found.base, found.part.prepared, train, seed, heads)
         now = measure(blend, found.part.prepared)
-        units = _units(choice)
-        slow = now.us > limits.bare_us
-        if (now.mb <= limits.most_mb and not slow) or len(units) == 1:
+        slow = now.us > limits.bare_us and len(_units(choice)) > 1
+        large = now.mb > limits.most_mb and len(choice.members) > 1
+        if not slow and not large:
             return Fitted(choice, blend, tuple(given_up))
         name, unit = _dearest(choice, blend, found.part.prepared, slow=slow)
         without |= _all_of(found, unit, slow=slow)
