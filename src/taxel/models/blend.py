@@ -25,8 +25,10 @@ EXPERT = "expert"
 LEAST_PROBABILITY = 1e-6
 """Source: our choice, docs/decisions/0039."""
 NETWORK = "network:"
+"""Begins the name of a head that is a network of the catalogue."""
 _MOST_MEMBERS = 64
 _MOST_ROWS = 100
+"""Rows that a plan may have a network see as one."""
 _LARGEST_PLAN = 100_000
 _TIMED = 5
 
@@ -205,7 +207,7 @@ def read_plan(text: bytes) -> Plan:
         given = Fields(parse_json(text), "the plan")
         steps, classes = (given.count(name, 1, 1_000_000) for name in ("steps", "classes"))
         pads = tuple(int(pad) for pad in given.array("pads", (None,)))
-        parts = tuple(_part(Fields(raw, "a part")) for raw in given.items("parts"))
+        parts = tuple(_part(Fields(raw, "a part"), steps) for raw in given.items("parts"))
         if not 0 < len(parts) <= _MOST_MEMBERS:
             raise ValueError(f"{len(parts)} members")
         return Plan(steps, pads, classes, parts)
@@ -214,19 +216,22 @@ def read_plan(text: bytes) -> Plan:
         raise BadInput("a blend's plan", got, "train it again with: taxel train") from error
 
 
-def _part(given: Fields) -> Part:
+def _part(given: Fields, steps: int) -> Part:
     head, blocks = given.text("head"), given.texts("blocks")
     unknown = [name for name in blocks if name.removeprefix(UNIT) not in BLOCKS]
-    network = head.startswith(NETWORK) and _rows_named(head)
+    network = head.startswith(NETWORK) and _rows_fit(head, steps)
     if unknown or (head not in HEADS and not network):
         raise ValueError(f"{head} on {', '.join(blocks)}")
     return Part(head, blocks)
 
 
-def _rows_named(head: str) -> bool:
-    """Return whether a network's rows are a small count, where it names them."""
+def _rows_fit(head: str, steps: int) -> bool:
+    """Return whether a network's rows, where it names them, are few and no more than a window's."""
     _, named, rows = head.partition("/")
-    return not named or (rows.isascii() and rows.isdigit() and 0 < int(rows[:4]) <= _MOST_ROWS)
+    if not named:
+        return True
+    is_count = rows.isascii() and rows.isdecimal() and len(rows) <= len(str(_MOST_ROWS))
+    return is_count and 0 < int(rows) <= min(_MOST_ROWS, steps)
 
 
 def _empty_head(plan: Plan, part: Part) -> nn.Module:

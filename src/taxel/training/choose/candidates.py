@@ -167,11 +167,11 @@ def discriminant(features: str, shrink: float) -> Candidate:
 
 
 def first_round(sets: dict[str, tuple[str, ...]], steps: int) -> list[Candidate]:
-    """Return one of each kind, the most telling for its time first.
+    """Return one of each kind, the most informative for its time first.
 
-    All kinds on the broadest sets; then linear models on the others, which say what carries over;
-    then networks, which are like nothing else, and perceptrons; last trees on the other sets, which
-    take most time.
+    All kinds on the broadest sets, early among them the network, which is like nothing else; then
+    linear models on the other sets, which say what carries over, and perceptrons; last trees on
+    those sets, which take most time.
 
     Args:
         sets: Feature sets of these windows, the broadest first.

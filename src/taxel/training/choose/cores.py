@@ -7,6 +7,7 @@ most of the time. Source: docs/decisions/0039.
 from __future__ import annotations
 
 from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 
 import torch
@@ -14,6 +15,17 @@ from threadpoolctl import threadpool_limits
 
 AT_ONCE = 2
 """Models at work at a time: issue 16 gives two cores."""
+
+
+@contextmanager
+def working_threads(at_once: int = AT_ONCE) -> Iterator[ThreadPoolExecutor]:
+    """Yield threads that share the cores evenly.
+
+    Args:
+        at_once: How many work side by side.
+    """
+    with shared_cores(at_once), ThreadPoolExecutor(at_once) as pool:
+        yield pool
 
 
 @contextmanager

@@ -6,7 +6,6 @@ Knows nothing about how it was chosen.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from concurrent.futures import ThreadPoolExecutor
 from contextlib import nullcontext
 from threading import Lock
 
@@ -18,7 +17,7 @@ from torch import nn
 from taxel.models.blend import NETWORK, Blend, Part, Plan
 from taxel.training.choose.candidates import Candidate
 from taxel.training.choose.choice import Choice, Member
-from taxel.training.choose.cores import AT_ONCE, shared_cores
+from taxel.training.choose.cores import working_threads
 from taxel.training.choose.fitting import fit_head
 from taxel.training.choose.networks import fit_network, thinning
 from taxel.training.choose.preparations import Base, Prepared
@@ -64,7 +63,7 @@ def fit_choice(
         with one_network if member.candidate.family == "network" else nullcontext():
             return _head(member, prepared, rows, y, classes, seed + copy)
 
-    with shared_cores(AT_ONCE), ThreadPoolExecutor(AT_ONCE) as pool:
+    with working_threads() as pool:
         for (member, copy), head in zip(new, pool.map(head_of, new), strict=True):
             fitted[member.candidate, copy] = head
     parts = tuple(

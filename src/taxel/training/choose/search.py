@@ -32,7 +32,7 @@ from taxel.training.choose.blending import (
 from taxel.training.choose.budget import Budget
 from taxel.training.choose.candidates import Candidate, first_round, second_round
 from taxel.training.choose.choice import Choice, Member, Standing
-from taxel.training.choose.cores import shared_cores
+from taxel.training.choose.cores import working_threads
 from taxel.training.choose.cuts import Sets, best_cut
 from taxel.training.choose.fitting import fit_head, head_logits
 from taxel.training.choose.inner_folds import (
@@ -193,8 +193,7 @@ class _Search:
     @contextmanager
     def _pool(self) -> Iterator[ThreadPoolExecutor]:
         """Yield threads that share the cores evenly."""
-        at_once = self._budget.at_once
-        with _without_warnings(), shared_cores(at_once), ThreadPoolExecutor(at_once) as pool:
+        with _without_warnings(), working_threads(self._budget.at_once) as pool:
             yield pool
 
     def _try(
