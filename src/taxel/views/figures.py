@@ -75,6 +75,7 @@ def intensity_maps(images: dict[str, NDArray[np.float32]], unit: str) -> bytes:
         shown = axes.imshow(image, cmap=_MAP, vmin=low, vmax=high, aspect="auto")
         axes.set_title(without_controls(title), fontsize=9)
         axes.set_xlabel("sensor", fontsize=8)
+        axes.xaxis.get_major_locator().set_params(integer=True)
         axes.tick_params(labelsize=7)
     for row in grid:
         row[0].set_ylabel("row (oldest on top)", fontsize=8)
