@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from taxel.training.choose.blending import by_chance, mix, softmax, standard_error
+from taxel.training.choose.blending import by_chance, losses, mix, softmax, standard_error
 
 RNG = np.random.default_rng(0)
 
@@ -43,3 +43,16 @@ def test_kinds_that_fail_together_share_one_weight():
 
     assert found.members == (0, 1, 2)
     assert found.weights == (0.25, 0.25, 0.5)
+
+
+def test_a_steady_kind_stays_up_to_twice_the_least_loss_and_no_other_does():
+    y, groups = np.arange(300) % 2, np.arange(300) // 10
+    behind = softmax(np.eye(2)[y] * 2 + 2 * RNG.normal(size=(300, 2)))
+    sure = np.exp(-losses(behind, y).mean() / 1.9)
+    best = np.where(np.eye(2)[y] > 0, sure, 1.0 - sure)
+
+    def members(camp: str) -> tuple[int, ...]:
+        return mix([best, behind], ["a", "b"], ["trees", camp], [(0,)] * 2, y, groups).members
+
+    assert members("network") == (0,)
+    assert members("discriminant") == (0, 1)

@@ -30,17 +30,15 @@ by Student's t over the groups held out. Source: our choice, 0039: weights fitte
 favour what fits groups like those."""
 LEAST_NATS = 0.03
 """And so much more. Source: as above."""
-BEHIND, SLACK = 1.3, 0.05
-"""A kind's best is in the mean where its loss is at most so many times the least, and so much
-more. Source: our choice, 0039."""
-
-
 STEADY, LIKE_IT = "discriminant", "sums"
 """A camp that goes on better than others beyond what was learned, and one that is as linear but
 keeps less to what is known of a class: members of the latter stay only where they are better by
 `LEAST_NATS`. Source: our choice, 0039, from seven sets' outer folds."""
 STEADY_WEIGHT = 2.0
 """Of the former camp, any other's being 1. Source: as above."""
+BEHIND, STEADY_BEHIND, SLACK = 1.3, 2.0, 0.05
+"""A kind's best is in the mean where its loss is at most so many times the least (of the steady
+camp the second number), and so much more. Source: our choice, 0039."""
 
 
 _MEAN = (
@@ -155,7 +153,9 @@ def mix(
     by_window = np.stack([losses(found, y) for found in probabilities])
     each = by_window.mean(axis=1)
     best = int(each.argmin())
-    champions = _without_likes(_champions(by_window, kinds, freedom, groups), camps, each)
+    champions = _without_likes(
+        _champions(by_window, kinds, camps, freedom, groups), camps, each
+    )
     why = _MEAN if len(champions) > 1 else _ALONE
     equal = Mix(champions, _shared(champions, camps), why)
     others = [
@@ -227,6 +227,7 @@ def by_chance(gain: NDArray[np.float64], groups: NDArray[np.intp]) -> float:
 def _champions(
     by_window: NDArray[np.float64],
     kinds: list[str],
+    camps: list[str],
     freedom: list[tuple[float, ...]],
     groups: NDArray[np.intp],
 ) -> tuple[int, ...]:
@@ -239,7 +240,8 @@ def _champions(
         as_good = [i for i in own if i == best or each[i] - each[best]
                    <= standard_error(by_window[i] - by_window[best], groups)]  # fmt: skip
         chosen = min(as_good, key=lambda i: freedom[i])
-        if each[best] <= BEHIND * each.min() + SLACK:
+        behind = STEADY_BEHIND if camps[best] == STEADY else BEHIND
+        if each[best] <= behind * each.min() + SLACK:
             found.append(chosen)
     return tuple(found)
 
