@@ -153,9 +153,7 @@ def mix(
     by_window = np.stack([losses(found, y) for found in probabilities])
     each = by_window.mean(axis=1)
     best = int(each.argmin())
-    champions = _without_likes(
-        _champions(by_window, kinds, camps, freedom, groups), camps, each
-    )
+    champions = _without_likes(_champions(by_window, kinds, camps, freedom, groups), camps, each)
     why = _MEAN if len(champions) > 1 else _ALONE
     equal = Mix(champions, _shared(champions, camps), why)
     others = [
