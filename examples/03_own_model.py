@@ -8,7 +8,7 @@ from torch import Tensor, nn
 from taxel.evaluation.crossval import pool, run_fold
 from taxel.evaluation.splits import by_group
 from taxel.models.catalogue import MODELS, Network
-from taxel.sources.data_sets import simulate_presets
+from taxel.sources.simulated.data_sets import simulate_presets
 from taxel.training.fitting import Job
 from taxel.training.loop import TrainConfig
 from taxel.windows.config import TENG_WINDOW

@@ -7,7 +7,7 @@ import numpy as np
 
 from taxel.evaluation.crossval import pool, run_fold
 from taxel.evaluation.splits import Split, TrialFold
-from taxel.sources.data_sets import simulate_presets
+from taxel.sources.simulated.data_sets import simulate_presets
 from taxel.training.fitting import Job
 from taxel.windows.config import TENG_WINDOW
 from taxel.windows.dataset import Dataset, load_dataset

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
-from taxel.recordings.importing import import_table
+from taxel.recordings.imports.importing import import_table
 from taxel.windows.config import WindowConfig
 from taxel.windows.dataset import load_dataset
 

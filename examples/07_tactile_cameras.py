@@ -7,9 +7,9 @@ import numpy as np
 
 from taxel.frame_codec import decode_jpeg
 from taxel.gel.slip_features import SLIP_FEATURES, SlipFeatures
-from taxel.sim.cup_pour import CupPourConfig, list_runs
-from taxel.sources.pour_sets import CAMERA_HZ, write_run
-from taxel.training.frame_labels import truth_of
+from taxel.sim.pour.cup_pour import CupPourConfig, list_runs
+from taxel.sources.simulated.pour_sets import CAMERA_HZ, write_run
+from taxel.training.frames.labels import truth_of
 from taxel.windows.camera_recordings import frame_sets, read_camera_recordings
 from taxel.windows.rest import SETTLE
 

@@ -12,7 +12,7 @@ from taxel.live.closed_loop import (
     run_loop,
 )
 from taxel.live.grasp_monitor import GraspMonitor
-from taxel.sim.cup_pour import CupPourConfig, list_runs
+from taxel.sim.pour.cup_pour import CupPourConfig, list_runs
 
 runs = list_runs(CupPourConfig(cups=1, first_cup=7001, forces_n=(15.0,), positions=("upper",)))
 config = LoopConfig()

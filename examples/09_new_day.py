@@ -8,8 +8,8 @@ from taxel.bundles.files import bundle_at_level
 from taxel.bundles.levels import measure_level
 from taxel.bundles.reader import read_bundle
 from taxel.recordings.whole import write_whole
-from taxel.sources.data_sets import write_sessions
-from taxel.sources.teng_options import checked_config
+from taxel.sources.simulated.data_sets import write_sessions
+from taxel.sources.simulated.teng_options import checked_config
 from taxel.training.final import train_bundle
 from taxel.training.recipes import find_recipe
 from taxel.windows.dataset import load_dataset

@@ -9,7 +9,7 @@ import numpy as np
 
 from taxel.actions.rule_table import read_rules
 from taxel.evaluation.checked import check_recipe
-from taxel.sources.data_sets import simulate_presets
+from taxel.sources.simulated.data_sets import simulate_presets
 from taxel.training.recipes import find_recipe
 
 RULES = Path(__file__).with_name("bins.csv")  # the same file runs live: taxel live … --rules

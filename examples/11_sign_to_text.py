@@ -9,8 +9,8 @@ from pathlib import Path
 import numpy as np
 
 from taxel.evaluation.checked import check_recipe
-from taxel.recordings.importing import import_rows
-from taxel.recordings.known import glove_rows
+from taxel.recordings.imports.importing import import_rows
+from taxel.recordings.imports.known import glove_rows
 from taxel.training.recipes import find_recipe
 
 WHERE = Path(sys.argv[1] if len(sys.argv) > 1 else os.environ.get("TAXEL_DATA", "."), "teng-glove")

@@ -17,8 +17,8 @@ from hypothesis import settings
 from tyro import _docstrings
 from website.output_blocks import WIDTH
 
-from taxel.sim.cup_pour import CupPourConfig, list_runs
-from taxel.sources.pour_sets import CAMERA_HZ, write_run
+from taxel.sim.pour.cup_pour import CupPourConfig, list_runs
+from taxel.sources.simulated.pour_sets import CAMERA_HZ, write_run
 
 FUZZ_PROFILES = {"short": 40, "full": 2000, "search": 2000}
 """Profile → examples of each fuzzer. `search` draws new ones each time, the others the same."""

@@ -10,7 +10,7 @@ import pytest
 
 from taxel.cli.main import VERBS, load_verb, main, split_door
 from taxel.cli.old_spellings import refuse_old
-from taxel.cli.option_rules import check_rules
+from taxel.cli.options.rules import check_rules
 from taxel.cli.parsing import BadOption, parse
 from taxel.errors import TaxelError
 

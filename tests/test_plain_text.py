@@ -185,9 +185,9 @@ WRITERS = {
     # Before anything is imported that could print: its own words, and one line made visible.
     "cli/main.py": {"print", "sys.stderr.write"},
     # Children that speak JSON to the process that started them.
-    "sources/camera_process.py": {"sys.stdout.write"},
-    "bench/kill_recorder.py": {"sys.stdout.write"},
-    "bench/supervised_station.py": {"sys.stdout.write"},
+    "sources/cameras/process.py": {"sys.stdout.write"},
+    "bench/teng/kill_recorder.py": {"sys.stdout.write"},
+    "bench/faults/supervised_station.py": {"sys.stdout.write"},
     # Tools for whoever makes the shipped shading or a page of the docs, not verbs.
     "gel/shading_fit.py": {"print"},
     "decisions/reasons.py": {"print"},

@@ -70,7 +70,7 @@ def constants_table(name: str) -> str:
     """Return a module's public constants as a table of name, value, and the words beside them.
 
     Args:
-        name: Such as `taxel.sim.teng_constants`.
+        name: Such as `taxel.sim.teng.constants`.
     """
     path = (ROOT / "src" / Path(*name.split("."))).with_suffix(".py")
     body = ast.parse(path.read_text("utf-8")).body

@@ -13,7 +13,7 @@ from typing import Any
 import tyro
 
 from taxel.cli.main import KINDS, VERBS, load_verb
-from taxel.cli.option_types import plain_types
+from taxel.cli.options.types import plain_types
 
 CLI = "reference/cli"
 _OPTION = re.compile(r"(?<![\w`-])--[a-z][\w-]*")

@@ -19,8 +19,8 @@ from taxel.decisions.stability import Stability, StabilityDecision
 from taxel.errors import BadInput
 from taxel.recordings.reader import read_recording
 from taxel.recordings.trial_plan import PlannedTrial
-from taxel.sim.grasped_hand import GraspedHand, Motors
-from taxel.sources.grasped_teng import GraspedTeng
+from taxel.sim.teng.grasped_hand import GraspedHand, Motors
+from taxel.sources.simulated.grasped_teng import GraspedTeng
 from taxel.wire.messages import State
 
 QUICK = CycleConfig(stroke_s=1.0, hold_s=0.15, presses=2, pause_s=0.1, lift_s=0.1)

@@ -5,9 +5,9 @@ from types import SimpleNamespace
 
 import pytest
 
-from taxel.bench import audit_leaks
-from taxel.bench.audit_leaks import new_alarms, planted_leaks
-from taxel.bench.audit_plants import Plant
+from taxel.bench.audit import leaks as audit_leaks
+from taxel.bench.audit.leaks import new_alarms, planted_leaks
+from taxel.bench.audit.plants import Plant
 from taxel.evaluation.audit.finding import Audit, Finding, Verdict
 
 CLEAN, SPLIT, SPOILT = "clean", "clean and split", "spoilt"

@@ -6,7 +6,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from taxel.bench import audit_robustness as rows
+from taxel.bench.audit import robustness as rows
 from taxel.evaluation.robustness.conditions import LEVELS
 from taxel.evaluation.robustness.curve import CLEAN, FaultPoint, SessionAnswers
 from taxel.evaluation.robustness.touches import Model

@@ -5,10 +5,10 @@ from pathlib import Path
 
 import pytest
 
-from taxel.bench.fault_files import Refusal, obeys, refusals, refused_rows, shown_classes, sound
-from taxel.bench.hostile_cases import ALONE, KINDS, RESIDENT, kind_of_case
-from taxel.bench.hostile_labels import CLASSES
-from taxel.bench.watched_commands import Ended, Resident, run_alone
+from taxel.bench.faults.files import Refusal, obeys, refusals, refused_rows, shown_classes, sound
+from taxel.bench.faults.hostile_cases import ALONE, KINDS, RESIDENT, kind_of_case
+from taxel.bench.faults.hostile_labels import CLASSES
+from taxel.bench.faults.watched_commands import Ended, Resident, run_alone
 from taxel.errors import TaxelError
 from taxel.plain_text import visible
 

@@ -4,8 +4,8 @@ from pathlib import Path
 
 import pytest
 
-from taxel.bench.fault_list import FAULTS, Fault
-from taxel.bench.fault_page import fault_page, unmeasured, write_fault_page
+from taxel.bench.faults.catalogue import FAULTS, Fault
+from taxel.bench.faults.page import fault_page, unmeasured, write_fault_page
 from taxel.bench.rows import Row, row
 from taxel.cli.bench import Bench
 from taxel.errors import BadInput

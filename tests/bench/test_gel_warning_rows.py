@@ -5,17 +5,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from taxel.bench import gel_warning, slip_warning
-from taxel.bench.gel_warning import judge_rows, rendered
-from taxel.bench.slip_warning import Warner, shipped_warner
+from taxel.bench.transitions import gel_warning, slip_warning
+from taxel.bench.transitions.gel_warning import judge_rows, rendered
+from taxel.bench.transitions.slip_warning import Warner, shipped_warner
 from taxel.bundles.grasp import read_grasp_bundle
 from taxel.bundles.shipped import CUP_POUR, shipped_bundle
 from taxel.evaluation.early_warning.learn_slip_warning import rule_drive
 from taxel.gel.slip_signal import TURN_MM
-from taxel.sim.cup_pour import Gel
-from taxel.training.layer_poses import layer_pours
-from taxel.training.rim_features import rim_features
-from taxel.training.slip_cups import (
+from taxel.sim.pour.cup_pour import Gel
+from taxel.training.slip.cups import (
     TEST_CUPS,
     GelRows,
     PourRows,
@@ -24,6 +22,8 @@ from taxel.training.slip_cups import (
     paper_runs,
     true_pours,
 )
+from taxel.training.slip.layer_poses import layer_pours
+from taxel.training.slip.rim_features import rim_features
 
 
 def turns(cup: int, by_mm: float, gives_mm: float) -> PourRows:

@@ -5,11 +5,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from taxel.bench import moving_grasps
-from taxel.bench.grasp_start import Detection, brushed, rows_of, start_runs
-from taxel.sim.cups import MOVING_KINDS
-from taxel.training.slip_cups import TEST_CUPS, GelRows, PourRows, moving_part
-from taxel.training.slip_heads import features_of
+from taxel.bench.transitions import moving_grasps
+from taxel.bench.transitions.grasp_start import Detection, brushed, rows_of, start_runs
+from taxel.sim.pour.cups import MOVING_KINDS
+from taxel.training.slip.cups import TEST_CUPS, GelRows, PourRows, moving_part
+from taxel.training.slip.heads import features_of
 
 
 def detection(settled_s: float | None, *starts_s: float) -> Detection:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from taxel.bench.quiet_station import paired_ratios
+from taxel.bench.faults.quiet_station import paired_ratios
 
 
 def test_a_drift_is_no_cost_of_the_page():

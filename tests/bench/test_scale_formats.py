@@ -2,7 +2,7 @@
 
 import pytest
 
-from taxel.bench import scale_formats
+from taxel.bench.scale import formats as scale_formats
 
 
 def test_readers_of_others_find_every_message():

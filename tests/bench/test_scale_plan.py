@@ -6,7 +6,7 @@ import pytest
 
 from taxel.bench.figure_page import figure_page
 from taxel.bench.rows import Row
-from taxel.bench.scale_plan import WORKS, plan_lines, serial_share, speedup
+from taxel.bench.scale.plan import WORKS, plan_lines, serial_share, speedup
 
 
 def row(work: str, value: float | None) -> Row:

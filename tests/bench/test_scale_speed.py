@@ -4,8 +4,8 @@ import os
 
 import pytest
 
-from taxel.bench import scale_speed
-from taxel.bench.scale_plan import WORKS
+from taxel.bench.scale import speed as scale_speed
+from taxel.bench.scale.plan import WORKS
 
 
 def test_an_epochs_time_is_free_of_start_and_features(monkeypatch, tmp_path):

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from torch import nn
 
-from taxel.bench import sim_to_real
-from taxel.bench.sim_to_real import (
+from taxel.bench.transitions import sim_to_real
+from taxel.bench.transitions.sim_to_real import (
     _Both,
     _Domains,
     _feature_rows,
@@ -21,8 +21,8 @@ from taxel.evaluation.camera_trials import cycle_gan, simulated_trials
 from taxel.evaluation.camera_trials.encoder_study import ProbeSet
 from taxel.evaluation.camera_trials.sides import split_trials
 from taxel.evaluation.camera_trials.simulated_trials import GEL, GREY, SimulatedTrial
-from taxel.sim.cup_pour import CupPourConfig, list_runs
-from taxel.training.trial_learning import Learning
+from taxel.sim.pour.cup_pour import CupPourConfig, list_runs
+from taxel.training.camera_trials.learning import Learning
 
 OBJECTS, EACH = 10, 4
 

@@ -17,7 +17,7 @@ from taxel.bundles.contract import Contract
 from taxel.bundles.reader import read_bundle
 from taxel.bundles.writer import write_bundle
 from taxel.evaluation.splits import by_group
-from taxel.sources.data_sets import simulate_presets
+from taxel.sources.simulated.data_sets import simulate_presets
 from taxel.training.fitting import Job, Lesson, fit_model
 from taxel.training.loop import TrainConfig
 from taxel.training.run import Run, contract_of, save_run

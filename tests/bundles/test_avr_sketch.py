@@ -6,12 +6,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from taxel.bench.board_emulator import INSTALL, build_firmware, missing_parts
-from taxel.bench.boards_sketch import OnChip, on_chip, run_sketch
+from taxel.bench.boards.emulator import INSTALL, build_firmware, missing_parts
+from taxel.bench.boards.sketch import OnChip, on_chip, run_sketch
 from taxel.bundles.avr.decisions import Doubt, unpack_decision
 from taxel.evaluation.splits import by_group
 from taxel.recordings.reader import list_recordings, read_recording
-from taxel.sources.data_sets import simulate_presets
+from taxel.sources.simulated.data_sets import simulate_presets
 from taxel.windows.config import TENG_WINDOW
 from taxel.windows.dataset import load_dataset
 from taxel.wire.messages import Heartbeat, Hello, State, unpack

@@ -14,7 +14,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from mutations import changed_bytes, changed_json, changed_npy
 
-from taxel.bench.hostile_files import members_of, sealed, zipped
+from taxel.bench.faults.hostile_files import members_of, sealed, zipped
 from taxel.bundles.contract import Contract
 from taxel.bundles.grasp import is_grasp_bundle, read_grasp_bundle, read_grasp_contract
 from taxel.bundles.reader import read_bundle, read_contract

@@ -12,10 +12,10 @@ from taxel.live.station.wiring import StationConfig
 if importlib.util.find_spec("zenoh") is None:
     pytest.skip("needs eclipse-zenoh: pip install 'taxel[bus]'", allow_module_level=True)
 
-from taxel.bench.fault_bus import Subscriber
-from taxel.bench.quiet_station import STILL
+from taxel.bench.faults.bus import Subscriber
+from taxel.bench.faults.quiet_station import STILL
 from taxel.bench.real_mosquitto import free_port
-from taxel.cli.live_bus import check_bus, open_bus
+from taxel.cli.live.bus import check_bus, open_bus
 from taxel.errors import BadInput
 
 

@@ -9,8 +9,8 @@ from taxel.calibration.characterise import characterise
 from taxel.calibration.presses import script_of_marks
 from taxel.calibration.results import Characterisation, Taken
 from taxel.signals import Mark, Samples
-from taxel.sim.force_gauge import ForceGauge, GaugeConfig
-from taxel.sim.teng_hand import TengHandConfig
+from taxel.sim.teng.force_gauge import ForceGauge, GaugeConfig
+from taxel.sim.teng.hand import TengHandConfig
 
 RATE_HZ = 250.0
 

@@ -14,8 +14,8 @@ from taxel.recordings.manifest import Manifest
 from taxel.recordings.reader import read_recording
 from taxel.recordings.writer import Recorder
 from taxel.signals import Samples, Validity
-from taxel.sim.force_gauge import ForceGauge, GaugeConfig
-from taxel.sim.teng_hand import GraspStream, TengHandConfig
+from taxel.sim.teng.force_gauge import ForceGauge, GaugeConfig
+from taxel.sim.teng.hand import GraspStream, TengHandConfig
 
 
 @pytest.fixture(scope="module")

@@ -11,10 +11,10 @@ from taxel.calibration.characterise import characterise
 from taxel.calibration.presses import Script, script_of_marks
 from taxel.calibration.results import Taken
 from taxel.errors import BadDataset
-from taxel.sim import teng_constants as constants
-from taxel.sim.force_gauge import GaugeConfig
-from taxel.sim.teng_electrics import full_voltage
-from taxel.sim.teng_hand import GraspStream, TengHandConfig
+from taxel.sim.teng import constants
+from taxel.sim.teng.electrics import full_voltage
+from taxel.sim.teng.force_gauge import GaugeConfig
+from taxel.sim.teng.hand import GraspStream, TengHandConfig
 
 
 def test_the_gauge_presses_the_sensors_of_sim_teng(three_boards: Any) -> None:

@@ -12,8 +12,8 @@ from taxel.clock import SystemClock
 from taxel.errors import BadSource
 from taxel.recordings.reader import read_recording
 from taxel.signals import CameraInfo, Frame, Mark, Samples, SensorInfo
-from taxel.sim.force_gauge import ForceGauge, GaugeConfig
-from taxel.sim.teng_hand import TengHandConfig
+from taxel.sim.teng.force_gauge import ForceGauge, GaugeConfig
+from taxel.sim.teng.hand import TengHandConfig
 
 HAND = TengHandConfig(seed=0, rate_hz=200.0, humidity_pct=(50.0, 50.0))
 

@@ -13,7 +13,7 @@ from taxel.calibration.live import LiveNewtons, in_newtons
 from taxel.calibration.stored import Calibration, document_of, read_calibration, write_calibration
 from taxel.errors import BadInput
 from taxel.signals import Samples, Validity
-from taxel.sim.teng_hand import TengHandConfig
+from taxel.sim.teng.hand import TengHandConfig
 
 
 @pytest.fixture(scope="module")
@@ -90,7 +90,7 @@ def test_missing_values_have_no_newtons(three_boards, calibration: Calibration):
 def test_other_sensors_are_refused_before_anything_is_read(
     calibration: Calibration, gauged: Callable
 ):
-    from taxel.sim.teng_hand import sensor_info
+    from taxel.sim.teng.hand import sensor_info
 
     class Other:
         info = sensor_info(TengHandConfig(seed=99))

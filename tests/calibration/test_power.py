@@ -8,9 +8,9 @@ import pytest
 from taxel.calibration.power import Circuit, PressPower, capacitor_curve, presses_of
 from taxel.cli.main import main
 from taxel.signals import Samples
-from taxel.sim.force_gauge import ForceGauge, GaugeConfig
-from taxel.sim.teng_electrics import full_voltage
-from taxel.sim.teng_hand import TengHandConfig
+from taxel.sim.teng.electrics import full_voltage
+from taxel.sim.teng.force_gauge import ForceGauge, GaugeConfig
+from taxel.sim.teng.hand import TengHandConfig
 
 CIRCUIT = Circuit(capacitance_pf=200.0, time_constant_s=0.15, storage_uf=0.01, diode_v=0.0)
 
@@ -70,7 +70,7 @@ def test_the_verb_prints_what_it_assumes(capsys: pytest.CaptureFixture[str]):
 
 
 def test_a_time_of_nothing_is_refused():
-    from taxel.cli.power import Power
+    from taxel.cli.devices.power import Power
     from taxel.errors import BadInput
 
     with pytest.raises(BadInput, match="above 0"):

@@ -7,8 +7,8 @@ import pytest
 
 from taxel.calibration.durability import durability_of
 from taxel.calibration.taps import Tap, TapMeter
-from taxel.sim.force_gauge import ForceGauge, GaugeConfig
-from taxel.sim.teng_hand import TengHandConfig
+from taxel.sim.teng.force_gauge import ForceGauge, GaugeConfig
+from taxel.sim.teng.hand import TengHandConfig
 
 RATE_HZ = 500.0
 

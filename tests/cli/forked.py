@@ -23,7 +23,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Self
 
 if TYPE_CHECKING:
-    from taxel.bench.watched_commands import Ended
+    from taxel.bench.faults.watched_commands import Ended
 
 WITHOUT_TORCH = (
     "numpy", "scipy.signal", "onnxruntime", "mcap.reader", "mcap.writer", "lz4.frame",
@@ -102,7 +102,7 @@ class Forked:
         script: Path | None = None, variables: Mapping[str, str] | None = None,
     ) -> Ended:  # fmt: skip
         """Run a command line to its end; it is killed after a time, and has no exit code then."""
-        from taxel.bench.watched_commands import Ended
+        from taxel.bench.faults.watched_commands import Ended
 
         with tempfile.TemporaryDirectory() as scratch:
             out, err = Path(scratch, "out"), Path(scratch, "err")

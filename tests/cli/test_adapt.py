@@ -19,7 +19,7 @@ from taxel.recordings.manifest import Manifest
 from taxel.recordings.reader import read_recording
 from taxel.recordings.writer import Recorder
 from taxel.signals import Mark, SensorInfo
-from taxel.sources.data_sets import simulate_presets
+from taxel.sources.simulated.data_sets import simulate_presets
 from taxel.training.adapt.new_data import clock_time
 from taxel.windows.dataset import load_dataset
 

@@ -6,11 +6,11 @@ from pathlib import Path
 
 import pytest
 
-from taxel.cli.audit import Audit
+from taxel.cli.recordings.audit import Audit
 from taxel.errors import BadInput, TaxelError
 from taxel.evaluation.audit import evidence
-from taxel.sim.teng_hand import TengHandConfig
-from taxel.sources.data_sets import write_sessions
+from taxel.sim.teng.hand import TengHandConfig
+from taxel.sources.simulated.data_sets import write_sessions
 
 
 @pytest.fixture(scope="module")

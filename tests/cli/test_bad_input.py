@@ -5,8 +5,8 @@ from pathlib import Path
 import pytest
 
 from taxel.cli.main import main
-from taxel.sim.teng_hand import TengHandConfig
-from taxel.sources.data_sets import write_sessions
+from taxel.sim.teng.hand import TengHandConfig
+from taxel.sources.simulated.data_sets import write_sessions
 
 
 @pytest.fixture(scope="module")

@@ -12,8 +12,8 @@ from forked import Forked, Started
 from threadpoolctl import threadpool_limits
 
 from taxel.cli.main import main
-from taxel.sim.teng_hand import TengHandConfig
-from taxel.sources.data_sets import write_sessions
+from taxel.sim.teng.hand import TengHandConfig
+from taxel.sources.simulated.data_sets import write_sessions
 from taxel.training.run import load_run
 
 TRAIN = ["--epochs", "2", "--fold-count", "3", "--json"]

@@ -10,9 +10,9 @@ import pytest
 from taxel.calibration.stored import read_calibration
 from taxel.cli.main import main
 from taxel.recordings.reader import read_recording
-from taxel.sim.teng_hand import TengHandConfig
-from taxel.sources.board_emulation import EmulatedBoard, RunningBoard
-from taxel.sources.data_sets import write_sessions
+from taxel.sim.teng.hand import TengHandConfig
+from taxel.sources.boards.emulation import EmulatedBoard, RunningBoard
+from taxel.sources.simulated.data_sets import write_sessions
 
 Refused = Callable[[list[str]], str]
 SIM = "sim://teng?seed=4&rate_hz=250"
@@ -21,7 +21,7 @@ SIM = "sim://teng?seed=4&rate_hz=250"
 @pytest.fixture(scope="module")
 def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A calibration of the simulated hand, with its page and its raw recording."""
-    from taxel.cli.calibrate import Calibrate
+    from taxel.cli.devices.calibrate import Calibrate
 
     folder = tmp_path_factory.mktemp("calibrated")
     Calibrate(

@@ -21,8 +21,8 @@ from taxel.decisions.stability import Stability, states
 from taxel.live.grasp_monitor import GraspAnswer
 from taxel.live.grasp_session import run_grasp_session
 from taxel.sources.opening import open_source
-from taxel.training.extractors import SlipExtractor, open_backbone
-from taxel.training.features import extract
+from taxel.training.frames.extractors import SlipExtractor, open_backbone
+from taxel.training.frames.features import extract
 from taxel.windows.camera_recordings import CameraRecording, read_camera_recording
 from taxel.windows.rest import SETTLE, seen, settled
 from taxel.windows.sequence import sequence_windows

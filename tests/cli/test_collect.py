@@ -11,9 +11,9 @@ import tyro
 
 from taxel.actions import collecting, grasping
 from taxel.actions.sim_hand import SimHand
-from taxel.cli import collect as collect_verb
-from taxel.cli.collect import Collect
-from taxel.cli.hand import Hand
+from taxel.cli.recordings import collect as collect_verb
+from taxel.cli.recordings.collect import Collect
+from taxel.cli.recordings.hand import Hand
 from taxel.errors import BadInput
 from taxel.recordings.reader import read_recording
 

@@ -6,9 +6,9 @@ from pathlib import Path
 import pytest
 import tyro
 
-from taxel.cli.compare import Compare
-from taxel.cli.simulate.teng import Teng
-from taxel.cli.train import Train
+from taxel.cli.evaluation.compare import Compare
+from taxel.cli.recordings.simulate.teng import Teng
+from taxel.cli.training.train import Train
 from taxel.errors import BadInput
 
 TRAIN = "--epochs 1 --fold-count 3 --json"

@@ -10,7 +10,7 @@ import pytest
 from taxel.cli.demo import Demo
 from taxel.cli.main import main
 from taxel.errors import BadInput
-from taxel.sim.teng_constants import MATERIALS, SHAPES
+from taxel.sim.teng.constants import MATERIALS, SHAPES
 
 
 @pytest.mark.slow

@@ -14,7 +14,7 @@ from taxel.cli.main import main
 from taxel.models.backbones.catalogue import find_backbone
 from taxel.models.frame_features import FrameFeatures
 from taxel.models.weights import find_weights
-from taxel.training.extractors import open_backbone
+from taxel.training.frames.extractors import open_backbone
 
 LITE = "efficientnet-lite0"
 

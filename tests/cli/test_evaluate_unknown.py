@@ -6,13 +6,13 @@ from pathlib import Path
 
 import pytest
 
-from taxel.cli.options import RecipeOptions
-from taxel.cli.reproduce.unknown_objects import UnknownObjects
+from taxel.cli.evaluation.reproduce.unknown_objects import UnknownObjects
+from taxel.cli.options.arrays import RecipeOptions
 from taxel.errors import BadDataset, BadInput
 from taxel.recordings.reader import list_recordings, read_recording
 from taxel.recordings.writer import Recorder
-from taxel.sim.teng_hand import TengHandConfig
-from taxel.sources.data_sets import write_sessions
+from taxel.sim.teng.hand import TengHandConfig
+from taxel.sources.simulated.data_sets import write_sessions
 
 
 @pytest.fixture(scope="module")

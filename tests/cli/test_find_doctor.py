@@ -6,13 +6,13 @@ from pathlib import Path
 
 import pytest
 
-from taxel.cli import doctor, find
+from taxel.cli.devices import doctor, find
 from taxel.cli.main import main
 from taxel.errors import BadSource, MissingExtra
-from taxel.sources import realsense_device
-from taxel.sources.cameras import parse_cameras
-from taxel.sources.realsense_device import FoundRealSense
-from taxel.sources.v4l2_nodes import FoundCamera, Offer
+from taxel.sources.cameras import realsense_device
+from taxel.sources.cameras.realsense_device import FoundRealSense
+from taxel.sources.cameras.source import parse_cameras
+from taxel.sources.cameras.v4l2_nodes import FoundCamera, Offer
 
 LEFT = FoundCamera(
     path="/dev/video0",

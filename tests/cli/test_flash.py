@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 from taxel.cli.main import main
-from taxel.sources.board_emulation import EmulatedBoard, RunningBoard
+from taxel.sources.boards.emulation import EmulatedBoard, RunningBoard
 
 Refused = Callable[[list[str]], str]
 Tools = Callable[..., Path]

@@ -10,8 +10,8 @@ from safetensors import SafetensorError
 
 from taxel.cli.main import main
 from taxel.recordings.recovery import recover
-from taxel.sim.teng_hand import TengHandConfig
-from taxel.sources.data_sets import write_sessions
+from taxel.sim.teng.hand import TengHandConfig
+from taxel.sources.simulated.data_sets import write_sessions
 
 LIMITED = """
 import resource, signal, sys

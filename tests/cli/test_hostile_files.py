@@ -11,8 +11,8 @@ from pathlib import Path
 import pytest
 from forked import WITHOUT_TORCH, Forked
 
-from taxel.bench.hostile_cases import ALONE, GROWTH_MB, MOST_MB, RESIDENT, make_world
-from taxel.bench.watched_commands import DEADLINE_S, forget_peak, peak_mb, run_alone
+from taxel.bench.faults.hostile_cases import ALONE, GROWTH_MB, MOST_MB, RESIDENT, make_world
+from taxel.bench.faults.watched_commands import DEADLINE_S, forget_peak, peak_mb, run_alone
 from taxel.cli.main import main
 
 pytestmark = [

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from taxel.bench.hostile_labels import CHANNELS, CLASSES, TRAINING, write_table
+from taxel.bench.faults.hostile_labels import CHANNELS, CLASSES, TRAINING, write_table
 from taxel.cli.main import main
 from taxel.plain_text import short_names, visible
 from taxel.recordings.reader import read_manifest

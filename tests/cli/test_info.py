@@ -11,9 +11,9 @@ import tyro
 from taxel.bundles import contract as arrays
 from taxel.bundles import trials
 from taxel.bundles.envelope import pack
-from taxel.cli.info import Info, _span
 from taxel.cli.main import main
-from taxel.cli.simulate.teng import Teng
+from taxel.cli.recordings.info import Info, _span
+from taxel.cli.recordings.simulate.teng import Teng
 from taxel.recordings.manifest import Manifest
 from taxel.recordings.writer import Recorder
 from taxel.signals import Mark, Samples, SensorInfo

@@ -12,8 +12,8 @@ from taxel.labels.corrections import corrections_path
 from taxel.recordings.manifest import Manifest
 from taxel.recordings.reader import iterate_frames, read_manifest
 from taxel.recordings.writer import Recorder
-from taxel.training.frame_labels import frame_labels
-from taxel.training.label_sheet import label_sheet
+from taxel.training.frames.label_sheet import label_sheet
+from taxel.training.frames.labels import frame_labels
 from taxel.windows.camera_recordings import read_camera_recording
 
 Out = pytest.CaptureFixture[str]

@@ -10,7 +10,7 @@ import tyro
 
 from taxel.bundles.contract import Contract, fingerprint_of
 from taxel.bundles.writer import write_bundle
-from taxel.cli import live
+from taxel.cli.live import live
 from taxel.cli.main import main
 from taxel.errors import BadBundle
 from taxel.models.cnn2d import Cnn2d
@@ -37,7 +37,7 @@ def test_a_second_bundle_beside_one_of_cameras_is_not_left_out(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     ran: list[Any] = []
-    monkeypatch.setattr("taxel.cli.live_station.live_station", ran.append)
+    monkeypatch.setattr("taxel.cli.live.station.live_station", ran.append)
     words = ["cup-pour", "sim://cup-pour", "--also", "cup-pour"]
     tyro.cli(live.Live, args=words).run()
     assert len(ran[0].bundles) == 2

@@ -11,14 +11,14 @@ import pytest
 
 from taxel.actions.interlock import Interlock, InterlockConfig
 from taxel.bundles.shipped import CUP_POUR, find_bundle, shipped_bundle
-from taxel.cli.live_station import _press, _still_to_arm
+from taxel.cli.live.station import _press, _still_to_arm
 from taxel.cli.main import main
 from taxel.errors import BadBundle
 from taxel.live.station.wiring import StationConfig
 from taxel.recordings.reader import iterate_frames
 from taxel.recordings.trial_log import log_of, read_trial_log
-from taxel.sim.cup_pour import CupPourConfig, list_runs
-from taxel.sources.pour_sets import CAMERA_HZ, write_run
+from taxel.sim.pour.cup_pour import CupPourConfig, list_runs
+from taxel.sources.simulated.pour_sets import CAMERA_HZ, write_run
 
 
 @pytest.fixture(scope="module")

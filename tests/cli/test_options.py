@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from taxel.cli.options import RecipeOptions
+from taxel.cli.options.arrays import RecipeOptions
 from taxel.recordings.manifest import Manifest
 from taxel.recordings.writer import Recorder
 from taxel.signals import Samples, SensorInfo

@@ -4,8 +4,8 @@ from collections.abc import Callable
 
 import pytest
 
-from taxel.cli.live import Live
-from taxel.cli.page_address import LOCAL_ADDRESS, parse_address, with_addresses
+from taxel.cli.live.live import Live
+from taxel.cli.options.page_address import LOCAL_ADDRESS, parse_address, with_addresses
 from taxel.cli.parsing import parse
 
 WORDS = ("cup-pour", "sim://cup-pour")

@@ -12,16 +12,16 @@ import tyro
 
 from taxel.actions import guided_trials
 from taxel.actions.guided_trials import NotSettled, record_trial
-from taxel.cli import record_plan
-from taxel.cli.record import Record
+from taxel.cli.recordings import record_plan
+from taxel.cli.recordings.record import Record
 from taxel.errors import BadInput
 from taxel.frame_codec import encode_jpeg
 from taxel.recordings.manifest import NO_ARRAY
 from taxel.recordings.reader import iterate_frames, read_manifest, read_recording
 from taxel.recordings.trial_plan import PlannedTrial, read_plan
 from taxel.signals import CameraInfo, Frame, Mark, Samples, SensorInfo
-from taxel.sim.cup_pour import CupPourConfig, list_runs
-from taxel.sources.pour_sets import groups_of
+from taxel.sim.pour.cup_pour import CupPourConfig, list_runs
+from taxel.sources.simulated.pour_sets import groups_of
 
 PLANS = Path(__file__).parents[2] / "plans"
 CUP = PlannedTrial(number=1, labels={"person": "a"}, groups={"cup": "mug", "force_n": "25"})

@@ -7,11 +7,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from taxel.cli.import_ import Import
-from taxel.cli.info import Info
-from taxel.cli.pairs import parse_pairs
-from taxel.cli.recording import ledger_line, record_source, stop_signals
-from taxel.cli.recover import Recover
+from taxel.cli.options.pairs import parse_pairs
+from taxel.cli.recordings.import_ import Import
+from taxel.cli.recordings.info import Info
+from taxel.cli.recordings.recording import ledger_line, record_source, stop_signals
+from taxel.cli.recordings.recover import Recover
 from taxel.errors import BadInput, BadSource
 from taxel.recordings.manifest import NO_ARRAY
 from taxel.recordings.reader import iterate_frames, read_manifest, read_recording

@@ -10,9 +10,9 @@ import tyro
 from taxel.bench import claims_card as card
 from taxel.bench.claims_card import all_parts
 from taxel.bench.rows import Row
-from taxel.cli.report import Report
-from taxel.cli.simulate.teng import Teng
-from taxel.cli.train import Train
+from taxel.cli.evaluation.report import Report
+from taxel.cli.recordings.simulate.teng import Teng
+from taxel.cli.training.train import Train
 from taxel.errors import BadInput
 from taxel.evaluation.cards.claims import table_row
 from taxel.evaluation.teng.table_4_1 import ROWS

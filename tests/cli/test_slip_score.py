@@ -7,7 +7,7 @@ import pytest
 
 from taxel.bundles.grasp import read_grasp_bundle, read_grasp_contract
 from taxel.bundles.shipped import CUP_POUR, find_bundle, shipped_bundle
-from taxel.cli.live_grasps import number_words
+from taxel.cli.live.grasps import number_words
 from taxel.cli.main import main
 from taxel.errors import BadBundle
 

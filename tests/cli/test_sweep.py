@@ -6,10 +6,10 @@ from pathlib import Path
 import pytest
 import tyro
 
-from taxel.cli.bundle import Bundle
-from taxel.cli.simulate.teng import Teng
-from taxel.cli.sweep import Sweep
-from taxel.cli.train import Train
+from taxel.cli.evaluation.sweep import Sweep
+from taxel.cli.live.bundle import Bundle
+from taxel.cli.recordings.simulate.teng import Teng
+from taxel.cli.training.train import Train
 from taxel.errors import BadBundle, BadInput, RecordingFailed
 
 KEYS = {"fault", "level", "unit", "accuracy", "low", "high", "answered", "windows", "grasps",

@@ -5,9 +5,9 @@ from pathlib import Path
 import pytest
 import tyro
 
-from taxel.cli.bundle import Bundle
-from taxel.cli.simulate.teng import Teng
-from taxel.cli.train import Train
+from taxel.cli.live.bundle import Bundle
+from taxel.cli.recordings.simulate.teng import Teng
+from taxel.cli.training.train import Train
 from taxel.errors import BadInput
 from taxel.evaluation.run_scores import GroupInterval, beside_baselines, few_groups
 

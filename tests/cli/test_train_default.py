@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from taxel.cli.main import main
-from taxel.recordings.importing import ImportRow, import_rows
+from taxel.recordings.imports.importing import ImportRow, import_rows
 
 
 @pytest.fixture(scope="module")

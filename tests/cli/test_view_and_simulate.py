@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from taxel.cli.main import main
-from taxel.cli.simulate.teng import Teng
+from taxel.cli.recordings.simulate.teng import Teng
 from taxel.errors import BadInput
 from taxel.recordings.reader import list_recordings, read_recording
 from taxel.windows.config import GATE_V

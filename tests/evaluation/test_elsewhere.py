@@ -21,7 +21,7 @@ from taxel.evaluation.run_scores import judge, only_one
 from taxel.evaluation.table_split import Elsewhere, split_elsewhere, training_part
 from taxel.labels.class_order import in_order
 from taxel.training.final import train_on_all
-from taxel.views.part_results import bundle_score_table
+from taxel.views.tables.parts import bundle_score_table
 from taxel.windows.dataset import Dataset, load_dataset
 
 ONE_SESSION = "only one session was tested: the interval says nothing about other sessions"

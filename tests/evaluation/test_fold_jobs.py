@@ -15,8 +15,8 @@ from taxel.evaluation.kept_folds import Keeping, content_digest
 from taxel.evaluation.table_split import OWN_SPLIT
 from taxel.jobs.local import LocalEngine
 from taxel.jobs.running import use_engine
-from taxel.sources.data_sets import write_sessions
-from taxel.sources.teng_options import checked_config
+from taxel.sources.simulated.data_sets import write_sessions
+from taxel.sources.simulated.teng_options import checked_config
 from taxel.training.loop import TrainConfig
 from taxel.training.recipes import find_recipe
 

@@ -8,8 +8,8 @@ import pytest
 from taxel.errors import BadSplit
 from taxel.evaluation.nested import check_choosing
 from taxel.evaluation.splits import Split, TrialFold
-from taxel.recordings.importing import ImportRow, import_rows
-from taxel.sim.teng_constants import SENSORS
+from taxel.recordings.imports.importing import ImportRow, import_rows
+from taxel.sim.teng.constants import SENSORS
 from taxel.training.choose.budget import Budget
 from taxel.training.choose.preparations import Base, Prepared, load_base, prepare_all
 from taxel.training.choose.search import Effort

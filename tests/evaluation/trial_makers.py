@@ -15,9 +15,9 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-import taxel.training.trial_blend as blending
+import taxel.training.camera_trials.blend as blending
 from taxel.evaluation.camera_trials.crossval import TrialSet
-from taxel.training.trial_features import TrialRows
+from taxel.training.camera_trials.features import TrialRows
 from taxel.windows.trial_crops import PIXELS, STATISTICS, STILLS, Layout, numbers_of
 
 SIZE = (60, 80)

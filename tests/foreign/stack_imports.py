@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from taxel.errors import BadTable
-from taxel.recordings.import_notes import notes_of
-from taxel.recordings.importing import ImportOptions, import_table
+from taxel.recordings.imports.importing import ImportOptions, import_table
+from taxel.recordings.imports.notes import notes_of
 from taxel.recordings.reader import list_recordings, read_recording
 
 HEADER = "file,trials,axes,label:object,group:session,channels,time\n"

@@ -6,8 +6,8 @@ import pytest
 from taxel.errors import BadSource
 from taxel.gel.bare import bare_gel
 from taxel.gel.contact import contact_mask
-from taxel.sim.gelsight import GelCamera, draw_sensor
-from taxel.sim.pour_state import GelMotion, HandleShape
+from taxel.sim.gelsight.mini import GelCamera, draw_sensor
+from taxel.sim.pour.state import GelMotion, HandleShape
 
 
 def seen(depth_mm: float) -> np.ndarray:

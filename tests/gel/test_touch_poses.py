@@ -10,10 +10,10 @@ from taxel.errors import BadSource
 from taxel.frame_codec import decode_jpeg, encode_jpeg
 from taxel.gel.imprint_pose import ImprintFollower
 from taxel.gel.touch_poses import TouchFollower
-from taxel.sim.cup_pour import CupPourConfig, list_runs
-from taxel.sim.pour_state import TRUTH_CHANNELS
-from taxel.sources.pour_sets import motion_at, simulate_videos
-from taxel.training.slip_cups import gel_about_middle
+from taxel.sim.pour.cup_pour import CupPourConfig, list_runs
+from taxel.sim.pour.state import TRUTH_CHANNELS
+from taxel.sources.simulated.pour_sets import motion_at, simulate_videos
+from taxel.training.slip.cups import gel_about_middle
 from taxel.windows.rest import SETTLE
 
 MIDDLE = np.array([159.5, 119.5])

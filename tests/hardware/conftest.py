@@ -13,7 +13,7 @@ from pathlib import Path
 
 import pytest
 
-from taxel.bench.board_emulator import INSTALL, Firmware, build_firmware, missing_parts
+from taxel.bench.boards.emulator import INSTALL, Firmware, build_firmware, missing_parts
 
 FIRMWARE = Path(__file__).parents[2] / "firmware"
 STRICT = ("-std=c11", "-Wall", "-Wextra", "-Werror", "-g", "-O1",

@@ -11,9 +11,10 @@ from taxel.actions.bus_worker import Command
 from taxel.actions.collecting import collect_grasp
 from taxel.actions.hand_driver import HandDriver, hand_limits
 from taxel.actions.hand_link import Grip, HandConfig, HandLink
-from taxel.bench.board_emulator import BoardSetup, EmulatedBoards, Firmware, VirtualClock
-from taxel.bench.boards_collect import CYCLE
-from taxel.bench.boards_hand import (
+from taxel.bench.boards.collect import CYCLE
+from taxel.bench.boards.emulator import BoardSetup, EmulatedBoards, Firmware, VirtualClock
+from taxel.bench.boards.grasping_boards import GraspingBoards
+from taxel.bench.boards.hand import (
     CONTACT_MA,
     MOTORS,
     VirtualHost,
@@ -21,7 +22,6 @@ from taxel.bench.boards_hand import (
     hand_setup,
     running,
 )
-from taxel.bench.grasping_boards import GraspingBoards
 from taxel.recordings.reader import read_recording
 from taxel.recordings.trial_plan import PlannedTrial
 from taxel.wire.messages import Ability, Acknowledge, Current, Hello, Order, Result, State

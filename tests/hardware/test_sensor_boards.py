@@ -12,8 +12,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from taxel.bench.board_emulator import PINS, BoardSetup, EmulatedBoards, Firmware, VirtualClock
-from taxel.bench.boards_sensors import (
+from taxel.bench.boards.emulator import PINS, BoardSetup, EmulatedBoards, Firmware, VirtualClock
+from taxel.bench.boards.sensors import (
     CHANNELS,
     ChainResult,
     expected_scans,
@@ -25,7 +25,7 @@ from taxel.bench.boards_sensors import (
 )
 from taxel.clock import SystemClock
 from taxel.errors import BadSource
-from taxel.sources.serial_boards import SerialBoards
+from taxel.sources.boards.source import SerialBoards
 from taxel.wire.framing import FrameDecoder, frame_of
 from taxel.wire.messages import Ability, Command, Data, Heartbeat, Hello, Order, pack, unpack
 
@@ -165,7 +165,8 @@ def test_the_usual_sketch_is_three_times_slower_with_the_same_converter(firmware
 def test_a_machine_without_the_tools_names_what_to_install(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ):
-    from taxel.bench import board_emulator, boards
+    from taxel.bench.boards import emulator as board_emulator
+    from taxel.bench.boards import steps as boards
     from taxel.errors import BadInput
 
     monkeypatch.setenv("PATH", str(tmp_path))

@@ -102,7 +102,7 @@ def test_a_worker_brings_no_framework_that_its_jobs_do_not_use() -> None:
     """PyTorch takes a second and a half to import, scikit-learn one: half of a worker's start."""
     code = (
         "import sys\n"
-        "import taxel.sources.pour_folder, taxel.training.feature_jobs\n"
+        "import taxel.sources.simulated.pour_folder, taxel.training.frames.jobs\n"
         "print(sorted({'torch', 'sklearn'} & set(sys.modules)))\n"
         "import taxel.evaluation.fold_jobs\n"
         "print(sorted({'torch', 'sklearn'} & set(sys.modules)))\n"

@@ -6,7 +6,7 @@ import pytest
 from taxel.errors import BadInput
 from taxel.labels.rules import RULES, rule_named
 from taxel.labels.slip import label_truth
-from taxel.sim.pour_state import TRUTH_CHANNELS
+from taxel.sim.pour.state import TRUTH_CHANNELS
 
 
 def truth(slip_um: list[float], dropped: list[float] | None = None) -> np.ndarray:

@@ -13,8 +13,8 @@ from taxel.actions.grip_policy import (
     PixelDifference,
     PixelDifferenceConfig,
 )
-from taxel.bench.closed_loop_scores import LoopCase, LoopScores, score_loops
-from taxel.bench.closed_loop_tuning import (
+from taxel.bench.closed_loop.scores import LoopCase, LoopScores, score_loops
+from taxel.bench.closed_loop.tuning import (
     RunProbabilities,
     choose,
     play_alarms,
@@ -37,8 +37,8 @@ from taxel.live.closed_loop import (
     run_loop,
 )
 from taxel.live.grasp_monitor import GraspMonitor
-from taxel.sim.cup_pour import CupPourConfig, list_runs
-from taxel.sim.cups import PourRun
+from taxel.sim.pour.cup_pour import CupPourConfig, list_runs
+from taxel.sim.pour.cups import PourRun
 
 SHORT = LoopConfig(duration_s=3.0)
 DROPS = next(

@@ -5,14 +5,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from taxel.bench.closed_loop import JudgedPour, data_digest, loop_rows
-from taxel.bench.closed_loop_pours import HARD, UNSEEN
-from taxel.bench.closed_loop_scores import LoopCase
-from taxel.bench.closed_loop_training import PIXEL_CUPS, raisable
+from taxel.bench.closed_loop.pours import HARD, UNSEEN
+from taxel.bench.closed_loop.scores import LoopCase
+from taxel.bench.closed_loop.steps import JudgedPour, data_digest, loop_rows
+from taxel.bench.closed_loop.training import PIXEL_CUPS, raisable
 from taxel.live.closed_loop import GripCommand, LoopTrack
-from taxel.sim.cup_pour import list_runs
-from taxel.sim.cups import PourRun
-from taxel.training.slip_cups import TRAINING_CUPS
+from taxel.sim.pour.cup_pour import list_runs
+from taxel.sim.pour.cups import PourRun
+from taxel.training.slip.cups import TRAINING_CUPS
 
 RUN = next(run for run in list_runs(UNSEEN) if run.kind == "pour")
 PUSH = replace(RUN, kind="bump")

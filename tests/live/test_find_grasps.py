@@ -9,9 +9,9 @@ from taxel.bundles.shipped import shipped_bundle
 from taxel.clock import ManualClock
 from taxel.live.grasp_monitor import GraspAnswer, GraspMonitor
 from taxel.live.grasp_session import run_grasp_session
-from taxel.sim.cups import draw_cup
+from taxel.sim.pour.cups import draw_cup
 from taxel.sources.opening import open_source
-from taxel.sources.sim_pour import PourChoice, draw_choice
+from taxel.sources.simulated.pour import PourChoice, draw_choice
 from taxel.windows.pairs import FramePairer
 
 ADDRESS = "sim://cup-pour?speed=max&runs=1&cup=7&approach=yes&kind=lift&force_n=15&duration_s=3.6"

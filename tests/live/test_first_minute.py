@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from taxel.bench.hostile_images import replay, write_hostile_replay
+from taxel.bench.faults.hostile_images import replay, write_hostile_replay
 from taxel.bundles.grasp import read_grasp_bundle
 from taxel.bundles.shipped import CUP_POUR, shipped_bundle
 from taxel.clock import ManualClock
@@ -24,10 +24,10 @@ from taxel.live.grasp_monitor import GraspMonitor
 from taxel.live.station import inference
 from taxel.recordings.reader import iterate_frames
 from taxel.signals import PAUSE, CameraInfo, Frame, Mark
-from taxel.sim.gelsight import camera_times
+from taxel.sim.gelsight.mini import camera_times
 from taxel.sources.opening import open_source
-from taxel.sources.pour_sets import ARRIVAL_S
-from taxel.sources.sim_pour import MOST_LOST, PAUSE_S
+from taxel.sources.simulated.pour import MOST_LOST, PAUSE_S
+from taxel.sources.simulated.pour_sets import ARRIVAL_S
 from taxel.windows.pairs import FramePairer
 
 CAMERAS = tuple(

@@ -22,9 +22,9 @@ from taxel.models.export_onnx import export_head
 from taxel.recordings.reader import iterate_frames
 from taxel.signals import Frame, Mark
 from taxel.sources.opening import open_source
-from taxel.training.extractors import BackboneExtractor, SlipExtractor, open_backbone
-from taxel.training.features import extract
-from taxel.training.heads import HeadConfig, Track, TrainedHead, fit_head
+from taxel.training.frames.extractors import BackboneExtractor, SlipExtractor, open_backbone
+from taxel.training.frames.features import extract
+from taxel.training.frames.heads import HeadConfig, Track, TrainedHead, fit_head
 from taxel.windows.camera_recordings import CameraRecording, frame_sets, read_camera_recordings
 from taxel.windows.pairs import FrameSet
 from taxel.windows.rest import SETTLE

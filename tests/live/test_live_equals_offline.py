@@ -16,9 +16,9 @@ from taxel.live.session import run_session
 from taxel.models.catalogue import find_network
 from taxel.recordings.reader import read_recording
 from taxel.signals import Samples
-from taxel.sim.teng_hand import TengHandConfig
-from taxel.sources.data_sets import write_sessions
+from taxel.sim.teng.hand import TengHandConfig
 from taxel.sources.opening import open_source
+from taxel.sources.simulated.data_sets import write_sessions
 from taxel.training.loop import new_network, predict
 from taxel.training.run import contract_of
 from taxel.windows.config import TENG_WINDOW, WindowConfig

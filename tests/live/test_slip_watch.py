@@ -18,11 +18,11 @@ from taxel.gel.rim_slip import WITH_RIM, RimSlip
 from taxel.gel.slip_signal import PAIR_FEATURES, GelSlip, PairSlip
 from taxel.live.grasp_monitor import GraspMonitor
 from taxel.live.slip_watch import SlipWatch, mm_per_px_of, taken_of
-from taxel.sources.stepped_pour import SteppedPour
-from taxel.training.pose_noise import settle
-from taxel.training.rim_features import rim_features
-from taxel.training.slip_cups import paper_runs, seen_pour, true_pours
-from taxel.training.slip_onnx import linear_model
+from taxel.sources.simulated.stepped_pour import SteppedPour
+from taxel.training.slip.cups import paper_runs, seen_pour, true_pours
+from taxel.training.slip.onnx_graph import linear_model
+from taxel.training.slip.pose_noise import settle
+from taxel.training.slip.rim_features import rim_features
 from taxel.windows.pairs import FramePairer
 
 CLOCK_S = 10.0

@@ -17,11 +17,11 @@ from mcap.data_stream import RecordBuilder
 from mcap.records import Metadata
 from mutations import DEEP, LONG, NUMBERS, changed_bytes, changed_json, changed_npy
 
-from taxel.bench.hostile_files import assembled, chunk, record, records_of
+from taxel.bench.faults.hostile_files import assembled, chunk, record, records_of
 from taxel.clock import ManualClock
 from taxel.errors import TaxelError
 from taxel.labels.corrections import corrections_path, read_corrections
-from taxel.recordings.importing import ImportOptions, import_table
+from taxel.recordings.imports.importing import ImportOptions, import_table
 from taxel.recordings.manifest import Manifest, to_record
 from taxel.recordings.mark_layout import encode_mark
 from taxel.recordings.reader import iterate_frames, read_manifest, read_recording

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from taxel.cli.main import main
-from taxel.recordings.import_notes import FileFacts, coarse_of, gaps_of, lying_of, notes_of
+from taxel.recordings.imports.notes import FileFacts, coarse_of, gaps_of, lying_of, notes_of
 
 Capture = pytest.CaptureFixture[str]
 

@@ -7,7 +7,7 @@ import pytest
 
 from taxel.cli.main import main
 from taxel.errors import BadTable
-from taxel.recordings.importing import ImportOptions, import_table
+from taxel.recordings.imports.importing import ImportOptions, import_table
 from taxel.recordings.reader import iterate_blocks, list_recordings, read_recording
 from taxel.signals import Validity
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from taxel.errors import BadTable
-from taxel.recordings.intervals import Interval, marks_of, read_intervals
+from taxel.recordings.imports.intervals import Interval, marks_of, read_intervals
 
 HEADER = "file,start_s,end_s,label:object\n"
 TWO = [(1.0, 2.5, {"object": "cup"}), (3.0, 4.0, {"object": "egg"})]

@@ -2,7 +2,7 @@
 
 import pytest
 
-from taxel.bench.kill_recorder import kill_often
+from taxel.bench.teng.kill_recorder import kill_often
 
 LARGEST_LOSS_S = 0.1
 

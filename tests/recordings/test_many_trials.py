@@ -14,7 +14,7 @@ from stack_imports import HEADER, OBJECTS, OWN, SESSIONS, X, bring, refusal
 
 from taxel.errors import BadInput
 from taxel.foreign.npz_file import NpzFile
-from taxel.recordings.importing import import_table
+from taxel.recordings.imports.importing import import_table
 from taxel.recordings.reader import list_recordings, read_recording
 
 

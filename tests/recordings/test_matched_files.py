@@ -10,9 +10,9 @@ import pytest
 
 from taxel.cli.main import main
 from taxel.errors import BadTable
-from taxel.recordings import matched_files
-from taxel.recordings.import_notes import FileFacts, notes_of
-from taxel.recordings.importing import ImportOptions, import_table
+from taxel.recordings.imports import matched_files
+from taxel.recordings.imports.importing import ImportOptions, import_table
+from taxel.recordings.imports.notes import FileFacts, notes_of
 from taxel.recordings.reader import read_recording
 from taxel.windows.config import WindowConfig
 from taxel.windows.dataset import load_dataset

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from taxel.errors import BadTable
-from taxel.recordings.name_patterns import FilePattern, NamePattern, pattern_of
+from taxel.recordings.imports.name_patterns import FilePattern, NamePattern, pattern_of
 
 
 def step(cell: str) -> NamePattern:

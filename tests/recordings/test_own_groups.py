@@ -7,9 +7,9 @@ import pytest
 from taxel.cli.main import main
 from taxel.errors import BadTable
 from taxel.labels.trials import trials_of
-from taxel.recordings.intervals import read_intervals
+from taxel.recordings.imports.intervals import read_intervals
+from taxel.recordings.imports.own_groups import OWN_GROUPS, refuse_own_groups
 from taxel.recordings.manifest import NO_ARRAY, Manifest
-from taxel.recordings.own_groups import OWN_GROUPS, refuse_own_groups
 
 
 def test_these_are_the_groups_that_a_trial_gets_when_it_is_read():

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from taxel.errors import BadTable
-from taxel.recordings.importing import import_table
+from taxel.recordings.imports.importing import import_table
 from taxel.recordings.reader import read_recording
 
 TEXT = """ms,a,b,state,who

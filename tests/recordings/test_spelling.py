@@ -1,6 +1,6 @@
 """Claims about spelling: one form of a letter, and a word on look-alikes, no more."""
 
-from taxel.recordings.spelling import composed, look_alikes
+from taxel.recordings.imports.spelling import composed, look_alikes
 
 
 def test_letters_typed_in_two_ways_are_one_value():

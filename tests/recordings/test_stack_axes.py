@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from taxel.errors import BadTable
-from taxel.recordings.stack_axes import Axes, check_axes, find_axes, parse_axes
+from taxel.recordings.imports.stacks.axes import Axes, check_axes, find_axes, parse_axes
 
 ANY = range(1, 100)
 

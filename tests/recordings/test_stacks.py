@@ -309,7 +309,7 @@ def test_a_stack_of_plain_arrays_needs_no_word_of_its_own(tmp_path):
 
 def test_a_large_stack_is_read_in_blocks(tmp_path, monkeypatch):
     """Trials of a block come from one read, whichever axis they lie on."""
-    monkeypatch.setattr("taxel.recordings.stacks._BLOCK_BYTES", 2 * 9 * 3 * 4)
+    monkeypatch.setattr("taxel.recordings.imports.stacks.trials._BLOCK_BYTES", 2 * 9 * 3 * 4)
     write_hdf5(tmp_path / "a.h5", {"X": X, "Y": X.transpose(1, 2, 0), "y": OBJECTS})
     for row in ("a.h5,X,trials rows channels", "a.h5,Y,rows channels trials"):
         made = bring(tmp_path, f"{row},from:y,1,*[N],rate:50Hz")

@@ -8,8 +8,8 @@ import pytest
 
 from taxel.errors import BadSource, BadTable
 from taxel.raster_head import raster_size
-from taxel.recordings.footage import open_footage
-from taxel.recordings.video_rows import names_apart, read_video_rows
+from taxel.recordings.imports.footage import open_footage
+from taxel.recordings.imports.video_rows import names_apart, read_video_rows
 
 IMAGE = np.random.default_rng(0).integers(0, 256, (30, 44, 3), np.uint8)
 

@@ -7,8 +7,8 @@ import pytest
 
 from taxel.cli.main import main
 from taxel.errors import BadTable
-from taxel.recordings.importing import ImportOptions, import_table
-from taxel.recordings.video_rows import read_video_rows
+from taxel.recordings.imports.importing import ImportOptions, import_table
+from taxel.recordings.imports.video_rows import read_video_rows
 
 
 @pytest.fixture

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from taxel.errors import BadTable
-from taxel.recordings.importing import import_table
+from taxel.recordings.imports.importing import import_table
+from taxel.recordings.imports.tables import parse_columns, parse_time, read_table
 from taxel.recordings.reader import read_recording
-from taxel.recordings.tables import parse_columns, parse_time, read_table
 
 WANTED = [[1.5, -2.0], [2.5, 300.0]]
 ROWS = "10,1.5,-2\n20,2.5,3e2\n"

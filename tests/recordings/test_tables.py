@@ -6,7 +6,13 @@ import numpy as np
 import pytest
 
 from taxel.errors import BadTable
-from taxel.recordings.tables import Column, TimeColumn, parse_columns, parse_time, read_table
+from taxel.recordings.imports.tables import (
+    Column,
+    TimeColumn,
+    parse_columns,
+    parse_time,
+    read_table,
+)
 
 VOLTS = (Column(name="a", unit="V"), Column(name="b", unit="V"))
 MILLISECONDS = TimeColumn(column=Column(name="t", unit="ms"))

@@ -7,7 +7,7 @@ import pytest
 from stack_imports import bring as import_row
 
 from taxel.errors import BadTable
-from taxel.recordings.importing import import_table
+from taxel.recordings.imports.importing import import_table
 from taxel.recordings.reader import read_recording
 
 HEADER = "file,trials,label:object,group:person,channels,time\n"

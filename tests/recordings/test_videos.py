@@ -8,12 +8,12 @@ import pytest
 
 from taxel.errors import BadTable
 from taxel.frame_codec import decode_jpeg
-from taxel.recordings.footage import Video
-from taxel.recordings.known import KNOWN_VIDEOS
+from taxel.recordings.imports.footage import Video
+from taxel.recordings.imports.known import KNOWN_VIDEOS
+from taxel.recordings.imports.video_rows import VideoRow, names_videos, read_video_rows
+from taxel.recordings.imports.videos import import_videos
 from taxel.recordings.reader import iterate_frames, read_manifest
 from taxel.recordings.summary import summarise
-from taxel.recordings.video_rows import VideoRow, names_videos, read_video_rows
-from taxel.recordings.videos import import_videos
 
 
 def write(path: Path, frames: int = 20, rate_hz: float = 25.0, grey: bool = False) -> Path:

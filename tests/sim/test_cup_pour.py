@@ -5,16 +5,16 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from taxel.sim.brush_contact import BrushField, elliptic_patch
-from taxel.sim.cup_pour import (
+from taxel.sim.pour.brush_contact import BrushField, elliptic_patch
+from taxel.sim.pour.cup_pour import (
     CupPourConfig,
     PourSim,
     PourTrack,
     list_runs,
     simulate_pour,
 )
-from taxel.sim.cups import PourRun, draw_cup, draw_run
-from taxel.sim.grip_limits import indentation
+from taxel.sim.pour.cups import PourRun, draw_cup, draw_run
+from taxel.sim.pour.grip_limits import indentation
 
 MU, NORMAL_N = 0.8, 20.0
 

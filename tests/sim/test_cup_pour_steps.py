@@ -5,15 +5,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from taxel.sim.brush_contact import BrushField, elliptic_patch
-from taxel.sim.cup_pour import (
+from taxel.sim.pour.brush_contact import BrushField, elliptic_patch
+from taxel.sim.pour.cup_pour import (
     CupPourConfig,
     PourSim,
     list_runs,
     simulate_pour,
 )
-from taxel.sim.cups import draw_cup, draw_run
-from taxel.sim.grip_limits import half_axes, load_ratio, pour_less
+from taxel.sim.pour.cups import draw_cup, draw_run
+from taxel.sim.pour.grip_limits import half_axes, load_ratio, pour_less
 
 
 def test_frame_by_frame_equals_the_whole() -> None:

@@ -7,7 +7,7 @@ import pytest
 from scipy.integrate import quad
 from scipy.special import j1
 
-from taxel.sim.elastic_layer import LayerPatch, cell_kernel, layer_patch, shear_response
+from taxel.sim.pour.elastic_layer import LayerPatch, cell_kernel, layer_patch, shear_response
 
 
 def by_boundary_conditions(k: float, h: float, nu: float) -> tuple[float, float]:

@@ -2,7 +2,7 @@
 
 import hashlib
 
-from taxel.sim import teng_constants
+from taxel.sim.teng import constants as teng_constants
 
 FROZEN = {"1": "21f9bcd85c06d77f46588eb01809cc6a667479c217fa00847afde40398625f29"}
 """Version → SHA-256 of all constants."""

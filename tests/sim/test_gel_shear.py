@@ -7,19 +7,19 @@ import numpy as np
 import pytest
 
 from taxel.gel.shading import Shading
-from taxel.sim import gel_shear_constants
-from taxel.sim.cup_pour import (
+from taxel.sim.gelsight.mini import GelCamera, draw_sensor
+from taxel.sim.pour import gel_shear_constants
+from taxel.sim.pour.cup_pour import (
     _SHEAR_STIFFNESS_N_MM3,
     CupPourConfig,
     PourTrack,
     list_runs,
     simulate_pour,
 )
-from taxel.sim.cups import PourRun, draw_cup, draw_run
-from taxel.sim.gel_shear import LayerGels, LayerMoment, contact_of, follow
-from taxel.sim.gelsight import GelCamera, draw_sensor
-from taxel.sim.pour_state import PadHold
-from taxel.sim.pour_views import LayerView, face_shear
+from taxel.sim.pour.cups import PourRun, draw_cup, draw_run
+from taxel.sim.pour.gel_shear import LayerGels, LayerMoment, contact_of, follow
+from taxel.sim.pour.state import PadHold
+from taxel.sim.pour.views import LayerView, face_shear
 
 FROZEN = {"2": "0c522a5491a15fe294aaf860142827667a599e8481bfdd1cd3e5b31942e47f42"}
 """Version → SHA-256 of all constants."""
@@ -72,7 +72,7 @@ def test_a_changed_constant_needs_a_new_version() -> None:
 
 
 def test_version_1_is_the_same_to_the_last_bit() -> None:
-    from taxel.sources.pour_sets import simulate_videos
+    from taxel.sources.simulated.pour_sets import simulate_videos
 
     digest = hashlib.sha256()
     runs = list_runs(CupPourConfig(cups=1, negatives=1.0))

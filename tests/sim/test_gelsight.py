@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from taxel.gel.shading import Shading
-from taxel.sim.gelsight import GelCamera, SensorNuisance, camera_times, draw_sensor
-from taxel.sim.gelsight_camera import exposure, lamp_light
-from taxel.sim.pour_state import GelMotion, HandleShape
+from taxel.sim.gelsight.camera import exposure, lamp_light
+from taxel.sim.gelsight.mini import GelCamera, SensorNuisance, camera_times, draw_sensor
+from taxel.sim.pour.state import GelMotion, HandleShape
 
 SHAPE = HandleShape(
     radius_across_mm=12.0,

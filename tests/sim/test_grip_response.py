@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from taxel.errors import BadInput
-from taxel.sim.cup_pour import CupPourConfig, list_runs, simulate_pour
-from taxel.sim.grip_response import GrippedPour, GripResponse, GripResponseConfig
+from taxel.sim.pour.cup_pour import CupPourConfig, list_runs, simulate_pour
+from taxel.sim.pour.grip_response import GrippedPour, GripResponse, GripResponseConfig
 
 DT = 1 / 480
 

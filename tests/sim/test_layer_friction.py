@@ -5,8 +5,8 @@ from functools import lru_cache
 import numpy as np
 import pytest
 
-from taxel.sim.elastic_layer import LayerPatch, layer_patch
-from taxel.sim.layer_friction import FrictionSolver, StickSlip
+from taxel.sim.pour.elastic_layer import LayerPatch, layer_patch
+from taxel.sim.pour.layer_friction import FrictionSolver, StickSlip
 
 RADIUS, MU_N = 1.0, 2.0
 

@@ -5,15 +5,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from taxel.sim.cup_pour import CupPourConfig, PourSim, list_runs, simulate_pour
-from taxel.sim.cups import MOVING_KINDS, PourRun, draw_cup, draw_run
-from taxel.sim.grip_limits import GRAVITY_M_S2, force_of, indentation
-from taxel.sim.gripper_path import PEAK_ACCELERATION, ArmStop, GripperPath, Move
-from taxel.sim.pour_state import MOTION_CHANNELS, TRUTH_CHANNELS, GraspPhase, truth_columns
-from taxel.sim.pours_at_once import simulate_pours
-from taxel.sim.scene_draws import draw_grasp
-from taxel.sim.scenes import Person, Scene
-from taxel.sim.surroundings import Surroundings
+from taxel.sim.pour.cup_pour import CupPourConfig, PourSim, list_runs, simulate_pour
+from taxel.sim.pour.cups import MOVING_KINDS, PourRun, draw_cup, draw_run
+from taxel.sim.pour.grip_limits import GRAVITY_M_S2, force_of, indentation
+from taxel.sim.pour.gripper_path import PEAK_ACCELERATION, ArmStop, GripperPath, Move
+from taxel.sim.pour.pours_at_once import simulate_pours
+from taxel.sim.pour.scene_draws import draw_grasp
+from taxel.sim.pour.scenes import Person, Scene
+from taxel.sim.pour.state import MOTION_CHANNELS, TRUTH_CHANNELS, GraspPhase, truth_columns
+from taxel.sim.pour.surroundings import Surroundings
 
 CUP = draw_cup(0, 31_500)
 COLUMN = {name: place for place, name in enumerate(TRUTH_CHANNELS + MOTION_CHANNELS)}

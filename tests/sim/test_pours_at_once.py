@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from taxel.sim.cup_pour import CupPourConfig, list_runs, simulate_pour
-from taxel.sim.cups import OTHER_KINDS, draw_cup, draw_run
-from taxel.sim.pours_at_once import first_slips, simulate_pours
+from taxel.sim.pour.cup_pour import CupPourConfig, list_runs, simulate_pour
+from taxel.sim.pour.cups import OTHER_KINDS, draw_cup, draw_run
+from taxel.sim.pour.pours_at_once import first_slips, simulate_pours
 
 
 def test_pours_at_once_equal_pours_one_by_one():

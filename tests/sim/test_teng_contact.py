@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from taxel.sim.teng_constants import MATERIALS, SHAPES
-from taxel.sim.teng_contact import contact_over_time, draw_grasp, pad_pressure
+from taxel.sim.teng.constants import MATERIALS, SHAPES
+from taxel.sim.teng.contact import contact_over_time, draw_grasp, pad_pressure
 
 FORCE_N = (0.5, 5.0)
 

@@ -7,10 +7,10 @@ from itertools import islice
 import numpy as np
 import pytest
 
-from taxel.sim.teng_contact import pad_pressure
-from taxel.sim.teng_hand import GraspStream, TengHandConfig, simulate_sessions
-from taxel.sim.teng_pickup import TIME_CONSTANT_S, Pickup
-from taxel.sim.teng_wear import PRESSES, Wear
+from taxel.sim.teng.contact import pad_pressure
+from taxel.sim.teng.hand import GraspStream, TengHandConfig, simulate_sessions
+from taxel.sim.teng.pickup import TIME_CONSTANT_S, Pickup
+from taxel.sim.teng.wear import PRESSES, Wear
 
 SMALL = TengHandConfig(rate_hz=100.0, scans_per_class=6000, sessions=2)
 BEFORE = {

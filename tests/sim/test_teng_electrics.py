@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from taxel.sim import teng_constants as constants
-from taxel.sim.teng_constants import MATERIALS
-from taxel.sim.teng_electrics import Sensors, Session, draw_session, full_voltage, quantise
+from taxel.sim.teng import constants
+from taxel.sim.teng.constants import MATERIALS
+from taxel.sim.teng.electrics import Sensors, Session, draw_session, full_voltage, quantise
 
 RATE_HZ = 1000.0
 

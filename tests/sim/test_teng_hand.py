@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from taxel.signals import Mark, Samples, Validity
-from taxel.sim.teng_constants import MATERIALS, SENSORS, SHAPES
-from taxel.sim.teng_hand import (
+from taxel.sim.teng.constants import MATERIALS, SENSORS, SHAPES
+from taxel.sim.teng.hand import (
     GraspStream,
     SimulatedSession,
     TengHandConfig,

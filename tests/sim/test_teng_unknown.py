@@ -5,9 +5,9 @@ import hashlib
 import numpy as np
 import pytest
 
-from taxel.sim.teng_contact import draw_grasp, pad_pressure
-from taxel.sim.teng_electrics import draw_session, full_voltage
-from taxel.sim.teng_hand import GraspStream, TengHandConfig, simulate_sessions
+from taxel.sim.teng.contact import draw_grasp, pad_pressure
+from taxel.sim.teng.electrics import draw_session, full_voltage
+from taxel.sim.teng.hand import GraspStream, TengHandConfig, simulate_sessions
 
 FORCE_N = (0.5, 5.0)
 

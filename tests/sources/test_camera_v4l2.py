@@ -14,11 +14,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from taxel.errors import BadSource
-from taxel.sources import v4l2_structs as v4l2
-from taxel.sources.camera_capture import CameraGone, CameraRequest, whole_jpeg
-from taxel.sources.v4l2 import V4l2Capture
-from taxel.sources.v4l2_kernel import LinuxKernel
-from taxel.sources.v4l2_nodes import list_cameras
+from taxel.sources.cameras import v4l2_structs as v4l2
+from taxel.sources.cameras.capture import CameraGone, CameraRequest, whole_jpeg
+from taxel.sources.cameras.v4l2 import V4l2Capture
+from taxel.sources.cameras.v4l2_kernel import LinuxKernel
+from taxel.sources.cameras.v4l2_nodes import list_cameras
 
 JPEG = b"\xff\xd8 an image \xff\xd9"
 

@@ -7,10 +7,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from taxel.sources.board_emulation import EmulatedBoard
-from taxel.sources.board_ledger import Scans
-from taxel.sources.board_stream import BoardStream
-from taxel.sources.serial_port import Chunk
+from taxel.sources.boards.emulation import EmulatedBoard
+from taxel.sources.boards.ledger import Scans
+from taxel.sources.boards.port import Chunk
+from taxel.sources.boards.stream import BoardStream
 from taxel.wire.framing import frame_of
 from taxel.wire.messages import Data, Heartbeat, Hello, Kind, pack
 

@@ -14,9 +14,9 @@ from taxel.errors import BadInput
 from taxel.jobs.local import LocalEngine
 from taxel.jobs.running import use_engine
 from taxel.recordings.reader import iterate_frames, read_recording
-from taxel.sim.cup_pour import CupPourConfig
-from taxel.sources import pour_folder
-from taxel.sources.pour_folder import unfinished_folder, write_pours
+from taxel.sim.pour.cup_pour import CupPourConfig
+from taxel.sources.simulated import pour_folder
+from taxel.sources.simulated.pour_folder import unfinished_folder, write_pours
 
 SET = CupPourConfig(
     cups=2, positions=("middle",), forces_n=(15.0, 50.0), duration_s=1.0, frame_hz=20.0

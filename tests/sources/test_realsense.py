@@ -16,9 +16,8 @@ from taxel.recordings.manifest import Manifest
 from taxel.recordings.reader import iterate_frames, iterate_tactile, read_recording
 from taxel.recordings.writer import Recorder
 from taxel.signals import CameraInfo, Frame
-from taxel.sources.opening import open_source
-from taxel.sources.realsense import NAMES, SILENT_S, RealSense, parse_choice
-from taxel.sources.realsense_device import (
+from taxel.sources.cameras.realsense import NAMES, SILENT_S, RealSense, parse_choice
+from taxel.sources.cameras.realsense_device import (
     COLOUR,
     DEPTH,
     KEPT,
@@ -26,6 +25,7 @@ from taxel.sources.realsense_device import (
     list_realsense,
     realsense_module,
 )
+from taxel.sources.opening import open_source
 
 try:
     rs = realsense_module()
@@ -236,7 +236,7 @@ def test_a_camera_that_is_not_there_or_lacks_the_mode_is_refused(camera: SoftCam
 
 
 def test_a_camera_that_sends_nothing_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("taxel.sources.realsense._FIRST_S", 0.2)
+    monkeypatch.setattr("taxel.sources.cameras.realsense._FIRST_S", 0.2)
     silent = SoftCamera()
     with pytest.raises(BadSource, match="0 of scene and 0 of scene-depth"):
         RealSense("any", OPTIONS, find=lambda _: silent.device)

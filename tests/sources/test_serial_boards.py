@@ -12,9 +12,9 @@ import pytest
 
 from taxel.errors import BadSource
 from taxel.signals import Samples, Validity
-from taxel.sources.board_emulation import EmulatedBoard, PseudoPort, RunningBoard, value_at
+from taxel.sources.boards.emulation import EmulatedBoard, PseudoPort, RunningBoard, value_at
+from taxel.sources.boards.source import SerialBoards
 from taxel.sources.opening import open_source
-from taxel.sources.serial_boards import SerialBoards
 from taxel.wire.messages import Acknowledge, Command, Hello, Order
 
 VOLT = 5.0 / 1024

@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 from taxel.signals import Samples, Validity
-from taxel.sources.board_emulation import EmulatedBoard, value_at
-from taxel.sources.board_ledger import Scans
-from taxel.sources.board_merge import WAIT_ALONE_S, WAIT_S, BoardMerge
-from taxel.sources.board_stream import BoardStream
-from taxel.sources.serial_port import Chunk
+from taxel.sources.boards.emulation import EmulatedBoard, value_at
+from taxel.sources.boards.ledger import Scans
+from taxel.sources.boards.merge import WAIT_ALONE_S, WAIT_S, BoardMerge
+from taxel.sources.boards.port import Chunk
+from taxel.sources.boards.stream import BoardStream
 from taxel.wire.counters import unwrap
 from taxel.wire.framing import frame_of
 from taxel.wire.messages import Data, Hello, pack

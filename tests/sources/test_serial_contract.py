@@ -14,7 +14,7 @@ import pytest
 
 from taxel.clock import SystemClock
 from taxel.signals import Samples
-from taxel.sources.board_emulation import EmulatedBoard, PseudoPort, RunningBoard
+from taxel.sources.boards.emulation import EmulatedBoard, PseudoPort, RunningBoard
 from taxel.sources.contract import Source
 from taxel.sources.opening import open_source
 

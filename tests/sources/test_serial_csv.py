@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from taxel.signals import Validity
-from taxel.sources.board_csv import CsvStream, numbers_of
-from taxel.sources.board_ledger import Scans
-from taxel.sources.serial_port import Chunk
+from taxel.sources.boards.csv_lines import CsvStream, numbers_of
+from taxel.sources.boards.ledger import Scans
+from taxel.sources.boards.port import Chunk
 
 HZ = 100.0
 

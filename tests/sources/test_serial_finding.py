@@ -6,7 +6,7 @@ import pytest
 from serial.tools import list_ports
 from serial.tools.list_ports_common import ListPortInfo
 
-from taxel.sources.board_finding import list_boards
+from taxel.sources.boards.finding import list_boards
 
 
 def port(device: Path, vid: int | None) -> ListPortInfo:

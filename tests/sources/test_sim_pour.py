@@ -10,11 +10,11 @@ from taxel.clock import ManualClock, SystemClock
 from taxel.errors import BadSource
 from taxel.frame_codec import decode_jpeg
 from taxel.signals import Frame, Mark
-from taxel.sim.cups import PourRun
-from taxel.sim.pour_state import LAYER_CHANNELS
+from taxel.sim.pour.cups import PourRun
+from taxel.sim.pour.state import LAYER_CHANNELS
 from taxel.sources.opening import open_source
-from taxel.sources.sim_pour import SimPour
-from taxel.sources.stepped_pour import SteppedPour
+from taxel.sources.simulated.pour import SimPour
+from taxel.sources.simulated.stepped_pour import SteppedPour
 
 
 def test_grasps_come_one_after_another_with_frames_truth_and_marks() -> None:

@@ -5,13 +5,13 @@ import pytest
 
 from taxel.errors import BadInput
 from taxel.signals import Frame
-from taxel.sim.cup_pour import CupPourConfig, Gel, list_runs
-from taxel.sim.cups import PourRun
-from taxel.sim.scene_draws import draw_grasp
+from taxel.sim.pour.cup_pour import CupPourConfig, Gel, list_runs
+from taxel.sim.pour.cups import PourRun
+from taxel.sim.pour.scene_draws import draw_grasp
 from taxel.sources.opening import open_source
-from taxel.sources.pour_sets import simulate_videos, video_frames
-from taxel.sources.sim_pour import SimPour
-from taxel.sources.stepped_pour import SteppedPour
+from taxel.sources.simulated.pour import SimPour
+from taxel.sources.simulated.pour_sets import simulate_videos, video_frames
+from taxel.sources.simulated.stepped_pour import SteppedPour
 
 RUNS = list_runs(CupPourConfig(cups=1, first_cup=4001, forces_n=(15.0,), negatives=1.0))
 LIFTED = draw_grasp(0, RUNS[0].cup, "lower", 15.0, "lift", approach=True)

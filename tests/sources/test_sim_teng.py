@@ -8,9 +8,9 @@ import pytest
 from taxel.clock import ManualClock
 from taxel.errors import BadSource
 from taxel.signals import Mark, Samples
-from taxel.sim.teng_hand import GraspStream, TengHandConfig
+from taxel.sim.teng.hand import GraspStream, TengHandConfig
 from taxel.sources.opening import open_source
-from taxel.sources.teng_options import LIMITS, OPTIONS, checked_config, parse_options
+from taxel.sources.simulated.teng_options import LIMITS, OPTIONS, checked_config, parse_options
 
 
 def run(url: str) -> tuple[Samples, list[Mark]]:

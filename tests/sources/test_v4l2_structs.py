@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from taxel.sources import v4l2_structs as v4l2
+from taxel.sources.cameras import v4l2_structs as v4l2
 
 STRUCTS = {
     "v4l2_capability": v4l2.Capability,

@@ -14,7 +14,7 @@ DIALECT = {
     "strangeness",
 }  # fmt: skip
 PUBLISHED = {
-    "cli/live.py": {"tell"}, "cli/live_station.py": {"tell"},
+    "cli/live/live.py": {"tell"}, "cli/live/station.py": {"tell"},
     "calibration/baseline.py": {"told_rms_v"},
 }  # fmt: skip
 """Module → names that users type or that stored files hold, so that they stay."""

@@ -18,7 +18,7 @@ from taxel.training.curves import (
     curves_to_json,
     thinned,
 )
-from taxel.training.heads import HeadConfig, Track, fit_head
+from taxel.training.frames.heads import HeadConfig, Track, fit_head
 from taxel.training.loop import Labelled, TrainConfig, fit, new_network
 
 CONFIG = TrainConfig(epochs=3, batch=16, augment=Augment(noise=0.05))

@@ -10,8 +10,8 @@ import torch
 from torch import nn
 
 from taxel.errors import BadInput
+from taxel.training.backbones.fine_tuning import EpochLoss
 from taxel.training.checkpoints import load_checkpoint, save_checkpoint
-from taxel.training.fine_tuning import EpochLoss
 
 
 @dataclass(frozen=True)

@@ -12,9 +12,15 @@ from torch import Tensor, nn
 
 from taxel.errors import BadInput
 from taxel.models.backbones.keras_layers import KerasClassifier, batch_norm
-from taxel.training.distilling import DistilConfig, agreement, distil, fit_top, settle_norms
-from taxel.training.fine_tuning import KeptEpochs
-from taxel.training.lessons import Lessons
+from taxel.training.backbones.distilling import (
+    DistilConfig,
+    agreement,
+    distil,
+    fit_top,
+    settle_norms,
+)
+from taxel.training.backbones.fine_tuning import KeptEpochs
+from taxel.training.backbones.lessons import Lessons
 
 CONFIG = DistilConfig(epochs=3, batch=16, learning_rate=3e-3, seed=4)
 

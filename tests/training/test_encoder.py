@@ -12,12 +12,12 @@ from safetensors import safe_open
 from taxel.cli.main import main
 from taxel.errors import BadDataset, BadInput
 from taxel.models.backbones.touch import HEIGHT_PX, WIDTH_PX
+from taxel.training.backbones.fine_tuning import KeptEpochs
 from taxel.training.encoder.card import seen_of
 from taxel.training.encoder.change import FLOW_PLACES, FLOW_PX, changes, slip_size
 from taxel.training.encoder.fit import EncoderConfig, fit_encoder
 from taxel.training.encoder.pretext import regularity
 from taxel.training.encoder.videos import TouchVideo, chosen_frames, without
-from taxel.training.fine_tuning import KeptEpochs
 from taxel.windows.trial_crops import Layout
 
 SHORT = EncoderConfig(epochs=2, steps=2, batch=4, seed=3)

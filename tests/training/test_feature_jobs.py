@@ -8,10 +8,10 @@ import pytest
 
 from taxel.jobs.local import LocalEngine
 from taxel.jobs.running import use_engine
-from taxel.training import feature_jobs
-from taxel.training.extractors import SlipExtractor, open_backbone
-from taxel.training.feature_jobs import StoredBackbone, extract_one, fill_cache, portable
-from taxel.training.features import Progress, extract, kept_path
+from taxel.training.frames import jobs as feature_jobs
+from taxel.training.frames.extractors import SlipExtractor, open_backbone
+from taxel.training.frames.features import Progress, extract, kept_path
+from taxel.training.frames.jobs import StoredBackbone, extract_one, fill_cache, portable
 from taxel.windows.camera_recordings import read_camera_recordings
 from taxel.windows.rest import SETTLE
 

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from taxel.training.features import Progress, extract
-from taxel.training.frame_labels import change_signals, frame_labels
-from taxel.training.heads import PAPER, HeadConfig, Track, fit_head
+from taxel.training.frames.features import Progress, extract
+from taxel.training.frames.heads import PAPER, HeadConfig, Track, fit_head
+from taxel.training.frames.labels import change_signals, frame_labels
 from taxel.windows.camera_recordings import read_camera_recordings
 
 

@@ -18,12 +18,12 @@ from taxel.evaluation.transitions.data import load_camera_set
 from taxel.frame_codec import decode_jpeg
 from taxel.models.backbones.catalogue import find_backbone
 from taxel.models.weights import find_weights
-from taxel.training import lanes as lanes_module
-from taxel.training.extractors import open_backbone
-from taxel.training.features import extract
-from taxel.training.fine_tuning import EndToEnd, FineTuneConfig, KeptEpochs, fine_tune
-from taxel.training.heads import HeadConfig, TrainedHead, fit_head, tracks_of
-from taxel.training.lanes import LANES, Lanes
+from taxel.training.backbones import lanes as lanes_module
+from taxel.training.backbones.fine_tuning import EndToEnd, FineTuneConfig, KeptEpochs, fine_tune
+from taxel.training.backbones.lanes import LANES, Lanes
+from taxel.training.frames.extractors import open_backbone
+from taxel.training.frames.features import extract
+from taxel.training.frames.heads import HeadConfig, TrainedHead, fit_head, tracks_of
 from taxel.windows.camera_recordings import frame_sets, read_camera_recordings
 from taxel.windows.sequence import window_starts
 

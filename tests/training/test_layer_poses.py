@@ -3,12 +3,12 @@
 import numpy as np
 import pytest
 
-from taxel.sim.cup_pour import simulate_pour
-from taxel.sim.gelsight_shear import ShearView, face_moved, face_place
-from taxel.sim.pour_views import LayerView
-from taxel.training.layer_poses import layer_pours
-from taxel.training.pose_noise import settle
-from taxel.training.slip_cups import paper_runs, seen_pour
+from taxel.sim.gelsight.shear import ShearView, face_moved, face_place
+from taxel.sim.pour.cup_pour import simulate_pour
+from taxel.sim.pour.views import LayerView
+from taxel.training.slip.cups import paper_runs, seen_pour
+from taxel.training.slip.layer_poses import layer_pours
+from taxel.training.slip.pose_noise import settle
 
 CUP = 31_000
 """Neither a training nor a test cup."""

@@ -4,11 +4,11 @@ from pathlib import Path
 
 import numpy as np
 
-from taxel.sim.cup_pour import CupPourConfig, list_runs
-from taxel.sim.pour_state import LAYER_CHANNELS, TRUTH_CHANNELS
-from taxel.sources.pour_sets import write_run
-from taxel.training.frame_labels import truth_of
-from taxel.training.label_sheet import rules_of
+from taxel.sim.pour.cup_pour import CupPourConfig, list_runs
+from taxel.sim.pour.state import LAYER_CHANNELS, TRUTH_CHANNELS
+from taxel.sources.simulated.pour_sets import write_run
+from taxel.training.frames.label_sheet import rules_of
+from taxel.training.frames.labels import truth_of
 from taxel.windows.camera_recordings import read_camera_recording
 
 

@@ -11,9 +11,9 @@ import pytest
 from numpy.typing import NDArray
 
 from taxel.errors import BadDataset
-from taxel.training import lessons as lessons_module
-from taxel.training.lessons import LessonConfig, gather_lessons
-from taxel.training.touch_images import ImageSource, changed, find_videos, split_objects
+from taxel.training.backbones import lessons as lessons_module
+from taxel.training.backbones.lessons import LessonConfig, gather_lessons
+from taxel.training.backbones.touch_images import ImageSource, changed, find_videos, split_objects
 
 CONFIG = LessonConfig(side_px=32, frames=3, copies=2, seed=1)
 

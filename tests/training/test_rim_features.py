@@ -7,10 +7,10 @@ import pytest
 
 from taxel.gel.rim_slip import RIM_FEATURES
 from taxel.gel.slip_signal import PAIR_FEATURES
-from taxel.training.pose_noise import GelNoise, PoseNoise, add_noise
-from taxel.training.rim_features import rim_features
-from taxel.training.slip_cups import GelRows, PourRows, by_rim, paper_runs
-from taxel.training.slip_heads import features_of
+from taxel.training.slip.cups import GelRows, PourRows, by_rim, paper_runs
+from taxel.training.slip.heads import features_of
+from taxel.training.slip.pose_noise import GelNoise, PoseNoise, add_noise
+from taxel.training.slip.rim_features import rim_features
 
 CUP = 31_000
 """Neither a training nor a test cup."""

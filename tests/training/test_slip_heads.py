@@ -10,8 +10,7 @@ from taxel.bundles.model_check import check_model
 from taxel.errors import BadInput
 from taxel.gel.rim_slip import WITH_RIM
 from taxel.gel.slip_signal import PAIR_FEATURES
-from taxel.training.pose_noise import add_noise, fit_noise, fit_noises, settle
-from taxel.training.slip_cups import (
+from taxel.training.slip.cups import (
     NOISE_CUPS,
     TEST_CUPS,
     TRAINING_CUPS,
@@ -24,13 +23,14 @@ from taxel.training.slip_cups import (
     training_runs,
     true_pours,
 )
-from taxel.training.slip_heads import (
+from taxel.training.slip.heads import (
     FURTHER_LESS,
     features_of,
     learning_rows,
     new_head,
 )
-from taxel.training.slip_onnx import linear_model
+from taxel.training.slip.onnx_graph import linear_model
+from taxel.training.slip.pose_noise import add_noise, fit_noise, fit_noises, settle
 
 
 @pytest.fixture(scope="module")

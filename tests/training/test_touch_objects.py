@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from taxel.errors import BadDataset
-from taxel.training.touch_images import ImageSource, split_objects
+from taxel.training.backbones.touch_images import ImageSource, split_objects
 
 
 def test_two_folders_too_small_to_keep_an_object_of_are_refused() -> None:

@@ -3,7 +3,7 @@
 from rich.console import Console
 
 from taxel.evaluation.audit.finding import Audit, Finding
-from taxel.views.audit_table import audit_table, chance
+from taxel.views.tables.audit import audit_table, chance
 
 FINDINGS = (
     Finding(kind="same session", verdict="leak", said="On both.", alone=0.36, majority=0.38),

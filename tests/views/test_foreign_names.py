@@ -8,7 +8,7 @@ import pytest
 
 from taxel.plain_text import visible
 from taxel.plotting import drawn_name, plt
-from taxel.views import figures
+from taxel.views.figures import plots as figures
 from taxel.views.page.clients import to_json
 
 NAMES = ("$x^$", "$\\frac{1}$", "a\x1b[2Jb", "_hidden", "\u202eb")

@@ -5,7 +5,7 @@ import pytest
 
 from taxel.errors import BadSource
 from taxel.gel.markers import MarkerTracker, Rgb
-from taxel.views.gel_figure import Kind, gels_figure
+from taxel.views.figures.gel import Kind, gels_figure
 from taxel.views.gel_moment import touch_of
 
 

@@ -11,7 +11,7 @@ from taxel.frame_codec import encode_jpeg
 from taxel.gel.markers import MarkerFlow, MarkerTracker
 from taxel.recordings.reader import read_manifest
 from taxel.signals import CameraInfo, Frame
-from taxel.views.gel_figure import gels_figure
+from taxel.views.figures.gel import gels_figure
 from taxel.views.gel_moment import Moment, look, touch_of
 from taxel.windows.camera_recordings import frame_sets
 from taxel.windows.pairs import FrameSet

@@ -6,8 +6,8 @@ from pathlib import Path
 import pytest
 
 from taxel.labels.corrections import Correction
-from taxel.training.label_sheet import PourLabels, label_sheet
-from taxel.views.label_figure import label_figure
+from taxel.training.frames.label_sheet import PourLabels, label_sheet
+from taxel.views.figures.labels import label_figure
 from taxel.windows.camera_recordings import read_camera_recording
 
 

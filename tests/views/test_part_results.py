@@ -9,7 +9,7 @@ from rich.console import Console, Group
 
 from taxel.evaluation.bundle_scores import BundleScores
 from taxel.evaluation.part_scores import Parts, PartScore
-from taxel.views.part_results import bundle_score_table, parts_tables
+from taxel.views.tables.parts import bundle_score_table, parts_tables
 
 
 def text_of(parts: Parts) -> str:

@@ -14,8 +14,8 @@ from taxel.labels.trials import Trial
 from taxel.training.choose.candidates import Candidate
 from taxel.training.choose.choice import Choice
 from taxel.training.predictions import Predictions
-from taxel.views.expert_results import leaderboard, nested_table
-from taxel.views.results import confusion_table
+from taxel.views.tables.expert import leaderboard, nested_table
+from taxel.views.tables.results import confusion_table
 
 ONE_SESSION = "only one session was tested: the interval says nothing about other sessions"
 

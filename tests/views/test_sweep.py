@@ -6,8 +6,8 @@ from dataclasses import replace
 from rich.console import Console
 
 from taxel.evaluation.robustness.curve import CLEAN, FaultPoint
-from taxel.views.sweep_figure import sweep_figure
-from taxel.views.sweep_table import sweep_table
+from taxel.views.figures.sweep import sweep_figure
+from taxel.views.tables.sweep import sweep_table
 
 NAN = float("nan")
 BASE = FaultPoint(

@@ -162,7 +162,7 @@ def test_the_summary_has_a_line_a_channel():
 
 @pytest.mark.parametrize("channels", [1, 12, 40])
 def test_the_figure_is_a_png(channels: int):
-    from taxel.views.touch_figure import touch_figure
+    from taxel.views.figures.touch import touch_figure
 
     names = HAND if channels == 12 else tuple(f"c{i}" for i in range(channels))
     buffer = TraceBuffer(array(names, full_scale=None if channels == 1 else 3.3), 4.0)

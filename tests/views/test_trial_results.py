@@ -21,8 +21,8 @@ from taxel.evaluation.camera_trials.crossval import (
     rival,
 )
 from taxel.evaluation.camera_trials.sides import split_trials
-from taxel.views.trial_notes import control_warnings, frames_note, trial_notes
-from taxel.views.trial_results import not_scored_line, trial_tables, unknown_line
+from taxel.views.tables.trial_notes import control_warnings, frames_note, trial_notes
+from taxel.views.tables.trials import not_scored_line, trial_tables, unknown_line
 
 from trial_makers import few_small_members, some_trials  # isort: skip
 

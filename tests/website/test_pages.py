@@ -61,7 +61,7 @@ def test_public_names_are_those_without_an_underscore():
 
 
 def test_a_table_of_constants_holds_values_and_sources():
-    table = constants_table("taxel.sim.teng_constants")
+    table = constants_table("taxel.sim.teng.constants")
 
     assert "| `HUM_HZ` | `50.0` |  |" in table
     assert "| `BITS` | `10` | Source: ATmega2560 datasheet. |" in table

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from taxel.bundles.contract import Contract, contract_from_json, contract_to_json
-from taxel.cli.options import RecipeOptions, only_label
+from taxel.cli.options.arrays import RecipeOptions, only_label
 from taxel.errors import BadDataset, BadSplit
 from taxel.evaluation.splits import by_group
 from taxel.recordings.manifest import Manifest

@@ -18,12 +18,12 @@ from taxel.actions.sim_hand import SimHand
 from taxel.clock import Clock, ManualClock, SystemClock
 from taxel.errors import BadInput
 from taxel.recordings.trial_plan import PlannedTrial
-from taxel.sim.grasped_hand import GraspedHand
-from taxel.sim.teng_constants import MATERIALS, SHAPES
+from taxel.sim.teng.constants import MATERIALS, SHAPES
+from taxel.sim.teng.grasped_hand import GraspedHand
 from taxel.sources.contract import Source
-from taxel.sources.grasped_teng import GraspedTeng
 from taxel.sources.opening import open_source
-from taxel.sources.teng_options import parse_options
+from taxel.sources.simulated.grasped_teng import GraspedTeng
+from taxel.sources.simulated.teng_options import parse_options
 
 SIMULATED = "sim://hand"
 _PADS = "sim://teng"

@@ -154,7 +154,7 @@ def _open_sim(name: str, texts: dict[str, str], clock: Clock) -> Actuator:
 
 def _sim_hand(options: _Options, clock: Clock) -> Actuator:
     from taxel.actions.sim_hand import SimHand
-    from taxel.sim.grasped_hand import GraspedHand, Motors
+    from taxel.sim.teng.grasped_hand import GraspedHand, Motors
 
     stroke_s = options.get("stroke_s", Motors().stroke_s)
     if not 0.1 <= stroke_s <= 60:

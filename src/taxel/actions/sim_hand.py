@@ -2,8 +2,8 @@
 
 Arms, closes each finger until its motor's current says contact, runs out when it is not refreshed
 and stops when its owner falls silent. `advance` lets the fingers catch up with the clock, a
-millisecond at a time; whoever reads the pads (`taxel.sources.grasped_teng`) calls it too. Source
-of limits: docs/decisions/0020. Knows nothing about interlocks, plans or files.
+millisecond at a time; whoever reads the pads (`taxel.sources.simulated.grasped_teng`) calls it too.
+Source of limits: docs/decisions/0020. Knows nothing about interlocks, plans or files.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ import numpy as np
 
 from taxel.actions.hand_contract import HandStatus, checked_grip
 from taxel.clock import Clock
-from taxel.sim.grasped_hand import FINGERS, STEP_S, GraspedHand
+from taxel.sim.teng.grasped_hand import FINGERS, STEP_S, GraspedHand
 from taxel.wire.messages import State
 
 WATCHDOG_S = 0.095

@@ -10,7 +10,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from taxel.bench.rows import Row, stored
-from taxel.bench.scale_plan import plan_lines
+from taxel.bench.scale.plan import plan_lines
 from taxel.recordings.whole import write_whole
 
 COMMAND = "taxel bench --page docs/reference/figures.md"

@@ -10,9 +10,9 @@ from typing import Annotated, Any, ClassVar, Literal
 
 import tyro
 
-from taxel.cli.option_rules import Only
+from taxel.cli.options.rules import Only
+from taxel.cli.options.work import WorkOptions
 from taxel.cli.printing import console, print_json, progress, say
-from taxel.cli.work_options import WorkOptions
 from taxel.errors import BadInput
 
 
@@ -71,7 +71,7 @@ class Bench:
                 f"--page with `{self.name}`{' and --only' if self.only else ''}",
                 "leave --page out, or measure all faults",
             )
-        bench = import_module(f"taxel.bench.{self.name.replace('-', '_')}")
+        bench = import_module(f"taxel.bench.{self.name.replace('-', '_')}.steps")
         folder = store_folder(self.store) if self.full else None
         with self.work.open(), progress() as bar:
             task = bar.add_task("starting", total=None)
@@ -98,7 +98,7 @@ class Bench:
             if self.only:
                 rows = [row for row in rows if row.name in measured]
         if self.page is not None:
-            from taxel.bench.fault_page import write_fault_page
+            from taxel.bench.faults.page import write_fault_page
 
             write_fault_page(self.page, rows)
         if self.json:

@@ -42,7 +42,7 @@ class Demo:
         started = time.monotonic()
         self._clear()
         self._say(1, "simulate", "sim://teng: six sessions of grasps, recorded as MCAP")
-        from taxel.sources.data_sets import simulate_presets
+        from taxel.sources.simulated.data_sets import simulate_presets
 
         simulate_presets(self.output, ("honest",), self.scans_per_class, self.seed)
         self._say(2, "train and compare", "Table 4.1 of the thesis, on both splits")
@@ -67,7 +67,7 @@ class Demo:
 
     def _page(self, bundles: list[Path], seconds: float | None) -> None:
         from taxel.bundles.shipped import CUP_POUR, shipped_bundle
-        from taxel.cli.live_station import SIMULATED, StationOptions, live_station
+        from taxel.cli.live.station import SIMULATED, StationOptions, live_station
 
         options = StationOptions(
             bundles=(shipped_bundle(CUP_POUR), *bundles),
@@ -96,7 +96,7 @@ class Demo:
     def _table(self) -> None:
         from taxel.evaluation.teng.table_4_1 import TengTableConfig, section_plan, teng_table
         from taxel.views.report import write_teng_report
-        from taxel.views.results import teng_sections
+        from taxel.views.tables.results import teng_sections
 
         config = TengTableConfig(models=("cnn1d", "cnn2d"), seed=self.seed)
         folders = {"honest": self.output / "honest"}
@@ -126,7 +126,7 @@ class Demo:
         from taxel.bundles.files import bundle_at_level
         from taxel.bundles.levels import measure_level
         from taxel.bundles.reader import read_contract
-        from taxel.cli.record import Record
+        from taxel.cli.recordings.record import Record
         from taxel.recordings.whole import write_whole
 
         touches = self.output / "touches.mcap"
@@ -141,7 +141,7 @@ class Demo:
         say(f"  today's channel gain is {low:.2f}–{high:.2f} × training; both models rescaled")
 
     def _live(self, bundles: list[Path]) -> None:
-        from taxel.cli.live import Live
+        from taxel.cli.live.live import Live
 
         speed = "4" if console.is_terminal else "max"
         source = f"sim://teng?seed={self.seed + 1}&rate_hz=500&speed={speed}"

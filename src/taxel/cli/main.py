@@ -27,7 +27,7 @@ from typing import Protocol
 
 from taxel import __version__
 from taxel.cli.old_spellings import refuse_old
-from taxel.cli.option_rules import check_rules
+from taxel.cli.options.rules import check_rules
 from taxel.cli.parsing import parse
 from taxel.cli.trial_doors import refuse_options_of_arrays, trial_door
 from taxel.errors import BadInput, TaxelError
@@ -42,59 +42,68 @@ class Verb(Protocol):
         ...
 
 
-VERBS = {
-    "demo": "run the TENG hand end to end, without hardware",
-    "find": "list boards and cameras by serial number",
-    "doctor": "check what this machine lacks for live work",
-    "flash": "write the firmware to a board",
-    "calibrate": "fit volts to newtons from known forces; measure errors and wear",
-    "power": "estimate the energy that TENG pads could harvest",
-    "simulate": "write recordings of a simulated sensor",
-    "record": "record a source to an MCAP file",
-    "hand": "move the TENG hand's fingers and print its motor currents",
-    "collect": "let the hand grasp, label and record a list of objects",
-    "recover": "save the intact part of a damaged or unfinished recording",
-    "import": "turn tables of values, files of arrays, or a public data set, into recordings",
-    "export": "write recordings for LeRobot, ROS 2, tables or video players",
-    "info": "print what a recording, a folder of recordings or a bundle holds",
-    "view": "look at raw touch, without any model",
-    "label": "label intervals of long recordings; correct when a grasp turned unstable",
-    "audit": "find data leaks in recordings or in a split",
-    "models": "list models and recipes, with their parameter counts",
-    "weights": "list image networks' weights, or fetch published ones",
-    "train": "train a recogniser on recordings of an array",
-    "tune": "search for a recipe's best settings by nested cross-validation",
-    "train-monitor": "train a grasp monitor on recordings of tactile cameras",
-    "train-trials": "train a recogniser on camera trials, videos with one label each",
-    "train-slip": "train a slip warning on simulated cups",
-    "train-backbone": "train an image network end to end on tactile cameras",
-    "distil": "train an image network to imitate a trained one, without labels",
-    "train-encoder": "pretrain the touch encoder on videos of touch, without labels",
-    "evaluate": "cross-validate a recipe, or score a bundle, on recordings",
-    "learning-curve": "measure accuracy against the amount of training data",
-    "evaluate-trials": "cross-validate a recogniser of camera trials, or score its bundle",
-    "reproduce": "print a published table or study, with our figures beside it",
-    "compare": "test whether one run is better than another",
-    "sweep": "measure how accuracy falls with noise, faults and other conditions",
-    "report": "write one page about runs: data, splits, audit, tables, commands",
-    "bundle": "turn a trained run into the one file that runs live",
-    "adapt": "adapt a model to a new session, pad or class, or to corrections",
-    "live": "predict live what is in the hand, or whether it slips",
-    "fleet": "show the live stations that report to an MQTT broker",
-    "bench": "measure taxel's own performance beside its goals",
+SECTIONS: dict[str, dict[str, str]] = {
+    "start here": {
+        "demo": "run the TENG hand end to end, without hardware",
+    },
+    "devices": {
+        "find": "list boards and cameras by serial number",
+        "doctor": "check what this machine lacks for live work",
+        "flash": "write the firmware to a board",
+        "calibrate": "fit volts to newtons from known forces; measure errors and wear",
+        "power": "estimate the energy that TENG pads could harvest",
+    },
+    "recordings": {
+        "simulate": "write recordings of a simulated sensor",
+        "record": "record a source to an MCAP file",
+        "hand": "move the TENG hand's fingers and print its motor currents",
+        "collect": "let the hand grasp, label and record a list of objects",
+        "recover": "save the intact part of a damaged or unfinished recording",
+        "import": "turn tables of values, files of arrays, or a public data set, into recordings",
+        "export": "write recordings for LeRobot, ROS 2, tables or video players",
+        "info": "print what a recording, a folder of recordings or a bundle holds",
+        "view": "look at raw touch, without any model",
+        "label": "label intervals of long recordings; correct when a grasp turned unstable",
+        "audit": "find data leaks in recordings or in a split",
+    },
+    "training": {
+        "models": "list models and recipes, with their parameter counts",
+        "weights": "list image networks' weights, or fetch published ones",
+        "train": "train a recogniser on recordings of an array",
+        "tune": "search for a recipe's best settings by nested cross-validation",
+        "train-monitor": "train a grasp monitor on recordings of tactile cameras",
+        "train-trials": "train a recogniser on camera trials, videos with one label each",
+        "train-slip": "train a slip warning on simulated cups",
+        "train-backbone": "train an image network end to end on tactile cameras",
+        "distil": "train an image network to imitate a trained one, without labels",
+        "train-encoder": "pretrain the touch encoder on videos of touch, without labels",
+    },
+    "evaluation": {
+        "evaluate": "cross-validate a recipe, or score a bundle, on recordings",
+        "learning-curve": "measure accuracy against the amount of training data",
+        "evaluate-trials": "cross-validate a recogniser of camera trials, or score its bundle",
+        "reproduce": "print a published table or study, with our figures beside it",
+        "compare": "test whether one run is better than another",
+        "sweep": "measure how accuracy falls with noise, faults and other conditions",
+        "report": "write one page about runs: data, splits, audit, tables, commands",
+    },
+    "live": {
+        "bundle": "turn a trained run into the one file that runs live",
+        "adapt": "adapt a model to a new session, pad or class, or to corrections",
+        "live": "predict live what is in the hand, or whether it slips",
+        "fleet": "show the live stations that report to an MQTT broker",
+    },
+    "taxel itself": {
+        "bench": "measure taxel's own performance beside its goals",
+    },
 }
-"""Verb → one line of help; its dataclass is that of its name in the module of its name."""
+"""Heading → its verbs, each with a line of help. The heading names the folder of their modules, and
+a verb's dataclass is that of its name in the module of its name."""
+_AT_THE_ROOT = ("start here", "taxel itself")
+"""Sections whose modules have no folder."""
 
-_HEADINGS = {
-    "demo": "start here",
-    "find": "devices",
-    "simulate": "recordings",
-    "models": "training",
-    "evaluate": "evaluation",
-    "bundle": "live",
-    "bench": "taxel itself",
-}
-"""First verb of a section → its heading in `taxel --help`."""
+VERBS = {verb: text for own in SECTIONS.values() for verb, text in own.items()}
+"""Verb → its line of help."""
 
 KINDS = {
     "simulate": {
@@ -125,9 +134,9 @@ def usage() -> str:
     """Return the text of `taxel --help`."""
     width = max(map(len, VERBS))
     lines = []
-    for verb, text in VERBS.items():
-        lines += ["", f"{_HEADINGS[verb]}:"] if verb in _HEADINGS else []
-        lines.append(f"  {verb:<{width}}  {text}")
+    for heading, verbs in SECTIONS.items():
+        lines += ["", f"{heading}:"]
+        lines += [f"  {verb:<{width}}  {text}" for verb, text in verbs.items()]
     return "\n".join(
         [
             f"taxel {__version__}: robotic touch, from the sensor to a decision in real time",
@@ -161,7 +170,9 @@ def load_verb(door: str) -> type[Verb]:
     """Return the dataclass of a verb, or of a "verb kind"; only its module is imported."""
     verb, _, kind = door.partition(" ")
     name = (kind or verb).replace("-", "_")
-    package = f"taxel.cli.{verb}" if kind else "taxel.cli"
+    section = next(heading for heading, verbs in SECTIONS.items() if verb in verbs)
+    folder = "" if section in _AT_THE_ROOT else section
+    package = ".".join(filter(None, ("taxel.cli", folder, kind and verb)))
     module = import_module(f"{package}.{name}_" if iskeyword(name) else f"{package}.{name}")
     found: type[Verb] = getattr(module, "".join(part.capitalize() for part in name.split("_")))
     return found

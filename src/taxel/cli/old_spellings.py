@@ -10,7 +10,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from taxel.cli.option_rules import typed_options
+from taxel.cli.options.rules import typed_options
 from taxel.cli.trial_doors import takes_option, trial_door
 from taxel.errors import BadInput
 

@@ -59,8 +59,8 @@ def parse(kind: type[V], door: str, words: Sequence[str]) -> V:
     """
     import tyro
 
-    from taxel.cli.option_types import plain_types
-    from taxel.cli.page_address import PageAddress, with_addresses
+    from taxel.cli.options.page_address import PageAddress, with_addresses
+    from taxel.cli.options.types import plain_types
 
     if "--page" in words and get_type_hints(kind, include_extras=True).get("page") == PageAddress:
         words = with_addresses(words)

@@ -9,7 +9,7 @@ from collections.abc import Sequence
 from dataclasses import fields
 from pathlib import Path
 
-from taxel.cli.option_rules import typed_options
+from taxel.cli.options.rules import typed_options
 from taxel.errors import BadInput
 
 VERBS_OF_TRIALS = {"train": "train-trials", "evaluate": "evaluate-trials"}
@@ -65,9 +65,9 @@ def refuse_options_of_arrays(verb: str, door: str, words: Sequence[str]) -> None
 
 
 def _options(door: str) -> set[str]:
-    from taxel.cli.evaluate_trials import EvaluateTrials
-    from taxel.cli.train_trials import TrainTrials
-    from taxel.cli.trial_data import TrialOptions
+    from taxel.cli.evaluation.evaluate_trials import EvaluateTrials
+    from taxel.cli.options.trials import TrialOptions
+    from taxel.cli.training.train_trials import TrainTrials
 
     own = TrainTrials if door == "train-trials" else EvaluateTrials
     names = {field.name for kind in (own, TrialOptions) for field in fields(kind)}

@@ -30,7 +30,7 @@ from typing import Literal
 
 from taxel.errors import BadFile, BadSplit, BadTable
 from taxel.foreign.text_lines import lines_of
-from taxel.recordings.table_columns import LARGEST_LIST
+from taxel.recordings.imports.table_columns import LARGEST_LIST
 
 Side = Literal["train", "validation", "test", "unused"]
 SIDES: dict[str, Side] = {

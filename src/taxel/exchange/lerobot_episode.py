@@ -18,9 +18,9 @@ from taxel.exchange import lerobot_layout as layout
 from taxel.foreign.json_text import Fields, parse_json
 from taxel.frame_codec import decode_still, encode_jpeg
 from taxel.jpeg_head import read_head
+from taxel.recordings.imports.spelling import composed
+from taxel.recordings.imports.videos import QUALITY
 from taxel.recordings.manifest import NO_ARRAY, Manifest
-from taxel.recordings.spelling import composed
-from taxel.recordings.videos import QUALITY
 from taxel.signals import CameraInfo, Frame, Mark, Samples, SensorInfo
 
 

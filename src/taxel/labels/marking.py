@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from taxel.errors import BadInput
-from taxel.recordings.intervals import marks_of, read_intervals, stem_of, write_marked
+from taxel.recordings.imports.intervals import marks_of, read_intervals, stem_of, write_marked
 from taxel.recordings.reader import iterate_frames, list_recordings, read_recording
 from taxel.recordings.whole import new_folder
 from taxel.recordings.writer import Recorder
@@ -43,7 +43,7 @@ def mark_recordings(
 
     Args:
         path: A recording of an array, or a folder of them.
-        table: The intervals (recordings/intervals.py).
+        table: The intervals (recordings/imports/intervals.py).
         output_dir: Folder to be made; complete or not there.
         overwrite: Replace an existing folder that holds nothing else than the copies.
         progress: Called with recordings done and recordings in all.

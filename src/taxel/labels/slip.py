@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from taxel.errors import BadInput
 from taxel.labels.rules import RULES, rule_named
-from taxel.sim.pour_state import TRUTH_CHANNELS
+from taxel.sim.pour.state import TRUTH_CHANNELS
 
 
 def label_truth(truth: NDArray[np.floating], rule: str) -> NDArray[np.int8]:

@@ -21,11 +21,11 @@ from numpy.typing import NDArray
 from taxel.actions.grip_policy import GripPolicy, PixelDifference
 from taxel.frame_codec import decode_jpeg
 from taxel.live.grasp_monitor import GraspMonitor
-from taxel.sim.cups import PourRun
-from taxel.sim.grip_response import GrippedPour, GripResponseConfig
-from taxel.sim.pour_state import TRUTH_CHANNELS
-from taxel.sources.pour_sets import ARRIVAL_S, CAMERA_HZ, FINE
-from taxel.sources.stepped_pour import SteppedPour
+from taxel.sim.pour.cups import PourRun
+from taxel.sim.pour.grip_response import GrippedPour, GripResponseConfig
+from taxel.sim.pour.state import TRUTH_CHANNELS
+from taxel.sources.simulated.pour_sets import ARRIVAL_S, CAMERA_HZ, FINE
+from taxel.sources.simulated.stepped_pour import SteppedPour
 from taxel.windows.pairs import FramePairer, FrameSet
 
 SLIP_UM = 100.0

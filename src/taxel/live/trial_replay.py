@@ -13,8 +13,8 @@ from itertools import islice
 
 from taxel.clock import Clock, SystemClock
 from taxel.frame_codec import encode_jpeg, encode_png
+from taxel.recordings.imports.videos import QUALITY
 from taxel.recordings.manifest import NO_ARRAY
-from taxel.recordings.videos import QUALITY
 from taxel.signals import CameraInfo, Frame, Mark, Samples
 from taxel.sources.paced_source import PacedSource
 from taxel.sources.pacing import FrameStream, Pacer, Stretch

@@ -17,7 +17,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 from taxel.errors import BadSource
-from taxel.sources.camera_capture import Buffer, CameraGiven, CameraGone, CameraRequest
+from taxel.sources.cameras.capture import Buffer, CameraGiven, CameraGone, CameraRequest
 
 FaultKind = Literal["frozen", "stall", "gone", "empty", "damaged", "cut", "late", "hang", "killed"]
 _DELAY_S = 0.004

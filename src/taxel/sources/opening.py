@@ -33,10 +33,10 @@ def _open_sim(name: str, options: dict[str, str], clock: Clock) -> Source:
         )
     try:
         if name == "cup-pour":
-            from taxel.sources.sim_pour import SimPour
+            from taxel.sources.simulated.pour import SimPour
 
             return SimPour(options, clock)
-        from taxel.sources.sim_teng import SimTeng
+        from taxel.sources.simulated.teng import SimTeng
     except ModuleNotFoundError as error:
         raise MissingExtra(error.name or "scipy", "sim", "the simulators") from error
 
@@ -51,7 +51,7 @@ def _open_replay(name: str, options: dict[str, str], clock: Clock) -> Source:
 
 def _open_serial(name: str, options: dict[str, str], clock: Clock) -> Source:
     try:
-        from taxel.sources.serial_boards import SerialBoards
+        from taxel.sources.boards.source import SerialBoards
     except ModuleNotFoundError as error:
         raise MissingExtra(error.name or "pyserial", "serial", "boards on a serial port") from error
 
@@ -60,7 +60,7 @@ def _open_serial(name: str, options: dict[str, str], clock: Clock) -> Source:
 
 def _open_camera(name: str, options: dict[str, str], clock: Clock) -> Source:
     try:
-        from taxel.sources.cameras import Cameras
+        from taxel.sources.cameras.source import Cameras
     except ModuleNotFoundError as error:
         raise MissingExtra(error.name or "linuxpy", "camera", "tactile cameras") from error
 
@@ -68,7 +68,7 @@ def _open_camera(name: str, options: dict[str, str], clock: Clock) -> Source:
 
 
 def _open_realsense(name: str, options: dict[str, str], clock: Clock) -> Source:
-    from taxel.sources.realsense import RealSense
+    from taxel.sources.cameras.realsense import RealSense
 
     return RealSense(name, options, clock)
 

@@ -15,8 +15,8 @@ from taxel.bundles.contract import Contract
 from taxel.bundles.writer import write_bundle
 from taxel.errors import BadDataset
 from taxel.models.catalogue import find_network
-from taxel.training.adapt.exemplars import all_exemplars, thin_out
 from taxel.training.curves import Epoch
+from taxel.training.exemplars import all_exemplars, thin_out
 from taxel.training.fitting import Job, Lesson, fit_model, training_windows
 from taxel.training.loop import Checkpoint
 from taxel.training.recipes import Recipe

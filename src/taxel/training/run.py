@@ -36,10 +36,10 @@ from taxel.foreign.json_text import Fields, read_json
 from taxel.foreign.records import record_of
 from taxel.models.blend import EXPERT, Blend
 from taxel.models.catalogue import count_parameters, find_network
-from taxel.training.adapt.exemplars import Exemplars, load_exemplars, save_exemplars
 from taxel.training.checkpoints import load_weights, save_weights
 from taxel.training.curves import Curve, Epoch, curves_from_json, curves_to_json
 from taxel.training.environment import Made
+from taxel.training.exemplars import Exemplars, load_exemplars, save_exemplars
 from taxel.training.loop import TrainConfig
 from taxel.training.motion import measure_motion
 from taxel.training.predictions import Predictions, load_predictions, save_predictions

@@ -18,13 +18,13 @@ from numpy.typing import NDArray
 
 from taxel.errors import BadDataset, BadTable
 from taxel.frame_codec import decode_jpeg, encode_jpeg
-from taxel.recordings.footage import IMAGES, VIDEOS, open_footage
-from taxel.recordings.known import KNOWN_VIDEOS
+from taxel.recordings.imports.footage import IMAGES, VIDEOS, open_footage
+from taxel.recordings.imports.known import KNOWN_VIDEOS
+from taxel.recordings.imports.table_columns import read_cells
+from taxel.recordings.imports.video_rows import VideoRow, names_videos, read_video_rows
+from taxel.recordings.imports.videos import QUALITY, same_length, same_rate
 from taxel.recordings.reader import list_recordings, read_manifest
-from taxel.recordings.table_columns import read_cells
-from taxel.recordings.video_rows import VideoRow, names_videos, read_video_rows
-from taxel.recordings.videos import QUALITY, same_length, same_rate
-from taxel.sim.pour_state import has_truth
+from taxel.sim.pour.state import has_truth
 from taxel.windows.camera_recordings import CameraRecording, frame_sets, read_camera_recordings
 
 Image = NDArray[np.uint8]

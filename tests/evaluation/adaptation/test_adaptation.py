@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from taxel.bench import audit_adapt
-from taxel.bench.audit_adapt import adapt_time_rows, corrections_of, new_classes_of, pads_of
+from taxel.bench.audit import adapt as audit_adapt
+from taxel.bench.audit.adapt import adapt_time_rows, corrections_of, new_classes_of, pads_of
 from taxel.errors import BadDataset
 from taxel.evaluation.adaptation import pads
 from taxel.evaluation.adaptation.new_class import (
@@ -28,8 +28,8 @@ from taxel.evaluation.adaptation.pads import (
     measure_pads,
 )
 from taxel.recordings.reader import list_recordings, read_recording
-from taxel.sources.data_sets import simulate_presets
-from taxel.training.adapt.exemplars import all_exemplars
+from taxel.sources.simulated.data_sets import simulate_presets
+from taxel.training.exemplars import all_exemplars
 from taxel.training.loop import TrainConfig
 from taxel.windows.dataset import load_dataset
 

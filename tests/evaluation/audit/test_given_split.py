@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from taxel.cli.audit import Audit
+from taxel.cli.recordings.audit import Audit
 from taxel.errors import BadSplit
 from taxel.evaluation.audit.audit import make_case
 from taxel.evaluation.audit.finding import Finding

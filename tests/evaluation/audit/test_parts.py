@@ -19,8 +19,8 @@ from taxel.evaluation.audit.finding import holm
 from taxel.evaluation.audit.reading import read_touch
 from taxel.evaluation.audit.sides import table_sides
 from taxel.evaluation.audit.touch_set import TouchSet, honest_key
-from taxel.sim.teng_hand import TengHandConfig
-from taxel.sources.data_sets import write_sessions
+from taxel.sim.teng.hand import TengHandConfig
+from taxel.sources.simulated.data_sets import write_sessions
 
 Make = dict[str, Callable[..., TouchSet]]
 

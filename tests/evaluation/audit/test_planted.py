@@ -5,8 +5,8 @@ from pathlib import Path
 
 import pytest
 
-from taxel.bench.audit_leaks import alarms
-from taxel.bench.audit_plants import PLANTS, Plant
+from taxel.bench.audit.leaks import alarms
+from taxel.bench.audit.plants import PLANTS, Plant
 from taxel.evaluation.audit.audit import audit
 from taxel.evaluation.audit.sides import named_sides
 from taxel.evaluation.audit.touch_set import TouchSet, usual_steps

@@ -19,7 +19,7 @@ from taxel.evaluation.audit.scaled import scaled_values
 from taxel.evaluation.audit.shared import shared_names
 from taxel.evaluation.audit.sides import named_sides
 from taxel.evaluation.audit.touch_set import TouchSet, checked, usual_steps
-from taxel.recordings.importing import import_table
+from taxel.recordings.imports.importing import import_table
 
 Make = dict[str, Callable[..., TouchSet]]
 

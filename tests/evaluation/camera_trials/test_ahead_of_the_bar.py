@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 from trial_makers import as_avi, trial_images, write_trials
 
-import taxel.training.trial_blend as blending
-from taxel.cli.evaluate_trials import EvaluateTrials
-from taxel.cli.train_trials import TrainTrials
-from taxel.cli.trial_data import TrialOptions
-from taxel.training.trial_weights import trusted
+import taxel.training.camera_trials.blend as blending
+from taxel.cli.evaluation.evaluate_trials import EvaluateTrials
+from taxel.cli.options.trials import TrialOptions
+from taxel.cli.training.train_trials import TrainTrials
+from taxel.training.camera_trials.weights import trusted
 
 SPEEDS = {"holds": 0.0, "creeps": 0.25, "slides": 1.2}
 """What an object does → pixels of a slip in a frame."""

@@ -23,10 +23,10 @@ from taxel.actions.rule_table import RuleTable
 from taxel.bundles.trials import (
     IN_RUN,
 )
-from taxel.cli.evaluate_trials import EvaluateTrials
-from taxel.cli.live_trials import live_trials
-from taxel.cli.train_trials import TrainTrials
-from taxel.cli.trial_data import TrialOptions
+from taxel.cli.evaluation.evaluate_trials import EvaluateTrials
+from taxel.cli.live.trials import live_trials
+from taxel.cli.options.trials import TrialOptions
+from taxel.cli.training.train_trials import TrainTrials
 from taxel.decisions.recognition import UNKNOWN
 from taxel.errors import BadBundle, BadDataset, BadInput, BadSplit, BadTable
 from taxel.evaluation.camera_trials.crossval import (
@@ -39,8 +39,8 @@ from taxel.evaluation.camera_trials.crossval import (
 )
 from taxel.evaluation.camera_trials.sides import split_by_table, split_trials
 from taxel.evaluation.camera_trials.trial_set import load_trial_set
-from taxel.recordings.video_rows import read_video_rows
-from taxel.recordings.videos import import_videos
+from taxel.recordings.imports.video_rows import read_video_rows
+from taxel.recordings.imports.videos import import_videos
 from taxel.windows.camera_trials import are_camera_trials, read_camera_trials
 from taxel.windows.trial_crops import (
     FAMILIES,

@@ -20,18 +20,18 @@ from taxel.bundles.trials import (
     contract_to_json,
     read_trial_contract,
 )
-from taxel.cli.evaluate_trials import EvaluateTrials
-from taxel.cli.live_trials import live_trials
-from taxel.cli.train_trials import TrainTrials
-from taxel.cli.trial_data import TrialOptions
+from taxel.cli.evaluation.evaluate_trials import EvaluateTrials
+from taxel.cli.live.trials import live_trials
+from taxel.cli.options.trials import TrialOptions
+from taxel.cli.training.train_trials import TrainTrials
 from taxel.errors import BadBundle, BadSource
 from taxel.evaluation.camera_trials.learned_trials import trained_on
 from taxel.frame_codec import decode_frame
 from taxel.live.frame_loop import moments_and_marks
 from taxel.live.trial_replay import TrialReplay
+from taxel.recordings.imports.video_rows import read_video_rows
+from taxel.recordings.imports.videos import import_videos
 from taxel.recordings.manifest import Manifest
-from taxel.recordings.video_rows import read_video_rows
-from taxel.recordings.videos import import_videos
 from taxel.recordings.writer import Recorder
 from taxel.signals import Samples, SensorInfo
 from taxel.windows.camera_trials import read_camera_trials

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from taxel.bench.gel_shear import ShearFound, comparison_rows
+from taxel.bench.transitions.gel_shear import ShearFound, comparison_rows
 from taxel.evaluation.camera_trials.marker_residual import (
     BANDS,
     MarkerResidual,
@@ -14,10 +14,10 @@ from taxel.evaluation.camera_trials.marker_residual import (
 )
 from taxel.gel.contact import ContactShape
 from taxel.gel.markers import MarkerFlow
-from taxel.sim.cup_pour import Gel, simulate_pour
-from taxel.sim.cups import draw_cup, draw_run
-from taxel.sim.gelsight import GelCamera, draw_sensor
-from taxel.sim.pour_views import LayerView
+from taxel.sim.gelsight.mini import GelCamera, draw_sensor
+from taxel.sim.pour.cup_pour import Gel, simulate_pour
+from taxel.sim.pour.cups import draw_cup, draw_run
+from taxel.sim.pour.views import LayerView
 
 SHAPE = ContactShape(
     area_px=15000.0,

@@ -16,7 +16,7 @@ from taxel.evaluation.camera_trials.sim_to_real import (
     transfer_once,
 )
 from taxel.evaluation.rank_area import area
-from taxel.training.trial_learning import Learning
+from taxel.training.camera_trials.learning import Learning
 
 CROPS, COLUMNS = 3, 6
 

@@ -11,9 +11,9 @@ import pytest
 from numpy.typing import NDArray
 from trial_makers import few_small_members
 
-import taxel.training.trial_blend as blending
+import taxel.training.camera_trials.blend as blending
 from taxel.actions.rule_table import RuleTable
-from taxel.cli.live_trials import live_trials
+from taxel.cli.live.trials import live_trials
 from taxel.cli.main import main
 from taxel.errors import BadDataset, BadTable
 from taxel.evaluation.audit.reading import read_touch

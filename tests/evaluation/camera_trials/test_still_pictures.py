@@ -9,15 +9,15 @@ import numpy as np
 import pytest
 from trial_makers import some_trials
 
-import taxel.training.trial_blend as blending
+import taxel.training.camera_trials.blend as blending
 from taxel.bundles.trials import read_trial_bundle
 from taxel.evaluation.camera_trials.crossval import BAR, OURS, judge_trials
 from taxel.evaluation.camera_trials.final import fit_final
 from taxel.evaluation.camera_trials.sides import split_trials
 from taxel.evaluation.camera_trials.trial_set import load_trial_set
 from taxel.live.trial_watch import predict_trials
-from taxel.training.trial_blend import MEMBERS, fit_blend
-from taxel.training.trial_novelty import Novelty, novelty_columns
+from taxel.training.camera_trials.blend import MEMBERS, fit_blend
+from taxel.training.camera_trials.novelty import Novelty, novelty_columns
 from taxel.windows.camera_trials import read_camera_trials
 from taxel.windows.trial_crops import USUAL
 

@@ -23,11 +23,11 @@ from taxel.evaluation.camera_trials.crossval import (
 )
 from taxel.evaluation.camera_trials.sides import split_trials
 from taxel.evaluation.camera_trials.trial_set import load_trial_set
-from taxel.training.trial_blend import MEMBERS, classes_are_groups, fit_blend
-from taxel.training.trial_learning import Crops, Learning
-from taxel.training.trial_novelty import Novelty, novelty_threshold
-from taxel.training.trial_onnx import blend_to_onnx
-from taxel.training.trial_weights import weigh
+from taxel.training.camera_trials.blend import MEMBERS, classes_are_groups, fit_blend
+from taxel.training.camera_trials.learning import Crops, Learning
+from taxel.training.camera_trials.novelty import Novelty, novelty_threshold
+from taxel.training.camera_trials.onnx_graph import blend_to_onnx
+from taxel.training.camera_trials.weights import weigh
 from taxel.windows.camera_trials import read_camera_trials
 from taxel.windows.trial_crops import (
     Scene,

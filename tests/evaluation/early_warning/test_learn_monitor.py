@@ -26,9 +26,9 @@ from taxel.evaluation.transitions.data import CameraSet
 from taxel.evaluation.transitions.tables import BackboneSeen, measure_rows, plan_rows, trivial_rows
 from taxel.labels.slip import label_truth
 from taxel.signals import CameraInfo, SensorInfo
-from taxel.sim.pour_state import TRUTH_CHANNELS, TRUTH_UNITS
-from taxel.training.features import FrameFeatures
-from taxel.training.heads import HeadConfig
+from taxel.sim.pour.state import TRUTH_CHANNELS, TRUTH_UNITS
+from taxel.training.frames.features import FrameFeatures
+from taxel.training.frames.heads import HeadConfig
 from taxel.windows.camera_recordings import CameraRecording
 
 FRAMES, SEEN, GROSS = 100, 50, 60

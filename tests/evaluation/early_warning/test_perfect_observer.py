@@ -14,9 +14,9 @@ from taxel.evaluation.early_warning.perfect_observer import (
     soonness,
 )
 from taxel.evaluation.early_warning.slip_warnings import score_warnings
-from taxel.sim.cups import AMOUNT_G
-from taxel.sim.pours_at_once import first_slips
-from taxel.training.slip_cups import paper_runs
+from taxel.sim.pour.cups import AMOUNT_G
+from taxel.sim.pour.pours_at_once import first_slips
+from taxel.training.slip.cups import paper_runs
 
 
 @pytest.fixture(scope="module")

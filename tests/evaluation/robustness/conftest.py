@@ -6,8 +6,8 @@ from pathlib import Path
 import pytest
 
 from taxel.evaluation.robustness.touches import Model, Recorded, read_touches, train_model
-from taxel.sources.data_sets import write_sessions
-from taxel.sources.teng_options import checked_config
+from taxel.sources.simulated.data_sets import write_sessions
+from taxel.sources.simulated.teng_options import checked_config
 from taxel.training.recipes import find_recipe
 
 

@@ -8,8 +8,8 @@ from pathlib import Path
 import pytest
 
 from taxel.evaluation.teng.honest_gap import RUNGS, Rung, Step, closed, honest_gap
-from taxel.sources.data_sets import write_sessions
-from taxel.sources.teng_options import checked_config
+from taxel.sources.simulated.data_sets import write_sessions
+from taxel.sources.simulated.teng_options import checked_config
 from taxel.training.loop import TrainConfig
 
 

@@ -13,9 +13,9 @@ import pytest
 from make_dataset import make_dataset
 from rich.console import Console
 
-from taxel.bench import audit_models
-from taxel.cli.options import RecipeOptions
-from taxel.cli.reproduce.teng_models import TengModels
+from taxel.bench.audit import models as audit_models
+from taxel.cli.evaluation.reproduce.teng_models import TengModels
+from taxel.cli.options.arrays import RecipeOptions
 from taxel.evaluation.teng import cleaning_gains, model_comparison
 from taxel.evaluation.teng.cleaning_gains import NOTHING, Gain, compare_cleaning, ways_to_train
 from taxel.evaluation.teng.model_comparison import (
@@ -28,10 +28,10 @@ from taxel.evaluation.teng.model_comparison import (
 )
 from taxel.jobs.running import side_by_side
 from taxel.models.catalogue import MODELS
-from taxel.sources.data_sets import simulate_presets
+from taxel.sources.simulated.data_sets import simulate_presets
 from taxel.training.augment import Augment
 from taxel.training.loop import TrainConfig
-from taxel.views.model_results import cleaning_tables, model_tables
+from taxel.views.tables.models import cleaning_tables, model_tables
 from taxel.windows.config import TENG_WINDOW, WindowConfig
 
 SMALL = ComparisonConfig(

@@ -8,9 +8,9 @@ import pytest
 from taxel.bundles.engine import EngineName, Precision
 from taxel.evaluation.transitions.data import cup_folds, load_camera_set
 from taxel.evaluation.transitions.precisions import Ways, compare_precisions
-from taxel.training.extractors import BackboneExtractor, open_backbone
-from taxel.training.heads import HeadConfig
-from taxel.training.quantising import calibration_frames
+from taxel.training.frames.extractors import BackboneExtractor, open_backbone
+from taxel.training.frames.heads import HeadConfig
+from taxel.training.frames.quantising import calibration_frames
 from taxel.windows.camera_recordings import CameraRecording, read_camera_recordings
 
 EDGE = "edge"

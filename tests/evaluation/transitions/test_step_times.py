@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from taxel.bench.table_steps import step_rows, table_steps
+from taxel.bench.transitions.table_steps import step_rows, table_steps
 from taxel.evaluation.cards.claims import STEP, STEP_SHARE, grasp_row
 from taxel.evaluation.transitions import limits
 from taxel.evaluation.transitions.limits import ProductLimit

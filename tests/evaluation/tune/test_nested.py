@@ -22,8 +22,8 @@ from taxel.evaluation.paired import compare_runs
 from taxel.evaluation.splits import TrialFold
 from taxel.evaluation.table_split import OWN_SPLIT
 from taxel.evaluation.tune.inner import folds_inside
-from taxel.sources.data_sets import write_sessions
-from taxel.sources.teng_options import checked_config
+from taxel.sources.simulated.data_sets import write_sessions
+from taxel.sources.simulated.teng_options import checked_config
 from taxel.training.recipes import find_recipe
 from taxel.training.run import load_run
 

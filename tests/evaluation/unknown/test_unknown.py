@@ -7,7 +7,7 @@ import pytest
 from make_dataset import make_dataset
 from rich.console import Console, RenderableType
 
-from taxel.bench.audit_unknown import glove_rows_of
+from taxel.bench.audit.unknown import glove_rows_of
 from taxel.errors import BadDataset
 from taxel.evaluation.unknown.objects import (
     UnknownConfig,
@@ -17,7 +17,7 @@ from taxel.evaluation.unknown.objects import (
 )
 from taxel.evaluation.unknown.scores import COVERAGES, OURS, SCORES, UnknownResult
 from taxel.labels.trials import Trial
-from taxel.views.unknown_results import left_out_table, unknown_tables
+from taxel.views.tables.unknown import left_out_table, unknown_tables
 from taxel.windows.dataset import Dataset
 
 CONFIG = UnknownConfig(target="shape", model="extra-trees")

@@ -25,7 +25,7 @@ from taxel.live.station.station import Station
 from taxel.live.station.wiring import StationConfig
 from taxel.live.station.worker import Place, Pulse
 from taxel.signals import CameraInfo, Frame, Mark, Samples, SensorInfo
-from taxel.sources.board_emulation import EmulatedBoard, RunningBoard
+from taxel.sources.boards.emulation import EmulatedBoard, RunningBoard
 
 CONTEXT = multiprocessing.get_context("spawn")
 HAND = SensorInfo(name="hand", channels=("a",), units=("V",), rate_hz=100.0)

@@ -26,8 +26,8 @@ from taxel.live.station.wiring import StationConfig
 from taxel.recordings.reader import iterate_frames, read_recording
 from taxel.recordings.recovery import recover
 from taxel.recordings.writer import part_path
-from taxel.sim.cup_pour import CupPourConfig, list_runs
-from taxel.sources.pour_sets import CAMERA_HZ, write_run
+from taxel.sim.pour.cup_pour import CupPourConfig, list_runs
+from taxel.sources.simulated.pour_sets import CAMERA_HZ, write_run
 
 
 @pytest.fixture(scope="module")

@@ -27,8 +27,8 @@ from taxel.recordings.manifest import NO_ARRAY, Manifest
 from taxel.recordings.reader import read_recording
 from taxel.recordings.writer import Recorder
 from taxel.signals import CameraInfo, Frame, Samples
-from taxel.sim.force_gauge import ForceGauge, GaugeConfig
-from taxel.sim.teng_hand import TengHandConfig
+from taxel.sim.teng.force_gauge import ForceGauge, GaugeConfig
+from taxel.sim.teng.hand import TengHandConfig
 
 
 def test_a_request_that_is_none_is_counted_and_changes_nothing():

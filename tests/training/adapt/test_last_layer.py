@@ -9,8 +9,8 @@ from make_dataset import make_dataset
 from taxel.errors import BadDataset, BadInput
 from taxel.evaluation.adaptation.new_class import best, first_grasps, run_of, windows_of
 from taxel.models.catalogue import find_network
-from taxel.training.adapt.exemplars import Exemplars, all_exemplars, thin_out
 from taxel.training.adapt.last_layer import adapt_last_layer
+from taxel.training.exemplars import Exemplars, all_exemplars, thin_out
 from taxel.training.loop import TrainConfig
 from taxel.training.recipes import find_recipe
 from taxel.training.run import Run, load_run, save_run

@@ -10,8 +10,8 @@ from taxel.errors import BadInput
 from taxel.recordings.manifest import Manifest
 from taxel.recordings.writer import Recorder
 from taxel.signals import Mark, Samples, SensorInfo
-from taxel.training.adapt.exemplars import Exemplars, thin_out
 from taxel.training.adapt.new_data import check_apart, read_grasps
+from taxel.training.exemplars import Exemplars, thin_out
 from taxel.windows.config import WindowConfig
 from taxel.windows.dataset import load_dataset
 from taxel.windows.scaling import fit_scaling

@@ -11,9 +11,9 @@ from taxel.errors import BadDataset, MissingExtra
 from taxel.evaluation.adaptation.new_class import best, run_of, windows_of
 from taxel.training.adapt.correcting import learn_corrections, run_probabilities
 from taxel.training.adapt.drift import DriftWatch
-from taxel.training.adapt.exemplars import Exemplars, all_exemplars
 from taxel.training.adapt.new_data import Grasps, by_class
 from taxel.training.adapt.online import OnlineLearner, Reservoir
+from taxel.training.exemplars import Exemplars, all_exemplars
 from taxel.training.loop import TrainConfig, predict
 from taxel.training.recipes import find_recipe
 from taxel.training.run import Run

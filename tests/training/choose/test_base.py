@@ -7,7 +7,7 @@ import pytest
 
 from taxel.evaluation.expert import learned_windows
 from taxel.evaluation.outer_split import OuterSplit
-from taxel.recordings.importing import ImportOptions, ImportRow, import_rows, import_table
+from taxel.recordings.imports.importing import ImportOptions, ImportRow, import_rows, import_table
 from taxel.training.choose.preparations import (
     Base,
     candidate_windows,

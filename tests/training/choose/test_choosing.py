@@ -12,7 +12,7 @@ from taxel.errors import BadDataset, BadInput
 from taxel.evaluation.expert import Task, train_expert
 from taxel.models.blend import Blend, read_plan
 from taxel.models.touchnet import TouchNet
-from taxel.recordings.importing import ImportRow, import_rows
+from taxel.recordings.imports.importing import ImportRow, import_rows
 from taxel.training.choose.blending import (
     fit_last,
     fit_sharpness,

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from taxel.errors import BadSplit
-from taxel.recordings.importing import ImportRow, import_rows
-from taxel.sim.teng_constants import SENSORS
+from taxel.recordings.imports.importing import ImportRow, import_rows
+from taxel.sim.teng.constants import SENSORS
 from taxel.training.choose.budget import Budget
 from taxel.training.choose.candidates import Candidate
 from taxel.training.choose.cuts import best_cut

@@ -24,7 +24,6 @@ from torch import nn
 from taxel.errors import BadDataset
 from taxel.jobs.running import side_by_side
 from taxel.models.catalogue import find_network
-from taxel.training.adapt.exemplars import Exemplars, all_exemplars, thin_out
 from taxel.training.adapt.last_layer import (
     FeatureKind,
     Solved,
@@ -33,6 +32,7 @@ from taxel.training.adapt.last_layer import (
     features_of,
     with_last,
 )
+from taxel.training.exemplars import Exemplars, all_exemplars, thin_out
 from taxel.training.fitting import Fitted, Job, Lesson, fit_model
 from taxel.training.loop import Labelled, TrainConfig, fit, new_network
 from taxel.training.recipes import Recipe, find_recipe

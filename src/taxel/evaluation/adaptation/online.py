@@ -16,8 +16,8 @@ import torch
 from taxel.evaluation.adaptation.new_class import AdaptConfig, best, by_session, run_of, windows_of
 from taxel.evaluation.adaptation.pads import ALL, draw_gains
 from taxel.training.adapt.correcting import learn_corrections
-from taxel.training.adapt.exemplars import Exemplars, all_exemplars
 from taxel.training.adapt.new_data import Grasps
+from taxel.training.exemplars import Exemplars, all_exemplars
 from taxel.windows.dataset import load_dataset
 
 

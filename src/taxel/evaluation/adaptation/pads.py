@@ -28,8 +28,8 @@ from taxel.evaluation.robustness.touches import recorded
 from taxel.recordings.reader import list_recordings, read_manifest, read_recording
 from taxel.recordings.writer import Recorder
 from taxel.signals import flag_values
-from taxel.sim.teng_constants import HUMIDITY_DECAY
-from taxel.training.adapt.exemplars import Exemplars, all_exemplars, label_of
+from taxel.sim.teng.constants import HUMIDITY_DECAY
+from taxel.training.exemplars import Exemplars, all_exemplars, label_of
 from taxel.training.fitting import Fitted
 from taxel.training.run import Run
 from taxel.windows.dataset import load_dataset

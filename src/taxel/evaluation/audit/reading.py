@@ -18,12 +18,12 @@ from numpy.typing import NDArray
 from taxel.errors import BadDataset, BadTable
 from taxel.evaluation.audit.touch_set import TouchSet, checked, joined
 from taxel.labels.trials import Trial, trials_of
-from taxel.recordings.footage import open_footage
-from taxel.recordings.importing import import_rows
-from taxel.recordings.known import KNOWN, KNOWN_VIDEOS
+from taxel.recordings.imports.footage import open_footage
+from taxel.recordings.imports.importing import import_rows
+from taxel.recordings.imports.known import KNOWN, KNOWN_VIDEOS
+from taxel.recordings.imports.video_rows import VideoRow, read_video_rows
 from taxel.recordings.manifest import NO_ARRAY, Manifest
 from taxel.recordings.reader import list_recordings, read_recording
-from taxel.recordings.video_rows import VideoRow, read_video_rows
 from taxel.signals import CameraInfo, Mark
 from taxel.windows.camera_recordings import frame_sets
 from taxel.windows.camera_trials import TABLES, are_camera_trials

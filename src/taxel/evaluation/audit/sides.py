@@ -19,7 +19,7 @@ from taxel.evaluation.fold_table import FoldRow, FoldTable, read_fold_table
 from taxel.evaluation.shared_values import can_be_held_out
 from taxel.evaluation.splits import TrialFold, parse_split
 from taxel.labels.trials import OBJECTS
-from taxel.recordings.video_rows import SPLIT, TEST
+from taxel.recordings.imports.video_rows import SPLIT, TEST
 
 _SLACK_S = 1e-3
 

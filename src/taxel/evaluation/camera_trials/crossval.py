@@ -20,16 +20,16 @@ from taxel.evaluation.camera_trials.sides import TrialSplit
 from taxel.evaluation.intervals import draw_rows, percentile_interval
 from taxel.evaluation.rank_area import area
 from taxel.evaluation.run_scores import reliability
-from taxel.training.trial_blend import (
+from taxel.training.camera_trials.blend import (
     TrialBlend,
     fit_blend,
     forest,
     mean_of_crops,
     proba_of,
 )
-from taxel.training.trial_features import TrialRows
-from taxel.training.trial_learning import Crops, Learning
-from taxel.training.trial_weights import log_loss
+from taxel.training.camera_trials.features import TrialRows
+from taxel.training.camera_trials.learning import Crops, Learning
+from taxel.training.camera_trials.weights import log_loss
 from taxel.windows.trial_crops import BAR as BAR_COLUMNS
 from taxel.windows.trial_crops import THUMB, Layout, numbers_of
 

@@ -39,11 +39,11 @@ from taxel.evaluation.camera_trials.simulated_trials import (
     touch_rows,
 )
 from taxel.gel.integration import depth_from_gradients
-from taxel.sim.gelsight import GelCamera, draw_sensor
-from taxel.sim.gelsight_camera import HEIGHT_PX, WIDTH_PX
-from taxel.sim.pour_views import LayerView
-from taxel.sources.pour_sets import FINE, motion_at, simulate_videos
-from taxel.training.features import load_kept, save_kept
+from taxel.sim.gelsight.camera import HEIGHT_PX, WIDTH_PX
+from taxel.sim.gelsight.mini import GelCamera, draw_sensor
+from taxel.sim.pour.views import LayerView
+from taxel.sources.simulated.pour_sets import FINE, motion_at, simulate_videos
+from taxel.training.frames.features import load_kept, save_kept
 
 WHEEL: Final = "tactile_mnist-0.13.0-py3-none-any.whl"
 MEMBER: Final = "tactile_mnist/resources/cycle_gan_tactile_mnist_v0.npz"

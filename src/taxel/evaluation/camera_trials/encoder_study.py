@@ -20,8 +20,8 @@ from taxel.errors import BadDataset
 from taxel.evaluation.camera_trials.probe import Labelled, Probed, Rows, pooled, probe, probe_once
 from taxel.evaluation.camera_trials.probe_features import network_features
 from taxel.evaluation.camera_trials.sides import TrialSplit
+from taxel.training.camera_trials.learning import Learning
 from taxel.training.encoder.videos import TouchVideo
-from taxel.training.trial_learning import Learning
 
 _TRIES: Final = 1000
 """Draws of objects before it is said that none has every class. Source: our choice."""

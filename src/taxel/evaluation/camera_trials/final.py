@@ -22,8 +22,8 @@ from taxel.evaluation.camera_trials.learned_trials import fingerprints
 from taxel.evaluation.camera_trials.sides import TrialSplit
 from taxel.plain_text import finite, json_text
 from taxel.recordings.whole import whole_folder, write_whole
-from taxel.training.trial_blend import fit_blend
-from taxel.training.trial_onnx import blend_to_onnx
+from taxel.training.camera_trials.blend import fit_blend
+from taxel.training.camera_trials.onnx_graph import blend_to_onnx
 from taxel.windows.camera_trials import CameraTrial
 from taxel.windows.trial_crops import FAMILIES, mm_per_px
 

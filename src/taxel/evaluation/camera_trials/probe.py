@@ -19,10 +19,10 @@ from sklearn.linear_model import LogisticRegression
 
 from taxel.evaluation.camera_trials.sides import TrialSplit
 from taxel.evaluation.paired import sign_flip
-from taxel.training.ranked import Ranked
-from taxel.training.trial_blend import inner_folds, mean_of_crops, proba_of
-from taxel.training.trial_learning import Learning
-from taxel.training.trial_weights import log_loss
+from taxel.training.camera_trials.blend import inner_folds, mean_of_crops, proba_of
+from taxel.training.camera_trials.learning import Learning
+from taxel.training.camera_trials.ranked import Ranked
+from taxel.training.camera_trials.weights import log_loss
 
 Rows = NDArray[np.float32]
 PENALTIES: Final = (1e-5, 1e-4, 1e-3, 1e-2, 1e-1)

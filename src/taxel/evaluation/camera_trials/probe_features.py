@@ -19,8 +19,8 @@ from numpy.typing import NDArray
 from torch import nn
 
 from taxel.training.encoder.videos import IMAGES, STRETCHES, TouchVideo, chosen_frames
-from taxel.training.extractors import SlipExtractor
-from taxel.training.features import Extractor, load_kept, save_kept
+from taxel.training.frames.extractors import SlipExtractor
+from taxel.training.frames.features import Extractor, load_kept, save_kept
 from taxel.windows.camera_trials import CameraTrial
 
 Image = NDArray[np.uint8]

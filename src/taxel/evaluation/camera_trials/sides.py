@@ -21,8 +21,8 @@ from taxel.evaluation.fold_table import FoldRow, FoldTable, read_fold_table, ref
 from taxel.evaluation.shared_values import on_both_sides
 from taxel.evaluation.splits import TrialFold
 from taxel.labels.trials import USUAL_GROUPS
-from taxel.recordings.video_rows import SPLIT, TEST
-from taxel.training.trial_blend import inner_folds
+from taxel.recordings.imports.video_rows import SPLIT, TEST
+from taxel.training.camera_trials.blend import inner_folds
 
 _USUAL: Final = ("object", "session")
 """Groups that are held out unless something else is named. Source: our choice."""

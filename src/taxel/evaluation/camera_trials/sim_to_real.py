@@ -24,10 +24,10 @@ from taxel.evaluation.camera_trials.probe import PENALTIES, Rows
 from taxel.evaluation.camera_trials.sides import TrialSplit
 from taxel.evaluation.intervals import Interval, draw_rows, percentile_interval
 from taxel.evaluation.rank_area import area
-from taxel.training.ranked import Ranked
-from taxel.training.trial_blend import inner_folds, mean_of_crops, proba_of
-from taxel.training.trial_learning import Learning
-from taxel.training.trial_weights import log_loss
+from taxel.training.camera_trials.blend import inner_folds, mean_of_crops, proba_of
+from taxel.training.camera_trials.learning import Learning
+from taxel.training.camera_trials.ranked import Ranked
+from taxel.training.camera_trials.weights import log_loss
 
 Ranking = Literal["by domain", "together"]
 Share = Literal["rows alike", "halves alike"]

@@ -25,14 +25,14 @@ from taxel.evaluation.camera_trials.probe_features import (
     network_features,
 )
 from taxel.models.backbones.touch import FEATURES as TOUCH_FEATURES
-from taxel.sim.cup_pour import CupPourConfig, Gel, list_runs, simulate_pour
-from taxel.sim.cups import Kind, Position, PourRun
-from taxel.sources.pour_sets import simulate_videos
+from taxel.sim.pour.cup_pour import CupPourConfig, Gel, list_runs, simulate_pour
+from taxel.sim.pour.cups import Kind, Position, PourRun
+from taxel.sources.simulated.pour_sets import simulate_videos
+from taxel.training.camera_trials.blend import DIFFERENCES
+from taxel.training.camera_trials.features import trial_rows
 from taxel.training.encoder.fit import GAIN, GRAIN, JITTER, LEVEL
 from taxel.training.encoder.videos import STRETCHES, TouchVideo, chosen_frames, small
-from taxel.training.features import default_cache, load_kept, save_kept
-from taxel.training.trial_blend import DIFFERENCES
-from taxel.training.trial_features import trial_rows
+from taxel.training.frames.features import default_cache, load_kept, save_kept
 from taxel.windows.camera_trials import CameraTrial
 from taxel.windows.trial_crops import FAMILIES, LAG, STATISTICS, Layout, numbers_of, small_grey
 

@@ -22,7 +22,7 @@ from taxel.evaluation.camera_trials.crossval import CameraTrialScores, score_tri
 from taxel.evaluation.camera_trials.trial_set import load_trial_set
 from taxel.evaluation.intervals import Interval
 from taxel.gel.slip_signal import TURN_MM
-from taxel.training.trial_blend import mean_of_crops
+from taxel.training.camera_trials.blend import mean_of_crops
 from taxel.windows.camera_trials import read_camera_trials
 from taxel.windows.trial_crops import MOVES
 

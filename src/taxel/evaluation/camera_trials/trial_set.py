@@ -15,7 +15,7 @@ import numpy as np
 from taxel.errors import BadDataset
 from taxel.evaluation.camera_trials.crossval import TrialSet
 from taxel.labels.class_order import in_order
-from taxel.training.trial_features import further_crops, trial_rows
+from taxel.training.camera_trials.features import further_crops, trial_rows
 from taxel.windows.camera_trials import CameraTrial
 from taxel.windows.trial_crops import USUAL
 from taxel.windows.trial_layout import choose_layout, count_between

@@ -33,8 +33,8 @@ from taxel.evaluation.transitions.data import (
     truth_moments,
 )
 from taxel.evaluation.transitions.tables import WindowScores, score_windows
-from taxel.training.features import FrameFeatures
-from taxel.training.heads import HeadConfig, TrainedHead
+from taxel.training.frames.features import FrameFeatures
+from taxel.training.frames.heads import HeadConfig, TrainedHead
 from taxel.windows.sequence import label_windows
 
 INNER_FOLDS = 4

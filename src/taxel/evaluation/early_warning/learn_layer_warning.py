@@ -14,9 +14,7 @@ from pathlib import Path
 from typing import Final
 
 from taxel.evaluation.early_warning.learn_slip_warning import noisy_features
-from taxel.training.layer_poses import layer_pours
-from taxel.training.pose_noise import fit_noises
-from taxel.training.slip_cups import (
+from taxel.training.slip.cups import (
     NOISE_CUPS,
     TRAINING_CUPS,
     PourRows,
@@ -25,7 +23,9 @@ from taxel.training.slip_cups import (
     paper_part,
     seen_pours,
 )
-from taxel.training.slip_heads import Goal, PourFeatures
+from taxel.training.slip.heads import Goal, PourFeatures
+from taxel.training.slip.layer_poses import layer_pours
+from taxel.training.slip.pose_noise import fit_noises
 
 LAYER_CUPS: Final = 120
 """Training cups of version 2, three of the paper's pours into each: many cups say more than many

@@ -26,14 +26,14 @@ from taxel.labels.rules import rule_named
 from taxel.models.counting import keras_parameters
 from taxel.models.transition import find_transition
 from taxel.training.curves import Curve
-from taxel.training.features import FrameFeatures
-from taxel.training.frame_labels import rate_of
-from taxel.training.heads import HeadConfig, TrainedHead, fit_head, tracks_of
+from taxel.training.frames.features import FrameFeatures
+from taxel.training.frames.heads import HeadConfig, TrainedHead, fit_head, tracks_of
+from taxel.training.frames.labels import rate_of
 from taxel.windows.rest import SETTLE
 from taxel.windows.sequence import sequence_windows
 
 if TYPE_CHECKING:
-    from taxel.training.extractors import BackboneExtractor
+    from taxel.training.frames.extractors import BackboneExtractor
 
 _CHECK_WINDOWS = 32
 

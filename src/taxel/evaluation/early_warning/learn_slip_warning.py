@@ -24,10 +24,8 @@ from taxel.evaluation.early_warning.slip_warnings import (
     keep_promise,
 )
 from taxel.gel.slip_signal import PAIR_FEATURES
-from taxel.sim.cups import Kind
-from taxel.training.pose_noise import PoseNoise, add_noise, fit_noises
-from taxel.training.rim_features import rim_features
-from taxel.training.slip_cups import (
+from taxel.sim.pour.cups import Kind
+from taxel.training.slip.cups import (
     FRAME_HZ,
     GROSS_UM,
     NOISE_CUPS,
@@ -38,7 +36,7 @@ from taxel.training.slip_cups import (
     training_runs,
     true_pours,
 )
-from taxel.training.slip_heads import (
+from taxel.training.slip.heads import (
     USUAL_GOALS,
     Goal,
     HeadName,
@@ -47,7 +45,9 @@ from taxel.training.slip_heads import (
     learning_rows,
     new_head,
 )
-from taxel.training.slip_onnx import linear_model
+from taxel.training.slip.onnx_graph import linear_model
+from taxel.training.slip.pose_noise import PoseNoise, add_noise, fit_noises
+from taxel.training.slip.rim_features import rim_features
 from taxel.windows.rest import SETTLE
 
 FOLDS: Final = 4

@@ -24,9 +24,9 @@ from numpy.typing import NDArray
 
 from taxel.evaluation.early_warning.learn_slip_warning import ONSET_UM
 from taxel.evaluation.early_warning.slip_warnings import WarningTrack
-from taxel.sim.cups import AMOUNT_G, PourRun
-from taxel.sim.pours_at_once import FirstSlips, first_slips
-from taxel.training.slip_cups import DURATION_S, FRAME_HZ, GROSS_UM
+from taxel.sim.pour.cups import AMOUNT_G, PourRun
+from taxel.sim.pour.pours_at_once import FirstSlips, first_slips
+from taxel.training.slip.cups import DURATION_S, FRAME_HZ, GROSS_UM
 
 _BEFORE_G: Final = 40.0
 """Where the search for the least amount begins: so far below what had been poured when the object

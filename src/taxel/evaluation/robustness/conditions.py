@@ -20,9 +20,9 @@ from taxel.errors import BadDataset, BadInput
 from taxel.evaluation.robustness.curve import CLEAN, FaultPoint, mildest_first, point_of
 from taxel.evaluation.robustness.touches import ANSWER_ALL, Model, Recorded, judge, recorded
 from taxel.recordings.manifest import Manifest
-from taxel.sim.teng_hand import sensor_info, simulate_sessions
-from taxel.sources.data_sets import DATA_SET_RATE_HZ
-from taxel.sources.teng_options import checked_config
+from taxel.sim.teng.hand import sensor_info, simulate_sessions
+from taxel.sources.simulated.data_sets import DATA_SET_RATE_HZ
+from taxel.sources.simulated.teng_options import checked_config
 
 BASE: Mapping[str, Any] = {
     "temperature_c": (23.0, 23.0),

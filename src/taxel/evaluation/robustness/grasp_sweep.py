@@ -31,8 +31,8 @@ from taxel.labels.rules import RULES
 from taxel.labels.slip import label_truth
 from taxel.recordings.reader import iterate_tactile
 from taxel.signals import CameraInfo, Frame
-from taxel.sim.pour_state import TRUTH_CHANNELS
-from taxel.training.frame_labels import truth_of
+from taxel.sim.pour.state import TRUTH_CHANNELS
+from taxel.training.frames.labels import truth_of
 from taxel.windows.camera_recordings import CameraRecording, read_camera_recording
 from taxel.windows.pairs import FramePairer, FrameSet
 

@@ -17,10 +17,10 @@ from taxel.evaluation.splits import TrialFold
 from taxel.labels.agreement import onset_s
 from taxel.labels.slip import label_truth
 from taxel.models.sequence import SENSORS
-from taxel.sim.pour_state import TRUTH_CHANNELS, has_truth
-from taxel.training.features import Extractor, FrameFeatures, Progress, extract
-from taxel.training.frame_labels import change_signals, frame_labels, truth_of
-from taxel.training.heads import HeadConfig, TrainedHead, fit_head, tracks_of
+from taxel.sim.pour.state import TRUTH_CHANNELS, has_truth
+from taxel.training.frames.features import Extractor, FrameFeatures, Progress, extract
+from taxel.training.frames.heads import HeadConfig, TrainedHead, fit_head, tracks_of
+from taxel.training.frames.labels import change_signals, frame_labels, truth_of
 from taxel.windows.camera_recordings import CameraRecording, read_camera_recordings
 from taxel.windows.sequence import label_windows
 

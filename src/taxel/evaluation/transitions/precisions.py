@@ -16,9 +16,9 @@ from taxel.bundles.engine import EngineName, Precision
 from taxel.evaluation.splits import TrialFold
 from taxel.evaluation.transitions.data import CameraSet
 from taxel.evaluation.transitions.step_times import time_step
-from taxel.training.extractors import BackboneExtractor
-from taxel.training.features import FrameFeatures, Progress, extract
-from taxel.training.heads import HeadConfig, TrainedHead, fit_head, tracks_of
+from taxel.training.frames.extractors import BackboneExtractor
+from taxel.training.frames.features import FrameFeatures, Progress, extract
+from taxel.training.frames.heads import HeadConfig, TrainedHead, fit_head, tracks_of
 from taxel.windows.camera_recordings import CameraRecording
 from taxel.windows.sequence import label_windows
 

@@ -16,7 +16,7 @@ from taxel.models.backbones.catalogue import find_backbone
 from taxel.models.export_onnx import export_head
 from taxel.models.sequence import find_head
 from taxel.models.transition import FRAMES, find_transition
-from taxel.training.extractors import BackboneExtractor, open_backbone
+from taxel.training.frames.extractors import BackboneExtractor, open_backbone
 from taxel.windows.sequence import FeatureRing
 
 

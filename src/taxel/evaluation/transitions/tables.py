@@ -35,8 +35,8 @@ from taxel.models.transition import (
     TRANSITION_MODELS,
     find_transition,
 )
-from taxel.training.features import FrameFeatures
-from taxel.training.heads import HeadConfig
+from taxel.training.frames.features import FrameFeatures
+from taxel.training.frames.heads import HeadConfig
 from taxel.windows.sequence import label_windows
 
 OWN_HEADS = ("lstm", "lstm2", "lstm4", "transformer")

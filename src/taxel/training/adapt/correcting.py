@@ -14,10 +14,10 @@ from numpy.typing import NDArray
 
 from taxel.bundles.levels import TouchLevel
 from taxel.training.adapt.drift import Drift, DriftWatch
-from taxel.training.adapt.exemplars import Exemplars
 from taxel.training.adapt.last_layer import exemplars_of
 from taxel.training.adapt.new_data import Grasps, by_class, read_grasps
 from taxel.training.adapt.online import OnlineConfig, OnlineLearner
+from taxel.training.exemplars import Exemplars
 from taxel.training.loop import predict
 from taxel.training.run import Run
 from taxel.windows.windower import Windows

@@ -29,7 +29,7 @@ from torch import nn
 from taxel.errors import BadDataset, BadInput
 from taxel.models.catalogue import WITH_STATISTICS, count_parameters
 from taxel.models.with_statistics import WithStatistics
-from taxel.training.adapt.exemplars import Exemplars, thin_out
+from taxel.training.exemplars import Exemplars, thin_out
 from taxel.training.run import Run
 from taxel.windows.windower import Windows
 

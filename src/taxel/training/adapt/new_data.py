@@ -20,7 +20,7 @@ from taxel.bundles.recordings import load_at_level, load_by_session
 from taxel.errors import BadDataset, BadInput
 from taxel.labels.trials import trials_of
 from taxel.recordings.reader import list_recordings, read_manifest, read_recording
-from taxel.training.adapt.exemplars import label_of
+from taxel.training.exemplars import label_of
 from taxel.windows.windower import Windows
 
 _DIGEST_LETTERS = 12

@@ -19,7 +19,6 @@ from torch import nn
 from taxel.decisions.recognition import GraspVote, Quality, RecogniseConfig, decide
 from taxel.errors import BadDataset
 from taxel.models.catalogue import count_parameters
-from taxel.training.adapt.exemplars import Exemplars, thin_out
 from taxel.training.adapt.last_layer import (
     Solved,
     body_of,
@@ -27,6 +26,7 @@ from taxel.training.adapt.last_layer import (
     features_of,
     with_last,
 )
+from taxel.training.exemplars import Exemplars, thin_out
 from taxel.training.run import Run
 from taxel.windows.windower import Windows
 

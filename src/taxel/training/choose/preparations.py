@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from taxel.errors import BadDataset
 from taxel.labels.trials import Trial
 from taxel.models.touch_features import compute_features, pads_of
-from taxel.sim.teng_constants import SENSORS
+from taxel.sim.teng.constants import SENSORS
 from taxel.windows.config import GATE_V, WindowConfig
 from taxel.windows.dataset import Dataset, load_dataset
 from taxel.windows.joining import TEST_PREFIX, join_datasets

@@ -21,11 +21,11 @@ from torch import Tensor
 from taxel.errors import BadDataset
 from taxel.models.backbones.touch import TouchEncoder
 from taxel.models.backbones.weight_files import tensor_digest
+from taxel.training.backbones.fine_tuning import EpochLoss, KeptEpochs
 from taxel.training.checkpoints import load_checkpoint, save_checkpoint
 from taxel.training.encoder.change import changes, slip_size
 from taxel.training.encoder.pretext import Pretext, Targets
 from taxel.training.encoder.videos import TouchVideo, data_digest
-from taxel.training.fine_tuning import EpochLoss, KeptEpochs
 
 Image = NDArray[np.uint8]
 GAIN, LEVEL, JITTER, GRAIN = 0.15, 12.0, 0.02, 2.0

@@ -10,8 +10,8 @@ from typing import Any
 
 from taxel.errors import BadInput
 from taxel.evaluation.audit.finding import MEANING, Audit, Finding
-from taxel.views.audit_table import chance, legend
 from taxel.views.report.page import Html, join, percent, split_name, table, tag
+from taxel.views.tables.audit import chance, legend
 
 _KIND = {"leak": "bad", "hazard": "bad", "note": "", "clear": "good", "too few": "quiet",
          "not checked": "quiet"}  # fmt: skip

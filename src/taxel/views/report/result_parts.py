@@ -12,7 +12,6 @@ from taxel.evaluation.run_scores import RunScores, beside_baselines, only_one
 from taxel.evaluation.teng.table_4_1 import PUBLISHED, TASKS
 from taxel.training.curves import Curve
 from taxel.training.run import Run
-from taxel.views.compare_table import interval_text
 from taxel.views.report.charts import Axis, Dot, Line, dot_chart, line_chart, matrix
 from taxel.views.report.curves_part import curves_part
 from taxel.views.report.page import (
@@ -26,7 +25,8 @@ from taxel.views.report.page import (
     table,
     tag,
 )
-from taxel.views.results import HEADINGS
+from taxel.views.tables.compare import interval_text
+from taxel.views.tables.results import HEADINGS
 from taxel.windows.config import TENG_WINDOW
 
 

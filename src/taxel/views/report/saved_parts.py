@@ -14,7 +14,6 @@ from typing import Any
 from taxel.errors import BadInput
 from taxel.evaluation.teng.table_4_1 import PUBLISHED, ROWS
 from taxel.training.curves import curves_from_json
-from taxel.views.grasp_results import TITLES
 from taxel.views.report.amounts_part import amounts_part
 from taxel.views.report.charts import Axis, Dot, Line, dot_chart, line_chart
 from taxel.views.report.curves_part import curves_part
@@ -30,7 +29,8 @@ from taxel.views.report.page import (
     table,
     tag,
 )
-from taxel.views.results import HEADINGS
+from taxel.views.tables.grasps import TITLES
+from taxel.views.tables.results import HEADINGS
 
 Row = Mapping[str, Any]
 

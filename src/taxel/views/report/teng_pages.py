@@ -16,9 +16,9 @@ from taxel.evaluation.teng.table_4_1 import PUBLISHED, ROWS, Section
 from taxel.recordings.reader import list_recordings, read_recording
 from taxel.signals import Mark
 from taxel.training.environment import environment
-from taxel.views import figures
+from taxel.views.figures import plots as figures
 from taxel.views.report.page import Html, number, png_figure, split_name, text, write_page
-from taxel.views.results import HEADINGS, with_interval
+from taxel.views.tables.results import HEADINGS, with_interval
 from taxel.windows.config import GATE_V, TENG_WINDOW
 from taxel.windows.windower import cut_windows
 

@@ -1,0 +1,1 @@
+"""Rows of `taxel bench audit`: whether results can be believed."""

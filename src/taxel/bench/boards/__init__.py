@@ -1,0 +1,1 @@
+"""Rows of `taxel bench boards`: firmware on emulated boards."""

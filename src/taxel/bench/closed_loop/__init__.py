@@ -1,0 +1,1 @@
+"""Rows of `taxel bench closed-loop`: grips that follow touch."""

@@ -1,0 +1,1 @@
+"""Rows of `taxel bench data`: what `taxel train` reaches by default."""

@@ -1,0 +1,1 @@
+"""Rows of `taxel bench faults`: what goes wrong, how soon it shows, what is lost."""

@@ -1,0 +1,1 @@
+"""Rows of `taxel bench scale`: many workers, large folders, the formats of others."""

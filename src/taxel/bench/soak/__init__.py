@@ -1,0 +1,1 @@
+"""Rows of `taxel bench soak`: a station that runs for an hour."""

@@ -1,0 +1,1 @@
+"""Rows of `taxel bench teng`: what the TENG hand's system promises."""

@@ -1,0 +1,1 @@
+"""Rows of `taxel bench transitions`: what a pair of tactile cameras promises."""

@@ -1,0 +1,1 @@
+"""Verbs of boards, cameras, calibration and power."""

@@ -1,0 +1,217 @@
+"""`taxel evaluate`: cross-validate a recipe on recordings, or score a bundle on them."""
+
+from __future__ import annotations
+
+from contextlib import nullcontext
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+from typing import Annotated, Any, ClassVar
+
+import tyro
+
+from taxel.cli.evaluation.html_pages import older_page, say_page
+from taxel.cli.options.arrays import (
+    FOLD_COUNT,
+    RecipeOptions,
+    check_run_folder,
+    split_given,
+    usual_recipe,
+)
+from taxel.cli.options.rules import Only
+from taxel.cli.options.work import WorkOptions
+from taxel.cli.printing import console, print_json, progress, say
+from taxel.errors import BadInput
+from taxel.held import only_writer
+
+OF_A_RECIPE = (
+    "split", "test", "fold-count", "model", "members", "comparators", "output", "fresh",
+    "html", "recipe", "target", "window", "epochs", "seed", "workers", "run-on",
+)  # fmt: skip
+"""Options that mean nothing for a bundle."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Evaluate:
+    """Cross-validate a recipe on recordings of an array, or score a bundle on them.
+
+    Prints accuracy by window, trial, class and group, with trivial baselines beside it.
+    """
+
+    data: tyro.conf.Positional[Path]
+    """A folder of recordings of an array; or a bundle, NAME.taxel, which runs on the
+    processor, or where $TAXEL_DEVICE says, such as cuda."""
+    recordings: tyro.conf.Positional[Path | None] = None
+    """With a bundle: the recordings to score it on."""
+    split: str | None = None
+    """Which windows are tested. group:KEY holds out whole groups, such as group:session.
+    order:KEY:LAST[:END] trains up to LAST and tests above it, up to END. random splits windows,
+    which leaks. Unless given: the recipe's, if it names one; else sessions are held out, else
+    objects, persons or days, else files."""
+    folds: Path | None = None
+    """Measure on a published split instead: a table (CSV) with the columns recording (or
+    group:KEY), side (train, validation, test) or fold, and optionally start_s, seconds. With a
+    bundle: one test part, on which alone it is scored."""
+    test: Path | None = None
+    """Measure on this folder instead; the whole of the first folder is the training part."""
+    fold_count: int = 5
+    """Folds of the cross-validation, 2 or more."""
+    model: str | None = None
+    """Name of the model, such as cnn2d; the recipe's unless given."""
+    members: int | None = None
+    """Networks whose probabilities are averaged, 1 or more; the recipe's number unless given."""
+    comparators: bool = True
+    """Also fit library models (MiniRocket, extra-trees) on the same folds, to compare with; their
+    results are kept for the same data and split."""
+    output: Path | None = None
+    """Folder for the result, as a run without weights that can be compared and reported; none is
+    written unless given."""
+    fresh: bool = False
+    """Fit every fold anew. Otherwise the kept results of comparators are used, and with --output
+    the folds that an interrupted run left in OUTPUT.folds, where recipe, data and software are
+    the same."""
+    html: Path | None = None
+    """Write a self-contained page with figures to this file."""
+    json: bool = False
+    """Print JSON."""
+    recipe: Annotated[RecipeOptions, tyro.conf.arg(name="")] = field(default_factory=RecipeOptions)
+    work: Annotated[WorkOptions, tyro.conf.arg(name="")] = field(default_factory=WorkOptions)
+
+    RULES: ClassVar = (
+        Only(
+            ("fresh",),
+            "--output or comparators, whose folds are kept,",
+            lambda o: o.output or o.comparators,
+        ),
+        Only(
+            OF_A_RECIPE,
+            "a folder of recordings (a bundle is scored as it is)",
+            lambda o: not _is_bundle_file(o.data),
+        ),
+        FOLD_COUNT,
+    )
+
+    def run(self) -> None:
+        """Measure and print."""
+        from taxel.bundles.envelope import need_bundle
+
+        if _is_bundle_file(self.data):
+            _evaluate_bundle(self.data, self.recordings, self.folds, as_json=self.json)
+            return
+        if self.recordings is not None:
+            if not self.data.exists():
+                need_bundle(self.data)
+            raise BadInput("a bundle before the recordings to score it on", str(self.data),
+                           "name NAME.taxel, or test on another folder with --test")  # fmt: skip
+        older = older_page(self.html)
+        with nullcontext() if self.output is None else only_writer(self.output):
+            self._folder(self.data)
+        say_page(self.html, older, silent=self.json)
+
+    def _folder(self, path: Path) -> None:
+        from taxel.evaluation.checked import BARS, check_recipe
+        from taxel.evaluation.kept_folds import Keeping, folds_folder, forget_folds
+        from taxel.training.frames.features import default_cache
+
+        given = split_given(self.split, self.folds, self.test)
+        recipe = self.recipe.resolve(
+            default=usual_recipe(path),
+            model=self.model,
+            split=self.split,
+            members=self.members,
+            data=path,
+        )
+        if self.output is not None:
+            check_run_folder(self.output)
+        with self.work.open(), progress() as bar:
+            task = bar.add_task("starting", total=None)
+            checked = check_recipe(
+                path,
+                recipe,
+                folds=self.fold_count,
+                bars=BARS if self.comparators else (),
+                given=given,
+                keep=Keeping(
+                    folder=None if self.output is None else folds_folder(self.output),
+                    cache=default_cache(),
+                    fresh=self.fresh,
+                ),
+                on_step=lambda line: bar.update(task, description=line, advance=1),
+            )
+        if self.output is not None:
+            from taxel.evaluation.checked import run_of_check
+            from taxel.training.run import save_run
+
+            save_run(self.output, run_of_check(path, checked))
+            forget_folds(self.output)
+        if self.html is not None:
+            from taxel.views.report import write_checked_report
+
+            write_checked_report(self.html, checked)
+        if self.json:
+            result: dict[str, Any] = {
+                "target": recipe.target,
+                "model": recipe.model,
+                "classes": checked.dataset.classes(recipe.target),
+                "windows": len(checked.dataset),
+                "trials": len(checked.dataset.trials),
+                "notes": checked.dataset.notes,
+                "result": asdict(checked.pooled),
+                "bars": {name: asdict(bar_) for name, bar_ in checked.bars.items()},
+                "trivial": checked.trivial,
+                "folds_kept": checked.kept,
+                "comparator_folds_kept": checked.cached,
+            }
+            print_json(result)
+            return
+        from taxel.cli.training.train import print_checked
+
+        print_checked(checked)
+        if checked.cached:
+            say(f"{checked.cached} folds of library models were kept; --fresh fits them")
+
+
+def _is_bundle_file(path: Path) -> bool:
+    """Return whether a path is a file that a bundle could be, and no recording."""
+    return path.is_file() and path.suffix != ".mcap"
+
+
+def _evaluate_bundle(
+    bundle: Path, folder: Path | None, folds: Path | None, *, as_json: bool
+) -> None:
+    """Score a bundle on recordings and print it.
+
+    Args:
+        bundle: The bundle's file.
+        folder: Recordings with its label.
+        folds: A table whose one test part alone is scored; all of them without.
+        as_json: Print JSON instead of tables.
+
+    Raises:
+        BadInput: No folder is named, or $TAXEL_DEVICE is not there.
+        BadBundle: The bundle cannot be used, or is of another array.
+        BadDataset: The recordings hold no window with the bundle's label.
+        BadTable: The table cannot be read, has several folds, or tests what is not there.
+        BadSplit: It puts a trial on both sides, or there is nothing to test.
+    """
+    from taxel.bundles.reader import read_bundle
+    from taxel.evaluation.bundle_scores import score_bundle
+    from taxel.models.devices import asked_device
+
+    if folder is None:
+        raise BadInput(
+            f"recordings to score {bundle} on", "none", f"taxel evaluate {bundle} RECORDINGS"
+        )
+    device = asked_device()
+    with progress() as bar:
+        bar.add_task(f"scoring {bundle.name}", total=None)
+        found = score_bundle(read_bundle(bundle, device=device), folder, folds=folds)
+    from taxel.views.tables.parts import bundle_score_table
+    from taxel.views.tables.trained_on import trained_on_line
+
+    seen = trained_on_line(found.learned_from, "recordings", known=found.learned_is_known)
+    if as_json:
+        print_json({"bundle": str(bundle), "data": str(folder)} | asdict(found) | {"warning": seen})
+        return
+    console.print(bundle_score_table(found, bundle.name, str(folder)))
+    if seen is not None:
+        say(f"warning: {seen}", style="yellow")

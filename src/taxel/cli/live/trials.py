@@ -1,0 +1,174 @@
+"""What `taxel live` does with a bundle of camera trials: a verdict that builds up."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from rich.text import Text
+
+from taxel.cli.printing import console, print_json, say
+from taxel.decisions.recognition import UNKNOWN
+from taxel.plain_text import visible, visible_line
+
+if TYPE_CHECKING:
+    from taxel.actions.rule_table import RuleTable
+    from taxel.bundles.signing import Trust
+    from taxel.bundles.trials import TrialBundle, TrialContract
+    from taxel.live.trial_session import TrialTally
+    from taxel.live.trial_watch import TrialAnswer
+    from taxel.sources.contract import Source
+
+
+def live_trials(
+    bundle: Path,
+    source: str,
+    seconds: float | None,
+    least_confidence: float,
+    *,
+    as_json: bool,
+    trust: Trust | None = None,
+    rules: RuleTable,
+    device: str,
+) -> None:
+    """Watch a source, or replay a folder or a table of trials; print verdicts, then a summary."""
+    from taxel.bundles.trials import read_trial_bundle
+    from taxel.live.trial_session import run_trial_session
+
+    opened = read_trial_bundle(bundle, trust, device)
+    total: TrialTally | None = None
+    _check_cameras(opened.contract, source)
+    if opened.contract.crop == 1 and not as_json:
+        say("note: trials of 1 frame: pictures alone, no motion")
+    for name, open_trial in _trials(source):
+        if name and not as_json:
+            say(f"{visible(name)}:")
+        with open_trial() as found:
+            tally = run_trial_session(
+                found, opened, seconds, least_confidence,
+                _nothing if as_json else _shown(opened, rules), rules,
+            )  # fmt: skip
+        for trial in tally.trials:
+            trial["trial"] = name or None
+        if total is None:
+            total = tally
+        else:
+            total.trials += tally.trials
+            total.looks_s += tally.looks_s
+    assert total is not None
+    result = total.summary()
+    result["warning"] = _seen(opened, source) if result["marked"] else None
+    if as_json:
+        print_json(result)
+        return
+    say(
+        f"{len(total.trials)} trial{'' if len(total.trials) == 1 else 's'}, {result['unknown']} "
+        f"UNKNOWN; {result['right']}/{result['marked']} as the source's own labels say"
+    )
+    if result["warning"] is not None:
+        say(f"warning: {result['warning']}", style="yellow")
+    if total.looks_s:
+        say(
+            f"a look at a crop: median {result['look_ms_median']:.0f} ms, at most "
+            f"{result['look_ms_max']:.0f} ms, each {opened.contract.layout.every} frame(s)"
+        )
+
+
+def _check_cameras(contract: TrialContract, source: str) -> None:
+    """Refuse recordings of another number of cameras, before the first is replayed.
+
+    Raises:
+        BadBundle: There is one.
+        BadTable: The source is a video or an image, which belongs in a table.
+    """
+    from taxel.errors import BadBundle
+    from taxel.recordings.reader import read_manifest
+    from taxel.sources.opening import replayed_files
+    from taxel.windows.camera_trials import refuse_footage
+
+    given = Path(source.removeprefix("replay://"))
+    if given.exists() and not _is_table(given):
+        refuse_footage(given)
+    for file in () if _is_table(Path(source)) else replayed_files(source):
+        manifest = read_manifest(file)
+        found = len(manifest.tactile)
+        if found != contract.cameras:
+            array = f" and an array of {len(manifest.sensor.channels)} channels"
+            raise BadBundle(
+                f"recordings of {contract.cameras} tactile camera(s)",
+                f"{file}, which holds {found}{array if manifest.sensor.channels else ''}",
+                "name recordings of such trials, or train a bundle on trials like these",
+            )
+
+
+def _seen(bundle: TrialBundle, source: str) -> str | None:
+    """Return what must be said of verdicts on trials that the bundle was trained on."""
+    from taxel.evaluation.camera_trials.learned_trials import trained_on
+    from taxel.sources.opening import replayed_files
+    from taxel.views.tables.trained_on import trained_on_line
+    from taxel.windows.camera_trials import read_camera_trials
+
+    table = _is_table(Path(source))
+    files = [Path(source)] if table else replayed_files(source)
+    if not files:
+        return None
+    trials = [trial for file in files for trial in read_camera_trials(file)]
+    return trained_on_line(
+        trained_on(bundle.contract, trials), "trials", known=bool(bundle.contract.learned)
+    )
+
+
+def _is_table(path: Path) -> bool:
+    from taxel.windows.camera_trials import TABLES
+
+    return path.suffix.lower() in TABLES and path.is_file()
+
+
+def _shown(bundle: TrialBundle, rules: RuleTable) -> Callable[[TrialAnswer, bool], None]:
+    first_s: list[float] = []
+
+    def show(answer: TrialAnswer, changed: bool) -> None:
+        first_s[:] = first_s or [answer.time_s]
+        if not changed:
+            return
+        verdict = answer.verdict
+        words = f"  {visible_line(verdict.reason)}" if verdict.reason else ""
+        sure = "" if verdict.label == UNKNOWN else f" {verdict.confidence:.2f}"
+        action = rules.action(bundle.contract.target, verdict.label, verdict.confidence)
+        words += f"  → {visible_line(action)}" if action else ""
+        when = "whole trial" if answer.last else f"{answer.time_s - first_s[0]:8.2f} s"
+        console.print(
+            Text.assemble(
+                f"{when:>11}  {visible(bundle.contract.target)}: ",
+                (visible(verdict.label), "dim" if verdict.label == UNKNOWN else "bold"),
+                f"{sure}  ({verdict.crops} crop{'' if verdict.crops == 1 else 's'}){words}",
+            ),
+            soft_wrap=True,
+        )
+
+    return show
+
+
+def _nothing(answer: TrialAnswer, changed: bool) -> None:
+    """Show nothing."""
+
+
+def _trials(source: str) -> list[tuple[str, Callable[[], Source]]]:
+    """Return each trial's name and what opens it; the name is empty for another source."""
+    from taxel.live.trial_replay import TrialReplay
+    from taxel.sources.opening import open_source, recordings_of, replayed_files
+    from taxel.windows.camera_trials import read_camera_trials
+
+    path = Path(source)
+    if _is_table(path):
+        return [(trial.name, partial(TrialReplay, trial)) for trial in read_camera_trials(path)]
+    addresses = recordings_of(f"replay://{path}?speed=max" if path.is_dir() else source)
+    names = [""]
+    if addresses != [source]:  # a folder
+        names = [file.stem for file in replayed_files(source)]
+    return [
+        (name, partial(open_source, address))
+        for name, address in zip(names, addresses, strict=True)
+    ]

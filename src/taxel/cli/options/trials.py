@@ -1,0 +1,107 @@
+"""What the verbs for camera trials share: their data, target and split.
+
+Knows nothing about models.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from taxel.cli.long_work import LongWork
+from taxel.cli.options.rules import Only
+from taxel.errors import BadInput
+
+if TYPE_CHECKING:
+    from taxel.evaluation.camera_trials.crossval import TrialSet
+    from taxel.evaluation.camera_trials.sides import TrialSplit
+    from taxel.windows.camera_trials import CameraTrial
+
+
+@dataclass(frozen=True, kw_only=True)
+class TrialOptions:
+    """Which trials, which label, and which of them are tested."""
+
+    target: str | None = None
+    """The label to predict; needed only where the data have more than one."""
+    split: str | None = None
+    """Which trials are tested: group:KEY (held out in turn), order:KEY:LAST, random, or split for
+    the column of that name, which is the default where it names test trials."""
+    fold_count: int = 5
+    """How many folds, where groups are held out in turn."""
+    folds: Path | None = None
+    """A table of folds (CSV: recording or group:KEY, fold or side) instead of --split."""
+    test: Path | None = None
+    """Further trials, used only for testing: a table, or a folder of recordings."""
+    crop: int | None = None
+    """Frames in a crop; as many as the shortest trial has, at most 48, unless given."""
+    touch: bool = False
+    """Use features of the touch encoder too; takes about 2 ms more for each image."""
+    cache: Path | None = None
+    """Folder for features; $TAXEL_CACHE or ~/.cache/taxel unless given."""
+    seed: int = 0
+    """Seed of folds and models."""
+
+    def load(self, data: Path, work: LongWork) -> tuple[TrialSet, TrialSplit, list[CameraTrial]]:
+        """Read, cut and look at the trials; return them, how they are parted, and their images.
+
+        Raises:
+            BadInput: The options or trials do not allow it.
+        """
+        from taxel.evaluation.camera_trials.trial_set import load_trial_set
+        from taxel.training.frames.features import default_cache
+        from taxel.windows.trial_crops import USUAL
+
+        self._check()
+        work.step("reading trials", "reading trials")
+        found = self._read(data)
+        trials = load_trial_set(
+            found,
+            self.target,
+            self.cache or default_cache(),
+            crop=self.crop,
+            views=(*USUAL, *(("touch",) if self.touch else ())),
+            further=True,
+            on_trial=work.at,
+        )
+        return trials, self._split(trials), found
+
+    def _check(self) -> None:
+        if not 0 <= self.seed < 2**31:
+            raise BadInput("a --seed of at least 0", str(self.seed), "choose another")
+        given = [name for name in ("split", "folds", "test") if getattr(self, name) is not None]
+        if len(given) > 1:
+            raise BadInput("one way to part the trials", " and ".join(f"--{n}" for n in given),
+                           "leave the others out")  # fmt: skip
+
+    def _read(self, data: Path) -> list[CameraTrial]:
+        from taxel.recordings.imports.video_rows import SPLIT, TEST
+        from taxel.windows.camera_trials import read_camera_trials
+
+        found = read_camera_trials(data)
+        if self.test is None:
+            return found
+        others = read_camera_trials(self.test)
+        return [
+            replace(trial, groups={**trial.groups, SPLIT: side})
+            for side, part in (("train", found), (TEST, others))
+            for trial in part
+        ]
+
+    def _split(self, trials: TrialSet) -> TrialSplit:
+        from taxel.evaluation.camera_trials.sides import split_by_table, split_trials
+
+        if self.folds is not None:
+            return split_by_table(trials.names, trials.groups, trials.y, self.folds)
+        return split_trials(
+            trials.groups, trials.y, self.split, self.fold_count, self.seed, trials.classes
+        )
+
+
+FOLDS_IN_TURN = Only(
+    ("fold-count",),
+    "folds in turn (no --folds, --test or --split split)",
+    lambda verb: not (verb.options.folds or verb.options.test or verb.options.split == "split"),
+)
+"""Where the test trials are given there is nothing to count."""

@@ -1,0 +1,1 @@
+"""Verbs that make, read, show and check recordings."""

@@ -1,0 +1,76 @@
+"""`taxel export lerobot`: a LeRobot data set."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal
+
+import tyro
+
+from taxel.cli.printing import print_json, progress, say
+from taxel.cli.recordings.export.need import depth_cameras, depth_line, need_packages
+from taxel.errors import BadInput
+from taxel.recordings.reader import list_recordings
+
+
+@dataclass(frozen=True)
+class Lerobot:
+    """Write recordings as a LeRobot data set, version 3.0, without LeRobot.
+
+    observation.state and observation.tactile: touch at each frame, and the window of scans up to
+    it with validity. Images stay JPEG: LeRobot's video codecs would change what taxel measures in
+    gel images by 0.2 to 0.4 standard deviations. Labels become tasks; labels and groups are
+    columns of the episodes too. LeRobot's time is frame / fps; the exact times are columns of
+    their own. Depth is left out.
+    """
+
+    recordings: tyro.conf.Positional[Path]
+    """A recording, or a folder of them."""
+    output: Path
+    """Folder to create."""
+    fps: int | None = None
+    """Frames a second, a whole number; by default the first camera's nominal rate, without
+    cameras about 25."""
+    rows: int | None = None
+    """Scans in the window of each frame; by default a tenth more than fit between two frames."""
+    episodes: Literal["recording", "mark"] = "recording"
+    """What an episode is: a whole recording, or each labelled interval in it."""
+    overwrite: bool = False
+    """Replace an older folder of the same kind."""
+    json: bool = False
+    """Print what was written as JSON."""
+
+    def _check(self) -> None:
+        for name, value in (("--fps", self.fps), ("--rows", self.rows)):
+            if value is not None and value < 1:
+                raise BadInput(f"{name} above 0", f"{value}", "give a whole number above 0")
+
+    def run(self) -> None:
+        """Write the data set, whole or not at all."""
+        self._check()
+        need_packages("pyarrow", "cv2", purpose="LeRobot data sets")
+        from taxel.exchange.lerobot_write import write_lerobot
+
+        paths = list_recordings(self.recordings)
+        left_out = depth_cameras(paths)
+        with progress() as bars:
+            bar = bars.add_task("exporting", total=len(paths))
+            found = write_lerobot(
+                paths, self.output, fps=self.fps, rows=self.rows, cut=self.episodes,
+                overwrite=self.overwrite,
+                progress=lambda done, of: bars.update(bar, completed=done, total=of),
+            )  # fmt: skip
+        if self.json:
+            print_json({"output": str(self.output), **found.as_dict(), "left_out": left_out})
+            return
+        each = f"{found.frames} frames" + (f" of {found.rows} scans" if found.rows else "")
+        say(f"{self.output}: {found.episodes} episodes, {each}, {found.fps} frames/s")
+        say(f"tasks: {', '.join(map(repr, found.tasks[:6]))}{' …' if found.tasks[6:] else ''}")
+        say(f"frame / fps differs from the time of a frame by up to {1000 * found.drift_s:.3g} ms")
+        if left_out:
+            say(depth_line(left_out))
+        if found.scans_left_out:
+            say(f"{found.scans_left_out} scans are in no window; give more with --rows")
+        if found.images_left_out:
+            say(f"{found.images_left_out} images fit no frame of the first camera")

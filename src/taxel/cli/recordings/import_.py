@@ -1,0 +1,186 @@
+"""`taxel import`: turn tables of values into recordings."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import ClassVar, Literal
+
+import tyro
+
+from taxel.cli.options.rules import Only
+from taxel.cli.printing import command, print_json, progress, say, say_aside
+from taxel.cli.recordings.export.need import need_packages
+from taxel.errors import BadInput, MissingExtra
+from taxel.recordings.imports.header import table_cells
+from taxel.recordings.imports.importing import ImportOptions, import_rows, intervals_of
+from taxel.recordings.imports.intervals import Interval
+from taxel.recordings.imports.known import KNOWN, KNOWN_VIDEOS
+from taxel.recordings.imports.notes import FileFacts, notes_of
+from taxel.recordings.imports.rows import ImportRow, read_rows
+from taxel.recordings.imports.spelling import look_alikes
+from taxel.recordings.imports.video_rows import VideoRow
+
+LEROBOT = "lerobot"
+"""In the table's place: a data set of LeRobot's, in the folder --data."""
+
+
+@dataclass(frozen=True)
+class Import:
+    """Turn tables of values, files of arrays, or videos, into recordings, one for each trial.
+
+    For arrays, the import table is a CSV with one row for each file: a text (.csv, .tsv, .txt
+    or .dat, gzip-packed or not) or .npy. Its columns: file (relative to the table); label:NAME and
+    group:NAME, as many as you like; channels, each with its name or number from 1 and its unit, as
+    in Data0[count] Data1[count] 7[deg], or *[N] for all; time, as in Timestamp[ms] (s, ms, us, ns;
+    iso for time stamps), or rate:100Hz; and optionally sensor (its name), full_scale (where it
+    saturates) and layout (csv, icub, or module.py:function). If file names contain labels, one row
+    may name all files that match a pattern: {group:session}/{label:object}_trial*.csv; * and ?
+    match the rest.
+
+    One row may also name a file of many trials: a stacked .npy, or a .npz, MATLAB (.mat) or
+    HDF5 (.h5, .hdf5) file. Then trials names the array that holds them (X, or trials/*/force for
+    one array per trial), and axes names its axes (trials rows channels, or trials rows height
+    width for a grid). label:NAME, group:NAME and length (rows of each trial) take each trial's
+    own value from an array: from:y, or from:labels.csv:object for another file; from:objects[y]
+    where y numbers the classes that objects names; or from its name: star:1 is the text that the
+    first * in trials matches. Time may be from:t[ms]. In a text with many trials, trials names the
+    column that numbers them, or is restarts where the times begin anew in each trial.
+
+    For tactile cameras, the table's columns are left and right, or camera:NAME for each camera
+    (videos, or folders of images, relative to the table); label:NAME; group:NAME; and optionally
+    split (train, validation, test), rate (Hz) and mm_per_px.
+
+    Instead of a table, name a public data set (teng-glove, icub-grasp or gelsight-slip), or
+    lerobot for the LeRobot data set (version 3.0, images in Parquet) that --data names. For long
+    recordings, --intervals names the labelled intervals of each file.
+    """
+
+    table: tyro.conf.Positional[str]
+    """The import table (CSV); or the name of a public data set: teng-glove, icub-grasp,
+    gelsight-slip; or lerobot, with --data."""
+    output: Path
+    """Folder to create for the recordings."""
+    data: Path | None = None
+    """Folder of the files; by default the table's own."""
+    intervals: Path | None = None
+    """Labelled intervals of the files, which become trials: a table (CSV) with the columns file,
+    start_s, end_s or duration_s (seconds from the file's first scan), label:NAME and group:NAME;
+    for a single file also an Audacity label track or MNE's annotations (.txt)."""
+    missing: Literal["refuse", "keep"] | None = None
+    """Arrays, with empty cells, NaN or infinity: refuse the file (the default), or keep them,
+    flagged as invalid. Rows of NaN at the end of a trial in a stack are padding unless they are
+    kept."""
+    allow_code: bool = False
+    """Run layouts of the form module.py:function; they can do whatever you can."""
+    allow_outside: bool = False
+    """Accept files outside the table's folder (or --data): absolute paths, .. and links that lead
+    out of it."""
+    overwrite: bool = False
+    """Replace an existing output folder."""
+    json: bool = False
+    """Print the recordings' paths as JSON."""
+
+    RULES: ClassVar = (
+        Only(
+            ("allow-code", "allow-outside"), "a table of your own",
+            lambda o: o.table not in (LEROBOT, *KNOWN, *KNOWN_VIDEOS),
+        ),
+    )  # fmt: skip
+
+    def run(self) -> None:
+        """Import everything, or nothing at all."""
+        files: list[FileFacts] = []
+        with progress() as bars:
+            bar = bars.add_task("importing", total=None)
+            made, notes = self._import(
+                lambda done, of: bars.update(bar, completed=done, total=of), files.append
+            )
+        if self.json:
+            print_json({"recordings": [str(path) for path in made],
+                        "notes": [*notes, *notes_of(files)]})  # fmt: skip
+            return
+        for note in notes_of(files):
+            say_aside(f"note: {note}")
+        for note in notes:
+            say(note)
+        say(f"{self.output}: {len(made)} recordings; next:", command("taxel", "info", self.output))
+
+    def _import(
+        self, progress: Callable[[int, int], None], on_file: Callable[[FileFacts], None]
+    ) -> tuple[list[Path], list[str]]:
+        """Return the recordings, and what to say of their labels and groups."""
+        table = Path(self.table)
+        if self.table in (LEROBOT, *KNOWN_VIDEOS) or (
+            self.table not in KNOWN and _of_videos(table)
+        ):
+            for name, given in (
+                ("--intervals", self.intervals), ("--missing", self.missing),
+                ("--allow-code", self.allow_code),
+            ):  # fmt: skip
+                if given:
+                    raise BadInput(f"a table of arrays beside {name}", "one of videos",
+                                   f"leave {name} out")  # fmt: skip
+            if self.table == LEROBOT:
+                return self._import_lerobot(progress)
+            return self._import_videos(progress)
+        if self.table not in KNOWN:
+            rows = read_rows(table, self.data or table.parent, outside=self.allow_outside)
+        elif self.data is None:
+            raise self._no_folder()
+        else:
+            rows = KNOWN[self.table].rows(self.data)
+        intervals = intervals_of(rows, self.intervals)
+        options = ImportOptions(
+            missing=self.missing or "refuse", allow_code=self.allow_code, overwrite=self.overwrite
+        )
+        made = import_rows(
+            rows, self.output, code_dir=table.parent, intervals=intervals, options=options,
+            progress=progress, on_file=on_file,
+        )  # fmt: skip
+        return made, _notes([*rows, *(interval for own in intervals.values() for interval in own)])
+
+    def _no_folder(self) -> BadInput:
+        return BadInput(
+            f"the folder of the data set {self.table}", "none", "name it with --data FOLDER"
+        )
+
+    def _import_lerobot(self, progress: Callable[[int, int], None]) -> tuple[list[Path], list[str]]:
+        if self.data is None:
+            raise self._no_folder()
+        need_packages("pyarrow", "cv2", purpose="LeRobot data sets")
+        from taxel.exchange.lerobot_read import import_lerobot
+
+        made = import_lerobot(self.data, self.output, overwrite=self.overwrite, progress=progress)
+        return made, []
+
+    def _import_videos(self, progress: Callable[[int, int], None]) -> tuple[list[Path], list[str]]:
+        from taxel.recordings.imports.video_rows import read_video_rows
+
+        try:
+            from taxel.recordings.imports.videos import import_videos
+        except ModuleNotFoundError as error:
+            raise MissingExtra(error.name or "cv2", "camera", "videos") from error
+        if self.table not in KNOWN_VIDEOS:
+            table = Path(self.table)
+            rows = read_video_rows(table, self.data or table.parent, outside=self.allow_outside)
+        elif self.data is None:
+            raise self._no_folder()
+        else:
+            rows = KNOWN_VIDEOS[self.table](self.data)
+        made = import_videos(rows, self.output, overwrite=self.overwrite, progress=progress)
+        return made, _notes(rows)
+
+
+def _notes(parts: Sequence[ImportRow | VideoRow | Interval]) -> list[str]:
+    """Return a line for each lot of labels or groups that may be one, differently typed."""
+    return [*look_alikes("label", (part.labels for part in parts)),
+            *look_alikes("group", (part.groups for part in parts))]  # fmt: skip
+
+
+def _of_videos(table: Path) -> bool:
+    """Return whether a table's first line names cameras."""
+    from taxel.recordings.imports.video_rows import names_videos
+
+    return names_videos(table_cells(table)[0])

@@ -1,0 +1,188 @@
+"""`taxel info`: what a recording, a folder of recordings or a bundle holds."""
+
+from __future__ import annotations
+
+from collections import Counter
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import tyro
+from rich.box import SIMPLE_HEAD
+from rich.table import Table
+
+from taxel.bundles.envelope import BundleKind, kind_of, unpack
+from taxel.bundles.shipped import find_bundle
+from taxel.cli.printing import console, print_json, progress, say
+from taxel.labels.class_order import in_order
+from taxel.plain_text import visible, visible_names
+from taxel.recordings.reader import list_recordings
+from taxel.recordings.summary import summarise
+from taxel.recordings.tally import camera_line
+
+_NAMES = 6
+"""Values of a group that are named."""
+
+
+@dataclass(frozen=True)
+class Info:
+    """Print what a recording, a folder of recordings or a bundle holds; verify all check sums."""
+
+    path: tyro.conf.Positional[Path]
+    """A recording (.mcap), a folder of them, or a bundle (.taxel), such as the cup-pour that comes
+    with taxel."""
+    json: bool = False
+    """Print everything as JSON: one object for a file, a list for a folder."""
+
+    def run(self) -> None:
+        """Read everything and print it."""
+        bundle = find_bundle(self.path)
+        kind = kind_of(bundle)
+        if kind is not None:
+            _print_bundle(bundle, kind, self.json)
+            return
+        if bundle.suffix == ".taxel" and bundle.is_file():
+            unpack(bundle, ())  # says what is wrong with it
+        paths = list_recordings(self.path)
+        with progress() as bar:
+            rows = [summarise(path) for path in bar.track(paths, description="reading")]
+        if self.json:
+            print_json(rows if self.path.is_dir() else rows[0], indent=None)
+        elif self.path.is_dir():
+            _print_folder(self.path, rows)
+        else:
+            _print_recording(rows[0])
+
+
+def _print_bundle(path: Path, kind: BundleKind, as_json: bool) -> None:
+    from taxel.cli.recordings.info_bundle import describe_bundle
+
+    lines, data = describe_bundle(path, kind)
+    if as_json:
+        print_json(data, indent=None)
+        return
+    for name, text in lines.items():
+        say(f"{name:<14}{text}")
+
+
+def _print_recording(row: dict[str, Any]) -> None:
+    rate = row["rate_hz"]
+    lines = {
+        "recording": f"{row['path']}, {row['bytes'] / 1e6:.2f} MB, all check sums hold",
+        "sensor": f"{visible(row['sensor']['name'])} {visible(row['sensor']['serial'])}".strip(),
+        "written by": f"{row['software']} {row['created']}".strip(),
+        "labels": _pairs(row["labels"]),
+        "groups": _pairs(row["groups"]),
+        "scans": f"{row['scans']} in {row['duration_s']:.3f} s",
+        "rate": f"{'unknown' if rate is None else f'{rate:.2f}'} scans/s measured, "
+        f"{row['sensor']['rate_hz']:g} nominal",
+        "lost": f"{row['lost_scans']} scans at {row['counter_gaps']} places",
+        "marks": f"{row['marks']}"
+        + "".join(
+            f"; {visible(name)}: {_pairs(count)}" for name, count in row["marks_by_label"].items()
+        ),
+    }
+    if not row["channels"]:
+        for name in ("sensor", "scans", "rate", "lost"):
+            del lines[name]
+    cameras = [
+        (
+            "camera",
+            f"{visible(camera['name'])} {camera['width']}×{camera['height']}: "
+            f"{camera_line(camera)}",
+        )
+        for camera in row["cameras"]
+    ]
+    for name, text in [*lines.items(), *cameras]:
+        say(f"{name:<11}{text}")
+    if not row["channels"]:
+        return
+    table = Table("channel", "unit", "min", "mean", "max", "saturated %", "unusable %")
+    for channel in row["channels"]:
+        figures = [channel["min"], channel["mean"], channel["max"]]
+        table.add_row(
+            visible(channel["name"]),
+            visible(channel["unit"]),
+            *["–" if figure is None else f"{figure:.4g}" for figure in figures],
+            f"{100 * channel['saturated_share']:.2f}",
+            f"{100 * channel['unusable_share']:.2f}",
+        )
+    console.print(table)
+
+
+def _print_folder(path: Path, rows: list[dict[str, Any]]) -> None:
+    columns: dict[str, list[str]] = {
+        "scans": [str(row["scans"]) for row in rows],
+        "s": [f"{_seconds(row):.2f}" for row in rows],
+        "scans/s": ["" if row["rate_hz"] is None else f"{row['rate_hz']:.1f}" for row in rows],
+        "lost": [str(row["lost_scans"]) for row in rows],
+        "frames": [str(_frames(row) or "") for row in rows],
+        "marks": [str(row["marks"] or "") for row in rows],
+        "labels": [", ".join(map(visible, row["labels"].values())) for row in rows],
+    }
+    shown = {name: cells for name, cells in columns.items() if any(cells)}
+    table = Table(box=SIMPLE_HEAD, pad_edge=False)
+    table.add_column("recording", overflow="fold")
+    for name in shown:
+        left = name == "labels"
+        table.add_column(name, justify="left" if left else "right", no_wrap=not left,
+                         overflow="fold")  # fmt: skip
+    for row, *cells in zip(rows, *shown.values(), strict=True):
+        table.add_row(visible(Path(row["path"]).name), *cells)
+    console.print(table)
+    scans = sum(row["scans"] for row in rows)
+    seconds = sum(map(_seconds, rows))
+    frames = sum(map(_frames, rows))
+    held = f"{scans} scans, {f'{frames} frames, ' if frames else ''}{seconds:.1f} s"
+    say(f"{path}: {len(rows)} recordings, {held}, all check sums hold")
+    for name in sorted({name for row in rows for name in row["labels"]}):
+        count = Counter(row["labels"].get(name, "–") for row in rows)
+        say(f"label {visible(name)}: {_pairs({value: count[value] for value in in_order(count)})}")
+    for name in sorted({name for row in rows for name in row["marks_by_label"]}):
+        marked: Counter[str] = Counter()
+        for row in rows:
+            marked.update(row["marks_by_label"].get(name, {}))
+        say(
+            f"marks {visible(name)}: {_pairs({value: marked[value] for value in in_order(marked)})}"
+        )
+    for name in sorted({name for row in rows for name in (*row["groups"], *row["marks_by_group"])}):
+        values = [value for row in rows for value in _values(row, name)]
+        say(f"group {visible(name)}: {_span(values)}")
+
+
+def _values(row: dict[str, Any], group: str) -> list[str]:
+    """Return a group's value of each trial that marks give a value of its own, else of the
+    recording.
+    """
+    own: dict[str, int] = row["marks_by_group"].get(group, {})
+    marked = [value for value, count in own.items() for _ in range(count)]
+    return marked or [row["groups"].get(group, "–")]
+
+
+def _span(values: list[str]) -> str:
+    """Return what a group holds: its one value, figures from least to most, or names: all that
+    recordings share, else some.
+    """
+    names = sorted(set(values))
+    if len(names) == 1:
+        return visible(names[0])
+    try:
+        names.sort(key=float)
+    except ValueError:
+        shown = names if 2 * len(names) <= len(values) else names[:_NAMES]
+        more = f" and {len(names) - len(shown)} more" if len(names) > len(shown) else ""
+        return visible_names(shown) + more
+    return f"{visible(names[0])} to {visible(names[-1])}"
+
+
+def _frames(row: dict[str, Any]) -> int:
+    return sum(camera["frames"] for camera in row["cameras"])
+
+
+def _seconds(row: dict[str, Any]) -> float:
+    """Return how long the array or the longest camera was recorded."""
+    return max(float(entry["duration_s"]) for entry in (row, *row["cameras"]))
+
+
+def _pairs(pairs: dict[str, Any]) -> str:
+    return ", ".join(f"{visible(name)}={visible(value)}" for name, value in pairs.items()) or "none"

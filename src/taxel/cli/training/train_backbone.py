@@ -1,0 +1,136 @@
+"""`taxel train-backbone`: train a network of images end to end, and write its weights."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, ClassVar
+
+import tyro
+
+from taxel.cli.options.cameras import (
+    AHEAD,
+    GEL,
+    EngineOptions,
+    FitOptions,
+    HeadOptions,
+    LabelOptions,
+    WeightOptions,
+    extract_features,
+    head_config,
+    load_set,
+    open_features,
+)
+from taxel.cli.options.work import WorkOptions
+from taxel.cli.printing import command, print_json, progress, say
+from taxel.errors import BadInput
+
+if TYPE_CHECKING:
+    from taxel.models.published.about import About
+    from taxel.models.weights import Weights
+    from taxel.training.backbones.fine_tuning import FineTuned
+
+_MOST_EPOCHS = 1000
+
+
+@dataclass(frozen=True, kw_only=True)
+class TrainBackbone:
+    """Train a backbone end to end, with a head behind it, on recordings of tactile cameras.
+
+    Runs on any device, and under torchrun on several. The head is first fitted on the backbone's
+    features as they are.
+    """
+
+    data: tyro.conf.Positional[Path]
+    """A folder of recordings of tactile cameras."""
+    backbone: str
+    """The backbone's name, such as edge."""
+    output: Path
+    """The weights to write, NAME.safetensors."""
+    epochs: int = 3
+    """Passes over the training windows."""
+    resume: bool = False
+    """Continue an interrupted training from its last whole epoch; the checkpoint is kept
+    beside --output as NAME.safetensors.checkpoint."""
+    json: bool = False
+    """Print JSON."""
+    labels: Annotated[LabelOptions, tyro.conf.arg(name="")] = field(default_factory=LabelOptions)
+    head: Annotated[HeadOptions, tyro.conf.arg(name="")] = field(default_factory=HeadOptions)
+    fit: Annotated[FitOptions, tyro.conf.arg(name="")] = field(default_factory=FitOptions)
+    weights: Annotated[WeightOptions, tyro.conf.arg(name="")] = field(default_factory=WeightOptions)
+    work: Annotated[WorkOptions, tyro.conf.arg(name="")] = field(default_factory=WorkOptions)
+
+    RULES: ClassVar = (AHEAD,)
+
+    def run(self) -> None:
+        """Train and write."""
+        from taxel.models.backbones.weight_files import save_backbone_weights
+        from taxel.training.backbones.fine_tuning import (
+            FineTuneConfig,
+            KeptEpochs,
+            begin_end_to_end,
+            fine_tune,
+        )
+        from taxel.training.frames.extractors import BackboneExtractor
+
+        self._check()
+        config = head_config(self.labels.rule, self.fit, self.head)
+        checkpoint = self.output.with_name(f"{self.output.name}.checkpoint")
+        with self.work.open(), progress() as bar:
+            pours = load_set(self.labels, self.data, bar)
+            extractor = open_features(self.backbone, pours, self.weights, EngineOptions())
+            assert isinstance(extractor, BackboneExtractor)
+            features = extract_features(extractor, self.backbone, pours, self.labels.folder(), bar)
+            network = begin_end_to_end(extractor, features, pours.labels, config)
+            task = bar.add_task("end to end", total=None)
+            done = fine_tune(
+                network, pours.pours, pours.labels,
+                FineTuneConfig(epochs=self.epochs, seed=self.fit.seed,
+                               kept=KeptEpochs(checkpoint, self.resume)),
+                frames=config.frames, stride=config.stride,
+                on_step=lambda step, of, loss: bar.update(
+                    task, description=f"end to end, loss {loss:.3f}", completed=step, total=of
+                ),
+            )  # fmt: skip
+        if not done.first:
+            return
+        about = self._about(len(pours.pours), extractor.weights)
+        save_backbone_weights(network.features.backbone, self.output, about.head())
+        checkpoint.unlink(missing_ok=True)
+        self._print(done)
+
+    def _check(self) -> None:
+        """Refuse, before anything is read, what cannot be meant."""
+        if self.backbone == GEL:
+            raise BadInput("a backbone to train end to end", GEL, "name one, such as edge")
+        if not 1 <= self.epochs <= _MOST_EPOCHS:
+            raise BadInput(
+                f"--epochs within 1 and {_MOST_EPOCHS}", str(self.epochs), "choose another"
+            )
+        if self.output.is_dir() or not self.output.name.endswith(".safetensors"):
+            raise BadInput("--output NAME.safetensors: a backbone's weights", str(self.output),
+                           f"name a file such as {self.backbone}.safetensors")  # fmt: skip
+
+    def _about(self, recordings: int, start: Weights) -> About:
+        """Return what the file of weights says of itself."""
+        from taxel.models.published.about import About
+
+        return About(
+            origin="taxel train-backbone",
+            trained=f"end to end, {self.epochs} epochs, {recordings} recordings, rule "
+            f"{self.labels.rule}, from {start.words}",
+            side_px=str(start.side_px or ""),
+        )
+
+    def _print(self, done: FineTuned) -> None:
+        if self.json:
+            print_json({"weights": str(self.output), "losses": done.losses, "device": done.device,
+                        "processes": done.processes})  # fmt: skip
+            return
+        say(
+            f"{self.output}: {self.backbone} after {self.epochs} epochs on {done.device}, "
+            f"{done.processes} process(es); loss {', '.join(f'{loss:.3f}' for loss in done.losses)}"
+        )
+        further = command("taxel", "train-monitor", self.data, "--features", self.backbone,
+                          "--weights", self.output, "--output", "grasp.taxel")  # fmt: skip
+        say(f"next: {further}")

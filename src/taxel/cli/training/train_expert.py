@@ -1,0 +1,143 @@
+"""What `taxel train` does where no recipe is named: find the recogniser, judge it, keep it."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from taxel.cli.options.arrays import check_run_folder, only_label, split_given
+from taxel.cli.printing import command, console, print_json, progress, say
+from taxel.errors import BadInput
+from taxel.held import only_writer
+from taxel.plain_text import visible, visible_names
+
+if TYPE_CHECKING:
+    from taxel.evaluation.expert import Expert
+    from taxel.evaluation.outer_split import OuterSplit
+
+CHOICE = "expert.json"
+"""Beside a run's weights: what was chosen, for --like."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class ExpertOptions:
+    """What the verb passes on."""
+
+    data: Path
+    output: Path | None
+    target: str | None
+    split: str | None
+    folds: Path | None
+    test: Path | None
+    fold_count: int
+    minutes: float
+    max_mb: float
+    max_us: float
+    like: Path | None
+    reject_novel: float | None
+    check: bool
+    seed: int = 0
+    json: bool = False
+
+
+def train_default(options: ExpertOptions) -> None:
+    """Choose, judge, train, write the run and print all of it."""
+    from taxel.evaluation.expert import Task, train_expert
+    from taxel.training.choose.choice import read_choice, write_choice
+    from taxel.training.choose.kept_tries import tries_folder
+    from taxel.training.choose.limits import Limits
+    from taxel.training.run import save_run
+
+    for name in ("minutes", "max_mb", "max_us"):
+        if not getattr(options, name) > 0:
+            option = f"--{name.replace('_', '-')}"
+            raise BadInput(f"{option} above 0", f"{getattr(options, name):g}", "give more")
+    like = None if options.like is None else read_choice(options.like)
+    target = options.target or (like.target if like is not None else only_label(options.data))
+    output = options.output or Path("runs") / f"{options.data.resolve().name}-{target}"
+    check_run_folder(output)
+    older = output.exists()
+    with only_writer(output):
+        with progress() as bar:
+            task = bar.add_task("starting", total=None)
+            expert = train_expert(
+                Task(
+                    data=options.data,
+                    target=target,
+                    split=outer_split(options),
+                    test=options.test,
+                    check=options.check,
+                ),
+                Limits(minutes=options.minutes, most_mb=options.max_mb, most_us=options.max_us),
+                like=like,
+                reject_novel=options.reject_novel,
+                seed=options.seed,
+                tries=tries_folder(output),
+                on_step=lambda line: bar.update(task, description=line, advance=1),
+            )
+        save_run(output, expert.run)
+        write_choice(output / CHOICE, expert.choice)
+    if options.json:
+        print_json(expert_json(expert, output) | {"replaced": older})
+        return
+    from taxel.views.tables.expert import expert_report
+
+    console.print(expert_report(expert))
+    say(
+        f"{output}{', replaced' if older else ''}: predicts {visible(target)}: "
+        f"{visible_names(expert.run.contract.classes)}"
+    )
+    say(f"next: {command('taxel', 'bundle', output, '--output', f'{output}.taxel')}")
+    say(f"same again: {command('taxel', 'train', options.data, '--like', output / CHOICE)}")
+
+
+def outer_split(options: ExpertOptions) -> OuterSplit:
+    """Return what the outer folds are made by.
+
+    Raises:
+        BadInput: More than one split is given, or too few folds.
+    """
+    from taxel.evaluation.outer_split import OuterSplit
+
+    if options.fold_count < 2:
+        raise BadInput("at least two folds", str(options.fold_count), "choose more folds")
+    given = split_given(options.split, options.folds, options.test)
+    return OuterSplit(named=options.split, given=given, folds=options.fold_count, seed=options.seed)
+
+
+def expert_json(expert: Expert, output: Path) -> dict[str, Any]:
+    """Return what --json prints."""
+    from taxel.training.choose.choice import as_record
+
+    found: dict[str, Any] = {
+        "run": str(output),
+        "target": expert.choice.target,
+        "classes": expert.run.contract.classes,
+        "choice": as_record(expert.choice),
+        "bundle": asdict(expert.measured),
+        "given_up": expert.given_up,
+        "notes": expert.notes,
+    }
+    nested = expert.nested
+    if nested is not None:
+        everyone = {"default": (nested.scores, nested.by_trial), **nested.bars}
+        found["nested"] = {
+            "split": nested.split,
+            "folds": len(nested.choices),
+            "windows": len(nested.predictions),
+            "trials": nested.by_trial.trials,
+            "fixed": nested.fixed,
+            "trivial": nested.trivial,
+            "warning": nested.warning,
+            "scores": {
+                name: {
+                    "accuracy": own.scores.accuracy,
+                    "loss": own.scores.loss,
+                    "calibration_error": own.calibration_error,
+                    "by_trial": asdict(trials),
+                }
+                for name, (own, trials) in everyone.items()
+            },
+        }
+    return found

@@ -1,0 +1,141 @@
+"""`taxel train-slip`: learn a warning of slip from simulated cups, and write its bundle."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, ClassVar, Literal
+
+import tyro
+
+from taxel.cli.options.rules import Only
+from taxel.cli.printing import command, console, print_json, progress
+from taxel.errors import BadInput
+
+if TYPE_CHECKING:
+    from taxel.evaluation.early_warning.slip_warnings import Promise, WarningScores
+
+_MOST_PER_MIN = 60.0
+_FEWEST_CUPS = 8
+"""Four groups of cups are held out in turn."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class TrainSlip:
+    """Train a slip warning on simulated cups; its threshold is set for a rate of false alarms.
+
+    What is written is the bundle that runs live. The threshold is set on training cups held out.
+    """
+
+    poses: tyro.conf.Positional[Path]
+    """Folder where simulated poses are kept; what is missing is simulated."""
+    output: Path
+    """The bundle to write, NAME.taxel; an older one there is replaced."""
+    head: Literal["forecast", "boosting", "logistic", "rule"] = "forecast"
+    """What is learned. forecast: how far the object will slip within 0.5 s and 1 s (0.75 s with
+    --gel 2). boosting and logistic: whether it slips within 1 s. rule: only the threshold for slip
+    and its rate."""
+    gel: Literal[1, 2] = 1
+    """How the simulated gels shear: 1, as rigid pieces; 2, as elastic layers."""
+    cups: int | None = None
+    """Simulated cups to learn from, 8 to 480; unless given 480, which takes 25 minutes of one core
+    from an empty folder, or with --gel 2 120, eight minutes. Fewer cups make a worse warning."""
+    false_alarms: float = 0.3
+    """Most false alarms per minute of grasps that hold, as a median over cups held out."""
+    seed: int = 0
+    """Seed of learning."""
+    json: bool = False
+    """Print JSON."""
+
+    RULES: ClassVar = (
+        Only(("seed",), "--head forecast, boosting or logistic", lambda o: o.head != "rule"),
+    )
+
+    def run(self) -> None:
+        """Learn, write the bundle and print what it is worth."""
+        from taxel.evaluation.early_warning import learn_layer_warning as layers
+        from taxel.evaluation.early_warning import learn_slip_warning as learn
+        from taxel.evaluation.early_warning.slip_warnings import score_warnings
+
+        self._check()
+        with progress() as bar:
+            task = bar.add_task("poses", total=None)
+
+            def on_step(line: str) -> None:
+                bar.update(task, description=line, advance=1)
+
+            goal, learned_on = None, learn.LEARNED_ON
+            if self.gel == 1:
+                cups = self.cups or learn.LEARNED_CUPS
+                pours = learn.training_features(self.poses, cups, on_step)
+            else:
+                cups = self.cups or layers.LAYER_CUPS
+                pours = layers.layer_features(self.poses, cups, on_step)
+                goal = layers.GOAL if self.head == "forecast" else None
+                learned_on = layers.LEARNED_ON
+            warning, promise, tracks = learn.make_warning(
+                pours, self.head, self.false_alarms, goal, seed=self.seed, on_step=on_step
+            )
+        scores, _ = score_warnings(learn.promised(tracks), promise.threshold)
+        measured = {
+            "median lead (s)": scores.events.lead_median_s,
+            "missed": scores.events.missed_share,
+            "false alarms a minute": scores.events.false_alarms_per_min,
+        }
+        parity = learn.write_warning(self.output, self.head, warning, measured, learned_on)
+        if self.json:
+            print_json({"bundle": str(self.output), "head": self.head, "gel": self.gel,
+                        "parity": parity, "promise": asdict(promise), "leads": scores.leads,
+                        "near": scores.near,
+                        "alarms_by_slip": scores.alarms_by_slip,
+                        "events": scores.events.as_dict()})  # fmt: skip
+            return
+        _print(self, promise, scores, parity)
+
+    def _check(self) -> None:
+        """Refuse, before anything is simulated, what cannot be meant."""
+        from taxel.training.slip.cups import TRAINING_CUPS
+
+        if self.output.is_dir() or not self.output.name.endswith(".taxel"):
+            raise BadInput(
+                "--output NAME.taxel: a monitor is written as the bundle that runs live",
+                str(self.output), "name a file such as slip.taxel",
+            )  # fmt: skip
+        if not (math.isfinite(self.false_alarms) and 0 < self.false_alarms <= _MOST_PER_MIN):
+            raise BadInput("--false-alarms above 0 and at most 60 a minute",
+                           f"{self.false_alarms:g}", "such as 0.3")  # fmt: skip
+        if self.cups is not None and not _FEWEST_CUPS <= self.cups <= len(TRAINING_CUPS):
+            raise BadInput(f"--cups from {_FEWEST_CUPS} to {len(TRAINING_CUPS)}",
+                           str(self.cups), "leave it out to take the usual number")  # fmt: skip
+        if self.poses.exists() and not self.poses.is_dir():
+            raise BadInput("a folder to keep simulated poses in", str(self.poses), "name another")
+
+
+def _print(verb: TrainSlip, promise: Promise, scores: WarningScores, parity: float) -> None:
+    events, output = scores.events, verb.output
+    low, high = promise.found_interval
+    console.print(
+        f"{output}: slip + {verb.head}, warns of slip above 0.3 mm; the bundle's "
+        f"probabilities differ from the trained head's by at most {parity:.1e}",
+        soft_wrap=True,
+    )
+    console.print(
+        f"training cups held out, {events.clusters} of them: threshold {promise.threshold:.3f} "
+        f"(95 % CI {promise.interval[0]:.3f} … {promise.interval[1]:.3f}) gives "
+        f"{promise.found_per_min:.2f} false alarms a minute ({low:.2f} … {high:.2f}) in "
+        f"{promise.hold_min:.0f} minutes that hold; {promise.asked_per_min:g} were asked",
+        soft_wrap=True,
+    )
+    for loss, found in scores.leads.items():
+        console.print(
+            f"  warning before {loss}: median {found['median_s']:.2f} s, 5 % "
+            f"{found['p5_s']:.2f} s, missed {found['missed']:.1%} of {found['n']:.0f}"
+        )
+    near = ", ".join(f"{what} {rate:.2f}" for what, rate in scores.near.items())
+    alarms = ", ".join(f"{what}: {count}" for what, count in scores.alarms_by_slip.items())
+    console.print(f"  grasps that hold but slip, a minute: {near}", soft_wrap=True)
+    console.print(f"  false alarms by how far their grasp slipped: {alarms}", soft_wrap=True)
+    source = "sim://cup-pour" if verb.gel == 1 else f"sim://cup-pour?gel={verb.gel}"
+    watch = command("taxel", "live", output, source, "--seconds", "20")
+    console.print(f"next: {watch}", markup=False, soft_wrap=True)

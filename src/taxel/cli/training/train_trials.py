@@ -1,0 +1,133 @@
+"""`taxel train-trials`: train a recogniser of camera trials; a run with its bundle."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar
+
+import tyro
+
+from taxel.bundles.trials import IN_RUN
+from taxel.cli.long_work import LongWork
+from taxel.cli.options.arrays import check_run_folder
+from taxel.cli.options.rules import Only
+from taxel.cli.options.trials import FOLDS_IN_TURN, TrialOptions
+from taxel.cli.printing import command, console, print_json, progress, say
+from taxel.held import only_writer
+from taxel.plain_text import visible, visible_names
+
+if TYPE_CHECKING:
+    from taxel.evaluation.camera_trials.crossval import Difference, TrialResult, TrialSet
+    from taxel.evaluation.camera_trials.sides import TrialSplit
+
+
+@dataclass(frozen=True, kw_only=True)
+class TrainTrials:
+    """Train a recogniser of camera trials; its accuracy is measured first.
+
+    PATH is a table (CSV) with one row for each trial, or a folder of recordings of tactile
+    cameras. The table's columns: left and right, or camera:NAME for each camera (a video, an
+    image or a folder of images); label:NAME; group:NAME; and, where wanted, split.
+    """
+
+    trials: tyro.conf.Positional[Path]
+    """A table of camera trials, or a folder of recordings."""
+    output: Path | None = None
+    """Folder to write the run and its bundle to; an older run there is replaced. Named for the
+    data unless given."""
+    check: bool = True
+    """Measure accuracy first, and store it with the run."""
+    json: bool = False
+    """Print JSON."""
+    options: Annotated[TrialOptions, tyro.conf.arg(name="")] = field(default_factory=TrialOptions)
+
+    RULES: ClassVar = (
+        Only(("fold-count",), "accuracy measured (no --no-check)", lambda verb: verb.check),
+        FOLDS_IN_TURN,
+    )
+
+    def run(self) -> None:
+        """Check, train and save."""
+        output = self.output or Path(f"{self.trials.name.removesuffix('.csv')}-run")
+        check_run_folder(output)
+        with only_writer(output):
+            self._train(output)
+
+    def _train(self, output: Path) -> None:
+        from taxel.evaluation.camera_trials.crossval import (
+            contenders_for,
+            difference,
+            judge_trials,
+            rival,
+        )
+        from taxel.evaluation.camera_trials.final import fit_final, save_trial_run
+        from taxel.views.tables.trials import trial_json
+
+        results: list[TrialResult] = []
+        differences: list[Difference] = []
+        with progress() as bar:
+            work = LongWork(bar)
+            trials, split, found = self.options.load(self.trials, work)
+            on_step = partial(work.step, "training")
+            if self.check:
+                seed = self.options.seed
+                results = judge_trials(trials, split, seed, contenders_for(trials), on_step)
+                differences = [difference(trials, split, results[0], rival(trials, results))]
+            measured = _measured(split, results)
+            final = fit_final(trials, found, split, self.options.seed, measured, on_step)
+        result = trial_json(trials, split, results, differences) if results else {}
+        about = save_trial_run(output, final, result)
+        if self.json:
+            print_json(about)
+            return
+        self._say(output, about, trials, split, results, differences)
+
+    def _say(
+        self,
+        output: Path,
+        about: dict[str, Any],
+        trials: TrialSet,
+        split: TrialSplit,
+        results: list[TrialResult],
+        differences: list[Difference],
+    ) -> None:
+        from taxel.recordings.imports.spelling import by_numbers
+        from taxel.views.tables.trial_notes import control_warnings, trial_notes
+        from taxel.views.tables.trials import trial_tables
+
+        if results:
+            console.print(trial_tables(trials, split, results, differences))
+        for note in () if results else trial_notes(trials):
+            say(f"note: {note}")
+        for warning in control_warnings(results):
+            say(f"warning: {warning}", style="yellow")
+        members = ", ".join(f"{name} {share:.2f}" for name, share in about["members"].items())
+        say(f"blend, weights by inner folds: {members}")
+        replaced = ", replaced" if about["replaced"] else ""
+        ordered = sorted(trials.classes, key=by_numbers)
+        classes = visible_names(ordered)
+        say(
+            f"{output}{replaced}: predicts {visible(trials.target)} ({classes}) from crops of "
+            f"{trials.layout.crop} frame{'s' * (trials.layout.crop > 1)}, trained on "
+            f"{about['learned_trials']} trials; bundle {about['bytes']:,} bytes, "
+            f"equal to training within {about['parity']:.1e}"
+        )
+        live = command("taxel", "live", output / IN_RUN, self.options.test or self.trials)
+        say(f"next: {live}")
+
+
+def _measured(split: TrialSplit, results: list[TrialResult]) -> dict[str, float]:
+    import math
+
+    if not results:
+        return {}
+    ours, bar = results[0].whole, results[1].whole
+    found = {
+        f"accuracy, {split.name}": ours.accuracy,
+        f"AUC, {split.name}": ours.auc,
+        f"log-loss, {split.name}": ours.loss,
+        f"accuracy of the bar's forest, {split.name}": bar.accuracy,
+    }
+    return {key: value for key, value in found.items() if math.isfinite(value)}

@@ -1,0 +1,1 @@
+"""Other people's files, read by a table that says what each is, as recordings."""

@@ -1,0 +1,95 @@
+"""The first line of an import table, and what is none: a file of data, an empty file.
+
+Knows nothing about what the rows say.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+from taxel.errors import BadFile, BadTable, MissingExtra
+from taxel.foreign.array_files import ARRAY_ENDINGS, open_arrays
+from taxel.foreign.held_arrays import table_of
+from taxel.recordings.imports.own_groups import refuse_own_groups
+from taxel.recordings.imports.table_columns import read_cells
+
+PLAIN_COLUMNS = (
+    "file", "trials", "axes", "length", "channels", "time", "layout", "sensor", "full_scale",
+)  # fmt: skip
+"""Columns of an import table beside label:NAME and group:NAME."""
+PREFIXES = ("label:", "group:")
+_NO_TABLES = (".npy", ".npz", ".mat", ".mcap", ".xls", ".xlsx", ".parquet", ".h5", ".hdf5")
+"""Endings of files that people pass in the table's place; none is text."""
+_A_TABLE = "an import table: a CSV with a column 'file' and a line for each file of data"
+_WRITE_ONE = "write a table with a line for it (taxel import --help says the columns)"
+
+
+def table_cells(path: Path) -> list[list[str]]:
+    """Return the cells of an import table, line by line; there is at least one line.
+
+    Raises:
+        BadTable: It is empty, cannot be read, or its ending is that of data.
+    """
+    if path.is_dir():
+        raise BadTable(
+            _A_TABLE, f"the folder {path}", "write a table that names its files; one line is "
+            "enough where their names are alike: {label:object}_*.csv",
+        )  # fmt: skip
+    if path.name.lower().endswith(_NO_TABLES) and path.is_file():
+        raise BadTable(_A_TABLE, f"{path}, which {_holds(path)}", _WRITE_ONE)
+    lines = read_cells(path)
+    if not any(cell.strip() for cells in lines for cell in cells):
+        raise BadTable(_A_TABLE, f"the empty file {path}", "write its lines")
+    return lines
+
+
+def _holds(path: Path) -> str:
+    """Return what is known of a file that is no table: of arrays, their names and shapes."""
+    if not path.name.lower().endswith(ARRAY_ENDINGS):
+        return "is not one"
+    try:
+        file = open_arrays(path)
+    except (BadFile, MissingExtra, OSError):
+        return "is not one"
+    try:
+        return f"is a file of arrays: {table_of(file)}"
+    finally:
+        file.close()
+
+
+def check_header(path: Path, header: Sequence[str]) -> None:
+    """Refuse columns that an import table does not have.
+
+    Args:
+        path: The table, for messages.
+        header: Its first line, each name as `spelling.column_name` spells it.
+
+    Raises:
+        BadTable: A column is unknown, is there twice, or is a group that taxel fills in itself; or
+            `file` is missing.
+    """
+    if not any(header):
+        raise BadTable(_A_TABLE, f"an empty line 1 in {path}", "write the columns' names there")
+    odd = [name for name in header if name not in PLAIN_COLUMNS and not name.startswith(PREFIXES)]
+    if odd and "file" not in header and not any(name.startswith(PREFIXES) for name in header):
+        raise BadTable(
+            _A_TABLE, f"the columns {', '.join(map(_quoted, header[:6]))} in {path}, line 1",
+            f"call the one with the files 'file'; if it is itself a file of data, {_WRITE_ONE}",
+        )  # fmt: skip
+    if odd:
+        name = odd[0][:80]
+        raise BadTable(
+            f"the columns {', '.join(PLAIN_COLUMNS)}, label:NAME and group:NAME",
+            f"{_quoted(odd[0])} in {path}, line 1",
+            f"call it label:{name} or group:{name} if it is one of them, or remove it",
+        )
+    if "file" not in header or len(set(header)) < len(header):
+        raise BadTable(
+            "a column 'file', and each column once", f"{', '.join(header)} in {path}", "mend line 1"
+        )
+    refuse_own_groups(header, f"{path}, line 1")
+
+
+def _quoted(name: str) -> str:
+    return repr(name[:80])

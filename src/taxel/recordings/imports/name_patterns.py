@@ -1,0 +1,167 @@
+r"""Patterns of file names with labels in them, as {label:object}_{group:force}_trial*.csv.
+
+A part in braces is named like the column of the import table that it fills in. `*` stands for
+anything, also nothing, and `?` for one character. A part takes as little of the name as it can,
+from the left, at least one character, and never a slash. Knows nothing about which files there
+are (matched_files.py).
+
+Background of our choices: docs/decisions/0011.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+from itertools import pairwise
+from pathlib import Path
+
+from taxel.errors import BadTable
+from taxel.recordings.imports.own_groups import refuse_own_groups
+from taxel.recordings.imports.spelling import column_name, composed
+
+ANY = "*"
+"""A part that says nothing."""
+HIDDEN = "."
+"""What the names of hidden files begin with, such as the ._cup.csv that macOS leaves on sticks."""
+_TOKENS = re.compile(r"(\{[^{}]*\})|(\*)|([{}])|([^{}*]+)")
+_KINDS = ("label:", "group:")
+
+
+@dataclass(frozen=True, slots=True)
+class NamePattern:
+    """What the name of one folder or file must be like."""
+
+    texts: tuple[str, ...]
+    """What stands before, between and behind the parts, one more than these; ? is any character."""
+    parts: tuple[str, ...]
+    """Column of each part, as label:object; * for one that says nothing."""
+
+    def read(self, name: str) -> dict[str, str] | None:
+        """Return column → its value in a name; None if the name does not match.
+
+        Args:
+            name: Of a file or folder, with composed letters (NFC).
+        """
+        if name.startswith(HIDDEN) and not self.texts[0].startswith(HIDDEN):
+            return None
+        found = _expression(self.texts, self.parts).fullmatch(name)
+        return None if found is None else self._named(found.groups())
+
+    def read_from_right(self, name: str) -> dict[str, str]:
+        """Return the other reading of a name that matches: the same where there is only one."""
+        texts = tuple(text[::-1] for text in reversed(self.texts))
+        found = _expression(texts, self.parts[::-1]).fullmatch(name[::-1])
+        assert found is not None, "what matches from the left matches from the right"
+        return self._named([value[::-1] for value in reversed(found.groups())])
+
+    def _named(self, values: Sequence[str]) -> dict[str, str]:
+        pairs = zip(self.parts, values, strict=True)
+        return {part: composed(value) for part, value in pairs if part != ANY}
+
+
+@dataclass(frozen=True, slots=True)
+class FilePattern:
+    """What the path of a file must be like, folder by folder."""
+
+    steps: tuple[str | NamePattern, ...]
+    """A name as it is, or a pattern, for each folder and, last, the file."""
+
+    @property
+    def columns(self) -> list[str]:
+        """Columns of the import table that its parts fill in."""
+        patterns = [step for step in self.steps if isinstance(step, NamePattern)]
+        return [part for step in patterns for part in step.parts if part != ANY]
+
+
+def pattern_of(cell: str, where: str) -> FilePattern | None:
+    """Return the pattern that a cell of the column `file` holds; None if it is a plain name.
+
+    Args:
+        cell: The cell.
+        where: Table and line, for messages.
+
+    Raises:
+        BadTable: A brace has no other, a part names no label or group, one that taxel fills in
+            itself, or stands there twice, or two parts follow one another without anything
+            between.
+    """
+    if not any(sign in cell for sign in "{}*?"):
+        return None
+    pattern = FilePattern(tuple(_step(name, where) for name in Path(cell).parts))
+    columns = pattern.columns
+    refuse_own_groups(columns, where)
+    again = next((name for name in columns if columns.count(name) > 1), None)
+    if again is not None:
+        raise BadTable("each part once", f"{{{again}}} twice in {where}", "write * for one of them")
+    return pattern
+
+
+def _step(name: str, where: str) -> str | NamePattern:
+    if not any(sign in name for sign in "{}*?"):
+        return name
+    texts, parts = [""], []
+    for token in _tokens(name):
+        if token == ANY or token.startswith("{"):
+            parts.append(token if token == ANY else _column(token, where))
+            texts.append("")
+        elif token == "}":
+            raise _no_part(token, where)
+        else:
+            texts[-1] += composed(token)
+    for (first, second), text in zip(pairwise(parts), texts[1:-1], strict=True):
+        if not text.strip("?"):
+            folders = first == second == ANY
+            raise BadTable(
+                "something of the name between two parts, as in {label:object}_{group:session}",
+                f"{_shown(first)}{text}{_shown(second)} in {where}",
+                "write */ for each folder" if folders else "write what stands between them, or "
+                "make one part of both",
+            )  # fmt: skip
+    return NamePattern(tuple(texts), tuple(parts))
+
+
+def _tokens(name: str) -> Iterator[str]:
+    return (match[0] for match in _TOKENS.finditer(name))
+
+
+def _column(token: str, where: str) -> str:
+    """Return the column that a part in braces names, as the table's header would spell it."""
+    name = column_name(token[1:-1], ())
+    kind = name.partition(":")[0] + ":"
+    if token == "{" or kind not in _KINDS or name == kind:
+        raise _no_part(token, where)
+    return name
+
+
+def _no_part(token: str, where: str) -> BadTable:
+    own = token.strip("{}").strip()[:40]
+    named = own if own and ":" not in own else "object"
+    return BadTable(
+        "a file that is there, or a pattern whose parts are {label:NAME}, {group:NAME}, * and ?",
+        f"{token[:80]!r} in the column 'file' in {where}",
+        f"write it as {{label:{named}}} or {{group:{named}}}",
+    )
+
+
+def _shown(part: str) -> str:
+    return part if part == ANY else f"{{{part}}}"
+
+
+@lru_cache
+def _expression(texts: tuple[str, ...], parts: tuple[str, ...]) -> re.Pattern[str]:
+    """Return the regular expression of a pattern.
+
+    Each part ends where the text behind it first comes, for good (an atomic group): this gives
+    the same as trying all ways from the shortest on, in a time that no name can make long.
+    """
+    made, last = _plain(texts[0]), len(parts) - 1
+    for place, (part, text) in enumerate(zip(parts, texts[1:], strict=True)):
+        own = ("(.*?)" if part == ANY else "(.+?)") + _plain(text)
+        made += own if place == last else f"(?>{own})"
+    return re.compile(made, re.DOTALL)
+
+
+def _plain(text: str) -> str:
+    return ".".join(map(re.escape, text.split("?")))

@@ -1,0 +1,225 @@
+"""What each line of an import table stands for: files, or each of a file's trials.
+
+FORMAT.md describes the columns. Knows nothing about how recordings are written (importing.py).
+"""
+
+from __future__ import annotations
+
+import re
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+
+from taxel.errors import BadTable
+from taxel.plain_text import visible
+from taxel.recordings.imports.header import PLAIN_COLUMNS, PREFIXES, check_header, table_cells
+from taxel.recordings.imports.intervals import stem_of
+from taxel.recordings.imports.many_trials import holds_many, refuse_words_of_many, trials_of
+from taxel.recordings.imports.matched_files import TableLine, one_line_a_file
+from taxel.recordings.imports.row_labels import ROWS, columns_by_row
+from taxel.recordings.imports.spelling import column_name
+from taxel.recordings.imports.table_files import file_of
+from taxel.recordings.imports.table_form import TEXT_ENDINGS, is_number
+from taxel.recordings.imports.tables import LARGEST_VALUE
+from taxel.recordings.imports.trial_sets import Trial
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ImportRow:
+    """What one file is."""
+
+    file: Path
+    labels: Mapping[str, str] = field(default_factory=dict)
+    groups: Mapping[str, str] = field(default_factory=dict)
+    by_row: Mapping[str, str] = field(default_factory=dict)
+    """Label → column of the text that holds it in each row (row_labels.py)."""
+    channels: str = ""
+    """Such as "Data0[count] Data1[count] 7[deg]"; may be empty where the layout names them."""
+    time: str = ""
+    """Such as "Timestamp[ms]" or "rate:100Hz"; empty where the layout gives times."""
+    layout: str = "csv"
+    sensor: str = "array"
+    """Short name of the sensor, the topic in the recording."""
+    full_scale: float | None = None
+    """Value from which a channel counts as saturated, in the channels' unit."""
+    details: Mapping[str, str] = field(default_factory=dict)
+    """Kept with the sensor in the manifest."""
+    trial: Trial | None = None
+    """Which of the file's trials it is; None where the file is one."""
+    called: str = ""
+    """The file as the table names it, for notes; its name where there is no table."""
+    name: str = ""
+    """Of the recording, without ending; the file's own by default."""
+    remarks: tuple[str, ...] = ()
+    """How the names of a line's files were read, the same for all of them."""
+    doubts: tuple[str, ...] = ()
+    """What a person should check of these names."""
+
+
+def read_rows(manifest_csv: Path, data_dir: Path, *, outside: bool = False) -> list[ImportRow]:
+    """Return the rows of an import table.
+
+    Args:
+        manifest_csv: The import table.
+        data_dir: What the column `file` is relative to.
+        outside: Also files that lie outside of that folder.
+
+    Raises:
+        BadTable: A column is unknown or missing, a row is not complete, its file lies outside, or
+            no file matches its pattern.
+    """
+    lines = table_cells(manifest_csv)
+    header = [column_name(name, PLAIN_COLUMNS) for name in lines[0]]
+    check_header(manifest_csv, header)
+    if len(lines) < 2:
+        raise BadTable("a row for each file", f"none in {manifest_csv}", "add rows")
+    written = [
+        TableLine(
+            where=f"{manifest_csv}, line {number}",
+            cells=_cells(manifest_csv, number, header, cells),
+        )
+        for number, cells in enumerate(lines[1:], start=2)
+        if any(cell.strip() for cell in cells)
+    ]
+    each = _noted(one_line_a_file(written, manifest_csv, data_dir, outside=outside), manifest_csv)
+    _refuse_half_a_group(each)
+    often = Counter(line.cells["file"] for line in each)
+    return [
+        _with_name(row, line)
+        for line in each
+        for row in _rows(line, data_dir, outside, alone=often[line.cells["file"]] == 1)
+    ]
+
+
+def _cells(path: Path, number: int, header: Sequence[str], cells: Sequence[str]) -> dict[str, str]:
+    """Return a row's cells by their columns, those that must be there filled in."""
+    where = f"{path}, line {number}"
+    if len(cells) != len(header):
+        raise BadTable(f"{len(header)} cells", f"{len(cells)} in {where}", "mend the line")
+    named = {name: cell.strip() for name, cell in zip(header, cells, strict=True)}
+    if not named["file"]:
+        raise _nothing_in("file", where)
+    return named
+
+
+def _nothing_in(column: str, where: str) -> BadTable:
+    return BadTable(f"something in the column {column!r}", f"nothing in {where}", "fill it in")
+
+
+def _noted(lines: Sequence[TableLine], table: Path) -> list[TableLine]:
+    """Return the lines, those without a value of a label with a note of how many there are.
+
+    Raises:
+        BadTable: A label has no value in any line.
+    """
+    made = list(lines)
+    columns = [name for line in lines for name in (*line.cells, *line.values)]
+    for column in dict.fromkeys(name for name in columns if name.startswith("label:")):
+        empty = [n for n, line in enumerate(lines)
+                 if not (line.cells.get(column) or line.values.get(column))]  # fmt: skip
+        if len(empty) == len(lines):
+            raise _nothing_in(column, f"any line of {table}")
+        if not empty:
+            continue
+        note = (
+            f"{len(empty)} of {len(lines)} files have no {visible(column)}, the first is "
+            f"{visible(lines[empty[0]].cells['file'])}: left out where it is to be predicted"
+        )
+        for n in empty:
+            made[n] = replace(made[n], doubts=(*made[n].doubts, note))
+    return made
+
+
+def _refuse_half_a_group(lines: Sequence[TableLine]) -> None:
+    """Refuse a group that some lines have and others leave empty; an empty column is none.
+
+    Raises:
+        BadTable: A split by that group would not know where the files of such a line belong.
+    """
+    for column in dict.fromkeys(name for line in lines for name in line.cells):
+        empty = [line for line in lines if not (line.cells[column] or line.values.get(column))]
+        if not column.startswith("group:") or len(empty) in (0, len(lines)):
+            continue
+        raise BadTable(
+            f"something in the column {column!r}",
+            f"nothing in {empty[0].where}, where other lines have it: a split could not tell which "
+            "side such files belong to",
+            "fill it in, each file that belongs with no other with a value of its own; or empty "
+            "the column",
+        )
+
+
+def _rows(line: TableLine, data_dir: Path, outside: bool, *, alone: bool) -> list[ImportRow]:
+    """Return what one line of the table stands for: a file, or each trial of it."""
+    named, where = line.cells, line.where
+    file = file_of(named["file"], data_dir, where, outside=outside)
+    if not holds_many(file, named):
+        refuse_words_of_many(named, where)
+        return [_row(file, named, where)]
+    source, trials = trials_of(
+        file, named, data_dir, where, outside=outside,
+        labelled=any(name.startswith("label:") for name in line.values),
+    )  # fmt: skip
+    array = re.sub(r"[^A-Za-z0-9_]+", "-", source.what.replace("*", "")).strip("-")
+    stem = stem_of(file.name) + (f"-{array}" if array and not alone else "")
+    place = f"{named['file']}:{source.what}" if source.what else named["file"]
+    made = []
+    for part in trials:
+        key, own = source.keys[part.trial.index], {**named, **part.values}
+        only = alone and len(trials) == 1
+        made.append(
+            replace(
+                _row(file, own, where),
+                trial=part.trial,
+                name=stem if only else f"{stem}-{part.name}",
+                groups=_groups(own, named["file"] if only else f"{place}[{key}]"),
+                details={"trial": key, "trials": source.what},
+            )
+        )
+    return made
+
+
+def _with_name(row: ImportRow, line: TableLine) -> ImportRow:
+    """Return a row with what its file's name says: literally, whatever it begins with."""
+    read = {kind: {name.removeprefix(kind): value for name, value in line.values.items()
+                   if name.startswith(kind)} for kind in PREFIXES}  # fmt: skip
+    return replace(
+        row,
+        labels={**row.labels, **read["label:"]},
+        groups={**row.groups, **read["group:"]},
+        remarks=line.remarks,
+        doubts=line.doubts,
+    )
+
+
+def _row(file: Path, named: Mapping[str, str], where: str) -> ImportRow:
+    by_row = columns_by_row(named, where)
+    layout = named.get("layout", "") or "csv"
+    if by_row and (layout != "csv" or not file.name.lower().endswith(TEXT_ENDINGS)):
+        raise BadTable(f"a text for {ROWS}COLUMN", f"{file.name} in {where}",
+                       "write a table of intervals, and import with --intervals")  # fmt: skip
+    labels = {n.removeprefix("label:"): c for n, c in named.items() if n.startswith("label:")}
+    return ImportRow(
+        file=file,
+        called=named["file"],
+        labels={name: cell for name, cell in labels.items() if cell and name not in by_row},
+        by_row=by_row,
+        groups=_groups(named, named["file"]),
+        channels=named.get("channels", ""),
+        time=named.get("time", ""),
+        layout=layout,
+        sensor=named.get("sensor", "") or "array",
+        full_scale=_full_scale(named.get("full_scale", ""), where),
+    )
+
+
+def _groups(named: Mapping[str, str], file: str) -> dict[str, str]:
+    own = {n.removeprefix("group:"): c for n, c in named.items() if c and n.startswith("group:")}
+    return {"file": file} | own
+
+
+def _full_scale(text: str, where: str) -> float | None:
+    if text and not (is_number(text) and abs(float(text)) <= LARGEST_VALUE):
+        raise BadTable("a number in 'full_scale'", f"{text[:80]!r} in {where}", "mend it")
+    return float(text) if text else None

@@ -1,0 +1,1 @@
+"""Trials out of files of arrays: axes, channels, members."""

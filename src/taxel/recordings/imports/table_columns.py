@@ -1,0 +1,391 @@
+"""The columns of text and .npy files, read piece by piece: memory is that of the values.
+
+A cell that is not a number is an error, never a zero; each error names the file, the line and
+the column. Knows nothing about times, units or recordings.
+
+Background of our choices: docs/decisions/0011.
+"""
+
+from __future__ import annotations
+
+import csv
+import io
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from itertools import islice
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from taxel.errors import BadFile, BadTable
+from taxel.foreign.archives import LONGEST_START, read_head
+from taxel.foreign.files import MIB, open_file, refuse_larger, size_of
+from taxel.foreign.text_lines import lines_of
+from taxel.recordings.imports.table_form import (
+    DecimalSign,
+    TableForm,
+    cells_of,
+    find_form,
+    is_number,
+)
+from taxel.recordings.time_stamps import is_stamp, seconds_of
+
+LARGEST_TABLE = 1024 * MIB
+"""Bytes of a table of values, unpacked: three hours of twelve channels at 1 kHz as text. Our
+choice."""
+MOST_VALUES = 128 * MIB
+"""Numbers that are taken from one table; 1 GiB of them. Source: our choice."""
+LARGEST_LIST = 8 * MIB
+"""Bytes of a table that lists files or intervals, some 100,000 of them. Source: our choice."""
+_MOST_CELLS = 1_000_000
+"""Of such a list, and its rows count as cells too."""
+_MOST_PLACES = 6
+"""Columns of one name that a message counts up. Source: our choice, docs/decisions/0011."""
+_BLOCK_CELLS = 65_536
+_BLOCK_BYTES = 8 * MIB
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TextColumns:
+    """What was read of a text."""
+
+    values: NDArray[np.float64]
+    """Shape (rows, wanted), in the file's own units."""
+    first_line: int
+    """Number of the line that holds the first row."""
+    number_header: str = ""
+    """The names in line 1 where all of them are numbers, which values could be, too; or empty."""
+    decimal_comma: bool = False
+    """Whether commas were taken for decimal signs."""
+    one_more: bool = False
+    """Whether each row ends in a separator, with an empty cell behind it that was left out."""
+    passed_over: str = ""
+    """Which lines around the names are no rows, and why, for a note; or empty."""
+
+
+def text_columns(path: Path, wanted: Sequence[str], stamps: str = "") -> TextColumns:
+    """Return the wanted columns of a text; `table_form.find_form` says how it may be written.
+
+    Args:
+        path: The file; one that ends in .gz is unpacked. Commas, semicolons, tabs or blanks
+            separate.
+        wanted: Names as in the header, or numbers from 1. Where the header itself holds whole
+            numbers, these are names, and nothing is counted.
+        stamps: The wanted column that holds dates or times of day, which become seconds
+            (time_stamps.py); none by default.
+
+    Raises:
+        BadTable: Anything in the file is not as it should be; says where.
+    """
+    form, below = find_form(path, _lines(path, LARGEST_TABLE), wanted)
+    names = form.names
+    what = f"a header with {_some(names)}" if form.named else f"{len(names)} columns, no header"
+    where = _places(path, names, wanted, what)
+    sign = DecimalSign(path, form.separator)
+    stamped = where[wanted.index(stamps)] if stamps else -1
+    values = _values(path, _rows(path, below, form), form, where, sign, stamped)
+    return TextColumns(
+        values=values, first_line=form.first_line, decimal_comma=sign.comma,
+        number_header=_some(names) if form.counting else "", one_more=form.one_more,
+        passed_over=form.passed_over,
+    )  # fmt: skip
+
+
+def text_names(path: Path, wanted: Sequence[str] = ()) -> tuple[str, ...]:
+    """Return the names of a text's columns; their numbers from 1 where no line holds names.
+
+    Args:
+        path: The file.
+        wanted: Names by which their line is known, such as that of the column of time.
+
+    Raises:
+        BadTable: As `text_columns`.
+    """
+    return find_form(path, _lines(path, LARGEST_TABLE), wanted)[0].names
+
+
+def text_cells(path: Path, wanted: Sequence[str]) -> tuple[int, Iterator[list[str]]]:
+    """Return the number of a text's first row's line, and the wanted cells of each row, as text.
+
+    Raises:
+        BadTable: As `text_columns`, some of it only when the rows are taken.
+    """
+    form, below = find_form(path, _lines(path, LARGEST_TABLE), wanted)
+    what = f"a header with {_some(form.names)}" if form.named else f"{len(form.names)} columns"
+    where = _places(path, form.names, wanted, what)
+    rows = _rows(path, below, form)
+    return form.first_line, ([row[place].strip() for place in where] for row in rows)
+
+
+def _values(
+    path: Path,
+    rows: Iterator[list[str]],
+    form: TableForm,
+    where: Sequence[int],
+    sign: DecimalSign,
+    stamped: int,
+) -> NDArray[np.float64]:
+    """Return the columns at the places `where` as numbers, shape (rows, places).
+
+    Time stamps at the place `stamped` become seconds.
+    """
+    blocks, count = [np.empty((0, len(where)))], 0
+    while block := list(islice(rows, max(1, _BLOCK_CELLS // len(form.names)))):
+        found = np.empty((len(block), len(where)))
+        for place, index in enumerate(where):
+            line = form.first_line + count
+            cells = [row[index] for row in block]
+            if index == stamped:
+                found[:, place] = seconds_of(path, cells, form.names[index], line)
+                continue
+            cells = sign.with_points(cells, line)
+            found[:, place] = _numbers(path, cells, form.names[index], line)
+        blocks.append(found)
+        count += len(block)
+        _refuse_many(path, count * len(where))
+    return np.concatenate(blocks)
+
+
+def npy_columns(path: Path, wanted: Sequence[str]) -> NDArray[np.float64]:
+    """Return the wanted columns of a .npy file of shape (rows, columns), numbered from 1.
+
+    One of shape (rows,) has one column.
+
+    Raises:
+        BadTable: It holds no such array, or its size is not what it says.
+    """
+    try:
+        with open_file(path) as file:
+            size = size_of(file)
+            refuse_larger(path, size, LARGEST_TABLE)
+            start, dtype, shape, by_columns = read_head(file.read(LONGEST_START))
+            if len(shape) not in (1, 2) or dtype.kind not in "iufb":
+                raise BadTable(
+                    "an array of shape (rows, columns) of real numbers",
+                    f"{path} of shape {shape}, {dtype}", "write it so",
+                )  # fmt: skip
+            rows, columns = (*shape, 1)[:2]
+            if rows * columns * dtype.itemsize != size - start:
+                raise BadFile(
+                    "as many bytes as its shape says", f"{size - start:,} for {shape}", "write it"
+                )
+            # Names are numbers here: nothing is listed, however many columns a head speaks of.
+            where = [_number_of(path, name, columns) for name in wanted]
+            _refuse_many(path, rows * len(where))
+            found = np.empty((rows, len(where)))
+            if by_columns:
+                for place, index in enumerate(where):
+                    file.seek(start + index * rows * dtype.itemsize)
+                    found[:, place] = np.frombuffer(file.read(rows * dtype.itemsize), dtype)
+                return found
+            file.seek(start)
+            step = max(1, _BLOCK_BYTES // max(1, columns * dtype.itemsize))
+            for row in range(0, rows, step):
+                count = min(step, rows - row)
+                block = np.frombuffer(file.read(count * columns * dtype.itemsize), dtype)
+                found[row : row + count] = block.reshape(count, columns)[:, where]
+            return found
+    except BadFile as error:
+        raise BadTable(
+            "a .npy file of numbers", f"{path}: {error.got}", "write it again"
+        ) from error
+    except (OSError, ValueError) as error:
+        if isinstance(error, BadTable):
+            raise
+        raise BadTable("a .npy file of numbers", f"{path}: {error}", "write it again") from error
+
+
+def npy_shape(path: Path) -> tuple[int, ...]:
+    """Return the shape of a .npy file, by its head.
+
+    Raises:
+        BadTable: It has none.
+    """
+    try:
+        with open_file(path) as file:
+            return read_head(file.read(LONGEST_START))[2]
+    except BadFile as error:
+        raise BadTable(error.needed, f"{path}: {error.got}", error.mend) from error
+    except OSError as error:
+        raise BadTable("a .npy file of numbers", f"{path}: {error}", "check the path") from error
+
+
+def read_cells(path: Path) -> list[list[str]]:
+    """Return the cells of a small table, line by line, whatever separates them.
+
+    The separator is the one of comma, semicolon and tab that stands most often in the first
+    line that is no "#" remark; where a comma ties, it is taken for a decimal comma.
+
+    Raises:
+        BadTable: It cannot be read, is too long, not text in a certain encoding, or no CSV.
+    """
+    text = "".join(_raw_lines(path, LARGEST_LIST))
+    with_text = (line for line in io.StringIO(text) if line.strip() and line[0] != "#")
+    separator = max("\t;,", key=next(with_text, "").count)
+    rows, cells = [], 0
+    try:
+        for row in csv.reader(io.StringIO(text, newline=""), delimiter=separator):
+            cells += 1 + len(row)
+            if cells > _MOST_CELLS:
+                raise BadTable(
+                    f"a table of at most {_MOST_CELLS:,} cells", f"more in {path}", "split it"
+                )
+            rows.append(row)
+    except csv.Error as error:
+        raise BadTable("a table (CSV)", f"{path}: {error}", "save it again as CSV") from error
+    return rows
+
+
+def mend_number(cell: str) -> str:
+    """Return how to mend a cell that is not a number: by its decimal comma, if it has one."""
+    if is_number(cell.replace(",", ".")):
+        return "write decimal points, not commas"
+    return "mend the file, or choose other columns"
+
+
+def _raw_lines(path: Path, most: int) -> Iterator[str]:
+    try:
+        yield from lines_of(path, most)
+    except BadFile as error:
+        raise BadTable(error.needed, error.got, error.mend) from error
+    except OSError as error:
+        raise BadTable(
+            "a file that can be read", f"{path}: {error.strerror or error}", "check the path"
+        ) from error
+
+
+def _lines(path: Path, most: int) -> Iterator[str]:
+    return (line.rstrip("\r\n") for line in _raw_lines(path, most))
+
+
+def _rows(path: Path, lines: Iterator[str], form: TableForm) -> Iterator[list[str]]:
+    """Yield the cells of each line, which must be as many as there are columns."""
+    width, blank = len(form.names) + form.one_more, 0
+    for number, line in enumerate(lines, start=form.first_line):
+        if not line:
+            blank = blank or number
+            continue
+        cells = cells_of(path, number, line, form.separator)
+        if blank or len(cells) != width:  # blank lines may only come last
+            raise _ragged(path, form, *((0, blank) if blank else (len(cells), number)))
+        if form.one_more and (odd := cells.pop().strip()):
+            raise BadTable(
+                "nothing behind the last name's column in every line, as in line "
+                f"{form.first_line}", f"{odd[:80]!r} in {path}, line {number}",
+                "name that column too, in the line of names",
+            )  # fmt: skip
+        yield cells
+
+
+def _ragged(path: Path, form: TableForm, count: int, number: int) -> BadTable:
+    """Return the error of a line that has another number of cells than there are columns."""
+    names, got = len(form.names), f"{count} in {path}, line {number}"
+    if form.one_more:
+        return BadTable(
+            f"{names} cells and a separator behind them in every line, as in line "
+            f"{form.first_line}", got, "write all lines alike",
+        )  # fmt: skip
+    if count < names:
+        mend = "mend the file, which may have been cut short"
+    elif form.named:
+        got += f", where {names} are named"
+        mend = "name every column in the line of names, or remove what stands in none"
+    else:
+        got += f", where line {form.first_line} has {names}"
+        mend = "put a line of names above, one for each column, or write all lines alike"
+    return BadTable(f"{names} cells in every line", got, mend)
+
+
+def _places(path: Path, names: Sequence[str], wanted: Sequence[str], what: str) -> list[int]:
+    """Return where each wanted name stands; a number counts columns where no name is one.
+
+    Where a name is a whole number, a second meaning of numbers would take another column unseen.
+    """
+    counted = not any(map(_is_whole, names))
+    found: dict[str, int] = {}
+    twice: set[str] = set()
+    for index, name in enumerate(names):
+        if found.setdefault(name, index) != index:
+            twice.add(name)
+    for name in wanted:
+        if name in twice:
+            raise _several(path, name, names, what, counted=counted)
+        if name not in found:
+            index = _as_number(name) if counted else 0
+            if not 1 <= index <= len(names):
+                raise _no_column(path, name, "no such column", what)
+            found[name] = index - 1
+    return [found[name] for name in wanted]
+
+
+def _number_of(path: Path, name: str, columns: int) -> int:
+    index = _as_number(name)
+    if not 1 <= index <= columns:
+        raise BadTable(
+            f"columns by their numbers, 1 to {columns}: no names are in {path}", repr(name[:80]),
+            "write channels as 1[N] 2[N] in the import table",
+        )  # fmt: skip
+    return index - 1
+
+
+def _as_number(name: str) -> int:
+    return int(name) if _is_whole(name) and len(name) < 10 else 0
+
+
+def _is_whole(name: str) -> bool:
+    return name.isascii() and name.isdecimal()
+
+
+def _no_column(path: Path, name: str, problem: str, what: str) -> BadTable:
+    mend = "correct it"
+    if _is_whole(name) and what.startswith("a header"):
+        mend = "write a name as it stands there; if line 1 holds values, put names above it"
+    return BadTable(f"the column {name[:80]!r}", f"{problem} in {path} ({what})", mend)
+
+
+def _several(path: Path, name: str, names: Sequence[str], what: str, *, counted: bool) -> BadTable:
+    """Return the error of a name that several columns have: it says which."""
+    places = [number for number, own in enumerate(names, start=1) if own == name]
+    shown = ", ".join(map(str, places[:_MOST_PLACES])) + (" …" if places[_MOST_PLACES:] else "")
+    mend = "rename all but one of them in the file"
+    if counted:
+        mend = f"write the number of the one that is meant, such as {places[0]}, or {mend}"
+    return BadTable(
+        f"the column {name[:80]!r}",
+        f"{len(places)} columns of that name in {path}, columns {shown} ({what})", mend,
+    )  # fmt: skip
+
+
+def _numbers(path: Path, cells: list[str], name: str, first_line: int) -> NDArray[np.float64]:
+    """Return a column's numbers; an empty cell is NaN, anything else must be a number."""
+    try:
+        if not any("_" in cell for cell in cells):
+            return np.array(cells, dtype=np.float64)
+    except ValueError:
+        pass
+    numbers = np.empty(len(cells))
+    for row, cell in enumerate(cells):
+        if cell.strip() and not is_number(cell):
+            raise BadTable(
+                "a number",
+                f"{cell[:80]!r} in {path}, line {row + first_line}, column {name[:80]!r}",
+                "if it is the time, write NAME[iso] in the column 'time'; else choose other columns"
+                if is_stamp(cell) else mend_number(cell),
+            )  # fmt: skip
+        numbers[row] = float(cell) if cell.strip() else np.nan
+    return numbers
+
+
+def _refuse_many(path: Path, count: int) -> None:
+    if count > MOST_VALUES:
+        raise BadTable(
+            f"at most {MOST_VALUES:,} values in a table", f"more in {path}",
+            "cut it into several, or take fewer columns",
+        )  # fmt: skip
+
+
+def _some(names: Sequence[str]) -> str:
+    named = [name for name in names if name]
+    more = f" and {len(named) - 12} more" if len(named) > 12 else ""
+    return ", ".join(name[:40] for name in named[:12]) + more

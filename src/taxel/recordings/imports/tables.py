@@ -1,0 +1,331 @@
+"""Read a table of values strictly: a cell that is not a number is an error, never a zero.
+
+Knows texts (.csv, .tsv, .txt, .dat, packed or not) and .npy (table_columns.py reads them); other
+layouts are in layouts.py.
+Each error names the file, the line and the column. Knows nothing about recordings.
+
+Background of our choices: docs/decisions/0011.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Collection, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from taxel.errors import BadTable
+from taxel.recordings.imports.restarts import RESTARTS, restarts_of
+from taxel.recordings.imports.table_columns import (
+    TextColumns,
+    npy_columns,
+    npy_shape,
+    text_columns,
+    text_names,
+)
+from taxel.recordings.imports.table_form import TEXT_ENDINGS
+from taxel.recordings.scan_layout import FURTHEST_S
+
+Missing = Literal["refuse", "keep"]
+"""What happens to empty cells, NaN and infinity: an error, or kept and flagged NOT_FINITE."""
+
+LARGEST_RATE_HZ = 1e9
+"""Scans a second; more is a wrong unit. Source: our choice."""
+LARGEST_VALUE = float(np.finfo(np.float32).max)
+"""Recordings hold values in 32 bits."""
+MOST_CHANNELS = 16_384
+"""Of a table; the largest skins have some 5,000. Source: our choice."""
+ALL = "*"
+"""In the place of a channel's name: all columns but that of time."""
+TIME_UNITS_S = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
+"""Unit of a time column → seconds."""
+STAMPS = "iso"
+"""In the place of its unit: dates with times, or times of day (time_stamps.py)."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Column:
+    """A column of values, and its unit."""
+
+    name: str
+    """The header's name, or the column's number from 1 where there is no header."""
+    unit: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TimeColumn:
+    """Where time comes from: a column, or a known rate."""
+
+    column: Column | None = None
+    rate_hz: float | None = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Table:
+    """Values that were measured at known times."""
+
+    values: NDArray[np.float64]
+    """Shape (n, channels), in each channel's unit, oldest first."""
+    time_s: NDArray[np.float64]
+    """Shape (n,), seconds, increasing."""
+    names: tuple[str, ...]
+    units: tuple[str, ...]
+    number_header: str = ""
+    """The file's first line where it was taken as names though it holds only numbers; or empty."""
+    decimal_comma: bool = False
+    """Whether commas were taken for decimal signs."""
+    one_more: bool = False
+    """Whether each row ends in a separator, with an empty cell behind it that was left out."""
+    passed_over: str = ""
+    """Which lines around the names are no rows, and why, for a note; or empty."""
+
+
+def parse_columns(text: str, where: str) -> tuple[Column, ...]:
+    """Return the columns of a text such as "Data0[count] Data1[count] 7[deg]".
+
+    Raises:
+        BadTable: A word is not NAME[UNIT], or a name comes twice.
+    """
+    found, more = [], text
+    while "]" in more:
+        word, _, more = more.partition("]")
+        name, bracket, unit = (part.strip() for part in word.partition("["))
+        if not (name and bracket and unit) or "[" in unit:
+            raise _no_unit(f"{word.strip()}]", where)
+        found.append(Column(name=name, unit=unit))
+        if len(found) > MOST_CHANNELS:
+            raise BadTable(f"at most {MOST_CHANNELS:,} channels in {where}", "more", "split them")
+    if more.strip():
+        raise _no_unit(more.split()[0], where)
+    names = [column.name for column in found]
+    if not found or len(set(names)) < len(names):
+        raise BadTable(
+            f"at least one channel, each once, in {where}", repr(text[:80]), "correct it"
+        )
+    return tuple(found)
+
+
+def _no_unit(word: str, where: str) -> BadTable:
+    return BadTable(
+        f"channels as NAME[UNIT] NAME[UNIT] … in {where}", repr(word[:80]), "name each unit"
+    )
+
+
+def parse_time(text: str, where: str) -> TimeColumn:
+    """Return where time comes from: "Timestamp[ms]", "1[s]", "stamp[iso]" or "rate:100Hz".
+
+    Raises:
+        BadTable: It is neither, or the unit is not s, ms, us, ns or iso.
+    """
+    rate = re.fullmatch(r"rate:\s*([0-9.]{1,40})\s*Hz", text.strip())
+    if rate is not None:
+        try:
+            rate_hz = float(rate[1])
+        except ValueError:
+            rate_hz = 0.0
+        if 0 < rate_hz <= LARGEST_RATE_HZ:
+            return TimeColumn(rate_hz=rate_hz)
+    match = re.fullmatch(r"\s*([^\[\]]+)\[([^\[\]]+)\]\s*", text)
+    if match is None or match[2].strip() not in (*TIME_UNITS_S, STAMPS):
+        raise BadTable(
+            f"time as NAME[s], NAME[ms], NAME[us], NAME[ns], NAME[iso] or rate:100Hz in {where}",
+            repr(text[:80]),
+            "correct it",
+        )
+    return TimeColumn(column=Column(name=match[1].strip(), unit=match[2].strip()))
+
+
+def refuse_stamps(column: Column, where: str) -> None:
+    """Refuse time stamps as texts, for arrays hold numbers.
+
+    Raises:
+        BadTable: The column's unit says that it holds stamps.
+    """
+    if column.unit == STAMPS:
+        raise BadTable(
+            "times as numbers in an array", f"{column.name}[{STAMPS}] in {where}",
+            "save seconds in it and write s, or give a rate, as in rate:100Hz",
+        )  # fmt: skip
+
+
+def read_table(
+    path: Path,
+    columns: Sequence[Column],
+    time: TimeColumn,
+    missing: Missing = "refuse",
+    *,
+    in_trials: bool = False,
+    but: Collection[str] = (),
+) -> Table:
+    """Return the wanted columns of a text or a .npy file.
+
+    Args:
+        path: The file. Commas, semicolons, tabs or blanks separate a text's cells.
+        columns: Wanted channels, in the order of the result.
+        time: Where time comes from.
+        missing: What happens to values that are not finite. Time must always be.
+        in_trials: Whether times may begin anew; then they are not looked at.
+        but: Columns that `*` leaves out, beside that of time.
+
+    Raises:
+        BadTable: Anything in the file is not as it should be; says where.
+    """
+    columns = _all_columns(path, columns, time, but)
+    wanted = [column.name for column in columns]
+    wanted += [time.column.name] if time.column is not None else []
+    stamps = time.column.name if time.column and time.column.unit == STAMPS else ""
+    ending = path.name.lower()
+    if ending.endswith(".npy"):
+        if time.column is not None:
+            refuse_stamps(time.column, str(path))
+        found = TextColumns(values=npy_columns(path, wanted), first_line=1)
+    elif ending.endswith(TEXT_ENDINGS):
+        found = text_columns(path, wanted, stamps)
+    else:
+        raise BadTable(
+            "a .csv, .tsv, .txt or .dat file, packed as .gz or not, .npy, .npz, .mat, .h5 or .hdf5",
+            str(path),
+            "save it as one of them, or name a function of yours that reads it, as "
+            "module.py:function, in the column 'layout'",
+        )  # fmt: skip
+    cells, first_line = found.values, found.first_line
+    values = cells[:, : len(columns)]
+    check_values(path, values, [column.name for column in columns], missing, first_line)
+    return Table(
+        values=values,
+        time_s=_time_s(path, cells, time, None if in_trials else first_line),
+        names=tuple(column.name for column in columns),
+        units=tuple(column.unit for column in columns),
+        number_header=found.number_header,
+        decimal_comma=found.decimal_comma,
+        one_more=found.one_more,
+        passed_over=found.passed_over,
+    )
+
+
+def check_values(
+    path: Path | str,
+    values: NDArray[np.float64],
+    names: Sequence[str],
+    missing: Missing,
+    first_line: int = 1,
+) -> None:
+    """Refuse a table without rows, and values that are not finite unless they are to be kept.
+
+    Raises:
+        BadTable: Says file, line and column.
+    """
+    if len(values) == 0:
+        raise BadTable("rows of numbers", f"none in {path}", "leave the file out")
+    fits = np.abs(values) <= LARGEST_VALUE  # NaN does not, either
+    if missing == "keep" or fits.all():
+        return
+    row, column = np.argwhere(~fits)[0]
+    raise BadTable(
+        "a finite number that 32 bits hold",
+        f"{values[row, column]} in {path}, line {row + first_line}, column {names[column]!r}",
+        "mend the file, or keep such cells as invalid with --missing keep",
+    )
+
+
+def check_time(
+    path: Path | str, time_s: NDArray[np.float64], first_line: int = 1, *, text: bool = False
+) -> None:
+    """Refuse times that are not finite or do not increase.
+
+    Args:
+        path: The file, for messages; and the trial, where it holds several.
+        time_s: Shape (n,), seconds.
+        first_line: Number of the line that holds the first of them.
+        text: Whether it is a text, whose trials the column `trials` may tell apart.
+
+    Raises:
+        BadTable: Says file and line.
+    """
+    if not np.isfinite(time_s).all():
+        line = int(np.argmin(np.isfinite(time_s))) + first_line
+        raise BadTable("a time in every row", f"none in {path}, line {line}", "mend the file")
+    if (np.abs(time_s) > FURTHEST_S).any():
+        line = int(np.argmax(np.abs(time_s) > FURTHEST_S)) + first_line
+        raise BadTable(
+            f"times of at most {FURTHEST_S:g} s", f"{time_s[line - first_line]:.6g} s in {path}, "
+            f"line {line}", "correct the column's unit: s, ms, us or ns",
+        )  # fmt: skip
+    steps = np.diff(time_s)
+    if len(steps) and (steps > 0).all() and float(np.median(steps)) < 1.0 / LARGEST_RATE_HZ:
+        raise BadTable(
+            "scans at least 1 ns apart", f"{np.median(steps):.3g} s in {path}",
+            "correct the column's unit: s, ms, us or ns",
+        )  # fmt: skip
+    if (steps <= 0).any():
+        raise _no_increase(path, time_s, first_line, text=text)
+
+
+def _no_increase(
+    path: Path | str, time_s: NDArray[np.float64], first_line: int, *, text: bool
+) -> BadTable:
+    """Return the error of times that stand still or go back; where they begin anew it says so."""
+    steps, anew = np.diff(time_s), restarts_of(time_s)
+    back = int((steps < 0).sum())
+    row = anew[0] if anew else int(np.argmax(steps < 0 if back else steps == 0)) + 1
+    got = f"{time_s[row]:.6g} s after {time_s[row - 1]:.6g} s in {path}, line {row + first_line}"
+    often = "once" if back == 1 else f"{back} times"
+    if anew:
+        own = "" if back == 1 else " each time" if len(anew) == back else f" {len(anew)} of them"
+        got += f": time goes back {often},{own} to about where it began"
+        mend = "a restart usually begins a new trial: " + (
+            f"write {RESTARTS} in the column 'trials' (or beside a column, as in run+{RESTARTS}) "
+            "to cut there, or name a column there that numbers the trials" if text
+            else "save each trial as an array or file of its own"
+        )  # fmt: skip
+    elif back:
+        got += f": time goes back {often}"
+        mend = "sort the rows, or give a rate instead of a time column"
+    else:
+        count = int((steps == 0).sum())
+        got += f": {count} {'row has' if count == 1 else 'rows have'} the time of the row above"
+        mend = "leave such rows out, or give a rate instead of a time column"
+    return BadTable("times that increase from row to row", got, mend)
+
+
+def _time_s(
+    path: Path, cells: NDArray[np.float64], time: TimeColumn, first_line: int | None
+) -> NDArray[np.float64]:
+    """Return the times of rows, looked at unless there is no number of a first line."""
+    if time.column is None:
+        return np.arange(len(cells)) / (time.rate_hz or 1.0)
+    time_s = cells[:, -1] * TIME_UNITS_S.get(time.column.unit, 1.0)
+    if first_line is not None:
+        check_time(path, time_s, first_line, text=path.name.lower().endswith(TEXT_ENDINGS))
+    return time_s
+
+
+def _all_columns(
+    path: Path, columns: Sequence[Column], time: TimeColumn, but: Collection[str]
+) -> Sequence[Column]:
+    """Return the wanted columns, where * means all but that of time and those in `but`."""
+    if [column.name for column in columns] != [ALL]:
+        return columns
+    ending = path.name.lower()
+    if ending.endswith(".npy"):
+        sides = npy_shape(path)
+        count = (*sides, 1)[1] if len(sides) in (1, 2) else 0  # one axis is one channel
+        names: Sequence[str] = (
+            [str(number) for number in range(1, count + 1)] if count <= MOST_CHANNELS + 1 else ()
+        )
+    elif ending.endswith(TEXT_ENDINGS):
+        names = text_names(path, [time.column.name] if time.column is not None else [])
+    else:
+        return columns
+    taken = {*but, time.column.name if time.column is not None else ""} - {""}
+    rest = [name for name in names if name not in taken]
+    if len(rest) > MOST_CHANNELS or not rest:
+        raise BadTable(
+            f"between 1 and {MOST_CHANNELS:,} channels in {path}", f"{len(rest):,}",
+            "name the channels",
+        )  # fmt: skip
+    return [Column(name=name, unit=columns[0].unit) for name in rest]

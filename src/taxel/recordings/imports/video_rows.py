@@ -1,0 +1,206 @@
+"""What each camera trial is, read from an import table: its videos, labels and groups.
+
+FORMAT.md describes the table. Knows nothing about pixels.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path, PurePath
+
+from taxel.errors import BadTable
+from taxel.recordings.imports.spelling import column_name, composed
+from taxel.recordings.imports.table_columns import read_cells
+from taxel.recordings.imports.table_files import file_of
+
+_CAMERA_COLUMNS = ("left", "right")
+_CAMERA = "camera:"
+SPLIT = "split"
+"""Column, and group, that says on which side a trial stands."""
+_LONGEST_NAME = 150
+"""Characters of a file and its folders that a recording is called by."""
+_PLAIN = (*_CAMERA_COLUMNS, SPLIT, "rate", "mm_per_px")
+TEST = "test"
+"""Value of it whose trials are only tested on."""
+SIDES = ("train", "validation", TEST)
+"""What the column `split` may hold."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class VideoRow:
+    """What one recording is made of."""
+
+    name: str
+    """Of the recording, without ending."""
+    files: Mapping[str, Path]
+    """Camera's name → its video, its folder of images, or its one image."""
+    labels: Mapping[str, str] = field(default_factory=dict)
+    groups: Mapping[str, str] = field(default_factory=dict)
+    rate_hz: float | None = None
+    """Frames a second; None takes what the files say."""
+    mm_per_px: float | None = None
+
+
+def read_video_rows(table: Path, data_dir: Path, *, outside: bool = False) -> list[VideoRow]:
+    """Return the rows of an import table: a trial a row, a column a camera.
+
+    Args:
+        table: A CSV with the columns camera:NAME (or left and right), label:NAME and group:NAME;
+            split, `rate` (hertz) and `mm_per_px` are further ones, where wanted.
+        data_dir: What the videos' paths are relative to.
+        outside: Also videos that lie outside of that folder.
+
+    Raises:
+        BadTable: The table cannot be read, a column is missing or unknown, or a video lies
+            outside.
+    """
+    lines = read_cells(table)
+    columns = [column_name(name, _PLAIN) for name in lines[0]] if lines else []
+    _check_columns(table, columns)
+    rows = [
+        _row(table, number, columns, cells, data_dir, outside)
+        for number, cells in enumerate(lines[1:], start=2)
+        if cells
+    ]
+    if not rows:
+        raise BadTable("at least one row", f"none in {table}", "add one a recording")
+    return _named(rows, data_dir)
+
+
+def _named(rows: Sequence[VideoRow], data_dir: Path) -> list[VideoRow]:
+    """Return the rows, called by their first camera's files, and by folders where those repeat."""
+    files = [next(iter(row.files.values())) for row in rows]
+    inside = [file.is_relative_to(data_dir) for file in files]
+    names = names_apart(
+        [
+            file.relative_to(data_dir) if own else file
+            for file, own in zip(files, inside, strict=True)
+        ]
+    )
+    return [
+        replace(row, name=f"{row.name}-{name[-_LONGEST_NAME:]}")
+        for row, name in zip(rows, names, strict=True)
+    ]
+
+
+def names_apart(paths: Sequence[PurePath]) -> list[str]:
+    """Return what files are called: without ending, and with the folders that tell them apart.
+
+    As few folders as do, nearest first, and none that all of them share; a file's own name is left
+    out where it is that of all, as of `camera_0.avi` in a folder of each trial.
+
+    Args:
+        paths: Of the files, such as `mug/try_1/camera_0.avi`.
+    """
+    often = Counter(path.stem for path in paths)
+    apart = [(*_folders(path), path.stem) for path in paths]
+    several = [parts for parts in apart if often[parts[-1]] > 1]
+    if not several:
+        return [path.stem for path in paths]
+    counts = range(2, max(map(len, several)) + 1)
+    most = len(set(several))
+    count = next((n for n in counts if len({parts[-n:] for parts in several}) == most), 1)
+    levels = [n for n in range(count, 1, -1) if len({parts[-n:][:1] for parts in several}) > 1]
+    levels += [1] if len(often) > 1 or not levels else []
+    names = []
+    for path, parts in zip(paths, apart, strict=True):
+        found = [parts[-n] for n in levels if n <= len(parts)] if often[path.stem] > 1 else []
+        names.append("-".join(found) or path.stem)
+    return names
+
+
+def _folders(path: PurePath) -> tuple[str, ...]:
+    return tuple(part for part in path.parent.parts if part not in ("..", path.anchor))
+
+
+def names_videos(columns: Sequence[str]) -> bool:
+    """Return whether a table with these columns is one of camera trials."""
+    return any(_is_camera(column_name(name, _PLAIN)) for name in columns)
+
+
+def _is_camera(column: str) -> bool:
+    return column in _CAMERA_COLUMNS or column.startswith(_CAMERA)
+
+
+def _check_columns(table: Path, columns: Sequence[str]) -> None:
+    prefixes = (_CAMERA, "label:", "group:")
+    odd = [c for c in columns if c not in _PLAIN and not c.startswith(prefixes)]
+    odd += [c for c in columns if c in prefixes]
+    alone = "right" in columns and "left" not in columns
+    if odd or alone or not names_videos(columns):
+        raise BadTable(
+            "the columns left, right (or camera:NAME), label:NAME, group:NAME, split, rate, "
+            "mm_per_px",
+            f"{', '.join(map(repr, odd)) or 'no column left or camera:NAME'} in {table}",
+            "mend the table's first line",
+        )
+    if len(set(columns)) < len(columns):
+        raise BadTable(
+            "each column once", f"{', '.join(columns)} in {table}", "mend the table's first line"
+        )
+
+
+def _row(
+    table: Path,
+    number: int,
+    columns: Sequence[str],
+    cells: Sequence[str],
+    data_dir: Path,
+    outside: bool,
+) -> VideoRow:
+    where = f"{table}, line {number}"
+    if len(cells) != len(columns):
+        raise BadTable(f"{len(columns)} cells", f"{len(cells)} in {where}", "mend the line")
+    line = {name: cell.strip() for name, cell in zip(columns, cells, strict=True)}
+    cameras = {name.removeprefix(_CAMERA): line[name] for name in columns if _is_camera(name)}
+    if not all(cameras.values()):
+        raise BadTable(
+            "a video for each camera", f"an empty cell in {where}",
+            "name the video, or leave the column out for all",
+        )  # fmt: skip
+    empty = [name for name, cell in line.items() if ":" in name and not cell]
+    if empty:
+        raise BadTable(f"something in the column {empty[0]!r}", f"nothing in {where}", "fill it in")
+    files = {
+        name: file_of(cell, data_dir, where, outside=outside) for name, cell in cameras.items()
+    }
+    first = next(iter(cameras))
+    return VideoRow(
+        name=f"{number - 1:04d}",
+        files=files,
+        labels=_prefixed(line, "label:"),
+        groups={"file": cameras[first], **_prefixed(line, "group:"), **_side(line, where)},
+        rate_hz=_number(line.get("rate", ""), "rate", where),
+        mm_per_px=_number(line.get("mm_per_px", ""), "mm_per_px", where),
+    )
+
+
+def _side(line: Mapping[str, str], where: str) -> dict[str, str]:
+    if SPLIT not in line:
+        return {}
+    if line[SPLIT] not in SIDES:
+        raise BadTable(f"{', '.join(SIDES)} in the column split",
+                       f"{line[SPLIT]!r} in {where}", "write one of them")  # fmt: skip
+    return {SPLIT: line[SPLIT]}
+
+
+def _prefixed(line: Mapping[str, str], prefix: str) -> dict[str, str]:
+    return {
+        key.removeprefix(prefix): composed(cell)
+        for key, cell in line.items()
+        if key.startswith(prefix)
+    }
+
+
+def _number(text: str, column: str, where: str) -> float | None:
+    if not text:
+        return None
+    try:
+        value = float(text)
+    except ValueError:
+        value = 0.0
+    if not 0 < value < float("inf"):
+        raise BadTable(f"a number above 0 in column {column}", f"{text!r} in {where}", "mend it")
+    return value

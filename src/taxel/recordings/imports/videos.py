@@ -1,0 +1,128 @@
+"""Turn videos, or folders of images, into recordings: one a camera, frames side by side.
+
+Frames are decoded and kept as JPEG of high quality; equal frames stay equal. A video has no
+clock of its own: times are frame number over rate, and the manifest says so. All videos are
+read and written before the output folder appears. Knows nothing about particular data sets.
+
+Background of our choices: docs/decisions/0012.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+
+from taxel.errors import BadTable
+from taxel.frame_codec import encode_jpeg
+from taxel.recordings.imports.footage import Footage, coloured, open_footage
+from taxel.recordings.imports.video_rows import VideoRow
+from taxel.recordings.manifest import NO_ARRAY, Manifest
+from taxel.recordings.whole import new_folder
+from taxel.recordings.writer import Recorder
+from taxel.signals import CameraInfo, Frame
+
+QUALITY = 95
+"""Of the JPEG that imported frames are kept as, 0…100. Source: our choice, decision 12."""
+LARGEST_DIFFERENCE = 2
+"""Frames by which the videos of a pair may differ in length; the longer one is cut."""
+
+
+def import_videos(
+    rows: Sequence[VideoRow],
+    output_dir: Path,
+    *,
+    overwrite: bool = False,
+    progress: Callable[[int, int], None] | None = None,
+) -> list[Path]:
+    """Write one recording for each row, all or none.
+
+    Args:
+        rows: What each recording is made of.
+        output_dir: Folder to be made.
+        overwrite: Replace an existing folder that holds nothing else than these.
+        progress: Called with recordings done and in all.
+
+    Raises:
+        BadTable: A video is missing, empty, cut short, grey, or unlike its partner.
+        RecordingFailed: The disk refused.
+    """
+    files = [f"{row.name}.mcap" for row in rows]
+    with new_folder(output_dir, files, overwrite=overwrite) as made:
+        for done, (row, file) in enumerate(zip(rows, files, strict=True), 1):
+            _import_row(row, made / file)
+            if progress is not None:
+                progress(done, len(rows))
+    return [output_dir / file for file in files]
+
+
+def _import_row(row: VideoRow, path: Path) -> None:
+    videos = {name: open_footage(file) for name, file in row.files.items()}
+    try:
+        rate_hz = row.rate_hz or same_rate(row.name, videos)
+        count = same_length(row.name, videos)
+        cameras = tuple(
+            CameraInfo(
+                name=name,
+                width=video.width,
+                height=video.height,
+                rate_hz=rate_hz,
+                mm_per_px=row.mm_per_px,
+                details={"time": "frame number over rate", "file": video.path.name},
+            )
+            for name, video in videos.items()
+        )
+        manifest = Manifest(
+            sensor=NO_ARRAY, cameras=cameras, labels=dict(row.labels), groups=dict(row.groups)
+        )
+        with Recorder(path, manifest) as recorder:
+            streams = [coloured(video) for video in videos.values()]
+            for index in range(max(video.count for video in videos.values())):
+                for camera, stream in enumerate(streams):
+                    rgb = next(stream, None)  # the longer one is read to its end: it may be cut
+                    if rgb is not None and index < count:
+                        time_s = index / rate_hz
+                        recorder.frame(
+                            Frame(
+                                camera=camera,
+                                jpeg=encode_jpeg(rgb, QUALITY),
+                                counter=index,
+                                device_s=time_s,
+                                arrival_s=time_s,
+                                fitted_s=time_s,
+                            )
+                        )
+            recorder.close("imported")
+    finally:
+        for video in videos.values():
+            video.close()
+
+
+def same_rate(name: str, videos: Mapping[str, Footage]) -> float:
+    """Return the rate of a trial's videos, frames a second.
+
+    Raises:
+        BadTable: They differ.
+    """
+    rates = {round(video.rate_hz, 3) for video in videos.values()}
+    if len(rates) > 1:
+        raise BadTable(
+            "videos of one rate",
+            f"{' and '.join(f'{rate:g} Hz' for rate in sorted(rates))} in {name}",
+            "give the true rate in the column rate, or record again",
+        )
+    return rates.pop()
+
+
+def same_length(name: str, videos: Mapping[str, Footage]) -> int:
+    """Return how many frames all of a trial's videos have.
+
+    Raises:
+        BadTable: They differ by more than `LARGEST_DIFFERENCE`.
+    """
+    counts = [video.count for video in videos.values()]
+    if max(counts) - min(counts) > LARGEST_DIFFERENCE:
+        raise BadTable(
+            f"videos whose lengths differ by {LARGEST_DIFFERENCE} frames at most",
+            f"{' and '.join(map(str, counts))} in {name}", "cut them to the same moments",
+        )  # fmt: skip
+    return min(counts)

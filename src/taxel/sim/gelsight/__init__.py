@@ -1,0 +1,1 @@
+"""What a GelSight camera sees of a gel; pure physics."""

@@ -1,0 +1,1 @@
+"""The TENG hand: contact, charge, converter; pure physics."""

@@ -1,0 +1,1 @@
+"""Sensor boards on serial ports."""

@@ -1,0 +1,1 @@
+"""Tactile cameras and a camera that looks on."""

@@ -1,0 +1,1 @@
+"""Simulators as live sources and as data sets."""

@@ -1,0 +1,1 @@
+"""Networks of images that are trained here: distilled, or end to end."""

@@ -1,0 +1,242 @@
+"""A student learns a teacher's 1000 answers: normalisation and top first, then the whole network.
+
+Before the first epoch the batch norms take the statistics of touch, and the top is fitted to the
+teacher's logits in closed form. A checkpoint after each epoch lets a run that was killed go on.
+Knows nothing about where images come from, files of weights or tables.
+
+Background of our choices: docs/decisions/0057.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator
+from contextlib import nullcontext
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from torch import Tensor, nn
+from torch.nn import functional
+
+from taxel.training.backbones.fine_tuning import EpochLoss, KeptEpochs
+from taxel.training.backbones.lessons import Lessons
+from taxel.training.checkpoints import load_checkpoint, save_checkpoint
+
+RIDGE = 0.1
+"""Of the closed form, times the mean square of a feature. Source: our choice."""
+NORM_BATCHES = 24
+"""Batches that batch norms take their statistics from. Source: our choice."""
+_NORM_MOMENTUM = 0.1
+"""Share of a new batch in the moving statistics while a student learns: Keras' 0.01 would lag
+behind in so few steps. Source: our choice."""
+_EVALUATION_BATCH = 64
+_WARM_UP = 0.1
+"""Share of all steps in which the step size rises. Source: our choice."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class DistilConfig:
+    """How a student learns."""
+
+    epochs: int = 4
+    """Passes over all images."""
+    batch: int = 32
+    """Images in a step. Source: our choice."""
+    learning_rate: float = 1e-3
+    """Adam's largest step size; it rises first, then falls to zero along half a cosine."""
+    temperature: float = 2.0
+    """Both sides' logits are divided by it before the softmax. Source: our choice, after Hinton,
+    Vinyals and Dean, 2015, who soften answers so that wrong classes count too."""
+    bf16: bool = False
+    """Convolutions and products in 16 bits (bfloat16), for processors that multiply these."""
+    seed: int = 0
+    """Of the images' order."""
+
+
+@dataclass(frozen=True, slots=True)
+class Agreement:
+    """How often a student's first answer is its teacher's."""
+
+    share: float
+    """0…1."""
+    commonest: float
+    """What always naming the teacher's commonest answer there would reach, 0…1."""
+    images: int
+
+    @property
+    def words(self) -> str:
+        """In a few words, such as "0.84 of 300 images (commonest answer 0.41)"."""
+        return f"{self.share:.3f} of {self.images} images (commonest answer {self.commonest:.3f})"
+
+
+def distil(
+    network: nn.Module,
+    lessons: Lessons,
+    config: DistilConfig,
+    *,
+    kept: KeptEpochs | None = None,
+    on_step: Callable[[int, int, float], None] = lambda _step, _of, _loss: None,
+) -> tuple[float, ...]:
+    """Train a student in place; return each epoch's mean loss, nats.
+
+    Args:
+        network: Images (n, 3, h, w) → logits (n, 1000); its top is called `predictions`.
+        lessons: What to learn from.
+        config: How.
+        kept: Where a run that is broken off goes on from; None keeps nothing.
+        on_step: Called with the step's number, how many there are and its loss.
+
+    Raises:
+        BadInput: The checkpoint is damaged or belongs to other images or another configuration.
+        RecordingFailed: The disk refused.
+    """
+    network.to(memory_format=torch.channels_last)  # type: ignore[call-overload]
+    adam = torch.optim.Adam(network.parameters(), lr=config.learning_rate)
+    job = lessons.digest()
+    history: list[EpochLoss] = []
+    if kept is not None and kept.resume and kept.path.exists():
+        history = load_checkpoint(kept.path, network, adam, config, EpochLoss, job)
+    if not history:
+        settle_norms(network, lessons, config)
+        fit_top(network, lessons, config)
+    _set_momentum(network, _NORM_MOMENTUM)
+    steps = len(lessons) // config.batch or 1
+    for epoch in range(len(history), config.epochs):
+        network.train()
+        order = np.random.default_rng([config.seed, epoch]).permutation(len(lessons))
+        total = 0.0
+        for step in range(steps):
+            part = order[step * config.batch : (step + 1) * config.batch]
+            done = epoch * steps + step
+            for group in adam.param_groups:
+                group["lr"] = config.learning_rate * _pace(done, config.epochs * steps)
+            loss = _loss(network, lessons, part, config)
+            adam.zero_grad(set_to_none=True)
+            loss.backward()  # type: ignore[no-untyped-call]
+            adam.step()
+            total += float(loss.detach())
+            on_step(done + 1, config.epochs * steps, float(loss.detach()))
+        history.append(EpochLoss(total / steps))
+        if kept is not None:
+            save_checkpoint(kept.path, network, adam, config, history, job)
+    network.to(memory_format=torch.contiguous_format)  # type: ignore[call-overload]
+    network.eval()
+    return tuple(epoch.loss for epoch in history)
+
+
+def agreement(network: nn.Module, lessons: Lessons, *, plain: bool) -> Agreement:
+    """Return how often a network's first answer is the teacher's.
+
+    Args:
+        network: Images (n, 3, h, w) → logits (n, 1000).
+        lessons: Images with the teacher's answers.
+        plain: Of images as the camera gave them; else of changed copies.
+    """
+    network.eval()
+    rows = np.flatnonzero(lessons.plain == plain)
+    found = []
+    with torch.inference_mode():
+        for first in range(0, len(rows), _EVALUATION_BATCH):
+            images = _tensor(lessons, rows[first : first + _EVALUATION_BATCH])
+            found.append(network(images).argmax(dim=1).numpy())
+    wanted = lessons.answers[rows].argmax(axis=1)
+    return Agreement(
+        float((np.concatenate(found) == wanted).mean()),
+        float(np.bincount(wanted).max() / len(wanted)),
+        len(rows),
+    )
+
+
+def settle_norms(network: nn.Module, lessons: Lessons, config: DistilConfig) -> None:
+    """Let batch norms take their statistics from these images, as the weights stand."""
+    norms = [module for module in network.modules() if isinstance(module, nn.BatchNorm2d)]
+    momenta = [norm.momentum for norm in norms]
+    for norm in norms:
+        norm.reset_running_stats()
+        norm.momentum = None  # the plain mean over batches
+    network.train()
+    with torch.no_grad():
+        for part in _some(lessons, config):
+            with _numbers(config):
+                network(_tensor(lessons, part))
+    for norm, momentum in zip(norms, momenta, strict=True):
+        norm.momentum = momentum
+    network.eval()
+
+
+def fit_top(network: nn.Module, lessons: Lessons, config: DistilConfig) -> None:
+    """Fit the top to the teacher's logits: least squares, held near what it is (ridge)."""
+    top = network.get_submodule("predictions")
+    assert isinstance(top, nn.Linear)
+    pooled: list[Tensor] = []
+    hook = top.register_forward_pre_hook(
+        lambda _top, inputs: pooled.append(inputs[0].float().mean(dim=(2, 3)))
+    )
+    network.eval()
+    found: list[Tensor] = []
+    with torch.no_grad():
+        for first in range(0, len(lessons), _EVALUATION_BATCH):
+            rows = np.arange(first, min(first + _EVALUATION_BATCH, len(lessons)))
+            with _numbers(config):
+                found.append(network(_tensor(lessons, rows)).float())
+    hook.remove()
+    features, rest = torch.cat(pooled), torch.from_numpy(lessons.answers) - torch.cat(found)
+    middle, mean_rest = features.mean(dim=0), rest.mean(dim=0)
+    centred = (features - middle).double()
+    gram = centred.T @ centred
+    gram.diagonal().add_(RIDGE * gram.diagonal().mean())
+    change = torch.linalg.solve(gram, centred.T @ (rest - mean_rest).double()).float()
+    with torch.no_grad():
+        top.weight.add_(change.T)
+        top.bias.add_(mean_rest - middle @ change)
+
+
+def _some(lessons: Lessons, config: DistilConfig) -> Iterator[NDArray[np.intp]]:
+    """Yield batches drawn from all images."""
+    order = np.random.default_rng([config.seed, 23]).permutation(len(lessons))
+    for first in range(0, min(len(lessons), NORM_BATCHES * config.batch), config.batch):
+        part = order[first : first + config.batch]
+        if len(part) > 1:
+            yield part
+
+
+def _loss(
+    network: nn.Module, lessons: Lessons, part: NDArray[np.intp], config: DistilConfig
+) -> Tensor:
+    """Return the divergence of the student's softened answers from the teacher's, nats."""
+    with _numbers(config):
+        logits = network(_tensor(lessons, part)).float()
+    heat = config.temperature
+    wanted = torch.from_numpy(lessons.answers[part]) / heat
+    loss = functional.kl_div(
+        (logits / heat).log_softmax(dim=1), wanted.log_softmax(dim=1),
+        reduction="batchmean", log_target=True,
+    )  # fmt: skip
+    return torch.as_tensor(loss * heat**2)
+
+
+def _tensor(lessons: Lessons, part: NDArray[np.intp]) -> Tensor:
+    """Return images (n, 3, side, side), 0 to 255; channels stay last in memory."""
+    return torch.from_numpy(lessons.images[part]).permute(0, 3, 1, 2).float()
+
+
+def _numbers(config: DistilConfig) -> Any:
+    """Return what chooses the numbers of convolutions and products in a block."""
+    return torch.autocast("cpu", torch.bfloat16) if config.bf16 else nullcontext()
+
+
+def _set_momentum(network: nn.Module, momentum: float) -> None:
+    for module in network.modules():
+        if isinstance(module, nn.BatchNorm2d):
+            module.momentum = momentum
+
+
+def _pace(step: int, of: int) -> float:
+    """Return the share of the largest step size at a step."""
+    warm = max(1.0, _WARM_UP * of)
+    if step < warm:
+        return (step + 1) / (warm + 1)
+    return 0.5 * (1 + math.cos(math.pi * (step - warm) / max(1.0, of - warm)))

@@ -1,0 +1,235 @@
+"""Train a backbone and its head together, from the cameras' images: any device, or several.
+
+Start it under `torchrun` for several processes; Fabric finds them, and each decodes its own part of
+the recordings. A checkpoint after each epoch lets a run that was killed go on. The head only
+shapes the backbone here: train one on the new backbone's cached features afterwards, as always.
+Knows nothing about files of weights, splits or tables.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from torch import Tensor, nn
+from torch.nn import functional
+
+from taxel.errors import MissingExtra
+from taxel.models.backbones.catalogue import find_backbone
+from taxel.models.frame_features import FrameFeatures
+from taxel.training.backbones.lanes import LANES, Lanes
+from taxel.training.checkpoints import load_checkpoint, save_checkpoint
+from taxel.training.frames.heads import HeadConfig, TrainedHead, fit_head, tracks_of
+from taxel.windows.camera_recordings import CameraRecording
+
+if TYPE_CHECKING:
+    from taxel.training.frames.extractors import BackboneExtractor
+    from taxel.training.frames.features import FrameFeatures as KeptFeatures
+
+
+@dataclass(frozen=True, slots=True)
+class KeptEpochs:
+    """A file written after each epoch, which all processes see."""
+
+    path: Path
+    resume: bool = True
+    """Go on from what is there, with the losses that an unbroken run gives."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FineTuneConfig:
+    """How a backbone is trained end to end."""
+
+    epochs: int = 1
+    """Passes over the training windows."""
+    batch: int = 4
+    """Windows in a step, over all processes: the same step from one and from several. Source:
+    paper, section 5.1."""
+    learning_rate: float = 1e-4
+    """Adam's step size: a tenth of the paper's, since the backbone is trained already."""
+    accelerator: str = "auto"
+    """Fabric's name of the device: auto, cpu, cuda, mps."""
+    precision: Any = "32-true"
+    """Fabric's name of the numbers, such as bf16-mixed."""
+    seed: int = 0
+    """Seed of the order."""
+    kept: KeptEpochs | None = None
+    """Where a run that is broken off goes on from; None keeps nothing."""
+
+
+@dataclass(frozen=True, slots=True)
+class EpochLoss:
+    """What an epoch gave, as a checkpoint keeps it."""
+
+    loss: float
+    """Mean over all processes' windows, nats."""
+
+
+@dataclass(frozen=True, slots=True)
+class FineTuned:
+    """What a training did."""
+
+    losses: tuple[float, ...]
+    """Mean of each epoch over all processes' windows, nats."""
+    first: bool
+    """True in the process that writes files."""
+    device: str
+    processes: int
+
+
+class EndToEnd(nn.Module):
+    """Frames of a window and of the grasp at rest → logit of "unstable".
+
+    Args:
+        backbone: What `BACKBONES[name].build` made, with its weights.
+        name: Its name there.
+        head: Trained on this backbone's features, with their scaling.
+        side_px: Height and width of its images, pixels; the backbone's own unless given.
+    """
+
+    def __init__(
+        self, backbone: nn.Module, name: str, head: TrainedHead, side_px: int | None = None
+    ) -> None:
+        super().__init__()
+        self.features = FrameFeatures(backbone, name, side_px)
+        self.head = head.module
+        self.tare = head.config.tare
+        self.offset: Tensor
+        self.factor: Tensor
+        self.register_buffer("offset", torch.from_numpy(head.offset))
+        self.register_buffer("factor", torch.from_numpy(head.factor))
+
+    def forward(self, windows: Tensor, rest: Tensor) -> Tensor:
+        """Return logits, shape (n,).
+
+        Args:
+            windows: Shape (n, k, 2, h, w, 3), uint8.
+            rest: The settled grasp's images, shape (n, 2, h, w, 3), uint8.
+        """
+        n, k, cameras = windows.shape[:3]
+        frames = torch.cat([windows, rest[:, None]], dim=1)
+        found = self.features(frames.flatten(0, 2)).unflatten(0, (n, k + 1, cameras))
+        seen = found[:, :k]
+        if self.tare != "none":
+            seen = seen - found[:, k:]
+            seen = seen.abs() if self.tare == "size" else seen
+        logits: Tensor = self.head(((seen - self.offset) * self.factor).flatten(2))
+        return logits
+
+    def train(self, mode: bool = True) -> EndToEnd:
+        """Set the mode; normalisation keeps its statistics: batches here are too small for new."""
+        super().train(mode)
+        for module in self.features.modules():
+            if isinstance(module, nn.modules.batchnorm._BatchNorm):
+                module.eval()
+        return self
+
+
+def begin_end_to_end(
+    extractor: BackboneExtractor,
+    features: Sequence[KeptFeatures],
+    labels: Sequence[NDArray[np.int8]],
+    config: HeadConfig,
+) -> EndToEnd:
+    """Return a backbone with its weights and a head behind it, fitted on its features as they are.
+
+    Args:
+        extractor: The backbone.
+        features: Of each recording, by this extractor.
+        labels: Of each recording's frames, shape (n,).
+        config: How the head is fitted.
+    """
+    head = fit_head(tracks_of(features, labels), config)
+    module = find_backbone(extractor.backbone).build("logits")
+    extractor.weights.load_into(module)
+    return EndToEnd(module, extractor.backbone, head, extractor.weights.side_px)
+
+
+def fine_tune(
+    network: EndToEnd,
+    pours: Sequence[CameraRecording],
+    labels: Sequence[NDArray[np.int8]],
+    config: FineTuneConfig,
+    *,
+    frames: int,
+    stride: int,
+    on_step: Callable[[int, int, float], None] = lambda _step, _of, _loss: None,
+) -> FineTuned:
+    """Train a network in place.
+
+    Args:
+        network: What is trained; filled with the result on every process.
+        pours: Recordings to learn from.
+        labels: One a frame, shape (n,): 0 stable, 1 unstable.
+        config: How to train.
+        frames: k.
+        stride: Frames from one training window's start to the next.
+        on_step: Called with the step's number, how many there are and its loss.
+
+    Raises:
+        MissingExtra: Fabric is not installed.
+        BadSource: An image cannot be decoded.
+        BadInput: The checkpoint is damaged or belongs to another configuration.
+    """
+    fabric = _launched(config)
+    adam = torch.optim.Adam(
+        [parameter for parameter in network.parameters() if parameter.requires_grad],
+        lr=config.learning_rate, eps=1e-3,
+    )  # fmt: skip
+    model, optimiser = fabric.setup(network, adam)
+    lanes = Lanes(pours, labels, frames, stride, max(LANES, fabric.world_size))
+    mine = range(fabric.global_rank, lanes.count, fabric.world_size)
+    job = lanes.digest()
+    history: list[EpochLoss] = []
+    kept, config = config.kept, replace(config, kept=None)
+    if kept is not None and kept.resume and kept.path.exists():
+        history = load_checkpoint(kept.path, network, adam, config, EpochLoss, job)
+    fabric.barrier()
+    a_lane = max(1, config.batch // lanes.count)
+    steps = -(-lanes.share // a_lane)
+    for epoch in range(len(history), config.epochs):
+        model.train()
+        torch.manual_seed(config.seed * 100_019 + epoch * 101 + fabric.global_rank)
+        total, count = 0.0, 0
+        for step, (windows, rest, wanted) in enumerate(lanes.batches(config, epoch, mine), 1):
+            logits = model(windows.to(fabric.device), rest.to(fabric.device))
+            loss = functional.binary_cross_entropy_with_logits(logits, wanted.to(fabric.device))
+            optimiser.zero_grad(set_to_none=True)
+            fabric.backward(loss)
+            optimiser.step()
+            total, count = total + float(loss.detach()) * len(wanted), count + len(wanted)
+            on_step(epoch * steps + step, config.epochs * steps, float(loss.detach()))
+        both = fabric.all_reduce(torch.tensor([total, float(count)]), reduce_op="sum")
+        history.append(EpochLoss(float(both[0]) / max(1.0, float(both[1]))))
+        if kept is not None and fabric.is_global_zero:
+            save_checkpoint(kept.path, network, adam, config, history, job)
+        fabric.barrier()
+    network.eval()
+    return FineTuned(
+        tuple(epoch.loss for epoch in history), fabric.is_global_zero, str(fabric.device),
+        fabric.world_size,
+    )  # fmt: skip
+
+
+def _launched(config: FineTuneConfig) -> Any:
+    """Return Fabric, in each of torchrun's processes."""
+    try:
+        from lightning_fabric import Fabric
+    except ModuleNotFoundError as error:
+        raise MissingExtra("lightning-fabric", "fine-tune", "training end to end") from error
+    # Fabric sees torchrun's processes, but takes one of them where the device is a processor.
+    local, world = (int(os.environ.get(name, 0)) for name in ("LOCAL_WORLD_SIZE", "WORLD_SIZE"))
+    fabric = Fabric(
+        accelerator=config.accelerator,
+        precision=config.precision,
+        devices=local or "auto",
+        num_nodes=world // local if local else 1,
+    )
+    fabric.launch()
+    return fabric

@@ -1,0 +1,312 @@
+"""A recogniser of camera trials: several models on several views, weighed by inner folds.
+
+Forests, sums of ranks and discriminants see grey differences, flow, the slip signal, stills or a
+plain picture; the weight of each comes from trials of groups that it was not fitted on, as does the
+mean's sharpness. Knows nothing about images, files or outer folds.
+
+Source: docs/decisions/0041.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+from sklearn.ensemble import ExtraTreesClassifier, RandomForestClassifier
+from sklearn.model_selection import StratifiedGroupKFold
+
+from taxel.training.camera_trials.learning import Crops, Learning, Rows
+from taxel.training.camera_trials.novelty import (
+    Novelty,
+    held_out_novelty,
+    novelty_columns,
+    novelty_threshold,
+)
+from taxel.training.camera_trials.rank_sums import Logistic, Steady
+from taxel.training.camera_trials.weights import log_loss, sharpen, sharpened, trusted, weigh
+from taxel.windows.trial_crops import numbers_of
+from taxel.windows.trial_mirrors import Mirror, mirrors
+
+TREES: Final = 400
+INNER_TREES: Final = 150
+"""Of a forest that is kept, and of one on an inner fold. Source: our choice, decision 41."""
+INNER_FOLDS: Final = 5
+LEAST_WEIGHT: Final = 0.04
+"""A member below it is left out. Source: our choice."""
+_TRIES: Final = 50
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TrialMember:
+    """A model and what it sees."""
+
+    name: str
+    views: Mapping[str, tuple[str, ...]]
+    """View → its columns; all of them where none is named."""
+    make: Callable[[int, int], Any]
+    """Seed and number of trees → a scikit-learn classifier."""
+    prior: float = 1.0
+    """How much of its kind's weight it has before any trial is seen; 0 leaves that to the inner
+    folds."""
+    mirrored: bool = False
+    """Whether it learns from mirror images of the crops too; it is never asked about them."""
+    further: bool = False
+    """Whether it learns from further crops too: those between the places, and each camera alone."""
+
+    @property
+    def kind(self) -> str:
+        """What it sees: movement only, the plain picture only, or look, all else."""
+        if set(self.views) <= {"pixels", "slip"}:
+            return "movement"
+        return "picture" if set(self.views) == {"picture"} else "look"
+
+    def columns(self, cameras: int, widths: Mapping[str, int]) -> NDArray[np.intp]:
+        """Return which columns of all views, side by side in their order, it sees."""
+        starts = dict(zip(widths, np.cumsum([0, *widths.values()])[:-1], strict=True))
+        each = [
+            starts[view] + (numbers_of(view, names, cameras) if names else np.arange(widths[view]))
+            for view, names in self.views.items()
+        ]
+        return np.asarray(np.concatenate(each), np.intp)
+
+
+def forest(seed: int, trees: int | None = None) -> RandomForestClassifier:
+    """Return a random forest, the bar's kind, of `TREES` trees unless given."""
+    return RandomForestClassifier(trees or TREES, min_samples_leaf=2, random_state=seed, n_jobs=1)
+
+
+def extra(seed: int, trees: int | None = None) -> ExtraTreesClassifier:
+    """Return extremely randomised trees, `TREES` of them unless given."""
+    return ExtraTreesClassifier(trees or TREES, min_samples_leaf=2, random_state=seed, n_jobs=1)
+
+
+DIFFERENCES: Final = ("step", "since", "lagged")
+SLIP_PARTS: Final = (
+    "slip_mm", "slip_rate_mm_s", "gel", "slip_over_gel", "slip_rate_8", "gel_rate_8",
+    "slip_rate_4", "gel_rate_4", "slip_turn", "readiness_8",
+)  # fmt: skip
+"""What members see of the slip signal. Source: our choice, before any score, decision 41."""
+EVERYTHING: Final[Mapping[str, tuple[str, ...]]] = {"pixels": (), "slip": (), "stills": ()}
+MEMBERS: Final[tuple[TrialMember, ...]] = (
+    TrialMember(
+        name="forest on differences", views={"pixels": DIFFERENCES}, make=forest, prior=1.5,
+        further=True,
+    ),
+    TrialMember(
+        name="logistic on differences", views={"pixels": DIFFERENCES},
+        make=lambda seed, trees: Logistic(0.1), further=True,
+    ),
+    TrialMember(
+        name="discriminant on differences and slip",
+        views={"pixels": DIFFERENCES, "slip": SLIP_PARTS},
+        make=lambda seed, trees: Steady(0.5), further=True,
+    ),
+    TrialMember(
+        name="extra-trees on everything", views=EVERYTHING, make=extra, mirrored=True
+    ),
+    TrialMember(name="extra-trees on stills", views={"stills": ()}, make=extra),
+    TrialMember(
+        name="discriminant on everything", views=EVERYTHING,
+        make=lambda seed, trees: Steady(0.5), mirrored=True,
+    ),
+    TrialMember(name="extra-trees on the picture", views={"picture": ()}, make=extra),
+    TrialMember(
+        name="discriminant on the picture", views={"picture": ()},
+        make=lambda seed, trees: Steady(0.5),
+    ),
+    TrialMember(
+        name="logistic on the touch encoder", views={"touch": ()},
+        make=lambda seed, trees: Logistic(0.001), prior=0.0,
+    ),
+)  # fmt: skip
+"""What is blended. The forest, as the bar is, counts more: on objects apart it is often best.
+Source: docs/decisions/0041, also for each C and the share of shrinking."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TrialBlend:
+    """Fitted members with their weights."""
+
+    members: tuple[TrialMember, ...]
+    fitted: tuple[Any, ...]
+    columns: tuple[NDArray[np.intp], ...]
+    weights: NDArray[np.float64]
+    """Shape (members,), summing to 1."""
+    sharpness: float
+    """Power to which a trial's mean probabilities are raised."""
+    classes: int
+    inner: Mapping[str, float]
+    """Member → log-loss on inner folds; "blend" too. Empty where nothing could be held out."""
+    novelty: Novelty
+    threshold: float
+    """A trial whose mean novelty is above it is unlike what was learned."""
+
+    def crops(self, rows: Rows) -> NDArray[np.float64]:
+        """Return the members' weighted mean, shape (n, classes), of crops."""
+        each = [
+            weight * proba_of(model, rows[:, columns], self.classes)
+            for model, columns, weight in zip(self.fitted, self.columns, self.weights, strict=True)
+        ]
+        return np.asarray(np.sum(each, axis=0), np.float64)
+
+    def trials(self, rows: Rows, trial: NDArray[np.intp]) -> NDArray[np.float64]:
+        """Return shape (trials, classes), of whole trials."""
+        return sharpened(mean_of_crops(self.crops(rows), trial), self.sharpness)
+
+
+def fit_blend(
+    learning: Learning,
+    cameras: int,
+    widths: Mapping[str, int],
+    seed: int,
+    members: Sequence[TrialMember] = MEMBERS,
+    on_step: Callable[[str], None] = lambda line: None,
+) -> TrialBlend:
+    """Fit members, weigh them by inner folds over groups, and set when a trial is unknown.
+
+    Args:
+        learning: What to learn from; nothing else is looked at.
+        cameras: How many there are.
+        widths: View → numbers a crop, in the order in which they stand in `learning.rows`.
+        seed: Of folds and members.
+        members: What to blend; those whose views are not there are left out.
+        on_step: Called with a line before each fit.
+    """
+    members = [member for member in members if set(member.views) <= set(widths)]
+    columns = [member.columns(cameras, widths) for member in members]
+    images = mirrors(widths, cameras)
+    novel = novelty_columns(widths)
+    held, novelty = _held_out(learning, members, columns, images, novel, seed, on_step)
+    prior = np.array([member.prior for member in members])
+    weights = prior / prior.sum() if prior.any() else np.full(len(members), 1 / len(members))
+    sharpness, inner = 1.0, {}
+    if held is not None:
+        y = learning.y
+        kinds = np.array([member.kind for member in members])
+        groups = len(set(learning.groups.tolist()))
+        weights = weigh(held, y, trusted(held, y, groups, prior, kinds))
+        weights[weights < min(LEAST_WEIGHT, weights.max())] = 0.0
+        weights /= weights.sum()
+        mixed = np.asarray(np.einsum("tmc,m->tc", held, weights), np.float64)
+        if inner_folds(y, learning.groups, seed) or classes_are_groups(y, learning.groups):
+            sharpness = sharpen(mixed, y)
+        inner = {member.name: log_loss(held[:, i], y) for i, member in enumerate(members)}
+        inner["blend"] = log_loss(sharpened(mixed, sharpness), y)
+    kept = np.flatnonzero(weights)
+    on_step("all trials")
+    return TrialBlend(
+        members=tuple(members[i] for i in kept),
+        fitted=tuple(_fit(members[i], learning, columns[i], images, seed, TREES) for i in kept),
+        columns=tuple(columns[i] for i in kept),
+        weights=weights[kept],
+        sharpness=sharpness,
+        classes=learning.classes,
+        inner=inner,
+        novelty=Novelty.of(learning.rows, novel),
+        threshold=novelty_threshold(novelty[np.isfinite(novelty)]),
+    )
+
+
+def _fit(
+    member: TrialMember,
+    learning: Learning,
+    columns: NDArray[np.intp],
+    images: Sequence[Mirror],
+    seed: int,
+    trees: int,
+) -> Any:
+    """Return a member that has learned from crops, and from their mirror images if it does."""
+    crops = [Crops(learning.rows, learning.trial)]
+    if member.further and learning.further is not None:
+        crops.append(learning.further)
+    seen = [own.rows[:, columns] for own in crops]
+    trial = [own.trial for own in crops]
+    for image in images if member.mirrored else ():
+        seen += [image.apply(own.rows, columns) for own in crops]
+        trial += [own.trial for own in crops]
+    return member.make(seed, trees).fit(np.concatenate(seen), learning.y[np.concatenate(trial)])
+
+
+def inner_folds(
+    y: NDArray[np.intp], groups: NDArray[np.str_], seed: int, folds: int = INNER_FOLDS
+) -> list[tuple[NDArray[np.intp], NDArray[np.intp]]]:
+    """Return train and test trials of folds over groups; none where they cannot be made.
+
+    Args:
+        y: Shape (trials,): class.
+        groups: Shape (trials,).
+        seed: Of the folds.
+        folds: How many, where there are so many groups.
+    """
+    folds = min(folds, len(set(groups.tolist())), int(np.bincount(y)[np.unique(y)].min()))
+    if folds < 2:
+        return []
+    for attempt in range(_TRIES):
+        splitter = StratifiedGroupKFold(folds, shuffle=True, random_state=seed + 1000 * attempt)
+        parts = [(np.asarray(a), np.asarray(b)) for a, b in splitter.split(y, y, groups)]
+        if all(len(b) and set(y[a].tolist()) == set(y.tolist()) for a, b in parts):
+            return parts
+    return []
+
+
+def classes_are_groups(y: NDArray[np.intp], groups: NDArray[np.str_]) -> bool:
+    """Return whether each class is one group, as where the object is named by which trials group.
+
+    Then whoever asks shows an object that was learned, and trials held out are as what is to come.
+    Where only some classes are one group, or one session holds all classes, other groups will come,
+    and trials held out flatter.
+
+    Args:
+        y: Shape (trials,): class.
+        groups: Shape (trials,).
+    """
+    pairs = set(zip(y.tolist(), groups.tolist(), strict=True))
+    return len(pairs) == len(set(y.tolist())) == len(set(groups.tolist()))
+
+
+def _held_out(
+    learning: Learning,
+    members: Sequence[TrialMember],
+    columns: Sequence[NDArray[np.intp]],
+    images: Sequence[Mirror],
+    novel: NDArray[np.intp],
+    seed: int,
+    on_step: Callable[[str], None],
+) -> tuple[NDArray[np.float64] | None, NDArray[np.float64]]:
+    """Return what members say of trials they were not fitted on, and how novel those were.
+
+    Where no folds over groups can be made (a class of one group only), trials are held out.
+
+    Returns:
+        Shapes (trials, members, classes), None where nothing could be held out, and (trials,).
+    """
+    found = np.full((len(learning.y), len(members), learning.classes), np.nan)
+    novelty = np.full(len(learning.y), np.nan)
+    alone = np.arange(len(learning.y)).astype(str)
+    parts = inner_folds(learning.y, learning.groups, seed) or inner_folds(learning.y, alone, seed)
+    for number, (train, test) in enumerate(parts, start=1):
+        own, other = learning.part(train), learning.part(test)
+        on_step(f"inner fold {number}")
+        for index, member in enumerate(members):
+            model = _fit(member, own, columns[index], images, seed, INNER_TREES)
+            crops = proba_of(model, other.rows[:, columns[index]], learning.classes)
+            found[test, index] = mean_of_crops(crops, other.trial)
+        novelty[test] = held_out_novelty(own.rows, other.rows, other.trial, novel)
+    return found if parts else None, novelty
+
+
+def proba_of(model: Any, rows: Rows, classes: int) -> NDArray[np.float64]:
+    """Return shape (n, classes), 0 for classes that a model has never seen."""
+    found = np.zeros((len(rows), classes))
+    found[:, np.asarray(model.classes_, np.intp)] = model.predict_proba(rows)
+    return found
+
+
+def mean_of_crops(crops: NDArray[np.float64], trial: NDArray[np.intp]) -> NDArray[np.float64]:
+    """Return each trial's mean, shape (trials, columns), of its crops, shape (n, columns)."""
+    count = np.bincount(trial)
+    sums = [np.bincount(trial, weights=column) for column in crops.T]
+    return np.asarray(np.stack(sums, axis=1) / count[:, None], np.float64)

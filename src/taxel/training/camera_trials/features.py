@@ -1,0 +1,189 @@
+"""What crops of camera trials show, computed once and kept on disk, a file a trial and family.
+
+Files are named by the family and by the images' contents: other images, another crop or another
+version of a family give another file. Knows nothing about labels, folds or models.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from taxel.training.camera_trials.learning import Crops
+from taxel.training.frames.features import load_kept, save_kept
+from taxel.windows.camera_trials import CameraTrial
+from taxel.windows.trial_crops import (
+    FAMILIES,
+    Layout,
+    Scene,
+    look_at,
+    mm_per_px,
+    row_of,
+    rows_alone,
+)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TrialRows:
+    """All trials' crops, a trial's together."""
+
+    rows: dict[str, NDArray[np.float32]]
+    """Family → shape (n, numbers)."""
+    shown: dict[str, NDArray[np.float32]]
+    """Family → shape (n, rows, cameras, columns): what a crop shows before it is summed up."""
+    trial: NDArray[np.intp]
+    """Shape (n,): index of the trial."""
+    place: NDArray[np.intp]
+    """Shape (n,): index in `PLACES`, or of crops between them."""
+
+    @property
+    def whole(self) -> NDArray[np.float32]:
+        """Shape (n, columns): all families side by side."""
+        return np.concatenate(list(self.rows.values()), axis=1)
+
+    @property
+    def cameras(self) -> int:
+        """How many there are."""
+        return int(next(iter(self.shown.values())).shape[2])
+
+
+def trial_rows(
+    trials: Sequence[CameraTrial],
+    layout: Layout,
+    families: Sequence[str],
+    cache: Path,
+    on_trial: Callable[[int, int], None] = lambda done, of: None,
+    *,
+    between: int = 0,
+) -> TrialRows:
+    """Return what all crops show, from the cache where it has it.
+
+    Args:
+        trials: None shorter than a crop.
+        layout: How they are cut.
+        families: Names in `FAMILIES`.
+        cache: Folder to keep files in.
+        on_trial: Called with trials done and in all.
+        between: So many crops between the places instead, which are only learned from.
+
+    Raises:
+        RecordingFailed: The disk refused.
+        BadTable: A video cannot be read.
+    """
+    cuts = _Cuts(layout, between)
+    shown: dict[str, list[NDArray[np.float32]]] = {name: [] for name in families}
+    for done, trial in enumerate(trials, start=1):
+        for name, values in _shown(trial, cuts, families, cache).items():
+            shown[name].append(values)
+        on_trial(done, len(trials))
+    whole = {name: np.concatenate(parts) for name, parts in shown.items()}
+    places = cuts.places
+    count = len(trials) * places
+    each = [row_of({name: whole[name][at] for name in families}) for at in range(count)]
+    return TrialRows(
+        rows={name: np.stack([row[name] for row in each]) for name in families},
+        shown=whole,
+        trial=np.repeat(np.arange(len(trials)), places),
+        place=np.tile(np.arange(places), len(trials)),
+    )
+
+
+def further_crops(cut: TrialRows, between: TrialRows | None) -> Crops | None:
+    """Return crops that are only learned from; None where there are none.
+
+    Those between the places; and, of several cameras, what each alone shows in every crop.
+
+    Args:
+        cut: Crops that trials are judged by.
+        between: Crops between their places.
+    """
+    parts = [] if between is None else [Crops(between.whole, between.trial)]
+    parts += [_alone(own) for own in (cut, between) if own is not None and own.cameras > 1]
+    if not parts:
+        return None
+    return Crops(
+        np.concatenate([part.rows for part in parts]),
+        np.concatenate([part.trial for part in parts]),
+    )
+
+
+def _alone(cut: TrialRows) -> Crops:
+    rows = [
+        np.concatenate(list(row.values()))
+        for at in range(len(cut.trial))
+        for row in rows_alone({name: values[at] for name, values in cut.shown.items()})
+    ]
+    return Crops(np.stack(rows), np.repeat(cut.trial, cut.cameras))
+
+
+@dataclass(frozen=True, slots=True)
+class _Cuts:
+    """Which crops of a layout: those that a trial is judged by, or those between them."""
+
+    layout: Layout
+    between: int
+
+    def starts(self, frames: int) -> list[int]:
+        if self.between:
+            return self.layout.between(frames, self.between)
+        return self.layout.starts(frames)
+
+    @property
+    def places(self) -> int:
+        return len(self.starts(self.layout.crop))
+
+    @property
+    def key(self) -> str:
+        """Name for the cache."""
+        between = f"-between-{self.between}" if self.between else ""
+        return f"{self.layout.crop}x{self.layout.places}{between}"
+
+
+def _shown(
+    trial: CameraTrial, cuts: _Cuts, families: Sequence[str], cache: Path
+) -> dict[str, NDArray[np.float32]]:
+    """Return what one trial's crops show, family → shape (places, rows, cameras, columns)."""
+    files = {name: _file(trial, cuts, name, cache) for name in families}
+    found = {name: _kept(files[name], trial, cuts, name) for name in families}
+    lacking = [name for name in families if found[name] is None]
+    if lacking:
+        for name, values in _compute(trial, cuts, lacking).items():
+            save_kept(files[name], values.reshape(-1, values.shape[-1]))
+            found[name] = values
+    return {name: values for name, values in found.items() if values is not None}
+
+
+def _file(trial: CameraTrial, cuts: _Cuts, name: str, cache: Path) -> Path:
+    camera = f"{trial.rate_hz:.4g}-{mm_per_px(trial.width, trial.mm_per_px):.4g}"
+    folder = f"{FAMILIES[name].key}-{cuts.key}-{camera}"
+    return cache / "trials" / folder / f"{trial.digest[:32]}.npy"
+
+
+def _kept(file: Path, trial: CameraTrial, cuts: _Cuts, name: str) -> NDArray[np.float32] | None:
+    columns, cameras = FAMILIES[name].columns, len(trial.cameras)
+    values = load_kept(file, columns)
+    if values is None or len(values) % (cuts.places * cameras):
+        return None
+    return values.reshape(cuts.places, -1, cameras, columns)
+
+
+def _compute(
+    trial: CameraTrial, cuts: _Cuts, families: Sequence[str]
+) -> dict[str, NDArray[np.float32]]:
+    starts, crop = cuts.starts(trial.frames), cuts.layout.crop
+    wanted = [start + at for start in starts for at in range(crop)]
+    images = [trial.images(camera, wanted) for camera in range(len(trial.cameras))]
+    scale = mm_per_px(trial.width, trial.mm_per_px)
+    each = [
+        look_at(
+            families,
+            [Scene([own[start + at] for at in range(crop)], trial.rate_hz, scale)
+             for own in images],
+        )
+        for start in starts
+    ]  # fmt: skip
+    return {name: np.stack([found[name] for found in each]) for name in families}

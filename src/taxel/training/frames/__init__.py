@@ -1,0 +1,1 @@
+"""Features of frames, labels of frames, and heads that learn from both."""

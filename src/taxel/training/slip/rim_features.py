@@ -1,0 +1,36 @@
+"""What a warning learns from: the slip signal, how the rim lags, and how a turn quickens.
+
+A pour's rows, as a live monitor computes them (`taxel.gel.rim_slip`). Knows nothing about images,
+noise or heads.
+
+Source: docs/decisions/0037.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from taxel.gel.rim_slip import RimSlip
+from taxel.gel.slip_signal import PAIR_FEATURES
+from taxel.training.slip.cups import PourRows, by_rim
+from taxel.training.slip.heads import PourFeatures, features_of
+
+_RIM, _SLIP = (PAIR_FEATURES.index(name) for name in ("gel_turn_mean", "slip_turn_mean"))
+
+
+def rim_features(pours: Sequence[PourRows]) -> list[PourFeatures]:
+    """Return pours' features, shape (n, 74): `PAIR_FEATURES`, then `RIM_FEATURES`."""
+    return [_features(inside, rim) for inside, rim in zip(pours, by_rim(pours), strict=True)]
+
+
+def _features(inside: PourRows, rim: PourRows) -> PourFeatures:
+    found, around = features_of(inside), features_of(rim)
+    trend = RimSlip()
+    more = [
+        trend.push(row, float(at_rim[_RIM]), float(at_rim[_SLIP]), float(time_s))
+        for row, at_rim, time_s in zip(found.rows, around.rows, found.row_s(), strict=True)
+    ]
+    return replace(found, rows=np.hstack([found.rows, np.stack(more)]))
