@@ -17,13 +17,13 @@ from taxel.clock import SystemClock
 from taxel.errors import BadSource
 from taxel.frame_codec import decode_jpeg
 from taxel.signals import Frame
-from taxel.sources.cameras.capture import CameraRequest
-from taxel.sources.cameras.emulation import (
+from taxel.sources.camera_emulation import (
     CameraFault,
     EmulatedCamera,
     EmulatedPair,
     gel_images,
 )
+from taxel.sources.cameras.capture import CameraRequest
 from taxel.sources.cameras.link import CameraLink
 from taxel.sources.cameras.process import measure
 from taxel.sources.cameras.ring import SLOTS, FrameRing, RingFrame, make_ring
@@ -224,7 +224,7 @@ def test_capture_processes_end_with_a_parent_that_is_killed(tmp_path: Path):
     """kill -9 leaves nobody behind to close anything."""
     script = tmp_path / "parent.py"  # on purpose without a __main__ guard
     script.write_text(
-        "from taxel.sources.cameras.emulation import EmulatedCamera\n"
+        "from taxel.sources.camera_emulation import EmulatedCamera\n"
         "from taxel.sources.cameras.source import Cameras\n"
         "body = EmulatedCamera(images=(b'\\xff\\xd8 \\xff\\xd9',), rate_hz=100)\n"
         "source = Cameras('a', {}, None, body)\n"

@@ -1,1 +1,1 @@
-"""Where samples come from: simulators, replays and, later, boards and cameras."""
+"""Where samples come from: simulators, replays, sensor boards and cameras."""

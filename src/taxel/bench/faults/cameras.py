@@ -12,7 +12,7 @@ from collections.abc import Iterator, Sequence
 from taxel.bench.rows import Row, row
 from taxel.live.camera_health import CameraHealth
 from taxel.signals import Frame
-from taxel.sources.cameras.emulation import (
+from taxel.sources.camera_emulation import (
     CameraFault,
     EmulatedCamera,
     EmulatedPair,
