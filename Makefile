@@ -6,7 +6,7 @@ INSTALLED := $(VENV)/.installed-dev
 # Processes that tests run in, side by side.
 TEST_WORKERS ?= 2
 
-.PHONY: demo test check lint types imports size examples bench paper-tables docs dist try-wheel licences sbom mutants coverage clean
+.PHONY: demo test test-slow check lint types imports size examples bench paper-tables docs dist try-wheel licences sbom mutants coverage clean
 
 $(INSTALLED): pyproject.toml constraints-cpu.txt
 	test -x $(BIN)/python || $(PYTHON) -m venv $(VENV)
@@ -16,8 +16,12 @@ $(INSTALLED): pyproject.toml constraints-cpu.txt
 demo: $(INSTALLED)
 	$(BIN)/taxel demo --seconds 60
 
+# All tests but the slow ones, some 100 that train for long or print the tutorial anew; CI runs both.
 test: $(INSTALLED)
-	$(BIN)/python -m pytest -n $(TEST_WORKERS) --dist worksteal
+	$(BIN)/python -m pytest -n $(TEST_WORKERS) --dist worksteal -m "not slow"
+
+test-slow: $(INSTALLED)
+	$(BIN)/python -m pytest -n $(TEST_WORKERS) --dist worksteal -m slow
 
 check: lint types imports test examples
 
