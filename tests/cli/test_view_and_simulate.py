@@ -113,6 +113,7 @@ def test_a_figure_is_written_whole(tmp_path):
     assert len(list((tmp_path / "new").iterdir())) == 1
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "words",
     [

@@ -76,6 +76,7 @@ def test_models_are_listed_with_their_parameters(capsys: pytest.CaptureFixture[s
     assert found["minirocket"] is None
 
 
+@pytest.mark.slow
 def test_table_4_1_has_every_row_and_what_must_stand_beside_it(
     capsys: pytest.CaptureFixture[str],
 ) -> None:

@@ -3,6 +3,7 @@
 from dataclasses import replace
 
 import numpy as np
+import pytest
 from make_dataset import make_dataset
 
 from taxel.evaluation.baselines import below_majority, trivial_accuracies
@@ -71,6 +72,7 @@ def test_majority_is_what_the_best_constant_answer_reaches_whatever_is_held_out(
     assert below_majority({"majority": 0.3, "channel means": 0.3}) is None
 
 
+@pytest.mark.slow
 def test_the_interval_is_by_the_object_where_objects_of_several_sessions_are_held_out() -> None:
     dataset = make_dataset()
     trials = tuple(

@@ -123,6 +123,7 @@ def test_a_changed_table_is_not_answered_from_kept_folds(
     assert checked(pads, Elsewhere(table=other), keep=Keeping(tmp_path / "kept")).kept == 0
 
 
+@pytest.mark.slow
 def test_comparators_are_fitted_once_for_a_data_set_and_split(pads: Path, tmp_path: Path) -> None:
     """Another model on the same folds takes them from the cache; another split does not."""
     bars = ("extra-trees",)

@@ -63,6 +63,7 @@ def test_a_split_of_single_windows_is_refused() -> None:
         curve._order(dataset, split.folds[0], "session", small())
 
 
+@pytest.mark.slow
 def test_more_sessions_lift_the_accuracy_and_baselines_stand_beside(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:

@@ -98,6 +98,7 @@ def test_jobs_collect_garbage_though_a_workers_start_does_not() -> None:
     assert all(side_by_side(collects, [(0,), (1,)], workers=2))
 
 
+@pytest.mark.slow
 def test_a_worker_brings_no_framework_that_its_jobs_do_not_use() -> None:
     """PyTorch takes a second and a half to import, scikit-learn one: half of a worker's start."""
     code = (

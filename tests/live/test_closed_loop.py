@@ -86,6 +86,7 @@ def test_a_cup_that_drops_without_taxel_is_saved_by_the_monitor_and_the_grip(
     assert slips_s < raised_s < bare.time_s[-1]
 
 
+@pytest.mark.slow
 def test_the_monitor_that_comes_with_taxel_saves_the_cup_and_leaves_one_that_holds_alone() -> None:
     """At its own thresholds, which are those of a promise of false alarms."""
     shipped = read_grasp_bundle(shipped_bundle(CUP_POUR))

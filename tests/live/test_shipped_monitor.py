@@ -93,6 +93,7 @@ def test_a_cup_that_is_held_is_stable_once_it_has_settled(bundle, held) -> None:
     assert set(states[24:]) == {Stability.STABLE}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", list(FAULTS))
 def test_what_cannot_be_followed_is_never_stable(bundle, held, name: str) -> None:
     """0.2 s after a fault at the latest."""

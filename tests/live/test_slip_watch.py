@@ -83,6 +83,7 @@ def test_live_equals_batch_to_the_last_bit(pour):
     assert watch.slip == pair.slip
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("gel", [1, 2])
 def test_with_the_rims_live_equals_what_was_learned_from(gel, tmp_path):
     """To the last bit, through a bundle that says that its windows have 74 columns."""

@@ -36,6 +36,7 @@ def _save(path: Path, backbone: str, about: About | None = None) -> torch.nn.Mod
     return module
 
 
+@pytest.mark.slow
 def test_without_anything_at_hand_a_student_is_random_and_says_so(cache: Path) -> None:
     student = begin_student("resnet101", None, seed=2)
 
@@ -46,6 +47,7 @@ def test_without_anything_at_hand_a_student_is_random_and_says_so(cache: Path) -
     assert all(torch.equal(own[key], value) for key, value in other.state_dict().items())
 
 
+@pytest.mark.slow
 def test_a_relatives_file_is_grown_and_named(cache: Path) -> None:
     relative = _save(cache / "resnet50.safetensors", "resnet50").eval()
 
@@ -75,6 +77,7 @@ def test_weights_of_typefaces_are_a_start_and_never_called_imagenet(cache: Path)
     assert find_weights("densenet121").label == RANDOM
 
 
+@pytest.mark.slow
 def test_a_named_file_goes_before_all(cache: Path, tmp_path: Path) -> None:
     _save(cache / "resnet50.safetensors", "resnet50")
     _save(tmp_path / "own.safetensors", "resnet101", About(origin="a lab", trained="on gels"))

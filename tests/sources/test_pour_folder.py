@@ -72,6 +72,7 @@ def test_a_broken_run_keeps_what_is_whole_and_the_next_goes_on(
     assert [path.name for path in tmp_path.iterdir()] == ["set"]
 
 
+@pytest.mark.slow
 def test_a_recording_that_is_damaged_or_of_another_set_is_made_again(
     whole: tuple[Path, list[dict[str, Any]]], tmp_path: Path
 ) -> None:

@@ -86,6 +86,7 @@ class RunningClock(ManualClock, SystemClock):
     """Is moved by hand, yet counts as a clock that runs by itself."""
 
 
+@pytest.mark.slow
 def test_the_end_of_a_grasp_is_reported_while_the_next_cup_is_still_made(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:

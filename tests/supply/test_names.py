@@ -71,6 +71,7 @@ def test_numerals_beside_each_other_may_stay(text: str):
     assert not nameless(text)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("place", PLACES)
 def test_no_thing_is_called_one(place: str):
     found = {

@@ -55,6 +55,7 @@ def network(head: TrainedHead) -> EndToEnd:
     return EndToEnd(module, EDGE, head).eval()
 
 
+@pytest.mark.slow
 def test_training_lowers_the_loss_and_leaves_normalisation_as_it_was(
     few_pours: Path, cache: Path
 ) -> None:
@@ -132,6 +133,7 @@ def test_a_process_decodes_its_own_part_of_the_recordings(
     assert len(decoded) <= len(pours) // 2 + 1
 
 
+@pytest.mark.slow
 def test_a_training_that_was_broken_off_goes_on_with_the_same_losses(
     few_pours: Path, cache: Path, tmp_path: Path
 ) -> None:

@@ -40,6 +40,7 @@ def test_a_place_that_is_seen_is_where_it_was_and_how_far_it_moved(turned):
     assert face_moved(turned, np.zeros((0, 2))).shape == (0, 2)
 
 
+@pytest.mark.slow
 def test_the_follower_finds_the_gel_where_the_exact_poses_say():
     """Without any fit of errors: the gain of a turn is one, whereas the face weighed by load
     turns by two thirds of it."""

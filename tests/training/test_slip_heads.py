@@ -135,6 +135,7 @@ def test_a_forecast_is_labelled_by_the_largest_slip_until_each_of_its_times(pour
     assert labels.min() >= np.log(20 / 300)
 
 
+@pytest.mark.slow
 def test_a_forecast_is_one_half_at_gross_slip():
     random = np.random.default_rng(0)
     rows = random.uniform(-1, 1, size=(3000, len(PAIR_FEATURES))).astype(np.float32)
@@ -149,6 +150,7 @@ def test_a_forecast_is_one_half_at_gross_slip():
     assert np.corrcoef(np.log(forecast_um[learned]), rows[learned, 3])[0, 1] > 0.95
 
 
+@pytest.mark.slow
 def test_slip_that_is_there_counts_with_the_rims_columns_too():
     """0.45 mm of a straight slide scores 0.84 whatever trees that saw only cups forecast."""
     random = np.random.default_rng(0)
@@ -163,6 +165,7 @@ def test_slip_that_is_there_counts_with_the_rims_columns_too():
     assert score == pytest.approx(1 / (1 + (0.3 / 0.45) ** 4), abs=1e-4)
 
 
+@pytest.mark.slow
 def test_a_forecast_further_ahead_counts_where_it_is_larger_by_more_than_its_margin():
     random = np.random.default_rng(0)
     rows = random.uniform(-1, 1, size=(3000, len(PAIR_FEATURES))).astype(np.float32)
@@ -207,6 +210,7 @@ def test_features_hold_nothing_of_the_future(pours):
     assert np.array_equal(whole.rows[:before], other.rows[:before])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("width", [len(PAIR_FEATURES), len(WITH_RIM)])
 @pytest.mark.parametrize("name", ["logistic", "boosting", "forecast"])
 def test_an_exported_head_gives_what_the_trained_one_gives(name, width):
@@ -226,6 +230,7 @@ def test_an_exported_head_gives_what_the_trained_one_gives(name, width):
     assert np.abs(found - head.probability(rows)).max() < 1e-5
 
 
+@pytest.mark.slow
 def test_boosted_trees_send_a_missing_value_where_training_did():
     random = np.random.default_rng(1)
     rows = random.normal(size=(900, len(PAIR_FEATURES))).astype(np.float32)

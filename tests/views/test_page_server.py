@@ -240,6 +240,7 @@ def test_a_station_that_fails_is_reported_on_the_page_and_comes_back(server, sta
     assert pushed["failed"] == "RuntimeError: the shared memory is gone"
 
 
+@pytest.mark.slow
 @settings(max_examples=40, deadline=None,
           suppress_health_check=[HealthCheck.function_scoped_fixture])  # fmt: skip
 @given(message=st.text(max_size=300) | st.binary(max_size=300) | st.just("x" * 5000))

@@ -27,6 +27,7 @@ from taxel.views.tables.trials import not_scored_line, trial_tables, unknown_lin
 from trial_makers import few_small_members, some_trials  # isort: skip
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("group", "said"), [("object", False), ("turn", True)])
 def test_with_few_groups_no_difference_is_claimed(
     monkeypatch: pytest.MonkeyPatch, group: str, said: bool

@@ -39,6 +39,7 @@ def test_every_written_page_has_a_heading():
         assert title_and_lead(path.read_text("utf-8"))[0], path
 
 
+@pytest.mark.slow
 def test_every_public_module_has_a_page_and_every_verb():
     pages = api_pages()
     for name in public_names():

@@ -48,6 +48,7 @@ def config() -> AdaptConfig:
     return replace(usual, recipe=recipe, targets=("shape",), grasps=(5,), sessions=1, workers=1)
 
 
+@pytest.mark.slow
 def test_every_method_is_tested_on_the_same_held_out_windows(data: Path) -> None:
     points = measure_new_class([data], config())
 

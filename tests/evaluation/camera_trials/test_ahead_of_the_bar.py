@@ -33,6 +33,7 @@ def write_short_trials(folder: Path, classes: int, objects: int = 8) -> Path:
     return folder / "trials.csv"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("classes", [2, 3])
 def test_the_default_is_ahead_of_the_forest_on_short_trials_of_one_camera(
     classes: int,
@@ -55,6 +56,7 @@ def test_the_default_is_ahead_of_the_forest_on_short_trials_of_one_camera(
     assert ours["loss"] <= bar["loss"]
 
 
+@pytest.mark.slow
 def test_test_trials_of_their_own_without_a_class_give_a_run_and_a_report(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

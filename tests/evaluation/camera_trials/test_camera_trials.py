@@ -58,6 +58,7 @@ def _small(monkeypatch: pytest.MonkeyPatch) -> None:
     few_small_members(monkeypatch)
 
 
+@pytest.mark.slow
 def test_a_set_goes_from_a_table_to_a_live_verdict_without_glue(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -100,6 +101,7 @@ def test_a_set_goes_from_a_table_to_a_live_verdict_without_glue(
     assert live["marked"] == 12
 
 
+@pytest.mark.slow
 def test_a_verdict_is_unknown_before_a_crop_and_builds_up(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -280,6 +282,7 @@ def test_nothing_of_a_test_trial_reaches_training() -> None:
     assert np.array_equal(before, after)
 
 
+@pytest.mark.slow
 def test_a_damaged_bundle_is_refused(tmp_path: Path) -> None:
     table = write_trials(tmp_path / "a", objects=2, each=2, frames=8)
     options = TrialOptions(fold_count=2, cache=tmp_path / "cache")

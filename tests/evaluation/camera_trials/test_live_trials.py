@@ -62,6 +62,7 @@ def test_live_names_a_recording_without_the_cameras_before_it_prints(
     assert capsys.readouterr().out == ""
 
 
+@pytest.mark.slow
 def test_a_score_on_the_training_trials_says_so_beside_the_commonest_class(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -112,6 +113,7 @@ def test_a_score_on_the_training_trials_says_so_beside_the_commonest_class(
     assert contract_from_json(json.dumps(older)).learned == ()
 
 
+@pytest.mark.slow
 def test_a_bundle_is_scored_on_the_test_part_that_it_did_not_learn(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -91,6 +91,7 @@ def test_one_image_has_no_movement_and_few_stand_still_at_their_end() -> None:
         np.testing.assert_array_equal(few[name], held[name])
 
 
+@pytest.mark.slow
 def test_single_images_go_from_a_table_to_equal_verdicts_live_and_offline(
     tmp_path: Path, taxel: Lines, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -120,6 +121,7 @@ def test_single_images_are_imported_and_their_recordings_judged(
     assert "24 trials of 1 camera" in out
 
 
+@pytest.mark.slow
 def test_beside_longer_trials_no_crop_shows_which_are_of_one_image(
     tmp_path: Path, taxel: Lines
 ) -> None:

@@ -52,6 +52,7 @@ def write_stills(folder: Path, objects: int = 4, each: int = 2) -> Path:
     return folder / "trials.csv"
 
 
+@pytest.mark.slow
 def test_a_patchs_colour_tells_classes_where_nothing_moves(tmp_path: Path) -> None:
     """On objects held out, where a forest on movement is at chance."""
     read = read_camera_trials(write_stills(tmp_path / "a"))

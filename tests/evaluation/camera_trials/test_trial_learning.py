@@ -43,6 +43,7 @@ def _small(monkeypatch: pytest.MonkeyPatch) -> None:
     few_small_members(monkeypatch)
 
 
+@pytest.mark.slow
 def test_further_crops_and_mirror_images_stay_on_their_trials_side() -> None:
     """Other crops of test trials leave predictions unchanged, other ones of training do not."""
     trials = some_trials()
@@ -66,6 +67,7 @@ def test_further_crops_and_mirror_images_stay_on_their_trials_side() -> None:
     assert not np.array_equal(predicted(None), before)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("cameras", "crops"), [(1, 6), (2, 6 + 2 * 9)])
 def test_crops_that_are_only_learned_from_are_kept(
     cameras: int, crops: int, tmp_path: Path

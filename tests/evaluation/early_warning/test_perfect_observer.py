@@ -25,6 +25,7 @@ def pours():
     return [run for run in paper_runs(31_000) if run.kind == "pour" and run.force_n == 15.0][:2]
 
 
+@pytest.mark.slow
 def test_the_least_amount_slips_and_a_little_less_holds(pours):
     limits = limits_of(pours)
     least = limits.least_g
@@ -72,6 +73,7 @@ def test_soonness_is_the_time_left_while_it_is_poured_and_what_happens_afterward
     assert -np.log(soonness(slips, np.array([4.1, 3.5]))) == pytest.approx([0.0, 0.1])
 
 
+@pytest.mark.slow
 def test_an_observer_misses_nothing_and_what_it_knows_late_is_the_same_later():
     known = foresee(paper_runs(31_000)[:4])
     at_once, late = ([observer_track(each, late_s) for each in known] for late_s in (0.0, 0.1))

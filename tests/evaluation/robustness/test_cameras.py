@@ -130,6 +130,7 @@ def test_truth_is_by_the_bundles_own_rule(pour_made_once: Path):
         truth_labels(pour, "change")
 
 
+@pytest.mark.slow
 def test_a_bundle_is_watched_by_the_live_path_and_dead_cameras_are_unknown(pour_made_once: Path):
     bundle = read_grasp_bundle(shipped_bundle(CUP_POUR))
     pour = read_camera_recording(pour_made_once)

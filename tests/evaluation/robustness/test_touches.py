@@ -138,6 +138,7 @@ def test_touches_of_kinds_that_the_model_does_not_know_are_left_out(
     assert not (answers.y == sphere).any()
 
 
+@pytest.mark.slow
 def test_what_a_bundles_own_test_calls_unknown_is_not_answered_as_live(
     model: Model, seen: Path, unseen: Path, touches: list[Recorded]
 ):

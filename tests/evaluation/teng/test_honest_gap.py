@@ -21,6 +21,7 @@ def sessions(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
+@pytest.mark.slow
 def test_three_known_touches_bring_an_unseen_session_nearer_to_random_windows(sessions: Path):
     wanted = {("as measured", "random"), ("as measured", "session"),
               ("3 reference touches", "session")}  # fmt: skip

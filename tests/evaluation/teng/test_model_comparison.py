@@ -66,6 +66,7 @@ def cleaned(folder: Path) -> Iterator[tuple[list[Gain], list[TrivialResult]]]:
         yield compare_cleaning([(folder, 0), (folder, 1)], SMALL)
 
 
+@pytest.mark.slow
 def test_every_model_is_measured_under_both_splits(compared) -> None:  # type: ignore[no-untyped-def]
     results, trivial, lines = compared
 
@@ -84,6 +85,7 @@ def test_every_model_is_measured_under_both_splits(compared) -> None:  # type: i
     assert len(lines) == len(results) + len(trivial)
 
 
+@pytest.mark.slow
 def test_each_session_is_held_out_once_and_few_random_folds_are_run(compared) -> None:  # type: ignore[no-untyped-def]
     random, held = compared[0][0].pooled, compared[0][2].pooled
 
@@ -93,6 +95,7 @@ def test_each_session_is_held_out_once_and_few_random_folds_are_run(compared) ->
     assert np.sum(held.scores.confusion) == compared[1][1].windows
 
 
+@pytest.mark.slow
 def test_gains_are_paired_window_by_window(cleaned) -> None:  # type: ignore[no-untyped-def]
     gains, _ = cleaned
     base = gains[0]
@@ -107,6 +110,7 @@ def test_gains_are_paired_window_by_window(cleaned) -> None:  # type: ignore[no-
     assert len({gain.accuracy for gain in gains}) == 3
 
 
+@pytest.mark.slow
 def test_two_seeds_on_one_folder_are_not_twelve_sessions(cleaned) -> None:  # type: ignore[no-untyped-def]
     """Six sessions told twice are six groups: counted twice they would promise too much."""
     for result in cleaned[0]:
@@ -170,6 +174,7 @@ def shown(part: object) -> str:
     return console.export_text()
 
 
+@pytest.mark.slow
 def test_tables_show_intervals_splits_and_trivial_baselines(compared, cleaned) -> None:  # type: ignore[no-untyped-def]
     models = shown(model_tables(*compared[:2]))
     cleaning = shown(cleaning_tables(*cleaned))
@@ -183,6 +188,7 @@ def test_tables_show_intervals_splits_and_trivial_baselines(compared, cleaned) -
     assert "0.05 / 2" in cleaning
 
 
+@pytest.mark.slow
 def test_rows_name_their_split_and_have_no_goal(compared, cleaned, monkeypatch) -> None:  # type: ignore[no-untyped-def]
     monkeypatch.setattr(audit_models, "simulate_presets", lambda *_: None)
     monkeypatch.setattr(audit_models, "compare_models", lambda *_: compared[:2])

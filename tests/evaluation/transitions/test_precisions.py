@@ -23,6 +23,7 @@ def test_calibration_frames_come_from_all_recordings_and_both_cameras(few_pours:
     assert len({frame.tobytes() for frame in frames}) > 20
 
 
+@pytest.mark.slow
 def test_the_first_way_loses_nothing_and_the_others_are_told_apart(
     few_pours: Path, tmp_path: Path
 ) -> None:

@@ -76,6 +76,7 @@ def test_every_score_has_its_figures_and_every_coverage_its_accuracy(found: Unkn
     assert len({curve.windows[0] for curve in found.curves}) == 1
 
 
+@pytest.mark.slow
 def test_what_was_never_learned_was_never_learned(dataset: Dataset):
     """Spoiling the unknown trials changes nothing that is said of the known."""
     kinds = kinds_of(dataset, "shape", ["c3"])
@@ -87,6 +88,7 @@ def test_what_was_never_learned_was_never_learned(dataset: Dataset):
     assert before.rejected_by_class == after.rejected_by_class
 
 
+@pytest.mark.slow
 def test_each_class_is_left_out_in_turn(dataset: Dataset):
     results, refused = leave_each_out(dataset, CONFIG)
     assert not refused
@@ -97,6 +99,7 @@ def test_each_class_is_left_out_in_turn(dataset: Dataset):
         assert result.auroc(name).unknown_grasps == 15
 
 
+@pytest.mark.slow
 def test_a_class_without_which_too_little_is_left_does_not_end_the_others():
     """Of 22 trials 20 are c0's: without them two are left, which calibrate nothing."""
     dataset = make_dataset(sessions=4, trials_a_session=12, windows_a_trial=2)

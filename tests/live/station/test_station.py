@@ -65,6 +65,7 @@ def test_on_a_core_too_slow_for_its_ticks_the_supervisor_still_lets_others_run(
     assert len(slept_s) == 10
 
 
+@pytest.mark.slow
 @pytest.mark.data
 def test_a_pair_of_cameras_is_watched_recorded_and_seen_and_every_message_is_accounted_for(
     pour: Path, tmp_path: Path
@@ -200,6 +201,7 @@ def test_a_recording_that_its_recorder_did_not_complete_is_reported_as_such(tmp_
     assert "taxel recover" in station.recording["error"]
 
 
+@pytest.mark.slow
 @pytest.mark.data
 def test_a_process_that_hangs_is_reported_although_it_is_alive():
     with Station(StationConfig(sources=("sim://teng",), bundles=())) as station:
@@ -266,6 +268,7 @@ def _lives(pid: int) -> bool:
     return state != "Z"
 
 
+@pytest.mark.slow
 def test_two_monitors_of_one_source_are_told_apart(pour: Path, tmp_path: Path):
     """A forecast of slip, and a head over windows of gel features."""
     other = tmp_path / "other.taxel"

@@ -72,6 +72,7 @@ def write_calibration_of_seed_4(path: Path) -> None:
     write_calibration(path, document_of(characterise([taken], gauge.info), [], {}))
 
 
+@pytest.mark.slow
 def test_with_a_calibration_the_page_shows_newtons_and_other_sensors_are_refused(tmp_path: Path):
     """Nothing else changes: what is recorded and judged stays in volts."""
     path = tmp_path / "c.json"
@@ -105,6 +106,7 @@ def test_a_calibration_beside_tactile_cameras_only_is_refused(tmp_path: Path):
         pass
 
 
+@pytest.mark.slow
 def test_of_two_arrays_the_calibrated_one_is_shown_in_newtons_wherever_it_stands(tmp_path: Path):
     path, own, other = tmp_path / "c.json", "sim://teng?seed=4&rate_hz=250", "sim://teng?seed=5"
     write_calibration_of_seed_4(path)

@@ -211,6 +211,7 @@ def test_what_the_time_does_not_allow_is_left_out_and_said(base: Base):
     assert found.left_out
 
 
+@pytest.mark.slow
 def test_an_interrupted_choice_goes_on_where_it_was(base: Base, tmp_path: Path):
     first = KeptTries(tmp_path / "t", {})
     trial = search(base, list(range(16)), 12.0, first)
@@ -275,6 +276,7 @@ def test_a_member_that_does_not_fit_is_replaced_and_the_loss_is_known(base: Base
     assert less.loss != whole.loss
 
 
+@pytest.mark.slow
 def test_where_time_lacks_all_that_see_the_dearest_features_are_given_up(base: Base):
     """Every blend with more than one set of features is said to be too slow."""
     found = search(base, list(range(16)), 90.0)
@@ -308,6 +310,7 @@ def test_a_network_trained_on_noise_knows_channels_that_stand_still():
     assert evaluate(network, data)[1] > 0.9
 
 
+@pytest.mark.slow
 def test_novel_touch_is_rejected_by_a_default_recogniser_where_asked(recordings: Path):
     limits = Limits(minutes=0.02)
 
@@ -320,6 +323,7 @@ def test_novel_touch_is_rejected_by_a_default_recogniser_where_asked(recordings:
         train_expert(unjudged(recordings), limits, reject_novel=0.001)
 
 
+@pytest.mark.slow
 def test_of_a_bundle_that_is_too_large_members_are_given_up_one_by_one(recordings: Path):
     limits = Limits(minutes=0.05, most_mb=1e-3)
 
@@ -328,6 +332,7 @@ def test_of_a_bundle_that_is_too_large_members_are_given_up_one_by_one(recording
     assert len(found.choice.members) == 1
 
 
+@pytest.mark.slow
 def test_a_chosen_network_is_three_of_other_seeds_that_share_its_weight(base: Base):
     (prepared, *_) = prepare_all(base)
     network = Member(
@@ -349,6 +354,7 @@ def test_a_chosen_network_is_three_of_other_seeds_that_share_its_weight(base: Ba
     assert any(not torch.equal(first[name], second[name]) for name in first)
 
 
+@pytest.mark.slow
 def test_a_network_sees_the_mean_of_rows_where_windows_are_long(
     base: Base, monkeypatch: pytest.MonkeyPatch
 ):
@@ -374,12 +380,14 @@ def test_a_network_sees_the_mean_of_rows_where_windows_are_long(
         assert torch.equal(blend(values, mask), loaded.eval()(values, mask))
 
 
+@pytest.mark.slow
 def test_a_bundle_beyond_its_limits_says_so(recordings: Path):
     found = train_expert(unjudged(recordings), Limits(minutes=0.02, most_us=1.0))
 
     assert any("more than --max-us 1" in note for note in found.notes)
 
 
+@pytest.mark.slow
 def test_the_bare_model_leaves_time_for_the_bundle(base: Base):
     """What is timed bare stays below the limit by what the bundle's own checks take."""
     found = search(base, list(range(16)), 90.0)

@@ -81,6 +81,7 @@ def weak(base: Base, strong: set[int], kind: str) -> list[int]:
             if i not in strong or kind not in ("", trial.labels["kind"])]  # fmt: skip
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", ["flat", ""])
 def test_a_gate_that_leaves_fewer_than_two_classes_to_learn_from_is_not_tried(
     tmp_path: Path, kind: str
@@ -140,6 +141,7 @@ def test_a_way_to_cut_that_is_far_behind_on_one_inner_fold_is_not_compared_on_al
     assert found.choice().behind == found.behind
 
 
+@pytest.mark.slow
 def test_what_a_first_look_found_is_used_again_and_changes_nothing(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ):
