@@ -45,7 +45,7 @@ def test_kinds_that_fail_together_share_one_weight():
     assert found.weights == (0.25, 0.25, 0.5)
 
 
-def test_a_steady_kind_stays_up_to_twice_the_least_loss_and_no_other_does():
+def test_a_steady_kind_stays_up_to_twice_the_least_loss_where_no_other_does():
     y, groups = np.arange(300) % 2, np.arange(300) // 10
     behind = softmax(np.eye(2)[y] * 2 + 2 * RNG.normal(size=(300, 2)))
     sure = np.exp(-losses(behind, y).mean() / 1.9)

@@ -36,9 +36,11 @@ keeps less to what is known of a class: members of the latter stay only where th
 `LEAST_NATS`. Source: our choice, 0039, from seven sets' outer folds."""
 STEADY_WEIGHT = 2.0
 """Of the former camp, any other's being 1. Source: as above."""
-BEHIND, STEADY_BEHIND, SLACK = 1.3, 2.0, 0.05
-"""A kind's best is in the mean where its loss is at most so many times the least (of the steady
-camp the second number), and so much more. Source: our choice, 0039."""
+BEHIND, SLACK = 1.3, 0.05
+"""A kind's best is in the mean where its loss is at most so many times the least, and so much
+more. Source: our choice, 0039."""
+STEADY_BEHIND, STEADY_SLACK = 2.0, 0.1
+"""The same for the steady camp. Source: as above."""
 
 
 _MEAN = (
@@ -238,8 +240,9 @@ def _champions(
         as_good = [i for i in own if i == best or each[i] - each[best]
                    <= standard_error(by_window[i] - by_window[best], groups)]  # fmt: skip
         chosen = min(as_good, key=lambda i: freedom[i])
-        behind = STEADY_BEHIND if camps[best] == STEADY else BEHIND
-        if each[best] <= behind * each.min() + SLACK:
+        steady = camps[best] == STEADY
+        behind, slack = (STEADY_BEHIND, STEADY_SLACK) if steady else (BEHIND, SLACK)
+        if each[best] <= behind * each.min() + slack:
             found.append(chosen)
     return tuple(found)
 
